@@ -1,0 +1,2 @@
+//! The bridge node.
+fn main() {}

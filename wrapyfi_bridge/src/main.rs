@@ -1,0 +1,2 @@
+//! The wrapyfi command.
+fn main() {}

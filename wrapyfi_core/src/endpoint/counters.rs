@@ -1,0 +1,184 @@
+//! What went in, what came out, and why anything was dropped.
+
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::time::Duration;
+
+use serde::Serialize;
+
+use super::latency::{Latency, LatencySummary};
+
+macro_rules! drop_reasons {
+    ($($(#[$doc:meta])* $name:ident => $key:literal,)*) => {
+        /// Why a message was not delivered. Every lost message is counted under one of these.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+        #[non_exhaustive]
+        pub enum DropReason { $($(#[$doc])* $name,)* }
+
+        impl DropReason {
+            /// Every reason, in the order in which tables show them.
+            pub const ALL: &'static [Self] = &[$(Self::$name,)*];
+
+            /// Name in logs, tables and JSON.
+            #[must_use]
+            pub fn as_str(self) -> &'static str {
+                match self { $(Self::$name => $key,)* }
+            }
+        }
+    };
+}
+
+drop_reasons! {
+    /// The route's queue was full: its policy chose this message.
+    QueueFull => "queue_full",
+    /// The route's queue stayed full for the whole deadline of policy `block`.
+    BlockDeadline => "block_deadline",
+    /// Larger than `max_message_mib`.
+    Oversize => "oversize",
+    /// Bytes that are no valid message of the route's type.
+    Malformed => "malformed",
+    /// A valid message whose kind, channels or encoding the route does not carry.
+    Mismatch => "mismatch",
+    /// Arrived by ZeroMQ's prefix match for another topic.
+    WrongTopic => "wrong_topic",
+    /// Our own publication, come back from a broker.
+    OwnPublication => "own_publication",
+    /// The value has no form in the destination's encoding.
+    Unencodable => "unencodable",
+    /// The destination's send queue was full.
+    SendQueueFull => "send_queue_full",
+    /// The destination failed to send.
+    SendFailed => "send_failed",
+    /// Nobody listens at the destination.
+    NoConsumer => "no_consumer",
+    /// The middleware reported that it lost the message before we saw it.
+    LostUpstream => "lost_upstream",
+    /// Above the route's `max_rate_hz`.
+    RateLimit => "rate_limit",
+}
+
+impl std::fmt::Display for DropReason {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.as_str())
+    }
+}
+
+/// Live counters of one route or endpoint, shared with the I/O threads that feed it.
+#[derive(Debug, Default)]
+pub struct Counters {
+    received: AtomicU64,
+    received_bytes: AtomicU64,
+    sent: AtomicU64,
+    sent_bytes: AtomicU64,
+    drops: [AtomicU64; DropReason::ALL.len()],
+    latency: Latency,
+}
+
+impl Counters {
+    /// Counts a message that arrived, `bytes` long on the wire, whatever becomes of it.
+    pub fn received(&self, bytes: usize) {
+        self.received.fetch_add(1, Relaxed);
+        self.received_bytes.fetch_add(bytes as u64, Relaxed);
+    }
+
+    /// Counts a message handed to the destination, `bytes` long on its wire, `added` after it
+    /// arrived here.
+    pub fn sent(&self, bytes: usize, added: Duration) {
+        self.sent.fetch_add(1, Relaxed);
+        self.sent_bytes.fetch_add(bytes as u64, Relaxed);
+        self.latency.record(added);
+    }
+
+    /// Counts one dropped message.
+    pub fn dropped(&self, reason: DropReason) {
+        self.dropped_many(reason, 1);
+    }
+
+    /// Counts `count` messages dropped for the same reason.
+    pub fn dropped_many(&self, reason: DropReason, count: u64) {
+        if let Some(counter) = self.drops.get(reason as usize) {
+            counter.fetch_add(count, Relaxed);
+        }
+    }
+
+    /// The counters now. Counters move on while they are read: sums may differ by what is in flight.
+    #[must_use]
+    pub fn snapshot(&self) -> CountersSnapshot {
+        CountersSnapshot {
+            received: self.received.load(Relaxed),
+            received_bytes: self.received_bytes.load(Relaxed),
+            sent: self.sent.load(Relaxed),
+            sent_bytes: self.sent_bytes.load(Relaxed),
+            drops: DropReason::ALL
+                .iter()
+                .zip(&self.drops)
+                .map(|(&reason, count)| (reason, count.load(Relaxed)))
+                .filter(|&(_, count)| count > 0)
+                .collect(),
+            latency: self.latency.summary(),
+        }
+    }
+}
+
+/// [`Counters`] at one moment, printable and serialisable.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct CountersSnapshot {
+    /// Messages that arrived.
+    pub received: u64,
+    /// Bytes that arrived, as the source's wire counts them.
+    pub received_bytes: u64,
+    /// Messages handed to the destination.
+    pub sent: u64,
+    /// Bytes handed to the destination.
+    pub sent_bytes: u64,
+    /// Dropped messages by reason; reasons that never happened are left out.
+    #[serde(serialize_with = "drops_as_map")]
+    pub drops: Vec<(DropReason, u64)>,
+    /// Time from arrival here to hand-over.
+    pub latency: LatencySummary,
+}
+
+impl CountersSnapshot {
+    /// Dropped messages, all reasons together.
+    #[must_use]
+    pub fn dropped(&self) -> u64 {
+        self.drops.iter().map(|&(_, count)| count).sum()
+    }
+
+    /// Messages dropped for `reason`.
+    #[must_use]
+    pub fn dropped_for(&self, reason: DropReason) -> u64 {
+        self.drops.iter().filter(|&&(r, _)| r == reason).map(|&(_, count)| count).sum()
+    }
+}
+
+fn drops_as_map<S: serde::Serializer>(
+    drops: &[(DropReason, u64)],
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(drops.iter().map(|(reason, count)| (reason.as_str(), count)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_drop_is_found_under_its_reason() {
+        let counters = Counters::default();
+        counters.dropped(DropReason::Malformed);
+        counters.dropped_many(DropReason::LostUpstream, 3);
+        let now = counters.snapshot();
+        assert_eq!(now.dropped(), 4);
+        assert_eq!(now.dropped_for(DropReason::LostUpstream), 3);
+        assert_eq!(now.dropped_for(DropReason::Oversize), 0);
+        let json = serde_json::to_value(&now).unwrap();
+        assert_eq!(json["drops"]["malformed"], 1);
+    }
+
+    #[test]
+    fn reasons_index_their_counters() {
+        for (index, &reason) in DropReason::ALL.iter().enumerate() {
+            assert_eq!(reason as usize, index);
+        }
+    }
+}

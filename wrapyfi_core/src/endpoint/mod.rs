@@ -1,0 +1,258 @@
+//! The seam between middlewares and everything above them.
+//!
+//! ```text
+//!   engine, command line, communicator
+//!        │ take()                    ▲ publish()
+//!   ┌────▼─────┐               ┌─────┴─────┐
+//!   │ Listener │               │ Publisher │      one per topic, opened by a Middleware
+//!   └────▲─────┘               └─────┬─────┘
+//!     inbox (bounded, counted)       │
+//!   I/O thread ◀── socket    socket ─▼
+//! ```
+//!
+//! A middleware implements [`Middleware`] and is entered under its name in a [`Registry`]; nothing
+//! above knows its type. Requests and replies will join as `Client` and `Server` beside
+//! [`Publisher`] and [`Listener`].
+
+mod address;
+mod counters;
+mod inbox;
+mod latency;
+mod qos;
+mod registry;
+mod wake;
+
+use std::sync::Arc;
+use std::time::Instant;
+
+pub use address::{EndpointAddress, ParseAddressError};
+pub use counters::{Counters, CountersSnapshot, DropReason};
+pub use inbox::{Overflow, QueueSpec, Receiver, Sender, inbox};
+pub use latency::{Latency, LatencySummary};
+pub use qos::{Durability, History, Qos, QosPreset, Reliability};
+pub use registry::{Registry, UnknownMiddleware};
+pub use wake::Wake;
+
+use crate::codec::DecodeError;
+use crate::types::{Encoding, MessageType, Payload};
+use crate::{EncodeError, Limits};
+
+/// A transport that carries topics: ZeroMQ, ROS 2, …
+pub trait Middleware: Send + Sync {
+    /// Name in addresses, for instance `zeromq` in `zeromq:/camera`.
+    fn name(&self) -> &str;
+
+    /// Starts receiving a topic. Returns at once: a peer that is not there yet is waited for.
+    ///
+    /// # Errors
+    /// When the topic can never be received as asked; the reason says what to change.
+    fn open_listener(
+        &self,
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Listener>, OpenError>;
+
+    /// Prepares sending to a topic. Returns at once, as [`Middleware::open_listener`] does.
+    ///
+    /// # Errors
+    /// When the topic can never be sent as asked.
+    fn open_publisher(
+        &self,
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Publisher>, OpenError>;
+}
+
+/// Receives one topic.
+pub trait Listener: Send {
+    /// The next message, if one waits. Never blocks: [`Context::wake`] rings when one arrives.
+    ///
+    /// # Errors
+    /// The next message was unusable. It is gone; the one after it can be taken.
+    fn take(&mut self) -> Result<Option<Sample>, TakeError>;
+
+    /// What the listener is connected to now.
+    fn link(&self) -> Link;
+}
+
+/// Sends to one topic.
+pub trait Publisher: Send {
+    /// Hands `payload` to the transport; the number of bytes that go on its wire.
+    ///
+    /// # Errors
+    /// The message was not sent, and why.
+    fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError>;
+
+    /// What the publisher is connected to now. A publisher without consumer need not be given
+    /// anything, except where [`Link::keeps_last`] says that later consumers will want it.
+    fn link(&self) -> Link;
+}
+
+/// A received message.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sample {
+    /// The content.
+    pub payload: Payload,
+    /// Size on the wire in bytes, all frames.
+    pub wire_bytes: usize,
+    /// When its last byte was here.
+    pub received_at: Instant,
+}
+
+/// State of an endpoint's connection, for status tables and for waiting.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Link {
+    /// Peers that are matched: listeners of a publisher, publishers of a listener. `None` where
+    /// the transport cannot know.
+    pub peers: Option<usize>,
+    /// Why nothing can flow at the moment (`broker tcp://127.0.0.1:5555 does not answer`);
+    /// `None` when the way is open.
+    pub waiting_for: Option<String>,
+    /// The last message is kept for consumers that come later (transient local).
+    pub keeps_last: bool,
+}
+
+/// What to open: a topic, its type, and how it is treated.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TopicSpec {
+    /// Name in that middleware, for instance `/camera/image_raw`.
+    pub topic: String,
+    /// Type of its messages.
+    pub message_type: MessageType,
+    /// Quality of service, where the middleware has one.
+    pub qos: Qos,
+    /// Queue of a listener.
+    pub queue: QueueSpec,
+    /// Channel order that three-channel frames from Wrapyfi have (`encoding:` of a route);
+    /// [`Encoding::Bgr8`] by OpenCV custom.
+    pub color_order: Encoding,
+    /// Bounds on every message.
+    pub limits: Limits,
+}
+
+impl TopicSpec {
+    /// A topic with default quality of service, queue and limits.
+    #[must_use]
+    pub fn new(topic: impl Into<String>, message_type: MessageType) -> Self {
+        Self {
+            topic: topic.into(),
+            message_type,
+            qos: Qos::default(),
+            queue: QueueSpec::default(),
+            color_order: Encoding::Bgr8,
+            limits: Limits::default(),
+        }
+    }
+}
+
+/// What an endpoint shares with its owner.
+#[derive(Debug, Clone, Default)]
+pub struct Context {
+    /// Rung when a message arrives or the link changes.
+    pub wake: Wake,
+    /// Where arrivals and drops are counted. A listener counts what it receives and what its
+    /// queue drops; the owner counts everything after [`Listener::take`].
+    pub counters: Arc<Counters>,
+}
+
+/// Why an endpoint could not be opened.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum OpenError {
+    /// The name breaks the middleware's rules for names.
+    #[error("{middleware} topic name {topic:?} is not valid: {reason}")]
+    InvalidName {
+        /// Middleware asked.
+        middleware: &'static str,
+        /// Name as given.
+        topic: String,
+        /// The rule it breaks.
+        reason: String,
+    },
+    /// The middleware does not carry this type.
+    #[error("{middleware} does not carry {}; {remedy}", message_type.ros_type())]
+    UnsupportedType {
+        /// Middleware asked.
+        middleware: &'static str,
+        /// Type asked for.
+        message_type: MessageType,
+        /// What can be asked for instead.
+        remedy: String,
+    },
+    /// The transport refused; opening again later may succeed.
+    #[error("{middleware} could not open {topic:?}: {reason}")]
+    Transport {
+        /// Middleware asked.
+        middleware: &'static str,
+        /// Name as given.
+        topic: String,
+        /// What the transport said.
+        reason: String,
+    },
+}
+
+impl OpenError {
+    /// True when trying again later can help.
+    #[must_use]
+    pub fn is_transient(&self) -> bool {
+        matches!(self, Self::Transport { .. })
+    }
+}
+
+/// Why the next message of a listener could not be used.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum TakeError {
+    /// Its bytes are no message of the listener's type.
+    #[error(transparent)]
+    Decode(#[from] DecodeError),
+}
+
+impl TakeError {
+    /// The counter it belongs to.
+    #[must_use]
+    pub fn drop_reason(&self) -> DropReason {
+        match self {
+            Self::Decode(error) => error.drop_reason(),
+        }
+    }
+}
+
+/// Why a message was not sent.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PublishError {
+    /// The payload has no form on this wire.
+    #[error(transparent)]
+    Encode(#[from] EncodeError),
+    /// The transport's send queue is full.
+    #[error(
+        "send queue of {topic:?} is full ({depth} messages): the consumer is slower than the source"
+    )]
+    QueueFull {
+        /// Topic published to.
+        topic: String,
+        /// Messages the queue holds.
+        depth: usize,
+    },
+    /// The transport failed.
+    #[error("could not send to {topic:?}: {reason}")]
+    Transport {
+        /// Topic published to.
+        topic: String,
+        /// What the transport said.
+        reason: String,
+    },
+}
+
+impl PublishError {
+    /// The counter it belongs to.
+    #[must_use]
+    pub fn drop_reason(&self) -> DropReason {
+        match self {
+            Self::Encode(_) => DropReason::Unencodable,
+            Self::QueueFull { .. } => DropReason::SendQueueFull,
+            Self::Transport { .. } => DropReason::SendFailed,
+        }
+    }
+}

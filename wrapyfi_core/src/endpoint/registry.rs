@@ -1,0 +1,51 @@
+//! Middlewares by name.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use super::Middleware;
+
+/// The middlewares of this process, by name. A crate of its own adds one with
+/// [`Registry::register`] just as the built-in ones are added.
+#[derive(Clone, Default)]
+pub struct Registry(BTreeMap<String, Arc<dyn Middleware>>);
+
+/// An address names a middleware that is not in the registry.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("middleware {name:?} is not available here; available: {}", available.join(", "))]
+pub struct UnknownMiddleware {
+    /// Name asked for.
+    pub name: String,
+    /// Names that exist.
+    pub available: Vec<String>,
+}
+
+impl Registry {
+    /// No middleware.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Enters a middleware under its name, in place of one that had it.
+    pub fn register(&mut self, middleware: Arc<dyn Middleware>) {
+        self.0.insert(middleware.name().to_owned(), middleware);
+    }
+
+    /// The middleware called `name`.
+    ///
+    /// # Errors
+    /// When there is none; the error lists those that exist.
+    pub fn get(&self, name: &str) -> Result<&Arc<dyn Middleware>, UnknownMiddleware> {
+        self.0.get(name).ok_or_else(|| UnknownMiddleware {
+            name: name.to_owned(),
+            available: self.0.keys().cloned().collect(),
+        })
+    }
+}
+
+impl std::fmt::Debug for Registry {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_set().entries(self.0.keys()).finish()
+    }
+}

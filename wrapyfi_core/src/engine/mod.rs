@@ -1,0 +1,1 @@
+//! Routes: configuration, state, and the loop that moves messages.

@@ -1,0 +1,1 @@
+//! Topics inside one process: for unit tests, and to show how small a middleware can be.

@@ -1,0 +1,8 @@
+//! The transports. Each module implements [`crate::endpoint::Middleware`]; nothing outside it
+//! knows its types beyond its constructor.
+
+pub mod memory;
+#[cfg(feature = "ros2")]
+pub mod ros2;
+#[cfg(feature = "zeromq")]
+pub mod zeromq;

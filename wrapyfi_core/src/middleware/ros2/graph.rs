@@ -1,0 +1,139 @@
+//! The ROS 2 graph as the bridge sees it: CDR bytes and discovery facts, nothing else.
+//!
+//! ```text
+//!   Ros2 (Middleware)  names, types, payload <-> CDR
+//!        │
+//!      Graph           this trait: one participant, one node
+//!        │
+//!      cyclone         CycloneDDS; other DDS stacks join here
+//! ```
+
+use std::sync::Arc;
+
+use bytes::Bytes;
+
+use crate::endpoint::Qos;
+
+/// Name of the node that owns an adapter's endpoints.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct NodeIdentity {
+    /// Base name, for instance `bridge`.
+    pub name: String,
+    /// Namespace with its leading slash, `/` for none.
+    pub namespace: String,
+}
+
+/// A topic on the graph.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TopicDescription {
+    /// Absolute ROS name, for instance `/camera/image_raw`.
+    pub name: String,
+    /// ROS type name, for instance `sensor_msgs/msg/Image`.
+    pub type_name: String,
+    /// REP-2016 hash as text (`RIHS01_…`), where known: sent in USER_DATA.
+    pub type_hash: Option<String>,
+    /// Quality of service.
+    pub qos: Qos,
+    /// Messages larger than this are dropped on reception before they are copied.
+    pub max_bytes: usize,
+}
+
+/// A node on a ROS 2 graph: creates writers and readers of serialised messages.
+pub trait Graph: Send + Sync {
+    /// The node's name.
+    fn identity(&self) -> &NodeIdentity;
+
+    /// Creates a writer and announces it.
+    ///
+    /// # Errors
+    /// When the DDS stack refuses; the reason is its own.
+    fn advertise(
+        &self,
+        topic: &TopicDescription,
+        on_match: Notify,
+    ) -> Result<Box<dyn CdrWriter>, GraphError>;
+
+    /// Creates a reader and announces it. `on_data` is called from a DDS thread when samples or
+    /// matches change; it must not block.
+    ///
+    /// # Errors
+    /// When the DDS stack refuses.
+    fn subscribe(
+        &self,
+        topic: &TopicDescription,
+        on_data: Notify,
+    ) -> Result<Box<dyn CdrReader>, GraphError>;
+}
+
+/// Called from a DDS thread.
+pub type Notify = Arc<dyn Fn() + Send + Sync>;
+
+/// Writes serialised messages to one topic.
+pub trait CdrWriter: Send {
+    /// Writes one message, given in pieces that are concatenated: 4-byte encapsulation header
+    /// first. One copy at most.
+    ///
+    /// # Errors
+    /// The message was not sent: [`GraphError::Timeout`] when reliable readers did not keep up.
+    fn write(&mut self, parts: &[&[u8]]) -> Result<(), GraphError>;
+
+    /// Readers matched now.
+    fn matched(&self) -> usize;
+}
+
+/// Takes serialised messages of one topic.
+pub trait CdrReader: Send {
+    /// The next sample, if one waits.
+    fn take(&mut self) -> Result<Option<CdrSample>, GraphError>;
+
+    /// Writers matched now.
+    fn matched(&self) -> usize;
+
+    /// Samples lost or rejected before they could be taken, since the last call.
+    fn lost(&mut self) -> u64;
+}
+
+/// A received serialised message.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CdrSample {
+    /// Encapsulation header and body; shares the DDS stack's buffer.
+    pub cdr: Bytes,
+    /// Source timestamp in nanoseconds since 1970.
+    pub source_timestamp_ns: i64,
+}
+
+/// What a DDS stack refused.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum GraphError {
+    /// A sample larger than the topic allows arrived and was dropped.
+    #[error(
+        "sample of {actual} bytes on {topic:?} is over the limit of {limit} bytes (raise max_message_mib)"
+    )]
+    TooLarge {
+        /// Topic.
+        topic: String,
+        /// Size in bytes.
+        actual: usize,
+        /// Limit in bytes.
+        limit: usize,
+    },
+    /// A reliable reader did not acknowledge in time.
+    #[error("reliable readers of {topic:?} did not keep up within {timeout_ms} ms")]
+    Timeout {
+        /// Topic.
+        topic: String,
+        /// Time waited.
+        timeout_ms: u64,
+    },
+    /// The stack's own error.
+    #[error("{operation} failed on {topic:?}: {reason}")]
+    Stack {
+        /// Call that failed.
+        operation: &'static str,
+        /// Topic, or the node for its own entities.
+        topic: String,
+        /// The stack's words and code.
+        reason: String,
+    },
+}

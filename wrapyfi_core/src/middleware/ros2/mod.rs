@@ -1,0 +1,3 @@
+//! ROS 2 topics over CycloneDDS.
+
+pub mod graph;

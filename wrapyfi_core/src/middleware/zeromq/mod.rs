@@ -1,0 +1,1 @@
+//! Wrapyfi over ZeroMQ: publish, listen and the broker.

@@ -1,0 +1,1 @@
+//! `--ros-args`: the command line every ROS 2 node understands.
