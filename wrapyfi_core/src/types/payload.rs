@@ -86,3 +86,18 @@ impl MessageType {
         }
     }
 }
+
+/// A text names no message type.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("type {0:?} is not known")]
+pub struct UnknownType(pub String);
+
+impl std::str::FromStr for MessageType {
+    type Err = UnknownType;
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        Self::ALL
+            .into_iter()
+            .find(|t| t.ros_type() == text || t.ros_type().rsplit('/').next() == Some(text))
+            .ok_or_else(|| UnknownType(text.to_owned()))
+    }
+}
