@@ -13,7 +13,9 @@
 
 use serde_json::{Map, Value as Json, json};
 use sha2::{Digest, Sha256};
-use wrapyfi_core::types::{AudioChunk, Image, Payload, Pixels, RawPixels, SampleFormat, Stamp, Value};
+use wrapyfi_core::types::{
+    AudioChunk, Image, Payload, Pixels, RawPixels, SampleFormat, Stamp, Value,
+};
 
 /// The payload as one JSON object.
 #[must_use]
@@ -93,7 +95,9 @@ fn describe_value(value: &Value) -> Json {
         Value::Float(value) => json!(if *value > 0.0 { "Infinity" } else { "-Infinity" }),
         Value::Str(text) => json!(text),
         Value::Utf16(units) => json!({ "@utf16": units }),
-        Value::Bytes(bytes) => json!({ "@bytes": { "size": bytes.len(), "sha256": digest(bytes) } }),
+        Value::Bytes(bytes) => {
+            json!({ "@bytes": { "size": bytes.len(), "sha256": digest(bytes) } })
+        }
         Value::List(items) => list(items),
         Value::Tuple(items) => json!({ "@tuple": list(items) }),
         Value::Set(items) => {

@@ -15,9 +15,9 @@ use tracing_subscriber::registry::LookupSpan;
 /// # Errors
 /// When `level` is none of error, warn, info, debug and trace.
 pub fn start(logger: &str, level: &str) -> Result<(), String> {
-    let level: LevelFilter = level
-        .parse()
-        .map_err(|_| format!("log level {level:?} is not known; use error, warn, info, debug or trace"))?;
+    let level: LevelFilter = level.parse().map_err(|_| {
+        format!("log level {level:?} is not known; use error, warn, info, debug, trace or off")
+    })?;
     let filter = EnvFilter::builder().with_default_directive(level.into()).from_env_lossy();
     let format = RosFormat { logger: logger.to_owned() };
     // Fails only where a subscriber is set already: then its owner decides, as it should.

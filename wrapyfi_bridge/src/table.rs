@@ -21,9 +21,8 @@ pub fn table(before: &[RouteStatus], now: &[RouteStatus], elapsed: Duration) -> 
     );
     for (index, route) in now.iter().enumerate() {
         let counters = &route.counters;
-        let (sent, bytes) = before
-            .get(index)
-            .map_or((0, 0), |then| (then.counters.sent, then.counters.sent_bytes));
+        let (sent, bytes) =
+            before.get(index).map_or((0, 0), |then| (then.counters.sent, then.counters.sent_bytes));
         let seconds = elapsed.as_secs_f64().max(1e-9);
         let rate = counters.sent.saturating_sub(sent) as f64 / seconds;
         let megabytes = counters.sent_bytes.saturating_sub(bytes) as f64 / seconds / 1e6;

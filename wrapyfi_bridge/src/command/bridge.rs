@@ -29,7 +29,8 @@ pub struct Options {
 /// Exit code 2 when the configuration is refused, 1 when a middleware cannot start.
 pub fn run(args: &BridgeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let options = Options { seconds: args.seconds, json: args.json };
-    run_node(&args.config, &Node::default(), options, shutdown)
+    let node = Node::bridge().map_err(Failure::usage)?;
+    run_node(&args.config, &node, options, shutdown)
 }
 
 /// As [`run`], as the ROS 2 node `node`.
@@ -45,7 +46,8 @@ pub fn run_node(
     let (endpoints, plan) = session::load(config)?;
     let session = Session::for_plan(&endpoints, &plan, node)?;
     tracing::info!("{} routes from {}", plan.routes.len(), config.display());
-    let running = Engine::new(plan, session.registry()).start().context("cannot start the routes")?;
+    let running =
+        Engine::new(plan, session.registry()).start().context("cannot start the routes")?;
     let end = options.seconds.map(|seconds| Instant::now() + seconds);
     let mut tick = Instant::now();
     loop {
@@ -63,8 +65,12 @@ pub fn run_node(
         print_json(&last)?;
     }
     for route in &last {
-        let drops: Vec<String> =
-            route.counters.drops.iter().map(|(reason, count)| format!("{reason} {count}")).collect();
+        let drops: Vec<String> = route
+            .counters
+            .drops
+            .iter()
+            .map(|(reason, count)| format!("{reason} {count}"))
+            .collect();
         let drops = if drops.is_empty() { "none".to_owned() } else { drops.join(", ") };
         let (received, sent) = (route.counters.received, route.counters.sent);
         tracing::info!(route = %route.name, "ends: {received} in, {sent} out, dropped: {drops}");

@@ -17,8 +17,10 @@ use crate::{describe, input};
 /// # Errors
 /// Exit code 3 when no listener came in time, 2 when endpoint or input is wrong.
 pub fn run(args: &PubArgs, shutdown: &Shutdown) -> Result<(), Failure> {
-    let spec =
-        TopicSpec { qos: args.qos.into(), ..TopicSpec::new(&args.endpoint.name, args.message_type) };
+    let spec = TopicSpec {
+        qos: args.qos.into(),
+        ..TopicSpec::new(&args.endpoint.name, args.message_type)
+    };
     let payload = match (&args.value, &args.file) {
         (Some(text), _) => input::from_json(text, &spec),
         (None, Some(file)) => input::from_file(file, &spec),

@@ -39,7 +39,8 @@ impl Sources {
         ];
         for (topic, message_type, rate_hz, make) in all {
             let context = Context::default();
-            let publisher = middleware.open_publisher(&TopicSpec::new(topic, message_type), &context)?;
+            let publisher =
+                middleware.open_publisher(&TopicSpec::new(topic, message_type), &context)?;
             let stop = Arc::clone(&sources.stop);
             let interval = Duration::from_secs(1) / u32::try_from(rate_hz)?;
             let thread = std::thread::Builder::new()
@@ -109,8 +110,9 @@ fn sound(sequence: u64) -> anyhow::Result<Payload> {
         let turns = (first + index) as f64 * 440.0 / f64::from(SAMPLE_RATE);
         (0.5 * (turns * std::f64::consts::TAU).sin()) as f32
     };
-    let data: Vec<u8> = (0..u64::from(FRAMES)).flat_map(|index| sample(index).to_le_bytes()).collect();
-    let chunk = AudioChunk::new(Stamp::now(), SAMPLE_RATE, 1, FRAMES, SampleFormat::F32Le, data.into())?;
+    let data: Vec<u8> =
+        (0..u64::from(FRAMES)).flat_map(|index| sample(index).to_le_bytes()).collect();
+    let chunk = AudioChunk::new(Stamp::now(), FRAMES, 1, SAMPLE_RATE, SampleFormat::F32Le, data)?;
     Ok(Payload::AudioChunk(chunk))
 }
 

@@ -43,7 +43,16 @@ impl Viewer {
                 .with_context(|| format!("viewer of {name}"))?;
             let latency = Latency::default();
             let last = String::new();
-            anyhow::Ok(Topic { name, message_type, listener, received: 0, bytes: 0, shown: (0, 0), latency, last })
+            anyhow::Ok(Topic {
+                name,
+                message_type,
+                listener,
+                received: 0,
+                bytes: 0,
+                shown: (0, 0),
+                latency,
+                last,
+            })
         };
         let topics = routes.iter().map(open).collect::<anyhow::Result<_>>()?;
         Ok(Self { wake, topics })
@@ -79,7 +88,8 @@ impl Viewer {
             "topic", "type", "received", "Hz", "MB/s", "p50 ms", "p99 ms"
         );
         for topic in &mut self.topics {
-            let (received, bytes) = std::mem::replace(&mut topic.shown, (topic.received, topic.bytes));
+            let (received, bytes) =
+                std::mem::replace(&mut topic.shown, (topic.received, topic.bytes));
             let latency = topic.latency.summary();
             // Writing to a String cannot fail.
             let _infallible = writeln!(
@@ -109,7 +119,8 @@ impl Topic {
                     self.bytes += sample.wire_bytes as u64;
                     if let Some(sent) = sent_at(&sample.payload) {
                         let now = Stamp::now().as_secs_f64();
-                        self.latency.record(Duration::try_from_secs_f64(now - sent).unwrap_or_default());
+                        self.latency
+                            .record(Duration::try_from_secs_f64(now - sent).unwrap_or_default());
                     }
                     let text = summary(&sample.payload);
                     self.last = text.chars().take(60).collect();
