@@ -14,6 +14,7 @@ import pathlib
 import re
 import subprocess
 import sys
+import tempfile
 import time
 import xml.etree.ElementTree as ET
 
@@ -149,15 +150,20 @@ def main():
     begin = time.monotonic()
     cases = []
     if nextest:
-        junit = options.target_dir / "nextest" / "colcon" / "junit.xml"
-        junit.unlink(missing_ok=True)
-        status, text = run(
-            [options.cargo, "nextest", "run", *built, "--profile", "colcon", "--no-tests=pass"], env
-        )
-        if junit.exists():
-            cases += from_nextest(junit)
-            # Left in place it would be counted a second time by `colcon test-result`.
-            junit.unlink()
+        # nextest writes into the sources unless told otherwise in its configuration file. Outside
+        # the build folders, or `colcon test-result` would count its file a second time.
+        with tempfile.TemporaryDirectory(prefix="wrapyfi-nextest-") as store:
+            config = pathlib.Path(store, "nextest.toml")
+            settings = pathlib.Path(metadata["workspace_root"], ".config", "nextest.toml").read_text()
+            config.write_text(f"{settings}\n[store]\ndir = {json.dumps(store)}\n")
+            status, text = run(
+                [options.cargo, "nextest", "run", *built, "--profile", "colcon", "--no-tests=pass"]
+                + ["--config-file", str(config)],
+                env,
+            )
+            junit = pathlib.Path(store, "colcon", "junit.xml")
+            if junit.exists():
+                cases += from_nextest(junit)
     else:
         kinds = ["--lib"] if is_library else []
         status, text = run(
