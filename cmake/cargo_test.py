@@ -3,8 +3,8 @@
 cargo-nextest runs them where it is installed (a process and a time limit for each test), else
 `cargo test`. Doc tests always go through `cargo test`: nextest has none.
 
-A test that cannot run because a peer is not installed prints a line `SKIPPED: reason` and returns;
-it is counted as skipped with that reason.
+A test that cannot run because a peer is not installed prints a line `SKIPPED name: reason` to
+standard error and passes; it is counted as skipped with that reason.
 """
 
 import argparse
@@ -18,7 +18,7 @@ import tempfile
 import time
 import xml.etree.ElementTree as ET
 
-SKIP = re.compile(r"^\s*SKIPPED:\s*(.*)$", re.MULTILINE)
+SKIP = re.compile(r"^\s*SKIPPED (\S+): (.+)$", re.MULTILINE)
 # Characters that XML 1.0 cannot hold, and the colours around them.
 UNPRINTABLE = re.compile("\x1b\\[[0-9;]*m|[^\t\n\r\x20-\ud7ff\ue000-\ufffd]")
 
@@ -29,7 +29,7 @@ class Case:
         self.failure, self.skipped, self.output = failure, skipped, output
         reason = SKIP.search(output)
         if reason and failure is None:
-            self.skipped = reason.group(1).strip() or "no reason given"
+            self.skipped = reason.group(2).strip()
 
 
 def run(command, env):
@@ -68,6 +68,8 @@ def from_nextest(path):
 def from_libtest(crate, text):
     """Reads what libtest prints for people; its JSON is not stable yet."""
     suite, cases, outputs, section = crate, {}, {}, None
+    # Written past libtest's capture, so it is somewhere in the text instead of in a test's section.
+    skips = dict(SKIP.findall(text))
     for line in text.splitlines():
         # One binary after the other: what was open belongs to the last one.
         started = re.match(r"\s+(?:Running (?:unittests )?(\S+)|Doc-tests (\S+))", line)
@@ -91,7 +93,7 @@ def from_libtest(crate, text):
             suite,
             name,
             failure=output or "failed" if state == "FAILED" else None,
-            skipped=reason or "ignored" if state == "ignored" else None,
+            skipped=reason or "ignored" if state == "ignored" else skips.get(name.rsplit("::", 1)[-1]),
             output=output,
         )
 
@@ -167,7 +169,9 @@ def main():
     else:
         kinds = ["--lib"] if is_library else []
         status, text = run(
-            [options.cargo, "test", *built, *kinds, "--bins", "--tests", "--no-fail-fast", "--", "--show-output"],
+            [options.cargo, "test", *built, *kinds, "--bins", "--tests", "--no-fail-fast", "--", "--show-output"]
+            # With one thread libtest starts the line before the test runs, and stray output splits it.
+            + [f"--test-threads={max(2, os.cpu_count() or 2)}"],
             env,
         )
         cases += from_libtest(crate, text)

@@ -21,13 +21,14 @@ endif()
 set(WRAPYFI_CARGO_TARGET_DIR "${_target}" CACHE PATH "Cargo's target folder, shared by the packages")
 unset(_target)
 
-# `cargo` and `rustc` of rustup are small programs that pick the tool chain when they run, so asking
-# in the workspace gives the version that will build it.
+# Rustup's before PATH: distributions put their old cargo where a shell without ~/.cargo/env finds it.
+# It picks the tool chain when it runs, so asking in the workspace gives the version that will build it.
 find_program(CARGO_EXECUTABLE cargo HINTS "$ENV{CARGO_HOME}/bin" "$ENV{HOME}/.cargo/bin")
-set(_remedy "Install it through rustup (https://rustup.rs), then `rustup default stable`; "
-  "the cargo and rustc of Ubuntu 24.04 and Debian 12 are too old.")
+set(_remedy "Install it through rustup (https://rustup.rs) or run `rustup update stable`. "
+  "Those of Ubuntu 24.04 and Debian 12 are too old.")
+string(CONCAT _remedy ${_remedy})
 if(NOT CARGO_EXECUTABLE)
-  message(FATAL_ERROR "${PROJECT_NAME} needs Rust ${WRAPYFI_RUST_MINIMUM} or newer; there is no cargo. " ${_remedy})
+  message(FATAL_ERROR "${PROJECT_NAME} needs Rust ${WRAPYFI_RUST_MINIMUM} or newer; there is no cargo. ${_remedy}")
 endif()
 execute_process(
   COMMAND "${CARGO_EXECUTABLE}" --version
@@ -37,7 +38,7 @@ execute_process(
 string(REGEX MATCH "[0-9]+\\.[0-9]+(\\.[0-9]+)?" _number "${_version}")
 if(NOT _result EQUAL 0 OR _number VERSION_LESS WRAPYFI_RUST_MINIMUM)
   message(FATAL_ERROR "${PROJECT_NAME} needs Rust ${WRAPYFI_RUST_MINIMUM} or newer; "
-    "${CARGO_EXECUTABLE} says: ${_version}${_error}. " ${_remedy})
+    "${CARGO_EXECUTABLE} says: ${_version}${_error}. ${_remedy}")
 endif()
 
 # .cargo/config.toml links the system's libzmq on these two; elsewhere zmq-sys compiles its own copy.

@@ -43,6 +43,13 @@ for place in "$workspace" "$tree"; do
     [ "$found" = "$four" ] || fail "colcon list in $place names [${found//$'\n'/ }] instead of [${four//$'\n'/ }]"
 done
 
+step="versions"
+version=$(sed -n '/^\[workspace.package\]/,/^\[/s/^version = "\(.*\)"/\1/p' "$tree/Cargo.toml")
+for package in $four; do
+    grep -qF "<version>$version</version>" "$tree/$package/package.xml" ||
+        fail "$package/package.xml is not of version $version, the workspace's"
+done
+
 step="colcon build"
 paths=(src)
 # Without ROS 2, stand-ins for the message packages of its that ours use. They are hidden from a
