@@ -1,0 +1,59 @@
+# make demo    the main job on a bare machine: ZeroMQ in, ROS 2 out, a live table
+# make test    everything: format, lints, tests against real peers, documentation, colcon
+# make doc     API documentation of the workspace, in target/doc
+# make fmt     formats the sources
+# make lint    lints only
+
+SHELL := /bin/bash
+.SHELLFLAGS := -euo pipefail -c
+MAKEFLAGS += --no-print-directory
+# One after the other: every step uses all cores, and each one fails with its own message.
+.NOTPARALLEL:
+.PHONY: demo test doc fmt lint setup-build setup-test test-fmt test-rust test-colcon
+
+DEMO_ARGS ?= --seconds 20
+# Debian's ament needs Debian's Python, whatever comes first in PATH.
+export PYTHON3 ?= /usr/bin/python3
+
+# A quiet cargo still prints warnings and errors.
+CARGO := cargo --quiet
+
+demo: setup-build
+	cargo run --release --locked --package wrapyfi_bridge --bin wrapyfi -- demo $(DEMO_ARGS)
+
+test: setup-test test-fmt lint test-rust doc test-colcon
+	@echo "make test: all passed"
+
+setup-build:
+	@scripts/setup.sh build
+
+setup-test:
+	@scripts/setup.sh test
+
+test-fmt:
+	@cargo fmt --all --check || { echo "remedy: make fmt" >&2; exit 1; }
+
+fmt:
+	@cargo fmt --all
+
+lint: | target/COLCON_IGNORE
+	@$(CARGO) clippy --workspace --all-targets --locked -- -D warnings
+
+# Compiled outside: the namespace has no network, should Cargo still have to fetch something.
+# The programs too, because the end-to-end tests start them.
+test-rust: | target/COLCON_IGNORE
+	@$(CARGO) build --workspace --locked
+	@$(CARGO) nextest run --workspace --locked --no-run
+	@WRAPYFI_REQUIRE_PEERS=1 scripts/lo-namespace.sh \
+		cargo nextest run --workspace --locked --status-level fail --final-status-level slow
+	@$(CARGO) test --doc --workspace --locked
+
+doc: | target/COLCON_IGNORE
+	@RUSTDOCFLAGS="-D warnings" $(CARGO) doc --workspace --no-deps --locked
+
+test-colcon:
+	@test/colcon.sh
+
+# colcon reads every folder below the one it starts in.
+target/COLCON_IGNORE:
+	@mkdir -p target && touch $@

@@ -1,0 +1,117 @@
+# Cargo inside ament_cmake packages.
+#
+# One command builds the whole workspace, whichever package asks, into one target folder beside the
+# packages' build folders: the second package finds its work done, and CycloneDDS is compiled once.
+#
+#   wrapyfi_cargo_build()                    builds the workspace as part of `all`
+#   wrapyfi_cargo_install_programs(NAME...)  to lib/<package>, where `ros2 run` looks
+#   wrapyfi_cargo_install_crates(NAME...)    normalised sources to share/NAME/rust, and their index marker
+#   wrapyfi_cargo_test(NAME [TIMEOUT s])     one CTest entry that runs the tests of crate NAME
+
+get_filename_component(WRAPYFI_WORKSPACE "${CMAKE_CURRENT_LIST_DIR}/.." ABSOLUTE)
+set(WRAPYFI_RUST_MINIMUM 1.89)
+
+# The environment is read once and kept: `colcon test` runs in another shell and must find the
+# same folder.
+if(DEFINED ENV{CARGO_TARGET_DIR} AND NOT "$ENV{CARGO_TARGET_DIR}" STREQUAL "")
+  get_filename_component(_target "$ENV{CARGO_TARGET_DIR}" ABSOLUTE BASE_DIR "${WRAPYFI_WORKSPACE}")
+else()
+  get_filename_component(_target "${CMAKE_BINARY_DIR}/../wrapyfi_cargo" ABSOLUTE)
+endif()
+set(WRAPYFI_CARGO_TARGET_DIR "${_target}" CACHE PATH "Cargo's target folder, shared by the packages")
+unset(_target)
+
+# Rustup's before PATH: distributions put their old cargo where a shell without ~/.cargo/env finds it.
+# It picks the tool chain when it runs, so asking in the workspace gives the version that will build it.
+find_program(CARGO_EXECUTABLE cargo HINTS "$ENV{CARGO_HOME}/bin" "$ENV{HOME}/.cargo/bin")
+set(_remedy "Install it through rustup (https://rustup.rs) or run `rustup update stable`. "
+  "Those of Ubuntu 24.04 and Debian 12 are too old.")
+string(CONCAT _remedy ${_remedy})
+if(NOT CARGO_EXECUTABLE)
+  message(FATAL_ERROR "${PROJECT_NAME} needs Rust ${WRAPYFI_RUST_MINIMUM} or newer; there is no cargo. ${_remedy}")
+endif()
+execute_process(
+  COMMAND "${CARGO_EXECUTABLE}" --version
+  WORKING_DIRECTORY "${WRAPYFI_WORKSPACE}"
+  OUTPUT_VARIABLE _version ERROR_VARIABLE _error RESULT_VARIABLE _result
+  OUTPUT_STRIP_TRAILING_WHITESPACE)
+string(REGEX MATCH "[0-9]+\\.[0-9]+(\\.[0-9]+)?" _number "${_version}")
+if(NOT _result EQUAL 0 OR _number VERSION_LESS WRAPYFI_RUST_MINIMUM)
+  message(FATAL_ERROR "${PROJECT_NAME} needs Rust ${WRAPYFI_RUST_MINIMUM} or newer; "
+    "${CARGO_EXECUTABLE} says: ${_version}${_error}. ${_remedy}")
+endif()
+
+# .cargo/config.toml links the system's libzmq on these two; elsewhere zmq-sys compiles its own copy.
+if(CMAKE_HOST_SYSTEM_PROCESSOR MATCHES "^(x86_64|aarch64)$")
+  set(_libraries "/usr/lib/${CMAKE_HOST_SYSTEM_PROCESSOR}-linux-gnu")
+  if(NOT EXISTS "${_libraries}/libzmq.so")
+    message(FATAL_ERROR "${PROJECT_NAME} links libzmq and ${_libraries}/libzmq.so does not exist. "
+      "Run `rosdep install --from-paths ${WRAPYFI_WORKSPACE} --ignore-src`, or `sudo apt install libzmq3-dev`. "
+      "Where libzmq is elsewhere, edit ${WRAPYFI_WORKSPACE}/.cargo/config.toml.")
+  endif()
+endif()
+
+foreach(_name _version _error _result _number _libraries _remedy)
+  unset(${_name})
+endforeach()
+
+# Only the target folder differs from what a developer types, so nothing is built twice for a flag.
+set(_wrapyfi_cargo
+  "${CMAKE_COMMAND}" -E env "CARGO_TARGET_DIR=${WRAPYFI_CARGO_TARGET_DIR}" "${CARGO_EXECUTABLE}")
+
+function(wrapyfi_cargo_build)
+  set(_tests "")
+  if(BUILD_TESTING)
+    # Compiled here and not by `colcon test`, which has a time limit.
+    set(_tests COMMAND ${_wrapyfi_cargo} test --release --locked --workspace --no-run)
+  endif()
+  # Cargo knows what is out of date; CMake only ever asks it.
+  add_custom_target(wrapyfi_cargo ALL
+    # colcon would crawl the folder where it lies inside somebody's sources.
+    COMMAND "${CMAKE_COMMAND}" -E make_directory "${WRAPYFI_CARGO_TARGET_DIR}"
+    COMMAND "${CMAKE_COMMAND}" -E touch "${WRAPYFI_CARGO_TARGET_DIR}/COLCON_IGNORE"
+    COMMAND ${_wrapyfi_cargo} build --release --locked --workspace
+    ${_tests}
+    WORKING_DIRECTORY "${WRAPYFI_WORKSPACE}"
+    COMMENT "cargo build --release, whole workspace"
+    USES_TERMINAL
+    VERBATIM)
+endfunction()
+
+function(wrapyfi_cargo_install_programs)
+  foreach(_program ${ARGN})
+    install(PROGRAMS "${WRAPYFI_CARGO_TARGET_DIR}/release/${_program}" DESTINATION "lib/${PROJECT_NAME}")
+  endforeach()
+endfunction()
+
+function(wrapyfi_cargo_install_crates)
+  set(_root "${CMAKE_CURRENT_BINARY_DIR}/crates")
+  # One call for all: a crate may need another one that is in no registry.
+  add_custom_target(wrapyfi_crates ALL
+    COMMAND "${CMAKE_COMMAND}"
+      "-DCARGO=${CARGO_EXECUTABLE}" "-DWORKSPACE=${WRAPYFI_WORKSPACE}" "-DCRATES=${ARGN}" "-DROOT=${_root}"
+      -P "${WRAPYFI_WORKSPACE}/cmake/package_crates.cmake"
+    COMMENT "cargo package: ${ARGN}"
+    VERBATIM)
+  foreach(_crate ${ARGN})
+    install(DIRECTORY "${_root}/${_crate}/" DESTINATION "share/${_crate}/rust")
+    # What ros2-rust's colcon extension looks for to offer the crate to other packages.
+    ament_index_register_resource(rust_packages PACKAGE_NAME "${_crate}" CONTENT "")
+  endforeach()
+endfunction()
+
+function(wrapyfi_cargo_test _crate)
+  cmake_parse_arguments(_arg "" "TIMEOUT" "" ${ARGN})
+  if(NOT _arg_TIMEOUT)
+    set(_arg_TIMEOUT 600)
+  endif()
+  get_executable_path(_python Python3::Interpreter BUILD)
+  set(_result "${AMENT_TEST_RESULTS_DIR}/${PROJECT_NAME}/${_crate}.xunit.xml")
+  ament_add_test(${_crate}
+    COMMAND "${_python}" "${WRAPYFI_WORKSPACE}/cmake/cargo_test.py"
+      --cargo "${CARGO_EXECUTABLE}" --target-dir "${WRAPYFI_CARGO_TARGET_DIR}"
+      --package "${_crate}" --result "${_result}"
+    RESULT_FILE "${_result}"
+    WORKING_DIRECTORY "${WRAPYFI_WORKSPACE}"
+    TIMEOUT ${_arg_TIMEOUT})
+endfunction()

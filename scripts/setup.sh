@@ -1,0 +1,98 @@
+#!/usr/bin/env bash
+# Installs what building (`build`) or testing (`test`) needs on Debian 12 or Ubuntu 24.04.
+# Does nothing, quickly, when all is there.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+RUST_MINIMUM=1.89
+# The last release that Rust 1.89 compiles; a newer one that is already installed is used as it is.
+NEXTEST_VERSION=0.9.120
+
+die() {
+    printf 'setup: %s\n' "$1" >&2
+    exit 1
+}
+
+# Debian's own Python: it has ament's modules, where a pyenv or conda that comes first in PATH does not.
+PYTHON=/usr/bin/python3
+
+rust() {
+    command -v cargo >/dev/null ||
+        die "there is no cargo. Install Rust $RUST_MINIMUM or newer through https://rustup.rs and open a new shell."
+    local have
+    have=$(cargo --version | awk '{print $2}')
+    [ "$(printf '%s\n' "$RUST_MINIMUM" "${have%%-*}" | sort -V | head -n 1)" = "$RUST_MINIMUM" ] ||
+        die "cargo is $have, $RUST_MINIMUM or newer is needed. Run: rustup update stable"
+}
+
+apt_packages() {
+    local package missing=()
+    for package in "$@"; do
+        [ "$(dpkg-query -W -f '${db:Status-Status}' "$package" 2>/dev/null)" = installed ] || missing+=("$package")
+    done
+    [ ${#missing[@]} -gt 0 ] || return 0
+    command -v apt-get >/dev/null || die "this is no Debian or Ubuntu. Install the equivalents of: ${missing[*]}"
+    local root=()
+    if [ "$(id -u)" -ne 0 ]; then
+        command -v sudo >/dev/null || die "run as root: apt-get install ${missing[*]}"
+        root=(sudo)
+    fi
+    echo "setup: apt-get install ${missing[*]}"
+    local apt=("${root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -qq -o Dpkg::Use-Pty=0)
+    # The lists may be absent or older than the archive: fetch them and try once more.
+    "${apt[@]}" install -y --no-install-recommends "${missing[@]}" >/dev/null 2>&1 ||
+        { "${apt[@]}" update >/dev/null &&
+            "${apt[@]}" install -y --no-install-recommends "${missing[@]}" >/dev/null; } ||
+        die "apt could not install them; its message is above. On Ubuntu they are in 'universe': sudo add-apt-repository universe"
+}
+
+build() {
+    apt_packages build-essential cmake libclang-dev libzmq3-dev
+    rust
+}
+
+python_peers() {
+    local stamp=.venv/.requirements wanted
+    wanted=$(cat scripts/requirements.txt && "$PYTHON" --version)
+    [ "$(cat "$stamp" 2>/dev/null)" = "$wanted" ] && return 0
+    echo "setup: Python peers into .venv"
+    "$PYTHON" -m venv --clear .venv
+    # colcon reads every folder below the one it starts in.
+    touch .venv/COLCON_IGNORE
+    .venv/bin/python -m pip install --quiet --disable-pip-version-check -r scripts/requirements.txt ||
+        die "pip could not install scripts/requirements.txt; its message is above"
+    printf '%s\n' "$wanted" >"$stamp"
+}
+
+rust_tools() {
+    local tool
+    for tool in rustfmt clippy; do
+        cargo "${tool/rustfmt/fmt}" --version >/dev/null 2>&1 && continue
+        command -v rustup >/dev/null || die "cargo has no $tool. Install it with your Rust tool chain."
+        rustup component add "$tool" >/dev/null 2>&1 || die "failed: rustup component add $tool"
+    done
+    cargo nextest --version >/dev/null 2>&1 && return 0
+    echo "setup: cargo install cargo-nextest $NEXTEST_VERSION (some minutes, once)"
+    cargo install --quiet --locked "cargo-nextest@$NEXTEST_VERSION" ||
+        die "could not install cargo-nextest; see https://nexte.st for binaries"
+}
+
+case "${1:-}" in
+build)
+    build
+    ;;
+test)
+    build
+    # colcon's parts one by one: its package only recommends them.
+    apt_packages \
+        ament-cmake rosidl-cmake rosidl-generator-c-cpp iproute2 python3-venv \
+        colcon python3-colcon-cmake python3-colcon-library-path python3-colcon-package-information \
+        python3-colcon-package-selection python3-colcon-recursive-crawl python3-colcon-ros \
+        python3-colcon-test-result
+    rust_tools
+    python_peers
+    ;;
+*)
+    die "usage: scripts/setup.sh build|test"
+    ;;
+esac

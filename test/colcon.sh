@@ -1,0 +1,151 @@
+#!/usr/bin/env bash
+# Builds, tests and installs the packages with colcon, as a user's workspace does, and uses what was
+# installed. Works on plain Debian and Ubuntu and in a sourced ROS 2.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+source_folder=$PWD
+workspace=$source_folder/target/colcon
+log=$workspace/output.log
+step="start"
+
+fail() {
+    printf 'colcon: %s\n' "$1" >&2
+    exit 1
+}
+# What colcon said is of interest only when it went wrong.
+trap '[ $? -eq 0 ] || { tail -n 60 "$log" >&2; echo "colcon: failed while: $step (everything: $log)" >&2; }' EXIT
+
+mkdir -p "$workspace"
+: >"$log"
+command -v colcon >/dev/null || fail "colcon is not installed. Run: scripts/setup.sh test"
+
+step="copying the sources"
+# A copy, so that nothing which lies about in a working tree can help; with time stamps, so that a
+# second run compiles nothing.
+rm -rf "$workspace/src"
+mkdir -p "$workspace/src/wrapyfi_ros2"
+if git rev-parse --is-inside-work-tree >/dev/null 2>&1; then
+    # A file deleted but not yet committed is still listed.
+    git ls-files -z --cached --others --exclude-standard |
+        while IFS= read -r -d '' file; do
+            if [ -e "$file" ] || [ -L "$file" ]; then printf '%s\0' "$file"; fi
+        done | tar --null -T - -cf -
+else
+    tar --exclude=./target --exclude=./.venv --exclude=./build --exclude=./install --exclude=./log -cf - .
+fi | tar -xf - -C "$workspace/src/wrapyfi_ros2"
+cd "$workspace"
+tree=$workspace/src/wrapyfi_ros2
+
+step="colcon list"
+four=$'wrapyfi\nwrapyfi_bridge\nwrapyfi_core\nwrapyfi_msgs'
+for place in "$workspace" "$tree"; do
+    found=$(cd "$place" && colcon --log-base /dev/null list --names-only 2>>"$log" | sort)
+    [ "$found" = "$four" ] || fail "colcon list in $place names [${found//$'\n'/ }] instead of [${four//$'\n'/ }]"
+done
+
+step="versions"
+version=$(sed -n '/^\[workspace.package\]/,/^\[/s/^version = "\(.*\)"/\1/p' "$tree/Cargo.toml")
+for package in $four; do
+    grep -qF "<version>$version</version>" "$tree/$package/package.xml" ||
+        fail "$package/package.xml is not of version $version, the workspace's"
+done
+
+step="colcon build"
+paths=(src)
+# Without ROS 2, stand-ins for the message packages of its that ours use. They are hidden from a
+# normal build, and a build of a real ROS 2 never sees them.
+stand_ins=()
+IFS=: read -ra prefixes <<<"${AMENT_PREFIX_PATH:-}"
+with_ros=no
+for prefix in "${prefixes[@]}"; do
+    [ -e "$prefix/share/rosidl_default_generators/package.xml" ] && with_ros=yes
+done
+if [ "$with_ros" = no ]; then
+    stand_ins=("$tree"/test/debian_interfaces/*/)
+    paths+=("${stand_ins[@]%/}")
+fi
+# The tests of the release build would otherwise land in the folder of a developer's debug build.
+unset CARGO_TARGET_DIR
+# A peer that is missing is a counted skip here; `make test` has run them all already.
+unset WRAPYFI_REQUIRE_PEERS
+colcon build --base-paths "${paths[@]}" --event-handlers console_direct+ \
+    --cmake-args -DPython3_EXECUTABLE="${PYTHON3:-/usr/bin/python3}" >>"$log" 2>&1
+
+step="installed files"
+core=$workspace/install/wrapyfi_core/share
+bridge=$workspace/install/wrapyfi_bridge
+for file in \
+    install/wrapyfi_msgs/share/ament_index/resource_index/rosidl_interfaces/wrapyfi_msgs \
+    install/wrapyfi_bridge/lib/wrapyfi_bridge/{bridge,wrapyfi} \
+    install/wrapyfi_bridge/bin/wrapyfi \
+    install/wrapyfi_core/share/ament_index/resource_index/rust_packages/{wrapyfi_core,wrapyfi_interfaces} \
+    install/wrapyfi_core/share/{wrapyfi_core,wrapyfi_interfaces}/rust/Cargo.toml \
+    install/wrapyfi/share/wrapyfi/launch/bridge.launch.py \
+    install/wrapyfi/share/wrapyfi/config/example.yaml; do
+    [ -e "$file" ] || fail "$file was not installed"
+done
+for package in $four; do
+    [ -e "install/$package/share/ament_index/resource_index/packages/$package" ] ||
+        fail "$package is not in the ament index: \`ros2 pkg\` would not find it"
+done
+for message in "$tree"/wrapyfi_msgs/msg/*.msg; do
+    cmp "$message" "install/wrapyfi_msgs/share/wrapyfi_msgs/msg/${message##*/}" >>"$log" 2>&1 ||
+        fail "${message##*/} was not installed as it is"
+done
+"$bridge/lib/wrapyfi_bridge/wrapyfi" --help >>"$log" 2>&1 || fail "the installed wrapyfi does not start"
+
+step="sourcing the workspace"
+found=$(bash -c 'set +u; . install/local_setup.sh && command -v wrapyfi' 2>>"$log") || true
+[ "$found" = "$bridge/bin/wrapyfi" ] || fail "wrapyfi is not on PATH in a sourced workspace (found: $found)"
+
+step="a foreign crate that depends on the installed one"
+foreign=$workspace/foreign
+rm -rf "$foreign"
+mkdir -p "$foreign/src"
+cat >"$foreign/Cargo.toml" <<TOML
+[package]
+name = "foreign"
+version = "0.0.0"
+edition = "2024"
+
+[dependencies]
+wrapyfi_core = { path = "$core/wrapyfi_core/rust" }
+wrapyfi_interfaces = { path = "$core/wrapyfi_interfaces/rust" }
+
+# As in the workspace, so that the crates compiled there serve here.
+[profile.release]
+overflow-checks = true
+
+[workspace]
+TOML
+cat >"$foreign/src/main.rs" <<'RUST'
+fn main() {
+    println!("{}", wrapyfi_core::Limits::default().message_bytes);
+}
+RUST
+cp "$tree/Cargo.lock" "$foreign/"
+# The sources must not be able to help.
+mv "$workspace/src" "$workspace/src.away"
+(
+    cd "$foreign"
+    CARGO_TARGET_DIR=$workspace/build/wrapyfi_cargo \
+        cargo run --quiet --release --config "$core/wrapyfi_core/cargo-config.toml"
+) >"$workspace/foreign.out" 2>>"$log" || { mv "$workspace/src.away" "$workspace/src"; fail "the foreign crate does not build"; }
+mv "$workspace/src.away" "$workspace/src"
+[ "$(cat "$workspace/foreign.out")" = 67108864 ] || fail "the foreign crate says $(cat "$workspace/foreign.out")"
+
+step="colcon test"
+# Results of earlier runs would count.
+rm -rf build/*/test_results build/*/Testing
+# Sourced as `colcon test` wants it; without failing here, because the results say more.
+"$tree/scripts/lo-namespace.sh" colcon test --base-paths "${paths[@]}" \
+    --event-handlers console_direct+ >>"$log" 2>&1 || true
+step="colcon test-result"
+results=$(colcon --log-base /dev/null test-result --all --verbose 2>&1) || fail "tests failed:
+$results"
+printf '%s\n' "$results" >>"$log"
+for result in wrapyfi_core/wrapyfi_core wrapyfi_core/wrapyfi_interfaces wrapyfi_bridge/wrapyfi_bridge wrapyfi/wrapyfi_e2e; do
+    file=build/${result%/*}/test_results/$result.xunit.xml
+    [ -e "$file" ] || fail "colcon test wrote no $file"
+done
+printf 'colcon: four packages built, installed and tested. %s\n' "$(tail -n 1 <<<"$results")"
