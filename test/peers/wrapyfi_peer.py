@@ -38,6 +38,7 @@ if flavour not in FLAVOURS[args.type]:
     parser.error(f"{args.type} has no flavour {flavour!r}; it has {', '.join(FLAVOURS[args.type])}")
 
 logging.basicConfig(stream=sys.stderr, level=logging.WARNING)
+import cv2  # noqa: E402
 import numpy as np  # noqa: E402
 import wrapyfi  # noqa: E402
 from wrapyfi.connect.wrapper import MiddlewareCommunicator  # noqa: E402
@@ -74,7 +75,7 @@ class Peer(MiddlewareCommunicator):
 
 
 def facts(value):
-    """What identifies a message: hash, shape, and for JPEG the hash of the file Wrapyfi sends."""
+    """What identifies a message: hash and shape; for a JPEG sent also hashes of file and decoded pixels."""
     found = {}
     if args.type == "AudioChunk":
         value, found["rate"] = value[0], int(value[1])
@@ -88,7 +89,9 @@ def facts(value):
     found["sha256"] = payload.digest(value)
     if flavour.startswith("jpg") and args.role == "publish":
         from wrapyfi.utils.image_encoders import JpegEncoder
-        found["file_sha256"] = hashlib.sha256(bytes(JpegEncoder().encode_jpg_image(value))).hexdigest()
+        file = bytes(JpegEncoder().encode_jpg_image(value))
+        pixels = cv2.imdecode(np.frombuffer(file, np.uint8), cv2.IMREAD_UNCHANGED)
+        found.update(file_sha256=hashlib.sha256(file).hexdigest(), decoded_sha256=payload.digest(pixels))
     return found
 
 
