@@ -90,9 +90,16 @@ impl Echo {
         tokens.push_back(Token { length, hash, left: listeners, sent_at: now });
     }
 
-    /// Takes back the newest token, of a message that was not sent after all.
-    pub(super) fn forget_newest(&self) {
-        self.lock().pop_back();
+    /// Takes back the token of a message that was not sent after all.
+    pub(super) fn forget<B: AsRef<[u8]>>(&self, frames: &[B]) {
+        if self.lock().is_empty() {
+            return;
+        }
+        let (length, hash) = self.fingerprint(frames);
+        let mut tokens = self.lock();
+        if let Some(at) = tokens.iter().rposition(|t| t.hash == hash && t.length == length) {
+            tokens.remove(at);
+        }
     }
 
     fn is_own<B: AsRef<[u8]>>(&self, frames: &[B], now: Instant) -> bool {

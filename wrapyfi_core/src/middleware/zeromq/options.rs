@@ -8,7 +8,7 @@ use std::time::Duration;
 use crate::Limits;
 
 /// How long a closed socket may still send what it holds.
-const LINGER: Duration = Duration::from_millis(300);
+const LINGER: Duration = Duration::from_millis(500);
 /// Silence after which a peer is asked whether it lives, and time it has to answer.
 const HEARTBEAT: Duration = Duration::from_secs(2);
 const HEARTBEAT_TIMEOUT: Duration = Duration::from_secs(5);
@@ -55,7 +55,7 @@ pub(super) fn inproc_name(what: &str) -> String {
 }
 
 /// Wakes a thread that polls sockets.
-pub(super) struct Bell(Mutex<zmq::Socket>);
+pub(super) struct Bell(Mutex<Option<zmq::Socket>>);
 
 impl Bell {
     /// A bell, and the socket that becomes readable when it rings.
@@ -67,17 +67,23 @@ impl Bell {
         let button = context.socket(zmq::PAIR)?;
         button.set_linger(0)?;
         button.connect(&name)?;
-        Ok((Self(Mutex::new(button)), ears))
+        Ok((Self(Mutex::new(Some(button))), ears))
     }
 
     /// Never blocks: a bell with a thousand unanswered rings needs no more.
     pub(super) fn ring(&self) {
         let button = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let Some(button) = &*button else { return };
         if let Err(error) = button.send("", zmq::DONTWAIT)
             && error != zmq::Error::EAGAIN
         {
             tracing::debug!(%error, "the thread to wake is gone");
         }
+    }
+
+    /// Takes the bell off, so that its context can end although somebody still holds it.
+    pub(super) fn close(&self) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).take();
     }
 }
 
