@@ -14,6 +14,7 @@ use anyhow::Context as _;
 use serde::Deserialize;
 use wrapyfi_core::endpoint::{EndpointAddress, Middleware, Registry};
 use wrapyfi_core::engine::{Config, MAX_CONFIG_BYTES, Plan};
+use wrapyfi_core::middleware::ros2::graph::NodeIdentity;
 use wrapyfi_core::middleware::ros2::{self, CycloneConfig, CycloneGraph, Ros2};
 use wrapyfi_core::middleware::zeromq::{BrokerMode, ZeroMq, ZeroMqConfig};
 
@@ -181,7 +182,7 @@ fn ros2(section: &Ros2Section, node: &Node) -> Result<Ros2, Failure> {
     for warning in &environment.warnings {
         tracing::warn!("{warning}");
     }
-    let mut config = CycloneConfig::from_environment(node.name().clone(), &environment);
+    let mut config = CycloneConfig::from_environment(identity(node), &environment);
     config.domain_id = section.domain_id.unwrap_or(config.domain_id);
     config.interface.clone_from(&section.interface);
     tracing::info!(
@@ -190,9 +191,15 @@ fn ros2(section: &Ros2Section, node: &Node) -> Result<Ros2, Failure> {
         config.domain_id,
         environment.stack_reason
     );
-    let graph = CycloneGraph::new(config).context("ros2")?;
+    let graph = CycloneGraph::new(&config).context("ros2")?;
     let node = node.clone();
-    Ok(Ros2::new(Arc::new(graph)).with_names(move |topic| node.resolve_topic(topic)))
+    let remap = move |topic: &str| node.resolve_topic(topic).map_err(|error| error.to_string());
+    Ok(Ros2::new(Arc::new(graph), remap))
+}
+
+fn identity(node: &Node) -> NodeIdentity {
+    let name = node.name();
+    NodeIdentity { name: name.name().to_owned(), namespace: name.namespace().to_owned() }
 }
 
 /// The three parties of the demo, each with sockets of its own.
@@ -236,9 +243,10 @@ impl DemoSession {
             };
             let environment = ros2::environment::read(lookup).map_err(Failure::usage)?;
             let node = Node::named(name).map_err(Failure::usage)?;
-            let config = CycloneConfig::from_environment(node.name().clone(), &environment);
-            let graph = CycloneGraph::new(config).context("ros2")?;
-            Ok((Ros2::new(Arc::new(graph)), environment.domain_id))
+            let config = CycloneConfig::from_environment(identity(&node), &environment);
+            let graph = CycloneGraph::new(&config).context("ros2")?;
+            let as_it_is = |topic: &str| Ok(topic.to_owned());
+            Ok((Ros2::new(Arc::new(graph), as_it_is), environment.domain_id))
         };
         let (ros2, domain_id) = graph("wrapyfi_demo")?;
         let (viewer, _) = graph("wrapyfi_demo_viewer")?;
