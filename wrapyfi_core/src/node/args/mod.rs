@@ -23,8 +23,8 @@ use std::collections::BTreeMap;
 use std::io;
 
 pub use error::{
-    LogLevelError, ParameterRuleError, ParamsFileError, RosArgsError, RosArgsErrorKind,
-    RosArgsWarning, RuleError, YamlError,
+    LogLevelError, ParameterRuleError, ParamsFileError, ParserError, RosArgsError,
+    RosArgsErrorKind, RosArgsWarning, RuleError, YamlError,
 };
 use log_levels::LogLevels;
 pub use parameters::MAX_FILE_BYTES;
@@ -126,7 +126,7 @@ impl RosArgs {
                 _ => self.program_word(word),
             }
         }
-        check_enclave(&self.enclave).map_err(|source| RosArgsErrorKind::Enclave { source })?;
+        check_enclave(&self.enclave).map_err(|reason| RosArgsErrorKind::Enclave { reason })?;
         if !self.unknown.is_empty() {
             return Err(RosArgsErrorKind::Unknown(std::mem::take(&mut self.unknown)));
         }
@@ -158,13 +158,13 @@ impl RosArgs {
                 let rule = words.value(&flag, "No remap rule found.")?;
                 match RemapRule::parse(&rule, &mut self.warnings) {
                     Ok(parsed) => self.rules.push(parsed),
-                    Err(source) => return Err(RosArgsErrorKind::Remap { flag, rule, source }),
+                    Err(reason) => return Err(RosArgsErrorKind::Remap { flag, rule, reason }),
                 }
             }
             "-p" | "--param" => {
                 let rule = words.value(&flag, "No parameter override rule found.")?;
-                if let Err(source) = parameters::parse_rule(&rule, &mut self.overrides) {
-                    return Err(RosArgsErrorKind::Parameter { flag, rule, source });
+                if let Err(reason) = parameters::parse_rule(&rule, &mut self.overrides) {
+                    return Err(RosArgsErrorKind::Parameter { flag, rule, reason });
                 }
             }
             "--params-file" => {
@@ -172,16 +172,16 @@ impl RosArgs {
                 let added = read_file(&path)
                     .map_err(ParamsFileError::Open)
                     .and_then(|content| self.overrides.add_file(&content));
-                if let Err(source) = added {
-                    return Err(RosArgsErrorKind::ParamsFile { flag, path, source });
+                if let Err(reason) = added {
+                    return Err(RosArgsErrorKind::ParamsFile { flag, path, reason });
                 }
             }
             "--log-level" => {
                 let Some(rule) = words.next()? else {
                     return Err(RosArgsErrorKind::TrailingLogLevel { flag });
                 };
-                if let Err(source) = self.log_levels.add(&rule) {
-                    return Err(RosArgsErrorKind::LogLevel { flag, rule, source });
+                if let Err(reason) = self.log_levels.add(&rule) {
+                    return Err(RosArgsErrorKind::LogLevel { flag, rule, reason });
                 }
             }
             "--log-file-name" => {
