@@ -189,7 +189,7 @@ mod tests {
     fn nesting_has_a_floor() {
         let deep = format!("a: {{ros__parameters: {}1{}}}", "{b: ".repeat(90), "}".repeat(90));
         assert_eq!(error(&deep), "nested deeper than 64 at line 1");
-        // Of this many open lists the parser itself thinks better.
+        // So many open lists are over the limit of the YAML parser, which reads ahead.
         let list = format!("a: {{ros__parameters: {{b: {}}}}}", "[".repeat(90));
         assert_eq!(error(&list), "Error parsing a event near line 1");
         let mut block = String::from("a:\n ros__parameters:\n");
