@@ -1,7 +1,6 @@
 //! The frame around a `.npy` header: magic, version, length, padding.
 
 use std::borrow::Cow;
-use std::fmt::Write as _;
 
 const MAGIC: &[u8] = b"\x93NUMPY";
 /// Elements begin at a multiple of this.
@@ -55,8 +54,7 @@ pub(super) fn write(descr: &str, shape: &[usize]) -> Vec<u8> {
     for (index, extent) in shape.iter().enumerate() {
         let before = text.len();
         let separator = if index > 0 { " " } else { "" };
-        // Writing to a string cannot fail.
-        let _ = write!(text, "{separator}{extent},");
+        text += &format!("{separator}{extent},");
         first_digits.get_or_insert(text.len() - before - 1);
     }
     if shape.len() > 1 {
