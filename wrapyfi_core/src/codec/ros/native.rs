@@ -1,0 +1,74 @@
+//! Native objects: JSON with its arrays beside it, or JSON alone as Python Wrapyfi sends it.
+
+use bytes::Bytes;
+use wrapyfi_interfaces::Message;
+use wrapyfi_interfaces::cdr::CdrParts;
+use wrapyfi_interfaces::std_msgs::msg::String as Text;
+use wrapyfi_interfaces::wrapyfi_msgs::msg;
+
+use super::{FORMAT, countable, malformed, quote};
+use crate::Limits;
+use crate::codec::{DecodeError, EncodeError, json};
+use crate::types::{Dtype, Tensor, Value};
+
+pub(super) fn encode(value: &Value) -> Result<CdrParts, EncodeError> {
+    let (json, tensors) = json::encode_with_tensors(value)?;
+    let tensors = tensors.into_iter().map(tensor_message).collect::<Result<_, _>>()?;
+    let message = msg::NativeObject { json: text(json)?, tensors, ..msg::NativeObject::default() };
+    Ok(message.encode())
+}
+
+pub(super) fn encode_text(value: &Value) -> Result<CdrParts, EncodeError> {
+    Ok(Text { data: text(json::encode(value)?)? }.encode())
+}
+
+pub(super) fn decode(message: msg::NativeObject, limits: &Limits) -> Result<Value, DecodeError> {
+    let tensors = message
+        .tensors
+        .into_iter()
+        .enumerate()
+        .map(|(index, tensor)| tensor_from(index, tensor))
+        .collect::<Result<Vec<_>, _>>()?;
+    json::decode_with_tensors(&Bytes::from(message.json), &tensors, limits)
+}
+
+pub(super) fn decode_text(message: Text, limits: &Limits) -> Result<Value, DecodeError> {
+    json::decode(&Bytes::from(message.data), limits)
+}
+
+fn text(json: Vec<u8>) -> Result<String, EncodeError> {
+    countable("json", json.len().saturating_add(1))?; // with the terminator
+    String::from_utf8(json).map_err(|error| EncodeError::Unrepresentable {
+        format: FORMAT,
+        what: format!("JSON that is not UTF-8 from byte {} on", error.utf8_error().valid_up_to()),
+        path: "$".to_owned(),
+        remedy: "write it in UTF-8".to_owned(),
+    })
+}
+
+fn tensor_message(tensor: Tensor) -> Result<msg::Tensor, EncodeError> {
+    countable("tensors", tensor.data.len())?;
+    Ok(msg::Tensor {
+        dtype: tensor.dtype.name().to_owned(),
+        shape: tensor.shape.iter().map(|extent| *extent as u64).collect(),
+        device: tensor.device,
+        data: tensor.data,
+    })
+}
+
+fn tensor_from(index: usize, message: msg::Tensor) -> Result<Tensor, DecodeError> {
+    let fault = |field: &str, reason| malformed(&format!("tensors[{index}].{field}"), reason);
+    let dtype = Dtype::from_name(&message.dtype).ok_or_else(|| {
+        let known = Dtype::ALL.map(Dtype::name).join(", ");
+        fault("dtype", format!("{} is none of {known}", quote(&message.dtype)))
+    })?;
+    let shape = message
+        .shape
+        .iter()
+        .map(|extent| usize::try_from(*extent))
+        .collect::<Result<Vec<_>, _>>()
+        .map_err(|error| fault("shape", format!("{:?}: {error}", message.shape)))?;
+    let tensor = Tensor::new(dtype, shape, message.data)
+        .map_err(|error| fault("data", error.to_string()))?;
+    Ok(tensor.with_device(message.device))
+}
