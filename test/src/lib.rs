@@ -1,1 +1,50 @@
 //! Shared harness of the end-to-end tests.
+//!
+//! A test asks for a [`World`] by [`run`]: a DDS domain, two ZeroMQ ports, topic names and a folder
+//! that no other test has. In it, it starts the program under test and real peers as [`Process`]es,
+//! which end with the test, and waits for what they print. Nothing sleeps for a fixed time, and no
+//! verdict depends on how long something took: [`PATIENCE`] only ends a test that would hang.
+//!
+//! | environment | meaning |
+//! | --- | --- |
+//! | `WRAPYFI_BIN` | the `wrapyfi` program; default: beside the test's own build folder |
+//! | `WRAPYFI_BRIDGE_BIN` | the node executable `bridge`; default: beside `wrapyfi` |
+//! | `WRAPYFI_PYTHON` | interpreter with the Python peers; default: `.venv/bin/python` in the repository |
+//! | `WRAPYFI_REQUIRE_PEERS=1` | a missing peer fails the test instead of skipping it |
+
+mod config;
+mod needs;
+mod process;
+mod reserve;
+mod ros_node;
+mod world;
+
+use std::time::Duration;
+
+pub use config::{Config, Route};
+pub use needs::{Need, repository, run};
+pub use process::{Output, Process};
+pub use ros_node::{RosImage, RosNode, Spoken};
+pub use world::World;
+
+/// How long anything may take before a test gives up: far beyond what a loaded machine needs.
+pub const PATIENCE: Duration = Duration::from_secs(120);
+
+/// What tests return.
+pub type Result<T = ()> = anyhow::Result<T>;
+
+/// Hex SHA-256.
+#[must_use]
+pub fn sha256(bytes: &[u8]) -> String {
+    use sha2::Digest as _;
+    sha2::Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// The text at `key` of each object.
+#[must_use]
+pub fn texts(objects: &[serde_json::Value], key: &str) -> Vec<String> {
+    objects
+        .iter()
+        .map(|object| object.get(key).and_then(|v| v.as_str()).unwrap_or("(absent)").to_owned())
+        .collect()
+}

@@ -1,2 +1,29 @@
-//! The wrapyfi command.
-fn main() {}
+//! The `wrapyfi` command.
+
+use std::process::ExitCode;
+
+use anyhow::Context as _;
+use clap::Parser as _;
+use wrapyfi_bridge::cli::{Cli, Command};
+use wrapyfi_bridge::exit::{Failure, finish};
+use wrapyfi_bridge::shutdown::Shutdown;
+use wrapyfi_bridge::{command, logging};
+
+fn main() -> ExitCode {
+    // `ros2 run` hands every node its --ros-args: the `bridge` executable reads them.
+    let cli = Cli::parse();
+    finish(run(&cli))
+}
+
+fn run(cli: &Cli) -> Result<(), Failure> {
+    logging::start("wrapyfi", &cli.log_level).map_err(Failure::usage)?;
+    let shutdown = Shutdown::on_signals().context("cannot catch signals")?;
+    match &cli.command {
+        Command::Demo(args) => command::demo::run(args, &shutdown),
+        Command::Bridge(args) => command::bridge::run(args, &shutdown),
+        Command::Check { file } => command::check::run(file),
+        Command::Echo(args) => command::echo::run(args, &shutdown),
+        Command::Pub(args) => command::publish::run(args, &shutdown),
+        Command::Broker(args) => command::broker::run(args, &shutdown),
+    }
+}

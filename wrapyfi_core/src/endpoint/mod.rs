@@ -71,6 +71,12 @@ pub trait Listener: Send {
     /// The next message was unusable. It is gone; the one after it can be taken.
     fn take(&mut self) -> Result<Option<Sample>, TakeError>;
 
+    /// Drops the next message without looking into it, for when nobody wants it; false when none
+    /// waits.
+    fn discard(&mut self) -> bool {
+        !matches!(self.take(), Ok(None))
+    }
+
     /// What the listener is connected to now.
     fn link(&self) -> Link;
 }

@@ -1,1 +1,187 @@
-//! Topics inside one process: for unit tests, and to show how small a middleware can be.
+//! Topics inside one process: for tests of everything above the middlewares, and to show how
+//! small a middleware can be.
+//!
+//! ```text
+//!   publisher ──▶ topic "/x" ──▶ inbox of every listener
+//! ```
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+use crate::endpoint::{
+    Context, Link, Listener, Middleware, OpenError, PublishError, Publisher, Receiver, Sample,
+    Sender, TakeError, TopicSpec, Wake, inbox,
+};
+use crate::types::Payload;
+
+/// A bus of topics that live in this process.
+///
+/// ```
+/// use wrapyfi_core::endpoint::{Context, Middleware, TopicSpec};
+/// use wrapyfi_core::middleware::memory::Memory;
+/// use wrapyfi_core::types::{MessageType, Payload, Value};
+/// let bus = Memory::new("memory");
+/// let spec = TopicSpec::new("/x", MessageType::NativeObject);
+/// let mut listener = bus.open_listener(&spec, &Context::default())?;
+/// bus.open_publisher(&spec, &Context::default())?.publish(&Payload::NativeObject(Box::new(Value::Null)))?;
+/// assert!(listener.take()?.is_some());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug, Default)]
+pub struct Memory {
+    name: String,
+    bus: Arc<Mutex<Bus>>,
+}
+
+#[derive(Debug, Default)]
+struct Bus {
+    topics: BTreeMap<String, Topic>,
+    refusal: Option<String>,
+}
+
+#[derive(Debug, Default)]
+struct Topic {
+    publishers: usize,
+    listeners: Vec<(Sender<Sample>, Context)>,
+    /// Rung when the other side's number changes.
+    watchers: Vec<Wake>,
+    fault: Option<String>,
+}
+
+impl Memory {
+    /// A bus under a name of its own, so that one process can hold several.
+    #[must_use]
+    pub fn new(name: impl Into<String>) -> Self {
+        Self { name: name.into(), bus: Arc::default() }
+    }
+
+    /// Makes every send to `topic` fail with `fault`, or heals it: for tests of what is above.
+    pub fn break_topic(&self, topic: &str, fault: Option<&str>) {
+        lock(&self.bus).topics.entry(topic.to_owned()).or_default().fault =
+            fault.map(str::to_owned);
+    }
+
+    /// Makes opening fail with `refusal`, or heals it.
+    pub fn refuse_to_open(&self, refusal: Option<&str>) {
+        lock(&self.bus).refusal = refusal.map(str::to_owned);
+    }
+
+    fn topic<R>(
+        &self,
+        spec: &TopicSpec,
+        context: &Context,
+        enter: impl FnOnce(&mut Topic) -> R,
+    ) -> Result<R, OpenError> {
+        let mut bus = lock(&self.bus);
+        if let Some(reason) = bus.refusal.clone() {
+            return Err(OpenError::Transport {
+                middleware: "memory",
+                topic: spec.topic.clone(),
+                reason,
+            });
+        }
+        let topic = bus.topics.entry(spec.topic.clone()).or_default();
+        let entered = enter(topic);
+        topic.watchers.push(context.wake.clone());
+        topic.watchers.iter().for_each(Wake::ring);
+        Ok(entered)
+    }
+}
+
+fn lock(bus: &Mutex<Bus>) -> MutexGuard<'_, Bus> {
+    bus.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Middleware for Memory {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn open_listener(
+        &self,
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Listener>, OpenError> {
+        let (sender, receiver) =
+            inbox(spec.queue, Arc::clone(&context.counters), context.wake.clone());
+        self.topic(spec, context, |topic| topic.listeners.push((sender, context.clone())))?;
+        Ok(Box::new(MemoryListener {
+            bus: Arc::clone(&self.bus),
+            topic: spec.topic.clone(),
+            receiver,
+        }))
+    }
+
+    fn open_publisher(
+        &self,
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Publisher>, OpenError> {
+        self.topic(spec, context, |topic| topic.publishers += 1)?;
+        Ok(Box::new(MemoryPublisher { bus: Arc::clone(&self.bus), topic: spec.topic.clone() }))
+    }
+}
+
+struct MemoryListener {
+    bus: Arc<Mutex<Bus>>,
+    topic: String,
+    receiver: Receiver<Sample>,
+}
+
+impl Listener for MemoryListener {
+    fn take(&mut self) -> Result<Option<Sample>, TakeError> {
+        Ok(self.receiver.pop())
+    }
+
+    fn discard(&mut self) -> bool {
+        self.receiver.pop().is_some()
+    }
+
+    fn link(&self) -> Link {
+        let publishers =
+            lock(&self.bus).topics.get(&self.topic).map_or(0, |topic| topic.publishers);
+        Link { peers: Some(publishers), ..Link::default() }
+    }
+}
+
+struct MemoryPublisher {
+    bus: Arc<Mutex<Bus>>,
+    topic: String,
+}
+
+impl Publisher for MemoryPublisher {
+    fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {
+        let mut bus = lock(&self.bus);
+        let topic = bus.topics.entry(self.topic.clone()).or_default();
+        if let Some(reason) = topic.fault.clone() {
+            return Err(PublishError::Transport { topic: self.topic.clone(), reason });
+        }
+        topic.listeners.retain(|(listener, _)| !listener.is_closed());
+        for (listener, context) in &topic.listeners {
+            context.counters.received(0);
+            let sample =
+                Sample { payload: payload.clone(), wire_bytes: 0, received_at: Instant::now() };
+            if let Err(sample) = listener.push(sample) {
+                listener.give_up(sample);
+            }
+        }
+        Ok(0)
+    }
+
+    fn link(&self) -> Link {
+        let mut bus = lock(&self.bus);
+        let topic = bus.topics.entry(self.topic.clone()).or_default();
+        topic.listeners.retain(|(listener, _)| !listener.is_closed());
+        Link { peers: Some(topic.listeners.len()), ..Link::default() }
+    }
+}
+
+impl Drop for MemoryPublisher {
+    fn drop(&mut self) {
+        if let Some(topic) = lock(&self.bus).topics.get_mut(&self.topic) {
+            topic.publishers = topic.publishers.saturating_sub(1);
+            topic.watchers.iter().for_each(Wake::ring);
+        }
+    }
+}

@@ -9,10 +9,11 @@
 //! ```
 
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 
-use crate::endpoint::Qos;
+use crate::endpoint::{Qos, Wake};
 
 /// Name of the node that owns an adapter's endpoints.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -34,6 +35,9 @@ pub struct TopicDescription {
     pub type_hash: Option<String>,
     /// Quality of service.
     pub qos: Qos,
+    /// Samples held at most where the history is keep-all; `None` for no bound. A reliable writer
+    /// is held back by a reader that is full.
+    pub max_samples: Option<u32>,
     /// Messages larger than this are dropped on reception before they are copied.
     pub max_bytes: usize,
 }
@@ -54,7 +58,7 @@ pub trait Graph: Send + Sync {
     ) -> Result<Box<dyn CdrWriter>, GraphError>;
 
     /// Creates a reader and announces it. `on_data` is called from a DDS thread when samples or
-    /// matches change; it must not block.
+    /// matches change, possibly before this returns.
     ///
     /// # Errors
     /// When the DDS stack refuses.
@@ -63,9 +67,49 @@ pub trait Graph: Send + Sync {
         topic: &TopicDescription,
         on_data: Notify,
     ) -> Result<Box<dyn CdrReader>, GraphError>;
+
+    /// The endpoints that exist now as far as discovery knows, those of this node included.
+    ///
+    /// # Errors
+    /// When the DDS stack refuses.
+    fn endpoints(&self) -> Result<Vec<DiscoveredEndpoint>, GraphError>;
 }
 
-/// Called from a DDS thread.
+/// An endpoint somewhere on the graph.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct DiscoveredEndpoint {
+    /// True for a publisher.
+    pub is_publisher: bool,
+    /// ROS topic where it is one, else the DDS topic.
+    pub topic: String,
+    /// ROS type where it is one, else the DDS type.
+    pub type_name: String,
+    /// REP-2016 hash it announces.
+    pub type_hash: Option<String>,
+    /// DDS GUID.
+    pub gid: [u8; 16],
+}
+
+/// Waits until `condition` holds, looking whenever `wake` rings; false after `timeout`.
+///
+/// For tests and one-shot commands: `wake` is rung by the [`Notify`] of the endpoints concerned.
+pub fn wait_until(wake: &Wake, timeout: Duration, mut condition: impl FnMut() -> bool) -> bool {
+    let deadline = Instant::now() + timeout;
+    // What nobody rings for, such as the list of endpoints, is looked at this often.
+    let look = Duration::from_millis(20);
+    loop {
+        if condition() {
+            return true;
+        }
+        let left = deadline.saturating_duration_since(Instant::now());
+        if left.is_zero() {
+            return false;
+        }
+        wake.wait(left.min(look));
+    }
+}
+
+/// Called from a DDS thread. It must not block, and must not drop the endpoint it was given to.
 pub type Notify = Arc<dyn Fn() + Send + Sync>;
 
 /// Writes serialised messages to one topic.
@@ -79,11 +123,18 @@ pub trait CdrWriter: Send {
 
     /// Readers matched now.
     fn matched(&self) -> usize;
+
+    /// Policy over which the last reader was refused (`reliability`, …), where one was.
+    fn incompatible(&self) -> Option<&'static str>;
 }
 
 /// Takes serialised messages of one topic.
 pub trait CdrReader: Send {
     /// The next sample, if one waits.
+    ///
+    /// # Errors
+    /// [`GraphError::TooLarge`] when the next sample was over the limit; it is gone, the one after
+    /// it can be taken.
     fn take(&mut self) -> Result<Option<CdrSample>, GraphError>;
 
     /// Writers matched now.
@@ -91,6 +142,9 @@ pub trait CdrReader: Send {
 
     /// Samples lost or rejected before they could be taken, since the last call.
     fn lost(&mut self) -> u64;
+
+    /// Policy over which the last writer was refused (`reliability`, …), where one was.
+    fn incompatible(&self) -> Option<&'static str>;
 }
 
 /// A received serialised message.

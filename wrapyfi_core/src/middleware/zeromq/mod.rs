@@ -1,1 +1,246 @@
 //! Wrapyfi over ZeroMQ: publish, listen and the broker.
+//!
+//! ```text
+//!                            broker (ours or a foreign one)
+//!   Publisher XPUB ──connect──▶ sub_port XSUB │ XPUB pub_port ◀──connect── SUB Listener
+//!                                             └── ZEROMQ/CONNECTIONS: {"/topic": count}
+//! ```
+//!
+//! Both sides interwork with Python Wrapyfi in any mixture: its publishers and listeners with our
+//! broker, ours with its broker.
+//!
+//! | module | one idea |
+//! | --- | --- |
+//! | `config` | settings and environment |
+//! | `keeper` | there is a broker: ours, or a foreign one until it dies |
+//! | `broker`, `proxy`, `monitor` | the broker, its thread, its counts |
+//! | `probe` | what has a port |
+//! | `io`, `reception`, `link` | the thread that receives, one listener's part of it, connection state |
+//! | `listener`, `publisher` | the endpoints |
+//! | `echo` | our own messages are not received |
+
+mod broker;
+mod config;
+mod echo;
+mod io;
+mod keeper;
+mod link;
+mod listener;
+mod monitor;
+mod options;
+mod probe;
+mod proxy;
+mod publisher;
+mod reception;
+#[cfg(test)]
+mod tests;
+
+use std::net::IpAddr;
+
+pub use broker::{Broker, BrokerConfig, BrokerError, BrokerStatus};
+pub use config::{BrokerMode, ConfigError, ZeroMqConfig};
+pub use probe::Answer;
+
+use crate::endpoint::{Context, Listener, Middleware, OpenError, Publisher, TopicSpec};
+
+/// Name of this middleware in addresses.
+pub const NAME: &str = "zeromq";
+
+/// Longest topic name: it is sent with every message.
+const MAX_TOPIC_BYTES: usize = 1024;
+
+/// The middleware `zeromq`.
+///
+/// Dropping it closes the sockets of all its endpoints and ends its broker, within a second.
+pub struct ZeroMq {
+    monitor_topic: String,
+    pub_port: u16,
+    sub_port: u16,
+    // Dropped in this order: sockets may still send while the broker runs.
+    shared: Shared,
+    keeper: keeper::Keeper,
+}
+
+/// What endpoints need while they are opened.
+struct Shared {
+    ip: IpAddr,
+    pub_endpoint: String,
+    sub_endpoint: String,
+    send_hwm: u16,
+    echoes: echo::Echoes,
+    io: io::Io,
+    context: zmq::Context,
+}
+
+/// Why ZeroMQ could not be started.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum StartError {
+    /// A port belongs to something that is no broker.
+    #[error(
+        "port {port} on {ip} is taken by {answer}; a broker would be {expected}: stop that \
+         program, or choose other ports (pub_port, sub_port)"
+    )]
+    PortTaken {
+        /// Address of the broker.
+        ip: IpAddr,
+        /// The port.
+        port: u16,
+        /// Socket type of a broker there.
+        expected: &'static str,
+        /// What answered.
+        answer: Answer,
+    },
+    /// No broker runs, and ours cannot.
+    #[error(transparent)]
+    Broker(#[from] BrokerError),
+    /// Both ports are needed to connect to a broker elsewhere.
+    #[error("with a foreign broker {field} must be its port, not 0")]
+    NoPort {
+        /// Setting that is 0.
+        field: &'static str,
+    },
+    /// The monitor topic cannot be a topic.
+    #[error("monitor topic {topic:?} is not valid: {reason}")]
+    MonitorTopic {
+        /// As configured.
+        topic: String,
+        /// The rule it breaks.
+        reason: String,
+    },
+    /// libzmq or the system refused.
+    #[error("ZeroMQ could not start: {reason}")]
+    Transport {
+        /// What it said.
+        reason: String,
+    },
+}
+
+impl From<zmq::Error> for StartError {
+    fn from(error: zmq::Error) -> Self {
+        Self::Transport { reason: error.to_string() }
+    }
+}
+
+impl ZeroMq {
+    /// Starts the I/O thread and, where none runs yet, the broker.
+    ///
+    /// # Errors
+    /// When the ports belong to something else, or the settings contradict themselves. A foreign
+    /// broker that is not there yet is no error: it is waited for.
+    pub fn start(config: &ZeroMqConfig) -> Result<Self, StartError> {
+        if let Some(reason) = name_fault(&config.monitor_topic) {
+            let topic = config.monitor_topic.clone();
+            return Err(StartError::MonitorTopic { topic, reason });
+        }
+        let ip = config::resolve(&config.ip)
+            .map_err(|reason| BrokerError::Host { ip: config.ip.clone(), reason })?;
+        let keeper = keeper::Keeper::start(config, ip)?;
+        let (pub_port, sub_port) = keeper
+            .own(|broker| (broker.pub_port(), broker.sub_port()))
+            .unwrap_or((config.pub_port, config.sub_port));
+        for (field, port) in [("pub_port", pub_port), ("sub_port", sub_port)] {
+            if port == 0 {
+                return Err(StartError::NoPort { field });
+            }
+        }
+        let context = zmq::Context::new();
+        let io = io::Io::start(&context)
+            .map_err(|error| StartError::Transport { reason: error.to_string() })?;
+        let ip = config::reachable(ip);
+        let shared = Shared {
+            ip,
+            pub_endpoint: options::endpoint(ip, pub_port),
+            sub_endpoint: options::endpoint(ip, sub_port),
+            send_hwm: config.send_hwm,
+            echoes: echo::Echoes::default(),
+            io,
+            context,
+        };
+        Ok(Self { monitor_topic: config.monitor_topic.clone(), pub_port, sub_port, shared, keeper })
+    }
+
+    /// Port to which listeners connect.
+    #[must_use]
+    pub fn pub_port(&self) -> u16 {
+        self.pub_port
+    }
+
+    /// Port to which publishers connect.
+    #[must_use]
+    pub fn sub_port(&self) -> u16 {
+        self.sub_port
+    }
+
+    /// State of the broker, where it is this process that runs it now.
+    #[must_use]
+    pub fn broker_status(&self) -> Option<BrokerStatus> {
+        self.keeper.own(Broker::status)
+    }
+
+    fn check(&self, topic: &str) -> Result<(), OpenError> {
+        let reason = if topic.starts_with(&self.monitor_topic) {
+            let monitor = &self.monitor_topic;
+            Some(format!("names that start with {monitor} are the broker's own; use another name"))
+        } else {
+            name_fault(topic)
+        };
+        reason.map_or(Ok(()), |reason| {
+            Err(OpenError::InvalidName { middleware: NAME, topic: topic.to_owned(), reason })
+        })
+    }
+}
+
+impl Middleware for ZeroMq {
+    fn name(&self) -> &str {
+        NAME
+    }
+
+    fn open_listener(
+        &self,
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Listener>, OpenError> {
+        self.check(&spec.topic)?;
+        Ok(Box::new(listener::ZeroMqListener::open(&self.shared, spec, context)?))
+    }
+
+    fn open_publisher(
+        &self,
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Publisher>, OpenError> {
+        self.check(&spec.topic)?;
+        Ok(Box::new(publisher::ZeroMqPublisher::open(&self.shared, spec, context)?))
+    }
+}
+
+impl std::fmt::Debug for ZeroMq {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("ZeroMq")
+            .field("pub_endpoint", &self.shared.pub_endpoint)
+            .field("sub_endpoint", &self.shared.sub_endpoint)
+            .finish_non_exhaustive()
+    }
+}
+
+/// The rule that a topic name breaks, if any.
+fn name_fault(topic: &str) -> Option<String> {
+    if topic.is_empty() {
+        Some("it is empty, which would match every topic; give it a name".to_owned())
+    } else if topic.len() > MAX_TOPIC_BYTES {
+        Some(format!("it is {} bytes long, the limit is {MAX_TOPIC_BYTES}", topic.len()))
+    } else if topic.contains(char::is_control) {
+        Some("it contains a control character; remove it".to_owned())
+    } else {
+        None
+    }
+}
+
+fn transport(topic: &str, error: zmq::Error) -> OpenError {
+    OpenError::Transport {
+        middleware: NAME,
+        topic: topic.to_owned(),
+        reason: error.to_string(),
+    }
+}

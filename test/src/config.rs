@@ -1,0 +1,78 @@
+//! Bridge configurations as YAML text.
+
+use std::fmt::Write as _;
+
+/// One route of a [`Config`].
+#[derive(Debug, Clone)]
+pub struct Route {
+    pairs: Vec<(String, String)>,
+}
+
+impl Route {
+    /// A route between two endpoints written as `middleware:/name`.
+    #[must_use]
+    pub fn new(from: &str, to: &str, message_type: &str) -> Self {
+        Self { pairs: Vec::new() }
+            .with("from", &quoted(from))
+            .with("to", &quoted(to))
+            .with("type", &quoted(message_type))
+    }
+
+    /// Adds a key; `value` is YAML.
+    #[must_use]
+    pub fn with(mut self, key: &str, value: &str) -> Self {
+        self.pairs.push((key.to_owned(), value.to_owned()));
+        self
+    }
+}
+
+/// A configuration file in the making.
+#[derive(Debug, Clone)]
+pub struct Config {
+    pub_port: u16,
+    sub_port: u16,
+    broker: &'static str,
+    routes: Vec<Route>,
+}
+
+impl Config {
+    /// ZeroMQ on these loopback ports, with our own broker.
+    #[must_use]
+    pub fn embedded(pub_port: u16, sub_port: u16) -> Self {
+        Self { pub_port, sub_port, broker: "embedded", routes: Vec::new() }
+    }
+
+    /// ZeroMQ on these loopback ports, where somebody else's broker runs.
+    #[must_use]
+    pub fn foreign(pub_port: u16, sub_port: u16) -> Self {
+        Self { broker: "foreign", ..Self::embedded(pub_port, sub_port) }
+    }
+
+    /// Adds a route.
+    #[must_use]
+    pub fn route(mut self, route: Route) -> Self {
+        self.routes.push(route);
+        self
+    }
+
+    /// The file's text.
+    #[must_use]
+    pub fn yaml(&self) -> String {
+        let Self { pub_port, sub_port, broker, routes } = self;
+        let mut text = format!(
+            "endpoints:\n  zeromq:\n    ip: 127.0.0.1\n    pub_port: {pub_port}\n    sub_port: {sub_port}\n    broker: {broker}\nroutes:\n"
+        );
+        for route in routes {
+            for (index, (key, value)) in route.pairs.iter().enumerate() {
+                let lead = if index == 0 { "  - " } else { "    " };
+                // Writing to a String cannot fail.
+                let _unfailing: std::fmt::Result = writeln!(text, "{lead}{key}: {value}");
+            }
+        }
+        text
+    }
+}
+
+fn quoted(text: &str) -> String {
+    format!("\"{text}\"")
+}

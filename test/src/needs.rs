@@ -1,0 +1,103 @@
+//! What a test cannot do without, and what happens where it is missing.
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::OnceLock;
+
+use anyhow::{Context as _, bail};
+
+use crate::{Result, World};
+
+/// Something a test cannot do without.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Need {
+    /// The `wrapyfi` program.
+    Program,
+    /// The node executable `bridge`.
+    Node,
+    /// Python with Wrapyfi, pyzmq, cyclonedds and rosbags.
+    Python,
+}
+
+/// Root of the repository.
+#[must_use]
+pub fn repository() -> PathBuf {
+    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+    here.parent().unwrap_or(here).to_owned()
+}
+
+/// Runs a test in a world of its own, or skips it with the reason where something it needs is missing.
+///
+/// # Errors
+/// The test's own; and a missing need where `WRAPYFI_REQUIRE_PEERS` is `1`.
+pub fn run(test: &str, needs: &[Need], body: impl FnOnce(&World) -> Result) -> Result {
+    for need in needs {
+        if let Err(reason) = check(*need) {
+            if std::env::var("WRAPYFI_REQUIRE_PEERS").is_ok_and(|v| v == "1") {
+                return Err(reason).with_context(|| format!("{test} needs a peer that is missing"));
+            }
+            // Written directly: the test runner hides what `println!` says when a test passes.
+            writeln!(std::io::stderr(), "SKIPPED {test}: {reason:#}")?;
+            return Ok(());
+        }
+    }
+    body(&World::new(test)?)
+}
+
+fn check(need: Need) -> Result {
+    match need {
+        Need::Program => program().map(drop),
+        Need::Node => node().map(drop),
+        Need::Python => python().map(drop),
+    }
+}
+
+/// The `wrapyfi` program.
+pub(crate) fn program() -> Result<PathBuf> {
+    built("wrapyfi", "WRAPYFI_BIN")
+}
+
+/// The node executable.
+pub(crate) fn node() -> Result<PathBuf> {
+    built("bridge", "WRAPYFI_BRIDGE_BIN")
+}
+
+fn built(name: &str, variable: &str) -> Result<PathBuf> {
+    let path = match std::env::var_os(variable) {
+        Some(path) => PathBuf::from(path),
+        // target/<profile>/deps/<test>: the programs lie one folder up.
+        None => std::env::current_exe()?
+            .ancestors()
+            .nth(2)
+            .context("the test runs outside a Cargo build folder")?
+            .join(name),
+    };
+    if !path.is_file() {
+        bail!("no program at {}: build it with `cargo build -p wrapyfi_bridge`, or set {variable}", path.display());
+    }
+    Ok(path)
+}
+
+/// An interpreter that has every Python peer.
+pub(crate) fn python() -> Result<PathBuf> {
+    static FOUND: OnceLock<std::result::Result<PathBuf, String>> = OnceLock::new();
+    FOUND.get_or_init(find_python).clone().map_err(anyhow::Error::msg)
+}
+
+fn find_python() -> std::result::Result<PathBuf, String> {
+    let path = std::env::var_os("WRAPYFI_PYTHON")
+        .map_or_else(|| repository().join(".venv/bin/python"), PathBuf::from);
+    let probe = "import importlib.util as u, sys\n\
+                 sys.exit(' '.join(m for m in ('wrapyfi', 'zmq', 'cv2', 'cyclonedds', 'rosbags') if not u.find_spec(m)) or 0)";
+    let ran = Command::new(&path)
+        .args(["-c", probe])
+        .output()
+        .map_err(|e| format!("no Python peers: {}: {e}; run `make test`, or set WRAPYFI_PYTHON", path.display()))?;
+    if ran.status.success() {
+        Ok(path)
+    } else {
+        let missing = String::from_utf8_lossy(&ran.stderr);
+        Err(format!("{} lacks the Python packages: {}", path.display(), missing.trim()))
+    }
+}

@@ -1,0 +1,291 @@
+//! Processes that a test starts, listens to and ends.
+
+use std::io::{BufRead as _, BufReader, Read, Write as _};
+use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, bail};
+use serde_json::Value;
+
+use crate::{PATIENCE, Result};
+
+/// Everything a process printed so far.
+#[derive(Debug, Default)]
+pub struct Output {
+    /// Lines on stdout.
+    pub out: Vec<String>,
+    /// Lines on stderr.
+    pub err: Vec<String>,
+    open: usize,
+}
+
+impl Output {
+    /// The lines of stdout that are JSON objects.
+    pub fn objects(&self) -> impl DoubleEndedIterator<Item = Value> + '_ {
+        self.out.iter().filter_map(|line| serde_json::from_str(line).ok()).filter(Value::is_object)
+    }
+
+    /// The objects whose `event` is this.
+    #[must_use]
+    pub fn events(&self, event: &str) -> Vec<Value> {
+        self.objects().filter(|object| object.get("event").and_then(Value::as_str) == Some(event)).collect()
+    }
+}
+
+#[derive(Debug, Default)]
+struct Shared {
+    output: Mutex<Output>,
+    changed: Condvar,
+}
+
+impl Shared {
+    fn lock(&self) -> MutexGuard<'_, Output> {
+        self.output.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// A running program. Dropping it ends it.
+#[derive(Debug)]
+pub struct Process {
+    name: String,
+    child: Child,
+    stdin: Option<ChildStdin>,
+    shared: Arc<Shared>,
+}
+
+impl Process {
+    /// Starts `command` and reads along.
+    ///
+    /// # Errors
+    /// Where the program cannot be started.
+    pub fn start(name: &str, mut command: Command) -> Result<Self> {
+        command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = command.spawn().with_context(|| format!("starting {name}: {command:?}"))?;
+        let shared = Arc::new(Shared::default());
+        shared.lock().open = 2;
+        if let Some(stream) = child.stdout.take() {
+            read_along(stream, &shared, |output| &mut output.out);
+        }
+        if let Some(stream) = child.stderr.take() {
+            read_along(stream, &shared, |output| &mut output.err);
+        }
+        let stdin = child.stdin.take();
+        Ok(Self { name: name.to_owned(), child, stdin, shared })
+    }
+
+    /// Writes one line to its stdin.
+    ///
+    /// # Errors
+    /// Where it no longer reads.
+    pub fn tell(&mut self, line: &str) -> Result {
+        let name = &self.name;
+        let stdin = self.stdin.as_mut().with_context(|| format!("stdin of {name} is closed"))?;
+        writeln!(stdin, "{line}").with_context(|| format!("writing to {name}"))
+    }
+
+    /// Closes its stdin: peers leave then.
+    pub fn close_stdin(&mut self) {
+        self.stdin = None;
+    }
+
+    /// Waits until `found` finds what it looks for in the output.
+    ///
+    /// # Errors
+    /// With the end of its output, where the process ends or [`PATIENCE`] does.
+    pub fn wait_until<T>(&self, what: &str, mut found: impl FnMut(&Output) -> Option<T>) -> Result<T> {
+        let deadline = Instant::now() + PATIENCE;
+        let mut output = self.shared.lock();
+        loop {
+            if let Some(result) = found(&output) {
+                return Ok(result);
+            }
+            let why = if output.open == 0 {
+                "it ended"
+            } else if Instant::now() >= deadline {
+                "patience ended"
+            } else {
+                let left = deadline.saturating_duration_since(Instant::now());
+                output = self.shared.changed.wait_timeout(output, left).unwrap_or_else(PoisonError::into_inner).0;
+                continue;
+            };
+            let tail = tail(&output);
+            drop(output);
+            bail!("waiting for {what} from {}: {why}\n{tail}", self.name);
+        }
+    }
+
+    /// Waits for one event of a peer.
+    ///
+    /// # Errors
+    /// As [`Process::wait_until`].
+    pub fn event(&self, event: &str) -> Result<Value> {
+        self.wait_until(&format!("event `{event}`"), |output| output.events(event).into_iter().next())
+    }
+
+    /// Waits for the first `count` messages of a peer.
+    ///
+    /// # Errors
+    /// As [`Process::wait_until`].
+    pub fn messages(&self, count: usize) -> Result<Vec<Value>> {
+        self.wait_until(&format!("{count} messages"), |output| {
+            let mut found = output.events("message");
+            (found.len() >= count).then(|| {
+                found.truncate(count);
+                found
+            })
+        })
+    }
+
+    /// Waits for the first `count` JSON objects on stdout.
+    ///
+    /// # Errors
+    /// As [`Process::wait_until`].
+    pub fn objects(&self, count: usize) -> Result<Vec<Value>> {
+        self.wait_until(&format!("{count} JSON lines"), |output| {
+            let found: Vec<Value> = output.objects().take(count).collect();
+            (found.len() >= count).then_some(found)
+        })
+    }
+
+    /// Asserts that this publisher sent `received` one after the other, nothing missing in between.
+    /// `key` names the hash in its messages.
+    ///
+    /// # Errors
+    /// Where the run of messages was never sent.
+    pub fn sent_in_a_row(&self, key: &str, received: &[String]) -> Result {
+        self.compare(key, received, |sent, received| sent.windows(received.len()).any(|run| run == received))
+    }
+
+    /// Asserts that this publisher sent `received` in this order, perhaps with others in between.
+    ///
+    /// # Errors
+    /// Where it did not.
+    pub fn sent_in_order(&self, key: &str, received: &[String]) -> Result {
+        self.compare(key, received, |sent, received| {
+            let mut sent = sent.iter();
+            received.iter().all(|one| sent.any(|other| other == one))
+        })
+    }
+
+    fn compare(&self, key: &str, received: &[String], holds: impl Fn(&[String], &[String]) -> bool) -> Result {
+        let last = received.last().context("nothing was received")?;
+        // The receiver may be ahead of the line in which the sender tells what it sent.
+        self.wait_until(&format!("the message that was received, {last}"), |output| {
+            let sent = crate::texts(&output.events("message"), key);
+            if holds(&sent, received) {
+                return Some(Ok(()));
+            }
+            let told = sent.contains(last) || sent.len() >= 400 || !output.events("done").is_empty();
+            told.then(|| Err(anyhow::anyhow!("{} sent {sent:#?}\nreceived was {received:#?}", self.name)))
+        })?
+    }
+
+    /// Sends SIGTERM.
+    ///
+    /// # Errors
+    /// Where the process cannot be signalled.
+    pub fn terminate(&self) -> Result {
+        let pid = rustix::process::Pid::from_child(&self.child);
+        rustix::process::kill_process(pid, rustix::process::Signal::TERM)
+            .with_context(|| format!("sending SIGTERM to {}", self.name))
+    }
+
+    /// Waits for its end and returns the exit code.
+    ///
+    /// # Errors
+    /// Where it does not end, or was ended by a signal.
+    pub fn exit_code(&mut self) -> Result<i32> {
+        if !self.ended_within(PATIENCE)? {
+            bail!("{} does not end\n{}", self.name, tail(&self.shared.lock()));
+        }
+        // What it printed last may still be on its way.
+        self.wait_until("the end of its output", |output| (output.open == 0).then_some(()))?;
+        let status = self.child.wait()?;
+        status.code().with_context(|| format!("{} was ended by a signal: {status}\n{}", self.name, self.tail()))
+    }
+
+    /// Waits for its end and asserts the exit code.
+    ///
+    /// # Errors
+    /// Where the code is another.
+    pub fn exits_with(&mut self, expected: i32) -> Result {
+        let code = self.exit_code()?;
+        if code != expected {
+            bail!("{} ended with {code}, expected {expected}\n{}", self.name, self.tail());
+        }
+        Ok(())
+    }
+
+    /// All of stderr so far.
+    #[must_use]
+    pub fn stderr(&self) -> String {
+        self.shared.lock().err.join("\n")
+    }
+
+    /// All of stdout so far.
+    #[must_use]
+    pub fn stdout(&self) -> String {
+        self.shared.lock().out.join("\n")
+    }
+
+    /// The end of its output, for messages.
+    #[must_use]
+    pub fn tail(&self) -> String {
+        tail(&self.shared.lock())
+    }
+
+    fn ended_within(&mut self, limit: Duration) -> Result<bool> {
+        let deadline = Instant::now() + limit;
+        loop {
+            if self.child.try_wait()?.is_some() {
+                return Ok(true);
+            }
+            if Instant::now() >= deadline {
+                return Ok(false);
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        self.stdin = None;
+        let ended = self.ended_within(Duration::ZERO).unwrap_or(false)
+            || (self.terminate().is_ok() && self.ended_within(Duration::from_secs(10)).unwrap_or(false));
+        if !ended {
+            // Nothing is left to do about a failure here.
+            let _killed: std::io::Result<()> = self.child.kill();
+            let _status: std::io::Result<_> = self.child.wait();
+        }
+    }
+}
+
+fn read_along(
+    stream: impl Read + Send + 'static,
+    shared: &Arc<Shared>,
+    lines: impl Fn(&mut Output) -> &mut Vec<String> + Send + 'static,
+) {
+    let shared = Arc::clone(shared);
+    std::thread::spawn(move || {
+        let mut reader = BufReader::new(stream);
+        let mut line = Vec::new();
+        while reader.read_until(b'\n', &mut line).is_ok_and(|read| read > 0) {
+            let text = String::from_utf8_lossy(&line).trim_end().to_owned();
+            lines(&mut shared.lock()).push(text);
+            shared.changed.notify_all();
+            line.clear();
+        }
+        shared.lock().open -= 1;
+        shared.changed.notify_all();
+    });
+}
+
+fn tail(output: &Output) -> String {
+    let last = |lines: &[String]| {
+        let from = lines.len().saturating_sub(15);
+        lines.iter().skip(from).map(|l| format!("    {}", l.chars().take(400).collect::<String>())).collect::<Vec<_>>()
+    };
+    format!("  stdout ends:\n{}\n  stderr ends:\n{}", last(&output.out).join("\n"), last(&output.err).join("\n"))
+}

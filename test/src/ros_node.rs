@@ -1,0 +1,169 @@
+//! An independent ROS 2 node in the test itself: ros2-client on RustDDS, written in Rust by others.
+
+use std::net::Ipv4Addr;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, bail};
+use ros2_client::qos::{Durability, History, WhenFull};
+use ros2_client::{
+    Context, Message, MessageTypeName, Name, Node, NodeName, NodeOptions, QosProfile, Subscription, builtin_interfaces,
+};
+use rustdds::{DomainParticipantBuilder, Topic};
+use serde::{Deserialize, Serialize};
+
+use crate::{PATIENCE, Result};
+
+/// `std_msgs/msg/Header`, written by hand from its definition.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct RosHeader {
+    /// When.
+    pub stamp: builtin_interfaces::Time,
+    /// Where.
+    pub frame_id: String,
+}
+
+/// `sensor_msgs/msg/Image`, written by hand from its definition.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[allow(missing_docs)]
+pub struct RosImage {
+    pub header: RosHeader,
+    pub height: u32,
+    pub width: u32,
+    pub encoding: String,
+    pub is_bigendian: u8,
+    pub step: u32,
+    pub data: Vec<u8>,
+}
+
+impl Message for RosImage {}
+
+impl RosImage {
+    /// A frame in one colour, three bytes a pixel in the order of `encoding`.
+    #[must_use]
+    pub fn plain(width: u32, height: u32, encoding: &str, pixel: [u8; 3]) -> Self {
+        let header = RosHeader { stamp: builtin_interfaces::Time::ZERO, frame_id: "camera".to_owned() };
+        let pixels = usize::try_from(u64::from(width) * u64::from(height)).unwrap_or(0);
+        let data = pixel.repeat(pixels);
+        Self { header, height, width, encoding: encoding.to_owned(), is_bigendian: 0, step: width * 3, data }
+    }
+}
+
+/// A node confined to the loopback interface.
+pub struct RosNode {
+    node: Node,
+}
+
+impl RosNode {
+    /// Starts `/name` in a domain.
+    ///
+    /// # Errors
+    /// Where DDS refuses it.
+    pub fn new(domain: u16, name: &str) -> Result<Self> {
+        let participant = DomainParticipantBuilder::new(domain)
+            .with_only_networks([Ipv4Addr::LOCALHOST])
+            .same_host_loopback(true)
+            .build()
+            .map_err(|e| anyhow::anyhow!("RustDDS participant in domain {domain}: {e:?}"))?;
+        let context = Context::from_domain_participant(participant)
+            .map_err(|e| anyhow::anyhow!("ros2-client context: {e:?}"))?;
+        let name = NodeName::new("/", name).map_err(|e| anyhow::anyhow!("node name {name}: {e:?}"))?;
+        let node =
+            context.new_node(name, NodeOptions::new()).map_err(|e| anyhow::anyhow!("ros2-client node: {e:?}"))?;
+        Ok(Self { node })
+    }
+
+    /// Subscribes to a topic, reliably.
+    ///
+    /// # Errors
+    /// Where DDS refuses it.
+    pub fn subscribe<M: Message + 'static>(&mut self, topic: &str, ros_type: &str) -> Result<Heard<M>> {
+        let topic = self.topic(topic, ros_type)?;
+        let subscription = self
+            .node
+            .create_subscription(&topic, None)
+            .map_err(|e| anyhow::anyhow!("subscription to {topic:?}: {e:?}"))?;
+        Ok(Heard { subscription })
+    }
+
+    /// Publishes what `make` makes of 0, 1, 2, … at 20 Hz until the result is dropped.
+    ///
+    /// # Errors
+    /// Where DDS refuses it.
+    pub fn publish<M: Message + Send + 'static>(
+        &mut self,
+        topic: &str,
+        ros_type: &str,
+        make: impl Fn(u64) -> M + Send + 'static,
+    ) -> Result<Spoken> {
+        let topic = self.topic(topic, ros_type)?;
+        let publisher = self
+            .node
+            .create_publisher::<M>(&topic, None)
+            .map_err(|e| anyhow::anyhow!("publisher of {topic:?}: {e:?}"))?;
+        let leave = Arc::new(AtomicBool::new(false));
+        let told = Arc::clone(&leave);
+        let thread = std::thread::spawn(move || {
+            for number in 0.. {
+                if told.load(Relaxed) || publisher.publish(make(number)).is_err() {
+                    break;
+                }
+                std::thread::sleep(Duration::from_millis(50)); // the rate
+            }
+        });
+        Ok(Spoken { leave, thread: Some(thread) })
+    }
+
+    fn topic(&self, topic: &str, ros_type: &str) -> Result<Topic> {
+        let (package, name) = ros_type.split_once("/msg/").with_context(|| format!("{ros_type} is no message type"))?;
+        let parsed = Name::parse(topic).map_err(|e| anyhow::anyhow!("topic name {topic}: {e:?}"))?;
+        let qos = QosProfile::subscription_default()
+            .reliability_reliable(WhenFull::DEFAULT)
+            .durability(Durability::Volatile)
+            .history(History::KeepLast { depth: 10 });
+        self.node
+            .create_topic(&parsed, MessageTypeName::new(package, name), &qos)
+            .map_err(|e| anyhow::anyhow!("topic {topic}: {e:?}"))
+    }
+}
+
+/// What a [`RosNode`] hears on a topic.
+pub struct Heard<M: 'static> {
+    subscription: Subscription<M>,
+}
+
+impl<M: Message + 'static> Heard<M> {
+    /// Waits for the next message.
+    ///
+    /// # Errors
+    /// Where none comes, or one does not decode.
+    pub fn next(&self) -> Result<M> {
+        let deadline = Instant::now() + PATIENCE;
+        loop {
+            match self.subscription.take() {
+                Ok(Some((message, _info))) => return Ok(message),
+                Ok(None) if Instant::now() < deadline => std::thread::sleep(Duration::from_millis(5)),
+                Ok(None) => bail!("the ros2-client node heard nothing"),
+                Err(error) => bail!("the ros2-client node cannot read the message: {error:?}"),
+            }
+        }
+    }
+}
+
+/// A [`RosNode`]'s publisher at work. Dropping it ends it.
+pub struct Spoken {
+    leave: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Drop for Spoken {
+    fn drop(&mut self) {
+        self.leave.store(true, Relaxed);
+        if let Some(thread) = self.thread.take() {
+            // A panic in it was printed already.
+            let _ended: std::thread::Result<()> = thread.join();
+        }
+    }
+}

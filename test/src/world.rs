@@ -1,0 +1,208 @@
+//! What one test has to itself.
+
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use anyhow::Context as _;
+use tempfile::TempDir;
+
+use crate::reserve::{self, Reserved};
+use crate::{Config, Process, Result, RosNode, needs, repository};
+
+/// Keeps CycloneDDS on the loopback interface, without multicast, which `lo` often cannot do.
+const LOOPBACK: &str = "<CycloneDDS><Domain Id=\"any\"><General><Interfaces><NetworkInterface name=\"lo\"/></Interfaces>\
+<AllowMulticast>false</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex>\
+<MaxAutoParticipantIndex>32</MaxAutoParticipantIndex><Peers><Peer address=\"127.0.0.1\"/></Peers></Discovery></Domain></CycloneDDS>";
+
+/// A DDS domain, ZeroMQ ports, topic names and a folder that no other test has.
+#[derive(Debug)]
+pub struct World {
+    prefix: String,
+    domain: Reserved,
+    pub_port: Reserved,
+    sub_port: Reserved,
+    folder: TempDir,
+}
+
+impl World {
+    /// Reserves everything for `test`.
+    ///
+    /// # Errors
+    /// Where nothing is free.
+    pub fn new(test: &str) -> Result<Self> {
+        Ok(Self {
+            prefix: format!("/{test}_{}", std::process::id()),
+            domain: reserve::domain()?,
+            pub_port: reserve::port()?,
+            sub_port: reserve::port()?,
+            folder: TempDir::with_prefix("wrapyfi_e2e_").context("creating a folder for the test")?,
+        })
+    }
+
+    /// Port where ZeroMQ listeners connect.
+    #[must_use]
+    pub fn pub_port(&self) -> u16 {
+        self.pub_port.number
+    }
+
+    /// Port where ZeroMQ publishers connect.
+    #[must_use]
+    pub fn sub_port(&self) -> u16 {
+        self.sub_port.number
+    }
+
+    /// A topic name of this test, `/…/base`.
+    #[must_use]
+    pub fn topic(&self, base: &str) -> String {
+        format!("{}/{base}", self.prefix)
+    }
+
+    /// A path in the test's folder.
+    #[must_use]
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Writes a file into the test's folder.
+    ///
+    /// # Errors
+    /// Where it cannot be written.
+    pub fn write(&self, name: &str, content: impl AsRef<[u8]>) -> Result<PathBuf> {
+        let path = self.path(name);
+        std::fs::write(&path, content).with_context(|| format!("writing {}", path.display()))?;
+        Ok(path)
+    }
+
+    /// Starts `wrapyfi` with these arguments.
+    ///
+    /// # Errors
+    /// Where it cannot be started.
+    pub fn wrapyfi<A: AsRef<OsStr>>(&self, args: impl IntoIterator<Item = A>) -> Result<Process> {
+        Process::start("wrapyfi", self.command(&needs::program()?, args))
+    }
+
+    /// Starts the node executable with these arguments.
+    ///
+    /// # Errors
+    /// Where it cannot be started.
+    pub fn node<A: AsRef<OsStr>>(&self, args: impl IntoIterator<Item = A>) -> Result<Process> {
+        Process::start("bridge", self.command(&needs::node()?, args))
+    }
+
+    /// Starts `wrapyfi bridge --json` with this configuration.
+    ///
+    /// # Errors
+    /// Where it cannot be started.
+    pub fn bridge(&self, config: &Config) -> Result<Process> {
+        let file = self.write("bridge.yaml", config.yaml())?;
+        self.wrapyfi([OsStr::new("bridge"), OsStr::new("--config"), file.as_os_str(), OsStr::new("--json")])
+    }
+
+    /// A configuration with our own broker on this test's ports.
+    #[must_use]
+    pub fn embedded(&self) -> Config {
+        Config::embedded(self.pub_port(), self.sub_port())
+    }
+
+    /// A configuration that uses somebody else's broker on this test's ports.
+    #[must_use]
+    pub fn foreign(&self) -> Config {
+        Config::foreign(self.pub_port(), self.sub_port())
+    }
+
+    /// Starts our broker on this test's ports.
+    ///
+    /// # Errors
+    /// Where it cannot be started.
+    pub fn broker(&self) -> Result<Process> {
+        let (pub_port, sub_port) = (self.pub_port().to_string(), self.sub_port().to_string());
+        self.wrapyfi(["broker", "--ip", "127.0.0.1", "--pub-port", &pub_port, "--sub-port", &sub_port])
+    }
+
+    /// Starts a Python peer from `test/peers`; `args` are split at blanks.
+    ///
+    /// # Errors
+    /// Where it cannot be started.
+    pub fn peer(&self, script: &str, args: &str) -> Result<Process> {
+        let file = repository().join("test/peers").join(script).into_os_string();
+        let args = std::iter::once(file).chain(args.split_whitespace().map(Into::into));
+        let mut command = self.command(&needs::python()?, args);
+        // Python decides by locale otherwise; and a .pyc beside the source would show up in git.
+        command.env("PYTHONUTF8", "1").env("PYTHONDONTWRITEBYTECODE", "1");
+        Process::start(script, command)
+    }
+
+    /// Starts a real Wrapyfi publisher that goes on until it is dropped. `args` says type and flavour.
+    ///
+    /// # Errors
+    /// Where it cannot be started.
+    pub fn wrapyfi_publisher(&self, topic: &str, args: &str) -> Result<Process> {
+        let (pub_port, sub_port) = (self.pub_port(), self.sub_port());
+        self.peer(
+            "wrapyfi_peer.py",
+            &format!("publish --topic {topic} --pub-port {pub_port} --sub-port {sub_port} {args}"),
+        )
+    }
+
+    /// Starts a real Wrapyfi listener. `args` says type, flavour and perhaps `--count`.
+    ///
+    /// # Errors
+    /// Where it cannot be started.
+    pub fn wrapyfi_listener(&self, topic: &str, args: &str) -> Result<Process> {
+        let pub_port = self.pub_port();
+        self.peer("wrapyfi_peer.py", &format!("listen --topic {topic} --pub-port {pub_port} {args}"))
+    }
+
+    /// Starts a DDS subscriber on CycloneDDS.
+    ///
+    /// # Errors
+    /// Where it cannot be started.
+    pub fn dds_subscriber(&self, topic: &str, ros_type: &str, args: &str) -> Result<Process> {
+        self.peer("cyclone_peer.py", &format!("subscribe --topic {topic} --type {ros_type} {args}"))
+    }
+
+    /// Starts a DDS publisher on CycloneDDS that goes on until it is dropped.
+    ///
+    /// # Errors
+    /// Where it cannot be started.
+    pub fn dds_publisher(&self, topic: &str, ros_type: &str, args: &str) -> Result<Process> {
+        self.peer("cyclone_peer.py", &format!("publish --topic {topic} --type {ros_type} {args}"))
+    }
+
+    /// Starts an observer of the ROS 2 graph.
+    ///
+    /// # Errors
+    /// Where it cannot be started.
+    pub fn graph(&self) -> Result<Process> {
+        self.peer("cyclone_peer.py", "graph")
+    }
+
+    /// A ros2-client node on this test's domain.
+    ///
+    /// # Errors
+    /// Where DDS refuses it.
+    pub fn ros_node(&self, name: &str) -> Result<RosNode> {
+        RosNode::new(self.domain.number, name)
+    }
+
+    /// A command that sees this test's domain and ports, and only the loopback interface.
+    fn command<A: AsRef<OsStr>>(&self, program: &Path, args: impl IntoIterator<Item = A>) -> Command {
+        let mut command = Command::new(program);
+        command
+            .args(args)
+            .current_dir(self.folder.path())
+            .env("ROS_DOMAIN_ID", self.domain.number.to_string())
+            .env("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+            .env("CYCLONEDDS_URI", LOOPBACK)
+            .env("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp")
+            .env("WRAPYFI_ZEROMQ_SOCKET_IP", "127.0.0.1")
+            .env("WRAPYFI_ZEROMQ_SOCKET_PUB_PORT", self.pub_port().to_string())
+            .env("WRAPYFI_ZEROMQ_SOCKET_SUB_PORT", self.sub_port().to_string())
+            .env("NO_COLOR", "1");
+        for variable in ["ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS", "ROS_DISTRO", "RUST_LOG"] {
+            command.env_remove(variable);
+        }
+        command
+    }
+}

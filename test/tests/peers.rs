@@ -1,0 +1,61 @@
+//! The peers among themselves: a failure here is the harness's or the machine's, not the product's.
+
+use wrapyfi_e2e::{Need, Result, RosImage, run, sha256, texts};
+
+#[test]
+fn wrapyfi_hears_wrapyfi() -> Result {
+    run("wrapyfi_hears_wrapyfi", &[Need::Python], |world| {
+        let topic = world.topic("x");
+        let listener = world.wrapyfi_listener(&topic, "--flavour rich --count 3")?;
+        let publisher = world.wrapyfi_publisher(&topic, "--flavour rich")?;
+        publisher.sent_in_a_row("sha256", &texts(&listener.messages(3)?, "sha256"))
+    })
+}
+
+#[test]
+fn dds_peer_hears_dds_peer() -> Result {
+    run("dds_peer_hears_dds_peer", &[Need::Python], |world| {
+        let topic = world.topic("x");
+        let publisher = world.dds_publisher(&topic, "sensor_msgs/msg/Image", "--flavour colour")?;
+        let subscriber = world.dds_subscriber(&topic, "sensor_msgs/msg/Image", "--count 3")?;
+        publisher.sent_in_a_row("sha256", &texts(&subscriber.messages(3)?, "sha256"))
+    })
+}
+
+#[test]
+fn dds_peer_and_ros_node_hear_each_other() -> Result {
+    run("dds_peer_and_ros_node_hear_each_other", &[Need::Python], |world| {
+        let (there, back) = (world.topic("there"), world.topic("back"));
+        let mut node = world.ros_node("independent")?;
+        let heard = node.subscribe::<String>(&there, "std_msgs/msg/String")?;
+        let _publisher = world.dds_publisher(&there, "std_msgs/msg/String", "")?;
+        assert!(heard.next()?.contains("greeting"));
+
+        let frame = RosImage::plain(8, 4, "rgb8", [255, 0, 0]);
+        let expected = sha256(&frame.data);
+        let _spoken = node.publish(&back, "sensor_msgs/msg/Image", move |_| frame.clone())?;
+        let subscriber = world.dds_subscriber(&back, "sensor_msgs/msg/Image", "--count 1")?;
+        assert_eq!(texts(&subscriber.messages(1)?, "sha256"), [expected]);
+        Ok(())
+    })
+}
+
+#[test]
+fn graph_observer_sees_a_ros_node() -> Result {
+    run("graph_observer_sees_a_ros_node", &[Need::Python], |world| {
+        let graph = world.graph()?;
+        let mut node = world.ros_node("independent")?;
+        let _heard = node.subscribe::<String>(&world.topic("x"), "std_msgs/msg/String")?;
+        let dds_topic = format!("rt{}", world.topic("x"));
+        graph.wait_until("the node with its subscription", |output| {
+            let endpoint = output.events("endpoint").into_iter().find(|e| e["topic"] == *dds_topic)?;
+            let nodes = output.events("nodes");
+            let node = nodes.iter().flat_map(|e| e["nodes"].as_array().into_iter().flatten()).find(|node| {
+                node["name"] == "/independent"
+                    && node["readers"].as_array().is_some_and(|r| r.contains(&endpoint["guid"]))
+            })?;
+            Some(node.clone())
+        })?;
+        Ok(())
+    })
+}

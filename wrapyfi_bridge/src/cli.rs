@@ -1,0 +1,181 @@
+//! The command line, defined once: help and errors are generated from it.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::{Args, Parser, Subcommand};
+use wrapyfi_core::endpoint::EndpointAddress;
+use wrapyfi_core::types::MessageType;
+
+/// Wrapyfi for ROS 2: native objects, arrays, images and sound between ZeroMQ and ROS 2.
+#[derive(Debug, Parser)]
+#[command(
+    name = "wrapyfi",
+    version,
+    after_help = "Endpoints are written middleware:/name, for instance zeromq:/camera or ros2:/chatter.\n\
+    Exit codes: 0 done, 1 failed, 2 bad usage or configuration, 3 time-out."
+)]
+pub struct Cli {
+    /// Least severity to log: error, warn, info, debug or trace.
+    #[arg(long, global = true, default_value = "info", value_name = "LEVEL")]
+    pub log_level: String,
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Show the main job on built-in sources: camera, microphone and objects over ZeroMQ into ROS 2.
+    Demo(DemoArgs),
+    /// Run the routes of a configuration file.
+    Bridge(BridgeArgs),
+    /// Validate a configuration file and print what it would run.
+    Check {
+        /// Configuration file.
+        file: PathBuf,
+    },
+    /// Print the messages of an endpoint.
+    Echo(EchoArgs),
+    /// Publish to an endpoint.
+    Pub(PubArgs),
+    /// Run the ZeroMQ broker that Wrapyfi's publishers and listeners meet at.
+    Broker(BrokerArgs),
+}
+
+/// Arguments of `wrapyfi demo`.
+#[derive(Debug, Args)]
+pub struct DemoArgs {
+    /// How long it runs; without it, until interrupted.
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    pub seconds: Option<Duration>,
+}
+
+/// Arguments of `wrapyfi bridge`.
+#[derive(Debug, Args)]
+pub struct BridgeArgs {
+    /// Configuration file.
+    #[arg(long, value_name = "FILE")]
+    pub config: PathBuf,
+    /// How long it runs; without it, until interrupted.
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    pub seconds: Option<Duration>,
+    /// Print the routes' status as one JSON object a second on stdout.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `wrapyfi echo`.
+#[derive(Debug, Args)]
+pub struct EchoArgs {
+    /// Where to listen.
+    pub endpoint: EndpointAddress,
+    /// Type of the messages: NativeObject, Image, CompressedImage, AudioChunk or a ROS type.
+    #[arg(long = "type", value_name = "T")]
+    pub message_type: MessageType,
+    /// End after this many messages.
+    #[arg(long, value_name = "N")]
+    pub count: Option<u64>,
+    /// Fail with exit code 3 when the next message does not come within S seconds.
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    pub timeout: Option<Duration>,
+    /// One JSON object a line: type, stamp, shape or size, sha256 of the payload, and the value of
+    /// native objects.
+    #[arg(long)]
+    pub json: bool,
+    /// Quality of service on ROS 2: default, sensor_data or latched.
+    #[arg(long, value_name = "PRESET", default_value = "default", value_parser = qos)]
+    pub qos: wrapyfi_core::endpoint::QosPreset,
+}
+
+/// Arguments of `wrapyfi pub`.
+#[derive(Debug, Args)]
+pub struct PubArgs {
+    /// Where to publish.
+    pub endpoint: EndpointAddress,
+    /// Type of the messages: NativeObject, Image, CompressedImage, AudioChunk or a ROS type.
+    #[arg(long = "type", value_name = "T")]
+    pub message_type: MessageType,
+    /// The value, as JSON in Wrapyfi's dialect (tags and NaN allowed).
+    #[arg(long, value_name = "JSON", required_unless_present = "file", conflicts_with = "file")]
+    pub value: Option<String>,
+    /// The value from a file: .json, .npy, .png, .jpg or .wav.
+    #[arg(long, value_name = "F")]
+    pub file: Option<PathBuf>,
+    /// Messages per second.
+    #[arg(long, value_name = "HZ", default_value_t = 1.0, value_parser = rate)]
+    pub rate: f64,
+    /// End after this many messages; without it, until interrupted.
+    #[arg(long, value_name = "N")]
+    pub count: Option<u64>,
+    /// Fail with exit code 3 when no listener comes within S seconds; without it, wait for ever.
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    pub timeout: Option<Duration>,
+    /// Quality of service on ROS 2: default, sensor_data or latched.
+    #[arg(long, value_name = "PRESET", default_value = "default", value_parser = qos)]
+    pub qos: wrapyfi_core::endpoint::QosPreset,
+}
+
+/// Arguments of `wrapyfi broker`.
+#[derive(Debug, Args)]
+pub struct BrokerArgs {
+    /// Address to bind; default from WRAPYFI_ZEROMQ_SOCKET_IP, else 127.0.0.1.
+    #[arg(long, value_name = "IP")]
+    pub ip: Option<String>,
+    /// Port that listeners connect to; default from WRAPYFI_ZEROMQ_SOCKET_PUB_PORT, else 5555.
+    #[arg(long, value_name = "PORT")]
+    pub pub_port: Option<u16>,
+    /// Port that publishers connect to; default from WRAPYFI_ZEROMQ_SOCKET_SUB_PORT, else 5556.
+    #[arg(long, value_name = "PORT")]
+    pub sub_port: Option<u16>,
+    /// Allow an address that other machines reach. Nothing is encrypted or authenticated.
+    #[arg(long)]
+    pub insecure: bool,
+}
+
+/// A span of time given in seconds, at most a year.
+fn seconds(text: &str) -> Result<Duration, String> {
+    match text.parse::<f64>() {
+        Ok(value) if (0.0..=31_536_000.0).contains(&value) => {
+            Duration::try_from_secs_f64(value).map_err(|error| error.to_string())
+        }
+        _ => Err("must be seconds between 0 and 31536000".to_owned()),
+    }
+}
+
+fn rate(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(hz) if hz > 0.0 && hz <= 1e6 => Ok(hz),
+        _ => Err("must be above 0 and at most 1000000 Hz".to_owned()),
+    }
+}
+
+fn qos(text: &str) -> Result<wrapyfi_core::endpoint::QosPreset, String> {
+    use wrapyfi_core::endpoint::QosPreset;
+    match text {
+        "default" => Ok(QosPreset::Default),
+        "sensor_data" => Ok(QosPreset::SensorData),
+        "latched" => Ok(QosPreset::Latched),
+        _ => Err("must be default, sensor_data or latched".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_definition_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn numbers_out_of_range_are_refused() {
+        assert!(seconds("-1").is_err() && seconds("nan").is_err() && seconds("1e300").is_err());
+        assert_eq!(seconds("0.5"), Ok(Duration::from_millis(500)));
+        assert!(rate("0").is_err() && rate("inf").is_err());
+    }
+}

@@ -1,0 +1,85 @@
+//! `wrapyfi bridge` and the node executable `bridge`: runs the routes of a configuration.
+
+use std::io::{self, Write as _};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use anyhow::Context as _;
+use wrapyfi_core::engine::{Engine, RouteStatus};
+
+use crate::cli::BridgeArgs;
+use crate::exit::Failure;
+use crate::node::Node;
+use crate::session::{self, Session};
+use crate::shutdown::Shutdown;
+use crate::table;
+
+/// How long a bridge runs and what it prints.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Options {
+    /// When to end; never without.
+    pub seconds: Option<Duration>,
+    /// One JSON object a second on stdout.
+    pub json: bool,
+}
+
+/// Runs the routes until the time is over or the process is asked to end.
+///
+/// # Errors
+/// Exit code 2 when the configuration is refused, 1 when a middleware cannot start.
+pub fn run(args: &BridgeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
+    let options = Options { seconds: args.seconds, json: args.json };
+    let node = Node::bridge().map_err(Failure::usage)?;
+    run_node(&args.config, &node, options, shutdown)
+}
+
+/// As [`run`], as the ROS 2 node `node`.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_node(
+    config: &Path,
+    node: &Node,
+    options: Options,
+    shutdown: &Shutdown,
+) -> Result<(), Failure> {
+    let (endpoints, plan) = session::load(config)?;
+    let session = Session::for_plan(&endpoints, &plan, node)?;
+    tracing::info!("{} routes from {}", plan.routes.len(), config.display());
+    let running =
+        Engine::new(plan, session.registry()).start().context("cannot start the routes")?;
+    let end = options.seconds.map(|seconds| Instant::now() + seconds);
+    let mut tick = Instant::now();
+    loop {
+        tick += Duration::from_secs(1);
+        let ended = shutdown.wait_until(Some(end.map_or(tick, |end| tick.min(end))));
+        if ended || end.is_some_and(|end| Instant::now() >= end) {
+            break;
+        }
+        if options.json {
+            print_json(&running.status())?;
+        }
+    }
+    let last = running.stop();
+    if options.json {
+        print_json(&last)?;
+    }
+    for route in &last {
+        let drops: Vec<String> = route
+            .counters
+            .drops
+            .iter()
+            .map(|(reason, count)| format!("{reason} {count}"))
+            .collect();
+        let drops = if drops.is_empty() { "none".to_owned() } else { drops.join(", ") };
+        let (received, sent) = (route.counters.received, route.counters.sent);
+        tracing::info!(route = %route.name, "ends: {received} in, {sent} out, dropped: {drops}");
+    }
+    Ok(())
+}
+
+fn print_json(status: &[RouteStatus]) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    writeln!(out, "{}", table::json(status)).and_then(|()| out.flush()).context("cannot print")?;
+    Ok(())
+}

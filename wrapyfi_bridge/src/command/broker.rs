@@ -1,0 +1,46 @@
+//! `wrapyfi broker`: the place where Wrapyfi's publishers and listeners meet, standalone.
+
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+use anyhow::anyhow;
+use wrapyfi_core::middleware::zeromq::{Broker, ZeroMqConfig};
+
+use crate::cli::BrokerArgs;
+use crate::exit::Failure;
+use crate::shutdown::Shutdown;
+
+/// Runs until the process is asked to end.
+///
+/// # Errors
+/// Exit code 2 for bad settings, 1 when a port is taken.
+pub fn run(args: &BrokerArgs, shutdown: &Shutdown) -> Result<(), Failure> {
+    let mut config = ZeroMqConfig::from_env().map_err(Failure::usage)?;
+    if let Some(ip) = &args.ip {
+        config.ip.clone_from(ip);
+    }
+    config.pub_port = args.pub_port.unwrap_or(config.pub_port);
+    config.sub_port = args.sub_port.unwrap_or(config.sub_port);
+    config.insecure |= args.insecure;
+    let broker = Broker::start(&config.broker_config()).map_err(anyhow::Error::new)?;
+    tracing::info!(
+        "broker on {}: listeners connect to port {}, publishers to port {}",
+        broker.ip(),
+        broker.pub_port(),
+        broker.sub_port()
+    );
+    let mut known = BTreeMap::new();
+    while !shutdown.wait_until(Some(Instant::now() + Duration::from_secs(1))) {
+        let status = broker.status();
+        if let Some(reason) = status.failure {
+            return Err(anyhow!("the broker stopped: {reason}").into());
+        }
+        if status.subscriptions != known {
+            known = status.subscriptions;
+            tracing::info!("subscriptions: {known:?}");
+        }
+    }
+    let status = broker.status();
+    tracing::info!("forwarded {} messages, {} bytes", status.messages, status.bytes);
+    Ok(())
+}

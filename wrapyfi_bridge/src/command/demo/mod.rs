@@ -1,0 +1,120 @@
+//! `wrapyfi demo`: the main job on built-in sources.
+//!
+//! ```text
+//!   sources ── ZeroMQ ──▶ broker ──▶ bridge (node wrapyfi_demo) ── DDS ──▶ viewer
+//!   camera, microphone,                                       (node wrapyfi_demo_viewer)
+//!   objects                                                    rates and latencies
+//! ```
+//!
+//! Nothing is short-circuited: sources and viewer know only sockets and topics, as programs of
+//! their own would.
+
+mod sources;
+mod viewer;
+
+use std::io::{IsTerminal as _, Write as _};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, anyhow};
+use wrapyfi_core::engine::{Engine, Plan, RouteSpec};
+use wrapyfi_core::types::MessageType;
+
+use self::sources::Sources;
+use self::viewer::Viewer;
+use crate::cli::DemoArgs;
+use crate::exit::Failure;
+use crate::session::DemoSession;
+use crate::shutdown::Shutdown;
+use crate::table;
+
+/// What the demo carries: ZeroMQ topic, ROS 2 topic, type.
+const ROUTES: [(&str, &str, MessageType); 5] = [
+    ("/demo/camera", "/demo/camera/image_raw", MessageType::Image),
+    ("/demo/camera_jpeg", "/demo/camera/image_raw/compressed", MessageType::CompressedImage),
+    ("/demo/microphone", "/demo/microphone", MessageType::AudioChunk),
+    ("/demo/object", "/demo/object", MessageType::NativeObject),
+    ("/demo/text", "/demo/text", MessageType::StringJson),
+];
+
+/// Runs for `--seconds`, or until the process is asked to end.
+///
+/// # Errors
+/// Exit code 1 when a route delivered nothing; the message names it and its state.
+pub fn run(args: &DemoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
+    let session = DemoSession::start()?;
+    let plan = plan().context("demo routes")?;
+    let mut viewer = Viewer::open(session.viewer(), &ROUTES)?;
+    let running = Engine::new(plan, session.bridge()).start().context("cannot start the routes")?;
+    let sources = Sources::start(session.sources())?;
+
+    let start = Instant::now();
+    let end = args.seconds.map(|seconds| start + seconds);
+    let mut screen = Screen::new();
+    let mut before = running.status();
+    let mut tick = start;
+    loop {
+        let next = tick + Duration::from_secs(1);
+        let until = end.map_or(next, |end| next.min(end));
+        let ended = viewer.watch(until, shutdown);
+        let now = running.status();
+        let elapsed = tick.elapsed();
+        tick = Instant::now();
+        screen.show(&format!(
+            "{:.0} s  ZeroMQ {} -> ROS 2 domain {}\n\nThe bridge\n{}\nWhat a ROS 2 node receives (latency from the frame's stamp to its arrival)\n{}",
+            start.elapsed().as_secs_f64(),
+            session.broker(),
+            session.domain_id(),
+            table::table(&before, &now, elapsed),
+            viewer.table(elapsed),
+        ))?;
+        before = now;
+        if ended || end.is_some_and(|end| tick >= end) {
+            break;
+        }
+    }
+    drop(sources);
+    let last = running.stop();
+    let silent = viewer.silent();
+    if silent.is_empty() {
+        return Ok(());
+    }
+    let reasons: Vec<String> = last
+        .iter()
+        .filter(|route| silent.iter().any(|topic| route.to.ends_with(topic)))
+        .map(|route| format!("{} ({})", route.name, route.state))
+        .collect();
+    Err(anyhow!("nothing arrived on: {}", reasons.join("; ")).into())
+}
+
+fn plan() -> anyhow::Result<Plan> {
+    let route = |&(from, to, message_type): &(&str, &str, MessageType)| {
+        anyhow::Ok(RouteSpec::new(
+            format!("zeromq:{from}").parse()?,
+            format!("ros2:{to}").parse()?,
+            message_type,
+        ))
+    };
+    Ok(Plan { routes: ROUTES.iter().map(route).collect::<anyhow::Result<_>>()? })
+}
+
+/// Redraws in place on a terminal, appends elsewhere.
+struct Screen {
+    terminal: bool,
+    lines: usize,
+}
+
+impl Screen {
+    fn new() -> Self {
+        Self { terminal: std::io::stdout().is_terminal(), lines: 0 }
+    }
+
+    fn show(&mut self, text: &str) -> Result<(), Failure> {
+        let mut out = std::io::stdout().lock();
+        if self.terminal && self.lines > 0 {
+            write!(out, "\x1b[{}A\x1b[J", self.lines).context("cannot print")?;
+        }
+        writeln!(out, "{text}").and_then(|()| out.flush()).context("cannot print")?;
+        self.lines = text.lines().count() + usize::from(text.ends_with('\n'));
+        Ok(())
+    }
+}

@@ -1,0 +1,148 @@
+//! The demo's ROS 2 node: receives every topic as any node would, and measures.
+
+use std::fmt::Write as _;
+use std::time::{Duration, Instant};
+
+use anyhow::Context as _;
+use wrapyfi_core::endpoint::{Context, Latency, Listener, Middleware, TopicSpec, Wake};
+use wrapyfi_core::types::{MessageType, Payload, Stamp, Value};
+
+use crate::describe::summary;
+use crate::shutdown::Shutdown;
+
+/// Key under which the demo's objects carry the time they were sent.
+pub(super) const SENT_AT: &str = "sent_at";
+
+/// Listens to the demo's topics.
+pub(super) struct Viewer {
+    wake: Wake,
+    topics: Vec<Topic>,
+}
+
+struct Topic {
+    name: &'static str,
+    message_type: MessageType,
+    listener: Box<dyn Listener>,
+    received: u64,
+    bytes: u64,
+    shown: (u64, u64),
+    latency: Latency,
+    last: String,
+}
+
+impl Viewer {
+    pub(super) fn open(
+        middleware: &dyn Middleware,
+        routes: &[(&'static str, &'static str, MessageType)],
+    ) -> anyhow::Result<Self> {
+        let wake = Wake::new();
+        let open = |&(_, name, message_type): &(&str, &'static str, MessageType)| {
+            let context = Context { wake: wake.clone(), ..Context::default() };
+            let listener = middleware
+                .open_listener(&TopicSpec::new(name, message_type), &context)
+                .with_context(|| format!("viewer of {name}"))?;
+            let latency = Latency::default();
+            let last = String::new();
+            anyhow::Ok(Topic {
+                name,
+                message_type,
+                listener,
+                received: 0,
+                bytes: 0,
+                shown: (0, 0),
+                latency,
+                last,
+            })
+        };
+        let topics = routes.iter().map(open).collect::<anyhow::Result<_>>()?;
+        Ok(Self { wake, topics })
+    }
+
+    /// Receives until `until`; true when the process was asked to end.
+    pub(super) fn watch(&mut self, until: Instant, shutdown: &Shutdown) -> bool {
+        loop {
+            for topic in &mut self.topics {
+                topic.drain();
+            }
+            if shutdown.requested() {
+                return true;
+            }
+            let rest = until.saturating_duration_since(Instant::now());
+            if rest.is_zero() {
+                return false;
+            }
+            self.wake.wait(rest.min(crate::command::WAIT_SLICE));
+        }
+    }
+
+    /// Topics on which nothing arrived.
+    pub(super) fn silent(&self) -> Vec<&'static str> {
+        self.topics.iter().filter(|topic| topic.received == 0).map(|topic| topic.name).collect()
+    }
+
+    /// What arrived, with rates over the time since the last call.
+    pub(super) fn table(&mut self, elapsed: Duration) -> String {
+        let seconds = elapsed.as_secs_f64().max(1e-9);
+        let mut out = format!(
+            "{:<35} {:<26} {:>8} {:>6} {:>7} {:>8} {:>8}  last\n",
+            "topic", "type", "received", "Hz", "MB/s", "p50 ms", "p99 ms"
+        );
+        for topic in &mut self.topics {
+            let (received, bytes) =
+                std::mem::replace(&mut topic.shown, (topic.received, topic.bytes));
+            let latency = topic.latency.summary();
+            // Writing to a String cannot fail.
+            let _infallible = writeln!(
+                out,
+                "{:<35} {:<26} {:>8} {:>6.1} {:>7.2} {:>8.2} {:>8.2}  {}",
+                topic.name,
+                topic.message_type.ros_type().replace("/msg", ""),
+                topic.received,
+                (topic.received - received) as f64 / seconds,
+                (topic.bytes - bytes) as f64 / seconds / 1e6,
+                latency.p50_us as f64 / 1e3,
+                latency.p99_us as f64 / 1e3,
+                topic.last,
+            );
+        }
+        out
+    }
+}
+
+impl Topic {
+    fn drain(&mut self) {
+        loop {
+            match self.listener.take() {
+                Ok(None) => return,
+                Ok(Some(sample)) => {
+                    self.received += 1;
+                    self.bytes += sample.wire_bytes as u64;
+                    if let Some(sent) = sent_at(&sample.payload) {
+                        let now = Stamp::now().as_secs_f64();
+                        self.latency
+                            .record(Duration::try_from_secs_f64(now - sent).unwrap_or_default());
+                    }
+                    let text = summary(&sample.payload);
+                    self.last = text.chars().take(60).collect();
+                }
+                Err(error) => tracing::warn!("{}: {error}", self.name),
+            }
+        }
+    }
+}
+
+/// When the source sent it, in seconds since 1970.
+fn sent_at(payload: &Payload) -> Option<f64> {
+    match payload {
+        Payload::Image(image) => Some(image.stamp.as_secs_f64()),
+        Payload::AudioChunk(chunk) => Some(chunk.stamp.as_secs_f64()),
+        Payload::NativeObject(value) => match value.as_ref() {
+            Value::Map(map) => match map.get(SENT_AT) {
+                Some(Value::Float(seconds)) => Some(*seconds),
+                _ => None,
+            },
+            _ => None,
+        },
+        _ => None,
+    }
+}

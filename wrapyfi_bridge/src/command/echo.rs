@@ -1,0 +1,92 @@
+//! `wrapyfi echo`: prints the messages of an endpoint.
+
+use std::io::{self, Write as _};
+use std::time::Instant;
+
+use anyhow::Context as _;
+use wrapyfi_core::endpoint::{Context, Overflow, QueueSpec, TopicSpec};
+
+use crate::cli::EchoArgs;
+use crate::describe::{describe, summary};
+use crate::exit::Failure;
+use crate::session::{Role, Session};
+use crate::shutdown::Shutdown;
+
+/// Runs until `count` messages were printed, the time is out, or the process is asked to end.
+///
+/// # Errors
+/// Exit code 3 when a message did not come in time, 2 when the endpoint is wrong.
+pub fn run(args: &EchoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
+    let session = Session::for_endpoint(&args.endpoint, Role::Listener)?;
+    let context = Context::default();
+    let spec = TopicSpec {
+        qos: args.qos.into(),
+        queue: QueueSpec { depth: 100, overflow: Overflow::DropOldest },
+        ..TopicSpec::new(&args.endpoint.name, args.message_type)
+    };
+    let middleware = session.registry().get(&args.endpoint.middleware).map_err(Failure::usage)?;
+    let mut listener = middleware.open_listener(&spec, &context).map_err(Failure::usage)?;
+    let mut out = io::stdout().lock();
+    let mut printed = 0;
+    let mut deadline = args.timeout.map(|timeout| Instant::now() + timeout);
+    while !shutdown.requested() && args.count.is_none_or(|count| printed < count) {
+        match listener.take() {
+            Ok(Some(sample)) => {
+                let line = if args.json {
+                    describe(&sample.payload).to_string()
+                } else {
+                    summary(&sample.payload)
+                };
+                if let Err(error) = writeln!(out, "{line}").and_then(|()| out.flush()) {
+                    // The reader of our output has seen enough: `wrapyfi echo … | head`.
+                    return match error.kind() {
+                        io::ErrorKind::BrokenPipe => Ok(()),
+                        _ => Err(anyhow::Error::new(error).context("cannot print").into()),
+                    };
+                }
+                printed += 1;
+                deadline = args.timeout.map(|timeout| Instant::now() + timeout);
+            }
+            Ok(None) => {
+                if let Some(at) = deadline
+                    && Instant::now() >= at
+                {
+                    return Err(timed_out(args, printed, &listener.link(), &context));
+                }
+                context.wake.wait(super::WAIT_SLICE);
+            }
+            Err(error) => {
+                context.counters.dropped(error.drop_reason());
+                tracing::warn!("{}: dropped a message: {error}", args.endpoint);
+            }
+        }
+    }
+    report_drops(&context);
+    out.flush().context("cannot print").map_err(Failure::from)
+}
+
+fn timed_out(
+    args: &EchoArgs,
+    printed: u64,
+    link: &wrapyfi_core::endpoint::Link,
+    context: &Context,
+) -> Failure {
+    let why = match link {
+        link if link.waiting_for.is_some() => link.waiting_for.clone().unwrap_or_default(),
+        link if link.peers == Some(0) => "no publisher is there".to_owned(),
+        _ => "nothing was published".to_owned(),
+    };
+    report_drops(context);
+    Failure::TimedOut(format!(
+        "{}: time-out after {printed} messages: {why}; {} arrived, {} were dropped",
+        args.endpoint,
+        context.counters.snapshot().received,
+        context.counters.snapshot().dropped(),
+    ))
+}
+
+fn report_drops(context: &Context) {
+    for (reason, count) in context.counters.snapshot().drops {
+        tracing::warn!("{count} messages dropped: {reason}");
+    }
+}

@@ -1,0 +1,13 @@
+//! One module per subcommand.
+
+use std::time::Duration;
+
+pub mod bridge;
+pub mod broker;
+pub mod check;
+pub mod demo;
+pub mod echo;
+pub mod publish;
+
+/// Longest a command waits before it looks at signals and deadlines again.
+const WAIT_SLICE: Duration = Duration::from_millis(50);

@@ -1,0 +1,94 @@
+//! `wrapyfi pub`: publishes a value or a file to an endpoint.
+
+use std::time::{Duration, Instant};
+
+use anyhow::anyhow;
+use wrapyfi_core::endpoint::{Context, Publisher, TopicSpec};
+use wrapyfi_core::types::Payload;
+
+use crate::cli::PubArgs;
+use crate::exit::Failure;
+use crate::session::{Role, Session};
+use crate::shutdown::Shutdown;
+use crate::{describe, input};
+
+/// Waits for a listener, then publishes until `count` is reached or the process is asked to end.
+///
+/// # Errors
+/// Exit code 3 when no listener came in time, 2 when endpoint or input is wrong.
+pub fn run(args: &PubArgs, shutdown: &Shutdown) -> Result<(), Failure> {
+    let spec = TopicSpec {
+        qos: args.qos.into(),
+        ..TopicSpec::new(&args.endpoint.name, args.message_type)
+    };
+    let payload = match (&args.value, &args.file) {
+        (Some(text), _) => input::from_json(text, &spec),
+        (None, Some(file)) => input::from_file(file, &spec),
+        (None, None) => Err(anyhow!("give --value or --file")),
+    };
+    let mut payload = payload.map_err(|error| Failure::usage(format!("{error:#}")))?;
+    let session = Session::for_endpoint(&args.endpoint, Role::Publisher)?;
+    let context = Context::default();
+    let middleware = session.registry().get(&args.endpoint.middleware).map_err(Failure::usage)?;
+    let mut publisher = middleware.open_publisher(&spec, &context).map_err(Failure::usage)?;
+    if !wait_for_listener(args, publisher.as_ref(), &context, shutdown)? {
+        return Ok(());
+    }
+    let sent = publish(args, publisher.as_mut(), &context, &mut payload, shutdown)?;
+    tracing::info!("published {sent} to {}: {}", args.endpoint, describe::summary(&payload));
+    drop(publisher); // hands over what is queued before the transport goes
+    Ok(())
+}
+
+/// False when asked to end.
+fn wait_for_listener(
+    args: &PubArgs,
+    publisher: &dyn Publisher,
+    context: &Context,
+    shutdown: &Shutdown,
+) -> Result<bool, Failure> {
+    let deadline = args.timeout.map(|timeout| Instant::now() + timeout);
+    let mut told = false;
+    while !shutdown.requested() {
+        let link = publisher.link();
+        if link.waiting_for.is_none() && (link.keeps_last || link.peers != Some(0)) {
+            return Ok(true);
+        }
+        let what = link.waiting_for.unwrap_or_else(|| format!("a listener on {}", args.endpoint));
+        if deadline.is_some_and(|at| Instant::now() >= at) {
+            return Err(Failure::TimedOut(format!("time-out while waiting for {what}")));
+        }
+        if !std::mem::replace(&mut told, true) {
+            tracing::info!("waiting for {what}");
+        }
+        context.wake.wait(super::WAIT_SLICE);
+    }
+    Ok(false)
+}
+
+fn publish(
+    args: &PubArgs,
+    publisher: &mut dyn Publisher,
+    context: &Context,
+    payload: &mut Payload,
+    shutdown: &Shutdown,
+) -> Result<u64, Failure> {
+    let interval = Duration::from_secs_f64(1.0 / args.rate);
+    let start = Instant::now();
+    let mut sent = 0;
+    while args.count.is_none_or(|count| sent < count) && !shutdown.requested() {
+        input::restamp(payload);
+        publisher.publish(payload).map_err(anyhow::Error::new)?;
+        sent += 1;
+        if args.count == Some(sent) {
+            break;
+        }
+        // From the start on, so that the rate does not drift with the cost of a send.
+        let due = start + interval.mul_f64(sent as f64);
+        while Instant::now() < due && !shutdown.requested() {
+            let rest = due.saturating_duration_since(Instant::now());
+            context.wake.wait(rest.min(super::WAIT_SLICE));
+        }
+    }
+    Ok(sent)
+}

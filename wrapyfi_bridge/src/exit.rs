@@ -1,0 +1,47 @@
+//! How a command ends: the exit codes, and one clear line on stderr.
+
+use std::process::ExitCode;
+
+/// Why a command did not succeed, which decides its exit code.
+#[derive(Debug, thiserror::Error)]
+pub enum Failure {
+    /// Bad usage or configuration: exit code 2.
+    #[error("{0}")]
+    Usage(String),
+    /// What was waited for did not come in time: exit code 3.
+    #[error("{0}")]
+    TimedOut(String),
+    /// Everything else: exit code 1.
+    #[error("{0:#}")]
+    Failed(#[from] anyhow::Error),
+}
+
+impl Failure {
+    /// A wrong argument or configuration.
+    pub fn usage(text: impl ToString) -> Self {
+        Self::Usage(text.to_string())
+    }
+
+    /// The exit code, as `wrapyfi --help` lists it.
+    #[must_use]
+    pub fn code(&self) -> u8 {
+        match self {
+            Self::Failed(_) => 1,
+            Self::Usage(_) => 2,
+            Self::TimedOut(_) => 3,
+        }
+    }
+}
+
+/// Prints the failure, if any, and turns it into the process's exit code.
+#[must_use]
+#[expect(clippy::print_stderr, reason = "the last word of a command, with or without logging")]
+pub fn finish(outcome: Result<(), Failure>) -> ExitCode {
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("wrapyfi: {failure}");
+            ExitCode::from(failure.code())
+        }
+    }
+}

@@ -1,0 +1,26 @@
+//! The `wrapyfi` command and the bridge node.
+//!
+//! # Layout
+//!
+//! ```text
+//!   main.rs ─▶ cli ─▶ command::{demo, bridge, check, echo, publish, broker}
+//!   bin/bridge.rs ─▶ node ─▶ command::bridge        `ros2 run wrapyfi_bridge bridge`
+//!
+//!   session   configuration -> middlewares in a registry
+//!   describe  a payload as one JSON object, with its digest
+//!   input     JSON, .npy, PNG, JPEG, WAV -> a payload
+//!   table     route status as a table or as JSON
+//! ```
+//!
+//! A library only so that its two programs share it; it promises no stable interface.
+
+pub mod cli;
+pub mod command;
+pub mod describe;
+pub mod exit;
+pub mod input;
+pub mod logging;
+pub mod node;
+pub mod session;
+pub mod shutdown;
+pub mod table;

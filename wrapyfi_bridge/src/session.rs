@@ -1,0 +1,280 @@
+//! From a configuration to middlewares that run.
+//!
+//! ```text
+//!   bridge.yaml ─ load ─▶ Endpoints + Plan ─ Session::for_plan ─▶ Registry
+//!   endpoint on the command line ────────── Session::for_endpoint ─▶ Registry
+//! ```
+//!
+//! The only place that knows which middlewares exist. Those that no route uses are not started.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::Context as _;
+use serde::Deserialize;
+use wrapyfi_core::endpoint::{EndpointAddress, Middleware, Registry};
+use wrapyfi_core::engine::{Config, MAX_CONFIG_BYTES, Plan};
+use wrapyfi_core::middleware::ros2::{self, CycloneConfig, CycloneGraph, Ros2};
+use wrapyfi_core::middleware::zeromq::{BrokerMode, ZeroMq, ZeroMqConfig};
+
+use crate::exit::Failure;
+use crate::node::Node;
+
+/// Names under which routes and commands address the middlewares.
+pub const MIDDLEWARES: [&str; 2] = ["zeromq", "ros2"];
+
+/// The `endpoints` section of a configuration: how each middleware is reached.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Endpoints {
+    /// The ZeroMQ broker.
+    pub zeromq: ZeroMqSection,
+    /// The ROS 2 graph.
+    pub ros2: Ros2Section,
+}
+
+/// `endpoints.zeromq`; what is left out comes from the `WRAPYFI_ZEROMQ_*` variables, else from
+/// Wrapyfi's defaults.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+#[allow(missing_docs)] // config/example.yaml is the manual
+pub struct ZeroMqSection {
+    pub ip: Option<String>,
+    pub pub_port: Option<u16>,
+    pub sub_port: Option<u16>,
+    pub broker: Option<BrokerWord>,
+    pub monitor_topic: Option<String>,
+    pub send_hwm: Option<u16>,
+    pub insecure: bool,
+}
+
+/// Who runs the broker.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[allow(missing_docs)]
+pub enum BrokerWord {
+    Embedded,
+    Foreign,
+}
+
+/// `endpoints.ros2`; what is left out comes from the ROS 2 environment variables.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+#[allow(missing_docs)] // config/example.yaml is the manual
+pub struct Ros2Section {
+    pub domain_id: Option<u32>,
+    pub interface: Option<String>,
+}
+
+/// Reads and checks a configuration file.
+///
+/// # Errors
+/// Exit code 2 with every fault, each with its line.
+pub fn load(file: &Path) -> Result<(Endpoints, Plan), Failure> {
+    let name = file.display().to_string();
+    let size =
+        std::fs::metadata(file).map_err(|error| Failure::usage(format!("{name}: {error}")))?;
+    if size.len() > MAX_CONFIG_BYTES as u64 {
+        let text = format!("{name}: {} bytes long, the limit is {MAX_CONFIG_BYTES}", size.len());
+        return Err(Failure::usage(text));
+    }
+    let text = std::fs::read_to_string(file)
+        .map_err(|error| Failure::usage(format!("{name}: {error}")))?;
+    let config: Config<Endpoints> = Config::from_yaml(&text, &name).map_err(Failure::usage)?;
+    let plan = Plan::new(&config, &MIDDLEWARES, &name).map_err(Failure::usage)?;
+    Ok((config.endpoints, plan))
+}
+
+/// Which end of a topic a command is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// It listens: Wrapyfi's listeners never start a broker.
+    Listener,
+    /// It publishes: Wrapyfi's publishers start the broker when there is none.
+    Publisher,
+}
+
+/// Middlewares at work.
+#[derive(Debug, Default)]
+pub struct Session {
+    registry: Registry,
+}
+
+impl Session {
+    /// The middlewares that `plan` uses, as the ROS 2 node `node`.
+    ///
+    /// # Errors
+    /// Exit code 2 for settings that cannot work, 1 when one does not start.
+    pub fn for_plan(endpoints: &Endpoints, plan: &Plan, node: &Node) -> Result<Self, Failure> {
+        let used = |name: &str| {
+            plan.routes
+                .iter()
+                .any(|route| route.from.middleware == name || route.to.middleware == name)
+        };
+        let mut session = Self::default();
+        if used("zeromq") {
+            session.add(Arc::new(zeromq(&endpoints.zeromq, None)?));
+        }
+        if used("ros2") {
+            session.add(Arc::new(ros2(&endpoints.ros2, node)?));
+        }
+        Ok(session)
+    }
+
+    /// The one middleware that `address` names, for a command.
+    ///
+    /// # Errors
+    /// As [`Session::for_plan`].
+    pub fn for_endpoint(address: &EndpointAddress, role: Role) -> Result<Self, Failure> {
+        let mut session = Self::default();
+        let endpoints = Endpoints::default();
+        match address.middleware.as_str() {
+            "zeromq" => session.add(Arc::new(zeromq(&endpoints.zeromq, Some(role))?)),
+            "ros2" => session
+                .add(Arc::new(ros2(&endpoints.ros2, &Node::hidden().map_err(Failure::usage)?)?)),
+            other => {
+                let text = format!(
+                    "middleware {other:?} is not available; available: {}",
+                    MIDDLEWARES.join(", ")
+                );
+                return Err(Failure::Usage(text));
+            }
+        }
+        Ok(session)
+    }
+
+    /// The middlewares by name.
+    #[must_use]
+    pub fn registry(&self) -> &Registry {
+        &self.registry
+    }
+
+    fn add(&mut self, middleware: Arc<dyn Middleware>) {
+        self.registry.register(middleware);
+    }
+}
+
+fn zeromq(section: &ZeroMqSection, role: Option<Role>) -> Result<ZeroMq, Failure> {
+    let mut config = ZeroMqConfig::from_env().map_err(Failure::usage)?;
+    if let Some(ip) = &section.ip {
+        config.ip.clone_from(ip);
+    }
+    if let Some(topic) = &section.monitor_topic {
+        config.monitor_topic.clone_from(topic);
+    }
+    config.pub_port = section.pub_port.unwrap_or(config.pub_port);
+    config.sub_port = section.sub_port.unwrap_or(config.sub_port);
+    config.send_hwm = section.send_hwm.unwrap_or(config.send_hwm);
+    config.insecure |= section.insecure;
+    match section.broker {
+        Some(BrokerWord::Embedded) => config.broker = BrokerMode::Embedded,
+        Some(BrokerWord::Foreign) => config.broker = BrokerMode::Foreign,
+        None if role == Some(Role::Listener) => config.broker = BrokerMode::Foreign,
+        None => (),
+    }
+    Ok(ZeroMq::start(config).context("zeromq")?)
+}
+
+fn ros2(section: &Ros2Section, node: &Node) -> Result<Ros2, Failure> {
+    let environment =
+        ros2::environment::read(|name| std::env::var(name).ok()).map_err(Failure::usage)?;
+    for warning in &environment.warnings {
+        tracing::warn!("{warning}");
+    }
+    let mut config = CycloneConfig::from_environment(node.name().clone(), &environment);
+    config.domain_id = section.domain_id.unwrap_or(config.domain_id);
+    config.interface.clone_from(&section.interface);
+    tracing::info!(
+        "ROS 2 node {} on domain {}: {}",
+        node.name().fqn(),
+        config.domain_id,
+        environment.stack_reason
+    );
+    let graph = CycloneGraph::new(config).context("ros2")?;
+    let node = node.clone();
+    Ok(Ros2::new(Arc::new(graph)).with_names(move |topic| node.resolve_topic(topic)))
+}
+
+/// The three parties of the demo, each with sockets of its own.
+pub struct DemoSession {
+    sources: ZeroMq,
+    bridge: Registry,
+    viewer: Ros2,
+    broker: String,
+    domain_id: u32,
+}
+
+impl DemoSession {
+    /// Starts the bridge's side with its embedded broker, then the sources' and the viewer's.
+    ///
+    /// Everything stays on this host: ROS 2 discovery is limited to it unless
+    /// `ROS_AUTOMATIC_DISCOVERY_RANGE` says otherwise.
+    ///
+    /// # Errors
+    /// Exit code 1 when a middleware does not start.
+    pub fn start() -> Result<Self, Failure> {
+        let mut config = ZeroMqConfig::from_env().map_err(Failure::usage)?;
+        config.broker = BrokerMode::Embedded;
+        let bridge_side = match ZeroMq::start(config.clone()) {
+            Ok(started) => started,
+            Err(error) => {
+                // Something else has Wrapyfi's ports: the demo does not need those.
+                tracing::info!("{error}; the demo's broker takes free ports");
+                (config.pub_port, config.sub_port) = (0, 0);
+                ZeroMq::start(config.clone()).context("zeromq")?
+            }
+        };
+        (config.pub_port, config.sub_port) = (bridge_side.pub_port(), bridge_side.sub_port());
+        config.broker = BrokerMode::Foreign;
+        let broker = format!("{}:{}/{}", config.ip, config.pub_port, config.sub_port);
+        let sources = ZeroMq::start(config).context("zeromq")?;
+
+        let graph = |name: &str| -> Result<_, Failure> {
+            let lookup = |name: &str| match (name, std::env::var(name).ok()) {
+                ("ROS_AUTOMATIC_DISCOVERY_RANGE", None) => Some("LOCALHOST".to_owned()),
+                (_, value) => value,
+            };
+            let environment = ros2::environment::read(lookup).map_err(Failure::usage)?;
+            let node = Node::named(name).map_err(Failure::usage)?;
+            let config = CycloneConfig::from_environment(node.name().clone(), &environment);
+            let graph = CycloneGraph::new(config).context("ros2")?;
+            Ok((Ros2::new(Arc::new(graph)), environment.domain_id))
+        };
+        let (ros2, domain_id) = graph("wrapyfi_demo")?;
+        let (viewer, _) = graph("wrapyfi_demo_viewer")?;
+        let mut bridge = Registry::new();
+        bridge.register(Arc::new(bridge_side));
+        bridge.register(Arc::new(ros2));
+        Ok(Self { sources, bridge, viewer, broker, domain_id })
+    }
+
+    /// What the sources publish on.
+    #[must_use]
+    pub fn sources(&self) -> &dyn Middleware {
+        &self.sources
+    }
+
+    /// What the routes use.
+    #[must_use]
+    pub fn bridge(&self) -> &Registry {
+        &self.bridge
+    }
+
+    /// What the viewer listens on.
+    #[must_use]
+    pub fn viewer(&self) -> &dyn Middleware {
+        &self.viewer
+    }
+
+    /// Address and ports of the broker.
+    #[must_use]
+    pub fn broker(&self) -> &str {
+        &self.broker
+    }
+
+    /// DDS domain of the demo.
+    #[must_use]
+    pub fn domain_id(&self) -> u32 {
+        self.domain_id
+    }
+}

@@ -1,0 +1,321 @@
+//! The configuration file: YAML to plain data, nothing resolved yet.
+//!
+//! ```text
+//!   text ── from_yaml ──▶ Config ── Plan::new ──▶ Plan ── Engine::new ──▶ routes
+//!            unknown keys,          names, types,
+//!            wrong types: line      duplicates: line
+//! ```
+//!
+//! `config/example.yaml` is the manual: every key, commented.
+
+use std::fmt;
+
+use serde::de::{self, DeserializeOwned, IntoDeserializer, MapAccess, Visitor};
+use serde::{Deserialize, Deserializer};
+pub use serde_saphyr::Spanned;
+
+use super::config_error::ConfigError;
+use crate::endpoint::{Durability, History, Qos, QosPreset, Reliability};
+
+/// Largest configuration file, in bytes.
+pub const MAX_CONFIG_BYTES: usize = 1 << 20;
+
+/// A configuration file. `E` describes the endpoints section: which middlewares there are is the
+/// program's business, not the engine's.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields, bound = "E: DeserializeOwned + Default")]
+pub struct Config<E> {
+    /// How to reach each middleware.
+    #[serde(default)]
+    pub endpoints: E,
+    /// Values for routes that do not set their own.
+    #[serde(default)]
+    pub defaults: Defaults,
+    /// What goes where.
+    pub routes: Vec<Spanned<RouteConfig>>,
+}
+
+/// Values for routes that do not set their own.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Defaults {
+    /// Messages a route's queue holds (default 10).
+    pub queue_depth: usize,
+    /// What a full queue does (default `drop_oldest`).
+    pub overflow: OverflowConfig,
+    /// Largest message in MiB (default 64).
+    pub max_message_mib: usize,
+}
+
+impl Default for Defaults {
+    fn default() -> Self {
+        Self { queue_depth: 10, overflow: OverflowConfig::DropOldest, max_message_mib: 64 }
+    }
+}
+
+/// One entry of `routes`.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RouteConfig {
+    /// Source, as `middleware:/name`.
+    pub from: String,
+    /// Destination, as `middleware:/name`.
+    pub to: String,
+    /// Message type: see [`crate::types::MessageType`].
+    #[serde(rename = "type")]
+    pub message_type: String,
+    /// Name in tables and logs (default `from -> to`).
+    #[serde(default)]
+    pub name: Option<String>,
+    /// Quality of service where a middleware has one (default: reliable, volatile, keep-last 10).
+    #[serde(default)]
+    pub qos: Option<QosConfig>,
+    /// Channel order of three-channel frames on Wrapyfi's side: `bgr8` (default) or `rgb8`.
+    #[serde(default)]
+    pub encoding: Option<String>,
+    /// Messages the route's queue holds.
+    #[serde(default)]
+    pub queue_depth: Option<usize>,
+    /// What a full queue does.
+    #[serde(default)]
+    pub overflow: Option<OverflowConfig>,
+    /// Highest rate passed on, in messages per second; others are dropped and counted.
+    #[serde(default)]
+    pub max_rate_hz: Option<f64>,
+    /// Largest message in MiB.
+    #[serde(default)]
+    pub max_message_mib: Option<usize>,
+    /// Allows another route to the same destination.
+    #[serde(default)]
+    pub merge: bool,
+}
+
+/// What a full queue does: `drop_oldest`, `drop_newest` or `{ block_ms: N }`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[allow(missing_docs)]
+pub enum OverflowConfig {
+    DropOldest,
+    DropNewest,
+    Block { block_ms: u64 },
+}
+
+/// `default`, `sensor_data`, `latched`, or the policies one by one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct QosConfig(pub Qos);
+
+impl<E: DeserializeOwned + Default> Config<E> {
+    /// Reads a configuration; `file` is its name in errors.
+    ///
+    /// # Errors
+    /// Names file, line and column, what is wrong, and the nearest valid spelling of an unknown key.
+    pub fn from_yaml(text: &str, file: &str) -> Result<Self, ConfigError> {
+        if text.len() > MAX_CONFIG_BYTES {
+            return Err(ConfigError::too_large(file, text.len(), MAX_CONFIG_BYTES));
+        }
+        serde_saphyr::from_str(text).map_err(|error| ConfigError::from_yaml(file, &error))
+    }
+}
+
+impl<'de> Deserialize<'de> for OverflowConfig {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(Deserialize)]
+        #[serde(rename_all = "snake_case")]
+        enum Word {
+            DropOldest,
+            DropNewest,
+        }
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Block {
+            block_ms: u64,
+        }
+        word_or_map(
+            deserializer,
+            "drop_oldest, drop_newest or { block_ms: N }",
+            |word: Word| match word {
+                Word::DropOldest => Self::DropOldest,
+                Word::DropNewest => Self::DropNewest,
+            },
+            |Block { block_ms }| Self::Block { block_ms },
+        )
+    }
+}
+
+impl<'de> Deserialize<'de> for QosConfig {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(Deserialize)]
+        #[serde(rename_all = "snake_case")]
+        enum Word {
+            Default,
+            SensorData,
+            Latched,
+        }
+        #[derive(Deserialize, Default)]
+        #[serde(deny_unknown_fields, default)]
+        struct Policies {
+            reliability: Option<ReliabilityWord>,
+            durability: Option<DurabilityWord>,
+            history: Option<HistoryWord>,
+            depth: Option<u32>,
+        }
+        #[derive(Deserialize)]
+        #[serde(rename_all = "snake_case")]
+        enum ReliabilityWord {
+            Reliable,
+            BestEffort,
+        }
+        #[derive(Deserialize)]
+        #[serde(rename_all = "snake_case")]
+        enum DurabilityWord {
+            Volatile,
+            TransientLocal,
+        }
+        #[derive(Deserialize)]
+        #[serde(rename_all = "snake_case")]
+        enum HistoryWord {
+            KeepLast,
+            KeepAll,
+        }
+        word_or_map(
+            deserializer,
+            "default, sensor_data, latched or { reliability, durability, history, depth }",
+            |word: Word| {
+                Self(Qos::from(match word {
+                    Word::Default => QosPreset::Default,
+                    Word::SensorData => QosPreset::SensorData,
+                    Word::Latched => QosPreset::Latched,
+                }))
+            },
+            |policies: Policies| {
+                let base = Qos::default();
+                Self(Qos {
+                    reliability: match policies.reliability {
+                        Some(ReliabilityWord::BestEffort) => Reliability::BestEffort,
+                        Some(ReliabilityWord::Reliable) | None => base.reliability,
+                    },
+                    durability: match policies.durability {
+                        Some(DurabilityWord::TransientLocal) => Durability::TransientLocal,
+                        Some(DurabilityWord::Volatile) | None => base.durability,
+                    },
+                    history: match (policies.history, policies.depth) {
+                        (Some(HistoryWord::KeepAll), _) => History::KeepAll,
+                        (_, Some(depth)) => History::KeepLast(depth.max(1)),
+                        (_, None) => base.history,
+                    },
+                })
+            },
+        )
+    }
+}
+
+/// Reads a value that is either a word of enum `W` or a mapping `M`, with errors that point into
+/// whichever was written (an untagged enum would only say that nothing matched).
+fn word_or_map<'de, D, W, M, T>(
+    deserializer: D,
+    expected: &'static str,
+    from_word: impl FnOnce(W) -> T,
+    from_map: impl FnOnce(M) -> T,
+) -> Result<T, D::Error>
+where
+    D: Deserializer<'de>,
+    W: Deserialize<'de>,
+    M: Deserialize<'de>,
+{
+    struct Either<W, M, F, G>(&'static str, F, G, std::marker::PhantomData<(W, M)>);
+
+    impl<'de, W, M, T, F, G> Visitor<'de> for Either<W, M, F, G>
+    where
+        W: Deserialize<'de>,
+        M: Deserialize<'de>,
+        F: FnOnce(W) -> T,
+        G: FnOnce(M) -> T,
+    {
+        type Value = T;
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            f.write_str(self.0)
+        }
+
+        fn visit_str<Er: de::Error>(self, word: &str) -> Result<T, Er> {
+            W::deserialize(word.into_deserializer()).map(self.1)
+        }
+
+        fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<T, A::Error> {
+            M::deserialize(de::value::MapAccessDeserializer::new(map)).map(self.2)
+        }
+    }
+
+    deserializer.deserialize_any(Either(expected, from_word, from_map, std::marker::PhantomData))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[derive(Debug, Default, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct NoEndpoints {}
+
+    fn parse(text: &str) -> Result<Config<NoEndpoints>, ConfigError> {
+        Config::from_yaml(text, "bridge.yaml")
+    }
+
+    #[test]
+    fn a_route_reads_with_defaults() {
+        let config =
+            parse("routes:\n  - { from: 'a:/x', to: 'b:/y', type: Image, qos: sensor_data }\n")
+                .unwrap();
+        let route = &config.routes[0].value;
+        assert_eq!((route.from.as_str(), route.to.as_str()), ("a:/x", "b:/y"));
+        assert_eq!(route.qos, Some(QosConfig(QosPreset::SensorData.into())));
+        assert_eq!(config.routes[0].referenced.line(), 2);
+        assert_eq!(config.defaults.queue_depth, 10);
+    }
+
+    #[test]
+    fn policies_and_blocking_are_spelled_out() {
+        let text = "routes:\n  - from: 'a:/x'\n    to: 'b:/y'\n    type: Image\n    overflow: { block_ms: 50 }\n    qos: { durability: transient_local, depth: 3 }\n";
+        let config = parse(text).unwrap();
+        let route = &config.routes[0].value;
+        assert_eq!(route.overflow, Some(OverflowConfig::Block { block_ms: 50 }));
+        let qos = route.qos.unwrap().0;
+        assert_eq!(qos.durability, Durability::TransientLocal);
+        assert_eq!(qos.history, History::KeepLast(3));
+    }
+
+    #[test]
+    fn an_unknown_key_is_refused_with_line_and_suggestion() {
+        let error =
+            parse("routes:\n  - from: 'a:/x'\n    two: 'b:/y'\n    type: Image\n").unwrap_err();
+        let text = error.to_string();
+        assert!(text.starts_with("bridge.yaml:3:"), "{text}");
+        assert!(
+            text.contains("unknown key `two`") && text.contains("did you mean `to`?"),
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn a_wrong_word_lists_the_right_ones() {
+        let text =
+            parse("routes:\n  - { from: 'a:/x', to: 'b:/y', type: Image, overflow: drop_oldes }\n")
+                .unwrap_err()
+                .to_string();
+        assert!(text.contains("drop_oldest"), "{text}");
+        let text = parse("routes:\n  - { from: 'a:/x', to: 'b:/y', type: Image, qos: 3 }\n")
+            .unwrap_err()
+            .to_string();
+        assert!(text.contains("sensor_data"), "{text}");
+    }
+
+    #[test]
+    fn what_is_missing_is_named() {
+        let text = parse("routes:\n  - { from: 'a:/x', type: Image }\n").unwrap_err().to_string();
+        assert!(text.contains("`to`"), "{text}");
+        assert!(parse("endpoints: {}\n").unwrap_err().to_string().contains("routes"));
+        assert!(parse("routes: [\n").is_err());
+        assert!(
+            parse(&" ".repeat(MAX_CONFIG_BYTES + 1)).unwrap_err().to_string().contains("1048576")
+        );
+    }
+}

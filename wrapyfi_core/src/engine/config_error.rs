@@ -1,0 +1,89 @@
+//! What is wrong in a configuration file, where, and what to write instead.
+
+use std::fmt;
+
+/// Every fault found in a configuration, in the order of their lines. The file is refused as a
+/// whole.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ConfigError {
+    /// File name as given.
+    pub file: String,
+    /// At least one.
+    pub problems: Vec<Problem>,
+}
+
+/// One fault.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Problem {
+    /// Line and column, from 1; `None` where the fault is the file's.
+    pub position: Option<(u64, u64)>,
+    /// What is wrong and the remedy.
+    pub message: String,
+}
+
+impl fmt::Display for ConfigError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (index, problem) in self.problems.iter().enumerate() {
+            if index > 0 {
+                writeln!(f)?;
+            }
+            match problem.position {
+                Some((line, column)) => {
+                    write!(f, "{}:{line}:{column}: {}", self.file, problem.message)?
+                }
+                None => write!(f, "{}: {}", self.file, problem.message)?,
+            }
+        }
+        Ok(())
+    }
+}
+
+impl std::error::Error for ConfigError {}
+
+impl ConfigError {
+    pub(super) fn too_large(file: &str, actual: usize, limit: usize) -> Self {
+        let message = format!("configuration is {actual} bytes long, the limit is {limit}");
+        Self { file: file.to_owned(), problems: vec![Problem { position: None, message }] }
+    }
+
+    /// The parser's error in a user's words: keys instead of fields, with a suggestion.
+    pub(super) fn from_yaml(file: &str, error: &serde_saphyr::Error) -> Self {
+        use serde_saphyr::Error;
+        let error = error.without_snippet();
+        let message = match error {
+            Error::SerdeUnknownField { field, expected, .. } => {
+                let hint = did_you_mean(field, expected);
+                format!("unknown key `{field}`; {hint}keys here: {}", expected.join(", "))
+            }
+            Error::SerdeUnknownVariant { variant, expected, .. } => {
+                let hint = did_you_mean(variant, expected);
+                format!("unknown value `{variant}`; {hint}values here: {}", expected.join(", "))
+            }
+            Error::SerdeMissingField { field, .. } => format!("key `{field}` is missing"),
+            Error::SerdeInvalidType { unexpected, expected, .. }
+            | Error::SerdeInvalidValue { unexpected, expected, .. } => {
+                format!("found {unexpected}, expected {expected}")
+            }
+            other => first_line(&other.render()),
+        };
+        let position = error.location().map(|at| (at.line(), at.column()));
+        Self { file: file.to_owned(), problems: vec![Problem { position, message }] }
+    }
+}
+
+fn first_line(text: &str) -> String {
+    text.lines().next().unwrap_or_default().to_owned()
+}
+
+/// `did you mean ...? ` when one of `known` is near `word`, else nothing.
+pub(super) fn did_you_mean<S: AsRef<str>>(word: &str, known: &[S]) -> String {
+    known
+        .iter()
+        .map(|candidate| {
+            (strsim::damerau_levenshtein(word, candidate.as_ref()), candidate.as_ref())
+        })
+        .filter(|&(distance, candidate)| distance <= 1 + candidate.len() / 4)
+        .min()
+        .map(|(_, candidate)| format!("did you mean `{candidate}`? "))
+        .unwrap_or_default()
+}

@@ -1,0 +1,281 @@
+//! Configuration to routes: every name parsed, every conflict found before anything is opened.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::time::Duration;
+
+use super::config::{Config, Defaults, OverflowConfig, RouteConfig, Spanned};
+use super::config_error::{ConfigError, Problem, did_you_mean};
+use crate::Limits;
+use crate::endpoint::{EndpointAddress, Overflow, Qos, QueueSpec, TopicSpec};
+use crate::types::{Encoding, MessageType};
+
+/// A route as it will be run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RouteSpec {
+    /// Name in tables, logs and errors.
+    pub name: String,
+    /// Source.
+    pub from: EndpointAddress,
+    /// Destination.
+    pub to: EndpointAddress,
+    /// Type of its messages.
+    pub message_type: MessageType,
+    /// Quality of service on middlewares that have one.
+    pub qos: Qos,
+    /// Queue between source and conversion.
+    pub queue: QueueSpec,
+    /// Highest rate passed on, in messages per second.
+    pub max_rate_hz: Option<f64>,
+    /// Channel order of three-channel frames on Wrapyfi's side.
+    pub color_order: Encoding,
+    /// Bounds on every message.
+    pub limits: Limits,
+}
+
+impl RouteSpec {
+    /// A route with default settings.
+    #[must_use]
+    pub fn new(from: EndpointAddress, to: EndpointAddress, message_type: MessageType) -> Self {
+        Self {
+            name: format!("{from} -> {to}"),
+            from,
+            to,
+            message_type,
+            qos: Qos::default(),
+            queue: QueueSpec::default(),
+            max_rate_hz: None,
+            color_order: Encoding::Bgr8,
+            limits: Limits::default(),
+        }
+    }
+
+    /// What to open at `address`, one of the route's two ends.
+    #[must_use]
+    pub fn topic_spec(&self, address: &EndpointAddress) -> TopicSpec {
+        TopicSpec {
+            topic: address.name.clone(),
+            message_type: self.message_type,
+            qos: self.qos,
+            queue: self.queue,
+            color_order: self.color_order,
+            limits: self.limits,
+        }
+    }
+}
+
+impl fmt::Display for RouteSpec {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} -> {}  {}", self.from, self.to, self.message_type.ros_type())?;
+        write!(f, "  queue {} ", self.queue.depth)?;
+        match self.queue.overflow {
+            Overflow::DropOldest => write!(f, "drop_oldest")?,
+            Overflow::DropNewest => write!(f, "drop_newest")?,
+            Overflow::Block(deadline) => write!(f, "block {} ms", deadline.as_millis())?,
+        }
+        if let Some(hz) = self.max_rate_hz {
+            write!(f, "  at most {hz} Hz")?;
+        }
+        Ok(())
+    }
+}
+
+/// The routes of a configuration, checked.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Plan {
+    /// In the order of the file.
+    pub routes: Vec<RouteSpec>,
+}
+
+impl Plan {
+    /// Checks `config` against the middlewares that exist; `file` is its name in errors.
+    ///
+    /// # Errors
+    /// Every fault at once: unknown middlewares and types, bad names and numbers, routes that are
+    /// given twice, destinations with two routes that do not say `merge: true`.
+    pub fn new<E>(
+        config: &Config<E>,
+        middlewares: &[&str],
+        file: &str,
+    ) -> Result<Self, ConfigError> {
+        let mut problems = Vec::new();
+        let mut routes: Vec<RouteSpec> = Vec::with_capacity(config.routes.len());
+        let mut seen: BTreeMap<(EndpointAddress, EndpointAddress), u64> = BTreeMap::new();
+        let mut into: BTreeMap<EndpointAddress, (u64, bool)> = BTreeMap::new();
+        if config.routes.is_empty() {
+            problems
+                .push(Problem { position: None, message: "no routes: nothing to do".to_owned() });
+        }
+        for entry in &config.routes {
+            let at = entry.referenced;
+            let line = at.line();
+            let mut complain = |message| {
+                problems.push(Problem { position: Some((line, at.column())), message });
+            };
+            let route = match route_spec(entry, &config.defaults, middlewares) {
+                Ok(route) => route,
+                Err(messages) => {
+                    messages.into_iter().for_each(complain);
+                    continue;
+                }
+            };
+            let ends = (route.from.clone(), route.to.clone());
+            if let Some(first) = seen.insert(ends, line) {
+                complain(format!(
+                    "route {} -> {} stands already in line {first}",
+                    route.from, route.to
+                ));
+            } else if let Some(&(first, merges)) = into.get(&route.to)
+                && !(merges && entry.value.merge)
+            {
+                complain(format!(
+                    "line {first} already routes to {}; write merge: true on both to mix them",
+                    route.to
+                ));
+            }
+            into.entry(route.to.clone()).or_insert((line, entry.value.merge));
+            routes.push(route);
+        }
+        if problems.is_empty() {
+            Ok(Self { routes })
+        } else {
+            Err(ConfigError { file: file.to_owned(), problems })
+        }
+    }
+}
+
+fn route_spec(
+    entry: &Spanned<RouteConfig>,
+    defaults: &Defaults,
+    middlewares: &[&str],
+) -> Result<RouteSpec, Vec<String>> {
+    let config = &entry.value;
+    let mut problems = Vec::new();
+    let from = address(&config.from, middlewares).map_err(|e| problems.push(e)).ok();
+    let to = address(&config.to, middlewares).map_err(|e| problems.push(e)).ok();
+    let message_type =
+        config.message_type.parse::<MessageType>().map_err(|e| problems.push(e.to_string())).ok();
+    let color_order = match config.encoding.as_deref() {
+        None | Some("bgr8") => Encoding::Bgr8,
+        Some("rgb8") => Encoding::Rgb8,
+        Some(other) => {
+            problems.push(format!("encoding {other:?} is not a channel order: write bgr8 or rgb8"));
+            Encoding::Bgr8
+        }
+    };
+    let depth = config.queue_depth.unwrap_or(defaults.queue_depth);
+    if !(1..=100_000).contains(&depth) {
+        problems.push(format!("queue_depth is {depth}, it must lie between 1 and 100000"));
+    }
+    let mib = config.max_message_mib.unwrap_or(defaults.max_message_mib);
+    if !(1..=2047).contains(&mib) {
+        problems.push(format!("max_message_mib is {mib}, it must lie between 1 and 2047"));
+    }
+    if let Some(hz) = config.max_rate_hz
+        && !(hz.is_finite() && hz > 0.0)
+    {
+        problems.push(format!("max_rate_hz is {hz}, it must be above 0"));
+    }
+    let overflow = match config.overflow.unwrap_or(defaults.overflow) {
+        OverflowConfig::DropOldest => Overflow::DropOldest,
+        OverflowConfig::DropNewest => Overflow::DropNewest,
+        OverflowConfig::Block { block_ms } => Overflow::Block(Duration::from_millis(block_ms)),
+    };
+    match (from, to, message_type) {
+        (Some(from), Some(to), Some(message_type)) if problems.is_empty() => {
+            if from == to {
+                return Err(vec![format!("route from {from} to itself: it would loop")]);
+            }
+            let mut route = RouteSpec::new(from, to, message_type);
+            if let Some(name) = &config.name {
+                route.name.clone_from(name);
+            }
+            route.qos = config.qos.map(|qos| qos.0).unwrap_or_default();
+            route.queue = QueueSpec { depth, overflow };
+            route.max_rate_hz = config.max_rate_hz;
+            route.color_order = color_order;
+            route.limits.message_bytes = mib.saturating_mul(Limits::MIB);
+            Ok(route)
+        }
+        _ => Err(problems),
+    }
+}
+
+fn address(text: &str, middlewares: &[&str]) -> Result<EndpointAddress, String> {
+    let address: EndpointAddress =
+        text.parse().map_err(|e: crate::endpoint::ParseAddressError| e.to_string())?;
+    if !middlewares.contains(&address.middleware.as_str()) {
+        let hint = did_you_mean(&address.middleware, middlewares);
+        return Err(format!(
+            "{text:?}: middleware {:?} is not available; {hint}available: {}",
+            address.middleware,
+            middlewares.join(", ")
+        ));
+    }
+    if address.name.contains(['*', '(', '[', '$']) {
+        return Err(format!("{text:?} is a pattern; this version routes one topic per entry"));
+    }
+    Ok(address)
+}
+
+#[cfg(test)]
+mod tests {
+    use serde::Deserialize;
+
+    use super::*;
+
+    #[derive(Debug, Default, Deserialize)]
+    struct NoEndpoints {}
+
+    fn plan(text: &str) -> Result<Plan, ConfigError> {
+        let config: Config<NoEndpoints> = Config::from_yaml(text, "bridge.yaml")?;
+        Plan::new(&config, &["zeromq", "ros2"], "bridge.yaml")
+    }
+
+    #[test]
+    fn a_plan_prints_what_will_run() {
+        let plan = plan(
+            "defaults: { queue_depth: 3, max_message_mib: 8 }\nroutes:\n  - { from: 'zeromq:/a', to: 'ros2:/b', type: Image, encoding: rgb8, max_rate_hz: 15 }\n",
+        )
+        .unwrap();
+        let route = &plan.routes[0];
+        assert_eq!(route.limits.message_bytes, 8 * Limits::MIB);
+        assert_eq!(route.topic_spec(&route.from).color_order, Encoding::Rgb8);
+        assert_eq!(
+            route.to_string(),
+            "zeromq:/a -> ros2:/b  sensor_msgs/msg/Image  queue 3 drop_oldest  at most 15 Hz"
+        );
+    }
+
+    #[test]
+    fn every_fault_is_reported_at_once_with_its_line() {
+        let error = plan(
+            "routes:\n  - { from: 'zermoq:/a', to: 'ros2:/b', type: Imge }\n  - { from: '/a', to: 'ros2:/c', type: Image, queue_depth: 0 }\n  - { from: 'ros2:/(.*)', to: 'zeromq:/x', type: Image }\n",
+        )
+        .unwrap_err();
+        let text = error.to_string();
+        assert!(
+            text.contains("bridge.yaml:2:") && text.contains("did you mean `zeromq`?"),
+            "{text}"
+        );
+        assert!(text.contains("Imge"), "{text}");
+        assert!(text.contains("bridge.yaml:3:") && text.contains("names no middleware"), "{text}");
+        assert!(text.contains("queue_depth is 0"), "{text}");
+        assert!(text.contains("pattern"), "{text}");
+    }
+
+    #[test]
+    fn duplicates_and_shared_destinations_are_refused() {
+        let twice = "  - { from: 'zeromq:/a', to: 'ros2:/b', type: Image }\n";
+        let text = plan(&format!("routes:\n{twice}{twice}")).unwrap_err().to_string();
+        assert!(text.contains("stands already in line 2"), "{text}");
+        let other = "  - { from: 'zeromq:/c', to: 'ros2:/b', type: Image }\n";
+        let text = plan(&format!("routes:\n{twice}{other}")).unwrap_err().to_string();
+        assert!(text.contains("merge: true"), "{text}");
+        let merged = "routes:\n  - { from: 'zeromq:/a', to: 'ros2:/b', type: Image, merge: true }\n  - { from: 'zeromq:/c', to: 'ros2:/b', type: Image, merge: true }\n";
+        assert_eq!(plan(merged).unwrap().routes.len(), 2);
+        let to_itself = "routes:\n  - { from: 'ros2:/a', to: 'ros2:/a', type: Image }\n";
+        assert!(plan(to_itself).unwrap_err().to_string().contains("loop"));
+        assert!(plan("routes: []\n").unwrap_err().to_string().contains("no routes"));
+    }
+}

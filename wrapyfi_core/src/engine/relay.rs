@@ -1,0 +1,271 @@
+//! The data path of one route, and the state it is in.
+//!
+//! ```text
+//!   step(now):  reconcile   open what is missing, when its back-off is over
+//!               propagate   listener.take() ──▶ rate ──▶ publisher.publish()
+//!               judge       waiting for … │ active │ degraded: … │ error: …
+//! ```
+//!
+//! No threads, no clock of its own: the caller says what time it is, so a test can say anything.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use super::backoff::Backoff;
+use super::plan::RouteSpec;
+use super::route::{RouteState, RouteStatus};
+use crate::endpoint::{
+    Context, DropReason, Listener, Middleware, OpenError, Publisher, Registry, Wake,
+};
+
+/// Messages moved in one step, so that a flooded route lets the others have their turn.
+const BATCH: usize = 16;
+/// How long a loss keeps a route `degraded`.
+const DEGRADED_FOR: Duration = Duration::from_secs(5);
+/// How often links are looked at when nothing rings.
+const REVIEW_EVERY: Duration = Duration::from_millis(500);
+/// Losses are logged at most this often for a route; all of them are counted.
+const LOG_EVERY: Duration = Duration::from_secs(5);
+
+/// One route at work.
+pub struct Relay {
+    spec: RouteSpec,
+    context: Context,
+    source: End<dyn Listener>,
+    sink: End<dyn Publisher>,
+    backoff: Backoff,
+    not_before: Option<Instant>,
+    state: RouteState,
+    last_loss: Option<(Instant, String)>,
+    losses: LossLog,
+}
+
+/// One end of a route: what opens it, and what is open.
+struct End<T: ?Sized> {
+    middleware: Option<Arc<dyn Middleware>>,
+    open: Option<Box<T>>,
+    retry_at: Option<Instant>,
+    /// Why it is not open.
+    trouble: Option<RouteState>,
+}
+
+/// What a step did, and when the next one is due.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Step {
+    /// Messages taken, delivered or not.
+    pub moved: usize,
+    /// When to step again if the doorbell does not ring before.
+    pub next: Instant,
+}
+
+impl Relay {
+    /// A route that has opened nothing yet. `seed` spreads its back-off.
+    #[must_use]
+    pub fn new(spec: RouteSpec, registry: &Registry, seed: u64) -> Self {
+        let source = End::new(registry, &spec.from.middleware);
+        let sink = End::new(registry, &spec.to.middleware);
+        Self {
+            state: RouteState::Waiting("its first step".to_owned()),
+            context: Context::default(),
+            backoff: Backoff::new(seed),
+            not_before: None,
+            last_loss: None,
+            losses: LossLog::default(),
+            source,
+            sink,
+            spec,
+        }
+    }
+
+    /// Rings when the route has work.
+    #[must_use]
+    pub fn wake(&self) -> &Wake {
+        &self.context.wake
+    }
+
+    /// The route now.
+    #[must_use]
+    pub fn status(&self) -> RouteStatus {
+        RouteStatus {
+            name: self.spec.name.clone(),
+            from: self.spec.from.to_string(),
+            to: self.spec.to.to_string(),
+            message_type: self.spec.message_type.ros_type(),
+            state: self.state.clone(),
+            counters: self.context.counters.snapshot(),
+        }
+    }
+
+    /// Brings the route one step on. Blocks only as long as a reliable destination does.
+    pub fn step(&mut self, now: Instant) -> Step {
+        self.reconcile(now);
+        let moved = self.propagate(now);
+        let state = self.judge(now);
+        if state != self.state {
+            match &state {
+                RouteState::Error(_) => tracing::error!(route = %self.spec.name, "{state}"),
+                RouteState::Degraded(_) => tracing::warn!(route = %self.spec.name, "{state}"),
+                _ => tracing::info!(route = %self.spec.name, "{state}"),
+            }
+            self.state = state;
+        }
+        let next = if moved == BATCH { now } else { now + REVIEW_EVERY };
+        let retries = [self.source.retry_at, self.sink.retry_at];
+        Step { moved, next: retries.into_iter().flatten().fold(next, Instant::min).max(now) }
+    }
+
+    /// The destination first: a message must find it open.
+    fn reconcile(&mut self, now: Instant) {
+        let Self { spec, context, source, sink, backoff, .. } = self;
+        let to = spec.topic_spec(&spec.to);
+        sink.open_with(now, backoff, |middleware| middleware.open_publisher(&to, context));
+        if sink.open.is_some() {
+            let from = spec.topic_spec(&spec.from);
+            source.open_with(now, backoff, |middleware| middleware.open_listener(&from, context));
+        }
+        if sink.open.is_some() && source.open.is_some() {
+            backoff.reset();
+        }
+    }
+
+    fn propagate(&mut self, now: Instant) -> usize {
+        let (Some(listener), Some(publisher)) = (&mut self.source.open, &mut self.sink.open) else {
+            return 0;
+        };
+        let link = publisher.link();
+        let unwanted = link.peers == Some(0) && !link.keeps_last;
+        let mut moved = 0;
+        while moved < BATCH {
+            if unwanted {
+                // No consumer, no work: the message is not even decoded.
+                if !listener.discard() {
+                    break;
+                }
+                moved += 1;
+                self.context.counters.dropped(DropReason::NoConsumer);
+                continue;
+            }
+            let outcome = match listener.take() {
+                Ok(None) => break,
+                Ok(Some(_)) if !rate_allows(self.spec.max_rate_hz, &mut self.not_before, now) => {
+                    moved += 1;
+                    self.context.counters.dropped(DropReason::RateLimit);
+                    continue;
+                }
+                Ok(Some(sample)) => publisher
+                    .publish(&sample.payload)
+                    .map(|bytes| (bytes, sample.received_at))
+                    .map_err(|error| (error.drop_reason(), error.to_string())),
+                Err(error) => Err((error.drop_reason(), error.to_string())),
+            };
+            moved += 1;
+            match outcome {
+                Ok((bytes, received_at)) => {
+                    self.context.counters.sent(bytes, received_at.elapsed());
+                }
+                Err((reason, text)) => {
+                    self.context.counters.dropped(reason);
+                    self.losses.log(now, &self.spec.name, reason, &text);
+                    self.last_loss = Some((now, text));
+                }
+            }
+        }
+        moved
+    }
+
+    fn judge(&self, now: Instant) -> RouteState {
+        if let Some(trouble) = self.sink.trouble.as_ref().or(self.source.trouble.as_ref()) {
+            return trouble.clone();
+        }
+        let (Some(listener), Some(publisher)) = (&self.source.open, &self.sink.open) else {
+            return self.state.clone();
+        };
+        let (source, sink) = (listener.link(), publisher.link());
+        if let Some(what) = source.waiting_for.or(sink.waiting_for) {
+            return RouteState::Waiting(what);
+        }
+        if let Some((at, text)) = &self.last_loss
+            && now.saturating_duration_since(*at) < DEGRADED_FOR
+        {
+            return RouteState::Degraded(text.clone());
+        }
+        if source.peers == Some(0) {
+            return RouteState::Waiting(format!("a publisher on {}", self.spec.from));
+        }
+        if sink.peers == Some(0) {
+            return RouteState::Waiting(format!("a listener on {}", self.spec.to));
+        }
+        RouteState::Active
+    }
+}
+
+impl<T: ?Sized> End<T> {
+    fn new(registry: &Registry, name: &str) -> Self {
+        let (middleware, trouble) = match registry.get(name) {
+            Ok(middleware) => (Some(Arc::clone(middleware)), None),
+            Err(unknown) => (None, Some(RouteState::Error(unknown.to_string()))),
+        };
+        Self { middleware, open: None, retry_at: None, trouble }
+    }
+
+    fn open_with(
+        &mut self,
+        now: Instant,
+        backoff: &mut Backoff,
+        open: impl FnOnce(&dyn Middleware) -> Result<Box<T>, OpenError>,
+    ) {
+        let Some(middleware) = &self.middleware else { return };
+        let given_up = matches!(self.trouble, Some(RouteState::Error(_)));
+        if self.open.is_some() || given_up || self.retry_at.is_some_and(|at| now < at) {
+            return;
+        }
+        self.retry_at = None;
+        match open(middleware.as_ref()) {
+            Ok(opened) => {
+                self.open = Some(opened);
+                self.trouble = None;
+            }
+            Err(error) if error.is_transient() => {
+                self.retry_at = Some(now + backoff.wait());
+                self.trouble = Some(RouteState::Waiting(error.to_string()));
+            }
+            Err(error) => self.trouble = Some(RouteState::Error(error.to_string())),
+        }
+    }
+}
+
+/// True when a message may pass at `now`; then books its interval.
+fn rate_allows(max_rate_hz: Option<f64>, not_before: &mut Option<Instant>, now: Instant) -> bool {
+    let Some(hz) = max_rate_hz else { return true };
+    if not_before.is_some_and(|at| now < at) {
+        return false;
+    }
+    let interval = Duration::try_from_secs_f64(1.0 / hz).unwrap_or(Duration::MAX);
+    // From the booked time on, not from now: a source slightly above the limit is not halved.
+    let base = not_before.filter(|at| now.saturating_duration_since(*at) < interval).unwrap_or(now);
+    *not_before = base.checked_add(interval);
+    true
+}
+
+/// Logs losses without flooding the log: the first at once, then a sum every [`LOG_EVERY`].
+#[derive(Debug, Default)]
+struct LossLog {
+    last: Option<Instant>,
+    silent: u64,
+}
+
+impl LossLog {
+    fn log(&mut self, now: Instant, route: &str, reason: DropReason, text: &str) {
+        if self.last.is_some_and(|at| now.saturating_duration_since(at) < LOG_EVERY) {
+            self.silent += 1;
+            return;
+        }
+        let more = std::mem::take(&mut self.silent);
+        tracing::warn!(route, %reason, unlogged_before = more, "dropped a message: {text}");
+        self.last = Some(now);
+    }
+}
+
+#[cfg(test)]
+#[path = "relay_tests.rs"]
+mod tests;

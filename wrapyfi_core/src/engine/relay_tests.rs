@@ -1,0 +1,161 @@
+//! A relay under an invented clock, on topics in memory.
+
+use std::sync::Arc;
+
+use super::*;
+use crate::endpoint::{Overflow, QueueSpec, TopicSpec};
+use crate::middleware::memory::Memory;
+use crate::types::{MessageType, Payload, Value};
+
+struct Bench {
+    bus: Arc<Memory>,
+    relay: Relay,
+    now: Instant,
+}
+
+impl Bench {
+    fn new(adjust: impl FnOnce(&mut RouteSpec)) -> Self {
+        let bus = Arc::new(Memory::new("memory"));
+        let mut registry = Registry::new();
+        registry.register(bus.clone());
+        let mut spec = RouteSpec::new(
+            "memory:/in".parse().unwrap(),
+            "memory:/out".parse().unwrap(),
+            MessageType::NativeObject,
+        );
+        adjust(&mut spec);
+        Self { bus, relay: Relay::new(spec, &registry, 1), now: Instant::now() }
+    }
+
+    fn step_after(&mut self, later: Duration) -> Step {
+        self.now += later;
+        self.relay.step(self.now)
+    }
+
+    fn source(&self) -> Box<dyn Publisher> {
+        self.bus.open_publisher(&spec("/in"), &Context::default()).unwrap()
+    }
+
+    fn sink(&self) -> Box<dyn Listener> {
+        self.bus.open_listener(&spec("/out"), &Context::default()).unwrap()
+    }
+}
+
+fn spec(topic: &str) -> TopicSpec {
+    let queue = QueueSpec { depth: 100, overflow: Overflow::DropOldest };
+    TopicSpec { queue, ..TopicSpec::new(topic, MessageType::NativeObject) }
+}
+
+fn number(n: i64) -> Payload {
+    Payload::NativeObject(Box::new(Value::Int(n)))
+}
+
+fn drain(listener: &mut dyn Listener) -> Vec<Payload> {
+    std::iter::from_fn(|| listener.take().unwrap().map(|sample| sample.payload)).collect()
+}
+
+const MS: Duration = Duration::from_millis(1);
+
+#[test]
+fn says_what_it_waits_for_and_then_carries_messages_in_order() {
+    let mut bench = Bench::new(|_| ());
+    bench.step_after(MS);
+    assert_eq!(bench.relay.status().state.to_string(), "waiting for a publisher on memory:/in");
+    let mut source = bench.source();
+    bench.step_after(MS);
+    assert_eq!(bench.relay.status().state.to_string(), "waiting for a listener on memory:/out");
+    let mut sink = bench.sink();
+    bench.step_after(MS);
+    assert_eq!(bench.relay.status().state, RouteState::Active);
+    for n in 0..5 {
+        source.publish(&number(n)).unwrap();
+    }
+    assert_eq!(bench.step_after(MS).moved, 5);
+    assert_eq!(drain(sink.as_mut()), (0..5).map(number).collect::<Vec<_>>());
+    let counters = bench.relay.status().counters;
+    assert_eq!((counters.received, counters.sent, counters.dropped()), (5, 5, 0));
+}
+
+#[test]
+fn without_consumer_messages_are_counted_not_carried() {
+    let mut bench = Bench::new(|_| ());
+    bench.step_after(MS);
+    let mut source = bench.source();
+    source.publish(&number(1)).unwrap();
+    bench.step_after(MS);
+    let counters = bench.relay.status().counters;
+    assert_eq!((counters.sent, counters.dropped_for(DropReason::NoConsumer)), (0, 1));
+}
+
+#[test]
+fn a_flood_is_moved_in_batches_and_the_overflow_counted() {
+    let mut bench = Bench::new(|spec| spec.queue.depth = 20);
+    bench.step_after(MS);
+    let (mut source, mut sink) = (bench.source(), bench.sink());
+    for n in 0..50 {
+        source.publish(&number(n)).unwrap();
+    }
+    let step = bench.step_after(MS);
+    assert_eq!((step.moved, step.next), (BATCH, bench.now));
+    bench.step_after(MS);
+    assert_eq!(drain(sink.as_mut()), (30..50).map(number).collect::<Vec<_>>());
+    assert_eq!(bench.relay.status().counters.dropped_for(DropReason::QueueFull), 30);
+}
+
+#[test]
+fn a_rate_limit_spaces_messages_and_counts_the_rest() {
+    let mut bench = Bench::new(|spec| spec.max_rate_hz = Some(10.0));
+    bench.step_after(MS);
+    let (mut source, mut sink) = (bench.source(), bench.sink());
+    for n in 0..10 {
+        source.publish(&number(n)).unwrap();
+        bench.step_after(50 * MS);
+    }
+    assert_eq!(drain(sink.as_mut()).len(), 5);
+    assert_eq!(bench.relay.status().counters.dropped_for(DropReason::RateLimit), 5);
+}
+
+#[test]
+fn a_loss_degrades_the_route_for_a_while_with_its_cause() {
+    let mut bench = Bench::new(|_| ());
+    bench.step_after(MS);
+    let (mut source, sink) = (bench.source(), bench.sink());
+    bench.step_after(MS);
+    bench.bus.break_topic("/out", Some("cable pulled"));
+    source.publish(&number(1)).unwrap();
+    bench.step_after(MS);
+    assert_eq!(
+        bench.relay.status().state.to_string(),
+        r#"degraded: could not send to "/out": cable pulled"#
+    );
+    bench.bus.break_topic("/out", None);
+    source.publish(&number(2)).unwrap();
+    bench.step_after(DEGRADED_FOR + MS);
+    assert_eq!(bench.relay.status().state, RouteState::Active);
+    assert_eq!(bench.relay.status().counters.dropped_for(DropReason::SendFailed), 1);
+    drop(sink);
+}
+
+#[test]
+fn an_end_that_cannot_open_is_tried_again_with_growing_waits() {
+    let mut bench = Bench::new(|_| ());
+    bench.bus.refuse_to_open(Some("no route to host"));
+    let first = bench.step_after(MS);
+    assert!(first.next > bench.now && first.next <= bench.now + crate::Limits::RECONNECT_MIN);
+    assert!(bench.relay.status().state.to_string().contains("no route to host"));
+    bench.bus.refuse_to_open(None);
+    bench.step_after(MS);
+    assert_eq!(bench.relay.status().state.word(), "waiting", "not before its back-off is over");
+    bench.step_after(crate::Limits::RECONNECT_MIN);
+    assert_eq!(bench.relay.status().state.to_string(), "waiting for a publisher on memory:/in");
+}
+
+#[test]
+fn an_unknown_middleware_is_an_error_that_lists_the_known() {
+    let bench = Bench::new(|spec| spec.to = "yarp:/x".parse().unwrap());
+    let mut relay = bench.relay;
+    relay.step(bench.now);
+    let state = relay.status().state;
+    assert_eq!(state.word(), "error");
+    assert!(state.reason().unwrap().contains("available: memory"), "{state}");
+}

@@ -1,0 +1,73 @@
+//! A route's state, as data that can be printed and serialised.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use crate::endpoint::CountersSnapshot;
+
+/// What a route does at the moment. Every state but [`RouteState::Active`] says why.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[serde(tag = "state", content = "reason", rename_all = "snake_case")]
+pub enum RouteState {
+    /// Nothing can flow yet; names what is waited for.
+    Waiting(String),
+    /// Messages flow, or will as soon as there is one.
+    Active,
+    /// Messages flow, but some were lost lately; names the last cause.
+    Degraded(String),
+    /// Can never flow as configured; names what to change.
+    Error(String),
+}
+
+impl RouteState {
+    /// One word, for tables.
+    #[must_use]
+    pub fn word(&self) -> &'static str {
+        match self {
+            Self::Waiting(_) => "waiting",
+            Self::Active => "active",
+            Self::Degraded(_) => "degraded",
+            Self::Error(_) => "error",
+        }
+    }
+
+    /// Why, where there is something to say.
+    #[must_use]
+    pub fn reason(&self) -> Option<&str> {
+        match self {
+            Self::Active => None,
+            Self::Waiting(reason) | Self::Degraded(reason) | Self::Error(reason) => Some(reason),
+        }
+    }
+}
+
+impl fmt::Display for RouteState {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.word())?;
+        match (self, self.reason()) {
+            (Self::Waiting(_), Some(what)) => write!(f, " for {what}"),
+            (_, Some(reason)) => write!(f, ": {reason}"),
+            (_, None) => Ok(()),
+        }
+    }
+}
+
+/// A route at one moment.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RouteStatus {
+    /// Name from the configuration.
+    pub name: String,
+    /// Source address.
+    pub from: String,
+    /// Destination address.
+    pub to: String,
+    /// ROS name of the type it carries.
+    #[serde(rename = "type")]
+    pub message_type: &'static str,
+    /// What it does, and why.
+    #[serde(flatten)]
+    pub state: RouteState,
+    /// What went through and what did not.
+    pub counters: CountersSnapshot,
+}

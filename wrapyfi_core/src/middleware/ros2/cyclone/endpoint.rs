@@ -1,0 +1,193 @@
+//! Writers and readers of serialised messages.
+//!
+//! ```text
+//!   RawWriter.write(pieces) ─▶ serdata ─▶ dds_writecdr        RawReader.take() ◀─ dds_takecdr
+//!        │                                                        │
+//!      Endpoint { entity, topic, events }: listener cleared, then deleted, then events freed
+//! ```
+//!
+//! Contract: calls use the endpoint's own handles; samples are owned by [`Sample`] from the moment
+//! a call returns them.
+#![allow(unsafe_code)]
+
+use std::mem::MaybeUninit;
+use std::ptr;
+use std::sync::Arc;
+
+use bytes::Bytes;
+
+use super::entity::{Entity, ReturnCode};
+use super::events::{Events, Listener};
+use super::qos::{EndpointQos, QosObject};
+use super::serdata::Sample;
+
+/// Fields drop in this order: the entity before its topic, both before the events.
+struct Endpoint {
+    entity: Entity,
+    _topic: Entity,
+    events: Arc<Events>,
+}
+
+impl Drop for Endpoint {
+    fn drop(&mut self) {
+        // SAFETY: a null listener removes ours; the call waits for callbacks under way.
+        let code = unsafe { cyclors::dds_set_listener(self.entity.handle(), ptr::null()) };
+        if let Err(error) = ReturnCode::check(code) {
+            tracing::debug!(%error, "endpoint was gone before its owner");
+        }
+    }
+}
+
+/// Writes serialised messages.
+pub(crate) struct RawWriter(Endpoint);
+
+/// Why a message was not written.
+#[derive(Debug)]
+pub(crate) enum WriteFault {
+    /// Cyclone's word.
+    Code(ReturnCode),
+    /// Ours.
+    Message(String),
+}
+
+impl RawWriter {
+    /// A writer of `topic`, a DDS topic and type name.
+    pub(crate) fn new(
+        participant: &Entity,
+        topic: (&str, &str),
+        qos: &EndpointQos<'_>,
+        events: Arc<Events>,
+    ) -> Result<Self, ReturnCode> {
+        let topic = participant.topic(topic.0, topic.1)?;
+        let qos = QosObject::for_writer(qos);
+        let listener = Listener::for_writer(&events);
+        // SAFETY: QoS and listener are copied by the call; `events` lives as long as the writer.
+        let entity = Entity::adopt(unsafe {
+            cyclors::dds_create_writer(
+                participant.handle(),
+                topic.handle(),
+                qos.as_ptr(),
+                listener.as_ptr(),
+            )
+        })?;
+        Ok(Self(Endpoint { entity, _topic: topic, events }))
+    }
+
+    /// Writes the message made of `parts`.
+    pub(crate) fn write(&self, parts: &[&[u8]]) -> Result<(), WriteFault> {
+        let handle = self.0.entity.handle();
+        let mut sertype = ptr::null();
+        // SAFETY: writes one pointer, which stays valid while the writer lives.
+        ReturnCode::check(unsafe { cyclors::dds_get_entity_sertype(handle, &raw mut sertype) })
+            .map_err(WriteFault::Code)?;
+        // SAFETY: the type of a writer that `self` keeps alive.
+        let sample = unsafe { Sample::from_parts(sertype, parts) }.map_err(WriteFault::Message)?;
+        // SAFETY: the call consumes the reference, also when it fails.
+        ReturnCode::check(unsafe { cyclors::dds_writecdr(handle, sample.into_raw()) })
+            .map_err(WriteFault::Code)?;
+        Ok(())
+    }
+
+    /// Waits until reliable readers have everything, at most `timeout_ns`.
+    pub(crate) fn wait_for_acks(&self, timeout_ns: i64) -> Result<(), ReturnCode> {
+        // SAFETY: plain values.
+        ReturnCode::check(unsafe {
+            cyclors::dds_wait_for_acks(self.0.entity.handle(), timeout_ns)
+        })?;
+        Ok(())
+    }
+
+    /// GUID of the writer.
+    pub(crate) fn guid(&self) -> Result<[u8; 16], ReturnCode> {
+        self.0.entity.guid()
+    }
+
+    /// What happened to it.
+    pub(crate) fn events(&self) -> &Events {
+        &self.0.events
+    }
+}
+
+/// Takes serialised messages.
+pub(crate) struct RawReader(Endpoint);
+
+/// What a take found.
+pub(crate) enum Taken {
+    /// Nothing waits.
+    Nothing,
+    /// A message and its source time in nanoseconds.
+    Message(Bytes, i64),
+    /// A message of so many bytes was over the limit and is gone.
+    TooLarge(usize),
+}
+
+impl RawReader {
+    /// A reader of `topic`, a DDS topic and type name.
+    pub(crate) fn new(
+        participant: &Entity,
+        topic: (&str, &str),
+        qos: &EndpointQos<'_>,
+        events: Arc<Events>,
+    ) -> Result<Self, ReturnCode> {
+        let topic = participant.topic(topic.0, topic.1)?;
+        let qos = QosObject::for_reader(qos);
+        let listener = Listener::for_reader(&events);
+        // SAFETY: QoS and listener are copied by the call; `events` lives as long as the reader.
+        let entity = Entity::adopt(unsafe {
+            cyclors::dds_create_reader(
+                participant.handle(),
+                topic.handle(),
+                qos.as_ptr(),
+                listener.as_ptr(),
+            )
+        })?;
+        Ok(Self(Endpoint { entity, _topic: topic, events }))
+    }
+
+    /// The next message, unless it is larger than `max_bytes`.
+    pub(crate) fn take(&self, max_bytes: usize) -> Result<Taken, ReturnCode> {
+        loop {
+            let mut serdata = ptr::null_mut();
+            let mut info = MaybeUninit::<cyclors::dds_sample_info_t>::zeroed();
+            // SAFETY: room for one sample and its info.
+            let taken = ReturnCode::check(unsafe {
+                cyclors::dds_takecdr(
+                    self.0.entity.handle(),
+                    &raw mut serdata,
+                    1,
+                    info.as_mut_ptr(),
+                    cyclors::DDS_ANY_STATE,
+                )
+            })?;
+            if taken == 0 {
+                return Ok(Taken::Nothing);
+            }
+            // SAFETY: one sample was taken; its reference is ours.
+            let Some(sample) = (unsafe { Sample::adopt(serdata) }) else {
+                return Ok(Taken::Nothing);
+            };
+            // SAFETY: filled by the call, and zeros are valid too.
+            let info = unsafe { info.assume_init() };
+            // News about an instance has no data and no size.
+            if !info.valid_data {
+                continue;
+            }
+            let bytes = sample.len();
+            return Ok(if bytes > max_bytes {
+                Taken::TooLarge(bytes)
+            } else {
+                Taken::Message(sample.into_bytes(), info.source_timestamp)
+            });
+        }
+    }
+
+    /// GUID of the reader.
+    pub(crate) fn guid(&self) -> Result<[u8; 16], ReturnCode> {
+        self.0.entity.guid()
+    }
+
+    /// What happened to it.
+    pub(crate) fn events(&self) -> &Events {
+        &self.0.events
+    }
+}

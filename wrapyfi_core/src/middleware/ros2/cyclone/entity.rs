@@ -1,0 +1,119 @@
+//! Domains, participants and topics: handles that delete themselves.
+//!
+//! ```text
+//!   domain ◀── participant ◀── topic ◀── reader, writer     delete from right to left
+//! ```
+//!
+//! Contract: handles are numbers that Cyclone checks, so a stale one yields an error, never
+//! undefined behaviour. Pointers are passed for the time of one call only.
+#![allow(unsafe_code)]
+
+use std::ffi::{CStr, CString};
+use std::ptr;
+
+use super::qos::QosObject;
+
+/// A negative return code of Cyclone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct ReturnCode(i32);
+
+impl ReturnCode {
+    /// An argument that C cannot take, such as a NUL inside a name.
+    pub(crate) const BAD_PARAMETER: Self = Self(cyclors::DDS_RETCODE_BAD_PARAMETER);
+
+    /// The value of a call, or its error.
+    pub(super) fn check(code: i32) -> Result<i32, Self> {
+        if code < 0 { Err(Self(code)) } else { Ok(code) }
+    }
+
+    /// True when waiting took too long.
+    pub(crate) fn is_timeout(self) -> bool {
+        self.0 == cyclors::DDS_RETCODE_TIMEOUT
+    }
+
+    /// True when what was asked for exists already.
+    pub(crate) fn is_precondition(self) -> bool {
+        self.0 == cyclors::DDS_RETCODE_PRECONDITION_NOT_MET
+    }
+}
+
+impl std::fmt::Display for ReturnCode {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        // SAFETY: returns a pointer to a constant string for every code, known or not.
+        let text = unsafe { CStr::from_ptr(cyclors::dds_strretcode(self.0)) };
+        write!(f, "{} ({})", text.to_string_lossy(), self.0)
+    }
+}
+
+/// A Cyclone entity that is deleted on drop, its children with it.
+#[derive(Debug)]
+pub(crate) struct Entity(i32);
+
+impl Entity {
+    /// A domain with its configuration sources.
+    pub(crate) fn domain(id: u32, sources: &str) -> Result<Self, ReturnCode> {
+        super::log::install();
+        let sources = c_string(sources)?;
+        // SAFETY: the text is NUL-terminated and read only during the call.
+        Self::adopt(unsafe { cyclors::dds_create_domain(id, sources.as_ptr()) })
+    }
+
+    /// A participant in a domain that exists.
+    pub(crate) fn participant(domain_id: u32, user_data: &str) -> Result<Self, ReturnCode> {
+        let qos = QosObject::with_user_data(user_data);
+        // SAFETY: the QoS object lives through the call, which copies it; no listener.
+        Self::adopt(unsafe {
+            cyclors::dds_create_participant(domain_id, qos.as_ptr(), ptr::null())
+        })
+    }
+
+    /// A topic whose samples are opaque CDR.
+    pub(crate) fn topic(&self, name: &str, type_name: &str) -> Result<Self, ReturnCode> {
+        let name = c_string(name)?.into_raw();
+        let type_name = match c_string(type_name) {
+            Ok(type_name) => type_name.into_raw(),
+            Err(error) => {
+                // SAFETY: came from into_raw above.
+                drop(unsafe { CString::from_raw(name) });
+                return Err(error);
+            }
+        };
+        // SAFETY: both are NUL-terminated; the call copies them.
+        let code = unsafe { cyclors::cdds_create_blob_topic(self.0, name, type_name, true) };
+        // SAFETY: both came from into_raw; C neither kept nor freed them.
+        drop(unsafe { (CString::from_raw(name), CString::from_raw(type_name)) });
+        Self::adopt(code)
+    }
+
+    /// Takes ownership of a handle that a create call returned.
+    pub(super) fn adopt(code: i32) -> Result<Self, ReturnCode> {
+        ReturnCode::check(code).map(Self)
+    }
+
+    /// The handle, for calls.
+    pub(super) fn handle(&self) -> i32 {
+        self.0
+    }
+
+    /// GUID: 12 bytes of participant, 4 of entity.
+    pub(crate) fn guid(&self) -> Result<[u8; 16], ReturnCode> {
+        let mut guid = cyclors::dds_guid_t { v: [0; 16] };
+        // SAFETY: writes one guid to the place given.
+        ReturnCode::check(unsafe { cyclors::dds_get_guid(self.0, &raw mut guid) })?;
+        Ok(guid.v)
+    }
+}
+
+impl Drop for Entity {
+    fn drop(&mut self) {
+        // SAFETY: a number; Cyclone refuses it when the entity went with its parent.
+        let code = unsafe { cyclors::dds_delete(self.0) };
+        if let Err(error) = ReturnCode::check(code) {
+            tracing::debug!(handle = self.0, %error, "entity was gone before its owner");
+        }
+    }
+}
+
+fn c_string(text: &str) -> Result<CString, ReturnCode> {
+    CString::new(text).map_err(|_nul| ReturnCode::BAD_PARAMETER)
+}

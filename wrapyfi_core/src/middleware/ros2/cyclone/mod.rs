@@ -1,0 +1,34 @@
+//! CycloneDDS behind safe types: the only modules that call C.
+//!
+//! ```text
+//!   entity    domain, participant, topic: a handle that deletes itself
+//!   qos       Cyclone's QoS object, filled from ours
+//!   events    listener callbacks ──▶ counters and a doorbell
+//!   serdata   pieces ──▶ Cyclone's sample;  Cyclone's sample ──▶ Bytes, without a copy
+//!   endpoint  writer and reader of serialised messages
+//!   builtin   the endpoints that discovery has found
+//!   log       Cyclone's log lines ──▶ tracing
+//! ```
+//!
+//! # Contract
+//!
+//! Everything `unsafe` is inside; the types handed out are safe to use in any order, with these
+//! rules kept by their `Drop`s: an endpoint clears its listener, which waits for callbacks under
+//! way, before it is deleted; what callbacks point to is freed after the deletion; a sample owns
+//! its reference to Cyclone's buffer and may outlive reader, participant and domain.
+//!
+//! A callback must not drop the endpoint it was called for: that would wait for itself.
+
+mod builtin;
+mod endpoint;
+mod entity;
+mod events;
+mod log;
+mod qos;
+mod serdata;
+
+pub(super) use builtin::endpoints;
+pub(super) use endpoint::{RawReader, RawWriter, Taken, WriteFault};
+pub(super) use entity::{Entity, ReturnCode};
+pub(super) use events::Events;
+pub(super) use qos::EndpointQos;

@@ -1,0 +1,318 @@
+//! [`Graph`] on CycloneDDS: one participant, one node.
+//!
+//! ```text
+//!   CycloneGraph ──▶ Node { discovery info, participant, domain lease }
+//!                      ▲                    ▲
+//!        CycloneWriter ┘      CycloneReader ┘   each keeps the node alive and is listed in it
+//! ```
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use super::config::CycloneConfig;
+use super::cyclone::{
+    self, EndpointQos, Entity, Events, RawReader, RawWriter, ReturnCode, Taken, WriteFault,
+};
+use super::discovery_info::{DiscoveryInfo, EndpointKind, Gid};
+use super::domain::{DomainError, DomainLease};
+use super::graph::{
+    CdrReader, CdrSample, CdrWriter, DiscoveredEndpoint, Graph, GraphError, NodeIdentity, Notify,
+    TopicDescription,
+};
+use super::names::{self, NameError};
+
+/// How long a write waits for reliable readers: Fast DDS's value. Longer would let one stopped
+/// subscriber hold up everything that the same thread propagates.
+const MAX_BLOCKING: Duration = Duration::from_millis(100);
+
+/// Why a node could not be created.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum CycloneError {
+    /// Its name breaks ROS's rules.
+    #[error("node {name:?} in namespace {namespace:?}: {source}")]
+    Name {
+        /// Name as given.
+        name: String,
+        /// Namespace as given.
+        namespace: String,
+        /// The rule.
+        source: NameError,
+    },
+    /// Its domain cannot be had.
+    #[error(transparent)]
+    Domain(#[from] DomainError),
+    /// Cyclone refused the participant or its announcement.
+    #[error("CycloneDDS could not create the node: {0}")]
+    Participant(String),
+}
+
+/// A node on CycloneDDS.
+#[derive(Clone)]
+pub struct CycloneGraph(Arc<Node>);
+
+/// Fields drop in this order: announcement, participant, domain.
+struct Node {
+    identity: NodeIdentity,
+    info: Mutex<DiscoveryInfo>,
+    participant: Entity,
+    gid: Gid,
+    _domain: DomainLease,
+}
+
+impl CycloneGraph {
+    /// Joins the domain and announces the node.
+    ///
+    /// # Errors
+    /// When the name is invalid, another node of this process uses the domain with another
+    /// configuration, or Cyclone refuses.
+    pub fn new(config: &CycloneConfig) -> Result<Self, CycloneError> {
+        let identity = config.node.clone();
+        identity.validate().map_err(|source| CycloneError::Name {
+            name: identity.name.clone(),
+            namespace: identity.namespace.clone(),
+            source,
+        })?;
+        let domain = DomainLease::acquire(config.domain_id, &config.sources())?;
+        let fault = |code: ReturnCode| CycloneError::Participant(code.to_string());
+        let participant = Entity::participant(config.domain_id, "enclave=/;").map_err(fault)?;
+        let gid = participant.guid().map_err(fault)?;
+        let info = DiscoveryInfo::new(&participant, identity.clone()).map_err(fault)?;
+        info.publish();
+        tracing::info!(
+            node = identity.full_name(),
+            domain = config.domain_id,
+            range = ?config.discovery.range,
+            "ROS 2 node on CycloneDDS"
+        );
+        Ok(Self(Arc::new(Node {
+            identity,
+            info: Mutex::new(info),
+            participant,
+            gid,
+            _domain: domain,
+        })))
+    }
+
+    /// GUID of the participant, as `ros_discovery_info` carries it.
+    #[must_use]
+    pub fn gid(&self) -> [u8; 16] {
+        self.0.gid
+    }
+
+    /// Like [`Graph::subscribe`], with the names of DDS: for topics that are no ROS topics, such as
+    /// `ros_discovery_info`.
+    ///
+    /// # Errors
+    /// When Cyclone refuses.
+    pub fn subscribe_dds(
+        &self,
+        topic: &TopicDescription,
+        on_data: Notify,
+    ) -> Result<Box<dyn CdrReader>, GraphError> {
+        let fault = |code| stack("creating a reader", &topic.name, code);
+        let events = Events::new(&topic.name, topic.qos.reliability, on_data);
+        let user_data = user_data(topic);
+        let names = (topic.name.as_str(), topic.type_name.as_str());
+        let raw = RawReader::new(&self.0.participant, names, &qos(topic, &user_data), events)
+            .map_err(fault)?;
+        let gid = raw.guid().map_err(fault)?;
+        let listed = Listed::new(&self.0, EndpointKind::Reader, gid);
+        let (topic, max_bytes) = (topic.name.clone(), topic.max_bytes);
+        Ok(Box::new(CycloneReader { raw, topic, max_bytes, _listed: listed }))
+    }
+
+    fn advertise_dds(
+        &self,
+        topic: &TopicDescription,
+        on_match: Notify,
+    ) -> Result<Box<dyn CdrWriter>, GraphError> {
+        let fault = |code| stack("creating a writer", &topic.name, code);
+        let events = Events::new(&topic.name, topic.qos.reliability, on_match);
+        let user_data = user_data(topic);
+        let names = (topic.name.as_str(), topic.type_name.as_str());
+        let raw = RawWriter::new(&self.0.participant, names, &qos(topic, &user_data), events)
+            .map_err(fault)?;
+        let gid = raw.guid().map_err(fault)?;
+        let listed = Listed::new(&self.0, EndpointKind::Writer, gid);
+        Ok(Box::new(CycloneWriter { raw, topic: topic.name.clone(), _listed: listed }))
+    }
+}
+
+impl Graph for CycloneGraph {
+    fn identity(&self) -> &NodeIdentity {
+        &self.0.identity
+    }
+
+    fn advertise(
+        &self,
+        topic: &TopicDescription,
+        on_match: Notify,
+    ) -> Result<Box<dyn CdrWriter>, GraphError> {
+        self.advertise_dds(&to_dds(topic)?, on_match)
+    }
+
+    fn subscribe(
+        &self,
+        topic: &TopicDescription,
+        on_data: Notify,
+    ) -> Result<Box<dyn CdrReader>, GraphError> {
+        self.subscribe_dds(&to_dds(topic)?, on_data)
+    }
+
+    fn endpoints(&self) -> Result<Vec<DiscoveredEndpoint>, GraphError> {
+        let found = cyclone::endpoints(&self.0.participant)
+            .map_err(|code| stack("listing endpoints", &self.0.identity.full_name(), code))?;
+        Ok(found
+            .into_iter()
+            .map(|endpoint| DiscoveredEndpoint {
+                is_publisher: endpoint.is_writer,
+                type_hash: type_hash(&endpoint.user_data),
+                gid: endpoint.guid,
+                type_name: names::type_from_dds(&endpoint.type_name).unwrap_or(endpoint.type_name),
+                topic: match names::topic_from_dds(&endpoint.topic) {
+                    Some(ros) => ros.to_owned(),
+                    None => endpoint.topic,
+                },
+            })
+            .collect())
+    }
+}
+
+impl Node {
+    fn info(&self) -> MutexGuard<'_, DiscoveryInfo> {
+        self.info.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Drop for Node {
+    fn drop(&mut self) {
+        self.info().retire();
+    }
+}
+
+/// An endpoint's entry in its node, removed on drop.
+struct Listed {
+    node: Arc<Node>,
+    kind: EndpointKind,
+    gid: Gid,
+}
+
+impl Listed {
+    fn new(node: &Arc<Node>, kind: EndpointKind, gid: Gid) -> Self {
+        node.info().add(kind, gid);
+        Self { node: Arc::clone(node), kind, gid }
+    }
+}
+
+impl Drop for Listed {
+    fn drop(&mut self) {
+        self.node.info().remove(self.kind, &self.gid);
+    }
+}
+
+/// Fields drop in this order: the writer, then its entry.
+struct CycloneWriter {
+    raw: RawWriter,
+    topic: String,
+    _listed: Listed,
+}
+
+impl CdrWriter for CycloneWriter {
+    fn write(&mut self, parts: &[&[u8]]) -> Result<(), GraphError> {
+        self.raw.write(parts).map_err(|fault| match fault {
+            WriteFault::Code(code) if code.is_timeout() => GraphError::Timeout {
+                topic: self.topic.clone(),
+                timeout_ms: u64::try_from(MAX_BLOCKING.as_millis()).unwrap_or(u64::MAX),
+            },
+            WriteFault::Code(code) => stack("writing", &self.topic, code),
+            WriteFault::Message(reason) => {
+                GraphError::Stack { operation: "writing", topic: self.topic.clone(), reason }
+            }
+        })
+    }
+
+    fn matched(&self) -> usize {
+        self.raw.events().matched()
+    }
+
+    fn incompatible(&self) -> Option<&'static str> {
+        self.raw.events().incompatible()
+    }
+}
+
+/// Fields drop in this order: the reader, then its entry.
+struct CycloneReader {
+    raw: RawReader,
+    topic: String,
+    max_bytes: usize,
+    _listed: Listed,
+}
+
+impl CdrReader for CycloneReader {
+    fn take(&mut self) -> Result<Option<CdrSample>, GraphError> {
+        match self.raw.take(self.max_bytes) {
+            Ok(Taken::Nothing) => Ok(None),
+            Ok(Taken::Message(cdr, source_timestamp_ns)) => {
+                Ok(Some(CdrSample { cdr, source_timestamp_ns }))
+            }
+            Ok(Taken::TooLarge(actual)) => Err(GraphError::TooLarge {
+                topic: self.topic.clone(),
+                actual,
+                limit: self.max_bytes,
+            }),
+            Err(code) => Err(stack("taking", &self.topic, code)),
+        }
+    }
+
+    fn matched(&self) -> usize {
+        self.raw.events().matched()
+    }
+
+    fn lost(&mut self) -> u64 {
+        self.raw.events().take_lost()
+    }
+
+    fn incompatible(&self) -> Option<&'static str> {
+        self.raw.events().incompatible()
+    }
+}
+
+fn to_dds(topic: &TopicDescription) -> Result<TopicDescription, GraphError> {
+    let fault = |error: NameError| GraphError::Stack {
+        operation: "naming",
+        topic: topic.name.clone(),
+        reason: error.to_string(),
+    };
+    names::validate_absolute(&topic.name).map_err(fault)?;
+    Ok(TopicDescription {
+        name: names::topic_to_dds(&topic.name),
+        type_name: names::type_to_dds(&topic.type_name).map_err(fault)?,
+        ..topic.clone()
+    })
+}
+
+fn user_data(topic: &TopicDescription) -> String {
+    topic.type_hash.as_ref().map(|hash| format!("typehash={hash};")).unwrap_or_default()
+}
+
+fn type_hash(user_data: &[u8]) -> Option<String> {
+    let text = std::str::from_utf8(user_data).ok()?;
+    text.trim_end_matches('\0')
+        .split(';')
+        .find_map(|pair| pair.strip_prefix("typehash="))
+        .map(ToOwned::to_owned)
+}
+
+fn qos<'a>(topic: &TopicDescription, user_data: &'a str) -> EndpointQos<'a> {
+    EndpointQos {
+        qos: topic.qos,
+        max_samples: topic.max_samples,
+        max_blocking: MAX_BLOCKING,
+        user_data,
+    }
+}
+
+fn stack(operation: &'static str, topic: &str, code: ReturnCode) -> GraphError {
+    GraphError::Stack { operation, topic: topic.to_owned(), reason: code.to_string() }
+}

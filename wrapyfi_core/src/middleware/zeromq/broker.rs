@@ -1,0 +1,305 @@
+//! The meeting point of publishers and listeners, in place of Wrapyfi's own.
+//!
+//! ```text
+//!   Broker::start ── binds XPUB pub_port (listeners) and XSUB sub_port (publishers)
+//!        │           └─ thread: Proxy
+//!   status() ◀────────── counters, subscriptions
+//!   drop     ──────────▶ thread ends, ports are free
+//! ```
+//!
+//! It lives in a thread of its owner: it cannot outlive the process and keep the ports.
+
+use std::collections::BTreeMap;
+use std::net::IpAddr;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+
+use serde::Serialize;
+
+use super::config::{ZeroMqConfig, resolve};
+use super::monitor::Monitor;
+use super::options::{self, Bell};
+use super::proxy::Proxy;
+
+/// Settings of a [`Broker`]; the fields mean what they mean in [`ZeroMqConfig`].
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[allow(missing_docs)]
+pub struct BrokerConfig {
+    pub ip: String,
+    /// 0 means any free port, here and in `sub_port`.
+    pub pub_port: u16,
+    pub sub_port: u16,
+    /// `None`: nobody is told who is subscribed.
+    pub monitor_topic: Option<String>,
+    pub hwm: u16,
+    pub max_frame_bytes: usize,
+    pub insecure: bool,
+}
+
+impl Default for BrokerConfig {
+    fn default() -> Self {
+        ZeroMqConfig::default().broker_config()
+    }
+}
+
+/// Why no broker could be started.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum BrokerError {
+    /// The host has no address.
+    #[error("broker host {ip:?} cannot be resolved: {reason}")]
+    Host {
+        /// Host as given.
+        ip: String,
+        /// What the resolver said.
+        reason: String,
+    },
+    /// Other machines could reach it.
+    #[error(
+        "a broker on {ip} can be reached by other machines, and anyone there could read and forge \
+         every topic: use 127.0.0.1, or set insecure: true where the network is trusted"
+    )]
+    NotLoopback {
+        /// Address asked for.
+        ip: IpAddr,
+    },
+    /// Somebody else has the port.
+    #[error("port {port} on {ip} is taken: stop what uses it, or choose another port")]
+    PortTaken {
+        /// Address asked for.
+        ip: IpAddr,
+        /// Port asked for.
+        port: u16,
+    },
+    /// The address belongs to another machine.
+    #[error("{ip} is not an address of this machine: run the broker there and only connect here")]
+    NotHere {
+        /// Address asked for.
+        ip: IpAddr,
+    },
+    /// Both sides on one port.
+    #[error("pub_port and sub_port are both {port}: give the two sides of the broker two ports")]
+    SamePort {
+        /// The port.
+        port: u16,
+    },
+    /// Anything else ZeroMQ or the system refused.
+    #[error("the ZeroMQ broker could not {action}: {reason}")]
+    Transport {
+        /// What was tried.
+        action: String,
+        /// What the system said.
+        reason: String,
+    },
+}
+
+/// A running broker. Dropping it ends it and frees its ports.
+pub struct Broker {
+    ip: IpAddr,
+    pub_port: u16,
+    sub_port: u16,
+    shared: Arc<Shared>,
+    stop: Bell,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// A broker at one moment.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+pub struct BrokerStatus {
+    /// Messages passed on to listeners.
+    pub messages: u64,
+    /// Bytes passed on, all frames.
+    pub bytes: u64,
+    /// Messages dropped because they pretended to be the broker's counts.
+    pub forged: u64,
+    /// Frames from listeners dropped because they were no subscription.
+    pub ignored: u64,
+    /// Subscriptions by topic: how many came since there were last none. Zero is exact, larger
+    /// numbers may be too high after listeners have left.
+    pub subscriptions: BTreeMap<String, u64>,
+    /// Why the broker no longer works.
+    pub failure: Option<String>,
+}
+
+impl Broker {
+    /// Binds both ports and starts passing messages.
+    ///
+    /// # Errors
+    /// When a port cannot be bound or must not be; both are free again then.
+    pub fn start(config: &BrokerConfig) -> Result<Self, BrokerError> {
+        let ip = resolve(&config.ip)
+            .map_err(|reason| BrokerError::Host { ip: config.ip.clone(), reason })?;
+        if !ip.is_loopback() && !config.insecure {
+            return Err(BrokerError::NotLoopback { ip });
+        }
+        if config.pub_port == config.sub_port && config.pub_port != 0 {
+            return Err(BrokerError::SamePort { port: config.pub_port });
+        }
+        let context = zmq::Context::new();
+        let (front, back) = sockets(&context, ip, config).map_err(failed_to("open its sockets"))?;
+        let pub_port = bind(&front, ip, config.pub_port)?;
+        let sub_port = bind(&back, ip, config.sub_port)?;
+        let (bell, stop) = Bell::new(&context).map_err(failed_to("open its control socket"))?;
+        let shared = Arc::new(Shared::default());
+        let proxy = Proxy {
+            front,
+            back,
+            stop,
+            monitor: Monitor::new(config.monitor_topic.as_deref()),
+            shared: Arc::clone(&shared),
+        };
+        let thread = std::thread::Builder::new()
+            .name("zeromq-broker".to_owned())
+            .spawn(move || proxy.run())
+            .map_err(failed_to("start its thread"))?;
+        tracing::info!(%ip, pub_port, sub_port, "ZeroMQ broker runs");
+        Ok(Self { ip, pub_port, sub_port, shared, stop: bell, thread: Some(thread) })
+    }
+
+    /// Address it is bound to.
+    #[must_use]
+    pub fn ip(&self) -> IpAddr {
+        self.ip
+    }
+
+    /// Port to which listeners connect.
+    #[must_use]
+    pub fn pub_port(&self) -> u16 {
+        self.pub_port
+    }
+
+    /// Port to which publishers connect.
+    #[must_use]
+    pub fn sub_port(&self) -> u16 {
+        self.sub_port
+    }
+
+    /// Counters and subscriptions; the latter at most half a second old.
+    #[must_use]
+    pub fn status(&self) -> BrokerStatus {
+        self.shared.status()
+    }
+}
+
+impl Drop for Broker {
+    fn drop(&mut self) {
+        self.stop.ring();
+        if let Some(thread) = self.thread.take()
+            && thread.join().is_err()
+        {
+            tracing::error!("the ZeroMQ broker's thread panicked");
+        }
+        tracing::info!(pub_port = self.pub_port, sub_port = self.sub_port, "ZeroMQ broker ended");
+    }
+}
+
+impl std::fmt::Debug for Broker {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Broker")
+            .field("ip", &self.ip)
+            .field("pub_port", &self.pub_port)
+            .field("sub_port", &self.sub_port)
+            .finish_non_exhaustive()
+    }
+}
+
+/// Subscriptions are topic names: nothing longer is read.
+const MAX_SUBSCRIPTION_BYTES: usize = 64 * 1024;
+
+fn sockets(
+    context: &zmq::Context,
+    ip: IpAddr,
+    config: &BrokerConfig,
+) -> zmq::Result<(zmq::Socket, zmq::Socket)> {
+    let front = context.socket(zmq::XPUB)?;
+    options::set_common(&front, ip)?;
+    // Every subscription is reported, not only the first of a topic: see Monitor for the counts.
+    front.set_xpub_verbose(true)?;
+    front.set_sndhwm(i32::from(config.hwm))?;
+    front.set_maxmsgsize(options::frame_limit(MAX_SUBSCRIPTION_BYTES))?;
+    let back = context.socket(zmq::XSUB)?;
+    options::set_common(&back, ip)?;
+    back.set_rcvhwm(i32::from(config.hwm))?;
+    back.set_maxmsgsize(options::frame_limit(config.max_frame_bytes))?;
+    Ok((front, back))
+}
+
+/// Binds `socket` and tells to which port.
+fn bind(socket: &zmq::Socket, ip: IpAddr, port: u16) -> Result<u16, BrokerError> {
+    // libzmq spells "any free port" with an asterisk.
+    let endpoint = match port {
+        0 => options::endpoint(ip, 0).trim_end_matches('0').to_owned() + "*",
+        _ => options::endpoint(ip, port),
+    };
+    socket.bind(&endpoint).map_err(|error| match error {
+        zmq::Error::EADDRINUSE => BrokerError::PortTaken { ip, port },
+        zmq::Error::EADDRNOTAVAIL | zmq::Error::ENODEV => BrokerError::NotHere { ip },
+        other => failed_to(&format!("bind {endpoint}"))(other),
+    })?;
+    if port != 0 {
+        return Ok(port);
+    }
+    let bound = socket.get_last_endpoint().map_err(failed_to("learn its port"))?;
+    bound
+        .ok()
+        .and_then(|text| text.rsplit_once(':').and_then(|(_, port)| port.parse().ok()))
+        .ok_or_else(|| failed_to("learn its port")("the endpoint names none"))
+}
+
+fn failed_to<E: std::fmt::Display>(action: &str) -> impl FnOnce(E) -> BrokerError {
+    let action = action.to_owned();
+    move |error| BrokerError::Transport { action, reason: error.to_string() }
+}
+
+/// What the broker's thread tells the others.
+#[derive(Default)]
+pub(super) struct Shared {
+    messages: AtomicU64,
+    bytes: AtomicU64,
+    forged: AtomicU64,
+    ignored: AtomicU64,
+    told: Mutex<Told>,
+}
+
+#[derive(Default)]
+struct Told {
+    subscriptions: BTreeMap<String, u64>,
+    failure: Option<String>,
+}
+
+impl Shared {
+    pub(super) fn count_message(&self, bytes: usize) {
+        self.messages.fetch_add(1, Relaxed);
+        self.bytes.fetch_add(bytes as u64, Relaxed);
+    }
+
+    pub(super) fn count_forged(&self) {
+        self.forged.fetch_add(1, Relaxed);
+    }
+
+    pub(super) fn count_ignored(&self) {
+        self.ignored.fetch_add(1, Relaxed);
+    }
+
+    pub(super) fn set_subscriptions<'a>(&self, counts: impl Iterator<Item = (&'a str, u64)>) {
+        let counts = counts.map(|(topic, count)| (topic.to_owned(), count)).collect();
+        self.told.lock().unwrap_or_else(PoisonError::into_inner).subscriptions = counts;
+    }
+
+    pub(super) fn failed(&self, error: zmq::Error) {
+        self.told.lock().unwrap_or_else(PoisonError::into_inner).failure = Some(error.to_string());
+    }
+
+    fn status(&self) -> BrokerStatus {
+        let told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
+        BrokerStatus {
+            messages: self.messages.load(Relaxed),
+            bytes: self.bytes.load(Relaxed),
+            forged: self.forged.load(Relaxed),
+            ignored: self.ignored.load(Relaxed),
+            subscriptions: told.subscriptions.clone(),
+            failure: told.failure.clone(),
+        }
+    }
+}

@@ -1,0 +1,242 @@
+//! Where the broker is and how the sockets behave.
+//!
+//! ```text
+//!   WRAPYFI_ZEROMQ_* ──▶ ZeroMqConfig ──▶ BrokerConfig (embedded)
+//!                                    └──▶ tcp://ip:port (publishers, listeners)
+//! ```
+
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, ToSocketAddrs};
+
+use super::broker::BrokerConfig;
+
+/// Whether this process may run the broker.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum BrokerMode {
+    /// Runs the broker unless one is there already; takes over when that one goes away.
+    #[default]
+    Embedded,
+    /// Only connects: somebody else runs the broker.
+    Foreign,
+}
+
+/// Settings of [`ZeroMq`](super::ZeroMq).
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ZeroMqConfig {
+    /// Host of the broker, an address or a name (`WRAPYFI_ZEROMQ_SOCKET_IP`).
+    pub ip: String,
+    /// Port to which listeners connect (`WRAPYFI_ZEROMQ_SOCKET_PUB_PORT`). With an embedded
+    /// broker 0 means any free port.
+    pub pub_port: u16,
+    /// Port to which publishers connect (`WRAPYFI_ZEROMQ_SOCKET_SUB_PORT`).
+    pub sub_port: u16,
+    /// Topic on which the broker tells who is subscribed
+    /// (`WRAPYFI_ZEROMQ_PUBSUB_MONITOR_TOPIC`).
+    pub monitor_topic: String,
+    /// Whether our broker publishes that topic (`WRAPYFI_ZEROMQ_START_PUBSUB_MONITOR`).
+    pub monitor: bool,
+    /// Who runs the broker (`WRAPYFI_ZEROMQ_START_PROXY_BROKER`: `False` is foreign).
+    pub broker: BrokerMode,
+    /// Messages a socket holds for a peer that is slower, in publishers and in the broker.
+    pub send_hwm: u16,
+    /// Largest frame a socket accepts before it cuts the connection, in bytes. A listener uses the
+    /// limit of its own topic instead.
+    pub max_frame_bytes: usize,
+    /// Allows a broker on addresses other machines can reach. Nothing is authenticated or
+    /// encrypted there.
+    pub insecure: bool,
+}
+
+impl Default for ZeroMqConfig {
+    fn default() -> Self {
+        Self {
+            ip: "127.0.0.1".to_owned(),
+            pub_port: 5555,
+            sub_port: 5556,
+            monitor_topic: "ZEROMQ/CONNECTIONS".to_owned(),
+            monitor: true,
+            broker: BrokerMode::Embedded,
+            // libzmq's own default, and so Wrapyfi's.
+            send_hwm: 1000,
+            max_frame_bytes: crate::Limits::default().message_bytes + FRAME_SLACK,
+            insecure: false,
+        }
+    }
+}
+
+/// Room above a message limit for topic and header frames.
+pub(super) const FRAME_SLACK: usize = 64 * 1024;
+
+/// Why the environment holds no usable configuration.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ConfigError {
+    /// A port that is no port.
+    #[error("{name}={value:?} is not a port: write a number from 1 to 65535")]
+    Port {
+        /// Variable.
+        name: &'static str,
+        /// Its value.
+        value: String,
+    },
+    /// A switch that is neither on nor off.
+    #[error("{name}={value:?} is neither True nor False")]
+    Switch {
+        /// Variable.
+        name: &'static str,
+        /// Its value.
+        value: String,
+    },
+    /// Set, but to nothing.
+    #[error("{name} is set to nothing: give it a value or unset it")]
+    Empty {
+        /// Variable.
+        name: &'static str,
+    },
+    /// Not text.
+    #[error("{name} is not UTF-8 text")]
+    NotText {
+        /// Variable.
+        name: &'static str,
+    },
+}
+
+impl ZeroMqConfig {
+    /// The defaults, changed by the `WRAPYFI_ZEROMQ_*` variables that concern publish and listen.
+    ///
+    /// # Errors
+    /// When a variable has a value that means nothing; the error names it.
+    pub fn from_env() -> Result<Self, ConfigError> {
+        Self::from_lookup(|name| match std::env::var(name) {
+            Ok(value) => Ok(Some(value)),
+            Err(std::env::VarError::NotPresent) => Ok(None),
+            Err(std::env::VarError::NotUnicode(_)) => Err(ConfigError::NotText { name }),
+        })
+    }
+
+    fn from_lookup(
+        lookup: impl Fn(&'static str) -> Result<Option<String>, ConfigError>,
+    ) -> Result<Self, ConfigError> {
+        let text = |name| match lookup(name)? {
+            Some(value) if value.trim().is_empty() => Err(ConfigError::Empty { name }),
+            found => Ok(found),
+        };
+        let port = |name, default| match text(name)? {
+            None => Ok(default),
+            Some(value) => match value.trim().parse() {
+                Ok(port) if port > 0 => Ok(port),
+                _ => Err(ConfigError::Port { name, value }),
+            },
+        };
+        let switch = |name| match text(name)? {
+            None => Ok(true),
+            Some(value) => match value.trim().to_ascii_lowercase().as_str() {
+                "true" | "1" => Ok(true),
+                "false" | "0" => Ok(false),
+                _ => Err(ConfigError::Switch { name, value }),
+            },
+        };
+        let default = Self::default();
+        Ok(Self {
+            ip: text("WRAPYFI_ZEROMQ_SOCKET_IP")?.unwrap_or(default.ip),
+            pub_port: port("WRAPYFI_ZEROMQ_SOCKET_PUB_PORT", default.pub_port)?,
+            sub_port: port("WRAPYFI_ZEROMQ_SOCKET_SUB_PORT", default.sub_port)?,
+            monitor_topic: text("WRAPYFI_ZEROMQ_PUBSUB_MONITOR_TOPIC")?
+                .unwrap_or(default.monitor_topic),
+            monitor: switch("WRAPYFI_ZEROMQ_START_PUBSUB_MONITOR")?,
+            broker: if switch("WRAPYFI_ZEROMQ_START_PROXY_BROKER")? {
+                BrokerMode::Embedded
+            } else {
+                BrokerMode::Foreign
+            },
+            ..default
+        })
+    }
+
+    /// The broker that these settings describe.
+    #[must_use]
+    pub fn broker_config(&self) -> BrokerConfig {
+        BrokerConfig {
+            ip: self.ip.clone(),
+            pub_port: self.pub_port,
+            sub_port: self.sub_port,
+            monitor_topic: self.monitor.then(|| self.monitor_topic.clone()),
+            hwm: self.send_hwm,
+            max_frame_bytes: self.max_frame_bytes,
+            insecure: self.insecure,
+        }
+    }
+}
+
+/// First address of `host`, or the reason why there is none.
+pub(super) fn resolve(host: &str) -> Result<IpAddr, String> {
+    if host == "*" {
+        return Ok(Ipv4Addr::UNSPECIFIED.into());
+    }
+    let bare = host.trim_start_matches('[').trim_end_matches(']');
+    if let Ok(ip) = bare.parse() {
+        return Ok(ip);
+    }
+    let found: Vec<_> = (host, 0).to_socket_addrs().map_err(|e| e.to_string())?.collect();
+    // Wrapyfi's sockets speak IPv4 only.
+    let preferred = found.iter().find(|address| address.is_ipv4()).or(found.first());
+    preferred.map(std::net::SocketAddr::ip).ok_or_else(|| "the name has no address".to_owned())
+}
+
+/// Where to connect for a broker bound to `ip`: all interfaces are reached through loopback.
+pub(super) fn reachable(ip: IpAddr) -> IpAddr {
+    match ip {
+        IpAddr::V4(v4) if v4.is_unspecified() => Ipv4Addr::LOCALHOST.into(),
+        IpAddr::V6(v6) if v6.is_unspecified() => Ipv6Addr::LOCALHOST.into(),
+        other => other,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn from(pairs: &[(&str, &str)]) -> Result<ZeroMqConfig, ConfigError> {
+        ZeroMqConfig::from_lookup(|name| {
+            Ok(pairs.iter().find(|(n, _)| *n == name).map(|(_, v)| (*v).to_owned()))
+        })
+    }
+
+    #[test]
+    fn an_empty_environment_is_the_default() {
+        assert_eq!(from(&[]), Ok(ZeroMqConfig::default()));
+    }
+
+    #[test]
+    fn variables_replace_defaults() {
+        let config = from(&[
+            ("WRAPYFI_ZEROMQ_SOCKET_IP", "10.0.0.2"),
+            ("WRAPYFI_ZEROMQ_SOCKET_PUB_PORT", "6000"),
+            ("WRAPYFI_ZEROMQ_SOCKET_SUB_PORT", "6001"),
+            ("WRAPYFI_ZEROMQ_START_PROXY_BROKER", "False"),
+            ("WRAPYFI_ZEROMQ_START_PUBSUB_MONITOR", "false"),
+            ("WRAPYFI_ZEROMQ_PUBSUB_MONITOR_TOPIC", "M"),
+        ])
+        .unwrap();
+        assert_eq!((config.ip.as_str(), config.pub_port, config.sub_port), ("10.0.0.2", 6000, 6001));
+        assert_eq!((config.broker, config.monitor), (BrokerMode::Foreign, false));
+        assert_eq!(config.monitor_topic, "M");
+    }
+
+    #[test]
+    fn values_without_meaning_are_named() {
+        for value in ["0", "-1", "65536", "abc"] {
+            let error = from(&[("WRAPYFI_ZEROMQ_SOCKET_PUB_PORT", value)]).unwrap_err();
+            assert!(error.to_string().contains("WRAPYFI_ZEROMQ_SOCKET_PUB_PORT"), "{error}");
+            assert!(error.to_string().contains(value), "{error}");
+        }
+        assert!(from(&[("WRAPYFI_ZEROMQ_START_PROXY_BROKER", "perhaps")]).is_err());
+        assert!(from(&[("WRAPYFI_ZEROMQ_SOCKET_IP", " ")]).is_err());
+    }
+
+    #[test]
+    fn all_interfaces_are_reached_through_loopback() {
+        assert_eq!(reachable(resolve("*").unwrap()), IpAddr::from(Ipv4Addr::LOCALHOST));
+        assert_eq!(reachable(resolve("::").unwrap()), IpAddr::from(Ipv6Addr::LOCALHOST));
+        assert!(resolve("localhost").unwrap().is_loopback());
+    }
+}

@@ -1,0 +1,132 @@
+//! Whether a socket has reached the broker, from libzmq's own events.
+//!
+//! ```text
+//!   socket ── events ──▶ Watch (I/O thread) ── state ──▶ Link (endpoint, status tables)
+//! ```
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
+
+use zmq::SocketEvent;
+
+use super::options::inproc_name;
+
+const DOWN: u8 = 0;
+const UP: u8 = 1;
+const REFUSED: u8 = 2;
+
+/// State of one socket's connection to the broker.
+#[derive(Debug)]
+pub(super) struct BrokerLink {
+    broker: String,
+    state: AtomicU8,
+}
+
+impl BrokerLink {
+    pub(super) fn new(broker: &str) -> Arc<Self> {
+        Arc::new(Self { broker: broker.to_owned(), state: AtomicU8::new(DOWN) })
+    }
+
+    pub(super) fn is_up(&self) -> bool {
+        self.state.load(Relaxed) == UP
+    }
+
+    /// Why nothing flows; `None` when the broker is reached.
+    pub(super) fn waiting_for(&self) -> Option<String> {
+        match self.state.load(Relaxed) {
+            UP => None,
+            REFUSED => Some(format!(
+                "broker {}: what answers there is not the matching side of a ZeroMQ broker",
+                self.broker
+            )),
+            _ => Some(format!("broker {} does not answer", self.broker)),
+        }
+    }
+
+    /// Takes note of an event; true when the state changed.
+    fn happened(&self, event: u16) -> bool {
+        let is = |kind: SocketEvent| event == kind.to_raw();
+        let before = self.state.load(Relaxed);
+        let state = if is(SocketEvent::HANDSHAKE_SUCCEEDED) {
+            UP
+        } else if is(SocketEvent::HANDSHAKE_FAILED_NO_DETAIL)
+            || is(SocketEvent::HANDSHAKE_FAILED_PROTOCOL)
+            || is(SocketEvent::HANDSHAKE_FAILED_AUTH)
+        {
+            REFUSED
+        } else if is(SocketEvent::CLOSED) || (is(SocketEvent::DISCONNECTED) && before == UP) {
+            // A refused handshake is followed by a disconnection too, and stays the reason.
+            DOWN
+        } else {
+            before
+        };
+        self.state.store(state, Relaxed);
+        state != before
+    }
+}
+
+/// Receives the events of one socket. Belongs to the thread that polls.
+pub(super) struct Watch {
+    events: zmq::Socket,
+    link: Arc<BrokerLink>,
+}
+
+impl Watch {
+    /// Watches `socket`, before it connects.
+    pub(super) fn new(
+        context: &zmq::Context,
+        socket: &zmq::Socket,
+        link: Arc<BrokerLink>,
+    ) -> zmq::Result<Self> {
+        let name = inproc_name("events");
+        socket.monitor(&name, i32::from(SocketEvent::ALL.to_raw()))?;
+        let events = context.socket(zmq::PAIR)?;
+        events.set_linger(0)?;
+        events.connect(&name)?;
+        Ok(Self { events, link })
+    }
+
+    pub(super) fn poll_item(&self) -> zmq::PollItem<'_> {
+        self.events.as_poll_item(zmq::POLLIN)
+    }
+
+    /// Takes all waiting events; true when the connection came or went.
+    pub(super) fn take(&self) -> bool {
+        let mut changed = false;
+        while let Ok(frame) = self.events.recv_msg(zmq::DONTWAIT) {
+            // First frame: event number and a value, in native byte order. Second: the address.
+            if frame.get_more()
+                && let Some(number) = frame.first_chunk::<2>()
+            {
+                changed |= self.link.happened(u16::from_ne_bytes(*number));
+            }
+        }
+        changed
+    }
+
+    pub(super) fn link(&self) -> &BrokerLink {
+        &self.link
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_reason_follows_the_events() {
+        let link = BrokerLink::new("tcp://127.0.0.1:5555");
+        let reason = link.waiting_for().unwrap();
+        assert_eq!(reason, "broker tcp://127.0.0.1:5555 does not answer");
+        assert!(!link.happened(SocketEvent::CONNECTED.to_raw()));
+        assert!(link.happened(SocketEvent::HANDSHAKE_SUCCEEDED.to_raw()));
+        assert_eq!(link.waiting_for(), None);
+        assert!(link.happened(SocketEvent::DISCONNECTED.to_raw()));
+        assert!(!link.is_up());
+        assert!(link.happened(SocketEvent::HANDSHAKE_FAILED_PROTOCOL.to_raw()));
+        assert!(!link.happened(SocketEvent::DISCONNECTED.to_raw()));
+        assert!(link.waiting_for().unwrap().contains("matching side"));
+        assert!(link.happened(SocketEvent::CLOSED.to_raw()));
+        assert!(!link.happened(0x7000));
+    }
+}

@@ -1,0 +1,102 @@
+//! A topic received: opens the socket, hands it to the I/O thread, decodes what arrives.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
+
+use super::config::FRAME_SLACK;
+use super::echo::Listening;
+use super::io::{Command, Handle};
+use super::link::{BrokerLink, Watch};
+use super::options;
+use super::reception::{Arrival, Reception};
+use super::{Shared, transport};
+use crate::codec::frames;
+use crate::endpoint::{
+    Context, Link, Listener, OpenError, Receiver, Sample, TakeError, TopicSpec, inbox,
+};
+
+/// Receives one topic through the broker.
+pub(super) struct ZeroMqListener {
+    id: u64,
+    spec: TopicSpec,
+    inbox: Receiver<Arrival>,
+    link: Arc<BrokerLink>,
+    stalled: Arc<AtomicBool>,
+    io: Arc<Handle>,
+}
+
+/// Messages libzmq holds while the inbox is full under policy `block`, beyond its depth. Under
+/// the other policies the I/O thread empties the socket at once.
+const SOCKET_DEPTH: i32 = 1000;
+
+impl ZeroMqListener {
+    pub(super) fn open(
+        shared: &Shared,
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> Result<Self, OpenError> {
+        let link = BrokerLink::new(&shared.pub_endpoint);
+        let (socket, watch) =
+            open_socket(shared, spec, &link).map_err(|e| transport(&spec.topic, e))?;
+        let id = shared.io.handle().next_id();
+        let (sender, receiver) =
+            inbox(spec.queue, Arc::clone(&context.counters), context.wake.clone());
+        let stalled = Arc::new(AtomicBool::new(false));
+        let reception = Reception {
+            id,
+            socket,
+            watch,
+            topic: spec.topic.as_bytes().to_vec(),
+            limit: spec.limits.message_bytes,
+            inbox: sender,
+            listening: Listening::new(shared.echoes.of(&spec.topic)),
+            wake: context.wake.clone(),
+            stalled: Arc::clone(&stalled),
+            held: None,
+        };
+        let io = Arc::clone(shared.io.handle());
+        io.send(Command::Listen(Box::new(reception)));
+        Ok(Self { id, spec: spec.clone(), inbox: receiver, link, stalled, io })
+    }
+}
+
+fn open_socket(
+    shared: &Shared,
+    spec: &TopicSpec,
+    link: &Arc<BrokerLink>,
+) -> zmq::Result<(zmq::Socket, Watch)> {
+    let socket = shared.context.socket(zmq::SUB)?;
+    options::set_common(&socket, shared.ip)?;
+    socket.set_rcvhwm(SOCKET_DEPTH)?;
+    // Beyond this libzmq cuts the connection: it guards memory only, far enough above the limit
+    // that a message somewhat too large is received, counted and dropped instead.
+    let guard = spec.limits.message_bytes.saturating_mul(2).saturating_add(FRAME_SLACK);
+    socket.set_maxmsgsize(options::frame_limit(guard))?;
+    socket.set_subscribe(spec.topic.as_bytes())?;
+    let watch = Watch::new(&shared.context, &socket, Arc::clone(link))?;
+    socket.connect(&shared.pub_endpoint)?;
+    Ok((socket, watch))
+}
+
+impl Listener for ZeroMqListener {
+    fn take(&mut self) -> Result<Option<Sample>, TakeError> {
+        let Some(arrival) = self.inbox.pop() else { return Ok(None) };
+        if self.stalled.swap(false, SeqCst) {
+            self.io.ring();
+        }
+        let payload = frames::decode(&arrival.frames, &self.spec, arrival.stamp)?;
+        let Arrival { wire_bytes, received_at, .. } = arrival;
+        Ok(Some(Sample { payload, wire_bytes, received_at }))
+    }
+
+    fn link(&self) -> Link {
+        // A broker does not tell listeners who publishes.
+        Link { peers: None, waiting_for: self.link.waiting_for(), keeps_last: false }
+    }
+}
+
+impl Drop for ZeroMqListener {
+    fn drop(&mut self) {
+        self.io.send(Command::Close(self.id));
+    }
+}

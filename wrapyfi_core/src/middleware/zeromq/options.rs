@@ -1,0 +1,93 @@
+//! Options that all sockets share, and the doorbell between threads.
+
+use std::net::IpAddr;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
+
+use crate::Limits;
+
+/// How long a closed socket may still send what it holds.
+const LINGER: Duration = Duration::from_millis(500);
+/// Silence after which a peer is asked whether it lives, and time it has to answer.
+const HEARTBEAT: Duration = Duration::from_secs(2);
+const HEARTBEAT_TIMEOUT: Duration = Duration::from_secs(5);
+/// Time a peer has to greet.
+const HANDSHAKE: Duration = Duration::from_secs(5);
+/// Silence after which TCP asks, for peers too old for heartbeats.
+const KEEPALIVE_IDLE: i32 = 10;
+const KEEPALIVE_INTERVAL: i32 = 2;
+const KEEPALIVE_COUNT: i32 = 5;
+
+fn millis(duration: Duration) -> i32 {
+    i32::try_from(duration.as_millis()).unwrap_or(i32::MAX)
+}
+
+/// Bytes as the option for the largest frame takes them.
+pub(super) fn frame_limit(bytes: usize) -> i64 {
+    i64::try_from(bytes).unwrap_or(i64::MAX)
+}
+
+/// Bounded shutdown, endless reconnection, and dead peers noticed within seconds.
+pub(super) fn set_common(socket: &zmq::Socket, ip: IpAddr) -> zmq::Result<()> {
+    socket.set_ipv6(ip.is_ipv6())?;
+    socket.set_linger(millis(LINGER))?;
+    socket.set_reconnect_ivl(millis(Limits::RECONNECT_MIN))?;
+    socket.set_reconnect_ivl_max(millis(Limits::RECONNECT_MAX))?;
+    socket.set_handshake_ivl(millis(HANDSHAKE))?;
+    socket.set_heartbeat_ivl(millis(HEARTBEAT))?;
+    socket.set_heartbeat_timeout(millis(HEARTBEAT_TIMEOUT))?;
+    socket.set_tcp_keepalive(1)?;
+    socket.set_tcp_keepalive_idle(KEEPALIVE_IDLE)?;
+    socket.set_tcp_keepalive_intvl(KEEPALIVE_INTERVAL)?;
+    socket.set_tcp_keepalive_cnt(KEEPALIVE_COUNT)
+}
+
+/// `tcp://ip:port`, as sockets bind and connect.
+pub(super) fn endpoint(ip: IpAddr, port: u16) -> String {
+    format!("tcp://{}", std::net::SocketAddr::new(ip, port))
+}
+
+/// A name for a socket inside this process that no other has.
+pub(super) fn inproc_name(what: &str) -> String {
+    static NEXT: AtomicU64 = AtomicU64::new(0);
+    format!("inproc://{what}-{}", NEXT.fetch_add(1, Relaxed))
+}
+
+/// Wakes a thread that polls sockets.
+pub(super) struct Bell(Mutex<Option<zmq::Socket>>);
+
+impl Bell {
+    /// A bell, and the socket that becomes readable when it rings.
+    pub(super) fn new(context: &zmq::Context) -> zmq::Result<(Self, zmq::Socket)> {
+        let name = inproc_name("bell");
+        let ears = context.socket(zmq::PAIR)?;
+        ears.set_linger(0)?;
+        ears.bind(&name)?;
+        let button = context.socket(zmq::PAIR)?;
+        button.set_linger(0)?;
+        button.connect(&name)?;
+        Ok((Self(Mutex::new(Some(button))), ears))
+    }
+
+    /// Never blocks: a bell with a thousand unanswered rings needs no more.
+    pub(super) fn ring(&self) {
+        let button = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let Some(button) = &*button else { return };
+        if let Err(error) = button.send("", zmq::DONTWAIT)
+            && error != zmq::Error::EAGAIN
+        {
+            tracing::debug!(%error, "the thread to wake is gone");
+        }
+    }
+
+    /// Takes the bell off, so that its context can end although somebody still holds it.
+    pub(super) fn close(&self) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).take();
+    }
+}
+
+/// Takes all rings from `ears`.
+pub(super) fn silence(ears: &zmq::Socket) {
+    while ears.recv_msg(zmq::DONTWAIT).is_ok() {}
+}

@@ -1,0 +1,148 @@
+//! The broker's thread: messages one way, subscriptions the other, counts every half second.
+//!
+//! ```text
+//!   publishers ──▶ XSUB (back) ── messages ──────────▶ XPUB (front) ──▶ listeners
+//!   publishers ◀── XSUB ◀── first, last subscription ── XPUB ◀────────── listeners
+//!                                  │                      ▲
+//!                                  └─ Monitor ── counts ──┘
+//! ```
+//!
+//! Frames are moved, never copied. The monitor sees subscriptions only: messages, however many,
+//! cannot delay the counts by more than one batch.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use super::broker::Shared;
+use super::monitor::Monitor;
+
+/// How often counts are repeated, for publishers that connect later than the listener.
+const REPEAT: Duration = Duration::from_millis(500);
+/// Messages passed on before the other side and the clock are looked at.
+const BATCH: usize = 128;
+
+const SUBSCRIBE: u8 = 1;
+const UNSUBSCRIBE: u8 = 0;
+
+pub(super) struct Proxy {
+    pub(super) front: zmq::Socket,
+    pub(super) back: zmq::Socket,
+    pub(super) stop: zmq::Socket,
+    pub(super) monitor: Monitor,
+    pub(super) shared: Arc<Shared>,
+}
+
+impl Proxy {
+    /// Runs until the stop socket is rung.
+    pub(super) fn run(mut self) {
+        let mut repeat_at = Instant::now() + REPEAT;
+        loop {
+            match self.turn(repeat_at) {
+                Ok(true) => {}
+                Ok(false) | Err(zmq::Error::ETERM) => break,
+                Err(zmq::Error::EINTR | zmq::Error::EAGAIN) => continue,
+                Err(error) => {
+                    tracing::error!(%error, "the ZeroMQ broker stopped");
+                    self.shared.failed(error);
+                    break;
+                }
+            }
+            let now = Instant::now();
+            if self.monitor.take_changed() || now >= repeat_at {
+                self.tell(now);
+                repeat_at = now + REPEAT;
+            }
+        }
+    }
+
+    /// Waits for one event or `until`, and handles it; false when it is time to stop.
+    fn turn(&mut self, until: Instant) -> zmq::Result<bool> {
+        let wait = until.saturating_duration_since(Instant::now()).as_millis() + 1;
+        let mut items = [
+            self.front.as_poll_item(zmq::POLLIN),
+            self.back.as_poll_item(zmq::POLLIN),
+            self.stop.as_poll_item(zmq::POLLIN),
+        ];
+        zmq::poll(&mut items, i64::try_from(wait).unwrap_or(1))?;
+        let [front, back, stop] = items.map(|item| item.is_readable());
+        if stop {
+            return Ok(false);
+        }
+        if front {
+            self.pass_subscriptions()?;
+        }
+        if back {
+            self.pass_messages()?;
+        }
+        Ok(true)
+    }
+
+    fn pass_subscriptions(&mut self) -> zmq::Result<()> {
+        let now = Instant::now();
+        for _ in 0..BATCH {
+            let Some(frame) = receive(&self.front)? else { break };
+            if frame.get_more() {
+                // Listeners have nothing to say but subscriptions.
+                while self.front.recv_msg(0)?.get_more() {}
+                self.shared.count_ignored();
+                continue;
+            }
+            let pass_on = match frame.split_first() {
+                Some((&SUBSCRIBE, topic)) => self.monitor.subscribed(topic, now),
+                Some((&UNSUBSCRIBE, topic)) => self.monitor.unsubscribed(topic, now),
+                _ => {
+                    self.shared.count_ignored();
+                    false
+                }
+            };
+            if pass_on {
+                self.back.send(frame, 0)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn pass_messages(&mut self) -> zmq::Result<()> {
+        for _ in 0..BATCH {
+            let Some(mut frame) = receive(&self.back)? else { break };
+            let forged = self.monitor.is_forged(&frame);
+            let mut bytes = 0;
+            loop {
+                let more = frame.get_more();
+                bytes += frame.len();
+                if !forged {
+                    self.front.send(frame, if more { zmq::SNDMORE } else { 0 })?;
+                }
+                if !more {
+                    break;
+                }
+                frame = self.back.recv_msg(0)?;
+            }
+            if forged {
+                self.shared.count_forged();
+            } else {
+                self.shared.count_message(bytes);
+            }
+        }
+        Ok(())
+    }
+
+    /// Publishes the counts and shows them to [`super::Broker::status`].
+    fn tell(&mut self, now: Instant) {
+        let message = self.monitor.message(now);
+        self.shared.set_subscriptions(self.monitor.listed());
+        let (Some(json), Some(topic)) = (message, self.monitor.own_topic()) else { return };
+        if let Err(error) = self.front.send_multipart([topic, json.as_bytes()], 0) {
+            tracing::warn!(%error, "the ZeroMQ broker could not publish its counts");
+        }
+    }
+}
+
+/// The next frame, if one waits.
+fn receive(socket: &zmq::Socket) -> zmq::Result<Option<zmq::Message>> {
+    match socket.recv_msg(zmq::DONTWAIT) {
+        Ok(frame) => Ok(Some(frame)),
+        Err(zmq::Error::EAGAIN) => Ok(None),
+        Err(error) => Err(error),
+    }
+}

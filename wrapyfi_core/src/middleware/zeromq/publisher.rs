@@ -1,0 +1,209 @@
+//! A topic published: encodes, sends on the caller's thread, knows whether anybody listens.
+//!
+//! ```text
+//!   caller:      publish ── frames ──▶ XPUB ──▶ broker
+//!   I/O thread:  hear ◀── subscriptions ─┘ (same socket, one lock)
+//! ```
+//!
+//! An XPUB instead of Wrapyfi's PUB, because it tells who is subscribed. To the broker's XSUB the
+//! two are alike.
+
+use std::collections::BTreeSet;
+use std::os::fd::RawFd;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use super::echo::Echo;
+use super::io::{Command, Handle};
+use super::link::{BrokerLink, Watch};
+use super::options;
+use super::{Shared, transport};
+use crate::codec::frames;
+use crate::endpoint::{Context, Link, OpenError, PublishError, Publisher, TopicSpec, Wake};
+use crate::types::Payload;
+
+/// Sends one topic through the broker.
+pub(super) struct ZeroMqPublisher {
+    outlet: Arc<Outlet>,
+    spec: TopicSpec,
+    depth: usize,
+    echo: Arc<Echo>,
+    io: Arc<Handle>,
+}
+
+impl ZeroMqPublisher {
+    pub(super) fn open(
+        shared: &Shared,
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> Result<Self, OpenError> {
+        let io = Arc::clone(shared.io.handle());
+        let link = BrokerLink::new(&shared.sub_endpoint);
+        let (socket, watch) =
+            open_socket(shared, &link).map_err(|e| transport(&spec.topic, e))?;
+        let outlet = Arc::new(Outlet {
+            id: io.next_id(),
+            topic: spec.topic.as_bytes().to_vec(),
+            fd: socket.get_fd().map_err(|e| transport(&spec.topic, e))?,
+            link,
+            wake: context.wake.clone(),
+            state: Mutex::new(State { socket: Some(socket), prefixes: BTreeSet::new() }),
+        });
+        io.send(Command::Publish(Arc::clone(&outlet), Box::new(watch)));
+        Ok(Self {
+            outlet,
+            spec: spec.clone(),
+            depth: usize::from(shared.send_hwm),
+            echo: shared.echoes.of(&spec.topic),
+            io,
+        })
+    }
+
+    fn failed(&self, reason: impl ToString) -> PublishError {
+        PublishError::Transport { topic: self.spec.topic.clone(), reason: reason.to_string() }
+    }
+}
+
+fn open_socket(shared: &Shared, link: &Arc<BrokerLink>) -> zmq::Result<(zmq::Socket, Watch)> {
+    let socket = shared.context.socket(zmq::XPUB)?;
+    options::set_common(&socket, shared.ip)?;
+    socket.set_sndhwm(i32::from(shared.send_hwm))?;
+    socket.set_maxmsgsize(options::frame_limit(super::config::FRAME_SLACK))?;
+    // A lost broker takes its subscriptions and the messages queued for it along: the next one
+    // starts with what is new, and until then nobody listens.
+    socket.set_immediate(true)?;
+    let watch = Watch::new(&shared.context, &socket, Arc::clone(link))?;
+    socket.connect(&shared.sub_endpoint)?;
+    Ok((socket, watch))
+}
+
+impl Publisher for ZeroMqPublisher {
+    /// Nothing is sent, and 0 returned, while nobody is subscribed.
+    fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {
+        if let Some(reason) = self.outlet.link.waiting_for() {
+            return Err(self.failed(reason));
+        }
+        self.outlet.hear();
+        if self.outlet.subscriptions() == 0 {
+            return Ok(0);
+        }
+        let frames = frames::encode(payload, &self.spec)?;
+        let bytes = frames.iter().map(Vec::len).sum();
+        self.echo.remember(&frames);
+        self.outlet.send(frames).map_err(|(error, frames)| {
+            self.echo.forget(&frames);
+            match error {
+                zmq::Error::EAGAIN => PublishError::QueueFull {
+                    topic: self.spec.topic.clone(),
+                    depth: self.depth,
+                },
+                other => self.failed(other),
+            }
+        })?;
+        Ok(bytes)
+    }
+
+    fn link(&self) -> Link {
+        Link {
+            peers: Some(self.outlet.subscriptions()),
+            waiting_for: self.outlet.link.waiting_for(),
+            keeps_last: false,
+        }
+    }
+}
+
+impl Drop for ZeroMqPublisher {
+    fn drop(&mut self) {
+        self.io.send(Command::Close(self.outlet.id));
+    }
+}
+
+/// The socket of a publisher, used by its owner and by the I/O thread in turn.
+pub(super) struct Outlet {
+    id: u64,
+    topic: Vec<u8>,
+    /// Readable when the socket has something to say. Polled without the lock, which libzmq
+    /// allows for the descriptor but not for the socket.
+    fd: RawFd,
+    link: Arc<BrokerLink>,
+    wake: Wake,
+    state: Mutex<State>,
+}
+
+struct State {
+    /// `None` once the ZeroMQ instance is gone.
+    socket: Option<zmq::Socket>,
+    /// Subscriptions that match our topic. The broker passes on those of all topics.
+    prefixes: BTreeSet<Vec<u8>>,
+}
+
+impl Outlet {
+    pub(super) fn id(&self) -> u64 {
+        self.id
+    }
+
+    pub(super) fn wake(&self) -> &Wake {
+        &self.wake
+    }
+
+    pub(super) fn poll_item(&self) -> zmq::PollItem<'static> {
+        zmq::PollItem::from_fd(self.fd, zmq::POLLIN)
+    }
+
+    /// Distinct subscriptions that match the topic, as far as the broker told.
+    fn subscriptions(&self) -> usize {
+        self.lock().prefixes.len()
+    }
+
+    /// Takes all waiting subscriptions; true when they changed who listens.
+    pub(super) fn hear(&self) -> bool {
+        self.lock().hear(&self.topic)
+    }
+
+    /// Sends without waiting; the frames come back with the error.
+    fn send(&self, frames: Vec<Vec<u8>>) -> Result<(), (zmq::Error, Vec<Vec<u8>>)> {
+        let mut state = self.lock();
+        let Some(socket) = &state.socket else { return Err((zmq::Error::ETERM, frames)) };
+        let mut rest = frames.into_iter().peekable();
+        while let Some(frame) = rest.next() {
+            let more = if rest.peek().is_some() { zmq::SNDMORE } else { 0 };
+            if let Err(error) = socket.send(frame, more | zmq::DONTWAIT) {
+                return Err((error, rest.collect()));
+            }
+        }
+        // Sending may have taken the signal the I/O thread waits for.
+        if state.hear(&self.topic) {
+            self.wake.ring();
+        }
+        Ok(())
+    }
+
+    /// Closes the socket although the publisher lives on.
+    pub(super) fn close(&self) {
+        let mut state = self.lock();
+        state.socket = None;
+        state.prefixes.clear();
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl State {
+    fn hear(&mut self, topic: &[u8]) -> bool {
+        let Some(socket) = &self.socket else { return false };
+        let before = self.prefixes.len();
+        while let Ok(frame) = socket.recv_msg(zmq::DONTWAIT) {
+            match frame.split_first() {
+                Some((1, prefix)) if topic.starts_with(prefix) => {
+                    self.prefixes.insert(prefix.to_vec());
+                }
+                Some((0, prefix)) => {
+                    self.prefixes.remove(prefix);
+                }
+                _ => {}
+            }
+        }
+        self.prefixes.len() != before
+    }
+}

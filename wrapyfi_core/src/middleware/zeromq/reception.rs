@@ -1,0 +1,146 @@
+//! The receiving half of a listener: from its socket into its inbox, on the I/O thread.
+//!
+//! ```text
+//!   SUB ──▶ exact topic? ── size? ── ours? ──▶ inbox ──▶ Listener::take
+//!             │ wrong_topic  │ oversize │ own_publication
+//!             ▼              ▼          ▼    counted, dropped
+//! ```
+//!
+//! Every listener has a socket of its own, so a slow route fills its own queue only. Under policy
+//! `block` a message that finds no room is held here and the socket is left alone; libzmq's queue
+//! and then TCP hold what comes meanwhile, and after that the broker drops for this listener.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
+use std::time::{Duration, Instant};
+
+use bytes::Bytes;
+
+use super::echo::Listening;
+use super::link::Watch;
+use crate::endpoint::{DropReason, Overflow, Sender, Wake};
+use crate::types::Stamp;
+
+/// Frames of the longest known message (three), with room for what may come.
+const MAX_FRAMES: usize = 16;
+/// Messages read from one socket before the others have their turn.
+const BATCH: usize = 64;
+
+/// A message as it came, all frames.
+pub(super) struct Arrival {
+    pub(super) frames: Vec<Bytes>,
+    pub(super) wire_bytes: usize,
+    pub(super) received_at: Instant,
+    pub(super) stamp: Stamp,
+}
+
+pub(super) struct Reception {
+    pub(super) id: u64,
+    pub(super) socket: zmq::Socket,
+    pub(super) watch: Watch,
+    pub(super) topic: Vec<u8>,
+    pub(super) limit: usize,
+    pub(super) inbox: Sender<Arrival>,
+    pub(super) listening: Listening,
+    pub(super) wake: Wake,
+    /// Shared with the listener, who rings when it made room while this is set.
+    pub(super) stalled: Arc<AtomicBool>,
+    pub(super) held: Option<(Arrival, Instant)>,
+}
+
+/// A zmq message as bytes: no copy.
+struct Frame(zmq::Message);
+
+impl AsRef<[u8]> for Frame {
+    fn as_ref(&self) -> &[u8] {
+        &self.0
+    }
+}
+
+impl Reception {
+    /// What to poll the message socket for: nothing while a message is held.
+    pub(super) fn poll_item(&self) -> zmq::PollItem<'_> {
+        let events =
+            if self.held.is_some() { zmq::PollEvents::empty() } else { zmq::PollEvents::POLLIN };
+        self.socket.as_poll_item(events)
+    }
+
+    /// Places a held message if there is room now, or gives it up at its deadline. The time that
+    /// is left is returned.
+    pub(super) fn retry(&mut self, now: Instant) -> Option<Duration> {
+        let (arrival, deadline) = self.held.take()?;
+        if let Err(arrival) = self.inbox.push(arrival) {
+            if deadline > now {
+                self.held = Some((arrival, deadline));
+                return Some(deadline - now);
+            }
+            self.inbox.give_up(arrival);
+        }
+        self.stalled.store(false, SeqCst);
+        None
+    }
+
+    /// Reads what the socket has, one batch at most.
+    pub(super) fn read(&mut self) -> zmq::Result<()> {
+        for _ in 0..BATCH {
+            if self.held.is_some() {
+                break;
+            }
+            match self.socket.recv_msg(zmq::DONTWAIT) {
+                Ok(first) => self.receive(first)?,
+                Err(zmq::Error::EAGAIN) => break,
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(())
+    }
+
+    fn receive(&mut self, first: zmq::Message) -> zmq::Result<()> {
+        let mut frames = Vec::with_capacity(3);
+        let (mut wire_bytes, mut frame_count) = (0, 0);
+        let mut frame = first;
+        loop {
+            let more = frame.get_more();
+            wire_bytes += frame.len();
+            frame_count += 1;
+            if frame_count <= MAX_FRAMES {
+                frames.push(Bytes::from_owner(Frame(frame)));
+            }
+            if !more {
+                break;
+            }
+            // Frames of one message arrive together: this does not wait.
+            frame = self.socket.recv_msg(0)?;
+        }
+        let counters = self.inbox.counters();
+        counters.received(wire_bytes);
+        if let Some(reason) = self.objection(&frames, frame_count, wire_bytes) {
+            counters.dropped(reason);
+            return Ok(());
+        }
+        let received_at = Instant::now();
+        let arrival = Arrival { frames, wire_bytes, received_at, stamp: Stamp::now() };
+        if let Err(arrival) = self.inbox.push(arrival) {
+            let wait = match self.inbox.spec().overflow {
+                Overflow::Block(wait) => wait,
+                _ => Duration::ZERO,
+            };
+            self.held = Some((arrival, received_at + wait));
+            self.stalled.store(true, SeqCst);
+        }
+        Ok(())
+    }
+
+    fn objection(&self, frames: &[Bytes], count: usize, wire_bytes: usize) -> Option<DropReason> {
+        if frames.first().is_none_or(|topic| *topic != self.topic) {
+            return Some(DropReason::WrongTopic);
+        }
+        if wire_bytes > self.limit {
+            return Some(DropReason::Oversize);
+        }
+        if count > MAX_FRAMES {
+            return Some(DropReason::Malformed);
+        }
+        self.listening.is_own(frames).then_some(DropReason::OwnPublication)
+    }
+}

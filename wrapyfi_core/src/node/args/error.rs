@@ -1,0 +1,289 @@
+//! What `--ros-args` can be refused for. The texts are those of ROS 2, which people search for.
+
+use std::io;
+
+use granit_parser::ScanError;
+
+use crate::node::NameError;
+
+/// A refused command line, and what there was to warn of before it was refused.
+#[derive(Debug, thiserror::Error)]
+#[error("{kind}")]
+pub struct RosArgsError {
+    /// The reason.
+    #[source]
+    pub kind: RosArgsErrorKind,
+    /// Warnings up to it, in order.
+    pub warnings: Vec<RosArgsWarning>,
+}
+
+/// Why a command line is refused.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RosArgsErrorKind {
+    /// More words than any launch file makes.
+    #[error("more than {max} arguments")]
+    TooManyArguments {
+        /// Most that are accepted.
+        max: usize,
+    },
+    /// The last word is a flag that wants another word.
+    #[error("Couldn't parse trailing {flag} flag. {missing}")]
+    TrailingFlag {
+        /// The flag as written.
+        flag: String,
+        /// What should follow it.
+        missing: &'static str,
+    },
+    /// `--log-level` is the last word.
+    #[error("Couldn't parse trailing log level flag: '{flag}'. No log level provided.")]
+    TrailingLogLevel {
+        /// The flag as written.
+        flag: String,
+    },
+    /// A remap rule cannot be read.
+    #[error("Couldn't parse remap rule: '{flag} {rule}'. Error: {source}")]
+    Remap {
+        /// The flag as written.
+        flag: String,
+        /// The rule as written.
+        rule: String,
+        /// What is wrong with it.
+        source: RuleError,
+    },
+    /// A parameter on the command line cannot be read.
+    #[error("Couldn't parse parameter override rule: '{flag} {rule}'. Error: {source}")]
+    Parameter {
+        /// The flag as written.
+        flag: String,
+        /// The rule as written.
+        rule: String,
+        /// What is wrong with it.
+        source: ParameterRuleError,
+    },
+    /// A parameter file cannot be used.
+    #[error("Couldn't parse params file: '{flag} {path}'. Error: {source}")]
+    ParamsFile {
+        /// The flag as written.
+        flag: String,
+        /// The path as written.
+        path: String,
+        /// What is wrong with it.
+        source: ParamsFileError,
+    },
+    /// A log level cannot be read.
+    #[error("Couldn't parse log level: '{flag} {rule}'. Error: {source}")]
+    LogLevel {
+        /// The flag as written.
+        flag: String,
+        /// The rule as written.
+        rule: String,
+        /// What is wrong with it.
+        source: LogLevelError,
+    },
+    /// The enclave is no absolute name.
+    #[error("Enclave name is not valid: '{source}'. Invalid index: {}", source.index)]
+    Enclave {
+        /// The rule it breaks.
+        source: NameError,
+    },
+    /// Words inside a block that mean nothing to ROS.
+    #[error("found unknown ROS arguments: [{}]", quoted(.0))]
+    Unknown(Vec<String>),
+    /// A file to configure logging with was given.
+    #[error("spdlog logging backend doesn't currently support external configuration")]
+    LogConfigFile {
+        /// The path as written.
+        path: String,
+    },
+}
+
+fn quoted(words: &[String]) -> String {
+    let words: Vec<String> = words.iter().map(|word| format!("'{word}'")).collect();
+    words.join(", ")
+}
+
+/// Why a remap rule, or the part of a parameter rule before its value, cannot be read.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RuleError {
+    /// The rule ends, or goes on with a character that no rule has.
+    #[error("Expected lexeme type ({wanted}) not found, search ended at index {index}")]
+    Missing {
+        /// Number of the lexeme that should come.
+        wanted: u8,
+        /// Byte where it should.
+        index: usize,
+    },
+    /// The rule goes on with another lexeme.
+    #[error("Expected lexeme type {wanted}, got {got} at index {index}")]
+    Unexpected {
+        /// Number of the lexeme that should come.
+        wanted: u8,
+        /// Number of the one that does.
+        got: u8,
+        /// Byte where it does.
+        index: usize,
+    },
+    /// A part of a name is missing.
+    #[error("Expecting token or wildcard")]
+    NoToken,
+    /// `*` or `**` in a rule.
+    #[error("Wildcard '{0}' is not implemented")]
+    Wildcard(&'static str),
+    /// `\1` to `\9` in a rule.
+    #[error("Backreferences are not implemented")]
+    BackReference,
+    /// What follows `:=` is no name, or nothing; ROS 2 says no more than this.
+    #[error("error not set")]
+    NoReplacement,
+}
+
+/// Why a `name:=value` of `-p` is refused.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ParameterRuleError {
+    /// The name or the separator.
+    #[error(transparent)]
+    Rule(#[from] RuleError),
+    /// The value.
+    #[error(transparent)]
+    Value(#[from] YamlError),
+}
+
+/// Why a parameter file is refused.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ParamsFileError {
+    /// It cannot be read.
+    #[error("Error opening YAML file")]
+    Open(#[source] io::Error),
+    /// It is larger than a file of parameters should be.
+    #[error("the file is larger than {max} bytes")]
+    TooLarge {
+        /// Most that is accepted.
+        max: usize,
+    },
+    /// It is not text.
+    #[error("the file is not UTF-8 from byte {at} on")]
+    NotUtf8 {
+        /// First byte that is no text.
+        at: usize,
+    },
+    /// Its content.
+    #[error(transparent)]
+    Yaml(#[from] YamlError),
+}
+
+/// Why the YAML of a file or of a value on the command line is refused.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum YamlError {
+    /// A file is not YAML; the line is that of the last thing understood.
+    #[error("Error parsing a event near line {line}")]
+    FileSyntax {
+        /// Line, from 1.
+        line: usize,
+        /// The parser's reason.
+        #[source]
+        reason: Box<ScanError>,
+    },
+    /// A value is not YAML.
+    #[error("Error parsing an event")]
+    ValueSyntax(#[source] Box<ScanError>),
+    /// A value on the command line is no scalar and no list of scalars.
+    #[error("Unknown YAML event")]
+    ValueShape,
+    /// A parameter in a file is no scalar, no list of scalars and no group.
+    #[error("Unknown YAML event at line {0}")]
+    FileShape(usize),
+    /// A key without value.
+    #[error("No value at line {0}")]
+    NoValue(usize),
+    /// A value without key.
+    #[error("No key at line {0}")]
+    NoKey(usize),
+    /// Parameters that belong to no node.
+    #[error("There are no node names before ros__parameters at line {0}")]
+    NoNodeName(usize),
+    /// A value where a node or `ros__parameters` should be.
+    #[error("Cannot have a value before ros__parameters at line {0}")]
+    ValueBeforeParameters(usize),
+    /// A list as key, or in a list.
+    #[error("Sequences cannot be key at line {0}")]
+    SequenceAsKey(usize),
+    /// A list where a node or `ros__parameters` should be.
+    #[error("Sequences can only be values and not keys in params. Error at line {0}")]
+    SequenceBeforeParameters(usize),
+    /// `*anchor`
+    #[error("Will not support aliasing at line {0}")]
+    Alias(usize),
+    /// A list of several types.
+    #[error(
+        "Sequence should be of same type. Value type '{kind}' do not belong at line_num {line}"
+    )]
+    MixedSequence {
+        /// Type of the first value that differs.
+        kind: &'static str,
+        /// Its line, from 1.
+        line: usize,
+    },
+    /// A node that the graph could not have.
+    #[error(transparent)]
+    NodeName(#[from] NameError),
+    /// Two slashes in a row in the name of a node.
+    #[error("{0} contains repeated forward slash")]
+    RepeatedSlash(String),
+    /// Groups in groups.
+    #[error("nested deeper than {max} at line {line}")]
+    TooDeep {
+        /// Deepest that is accepted.
+        max: usize,
+        /// Line, from 1.
+        line: usize,
+    },
+    /// The name of a parameter or of a node, with all its groups.
+    #[error("a name is longer than {max} bytes")]
+    NameTooLong {
+        /// Longest that is accepted.
+        max: usize,
+    },
+    /// All files and the command line together.
+    #[error("more than {max} parameters")]
+    TooManyParameters {
+        /// Most that are accepted.
+        max: usize,
+    },
+}
+
+/// Why a log level is refused.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum LogLevelError {
+    /// None of the names of severities.
+    #[error("Argument does not use a valid severity level")]
+    NoSeverity,
+    /// `:=debug`
+    #[error("Argument has an invalid logger item that name is empty")]
+    NoLogger,
+    /// What follows `:=` is no single word.
+    #[error(transparent)]
+    Rule(#[from] RuleError),
+}
+
+/// Something accepted or passed on that its author should look at.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RosArgsWarning {
+    /// `a:=b` outside a block still works, for now.
+    #[error(
+        "Found remap rule '{0}'. This syntax is deprecated. Use '--ros-args --remap {0}' instead."
+    )]
+    DeprecatedRule(String),
+    /// `__ns:=` something relative or broken.
+    #[error("Namespace not remapped to a fully qualified name (found: {0})")]
+    NamespaceNotRemapped(String),
+    /// `__node:=` something that cannot be a name.
+    #[error("Node name not remapped to invalid name: '{0}'")]
+    NodeNotRemapped(String),
+}

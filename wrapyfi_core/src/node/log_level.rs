@@ -1,0 +1,56 @@
+//! Severities of log lines.
+
+use std::fmt;
+
+/// How much a logger lets through; its numbers are those of ROS 2.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
+pub enum LogLevel {
+    /// Whatever the logger above says.
+    #[default]
+    Unset = 0,
+    /// Everything.
+    Debug = 10,
+    /// What goes on; the level where nothing else is said.
+    Info = 20,
+    /// What may become a problem.
+    Warn = 30,
+    /// What went wrong.
+    Error = 40,
+    /// What ends the node.
+    Fatal = 50,
+}
+
+impl LogLevel {
+    /// The level of this name, in any case.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        [Self::Unset, Self::Debug, Self::Info, Self::Warn, Self::Error, Self::Fatal]
+            .into_iter()
+            .find(|level| level.name().eq_ignore_ascii_case(name))
+    }
+
+    /// Name in log lines, for instance `WARN`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Unset => "UNSET",
+            Self::Debug => "DEBUG",
+            Self::Info => "INFO",
+            Self::Warn => "WARN",
+            Self::Error => "ERROR",
+            Self::Fatal => "FATAL",
+        }
+    }
+
+    /// Number in messages, for instance 30.
+    #[must_use]
+    pub fn number(self) -> u8 {
+        self as u8
+    }
+}
+
+impl fmt::Display for LogLevel {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
