@@ -29,9 +29,11 @@ foreach(_crate ${CRATES})
   file(REMOVE_RECURSE "${ROOT}/unpacked" "${ROOT}/${_crate}")
   file(ARCHIVE_EXTRACT INPUT "${_archive}" DESTINATION "${ROOT}/unpacked")
   file(RENAME "${ROOT}/unpacked/${_name}" "${ROOT}/${_crate}")
-  # Of use to a registry only; the first changes with every commit.
+  # Of use to a registry only, and different with every commit; and what would look like a second
+  # copy of our packages to colcon.
+  file(GLOB_RECURSE _needless "${ROOT}/${_crate}/package.xml" "${ROOT}/${_crate}/CMakeLists.txt")
   file(REMOVE "${ROOT}/${_crate}/.cargo_vcs_info.json" "${ROOT}/${_crate}/Cargo.toml.orig"
-    "${ROOT}/${_crate}/COLCON_IGNORE" "${ROOT}/${_crate}/CMakeLists.txt" "${ROOT}/${_crate}/package.xml")
+    "${ROOT}/${_crate}/COLCON_IGNORE" ${_needless})
 
   # Normalising drops the paths between our crates. Installed they lie side by side, so a foreign
   # crate needs one path only and no registry ever has to know the others.

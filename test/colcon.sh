@@ -16,6 +16,8 @@ fail() {
 trap '[ $? -eq 0 ] || { tail -n 60 "$log" >&2; echo "colcon: failed while: $step (everything: $log)" >&2; }' EXIT
 
 mkdir -p "$workspace"
+# This copy must not turn up beside the original when somebody runs colcon in the repository.
+touch target/COLCON_IGNORE
 : >"$log"
 command -v colcon >/dev/null || fail "colcon is not installed. Run: scripts/setup.sh test"
 
