@@ -173,7 +173,7 @@ fn zeromq(section: &ZeroMqSection, role: Option<Role>) -> Result<ZeroMq, Failure
         None if role == Some(Role::Listener) => config.broker = BrokerMode::Foreign,
         None => (),
     }
-    Ok(ZeroMq::start(config).context("zeromq")?)
+    Ok(ZeroMq::start(&config).context("zeromq")?)
 }
 
 fn ros2(section: &Ros2Section, node: &Node) -> Result<Ros2, Failure> {
@@ -222,19 +222,19 @@ impl DemoSession {
     pub fn start() -> Result<Self, Failure> {
         let mut config = ZeroMqConfig::from_env().map_err(Failure::usage)?;
         config.broker = BrokerMode::Embedded;
-        let bridge_side = match ZeroMq::start(config.clone()) {
+        let bridge_side = match ZeroMq::start(&config) {
             Ok(started) => started,
             Err(error) => {
                 // Something else has Wrapyfi's ports: the demo does not need those.
                 tracing::info!("{error}; the demo's broker takes free ports");
                 (config.pub_port, config.sub_port) = (0, 0);
-                ZeroMq::start(config.clone()).context("zeromq")?
+                ZeroMq::start(&config).context("zeromq")?
             }
         };
         (config.pub_port, config.sub_port) = (bridge_side.pub_port(), bridge_side.sub_port());
         config.broker = BrokerMode::Foreign;
         let broker = format!("{}:{}/{}", config.ip, config.pub_port, config.sub_port);
-        let sources = ZeroMq::start(config).context("zeromq")?;
+        let sources = ZeroMq::start(&config).context("zeromq")?;
 
         let graph = |name: &str| -> Result<_, Failure> {
             let lookup = |name: &str| match (name, std::env::var(name).ok()) {
