@@ -2,11 +2,10 @@
 
 use bytes::Bytes;
 use wrapyfi_interfaces::Message;
-use wrapyfi_interfaces::cdr::CdrParts;
-use wrapyfi_interfaces::std_msgs::msg::String as Text;
+use wrapyfi_interfaces::cdr::{CdrError, CdrParts, CdrReader, CdrWriter};
 use wrapyfi_interfaces::wrapyfi_msgs::msg;
 
-use super::{FORMAT, countable, malformed, quote};
+use super::{FORMAT, countable, fault, malformed, quote};
 use crate::Limits;
 use crate::codec::{DecodeError, EncodeError, json};
 use crate::types::{Dtype, Tensor, Value};
@@ -18,8 +17,13 @@ pub(super) fn encode(value: &Value) -> Result<CdrParts, EncodeError> {
     Ok(message.encode())
 }
 
+/// Writes a `std_msgs/msg/String`. Its text holds whole images: it is shared, not copied.
 pub(super) fn encode_text(value: &Value) -> Result<CdrParts, EncodeError> {
-    Ok(Text { data: text(json::encode(value)?)? }.encode())
+    let json = json::encode(value)?;
+    countable("data", json.len().saturating_add(1))?; // with the terminator
+    let mut writer = CdrWriter::new();
+    writer.write_text(&Bytes::from(json));
+    Ok(writer.finish())
 }
 
 pub(super) fn decode(message: msg::NativeObject, limits: &Limits) -> Result<Value, DecodeError> {
@@ -32,8 +36,16 @@ pub(super) fn decode(message: msg::NativeObject, limits: &Limits) -> Result<Valu
     json::decode_with_tensors(&Bytes::from(message.json), &tensors, limits)
 }
 
-pub(super) fn decode_text(message: Text, limits: &Limits) -> Result<Value, DecodeError> {
-    json::decode(&Bytes::from(message.data), limits)
+/// Reads a `std_msgs/msg/String` without copying its text.
+pub(super) fn decode_text(cdr: &Bytes, limits: &Limits) -> Result<Value, DecodeError> {
+    if cdr.len() > limits.message_bytes {
+        let (actual, limit) = (cdr.len(), limits.message_bytes);
+        return Err(fault(&CdrError::TooLarge { actual, limit }));
+    }
+    let text = CdrReader::new(cdr)
+        .and_then(|mut reader| reader.read_text())
+        .map_err(|error| fault(&error.in_field("data")))?;
+    json::decode(&text, limits)
 }
 
 fn text(json: Vec<u8>) -> Result<String, EncodeError> {
@@ -57,18 +69,18 @@ fn tensor_message(tensor: Tensor) -> Result<msg::Tensor, EncodeError> {
 }
 
 fn tensor_from(index: usize, message: msg::Tensor) -> Result<Tensor, DecodeError> {
-    let fault = |field: &str, reason| malformed(&format!("tensors[{index}].{field}"), reason);
+    let misfit = |field: &str, reason| malformed(&format!("tensors[{index}].{field}"), reason);
     let dtype = Dtype::from_name(&message.dtype).ok_or_else(|| {
         let known = Dtype::ALL.map(Dtype::name).join(", ");
-        fault("dtype", format!("{} is none of {known}", quote(&message.dtype)))
+        misfit("dtype", format!("{} is none of {known}", quote(&message.dtype)))
     })?;
     let shape = message
         .shape
         .iter()
         .map(|extent| usize::try_from(*extent))
         .collect::<Result<Vec<_>, _>>()
-        .map_err(|error| fault("shape", format!("{:?}: {error}", message.shape)))?;
+        .map_err(|error| misfit("shape", format!("{:?}: {error}", message.shape)))?;
     let tensor = Tensor::new(dtype, shape, message.data)
-        .map_err(|error| fault("data", error.to_string()))?;
+        .map_err(|error| misfit("data", error.to_string()))?;
     Ok(tensor.with_device(message.device))
 }

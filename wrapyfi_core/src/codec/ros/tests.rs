@@ -12,12 +12,12 @@ use crate::types::{
     Value,
 };
 
-fn recorded() -> Vec<Json> {
+pub(super) fn recorded() -> Vec<Json> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/ros2/wrapyfi.json");
     serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
 }
 
-fn unhex(text: &str) -> Bytes {
+pub(super) fn unhex(text: &str) -> Bytes {
     let digit = |c: &u8| char::from(*c).to_digit(16).unwrap() as u8;
     text.as_bytes().chunks(2).map(|pair| digit(&pair[0]) << 4 | digit(&pair[1])).collect()
 }

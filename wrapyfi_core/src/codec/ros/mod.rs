@@ -68,9 +68,7 @@ pub fn decode(
             audio::decode_upstream(read(cdr, limits)?).map(Payload::AudioChunk)
         }
         MessageType::NativeObject => native::decode(read(cdr, limits)?, limits).map(Payload::from),
-        MessageType::StringJson => {
-            native::decode_text(read(cdr, limits)?, limits).map(Payload::from)
-        }
+        MessageType::StringJson => native::decode_text(cdr, limits).map(Payload::from),
     }
 }
 
@@ -101,15 +99,19 @@ fn names(message_type: MessageType) -> (&'static str, &'static str) {
 }
 
 fn read<M: Message>(cdr: &Bytes, limits: &Limits) -> Result<M, DecodeError> {
-    M::decode(cdr, limits.message_bytes).map_err(|error| match error {
+    M::decode(cdr, limits.message_bytes).map_err(|error| fault(&error))
+}
+
+fn fault(error: &CdrError) -> DecodeError {
+    match *error {
         CdrError::TooLarge { actual, limit } => DecodeError::TooLarge {
             what: "message",
             path: "$".to_owned(),
             actual: actual as u64,
             limit: limit as u64,
         },
-        error => malformed(error.path(), error.to_string()),
-    })
+        _ => malformed(error.path(), error.to_string()),
+    }
 }
 
 /// A fault at `path` of the message, empty for the whole of it.
@@ -177,5 +179,7 @@ fn little_endian(data: &[u8], width: usize, step: usize) -> Bytes {
     Bytes::from(data)
 }
 
+#[cfg(test)]
+mod native_tests;
 #[cfg(test)]
 mod tests;
