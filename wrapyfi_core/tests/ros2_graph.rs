@@ -3,6 +3,8 @@
 //! Two nodes on one domain id of a process share Cyclone's local delivery; to have bytes on the
 //! loopback the second one gets a domain of another id with the same external id.
 #![cfg(feature = "ros2")]
+// In helpers of tests, too, a panic is the right answer.
+#![allow(clippy::unwrap_used, clippy::indexing_slicing, clippy::panic)]
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
