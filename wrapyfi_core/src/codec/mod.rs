@@ -1,13 +1,28 @@
 //! Bytes to values and back: no sockets, no clocks, no threads.
 //!
+//! ```text
+//!   ZeroMQ frames ─▶ frames ─▶ Payload ─▶ ros ─▶ CDR
+//!                      │          ▲
+//!        json, npy, jpeg ────────┘          every arrow also runs the other way
+//! ```
+//!
 //! | module | reads and writes | specified in |
 //! | --- | --- | --- |
-//! | `json` | Wrapyfi's native objects | docs/wire/native-object.md |
-//! | `npy` | NumPy's array file | docs/wire/native-object.md |
-//! | `frames` | Wrapyfi's ZeroMQ messages | docs/wire/zeromq.md |
-//! | `ros` | the ROS messages of the data model | docs/wire/ros2.md |
-//! | `jpeg` | JPEG files | |
+//! | [`json`] | Wrapyfi's native objects | docs/wire/native-object.md |
+//! | [`npy`] | NumPy's array file | docs/wire/native-object.md |
+//! | [`frames`] | Wrapyfi's ZeroMQ messages | docs/wire/zeromq.md |
+//! | [`ros`] | the ROS messages of the data model | docs/wire/ros2.md |
+//! | [`jpeg`] | JPEG files | |
 
 mod error;
+pub mod frames;
+pub mod jpeg;
+pub mod json;
+pub mod npy;
+mod path;
+pub mod ros;
 
 pub use error::{DecodeError, EncodeError};
+pub use jpeg::convert;
+
+pub(crate) use path::Path;

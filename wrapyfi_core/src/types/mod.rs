@@ -10,15 +10,29 @@
 //! Payload bytes are [`bytes::Bytes`]: passing a value on shares them.
 
 mod audio;
+mod datetime;
+mod dtype;
+mod element;
 mod image;
+mod map;
 mod payload;
+mod shape;
 mod stamp;
 mod tensor;
 mod value;
 
 pub use audio::{AudioChunk, SampleFormat};
+pub use datetime::{DateTime, ParseDateTimeError};
+pub use dtype::Dtype;
+pub use element::Element;
 pub use image::{CompressedFormat, Encoding, Image, Pixels, RawPixels};
-pub use payload::{DataType, MessageType, Payload};
+pub use map::Map;
+pub use payload::{DataType, MessageType, ParseTypeError, Payload};
+pub use shape::ShapeError;
 pub use stamp::Stamp;
-pub use tensor::{Dtype, NumpyArray, Tensor};
-pub use value::{DateTime, Map, Tagged, Value};
+pub use tensor::{NumpyArray, Tensor};
+pub use value::{Tagged, Value};
+
+pub(crate) use element::swap_byte_order;
+pub(crate) use map::unique_members;
+pub(crate) use shape::element_count;

@@ -1,5 +1,8 @@
 //! What a message carries, and the names under which configuration and command line ask for it.
 
+use std::fmt;
+use std::str::FromStr;
+
 use super::{AudioChunk, Image, Value};
 
 /// The content of one message, independent of the middleware that carries it.
@@ -14,6 +17,36 @@ pub enum Payload {
     AudioChunk(AudioChunk),
 }
 
+impl Payload {
+    /// Its kind.
+    #[must_use]
+    pub fn data_type(&self) -> DataType {
+        match self {
+            Self::NativeObject(_) => DataType::NativeObject,
+            Self::Image(_) => DataType::Image,
+            Self::AudioChunk(_) => DataType::AudioChunk,
+        }
+    }
+}
+
+impl From<Value> for Payload {
+    fn from(value: Value) -> Self {
+        Self::NativeObject(Box::new(value))
+    }
+}
+
+impl From<Image> for Payload {
+    fn from(image: Image) -> Self {
+        Self::Image(image)
+    }
+}
+
+impl From<AudioChunk> for Payload {
+    fn from(sound: AudioChunk) -> Self {
+        Self::AudioChunk(sound)
+    }
+}
+
 /// The kind of a [`Payload`]: Wrapyfi's `data_type`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
@@ -22,6 +55,46 @@ pub enum DataType {
     NativeObject,
     Image,
     AudioChunk,
+}
+
+impl DataType {
+    /// Every kind.
+    pub const ALL: [Self; 3] = [Self::NativeObject, Self::Image, Self::AudioChunk];
+
+    /// Wrapyfi's name: `NativeObject`, `Image`, `AudioChunk`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::NativeObject => "NativeObject",
+            Self::Image => "Image",
+            Self::AudioChunk => "AudioChunk",
+        }
+    }
+}
+
+impl fmt::Display for DataType {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// A type that is not known; the text lists what is.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{text:?} is no message type; accepted are {accepted}")]
+pub struct ParseTypeError {
+    text: String,
+    accepted: String,
+}
+
+impl FromStr for DataType {
+    type Err = ParseTypeError;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        Self::ALL.into_iter().find(|kind| kind.name() == text).ok_or_else(|| ParseTypeError {
+            text: text.into(),
+            accepted: Self::ALL.map(Self::name).join(", "),
+        })
+    }
 }
 
 /// What `type:` of a route or `--type` asks for: a data type, and the ROS type that carries it on
@@ -84,5 +157,67 @@ impl MessageType {
             Self::AudioChunk => "wrapyfi_msgs/msg/AudioChunk",
             Self::UpstreamAudio => "wrapyfi_ros2_interfaces/msg/ROS2AudioMessage",
         }
+    }
+}
+
+impl MessageType {
+    /// Short spelling, where it has one: `NativeObject`, `Image`, `CompressedImage`, `AudioChunk`.
+    #[must_use]
+    pub fn short_name(self) -> Option<&'static str> {
+        match self {
+            Self::NativeObject => Some("NativeObject"),
+            Self::Image => Some("Image"),
+            Self::CompressedImage => Some("CompressedImage"),
+            Self::AudioChunk => Some("AudioChunk"),
+            Self::StringJson | Self::UpstreamAudio => None,
+        }
+    }
+}
+
+impl fmt::Display for MessageType {
+    /// The shortest spelling that [`MessageType::from_str`] reads.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.short_name().unwrap_or_else(|| self.ros_type()))
+    }
+}
+
+impl FromStr for MessageType {
+    type Err = ParseTypeError;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        Self::ALL
+            .into_iter()
+            .find(|kind| kind.short_name() == Some(text) || kind.ros_type() == text)
+            .ok_or_else(|| ParseTypeError {
+                text: text.into(),
+                accepted: Self::ALL
+                    .into_iter()
+                    .flat_map(|kind| kind.short_name().into_iter().chain([kind.ros_type()]))
+                    .collect::<Vec<_>>()
+                    .join(", "),
+            })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_spelling_is_read() {
+        for kind in MessageType::ALL {
+            assert_eq!(kind.to_string().parse(), Ok(kind));
+            assert_eq!(kind.ros_type().parse(), Ok(kind));
+        }
+        for kind in DataType::ALL {
+            assert_eq!(kind.to_string().parse(), Ok(kind));
+        }
+    }
+
+    #[test]
+    fn a_wrong_spelling_is_told_the_right_ones() {
+        let error = "image".parse::<MessageType>().unwrap_err().to_string();
+        assert!(error.starts_with("\"image\" is no message type; accepted are NativeObject, "));
+        assert!(error.contains("std_msgs/msg/String, Image, sensor_msgs/msg/Image, "), "{error}");
     }
 }

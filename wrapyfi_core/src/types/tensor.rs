@@ -1,38 +1,141 @@
 //! Arrays: numbers as [`Tensor`], everything else NumPy can hold as [`NumpyArray`].
+//!
+//! ```text
+//!   elements / ndarray ──▶ Tensor { dtype, shape, device, bytes } ──▶ view (no copy, if aligned)
+//!   received bytes ──────▶        checked: bytes fit shape         └─▶ to_ndarray (copies)
+//! ```
 
 use bytes::Bytes;
+use ndarray::{ArrayBase, ArrayD, ArrayViewD, Data, Dimension, IxDyn};
 
-/// Element type of a [`Tensor`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[non_exhaustive]
-#[allow(missing_docs)] // the names are the documentation
-pub enum Dtype {
-    Bool,
-    I8,
-    I16,
-    I32,
-    I64,
-    U8,
-    U16,
-    U32,
-    U64,
-    F16,
-    BF16,
-    F32,
-    F64,
-    C64,
-    C128,
-}
+use super::dtype::Dtype;
+use super::element::{self, Element};
+use super::shape::{ShapeError, check_length, element_count};
 
 /// An n-dimensional array of numbers: row-major, little-endian.
 ///
 /// `data.len()` is always `shape.iter().product() * dtype.size()`; [`Tensor::new`] checks it.
+///
+/// ```
+/// use wrapyfi_core::types::{Dtype, Tensor};
+/// let tensor = Tensor::from_elements(&[2, 2], vec![1.0_f32, 2.0, 3.0, 4.0])?;
+/// assert_eq!((tensor.dtype(), tensor.data().len()), (Dtype::F32, 16));
+/// assert_eq!(tensor.view::<f32>().unwrap()[[1, 0]], 3.0);
+/// # Ok::<(), wrapyfi_core::types::ShapeError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Tensor {
     pub(crate) dtype: Dtype,
     pub(crate) shape: Vec<usize>,
     pub(crate) device: String,
     pub(crate) data: Bytes,
+}
+
+impl Tensor {
+    /// An array over `data`: row-major, little-endian. The bytes are shared, not copied.
+    ///
+    /// # Errors
+    /// When `data` is not exactly as long as `shape` and `dtype` ask for.
+    pub fn new(
+        dtype: Dtype,
+        shape: impl Into<Vec<usize>>,
+        data: impl Into<Bytes>,
+    ) -> Result<Self, ShapeError> {
+        let (shape, data) = (shape.into(), data.into());
+        check_length(&shape, dtype.size(), data.len(), || format!("{dtype} array {shape:?}"))?;
+        Ok(Self { dtype, shape, device: String::new(), data })
+    }
+
+    /// An array that takes over `elements` in row-major order.
+    ///
+    /// # Errors
+    /// When `shape` does not hold exactly that many elements.
+    pub fn from_elements<T: Element>(
+        shape: &[usize],
+        elements: Vec<T>,
+    ) -> Result<Self, ShapeError> {
+        Self::new(T::DTYPE, shape, element::into_bytes(elements))
+    }
+
+    /// An array with the elements and the shape of `array`, copied into row-major order.
+    pub fn from_ndarray<T, S, D>(array: &ArrayBase<S, D>) -> Self
+    where
+        T: Element,
+        S: Data<Elem = T>,
+        D: Dimension,
+    {
+        let elements: Vec<T> = array.iter().copied().collect();
+        Self {
+            dtype: T::DTYPE,
+            shape: array.shape().to_vec(),
+            device: String::new(),
+            data: element::into_bytes(elements),
+        }
+    }
+
+    /// The same array labelled with the device it came from or shall go to, for instance `cuda:0`.
+    #[must_use]
+    pub fn with_device(mut self, device: impl Into<String>) -> Self {
+        self.device = device.into();
+        self
+    }
+
+    /// Element type.
+    #[must_use]
+    pub fn dtype(&self) -> Dtype {
+        self.dtype
+    }
+
+    /// Extent of each dimension; empty for a single number.
+    #[must_use]
+    pub fn shape(&self) -> &[usize] {
+        &self.shape
+    }
+
+    /// Device label; empty for the CPU.
+    #[must_use]
+    pub fn device(&self) -> &str {
+        &self.device
+    }
+
+    /// Elements, row-major, little-endian.
+    #[must_use]
+    pub fn data(&self) -> &Bytes {
+        &self.data
+    }
+
+    /// Number of elements.
+    #[must_use]
+    pub fn element_count(&self) -> usize {
+        element_count(&self.shape).unwrap_or_default()
+    }
+
+    /// The elements in place. `None` when `T` is not the element type, when the bytes do not lie
+    /// aligned for `T`, or when a `bool` is neither 0 nor 1: [`Tensor::to_ndarray`] copies.
+    #[must_use]
+    pub fn view<T: Element>(&self) -> Option<ArrayViewD<'_, T>> {
+        let elements = self.as_slice()?;
+        ArrayViewD::from_shape(IxDyn(&self.shape), elements).ok()
+    }
+
+    /// The elements in place, in row-major order; conditions as for [`Tensor::view`].
+    #[must_use]
+    pub fn as_slice<T: Element>(&self) -> Option<&[T]> {
+        if T::DTYPE != self.dtype { None } else { element::from_bytes(&self.data) }
+    }
+
+    /// A copy of the elements in row-major order, however they lie. `None` when `T` is not the
+    /// element type.
+    #[must_use]
+    pub fn to_vec<T: Element>(&self) -> Option<Vec<T>> {
+        (T::DTYPE == self.dtype).then(|| element::copy_from_bytes(&self.data))
+    }
+
+    /// A copy as an `ndarray`. `None` when `T` is not the element type.
+    #[must_use]
+    pub fn to_ndarray<T: Element>(&self) -> Option<ArrayD<T>> {
+        ArrayD::from_shape_vec(IxDyn(&self.shape), self.to_vec()?).ok()
+    }
 }
 
 /// A NumPy array whose elements are not plain numbers: structured, text, bytes, void,
@@ -48,4 +151,67 @@ pub struct NumpyArray {
     pub shape: Vec<usize>,
     /// Elements in row-major order, in the byte order that `descr` states.
     pub data: Bytes,
+}
+
+impl NumpyArray {
+    /// An array over `data`.
+    ///
+    /// # Errors
+    /// When `data` is not exactly as long as `shape` and `itemsize` ask for.
+    pub fn new(
+        descr: impl Into<String>,
+        itemsize: usize,
+        shape: impl Into<Vec<usize>>,
+        data: impl Into<Bytes>,
+    ) -> Result<Self, ShapeError> {
+        let (descr, shape, data) = (descr.into(), shape.into(), data.into());
+        check_length(&shape, itemsize, data.len(), || format!("{descr} array {shape:?}"))?;
+        Ok(Self { descr, itemsize, shape, data })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_must_fit_the_shape() {
+        let error = Tensor::new(Dtype::F32, [2, 3], vec![0; 20]).unwrap_err();
+        assert_eq!(error.to_string(), "float32 array [2, 3] needs 24 bytes, 20 are there");
+        let error = Tensor::new(Dtype::F32, [usize::MAX, 3], vec![0; 20]).unwrap_err();
+        assert!(matches!(error, ShapeError::Overflow { .. }), "{error}");
+        assert_eq!(Tensor::new(Dtype::C128, [usize::MAX, 0], vec![]).unwrap().element_count(), 0);
+        assert_eq!(Tensor::new(Dtype::I64, [], vec![7; 8]).unwrap().element_count(), 1);
+    }
+
+    #[test]
+    fn elements_are_seen_in_place_and_copied_when_unaligned() {
+        let tensor = Tensor::from_elements(&[3], vec![1.5_f64, -2.0, f64::INFINITY]).unwrap();
+        assert_eq!(tensor.as_slice::<f64>().unwrap(), [1.5, -2.0, f64::INFINITY]);
+        assert!(tensor.view::<f32>().is_none());
+
+        let mut shifted = vec![0_u8];
+        shifted.extend_from_slice(tensor.data());
+        let unaligned = Bytes::from(shifted).slice(1..);
+        let tensor = Tensor::new(Dtype::F64, [3], unaligned).unwrap();
+        let aligned_by_chance = tensor.data().as_ptr().align_offset(8) == 0;
+        assert_eq!(tensor.view::<f64>().is_some(), aligned_by_chance);
+        assert_eq!(tensor.to_vec::<f64>().unwrap(), [1.5, -2.0, f64::INFINITY]);
+    }
+
+    #[test]
+    fn a_transposed_ndarray_becomes_row_major() {
+        let array = ndarray::arr2(&[[1_i16, 2, 3], [4, 5, 6]]);
+        let tensor = Tensor::from_ndarray(&array.t());
+        assert_eq!(tensor.shape(), [3, 2]);
+        assert_eq!(tensor.to_vec::<i16>().unwrap(), [1, 4, 2, 5, 3, 6]);
+        assert_eq!(tensor.to_ndarray::<i16>().unwrap(), array.t().into_dyn());
+    }
+
+    #[test]
+    fn a_bool_is_one_or_zero() {
+        let tensor = Tensor::new(Dtype::Bool, [3], vec![0, 1, 7]).unwrap();
+        assert!(tensor.view::<bool>().is_none());
+        assert_eq!(tensor.to_vec::<bool>().unwrap(), [false, true, true]);
+    }
 }

@@ -1,19 +1,27 @@
 //! Wrapyfi's native object: what a Python script may return from a registered method.
 
 use bytes::Bytes;
-use chrono::{FixedOffset, NaiveDateTime};
 use num_bigint::BigInt;
 
+use super::datetime::DateTime;
+use super::map::Map;
 use super::tensor::{NumpyArray, Tensor};
 
 /// A native object: any value of Python's built-in types, NumPy arrays, and tagged plug-in
 /// objects (paper section 3.3, `docs/wire/native-object.md`).
 ///
 /// Containers nest up to [`crate::Limits::depth`].
-#[derive(Debug, Clone, PartialEq)]
+///
+/// ```
+/// use wrapyfi_core::types::{Map, Value};
+/// let value = Value::from(Map::from([("speed", 1.5)]));
+/// assert_eq!(value.get("speed").and_then(Value::as_f64), Some(1.5));
+/// ```
+#[derive(Debug, Clone, PartialEq, Default)]
 #[non_exhaustive]
 pub enum Value {
     /// `None`.
+    #[default]
     Null,
     /// `True` or `False`.
     Bool(bool),
@@ -50,15 +58,6 @@ pub enum Value {
     Tagged(Tagged),
 }
 
-/// `datetime.datetime` to the microsecond.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct DateTime {
-    /// Wall time where the offset holds.
-    pub local: NaiveDateTime,
-    /// Offset from UTC; `None` for a naive value.
-    pub offset: Option<FixedOffset>,
-}
-
 /// An object behind a plug-in key that is not decoded here (`{"__wrapyfi__": [key, ...]}`).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Tagged {
@@ -68,6 +67,175 @@ pub struct Tagged {
     pub json: Bytes,
 }
 
-/// `dict`: pairs in insertion order with unique keys.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Map(pub(crate) Vec<(Value, Value)>);
+impl Value {
+    /// Name of the Python type, for messages: `list`, `numpy.ndarray`, …
+    #[must_use]
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Null => "None",
+            Self::Bool(_) => "bool",
+            Self::Int(_) | Self::BigInt(_) => "int",
+            Self::Float(_) => "float",
+            Self::Str(_) | Self::Utf16(_) => "str",
+            Self::Bytes(_) => "bytes",
+            Self::List(_) => "list",
+            Self::Tuple(_) => "tuple",
+            Self::Set(_) => "set",
+            Self::Map(_) => "dict",
+            Self::DateTime(_) => "datetime",
+            Self::DateTime64(_) => "numpy.datetime64",
+            Self::Tensor(_) | Self::Array(_) => "numpy.ndarray",
+            Self::Tagged(_) => "plug-in object",
+        }
+    }
+
+    /// True for what Python can put into a set or use as a key.
+    #[must_use]
+    pub fn is_hashable(&self) -> bool {
+        match self {
+            Self::List(_) | Self::Set(_) | Self::Map(_) | Self::Tensor(_) | Self::Array(_) => false,
+            Self::Tuple(items) => items.iter().all(Self::is_hashable),
+            _ => true,
+        }
+    }
+
+    /// The value under a text key of a `dict`.
+    #[must_use]
+    pub fn get(&self, key: &str) -> Option<&Self> {
+        self.as_map()?.get(key)
+    }
+
+    /// A `bool`.
+    #[must_use]
+    pub fn as_bool(&self) -> Option<bool> {
+        if let Self::Bool(value) = self { Some(*value) } else { None }
+    }
+
+    /// An integer that fits 64 bits.
+    #[must_use]
+    pub fn as_i64(&self) -> Option<i64> {
+        if let Self::Int(value) = self { Some(*value) } else { None }
+    }
+
+    /// A float, or an integer rounded to one.
+    #[must_use]
+    #[allow(clippy::cast_precision_loss)] // as Python's float() does
+    pub fn as_f64(&self) -> Option<f64> {
+        match self {
+            Self::Float(value) => Some(*value),
+            Self::Int(value) => Some(*value as f64),
+            _ => None,
+        }
+    }
+
+    /// Text that is valid Unicode.
+    #[must_use]
+    pub fn as_str(&self) -> Option<&str> {
+        if let Self::Str(value) = self { Some(value) } else { None }
+    }
+
+    /// Members of a `list`, `tuple` or `set`.
+    #[must_use]
+    pub fn as_items(&self) -> Option<&[Self]> {
+        match self {
+            Self::List(items) | Self::Tuple(items) | Self::Set(items) => Some(items),
+            _ => None,
+        }
+    }
+
+    /// A `dict`.
+    #[must_use]
+    pub fn as_map(&self) -> Option<&Map> {
+        if let Self::Map(map) = self { Some(map) } else { None }
+    }
+
+    /// An array of numbers.
+    #[must_use]
+    pub fn as_tensor(&self) -> Option<&Tensor> {
+        if let Self::Tensor(tensor) = self { Some(tensor) } else { None }
+    }
+
+    /// About how many bytes of content it holds: array bytes, text and eight for every other
+    /// value. For choosing buffer sizes.
+    #[must_use]
+    pub fn size_hint(&self) -> usize {
+        let items = |items: &[Self]| items.iter().map(Self::size_hint).sum::<usize>();
+        8 + match self {
+            Self::Str(text) | Self::DateTime64(text) => text.len(),
+            Self::Utf16(units) => units.len() * 2,
+            Self::Bytes(bytes) => bytes.len(),
+            Self::List(members) | Self::Tuple(members) | Self::Set(members) => items(members),
+            Self::Map(map) => map.iter().map(|(key, v)| key.size_hint() + v.size_hint()).sum(),
+            Self::Tensor(tensor) => tensor.data.len(),
+            Self::Array(array) => array.data.len(),
+            Self::Tagged(tagged) => tagged.json.len(),
+            _ => 0,
+        }
+    }
+}
+
+macro_rules! from {
+    ($($source:ty => |$value:ident| $target:expr,)*) => {$(
+        impl From<$source> for Value {
+            fn from($value: $source) -> Self {
+                $target
+            }
+        }
+    )*};
+}
+
+from! {
+    () => |_nothing| Self::Null,
+    bool => |value| Self::Bool(value),
+    i8 => |value| Self::Int(value.into()),
+    i16 => |value| Self::Int(value.into()),
+    i32 => |value| Self::Int(value.into()),
+    i64 => |value| Self::Int(value),
+    u8 => |value| Self::Int(value.into()),
+    u16 => |value| Self::Int(value.into()),
+    u32 => |value| Self::Int(value.into()),
+    u64 => |value| i64::try_from(value).map_or_else(|_| Self::BigInt(value.into()), Self::Int),
+    BigInt => |value| i64::try_from(&value).map_or_else(|_| Self::BigInt(value), Self::Int),
+    f32 => |value| Self::Float(value.into()),
+    f64 => |value| Self::Float(value),
+    &str => |value| Self::Str(value.into()),
+    String => |value| Self::Str(value),
+    Bytes => |value| Self::Bytes(value),
+    Vec<Self> => |items| Self::List(items),
+    Map => |map| Self::Map(map),
+    DateTime => |value| Self::DateTime(value),
+    Tensor => |tensor| Self::Tensor(tensor),
+    NumpyArray => |array| Self::Array(array),
+    Tagged => |tagged| Self::Tagged(tagged),
+}
+
+impl<T: Into<Self>> From<Option<T>> for Value {
+    fn from(value: Option<T>) -> Self {
+        value.map_or(Self::Null, Into::into)
+    }
+}
+
+impl<T: Into<Self>> FromIterator<T> for Value {
+    /// A `list`.
+    fn from_iter<I: IntoIterator<Item = T>>(items: I) -> Self {
+        Self::List(items.into_iter().map(Into::into).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn integers_take_the_smallest_form() {
+        assert_eq!(Value::from(u64::MAX), Value::BigInt(BigInt::from(u64::MAX)));
+        assert_eq!(Value::from(BigInt::from(-5)), Value::Int(-5));
+        assert_eq!(Value::from(7_u64).as_f64(), Some(7.0));
+    }
+
+    #[test]
+    fn a_tuple_is_hashable_when_its_members_are() {
+        assert!(Value::Tuple(vec![1.into(), "a".into()]).is_hashable());
+        assert!(!Value::Tuple(vec![Value::List(vec![])]).is_hashable());
+    }
+}

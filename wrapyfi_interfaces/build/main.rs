@@ -1,0 +1,121 @@
+//! Generates the structs of the interfaces this crate knows.
+//!
+//! ```text
+//!   wrapyfi_msgs/msg/*.msg           our own, the source for rosidl too
+//!   interfaces/<package>/msg/*.msg   those of ROS 2 and of Wrapyfi that we speak
+//!        └─▶ OUT_DIR/interfaces.rs
+//!   tests/data/interfaces/…          odd shapes for the unit tests, where the folder is there
+//!        └─▶ OUT_DIR/golden.rs       with the above
+//! ```
+
+// Cargo reads its instructions from a build script's output.
+#![allow(clippy::print_stdout)]
+
+#[allow(dead_code, unreachable_pub)]
+#[path = "../src/description.rs"]
+mod description;
+#[allow(dead_code, unreachable_pub)]
+#[path = "../src/hash.rs"]
+mod hash;
+#[allow(dead_code, unreachable_pub, unused_imports)]
+#[path = "../src/parser/mod.rs"]
+mod parser;
+mod rust;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::{env, fs};
+
+use parser::{MessageDefinition, ParseError, ParseFault, TypeName};
+
+/// Why nothing was generated.
+#[derive(Debug, thiserror::Error)]
+enum BuildError {
+    #[error("{}: {source}", path.display())]
+    File { path: PathBuf, source: std::io::Error },
+    #[error("{}: {source}; the path must be <package>/msg/<Name>.msg", path.display())]
+    Name { path: PathBuf, source: ParseFault },
+    #[error("{}: {source}", path.display())]
+    Parse { path: PathBuf, source: Box<ParseError> },
+    #[error(transparent)]
+    Describe(#[from] description::DescribeError),
+    #[error(transparent)]
+    Generate(#[from] rust::GenerateError),
+    #[error("environment variable {name}: {source}; run the build script through cargo")]
+    Environment { name: &'static str, source: env::VarError },
+}
+
+type Definitions = BTreeMap<TypeName, MessageDefinition>;
+
+fn main() -> ExitCode {
+    match run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            println!("cargo::error={error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run() -> Result<(), BuildError> {
+    let variable = |name| {
+        env::var(name).map(PathBuf::from).map_err(|source| BuildError::Environment { name, source })
+    };
+    let root = variable("CARGO_MANIFEST_DIR")?;
+    let out = variable("OUT_DIR")?;
+    println!("cargo::rerun-if-changed=build");
+    println!("cargo::rerun-if-changed=src/parser");
+    println!("cargo::rerun-if-changed=src/description.rs");
+    println!("cargo::rerun-if-changed=src/hash.rs");
+
+    let mut definitions = Definitions::new();
+    read_package(&root.join("wrapyfi_msgs"), &mut definitions)?;
+    read_packages(&root.join("interfaces"), &mut definitions)?;
+    write(&out.join("interfaces.rs"), &rust::modules(&definitions)?)?;
+
+    let golden = root.join("tests/data/interfaces");
+    if golden.is_dir() {
+        read_packages(&golden, &mut definitions)?;
+    }
+    write(&out.join("golden.rs"), &rust::modules(&definitions)?)
+}
+
+fn read_packages(folder: &Path, definitions: &mut Definitions) -> Result<(), BuildError> {
+    for package in entries(folder)? {
+        read_package(&package, definitions)?;
+    }
+    Ok(())
+}
+
+/// Reads `<package>/msg/*.msg`; the folder's name is the package's.
+fn read_package(package: &Path, definitions: &mut Definitions) -> Result<(), BuildError> {
+    for path in entries(&package.join("msg"))? {
+        let failed = |source| BuildError::File { path: path.clone(), source };
+        let text = fs::read_to_string(&path).map_err(failed)?;
+        let part = |part: Option<&std::ffi::OsStr>| {
+            part.map(|part| part.to_string_lossy().into_owned()).unwrap_or_default()
+        };
+        let name = TypeName::new(&part(package.file_name()), &part(path.file_stem()))
+            .map_err(|source| BuildError::Name { path: path.clone(), source })?;
+        let definition = parser::parse_message(&name, &text)
+            .map_err(|source| BuildError::Parse { path: path.clone(), source: Box::new(source) })?;
+        definitions.insert(name, definition);
+    }
+    Ok(())
+}
+
+/// What a folder holds, sorted, so that the generated file is the same everywhere.
+fn entries(folder: &Path) -> Result<Vec<PathBuf>, BuildError> {
+    println!("cargo::rerun-if-changed={}", folder.display());
+    let failed = |source| BuildError::File { path: folder.to_owned(), source };
+    let mut paths: Vec<PathBuf> = fs::read_dir(folder)
+        .and_then(|entries| entries.map(|entry| entry.map(|entry| entry.path())).collect())
+        .map_err(failed)?;
+    paths.sort();
+    Ok(paths)
+}
+
+fn write(path: &Path, text: &str) -> Result<(), BuildError> {
+    fs::write(path, text).map_err(|source| BuildError::File { path: path.to_owned(), source })
+}

@@ -1,0 +1,31 @@
+//! Plain CDR (XCDR1), the bytes of ROS 2 messages on DDS.
+//!
+//! ```text
+//!   00 01 00 00 │ body: members in order, each aligned to its size from the body's start
+//!   encapsulation
+//!
+//!   message ──CdrWriter──▶ CdrParts: [small fields][uint8[] shared][small fields] ──▶ scatter write
+//!   CDR bytes ──CdrReader──▶ message; its uint8[] fields are slices of those bytes
+//! ```
+//!
+//! Large `uint8[]` fields are never copied in either direction, and other primitive sequences
+//! move in bulk. Every size in the bytes is compared with what is there before anything is
+//! allocated for it.
+
+mod error;
+mod parts;
+mod primitive;
+mod reader;
+mod writer;
+
+pub use error::CdrError;
+pub use parts::CdrParts;
+pub use primitive::{ByteOrder, CdrPrimitive};
+pub use reader::CdrReader;
+pub use writer::CdrWriter;
+
+/// Size of the encapsulation header in bytes.
+pub const ENCAPSULATION_SIZE: usize = 4;
+
+#[cfg(test)]
+mod tests;

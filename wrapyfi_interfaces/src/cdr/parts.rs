@@ -1,0 +1,47 @@
+//! A serialised message as pieces that need not lie together.
+
+use bytes::{Bytes, BytesMut};
+
+/// A serialised message: pieces whose concatenation is encapsulation header and body. Large
+/// `uint8[]` fields are pieces that share the message's own bytes.
+#[derive(Debug, Clone, Default)]
+pub struct CdrParts {
+    pieces: Vec<Bytes>,
+}
+
+impl CdrParts {
+    pub(super) fn new(pieces: Vec<Bytes>) -> Self {
+        Self { pieces }
+    }
+
+    /// The pieces in order; none is empty.
+    #[must_use]
+    pub fn pieces(&self) -> &[Bytes] {
+        &self.pieces
+    }
+
+    /// Size of the whole in bytes.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.pieces.iter().map(Bytes::len).sum()
+    }
+
+    /// True without any byte; an encoded message never is.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.pieces.is_empty()
+    }
+
+    /// The whole in one piece: a copy, unless there is only one.
+    #[must_use]
+    pub fn to_bytes(&self) -> Bytes {
+        if let [only] = self.pieces.as_slice() {
+            return only.clone();
+        }
+        let mut joined = BytesMut::with_capacity(self.len());
+        for piece in &self.pieces {
+            joined.extend_from_slice(piece);
+        }
+        joined.freeze()
+    }
+}

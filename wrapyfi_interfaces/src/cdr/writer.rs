@@ -1,0 +1,159 @@
+//! Values to bytes.
+
+use bytes::Bytes;
+
+use super::{CdrParts, CdrPrimitive, ENCAPSULATION_SIZE};
+use crate::Message;
+
+/// Byte sequences from this size on are shared instead of copied into the owned piece: below it a
+/// copy costs less than one more piece in every scatter write.
+const SHARED_FROM: usize = 4096;
+
+/// Bytes of text that can be counted together with the terminator.
+const LONGEST_STRING: usize = u32::MAX as usize - 1;
+
+/// Plain CDR, little-endian, no options.
+const ENCAPSULATION: [u8; ENCAPSULATION_SIZE] = [0, 1, 0, 0];
+
+/// Writes the members of a message in order, little-endian.
+///
+/// CDR counts with 32 bits: of a sequence or string beyond 4 GiB only what can be counted is
+/// written, so that the bytes stay well-formed.
+#[derive(Debug)]
+pub struct CdrWriter {
+    pieces: Vec<Bytes>,
+    /// Bytes in `pieces`.
+    finished: usize,
+    /// The piece being written.
+    tail: Vec<u8>,
+}
+
+impl CdrWriter {
+    /// Starts with the encapsulation header.
+    #[must_use]
+    pub fn new() -> Self {
+        Self { pieces: Vec::new(), finished: 0, tail: ENCAPSULATION.to_vec() }
+    }
+
+    /// The message, ready to be sent.
+    #[must_use]
+    pub fn finish(mut self) -> CdrParts {
+        self.close_tail();
+        CdrParts::new(self.pieces)
+    }
+
+    /// Writes one number or boolean.
+    pub fn write_primitive<T: CdrPrimitive>(&mut self, value: T) {
+        self.write_primitive_array(&[value]);
+    }
+
+    /// Writes a fixed number of primitives.
+    pub fn write_primitive_array<T: CdrPrimitive>(&mut self, values: &[T]) {
+        if !values.is_empty() {
+            self.align(T::SIZE);
+            T::append(values, &mut self.tail);
+        }
+    }
+
+    /// Writes a sequence of primitives in one bulk copy.
+    pub fn write_primitive_sequence<T: CdrPrimitive>(&mut self, values: &[T]) {
+        let counted = self.write_count(values);
+        self.write_primitive_array(counted);
+    }
+
+    /// Writes a sequence of bytes; a large one is shared, not copied.
+    pub fn write_bytes(&mut self, bytes: &Bytes) {
+        let counted = self.write_count(bytes).len();
+        self.append(bytes.slice(..counted));
+    }
+
+    /// Writes a string with its terminator. A NUL inside ends it, as in the ROS 2 middlewares.
+    pub fn write_string(&mut self, text: &str) {
+        let text = text.split('\0').next().unwrap_or_default();
+        let text = match text.len() {
+            0..=LONGEST_STRING => text,
+            // A character has at most four bytes, so one of these ends between two.
+            _ => (0..4).find_map(|back| text.get(..LONGEST_STRING - back)).unwrap_or_default(),
+        };
+        self.write_primitive(u32::try_from(text.len() + 1).unwrap_or(u32::MAX));
+        self.tail.extend_from_slice(text.as_bytes());
+        self.tail.push(0);
+    }
+
+    /// Writes a string that is at hand as bytes: a large one is shared, not copied. `text` must be
+    /// UTF-8 without NUL.
+    pub fn write_text(&mut self, text: &Bytes) {
+        let text = text.slice(..text.len().min(LONGEST_STRING));
+        self.write_primitive(u32::try_from(text.len() + 1).unwrap_or(u32::MAX));
+        self.append(text);
+        self.tail.push(0);
+    }
+
+    /// Writes a fixed number of strings.
+    pub fn write_string_array(&mut self, values: &[String]) {
+        for value in values {
+            self.write_string(value);
+        }
+    }
+
+    /// Writes a sequence of strings.
+    pub fn write_strings(&mut self, values: &[String]) {
+        let counted = self.write_count(values);
+        self.write_string_array(counted);
+    }
+
+    /// Writes a nested message.
+    pub fn write_message<M: Message>(&mut self, value: &M) {
+        value.write(self);
+    }
+
+    /// Writes a fixed number of messages.
+    pub fn write_message_array<M: Message>(&mut self, values: &[M]) {
+        for value in values {
+            value.write(self);
+        }
+    }
+
+    /// Writes a sequence of messages.
+    pub fn write_messages<M: Message>(&mut self, values: &[M]) {
+        let counted = self.write_count(values);
+        self.write_message_array(counted);
+    }
+
+    /// Writes the number of elements and gives those that were counted.
+    fn write_count<'v, T>(&mut self, values: &'v [T]) -> &'v [T] {
+        let count = u32::try_from(values.len()).unwrap_or(u32::MAX);
+        self.write_primitive(count);
+        values.get(..count as usize).unwrap_or(values)
+    }
+
+    /// Pads with zeros to a multiple of `size`, counted from the body's start.
+    fn align(&mut self, size: usize) {
+        let body = self.finished + self.tail.len() - ENCAPSULATION_SIZE;
+        let padding = body.next_multiple_of(size) - body;
+        self.tail.resize(self.tail.len() + padding, 0);
+    }
+
+    fn append(&mut self, bytes: Bytes) {
+        if bytes.len() < SHARED_FROM {
+            self.tail.extend_from_slice(&bytes);
+        } else {
+            self.close_tail();
+            self.finished += bytes.len();
+            self.pieces.push(bytes);
+        }
+    }
+
+    fn close_tail(&mut self) {
+        if !self.tail.is_empty() {
+            self.finished += self.tail.len();
+            self.pieces.push(Bytes::from(std::mem::take(&mut self.tail)));
+        }
+    }
+}
+
+impl Default for CdrWriter {
+    fn default() -> Self {
+        Self::new()
+    }
+}

@@ -1,0 +1,54 @@
+//! What every generated message can do.
+
+use std::fmt::Debug;
+
+use bytes::Bytes;
+
+use crate::cdr::{CdrError, CdrParts, CdrReader, CdrWriter};
+
+/// A ROS 2 message.
+///
+/// ```
+/// use wrapyfi_interfaces::{Message, std_msgs::msg::String as Text};
+/// let cdr = Text { data: "hello".into() }.encode().to_bytes();
+/// assert_eq!(Text::decode(&cdr, 1024).unwrap().data, "hello");
+/// ```
+pub trait Message: Sized + Clone + Debug + Default + PartialEq {
+    /// ROS name, for instance `sensor_msgs/msg/Image`.
+    const ROS_TYPE: &'static str;
+    /// Name on DDS, for instance `sensor_msgs::msg::dds_::Image_`.
+    const DDS_TYPE: &'static str;
+    /// REP-2016 hash, `RIHS01_…`, computed from the definition at build time.
+    const TYPE_HASH: &'static str;
+    /// Least number of bytes a serialised one takes, without padding.
+    const MIN_SIZE: usize;
+
+    /// Writes the members in order.
+    fn write(&self, writer: &mut CdrWriter);
+
+    /// Reads the members in order.
+    ///
+    /// # Errors
+    /// The first member that is not there or not valid.
+    fn read(reader: &mut CdrReader<'_>) -> Result<Self, CdrError>;
+
+    /// The serialised message with its encapsulation header. Large `uint8[]` fields are shared.
+    #[must_use]
+    fn encode(&self) -> CdrParts {
+        let mut writer = CdrWriter::new();
+        self.write(&mut writer);
+        writer.finish()
+    }
+
+    /// Reads a serialised message of at most `max_bytes` bytes. Its `uint8[]` fields share the
+    /// memory of `cdr`. Bytes behind the last member are ignored: DDS pads there.
+    ///
+    /// # Errors
+    /// When `cdr` is too large, not plain CDR, or not a message of this type.
+    fn decode(cdr: &Bytes, max_bytes: usize) -> Result<Self, CdrError> {
+        if cdr.len() > max_bytes {
+            return Err(CdrError::TooLarge { actual: cdr.len(), limit: max_bytes });
+        }
+        Self::read(&mut CdrReader::new(cdr)?)
+    }
+}

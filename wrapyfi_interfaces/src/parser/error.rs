@@ -1,0 +1,88 @@
+//! Why a definition could not be read.
+
+/// A line of a definition that could not be read.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{interface}, line {line}: {fault} (the line is {text:?})")]
+pub struct ParseError {
+    /// Name of the definition being read.
+    pub interface: String,
+    /// Line, counted from 1.
+    pub line: usize,
+    /// The line itself, trimmed.
+    pub text: String,
+    /// What is wrong with it.
+    #[source]
+    pub fault: ParseFault,
+}
+
+/// What is wrong with a line or a name.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ParseFault {
+    /// A type without a name behind it.
+    #[error("a name must follow the type")]
+    MissingName,
+    /// A package name breaks the rules.
+    #[error("{name:?} is no package name; use lower case letters, digits and single underscores")]
+    PackageName {
+        /// As written.
+        name: String,
+    },
+    /// A type is neither built in nor a valid message name.
+    #[error(
+        "{name:?} is no type; use a built-in type, `Name` or `package/Name`, names in CamelCase"
+    )]
+    TypeName {
+        /// As written.
+        name: String,
+    },
+    /// A field name breaks the rules.
+    #[error("{name:?} is no field name; use lower case letters, digits and single underscores")]
+    FieldName {
+        /// As written.
+        name: String,
+    },
+    /// A constant name breaks the rules.
+    #[error("{name:?} is no constant name; use upper case letters, digits and single underscores")]
+    ConstantName {
+        /// As written.
+        name: String,
+    },
+    /// The name was used before.
+    #[error("{name:?} is defined twice")]
+    Duplicate {
+        /// As written.
+        name: String,
+    },
+    /// A bound or an array size is no positive 32-bit number.
+    #[error("{text:?} is no size; use a number from 1 to 4294967295")]
+    Size {
+        /// As written.
+        text: String,
+    },
+    /// Constants are primitives or strings.
+    #[error("a constant cannot be of type {type_name:?}; use a primitive type or string")]
+    ConstantType {
+        /// As written.
+        type_name: String,
+    },
+    /// Messages have no default value.
+    #[error("a field of a message type cannot have a default value")]
+    NestedDefault,
+    /// A value does not fit its type.
+    #[error("{text:?} is no value for {type_name}")]
+    Value {
+        /// As written.
+        text: String,
+        /// Type it is for.
+        type_name: String,
+    },
+    /// The number of default elements does not fit the field.
+    #[error("{actual} default values for {expected} elements")]
+    DefaultCount {
+        /// Elements written.
+        actual: usize,
+        /// `exactly N` or `at most N`.
+        expected: String,
+    },
+}
