@@ -3,6 +3,8 @@
 //! Two nodes on one domain id of a process share Cyclone's local delivery; to have bytes on the
 //! loopback the second one gets a domain of another id with the same external id.
 #![cfg(feature = "ros2")]
+// In helpers of tests, too, a panic is the right answer.
+#![allow(clippy::unwrap_used, clippy::indexing_slicing, clippy::panic)]
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -446,5 +448,29 @@ fn domains_come_and_go() {
     for _ in 0..100 {
         let node = near("a", 155);
         drop(node.advertise(&topic("/chatter"), bell(&Wake::new())).unwrap());
+    }
+}
+
+#[test]
+fn the_finest_trace_is_survived() {
+    let file = std::env::temp_dir().join(format!("wrapyfi_trace_{}.log", std::process::id()));
+    let mut config = CycloneConfig::loopback(identity("a"), 156);
+    config.extra_uri = Some(format!(
+        "<CycloneDDS><Domain><Tracing><Verbosity>finest</Verbosity><OutputFile>{}</OutputFile>\
+         </Tracing></Domain></CycloneDDS>",
+        file.display()
+    ));
+    let a = CycloneGraph::new(&config).unwrap();
+    exchange_small(&a, &far("b", 156));
+    drop(a);
+    assert!(std::fs::read_to_string(&file).unwrap().contains("rt/chatter"));
+    std::fs::remove_file(file).unwrap();
+}
+
+fn exchange_small(a: &CycloneGraph, b: &CycloneGraph) {
+    for (from, to) in [(a, b), (b, a)] {
+        let mut ends = connect(from, to, &topic("/chatter"));
+        write(&mut *ends.writer, b"small").unwrap();
+        assert_eq!(text(&next(&mut *ends.reader, &ends.wake)), b"small");
     }
 }

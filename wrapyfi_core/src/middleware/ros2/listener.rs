@@ -19,9 +19,9 @@ use super::graph::{CdrReader, Graph, GraphError, TopicDescription};
 use super::payload;
 use crate::Limits;
 use crate::endpoint::{
-    Context, DropReason, Link, Listener, Overflow, Receiver, Sample, Sender, TakeError, Wake, inbox,
+    Context, Counters, DropReason, Link, Listener, Overflow, QueueSpec, Receiver, Sample, Sender,
+    TakeError, Wake, inbox,
 };
-use crate::endpoint::{Counters, QueueSpec};
 use crate::types::MessageType;
 
 /// A message as it arrived.
@@ -48,6 +48,19 @@ struct InletState {
 }
 
 impl Inlet {
+    /// Without a reader yet.
+    fn new(topic: &str, queue: QueueSpec, context: &Context) -> (Arc<Self>, Receiver<Arrived>) {
+        let (sender, receiver) = inbox(queue, Arc::clone(&context.counters), context.wake.clone());
+        let inlet = Self {
+            state: Mutex::new(InletState { reader: None, held: None, warned_oversize: false }),
+            sender,
+            counters: Arc::clone(&context.counters),
+            wake: context.wake.clone(),
+            topic: topic.to_owned(),
+        };
+        (Arc::new(inlet), receiver)
+    }
+
     fn lock(&self) -> MutexGuard<'_, InletState> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -123,14 +136,7 @@ impl Ros2Listener {
         limits: Limits,
         context: &Context,
     ) -> Result<Self, GraphError> {
-        let (sender, receiver) = inbox(queue, Arc::clone(&context.counters), context.wake.clone());
-        let inlet = Arc::new(Inlet {
-            state: Mutex::new(InletState { reader: None, held: None, warned_oversize: false }),
-            sender,
-            counters: Arc::clone(&context.counters),
-            wake: context.wake.clone(),
-            topic: topic.name.clone(),
-        });
+        let (inlet, receiver) = Inlet::new(&topic.name, queue, context);
         // Weak, because the inlet owns the reader that owns the callback.
         let weak = Arc::downgrade(&inlet);
         let on_data = Arc::new(move || {
@@ -179,5 +185,109 @@ impl Drop for Ros2Listener {
         // Here, and never in a callback that held the last share of the inlet.
         let reader = self.inlet.lock().reader.take();
         drop(reader);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::VecDeque;
+    use std::time::Duration;
+
+    use super::*;
+    use crate::middleware::ros2::graph::CdrSample;
+
+    /// What a reader holds: sizes of messages, those over the limit as errors.
+    #[derive(Clone, Default)]
+    struct Waiting(Arc<Mutex<VecDeque<Result<usize, usize>>>>);
+
+    impl Waiting {
+        fn put(&self, message: Result<usize, usize>) {
+            self.0.lock().unwrap().push_back(message);
+        }
+
+        fn len(&self) -> usize {
+            self.0.lock().unwrap().len()
+        }
+    }
+
+    struct FakeReader(Waiting, u64);
+
+    impl CdrReader for FakeReader {
+        fn take(&mut self) -> Result<Option<CdrSample>, GraphError> {
+            match self.0.0.lock().unwrap().pop_front() {
+                None => Ok(None),
+                Some(Ok(size)) => {
+                    Ok(Some(CdrSample { cdr: vec![0; size].into(), source_timestamp_ns: 0 }))
+                }
+                Some(Err(actual)) => {
+                    Err(GraphError::TooLarge { topic: "/t".into(), actual, limit: 100 })
+                }
+            }
+        }
+
+        fn matched(&self) -> usize {
+            1
+        }
+
+        fn lost(&mut self) -> u64 {
+            std::mem::take(&mut self.1)
+        }
+
+        fn incompatible(&self) -> Option<&'static str> {
+            None
+        }
+    }
+
+    fn open(overflow: Overflow, lost: u64) -> (Arc<Inlet>, Receiver<Arrived>, Waiting, Context) {
+        let context = Context::default();
+        let (inlet, receiver) = Inlet::new("/t", QueueSpec { depth: 2, overflow }, &context);
+        let waiting = Waiting::default();
+        inlet.lock().reader = Some(Box::new(FakeReader(waiting.clone(), lost)));
+        (inlet, receiver, waiting, context)
+    }
+
+    #[test]
+    fn everything_that_arrives_is_counted_once() {
+        let (inlet, receiver, waiting, context) = open(Overflow::DropOldest, 7);
+        for message in [Ok(10), Err(1000), Ok(20), Ok(30)] {
+            waiting.put(message);
+        }
+        inlet.drain();
+        let now = context.counters.snapshot();
+        assert_eq!((now.received, now.received_bytes), (4, 1060));
+        assert_eq!(now.dropped_for(DropReason::LostUpstream), 7);
+        assert_eq!(now.dropped_for(DropReason::Oversize), 1);
+        assert_eq!(now.dropped_for(DropReason::QueueFull), 1);
+        let sizes: Vec<_> = std::iter::from_fn(|| receiver.pop()).map(|m| m.cdr.len()).collect();
+        assert_eq!(sizes, [20, 30]);
+    }
+
+    #[test]
+    fn under_block_messages_wait_in_the_reader() {
+        let (inlet, receiver, waiting, context) = open(Overflow::Block(Duration::from_secs(60)), 0);
+        for size in 1..=5 {
+            waiting.put(Ok(size));
+        }
+        inlet.drain();
+        assert_eq!((receiver.len(), waiting.len()), (2, 2), "one is held between them");
+        let mut sizes = Vec::new();
+        while let Some(message) = receiver.pop() {
+            sizes.push(message.cdr.len());
+            inlet.drain();
+        }
+        assert_eq!(sizes, [1, 2, 3, 4, 5]);
+        assert_eq!(context.counters.snapshot().dropped(), 0);
+    }
+
+    #[test]
+    fn after_the_deadline_the_newest_are_dropped() {
+        let (inlet, receiver, waiting, context) = open(Overflow::Block(Duration::ZERO), 0);
+        for size in 1..=5 {
+            waiting.put(Ok(size));
+        }
+        inlet.drain();
+        assert_eq!(context.counters.snapshot().dropped_for(DropReason::BlockDeadline), 3);
+        let sizes: Vec<_> = std::iter::from_fn(|| receiver.pop()).map(|m| m.cdr.len()).collect();
+        assert_eq!(sizes, [1, 2]);
     }
 }
