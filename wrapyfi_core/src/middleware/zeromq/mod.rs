@@ -32,8 +32,6 @@ mod probe;
 mod proxy;
 mod publisher;
 mod reception;
-#[cfg(test)]
-mod tests;
 
 use std::net::IpAddr;
 
@@ -238,9 +236,5 @@ fn name_fault(topic: &str) -> Option<String> {
 }
 
 fn transport(topic: &str, error: zmq::Error) -> OpenError {
-    OpenError::Transport {
-        middleware: NAME,
-        topic: topic.to_owned(),
-        reason: error.to_string(),
-    }
+    OpenError::Transport { middleware: NAME, topic: topic.to_owned(), reason: error.to_string() }
 }
