@@ -14,7 +14,7 @@ pub(super) fn decode(body: &Bytes, stamp: Stamp, spec: &TopicSpec) -> Result<Ima
     }
     match json::decode(body, &spec.limits)? {
         Value::Tensor(tensor) => {
-            raw_pixels(tensor, spec.color_order).map(|raw| Image::new(stamp, raw))
+            raw_pixels(&tensor, spec.color_order).map(|raw| Image::new(stamp, raw))
         }
         other => Err(DecodeError::Mismatch {
             expected: "an image as array".into(),
@@ -24,7 +24,7 @@ pub(super) fn decode(body: &Bytes, stamp: Stamp, spec: &TopicSpec) -> Result<Ima
 }
 
 /// The picture in an array of shape (height, width) or (height, width, channels).
-fn raw_pixels(tensor: Tensor, color_order: Encoding) -> Result<RawPixels, DecodeError> {
+fn raw_pixels(tensor: &Tensor, color_order: Encoding) -> Result<RawPixels, DecodeError> {
     let mismatch = || DecodeError::Mismatch {
         expected: "uint8 of shape (H, W), (H, W, 3) or (H, W, 4), float32 of shape (H, W) or \
                    (H, W, 3), or uint16 of shape (H, W)"

@@ -135,7 +135,7 @@ fn plain(part: &[u8]) -> Result<&str, String> {
     if part.iter().any(|&byte| byte < 0x20) {
         return Err("a string has a control character that is not escaped".into());
     }
-    str::from_utf8(part).map_err(|_| "a string is not UTF-8".into())
+    str::from_utf8(part).map_err(|error| format!("a string is not UTF-8: {error}"))
 }
 
 /// Appends `text` in quotes, everything but printable ASCII escaped.
