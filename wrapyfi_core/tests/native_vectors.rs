@@ -1,6 +1,9 @@
 //! Native objects that Wrapyfi's own encoder wrote (`tests/data/native`), decoded and compared
 //! with the descriptions beside them, then written again.
 
+// Helpers of tests count as library code to these lints; here too a panic is the right answer.
+#![allow(clippy::unwrap_used, clippy::indexing_slicing, clippy::panic)]
+
 use bytes::Bytes;
 use serde_json::{Value as Json, json};
 use wrapyfi_core::Limits;
