@@ -64,6 +64,17 @@ fn limits_are_kept() {
 }
 
 #[test]
+fn many_short_values_are_refused_before_they_fill_memory() {
+    let limits = Limits { message_bytes: 100_000, ..Limits::default() };
+    let zeros = |count: usize| Bytes::from(format!("[{}0]", "0,".repeat(count - 1)));
+    assert!(decode(&zeros(12_499), &limits).is_ok());
+    let error = decode(&zeros(12_500), &limits).unwrap_err().to_string();
+    assert_eq!(error, "number of values at $[12499] is 12501, the limit is 12500");
+    let pairs = format!("{{{}\"\":0}}", "\"\":0,".repeat(7000));
+    assert!(decode(&pairs.into(), &limits).is_err());
+}
+
+#[test]
 fn every_truncation_is_an_error() {
     let text = "{\"a\": [1.5e3, true, null, \"x\\u00e9\"], \"t\": {\"__wrapyfi__\": [\"tuple\", \
                 [{\"__wrapyfi__\": [\"Plug\", \"\\u0080\", {\"k\": -1}], \"s\": NaN}]]}, \
