@@ -9,7 +9,9 @@ The domain is ROS_DOMAIN_ID. Lines on stdout: `ready`, `matched`, `message`, `no
 `done`. CDR is written and read by cyclonedds' own Python codec, from rosbags' type definitions.
 """
 import argparse
+import base64
 import hashlib
+import io
 import json
 import os
 import re
@@ -115,7 +117,7 @@ def qos(user_data=b""):
 
 
 def make(seq):
-    """Message number `seq` of a flavour, and the digest a receiver must find."""
+    """Message number `seq` of a flavour, and the hashes a receiver must find."""
     message, flavour = blank(args.type), args.flavour
     if hasattr(message, "header"):
         now = time.time_ns()
@@ -124,7 +126,7 @@ def make(seq):
     if args.type == "std_msgs/msg/String":
         value = payload.native(seq, flavour or "small")
         message.data = encode_json(value)
-        return message, payload.digest(value)
+        return message, {"sha256": payload.digest(value)}
     if args.type == "sensor_msgs/msg/Image":
         frame = payload.image(seq, flavour or "colour")
         encoding = args.encoding or {"mono": "mono8", "float": "32FC3", "float_mono": "32FC1"}.get(flavour, "bgr8")
@@ -132,35 +134,25 @@ def make(seq):
         message.height, message.width = frame.shape[:2]
         message.encoding, message.step = encoding, frame.strides[0]
         message.data = sent.tobytes()
-        return message, payload.digest(frame)
+        return message, {"sha256": payload.digest(frame)}
     if args.type == "sensor_msgs/msg/CompressedImage":
         import cv2
         frame = payload.image(seq, flavour or "jpg")
         data = cv2.imencode(".jpg", frame)[1].tobytes()
         message.format, message.data = "jpeg", data
-        return message, hashlib.sha256(data).hexdigest()
+        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+        return message, {"sha256": hashlib.sha256(data).hexdigest(), "decoded_sha256": payload.digest(pixels)}
     if args.type in ("wrapyfi_msgs/msg/AudioChunk", "wrapyfi_ros2_interfaces/msg/ROS2AudioMessage"):
         sound = payload.audio(seq, 441, 2 if flavour == "stereo" else 1)
         message.chunk_size, message.channels, message.sample_rate = *sound.shape, 16000
         message.encoding = "FLOAT32LE" if args.type.startswith("wrapyfi_msgs") else "S16LE"
         message.step, message.data = sound.strides[0], sound.tobytes()
-        return message, payload.digest(sound)
+        return message, {"sha256": payload.digest(sound)}
     if args.type == "wrapyfi_msgs/msg/NativeObject":
-        value = payload.native(seq, "small")
-        setattr(message, native_fields()[0], encode_json(value))
-        return message, payload.digest(value)
+        value = payload.native(seq, flavour or "small")
+        message.json = json.dumps(take_out(json.loads(encode_json(value)), message.tensors))
+        return message, {"sha256": payload.digest(value)}
     raise SystemExit(f"no payload for {args.type}")
-
-
-def native_fields():
-    """Names of the text field and of the tensor field of our NativeObject."""
-    text = tensors = None
-    for name, (kind, detail) in STORE.fielddefs["wrapyfi_msgs/msg/NativeObject"][1]:
-        if kind.name == "BASE" and detail[0] == "string":
-            text = text or name
-        if kind.name == "SEQUENCE" and detail[0] == (type(kind).NAME, "wrapyfi_msgs/msg/Tensor"):
-            tensors = tensors or name
-    return text, tensors
 
 
 def encode_json(value):
@@ -168,27 +160,36 @@ def encode_json(value):
     return json.dumps(value, cls=JsonEncoder)
 
 
+def take_out(found, tensors):
+    """Replaces the arrays inside parsed JSON by their index in `tensors`, as our NativeObject has it."""
+    if isinstance(found, list):
+        return [take_out(v, tensors) for v in found]
+    if not isinstance(found, dict):
+        return found
+    tag = found.get("__wrapyfi__")
+    if isinstance(tag, list) and tag[0] == "numpy.ndarray":
+        array = np.load(io.BytesIO(base64.b64decode(tag[1])))
+        tensor = blank("wrapyfi_msgs/msg/Tensor")
+        tensor.dtype, tensor.shape, tensor.data = array.dtype.name, list(array.shape), array.tobytes()
+        tensors.append(tensor)
+        return {"__wrapyfi__": ["tensor", len(tensors) - 1]}
+    return {k: take_out(v, tensors) for k, v in found.items()}
+
+
 def decode_json(text, tensors=()):
-    """A native object from its JSON; arrays may stand outside it, referred to by index."""
+    """A native object from its JSON; in our NativeObject, arrays stand outside it."""
     from wrapyfi.utils.serialization_encoders import JsonDecodeHook
     usual = JsonDecodeHook().object_hook
 
     def hook(found):
         tag = found.get("__wrapyfi__")
-        if isinstance(tag, list):
-            index = next((x for x in tag[1:2] if isinstance(x, int) and not isinstance(x, bool)), None)
-            if index is not None and index < len(tensors):
-                return to_array(tensors[index])
+        if isinstance(tag, list) and tag[0] == "tensor":
+            tensor = tensors[tag[1]]
+            array = np.frombuffer(bytes(tensor.data), np.dtype(tensor.dtype).newbyteorder("<"))
+            return array.reshape([int(n) for n in tensor.shape])
         return usual(found)
 
     return json.loads(text, object_hook=hook)
-
-
-def to_array(tensor):
-    names = {"bool": "?", "float16": "<f2", "float32": "<f4", "float64": "<f8", "complex64": "<c8", "complex128": "<c16"}
-    names.update({f"{u}int{8 * n}": f"<{k}{n}" for u, k in (("", "i"), ("u", "u")) for n in (1, 2, 4, 8)})
-    dtype = np.dtype(names.get(tensor.dtype, tensor.dtype))
-    return np.frombuffer(bytes(tensor.data), dtype).reshape([int(n) for n in tensor.shape])
 
 
 def facts(message):
@@ -207,8 +208,7 @@ def facts(message):
     if args.type == "std_msgs/msg/String":
         text = message.data
     elif args.type == "wrapyfi_msgs/msg/NativeObject":
-        name, more = native_fields()
-        text, tensors = getattr(message, name), getattr(message, more) if more else ()
+        text, tensors = message.json, message.tensors
     if text is not None:
         try:
             value = decode_json(text, tensors)
@@ -276,9 +276,9 @@ def publish(participant):
     say("matched", count=len(writer.get_matched_subscriptions()))
     index = 0
     while not leaving.is_set() and (args.count == 0 or index < args.count):
-        message, digest = make(index)
+        message, hashes = make(index)
         writer.write(message)
-        say("message", index=index, sha256=digest)
+        say("message", index=index, **hashes)
         index += 1
         leaving.wait(1.0 / args.rate)
     if not args.best_effort and not leaving.is_set():

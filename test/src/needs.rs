@@ -74,7 +74,10 @@ fn built(name: &str, variable: &str) -> Result<PathBuf> {
             .join(name),
     };
     if !path.is_file() {
-        bail!("no program at {}: build it with `cargo build -p wrapyfi_bridge`, or set {variable}", path.display());
+        bail!(
+            "no program at {}: build it with `cargo build -p wrapyfi_bridge`, or set {variable}",
+            path.display()
+        );
     }
     Ok(path)
 }
@@ -90,10 +93,9 @@ fn find_python() -> std::result::Result<PathBuf, String> {
         .map_or_else(|| repository().join(".venv/bin/python"), PathBuf::from);
     let probe = "import importlib.util as u, sys\n\
                  sys.exit(' '.join(m for m in ('wrapyfi', 'zmq', 'cv2', 'cyclonedds', 'rosbags') if not u.find_spec(m)) or 0)";
-    let ran = Command::new(&path)
-        .args(["-c", probe])
-        .output()
-        .map_err(|e| format!("no Python peers: {}: {e}; run `make test`, or set WRAPYFI_PYTHON", path.display()))?;
+    let ran = Command::new(&path).args(["-c", probe]).output().map_err(|e| {
+        format!("no Python peers: {}: {e}; run `make test`, or set WRAPYFI_PYTHON", path.display())
+    })?;
     if ran.status.success() {
         Ok(path)
     } else {

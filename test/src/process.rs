@@ -29,7 +29,9 @@ impl Output {
     /// The objects whose `event` is this.
     #[must_use]
     pub fn events(&self, event: &str) -> Vec<Value> {
-        self.objects().filter(|object| object.get("event").and_then(Value::as_str) == Some(event)).collect()
+        self.objects()
+            .filter(|object| object.get("event").and_then(Value::as_str) == Some(event))
+            .collect()
     }
 }
 
@@ -93,7 +95,11 @@ impl Process {
     ///
     /// # Errors
     /// With the end of its output, where the process ends or [`PATIENCE`] does.
-    pub fn wait_until<T>(&self, what: &str, mut found: impl FnMut(&Output) -> Option<T>) -> Result<T> {
+    pub fn wait_until<T>(
+        &self,
+        what: &str,
+        mut found: impl FnMut(&Output) -> Option<T>,
+    ) -> Result<T> {
         let deadline = Instant::now() + PATIENCE;
         let mut output = self.shared.lock();
         loop {
@@ -106,7 +112,12 @@ impl Process {
                 "patience ended"
             } else {
                 let left = deadline.saturating_duration_since(Instant::now());
-                output = self.shared.changed.wait_timeout(output, left).unwrap_or_else(PoisonError::into_inner).0;
+                output = self
+                    .shared
+                    .changed
+                    .wait_timeout(output, left)
+                    .unwrap_or_else(PoisonError::into_inner)
+                    .0;
                 continue;
             };
             let tail = tail(&output);
@@ -120,7 +131,9 @@ impl Process {
     /// # Errors
     /// As [`Process::wait_until`].
     pub fn event(&self, event: &str) -> Result<Value> {
-        self.wait_until(&format!("event `{event}`"), |output| output.events(event).into_iter().next())
+        self.wait_until(&format!("event `{event}`"), |output| {
+            output.events(event).into_iter().next()
+        })
     }
 
     /// Waits for the first `count` messages of a peer.
@@ -154,7 +167,9 @@ impl Process {
     /// # Errors
     /// Where the run of messages was never sent.
     pub fn sent_in_a_row(&self, key: &str, received: &[String]) -> Result {
-        self.compare(key, received, |sent, received| sent.windows(received.len()).any(|run| run == received))
+        self.compare(key, received, |sent, received| {
+            sent.windows(received.len()).any(|run| run == received)
+        })
     }
 
     /// Asserts that this publisher sent `received` in this order, perhaps with others in between.
@@ -168,7 +183,12 @@ impl Process {
         })
     }
 
-    fn compare(&self, key: &str, received: &[String], holds: impl Fn(&[String], &[String]) -> bool) -> Result {
+    fn compare(
+        &self,
+        key: &str,
+        received: &[String],
+        holds: impl Fn(&[String], &[String]) -> bool,
+    ) -> Result {
         let last = received.last().context("nothing was received")?;
         // The receiver may be ahead of the line in which the sender tells what it sent.
         self.wait_until(&format!("the message that was received, {last}"), |output| {
@@ -176,8 +196,11 @@ impl Process {
             if holds(&sent, received) {
                 return Some(Ok(()));
             }
-            let told = sent.contains(last) || sent.len() >= 400 || !output.events("done").is_empty();
-            told.then(|| Err(anyhow::anyhow!("{} sent {sent:#?}\nreceived was {received:#?}", self.name)))
+            let told =
+                sent.contains(last) || sent.len() >= 400 || !output.events("done").is_empty();
+            told.then(|| {
+                Err(anyhow::anyhow!("{} sent {sent:#?}\nreceived was {received:#?}", self.name))
+            })
         })?
     }
 
@@ -202,7 +225,9 @@ impl Process {
         // What it printed last may still be on its way.
         self.wait_until("the end of its output", |output| (output.open == 0).then_some(()))?;
         let status = self.child.wait()?;
-        status.code().with_context(|| format!("{} was ended by a signal: {status}\n{}", self.name, self.tail()))
+        status.code().with_context(|| {
+            format!("{} was ended by a signal: {status}\n{}", self.name, self.tail())
+        })
     }
 
     /// Waits for its end and asserts the exit code.
@@ -253,7 +278,8 @@ impl Drop for Process {
     fn drop(&mut self) {
         self.stdin = None;
         let ended = self.ended_within(Duration::ZERO).unwrap_or(false)
-            || (self.terminate().is_ok() && self.ended_within(Duration::from_secs(10)).unwrap_or(false));
+            || (self.terminate().is_ok()
+                && self.ended_within(Duration::from_secs(10)).unwrap_or(false));
         if !ended {
             // Nothing is left to do about a failure here.
             let _killed: std::io::Result<()> = self.child.kill();
@@ -285,7 +311,15 @@ fn read_along(
 fn tail(output: &Output) -> String {
     let last = |lines: &[String]| {
         let from = lines.len().saturating_sub(15);
-        lines.iter().skip(from).map(|l| format!("    {}", l.chars().take(400).collect::<String>())).collect::<Vec<_>>()
+        lines
+            .iter()
+            .skip(from)
+            .map(|l| format!("    {}", l.chars().take(400).collect::<String>()))
+            .collect::<Vec<_>>()
     };
-    format!("  stdout ends:\n{}\n  stderr ends:\n{}", last(&output.out).join("\n"), last(&output.err).join("\n"))
+    format!(
+        "  stdout ends:\n{}\n  stderr ends:\n{}",
+        last(&output.out).join("\n"),
+        last(&output.err).join("\n")
+    )
 }

@@ -25,12 +25,18 @@ pub(crate) fn port() -> Result<Reserved> {
     first_free("port", 20_000, 12_000, |port| TcpListener::bind(("127.0.0.1", port)).is_ok())
 }
 
-fn first_free(kind: &str, first: u16, count: u16, usable: impl Fn(u16) -> bool) -> Result<Reserved> {
+fn first_free(
+    kind: &str,
+    first: u16,
+    count: u16,
+    usable: impl Fn(u16) -> bool,
+) -> Result<Reserved> {
     static TURN: AtomicU32 = AtomicU32::new(0);
     let folder = std::env::temp_dir().join("wrapyfi_e2e_reserved");
     std::fs::create_dir_all(&folder).with_context(|| format!("creating {}", folder.display()))?;
     // Neighbouring runs start far apart, so that they rarely meet.
-    let start = std::process::id().wrapping_mul(2_654_435_761).wrapping_add(TURN.fetch_add(1, Relaxed));
+    let start =
+        std::process::id().wrapping_mul(2_654_435_761).wrapping_add(TURN.fetch_add(1, Relaxed));
     for step in 0..u32::from(count) {
         let offset = start.wrapping_add(step) % u32::from(count);
         let number = first + u16::try_from(offset)?;

@@ -9,7 +9,8 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, bail};
 use ros2_client::qos::{Durability, History, WhenFull};
 use ros2_client::{
-    Context, Message, MessageTypeName, Name, Node, NodeName, NodeOptions, QosProfile, Subscription, builtin_interfaces,
+    Context, Message, MessageTypeName, Name, Node, NodeName, NodeOptions, QosProfile, Subscription,
+    builtin_interfaces,
 };
 use rustdds::{DomainParticipantBuilder, Topic};
 use serde::{Deserialize, Serialize};
@@ -44,10 +45,19 @@ impl RosImage {
     /// A frame in one colour, three bytes a pixel in the order of `encoding`.
     #[must_use]
     pub fn plain(width: u32, height: u32, encoding: &str, pixel: [u8; 3]) -> Self {
-        let header = RosHeader { stamp: builtin_interfaces::Time::ZERO, frame_id: "camera".to_owned() };
+        let header =
+            RosHeader { stamp: builtin_interfaces::Time::ZERO, frame_id: "camera".to_owned() };
         let pixels = usize::try_from(u64::from(width) * u64::from(height)).unwrap_or(0);
         let data = pixel.repeat(pixels);
-        Self { header, height, width, encoding: encoding.to_owned(), is_bigendian: 0, step: width * 3, data }
+        Self {
+            header,
+            height,
+            width,
+            encoding: encoding.to_owned(),
+            is_bigendian: 0,
+            step: width * 3,
+            data,
+        }
     }
 }
 
@@ -69,9 +79,11 @@ impl RosNode {
             .map_err(|e| anyhow::anyhow!("RustDDS participant in domain {domain}: {e:?}"))?;
         let context = Context::from_domain_participant(participant)
             .map_err(|e| anyhow::anyhow!("ros2-client context: {e:?}"))?;
-        let name = NodeName::new("/", name).map_err(|e| anyhow::anyhow!("node name {name}: {e:?}"))?;
-        let node =
-            context.new_node(name, NodeOptions::new()).map_err(|e| anyhow::anyhow!("ros2-client node: {e:?}"))?;
+        let name =
+            NodeName::new("/", name).map_err(|e| anyhow::anyhow!("node name {name}: {e:?}"))?;
+        let node = context
+            .new_node(name, NodeOptions::new())
+            .map_err(|e| anyhow::anyhow!("ros2-client node: {e:?}"))?;
         Ok(Self { node })
     }
 
@@ -79,7 +91,11 @@ impl RosNode {
     ///
     /// # Errors
     /// Where DDS refuses it.
-    pub fn subscribe<M: Message + 'static>(&mut self, topic: &str, ros_type: &str) -> Result<Heard<M>> {
+    pub fn subscribe<M: Message + 'static>(
+        &mut self,
+        topic: &str,
+        ros_type: &str,
+    ) -> Result<Heard<M>> {
         let topic = self.topic(topic, ros_type)?;
         let subscription = self
             .node
@@ -117,8 +133,11 @@ impl RosNode {
     }
 
     fn topic(&self, topic: &str, ros_type: &str) -> Result<Topic> {
-        let (package, name) = ros_type.split_once("/msg/").with_context(|| format!("{ros_type} is no message type"))?;
-        let parsed = Name::parse(topic).map_err(|e| anyhow::anyhow!("topic name {topic}: {e:?}"))?;
+        let (package, name) = ros_type
+            .split_once("/msg/")
+            .with_context(|| format!("{ros_type} is no message type"))?;
+        let parsed =
+            Name::parse(topic).map_err(|e| anyhow::anyhow!("topic name {topic}: {e:?}"))?;
         let qos = QosProfile::subscription_default()
             .reliability_reliable(WhenFull::DEFAULT)
             .durability(Durability::Volatile)
@@ -144,7 +163,9 @@ impl<M: Message + 'static> Heard<M> {
         loop {
             match self.subscription.take() {
                 Ok(Some((message, _info))) => return Ok(message),
-                Ok(None) if Instant::now() < deadline => std::thread::sleep(Duration::from_millis(5)),
+                Ok(None) if Instant::now() < deadline => {
+                    std::thread::sleep(Duration::from_millis(5))
+                }
                 Ok(None) => bail!("the ros2-client node heard nothing"),
                 Err(error) => bail!("the ros2-client node cannot read the message: {error:?}"),
             }

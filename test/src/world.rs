@@ -36,7 +36,8 @@ impl World {
             domain: reserve::domain()?,
             pub_port: reserve::port()?,
             sub_port: reserve::port()?,
-            folder: TempDir::with_prefix("wrapyfi_e2e_").context("creating a folder for the test")?,
+            folder: TempDir::with_prefix("wrapyfi_e2e_")
+                .context("creating a folder for the test")?,
         })
     }
 
@@ -96,7 +97,12 @@ impl World {
     /// Where it cannot be started.
     pub fn bridge(&self, config: &Config) -> Result<Process> {
         let file = self.write("bridge.yaml", config.yaml())?;
-        self.wrapyfi([OsStr::new("bridge"), OsStr::new("--config"), file.as_os_str(), OsStr::new("--json")])
+        self.wrapyfi([
+            OsStr::new("bridge"),
+            OsStr::new("--config"),
+            file.as_os_str(),
+            OsStr::new("--json"),
+        ])
     }
 
     /// A configuration with our own broker on this test's ports.
@@ -117,7 +123,15 @@ impl World {
     /// Where it cannot be started.
     pub fn broker(&self) -> Result<Process> {
         let (pub_port, sub_port) = (self.pub_port().to_string(), self.sub_port().to_string());
-        self.wrapyfi(["broker", "--ip", "127.0.0.1", "--pub-port", &pub_port, "--sub-port", &sub_port])
+        self.wrapyfi([
+            "broker",
+            "--ip",
+            "127.0.0.1",
+            "--pub-port",
+            &pub_port,
+            "--sub-port",
+            &sub_port,
+        ])
     }
 
     /// Starts a Python peer from `test/peers`; `args` are split at blanks.
@@ -151,7 +165,10 @@ impl World {
     /// Where it cannot be started.
     pub fn wrapyfi_listener(&self, topic: &str, args: &str) -> Result<Process> {
         let pub_port = self.pub_port();
-        self.peer("wrapyfi_peer.py", &format!("listen --topic {topic} --pub-port {pub_port} {args}"))
+        self.peer(
+            "wrapyfi_peer.py",
+            &format!("listen --topic {topic} --pub-port {pub_port} {args}"),
+        )
     }
 
     /// Starts a DDS subscriber on CycloneDDS.
@@ -187,7 +204,11 @@ impl World {
     }
 
     /// A command that sees this test's domain and ports, and only the loopback interface.
-    fn command<A: AsRef<OsStr>>(&self, program: &Path, args: impl IntoIterator<Item = A>) -> Command {
+    fn command<A: AsRef<OsStr>>(
+        &self,
+        program: &Path,
+        args: impl IntoIterator<Item = A>,
+    ) -> Command {
         let mut command = Command::new(program);
         command
             .args(args)

@@ -48,12 +48,16 @@ fn graph_observer_sees_a_ros_node() -> Result {
         let _heard = node.subscribe::<String>(&world.topic("x"), "std_msgs/msg/String")?;
         let dds_topic = format!("rt{}", world.topic("x"));
         graph.wait_until("the node with its subscription", |output| {
-            let endpoint = output.events("endpoint").into_iter().find(|e| e["topic"] == *dds_topic)?;
+            let endpoint =
+                output.events("endpoint").into_iter().find(|e| e["topic"] == *dds_topic)?;
             let nodes = output.events("nodes");
-            let node = nodes.iter().flat_map(|e| e["nodes"].as_array().into_iter().flatten()).find(|node| {
-                node["name"] == "/independent"
-                    && node["readers"].as_array().is_some_and(|r| r.contains(&endpoint["guid"]))
-            })?;
+            let node = nodes
+                .iter()
+                .flat_map(|e| e["nodes"].as_array().into_iter().flatten())
+                .find(|node| {
+                    node["name"] == "/independent"
+                        && node["readers"].as_array().is_some_and(|r| r.contains(&endpoint["guid"]))
+                })?;
             Some(node.clone())
         })?;
         Ok(())

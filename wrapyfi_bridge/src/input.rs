@@ -51,8 +51,9 @@ pub fn from_file(path: &Path, spec: &TopicSpec) -> anyhow::Result<Payload> {
         )?)),
         ("npy", DataType::NativeObject) => Payload::NativeObject(Box::new(array(path, spec)?)),
         ("npy", DataType::Image) => {
-            let Value::Tensor(tensor) = array(path, spec)? else { return Err(wrong()) };
-            image(codec::frames::pixels_from_tensor(&tensor, spec)?)
+            // As Wrapyfi would send the array, so that the same shapes are images here and there.
+            let json = codec::json::encode(&array(path, spec)?)?;
+            codec::frames::decode(&[Bytes::new(), Bytes::new(), json.into()], spec, Stamp::now())?
         }
         ("png", DataType::Image) => image(png(path, &spec.limits)?),
         ("jpg" | "jpeg", DataType::Image) => Payload::Image(Image {
@@ -105,6 +106,7 @@ fn array(path: &Path, spec: &TopicSpec) -> anyhow::Result<Value> {
     Ok(match codec::npy::read(&file).with_context(|| path.display().to_string())? {
         NpyArray::Tensor(tensor) => Value::Tensor(tensor),
         NpyArray::Array(array) => Value::Array(array),
+        _ => bail!("{}: this kind of array is not carried", path.display()),
     })
 }
 
@@ -133,7 +135,7 @@ fn png(path: &Path, limits: &Limits) -> anyhow::Result<RawPixels> {
         }
     };
     let step = u32::try_from(info.line_size).with_context(|| format!("{name} is too wide"))?;
-    Ok(RawPixels::new(info.width, info.height, encoding, step, data.into())?)
+    Ok(RawPixels::new(info.width, info.height, encoding, step, data)?)
 }
 
 fn wav(path: &Path, limits: &Limits) -> anyhow::Result<AudioChunk> {

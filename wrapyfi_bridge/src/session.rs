@@ -14,6 +14,7 @@ use anyhow::Context as _;
 use serde::Deserialize;
 use wrapyfi_core::endpoint::{EndpointAddress, Middleware, Registry};
 use wrapyfi_core::engine::{Config, MAX_CONFIG_BYTES, Plan};
+use wrapyfi_core::middleware::ros2::graph::NodeIdentity;
 use wrapyfi_core::middleware::ros2::{self, CycloneConfig, CycloneGraph, Ros2};
 use wrapyfi_core::middleware::zeromq::{BrokerMode, ZeroMq, ZeroMqConfig};
 
@@ -172,7 +173,7 @@ fn zeromq(section: &ZeroMqSection, role: Option<Role>) -> Result<ZeroMq, Failure
         None if role == Some(Role::Listener) => config.broker = BrokerMode::Foreign,
         None => (),
     }
-    Ok(ZeroMq::start(config).context("zeromq")?)
+    Ok(ZeroMq::start(&config).context("zeromq")?)
 }
 
 fn ros2(section: &Ros2Section, node: &Node) -> Result<Ros2, Failure> {
@@ -181,7 +182,7 @@ fn ros2(section: &Ros2Section, node: &Node) -> Result<Ros2, Failure> {
     for warning in &environment.warnings {
         tracing::warn!("{warning}");
     }
-    let mut config = CycloneConfig::from_environment(node.name().clone(), &environment);
+    let mut config = CycloneConfig::from_environment(identity(node), &environment);
     config.domain_id = section.domain_id.unwrap_or(config.domain_id);
     config.interface.clone_from(&section.interface);
     tracing::info!(
@@ -190,9 +191,15 @@ fn ros2(section: &Ros2Section, node: &Node) -> Result<Ros2, Failure> {
         config.domain_id,
         environment.stack_reason
     );
-    let graph = CycloneGraph::new(config).context("ros2")?;
+    let graph = CycloneGraph::new(&config).context("ros2")?;
     let node = node.clone();
-    Ok(Ros2::new(Arc::new(graph)).with_names(move |topic| node.resolve_topic(topic)))
+    let remap = move |topic: &str| node.resolve_topic(topic).map_err(|error| error.to_string());
+    Ok(Ros2::new(Arc::new(graph), remap))
+}
+
+fn identity(node: &Node) -> NodeIdentity {
+    let name = node.name();
+    NodeIdentity { name: name.name().to_owned(), namespace: name.namespace().to_owned() }
 }
 
 /// The three parties of the demo, each with sockets of its own.
@@ -215,19 +222,19 @@ impl DemoSession {
     pub fn start() -> Result<Self, Failure> {
         let mut config = ZeroMqConfig::from_env().map_err(Failure::usage)?;
         config.broker = BrokerMode::Embedded;
-        let bridge_side = match ZeroMq::start(config.clone()) {
+        let bridge_side = match ZeroMq::start(&config) {
             Ok(started) => started,
             Err(error) => {
                 // Something else has Wrapyfi's ports: the demo does not need those.
                 tracing::info!("{error}; the demo's broker takes free ports");
                 (config.pub_port, config.sub_port) = (0, 0);
-                ZeroMq::start(config.clone()).context("zeromq")?
+                ZeroMq::start(&config).context("zeromq")?
             }
         };
         (config.pub_port, config.sub_port) = (bridge_side.pub_port(), bridge_side.sub_port());
         config.broker = BrokerMode::Foreign;
         let broker = format!("{}:{}/{}", config.ip, config.pub_port, config.sub_port);
-        let sources = ZeroMq::start(config).context("zeromq")?;
+        let sources = ZeroMq::start(&config).context("zeromq")?;
 
         let graph = |name: &str| -> Result<_, Failure> {
             let lookup = |name: &str| match (name, std::env::var(name).ok()) {
@@ -236,9 +243,10 @@ impl DemoSession {
             };
             let environment = ros2::environment::read(lookup).map_err(Failure::usage)?;
             let node = Node::named(name).map_err(Failure::usage)?;
-            let config = CycloneConfig::from_environment(node.name().clone(), &environment);
-            let graph = CycloneGraph::new(config).context("ros2")?;
-            Ok((Ros2::new(Arc::new(graph)), environment.domain_id))
+            let config = CycloneConfig::from_environment(identity(&node), &environment);
+            let graph = CycloneGraph::new(&config).context("ros2")?;
+            let as_it_is = |topic: &str| Ok(topic.to_owned());
+            Ok((Ros2::new(Arc::new(graph), as_it_is), environment.domain_id))
         };
         let (ros2, domain_id) = graph("wrapyfi_demo")?;
         let (viewer, _) = graph("wrapyfi_demo_viewer")?;

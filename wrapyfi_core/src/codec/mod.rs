@@ -11,7 +11,7 @@
 //! | [`json`] | Wrapyfi's native objects | docs/wire/native-object.md |
 //! | [`npy`] | NumPy's array file | docs/wire/native-object.md |
 //! | [`frames`] | Wrapyfi's ZeroMQ messages | docs/wire/zeromq.md |
-//! | `ros` | the ROS messages of the data model | docs/wire/ros2.md |
+//! | [`ros`] | the ROS messages of the data model | docs/wire/ros2.md |
 //! | [`jpeg`] | JPEG files | |
 
 mod error;
@@ -20,6 +20,7 @@ pub mod jpeg;
 pub mod json;
 pub mod npy;
 mod path;
+pub mod ros;
 
 pub use error::{DecodeError, EncodeError};
 pub use jpeg::convert;

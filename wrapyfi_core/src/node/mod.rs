@@ -110,3 +110,28 @@ pub fn read_params_file(path: &str) -> io::Result<Vec<u8>> {
     std::fs::File::open(path)?.take(most).read_to_end(&mut content)?;
     Ok(content)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_are_read_as_far_as_they_may_go() {
+        let own = concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.toml");
+        assert!(read_params_file(own).unwrap().starts_with(b"[package]"));
+        assert!(read_params_file("/").is_err());
+        if cfg!(target_os = "linux") {
+            let endless = read_params_file("/dev/zero").unwrap();
+            assert_eq!(endless.len(), args::MAX_FILE_BYTES + 1);
+        }
+    }
+
+    #[test]
+    fn a_missing_file_says_why_in_its_source() {
+        let argv = ["--ros-args", "--params-file", "/nowhere/at/all.yaml"];
+        let error = RosArgs::parse(argv, read_params_file).unwrap_err();
+        assert!(error.to_string().ends_with("Error: Error opening YAML file"));
+        let source = std::error::Error::source(&error).unwrap().to_string();
+        assert!(source.contains("No such file"), "{source}");
+    }
+}

@@ -95,19 +95,34 @@ impl<'a> CdrReader<'a> {
     /// # Errors
     /// When it is too long, unterminated or not UTF-8.
     pub fn read_string(&mut self) -> Result<String, CdrError> {
-        let length = self.read_count(1)?;
-        let bytes = self.take(length)?;
-        let text = match bytes.split_last() {
-            None => bytes,
-            Some((0, text)) => text.split(|byte| *byte == 0).next().unwrap_or_default(),
-            Some((last, _)) => {
-                return Err(CdrError::Unterminated { path: String::new(), length, last: *last });
-            }
-        };
+        let text = self.take_text()?;
         std::str::from_utf8(text).map(str::to_owned).map_err(|error| CdrError::NotUtf8 {
             path: String::new(),
             valid_up_to: error.valid_up_to(),
         })
+    }
+
+    /// Reads a string without a copy, for those who decode it further: the result shares the
+    /// message's memory and need not be UTF-8. Otherwise as [`CdrReader::read_string`].
+    ///
+    /// # Errors
+    /// When it is too long or unterminated.
+    pub fn read_text(&mut self) -> Result<Bytes, CdrError> {
+        self.take_text().map(|text| self.cdr.slice_ref(text))
+    }
+
+    fn take_text(&mut self) -> Result<&'a [u8], CdrError> {
+        let length = self.read_count(1)?;
+        let bytes = self.take(length)?;
+        match bytes.split_last() {
+            None => Ok(bytes),
+            // The search is fast; splitting is not, and hardly ever needed.
+            Some((0, text)) if !text.contains(&0) => Ok(text),
+            Some((0, text)) => Ok(text.split(|byte| *byte == 0).next().unwrap_or_default()),
+            Some((last, _)) => {
+                Err(CdrError::Unterminated { path: String::new(), length, last: *last })
+            }
+        }
     }
 
     /// Reads a sequence of strings.

@@ -29,6 +29,22 @@ fn large_bytes_are_shared_both_ways() {
 }
 
 #[test]
+fn text_at_hand_as_bytes_is_shared_both_ways() {
+    let long = Bytes::from("x".repeat(5000));
+    let mut writer = CdrWriter::new();
+    writer.write_text(&long);
+    writer.write_text(&Bytes::from_static(b"short"));
+    let parts = writer.finish();
+    assert_eq!(parts.pieces()[1].as_ptr(), long.as_ptr());
+    let cdr = parts.to_bytes();
+    let mut reader = CdrReader::new(&cdr).unwrap();
+    let read = reader.read_text().unwrap();
+    assert_eq!((&read, read.as_ptr()), (&long, cdr[8..].as_ptr()));
+    assert_eq!(reader.read_string().unwrap(), "short");
+    assert_eq!(reader.remaining(), 0);
+}
+
+#[test]
 fn alignment_counts_across_shared_pieces() {
     let tensor = |size, shape| Tensor {
         dtype: "uint8".into(),

@@ -63,14 +63,8 @@ impl CdrWriter {
 
     /// Writes a sequence of bytes; a large one is shared, not copied.
     pub fn write_bytes(&mut self, bytes: &Bytes) {
-        let counted = self.write_count(bytes);
-        if counted.len() < SHARED_FROM {
-            self.tail.extend_from_slice(counted);
-            return;
-        }
-        self.close_tail();
-        self.finished += counted.len();
-        self.pieces.push(bytes.slice_ref(counted));
+        let counted = self.write_count(bytes).len();
+        self.append(bytes.slice(..counted));
     }
 
     /// Writes a string with its terminator. A NUL inside ends it, as in the ROS 2 middlewares.
@@ -83,6 +77,15 @@ impl CdrWriter {
         };
         self.write_primitive(u32::try_from(text.len() + 1).unwrap_or(u32::MAX));
         self.tail.extend_from_slice(text.as_bytes());
+        self.tail.push(0);
+    }
+
+    /// Writes a string that is at hand as bytes: a large one is shared, not copied. `text` must be
+    /// UTF-8 without NUL.
+    pub fn write_text(&mut self, text: &Bytes) {
+        let text = text.slice(..text.len().min(LONGEST_STRING));
+        self.write_primitive(u32::try_from(text.len() + 1).unwrap_or(u32::MAX));
+        self.append(text);
         self.tail.push(0);
     }
 
@@ -129,6 +132,16 @@ impl CdrWriter {
         let body = self.finished + self.tail.len() - ENCAPSULATION_SIZE;
         let padding = body.next_multiple_of(size) - body;
         self.tail.resize(self.tail.len() + padding, 0);
+    }
+
+    fn append(&mut self, bytes: Bytes) {
+        if bytes.len() < SHARED_FROM {
+            self.tail.extend_from_slice(&bytes);
+        } else {
+            self.close_tail();
+            self.finished += bytes.len();
+            self.pieces.push(bytes);
+        }
     }
 
     fn close_tail(&mut self) {

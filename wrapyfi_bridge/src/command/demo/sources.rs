@@ -89,7 +89,7 @@ fn pixels(sequence: u64) -> anyhow::Result<RawPixels> {
             data.extend([byte(x * 256 / WIDTH + shift), byte(y * 256 / HEIGHT), byte(255 - shift)]);
         }
     }
-    Ok(RawPixels::new(WIDTH, HEIGHT, Encoding::Bgr8, WIDTH * 3, data.into())?)
+    Ok(RawPixels::new(WIDTH, HEIGHT, Encoding::Bgr8, WIDTH * 3, data)?)
 }
 
 fn frame(sequence: u64) -> anyhow::Result<Payload> {
@@ -98,7 +98,7 @@ fn frame(sequence: u64) -> anyhow::Result<Payload> {
 }
 
 fn jpeg_frame(sequence: u64) -> anyhow::Result<Payload> {
-    let data = jpeg::encode(&pixels(sequence)?, jpeg::DEFAULT_QUALITY)?;
+    let data = jpeg::encode(&pixels(sequence)?, 95)?;
     let pixels = Pixels::Compressed { format: CompressedFormat::Jpeg, data };
     Ok(Payload::Image(Image { stamp: Stamp::now(), frame_id: String::new(), pixels }))
 }
@@ -123,6 +123,6 @@ fn object(sequence: u64) -> anyhow::Result<Payload> {
     map.insert(Value::from("sequence"), Value::Int(i64::try_from(sequence)?));
     map.insert(Value::from(super::viewer::SENT_AT), Value::Float(Stamp::now().as_secs_f64()));
     map.insert(Value::from("label"), Value::from("grüße"));
-    map.insert(Value::from("joints"), Value::Tensor(Tensor::from_elements(vec![6], &joints)?));
+    map.insert(Value::from("joints"), Value::Tensor(Tensor::from_elements(&[6], joints)?));
     Ok(Payload::NativeObject(Box::new(Value::Map(map))))
 }

@@ -86,7 +86,10 @@ pub fn read(lookup: impl Fn(&str) -> Option<String>) -> Result<Environment, Envi
         domain_id: domain_id(set("ROS_DOMAIN_ID"))?,
         discovery: discovery(&set, &mut warnings),
         cyclonedds_uri: set("CYCLONEDDS_URI"),
-        stack_reason: stack_reason(set("RMW_IMPLEMENTATION"), set("ROS_DISTRO"))?,
+        stack_reason: stack_reason(
+            set("RMW_IMPLEMENTATION").as_deref(),
+            set("ROS_DISTRO").as_deref(),
+        )?,
         warnings,
     })
 }
@@ -166,8 +169,8 @@ fn discovery(set: &impl Fn(&str) -> Option<String>, warnings: &mut Vec<String>) 
     Discovery { range, static_peers }
 }
 
-fn stack_reason(rmw: Option<String>, distro: Option<String>) -> Result<String, EnvironmentError> {
-    match (rmw.as_deref(), distro) {
+fn stack_reason(rmw: Option<&str>, distro: Option<&str>) -> Result<String, EnvironmentError> {
+    match (rmw, distro) {
         (Some("rmw_cyclonedds_cpp"), _) => Ok("RMW_IMPLEMENTATION=rmw_cyclonedds_cpp".into()),
         (Some("rmw_fastrtps_cpp" | "rmw_fastrtps_dynamic_cpp"), _) => {
             Ok("RMW_IMPLEMENTATION asks for Fast DDS; topics interoperate over RTPS".into())

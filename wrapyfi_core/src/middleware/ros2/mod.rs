@@ -9,16 +9,142 @@
 //!     │
 //!   cyclone             the only modules that call C
 //! ```
+//!
+//! A node of its own, and its topics under their ROS names:
+//!
+//! ```no_run
+//! use std::sync::Arc;
+//! use wrapyfi_core::endpoint::{Context, Middleware, TopicSpec};
+//! use wrapyfi_core::middleware::ros2::{CycloneConfig, CycloneGraph, Ros2, environment};
+//! use wrapyfi_core::middleware::ros2::graph::NodeIdentity;
+//! use wrapyfi_core::types::MessageType;
+//!
+//! let environment = environment::read(|name| std::env::var(name).ok())?;
+//! let node = NodeIdentity { name: "bridge".into(), namespace: "/".into() };
+//! let graph = CycloneGraph::new(&CycloneConfig::from_environment(node, &environment))?;
+//! let ros2 = Ros2::new(Arc::new(graph), |expanded| Ok(expanded.to_owned()));
+//! let chatter = TopicSpec::new("chatter", MessageType::StringJson);
+//! let listener = ros2.open_listener(&chatter, &Context::default())?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod config;
 mod cyclone;
 mod cyclone_graph;
+mod diagnosis;
 mod discovery_info;
 mod domain;
 pub mod environment;
 pub mod graph;
+mod listener;
 pub mod names;
+mod payload;
+mod publisher;
+
+use std::sync::Arc;
 
 pub use config::CycloneConfig;
 pub use cyclone_graph::{CycloneError, CycloneGraph};
 pub use domain::DomainError;
+
+use crate::endpoint::{
+    Context, History, Listener, Middleware, OpenError, Overflow, Publisher, Qos, TopicSpec,
+};
+use graph::{Graph, GraphError, TopicDescription};
+use listener::Ros2Listener;
+use publisher::Ros2Publisher;
+
+/// Name of this middleware in addresses.
+const NAME: &str = "ros2";
+
+type Remap = Box<dyn Fn(&str) -> Result<String, String> + Send + Sync>;
+
+/// The middleware `ros2`: topics of one node.
+pub struct Ros2 {
+    graph: Arc<dyn Graph>,
+    remap: Remap,
+}
+
+impl Ros2 {
+    /// Topics of the node behind `graph`. `remap` is given every topic as an absolute name and
+    /// returns the one to use: the node's remapping rules, or the name as it is. Its error is
+    /// shown as the reason why the name is invalid.
+    #[must_use]
+    pub fn new(
+        graph: Arc<dyn Graph>,
+        remap: impl Fn(&str) -> Result<String, String> + Send + Sync + 'static,
+    ) -> Self {
+        Self { graph, remap: Box::new(remap) }
+    }
+
+    /// The graph underneath.
+    #[must_use]
+    pub fn graph(&self) -> &Arc<dyn Graph> {
+        &self.graph
+    }
+
+    fn describe(&self, spec: &TopicSpec, qos: Qos) -> Result<TopicDescription, OpenError> {
+        let invalid = |reason: String| OpenError::InvalidName {
+            middleware: NAME,
+            topic: spec.topic.clone(),
+            reason,
+        };
+        let expanded = names::expand(&spec.topic, self.graph.identity())
+            .map_err(|error| invalid(error.to_string()))?;
+        let name = (self.remap)(&expanded).map_err(invalid)?;
+        names::validate_absolute(&name).map_err(|error| invalid(error.to_string()))?;
+        Ok(TopicDescription {
+            name,
+            type_name: spec.message_type.ros_type().to_owned(),
+            type_hash: payload::type_hash(spec.message_type),
+            qos,
+            max_samples: None,
+            max_bytes: spec.limits.message_bytes,
+        })
+    }
+}
+
+impl Middleware for Ros2 {
+    fn name(&self) -> &str {
+        NAME
+    }
+
+    fn open_listener(
+        &self,
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Listener>, OpenError> {
+        let mut topic = self.describe(spec, spec.qos)?;
+        if matches!(spec.queue.overflow, Overflow::Block(_)) {
+            // What waits must not be overwritten, and must not grow without bound.
+            topic.qos.history = History::KeepAll;
+            topic.max_samples = Some(u32::try_from(spec.queue.depth).unwrap_or(u32::MAX));
+        }
+        let listener = Ros2Listener::open(
+            &self.graph,
+            &topic,
+            spec.message_type,
+            spec.queue,
+            spec.limits,
+            context,
+        )
+        .map_err(|error| transport(spec, &error))?;
+        Ok(Box::new(listener))
+    }
+
+    fn open_publisher(
+        &self,
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Publisher>, OpenError> {
+        let topic = self.describe(spec, spec.qos)?;
+        let publisher =
+            Ros2Publisher::open(&self.graph, &topic, spec.message_type, spec.limits, context)
+                .map_err(|error| transport(spec, &error))?;
+        Ok(Box::new(publisher))
+    }
+}
+
+fn transport(spec: &TopicSpec, error: &GraphError) -> OpenError {
+    OpenError::Transport { middleware: NAME, topic: spec.topic.clone(), reason: error.to_string() }
+}

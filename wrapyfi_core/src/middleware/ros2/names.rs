@@ -175,7 +175,7 @@ pub fn type_to_dds(ros: &str) -> Result<String, NameError> {
         return Err(fault());
     };
     for part in [package, kind, name] {
-        validate_part(part).map_err(|_| fault())?;
+        validate_part(part).map_err(|_part| fault())?;
     }
     Ok(format!("{package}::{kind}::dds_::{name}_"))
 }

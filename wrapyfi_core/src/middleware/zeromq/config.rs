@@ -217,7 +217,10 @@ mod tests {
             ("WRAPYFI_ZEROMQ_PUBSUB_MONITOR_TOPIC", "M"),
         ])
         .unwrap();
-        assert_eq!((config.ip.as_str(), config.pub_port, config.sub_port), ("10.0.0.2", 6000, 6001));
+        assert_eq!(
+            (config.ip.as_str(), config.pub_port, config.sub_port),
+            ("10.0.0.2", 6000, 6001)
+        );
         assert_eq!((config.broker, config.monitor), (BrokerMode::Foreign, false));
         assert_eq!(config.monitor_topic, "M");
     }

@@ -82,9 +82,7 @@ impl Echo {
         }
         let (length, hash) = self.fingerprint(frames);
         let mut tokens = self.lock();
-        while tokens.len() >= MAX_TOKENS
-            || tokens.front().is_some_and(|token| token.expired(now))
-        {
+        while tokens.len() >= MAX_TOKENS || tokens.front().is_some_and(|token| token.expired(now)) {
             tokens.pop_front();
         }
         tokens.push_back(Token { length, hash, left: listeners, sent_at: now });
@@ -109,9 +107,10 @@ impl Echo {
         let (length, hash) = self.fingerprint(frames);
         let mut tokens = self.lock();
         // Usually the first: a broker keeps the order.
-        let Some(at) = tokens.iter().position(|token| {
-            token.hash == hash && token.length == length && !token.expired(now)
-        }) else {
+        let Some(at) = tokens
+            .iter()
+            .position(|token| token.hash == hash && token.length == length && !token.expired(now))
+        else {
             return false;
         };
         if let Some(token) = tokens.get_mut(at) {
@@ -214,7 +213,10 @@ mod tests {
     fn frame_borders_and_order_matter() {
         let echo = Echo::default();
         assert_ne!(echo.fingerprint(&[&b"ab"[..], b"c"]), echo.fingerprint(&[&b"a"[..], b"bc"]));
-        assert_ne!(echo.fingerprint(&[b"12345678", b"abcdefgh"]), echo.fingerprint(&[b"abcdefgh", b"12345678"]));
+        assert_ne!(
+            echo.fingerprint(&[b"12345678", b"abcdefgh"]),
+            echo.fingerprint(&[b"abcdefgh", b"12345678"])
+        );
         assert_eq!(echo.fingerprint(&[b"12345678"]), echo.fingerprint(&[b"12345678"]));
     }
 }

@@ -238,9 +238,5 @@ fn name_fault(topic: &str) -> Option<String> {
 }
 
 fn transport(topic: &str, error: zmq::Error) -> OpenError {
-    OpenError::Transport {
-        middleware: NAME,
-        topic: topic.to_owned(),
-        reason: error.to_string(),
-    }
+    OpenError::Transport { middleware: NAME, topic: topic.to_owned(), reason: error.to_string() }
 }

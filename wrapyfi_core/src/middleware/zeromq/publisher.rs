@@ -38,8 +38,7 @@ impl ZeroMqPublisher {
     ) -> Result<Self, OpenError> {
         let io = Arc::clone(shared.io.handle());
         let link = BrokerLink::new(&shared.sub_endpoint);
-        let (socket, watch) =
-            open_socket(shared, &link).map_err(|e| transport(&spec.topic, e))?;
+        let (socket, watch) = open_socket(shared, &link).map_err(|e| transport(&spec.topic, e))?;
         let outlet = Arc::new(Outlet {
             id: io.next_id(),
             topic: spec.topic.as_bytes().to_vec(),
@@ -92,10 +91,9 @@ impl Publisher for ZeroMqPublisher {
         self.outlet.send(frames).map_err(|(error, frames)| {
             self.echo.forget(&frames);
             match error {
-                zmq::Error::EAGAIN => PublishError::QueueFull {
-                    topic: self.spec.topic.clone(),
-                    depth: self.depth,
-                },
+                zmq::Error::EAGAIN => {
+                    PublishError::QueueFull { topic: self.spec.topic.clone(), depth: self.depth }
+                }
                 other => self.failed(other),
             }
         })?;

@@ -1,20 +1,34 @@
 //! What `--ros-args` can be refused for. The texts are those of ROS 2, which people search for.
 
-use std::io;
-
-use granit_parser::ScanError;
+use std::error::Error;
+use std::{fmt, io};
 
 use crate::node::NameError;
 
 /// A refused command line, and what there was to warn of before it was refused.
-#[derive(Debug, thiserror::Error)]
-#[error("{kind}")]
+#[derive(Debug)]
 pub struct RosArgsError {
     /// The reason.
-    #[source]
     pub kind: RosArgsErrorKind,
     /// Warnings up to it, in order.
     pub warnings: Vec<RosArgsWarning>,
+}
+
+impl fmt::Display for RosArgsError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.kind.fmt(f)
+    }
+}
+
+impl Error for RosArgsError {
+    /// What the text does not say yet: the system's or the YAML parser's own words.
+    fn source(&self) -> Option<&(dyn Error + 'static)> {
+        match &self.kind {
+            RosArgsErrorKind::Parameter { reason, .. } => reason.source(),
+            RosArgsErrorKind::ParamsFile { reason, .. } => reason.source(),
+            _ => None,
+        }
+    }
 }
 
 /// Why a command line is refused.
@@ -42,50 +56,50 @@ pub enum RosArgsErrorKind {
         flag: String,
     },
     /// A remap rule cannot be read.
-    #[error("Couldn't parse remap rule: '{flag} {rule}'. Error: {source}")]
+    #[error("Couldn't parse remap rule: '{flag} {rule}'. Error: {reason}")]
     Remap {
         /// The flag as written.
         flag: String,
         /// The rule as written.
         rule: String,
         /// What is wrong with it.
-        source: RuleError,
+        reason: RuleError,
     },
     /// A parameter on the command line cannot be read.
-    #[error("Couldn't parse parameter override rule: '{flag} {rule}'. Error: {source}")]
+    #[error("Couldn't parse parameter override rule: '{flag} {rule}'. Error: {reason}")]
     Parameter {
         /// The flag as written.
         flag: String,
         /// The rule as written.
         rule: String,
         /// What is wrong with it.
-        source: ParameterRuleError,
+        reason: ParameterRuleError,
     },
     /// A parameter file cannot be used.
-    #[error("Couldn't parse params file: '{flag} {path}'. Error: {source}")]
+    #[error("Couldn't parse params file: '{flag} {path}'. Error: {reason}")]
     ParamsFile {
         /// The flag as written.
         flag: String,
         /// The path as written.
         path: String,
         /// What is wrong with it.
-        source: ParamsFileError,
+        reason: ParamsFileError,
     },
     /// A log level cannot be read.
-    #[error("Couldn't parse log level: '{flag} {rule}'. Error: {source}")]
+    #[error("Couldn't parse log level: '{flag} {rule}'. Error: {reason}")]
     LogLevel {
         /// The flag as written.
         flag: String,
         /// The rule as written.
         rule: String,
         /// What is wrong with it.
-        source: LogLevelError,
+        reason: LogLevelError,
     },
     /// The enclave is no absolute name.
-    #[error("Enclave name is not valid: '{source}'. Invalid index: {}", source.index)]
+    #[error("Enclave name is not valid: '{reason}'. Invalid index: {}", reason.index)]
     Enclave {
         /// The rule it breaks.
-        source: NameError,
+        reason: NameError,
     },
     /// Words inside a block that mean nothing to ROS.
     #[error("found unknown ROS arguments: [{}]", quoted(.0))]
@@ -175,6 +189,9 @@ pub enum ParamsFileError {
     Yaml(#[from] YamlError),
 }
 
+/// The YAML parser's reason.
+pub type ParserError = Box<dyn Error + Send + Sync>;
+
 /// Why the YAML of a file or of a value on the command line is refused.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -186,11 +203,11 @@ pub enum YamlError {
         line: usize,
         /// The parser's reason.
         #[source]
-        reason: Box<ScanError>,
+        reason: ParserError,
     },
     /// A value is not YAML.
     #[error("Error parsing an event")]
-    ValueSyntax(#[source] Box<ScanError>),
+    ValueSyntax(#[source] ParserError),
     /// A value on the command line is no scalar and no list of scalars.
     #[error("Unknown YAML event")]
     ValueShape,

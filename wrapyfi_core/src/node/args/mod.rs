@@ -23,8 +23,8 @@ use std::collections::BTreeMap;
 use std::io;
 
 pub use error::{
-    LogLevelError, ParameterRuleError, ParamsFileError, RosArgsError, RosArgsErrorKind,
-    RosArgsWarning, RuleError, YamlError,
+    LogLevelError, ParameterRuleError, ParamsFileError, ParserError, RosArgsError,
+    RosArgsErrorKind, RosArgsWarning, RuleError, YamlError,
 };
 use log_levels::LogLevels;
 pub use parameters::MAX_FILE_BYTES;
@@ -66,8 +66,6 @@ pub struct RosArgs {
     pub external_lib_logs: bool,
     /// Start of the log file's name, if given.
     pub log_file_name: Option<String>,
-    log_config_file: Option<String>,
-    unknown: Vec<String>,
     rules: Vec<RemapRule>,
     overrides: Overrides,
     log_levels: LogLevels,
@@ -84,8 +82,6 @@ impl Default for RosArgs {
             stdout_logs: true,
             external_lib_logs: true,
             log_file_name: None,
-            log_config_file: None,
-            unknown: Vec::new(),
             rules: Vec::new(),
             overrides: Overrides::default(),
             log_levels: LogLevels::default(),
@@ -117,20 +113,21 @@ impl RosArgs {
         read_file: &mut dyn FnMut(&str) -> io::Result<Vec<u8>>,
     ) -> Result<(), RosArgsErrorKind> {
         let mut words = Words { words, taken: 0 };
+        let mut refused = Refused::default();
         let mut in_block = false;
         while let Some(word) = words.next()? {
             match word.as_str() {
                 "--ros-args" => in_block = true,
                 "--" if in_block => in_block = false,
-                _ if in_block => self.flag(word, &mut words, read_file)?,
+                _ if in_block => self.flag(word, &mut words, read_file, &mut refused)?,
                 _ => self.program_word(word),
             }
         }
-        check_enclave(&self.enclave).map_err(|source| RosArgsErrorKind::Enclave { source })?;
-        if !self.unknown.is_empty() {
-            return Err(RosArgsErrorKind::Unknown(std::mem::take(&mut self.unknown)));
+        check_enclave(&self.enclave).map_err(|reason| RosArgsErrorKind::Enclave { reason })?;
+        if !refused.unknown.is_empty() {
+            return Err(RosArgsErrorKind::Unknown(refused.unknown));
         }
-        match self.log_config_file.take() {
+        match refused.log_config_file {
             Some(path) => Err(RosArgsErrorKind::LogConfigFile { path }),
             None => Ok(()),
         }
@@ -152,19 +149,20 @@ impl RosArgs {
         flag: String,
         words: &mut Words<'_>,
         read_file: &mut dyn FnMut(&str) -> io::Result<Vec<u8>>,
+        refused: &mut Refused,
     ) -> Result<(), RosArgsErrorKind> {
         match flag.as_str() {
             "-r" | "--remap" => {
                 let rule = words.value(&flag, "No remap rule found.")?;
                 match RemapRule::parse(&rule, &mut self.warnings) {
                     Ok(parsed) => self.rules.push(parsed),
-                    Err(source) => return Err(RosArgsErrorKind::Remap { flag, rule, source }),
+                    Err(reason) => return Err(RosArgsErrorKind::Remap { flag, rule, reason }),
                 }
             }
             "-p" | "--param" => {
                 let rule = words.value(&flag, "No parameter override rule found.")?;
-                if let Err(source) = parameters::parse_rule(&rule, &mut self.overrides) {
-                    return Err(RosArgsErrorKind::Parameter { flag, rule, source });
+                if let Err(reason) = parameters::parse_rule(&rule, &mut self.overrides) {
+                    return Err(RosArgsErrorKind::Parameter { flag, rule, reason });
                 }
             }
             "--params-file" => {
@@ -172,22 +170,22 @@ impl RosArgs {
                 let added = read_file(&path)
                     .map_err(ParamsFileError::Open)
                     .and_then(|content| self.overrides.add_file(&content));
-                if let Err(source) = added {
-                    return Err(RosArgsErrorKind::ParamsFile { flag, path, source });
+                if let Err(reason) = added {
+                    return Err(RosArgsErrorKind::ParamsFile { flag, path, reason });
                 }
             }
             "--log-level" => {
                 let Some(rule) = words.next()? else {
                     return Err(RosArgsErrorKind::TrailingLogLevel { flag });
                 };
-                if let Err(source) = self.log_levels.add(&rule) {
-                    return Err(RosArgsErrorKind::LogLevel { flag, rule, source });
+                if let Err(reason) = self.log_levels.add(&rule) {
+                    return Err(RosArgsErrorKind::LogLevel { flag, rule, reason });
                 }
             }
             "--log-file-name" => {
                 self.log_file_name = Some(words.value(&flag, "No string prefix provided.")?);
             }
-            "--log-config-file" => self.log_config_file = Some(words.value(&flag, NO_PATH)?),
+            "--log-config-file" => refused.log_config_file = Some(words.value(&flag, NO_PATH)?),
             "-e" | "--enclave" => {
                 self.enclave = words.value(&flag, "No enclave path provided.")?;
             }
@@ -198,7 +196,7 @@ impl RosArgs {
             "--enable-external-lib-logs" => self.external_lib_logs = true,
             "--disable-external-lib-logs" => self.external_lib_logs = false,
             // The list of all of them is more use than the first.
-            _ => self.unknown.push(flag),
+            _ => refused.unknown.push(flag),
         }
         Ok(())
     }
@@ -262,6 +260,13 @@ impl RosArgs {
 }
 
 const NO_PATH: &str = "No file path provided.";
+
+/// What ends the parse, but only after everything else has been looked at.
+#[derive(Default)]
+struct Refused {
+    unknown: Vec<String>,
+    log_config_file: Option<String>,
+}
 
 /// The words that have not been read, counted.
 struct Words<'a> {

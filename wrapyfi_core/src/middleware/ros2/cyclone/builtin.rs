@@ -73,13 +73,18 @@ fn take_batch(
         // SAFETY: samples of these topics are of this type and lent until returned below.
         let endpoint = unsafe { sample.cast::<cyclors::dds_builtintopic_endpoint_t>().as_ref() };
         if let (true, Some(endpoint)) = (info.valid_data, endpoint) {
+            // SAFETY: names are null or NUL-terminated.
+            let (topic, type_name) =
+                unsafe { (text(endpoint.topic_name), text(endpoint.type_name)) };
+            // The reader with which we look is not on the wire.
+            if topic.starts_with("DCPS") {
+                continue;
+            }
             found.push(EndpointFound {
                 is_writer,
                 guid: endpoint.key.v,
-                // SAFETY: names are null or NUL-terminated.
-                topic: unsafe { text(endpoint.topic_name) },
-                // SAFETY: as above.
-                type_name: unsafe { text(endpoint.type_name) },
+                topic,
+                type_name,
                 // SAFETY: the QoS belongs to the lent sample.
                 user_data: unsafe { user_data(endpoint.qos) },
             });

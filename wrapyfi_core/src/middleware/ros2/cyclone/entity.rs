@@ -53,7 +53,7 @@ impl Entity {
     /// A domain with its configuration sources.
     pub(crate) fn domain(id: u32, sources: &str) -> Result<Self, ReturnCode> {
         super::log::install();
-        let sources = c_string(sources)?;
+        let sources = CString::new(sources).map_err(|_nul| ReturnCode::BAD_PARAMETER)?;
         // SAFETY: the text is NUL-terminated and read only during the call.
         Self::adopt(unsafe { cyclors::dds_create_domain(id, sources.as_ptr()) })
     }
@@ -67,22 +67,9 @@ impl Entity {
         })
     }
 
-    /// A topic whose samples are opaque CDR.
+    /// A topic whose samples are opaque CDR, named as DDS names it.
     pub(crate) fn topic(&self, name: &str, type_name: &str) -> Result<Self, ReturnCode> {
-        let name = c_string(name)?.into_raw();
-        let type_name = match c_string(type_name) {
-            Ok(type_name) => type_name.into_raw(),
-            Err(error) => {
-                // SAFETY: came from into_raw above.
-                drop(unsafe { CString::from_raw(name) });
-                return Err(error);
-            }
-        };
-        // SAFETY: both are NUL-terminated; the call copies them.
-        let code = unsafe { cyclors::cdds_create_blob_topic(self.0, name, type_name, true) };
-        // SAFETY: both came from into_raw; C neither kept nor freed them.
-        drop(unsafe { (CString::from_raw(name), CString::from_raw(type_name)) });
-        Self::adopt(code)
+        super::topic::create(self, name, type_name)
     }
 
     /// Takes ownership of a handle that a create call returned.
@@ -112,8 +99,4 @@ impl Drop for Entity {
             tracing::debug!(handle = self.0, %error, "entity was gone before its owner");
         }
     }
-}
-
-fn c_string(text: &str) -> Result<CString, ReturnCode> {
-    CString::new(text).map_err(|_nul| ReturnCode::BAD_PARAMETER)
 }

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //!   entity    domain, participant, topic: a handle that deletes itself
+//!   topic     topics of opaque CDR, and the functions Cyclone calls for their samples
 //!   qos       Cyclone's QoS object, filled from ours
 //!   events    listener callbacks ──▶ counters and a doorbell
 //!   serdata   pieces ──▶ Cyclone's sample;  Cyclone's sample ──▶ Bytes, without a copy
@@ -26,6 +27,7 @@ mod events;
 mod log;
 mod qos;
 mod serdata;
+mod topic;
 
 pub(super) use builtin::endpoints;
 pub(super) use endpoint::{RawReader, RawWriter, Taken, WriteFault};

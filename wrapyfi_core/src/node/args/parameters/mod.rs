@@ -56,12 +56,16 @@ impl Overrides {
     }
 
     /// Starts a group of overrides for the nodes that `pattern` matches.
-    fn begin_node(&mut self, pattern: &str) -> usize {
+    fn begin_node(&mut self, pattern: &str) -> Result<usize, YamlError> {
         let pattern = absolute(pattern);
         if self.nodes.last() != Some(&pattern) {
+            // Blocks without parameters count too, or they could grow without end.
+            if self.nodes.len() >= MAX_OVERRIDES {
+                return Err(YamlError::TooManyParameters { max: MAX_OVERRIDES });
+            }
             self.nodes.push(pattern);
         }
-        self.nodes.len() - 1
+        Ok(self.nodes.len() - 1)
     }
 
     fn push(&mut self, node: usize, name: &str, value: ParameterValue) -> Result<(), YamlError> {
@@ -153,6 +157,14 @@ mod tests {
         many.push_str(&"  a: 1\n".repeat(MAX_OVERRIDES + 1));
         let many = add(many.as_bytes());
         assert!(matches!(many, ParamsFileError::Yaml(YamlError::TooManyParameters { .. })));
+    }
+
+    #[test]
+    fn blocks_without_parameters_are_bounded_too() {
+        let mut overrides = Overrides::default();
+        let file = "a: {ros__parameters: {}}\nb: {ros__parameters: {}}\n".repeat(20_000);
+        overrides.add_file(file.as_bytes()).unwrap();
+        assert!(overrides.add_file(file.as_bytes()).is_err());
     }
 
     #[test]

@@ -18,7 +18,7 @@ pub(in super::super) fn parse_rule(
         return Err(RuleError::NoReplacement.into());
     }
     let value = Events::new(cursor.rest(), Origin::CommandLine).whole_value()?;
-    let node = overrides.begin_node(pattern);
+    let node = overrides.begin_node(pattern)?;
     overrides.push(node, name, value)?;
     Ok(())
 }

@@ -112,11 +112,13 @@ fn double_of(text: &str) -> Option<f64> {
         return Some(if negative { -value } else { value });
     }
     let value: f64 = text.parse().ok()?;
-    // A number in digits that no double comes near is left as the text it was.
-    let has_digits = digits.starts_with(|c: char| c.is_ascii_digit() || c == '.');
+    // A number in digits that no double comes near is left as the text it was. `inf` is no digits.
+    let is_number = digits.starts_with(|c: char| c.is_ascii_digit() || c == '.');
     let mantissa = digits.split(['e', 'E']).next().unwrap_or(digits);
-    let vanished = value.abs() < f64::MIN_POSITIVE && mantissa.contains(|c| matches!(c, '1'..='9'));
-    (!(has_digits && value.is_infinite()) && !vanished).then_some(value)
+    let is_zero = !mantissa.contains(|c| matches!(c, '1'..='9'));
+    let too_large = is_number && value.is_infinite();
+    let too_small = is_number && !is_zero && value.abs() < f64::MIN_POSITIVE;
+    if too_large || too_small { None } else { Some(value) }
 }
 
 fn split_sign(text: &str) -> (bool, &str) {

@@ -1,0 +1,211 @@
+//! Tagged values: objects whose `__wrapyfi__` member says what they stand for.
+//!
+//! ```text
+//!   {"__wrapyfi__": [tag, body, …]}
+//!                     │     └ read as the tag asks; what follows it is dropped
+//!                     ├ tuple, set, datetime, numpy.datetime64, numpy.ndarray ─▶ that value
+//!                     ├ any other string ─▶ carried as it is, for a peer that has the plug-in
+//!                     └ no string ─▶ an ordinary dict
+//! ```
+
+use super::super::Path;
+use super::base64;
+use super::decode::{Decoder, Result, Tagged};
+use super::text::Text;
+use crate::codec::npy::{self, NpyArray};
+use crate::types::{Value, unique_members};
+
+impl Decoder<'_> {
+    /// What the member `__wrapyfi__` of the object at `path`, container number `depth`, means.
+    pub(super) fn tag(&mut self, path: &Path<'_>, depth: usize) -> Result<Tagged> {
+        let member = Path::Key(path, super::TAG);
+        let start = self.at;
+        match self.peek() {
+            Some(b'[') => self.at += 1,
+            // Wrapyfi's decoder raises on these; null and text it leaves alone.
+            Some(b'{' | b't' | b'f' | b'-' | b'0'..=b'9' | b'N' | b'I') => {
+                return Err(self.malformed(&member, "a tag is a list that begins with its name"));
+            }
+            _ => return self.value(&member, depth).map(Tagged::Plain),
+        }
+        match self.peek() {
+            Some(b'"') => {}
+            Some(b']') => return Err(self.malformed(&member, "a tag without its name")),
+            _ => {
+                self.at = start;
+                return self.value(&member, depth).map(Tagged::Plain);
+            }
+        }
+        let name = match self.text(&member)? {
+            Text::Valid(name) => name,
+            Text::Utf16(units) => String::from_utf16_lossy(&units),
+        };
+        let meaning = match name.as_str() {
+            "tuple" | "set" | "datetime" | "numpy.datetime64" | "numpy.ndarray" => None,
+            "tensor" if self.tensors.is_some() => None,
+            _ => Some(Tagged::Opaque(name.clone())),
+        };
+        let meaning = match meaning {
+            Some(opaque) => opaque,
+            None if !self.take(b',') => {
+                return Err(self.malformed(&member, format!("tag {name:?} without its body")));
+            }
+            None => Tagged::Value(match name.as_str() {
+                "tuple" => Value::Tuple(self.members(path, depth)?),
+                "set" => self.set(path, depth)?,
+                "datetime" => self.datetime(path)?,
+                "numpy.datetime64" => self.datetime64(path)?,
+                "numpy.ndarray" => self.array(path)?,
+                _ => self.tensor(path, depth)?,
+            }),
+        };
+        while self.take(b',') {
+            self.skip(&member, depth)?;
+        }
+        if !self.take(b']') {
+            return Err(self.malformed(&member, format!("tag {name:?} does not end")));
+        }
+        Ok(meaning)
+    }
+
+    /// Anything Python can iterate over, as `tuple(body)` does.
+    fn members(&mut self, path: &Path<'_>, depth: usize) -> Result<Vec<Value>> {
+        if self.peek() == Some(b'[') {
+            // The list is the container that the tagged object already counted as.
+            return self.list(path, depth);
+        }
+        Ok(match self.value(path, depth)? {
+            Value::Tuple(items) | Value::Set(items) => items,
+            Value::Str(text) => text.chars().map(|c| Value::Str(c.into())).collect(),
+            Value::Utf16(units) => char::decode_utf16(units)
+                .map(|c| match c {
+                    Ok(c) => Value::Str(c.into()),
+                    Err(lone) => Value::Utf16(vec![lone.unpaired_surrogate()]),
+                })
+                .collect(),
+            Value::Map(map) => map.into_iter().map(|(key, _)| key).collect(),
+            other => {
+                return Err(self.malformed(path, format!("{} has no members", other.kind())));
+            }
+        })
+    }
+
+    fn set(&mut self, path: &Path<'_>, depth: usize) -> Result<Value> {
+        let members = self.members(path, depth)?;
+        match members.iter().position(|member| !member.is_hashable()) {
+            None => Ok(Value::Set(unique_members(members))),
+            Some(index) => {
+                let kind = members.get(index).map_or("", Value::kind);
+                let path = Path::Index(path, index);
+                Err(self.malformed(&path, format!("{kind} cannot be a member of a set")))
+            }
+        }
+    }
+
+    /// The body of a tag that must be text.
+    fn body_text(&mut self, path: &Path<'_>) -> Result<String> {
+        match self.text(path)? {
+            Text::Valid(text) => Ok(text),
+            Text::Utf16(_) => Err(self.malformed(path, "text with a lone surrogate")),
+        }
+    }
+
+    fn datetime(&mut self, path: &Path<'_>) -> Result<Value> {
+        let text = self.body_text(path)?;
+        text.parse().map(Value::DateTime).map_err(|error| self.malformed(path, error))
+    }
+
+    fn datetime64(&mut self, path: &Path<'_>) -> Result<Value> {
+        let text = self.body_text(path)?;
+        if is_datetime64(&text) {
+            return Ok(Value::DateTime64(text));
+        }
+        let shown: String = text.chars().take(64).collect();
+        Err(self.malformed(path, format!("{shown:?} is no numpy.datetime64")))
+    }
+
+    fn array(&mut self, path: &Path<'_>) -> Result<Value> {
+        let string = self.raw_string(path)?;
+        let file = if string.escaped {
+            match string.decode() {
+                Ok(Text::Valid(text)) => base64::decode(text.as_bytes()),
+                Ok(Text::Utf16(_)) => Err("base64 text holds characters beyond ASCII".into()),
+                Err(reason) => Err(reason),
+            }
+        } else {
+            base64::decode(string.inner)
+        };
+        let file = file.map_err(|reason| self.malformed(path, reason))?;
+        npy::read_at(&file.into(), path).map(|array| match array {
+            NpyArray::Tensor(tensor) => Value::Tensor(tensor),
+            NpyArray::Array(array) => Value::Array(array),
+        })
+    }
+
+    fn tensor(&mut self, path: &Path<'_>, depth: usize) -> Result<Value> {
+        let tensors = self.tensors.unwrap_or_default();
+        let index = self.value(path, depth)?;
+        let found = index.as_i64().and_then(|index| tensors.get(usize::try_from(index).ok()?));
+        match found {
+            Some(tensor) => Ok(Value::Tensor(tensor.clone())),
+            None => {
+                let count = tensors.len();
+                let index = match index {
+                    Value::Int(index) => index.to_string(),
+                    other => other.kind().to_owned(),
+                };
+                Err(self.malformed(path, format!("tensor {index} of {count} tensors")))
+            }
+        }
+    }
+}
+
+/// True for what NumPy reads as a `datetime64`: `NaT`, or a year with as much after it as its
+/// unit needs.
+fn is_datetime64(text: &str) -> bool {
+    fn digits(text: &str, count: std::ops::RangeInclusive<usize>) -> Option<&str> {
+        let rest = text.trim_start_matches(|c: char| c.is_ascii_digit());
+        count.contains(&(text.len() - rest.len())).then_some(rest)
+    }
+    /// `YYYY[-MM[-DD[Thh[:mm[:ss[.fraction]]]]]]`, from the separators on.
+    fn tail(mut rest: &str) -> Option<&str> {
+        for separators in [&['-'][..], &['-'], &['T', ' '], &[':'], &[':']] {
+            if rest.is_empty() {
+                return Some(rest);
+            }
+            rest = digits(rest.strip_prefix(separators)?, 2..=2)?;
+        }
+        match rest.strip_prefix('.') {
+            Some(fraction) => digits(fraction, 1..=18),
+            None => Some(rest),
+        }
+    }
+    if text.is_empty() || text.eq_ignore_ascii_case("nat") {
+        return true;
+    }
+    let year = text.strip_prefix(['-', '+']).unwrap_or(text);
+    digits(year, 1..=19).and_then(tail).is_some_and(str::is_empty)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::is_datetime64;
+
+    #[test]
+    fn datetime64_texts() {
+        for text in [
+            "NaT",
+            "2024",
+            "-0044-03-15",
+            "2024-01",
+            "2024-01-02T03",
+            "2024-01-02 03:04",
+            "2024-01-02T03:04:05.123456789",
+        ] {
+            assert!(is_datetime64(text), "{text}");
+        }
+        for text in ["zzz", "2024-", "2024-1", "2024-01-02T", "2024-01-02T03:04:05.", "2024Z"] {
+            assert!(!is_datetime64(text), "{text}");
+        }
+    }
+}

@@ -1,0 +1,120 @@
+//! NumPy's array file, `.npy`: what Wrapyfi sends arrays in.
+//!
+//! ```text
+//!   93 'NUMPY' │ version │ header length │ header: Python dict, padded to 64 │ elements
+//!                                            │                                  │
+//!                              descr, order, shape ── checked before ──▶ slice, no copy
+//!                                                        (copied only to transpose or swap)
+//! ```
+//!
+//! Never read: pickles (object arrays) and `.npz` archives.
+
+mod header;
+mod literal;
+mod transpose;
+
+use std::borrow::Cow;
+
+use bytes::Bytes;
+
+use super::{DecodeError, Path};
+use crate::types::{Dtype, NumpyArray, Tensor, element_count, swap_byte_order};
+
+/// What a `.npy` file holds.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum NpyArray {
+    /// Plain numbers, row-major and little-endian whatever the file's order was.
+    Tensor(Tensor),
+    /// Anything else, row-major, in the byte order that its `descr` states.
+    Array(NumpyArray),
+}
+
+/// Reads a `.npy` file of version 1, 2 or 3. Bytes behind the elements are ignored, as NumPy does.
+/// The result shares the bytes of `file` unless elements have to be reordered.
+///
+/// # Errors
+/// When `file` is not a `.npy` file, is shorter than its header says, or holds Python objects.
+pub fn read(file: &Bytes) -> Result<NpyArray, DecodeError> {
+    read_at(file, &Path::Root)
+}
+
+/// [`read`], with errors that say where in a larger object the file lies.
+pub(super) fn read_at(file: &Bytes, path: &Path<'_>) -> Result<NpyArray, DecodeError> {
+    read_file(file).map_err(|reason| DecodeError::Malformed {
+        format: "npy",
+        path: path.to_string(),
+        reason,
+    })
+}
+
+fn read_file(file: &Bytes) -> Result<NpyArray, String> {
+    let (text, offset) = header::split(file)?;
+    let header = literal::parse_header(&text)?;
+    let literal::Descr { itemsize, number } = header.descr;
+    let wanted = element_count(&header.shape)
+        .and_then(|count| count.checked_mul(itemsize))
+        .ok_or_else(|| format!("shape {:?} is larger than memory can be", header.shape))?;
+    let end = offset.checked_add(wanted).filter(|&end| end <= file.len()).ok_or_else(|| {
+        format!(
+            "shape {:?} of {} needs {wanted} bytes, {} follow the header",
+            header.shape,
+            header.descr_text,
+            file.len().saturating_sub(offset)
+        )
+    })?;
+    let mut data = file.slice(offset..end);
+    if header.fortran_order {
+        data = transpose::to_row_major(data, &header.shape, itemsize);
+    }
+    let array = if let Some((dtype, big_endian)) = number {
+        if big_endian && dtype.scalar_size() > 1 {
+            let mut swapped = data.to_vec();
+            swap_byte_order(&mut swapped, dtype.scalar_size());
+            data = swapped.into();
+        }
+        Tensor::new(dtype, header.shape, data).map(NpyArray::Tensor)
+    } else {
+        NumpyArray::new(header.descr_text, itemsize, header.shape, data).map(NpyArray::Array)
+    };
+    array.map_err(|error| error.to_string())
+}
+
+/// Writes a tensor as NumPy's `save` does. `bfloat16`, which NumPy does not know, is written as
+/// `float32`, which holds every value of it.
+#[must_use]
+pub fn write(tensor: &Tensor) -> Vec<u8> {
+    let (header, data) = parts(tensor);
+    [header, data.into_owned()].concat()
+}
+
+/// Writes any other array as NumPy's `save` does.
+#[must_use]
+pub fn write_array(array: &NumpyArray) -> Vec<u8> {
+    [&*array_header(array), &*array.data].concat()
+}
+
+/// Header and elements of a file, for writers that encode them on the way.
+pub(super) fn parts(tensor: &Tensor) -> (Vec<u8>, Cow<'_, [u8]>) {
+    match tensor.dtype.npy_descr() {
+        Some(descr) => {
+            (header::write(&format!("'{descr}'"), &tensor.shape), Cow::Borrowed(&*tensor.data))
+        }
+        None => (header::write("'<f4'", &tensor.shape), Cow::Owned(bfloat16_to_float32(tensor))),
+    }
+}
+
+/// Header of a file, for writers that encode the elements on the way.
+pub(super) fn array_header(array: &NumpyArray) -> Vec<u8> {
+    header::write(&array.descr, &array.shape)
+}
+
+fn bfloat16_to_float32(tensor: &Tensor) -> Vec<u8> {
+    debug_assert_eq!(tensor.dtype, Dtype::BF16);
+    let (elements, _) = tensor.data.as_chunks::<2>();
+    // A bfloat16 is the upper half of a float32.
+    elements.iter().flat_map(|&[low, high]| [0, 0, low, high]).collect()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,128 @@
+//! Sound: `wrapyfi_msgs/msg/AudioChunk` and the message of Python Wrapyfi.
+//!
+//! Both have the same fields. Wrapyfi labels its 32-bit floats `S16LE` and insists on that label,
+//! so on reception the size of the data decides what a sample is, whatever the label says.
+
+use wrapyfi_interfaces::Message;
+use wrapyfi_interfaces::cdr::CdrParts;
+use wrapyfi_interfaces::wrapyfi_msgs::msg;
+use wrapyfi_interfaces::wrapyfi_ros2_interfaces::msg::ROS2AudioMessage;
+
+use super::{FORMAT, countable, header, little_endian, malformed, misfit, quote, stamp};
+use crate::codec::{DecodeError, EncodeError};
+use crate::types::{AudioChunk, SampleFormat};
+
+pub(super) fn encode(sound: &AudioChunk) -> Result<CdrParts, EncodeError> {
+    check(sound)?;
+    let message = msg::AudioChunk {
+        header: header(sound.stamp, &sound.frame_id),
+        chunk_size: sound.frames,
+        channels: sound.channels,
+        sample_rate: sound.sample_rate,
+        encoding: sound.format.name().to_owned(),
+        is_bigendian: 0,
+        bitrate: 0,
+        coding_format: String::new(),
+        step: step(sound),
+        data: sound.data.clone(),
+    };
+    Ok(message.encode())
+}
+
+/// Writes what Python Wrapyfi accepts: floats under the label of integers.
+pub(super) fn encode_upstream(sound: &AudioChunk) -> Result<CdrParts, EncodeError> {
+    check(sound)?;
+    let sound = sound.to_format(SampleFormat::F32Le);
+    countable("data", sound.data.len())?;
+    let message = ROS2AudioMessage {
+        header: header(sound.stamp, &sound.frame_id),
+        chunk_size: sound.frames,
+        channels: sound.channels,
+        sample_rate: sound.sample_rate,
+        encoding: SampleFormat::S16Le.name().to_owned(),
+        is_bigendian: 0,
+        bitrate: 0,
+        coding_format: String::new(),
+        step: step(&sound),
+        data: sound.data,
+    };
+    Ok(message.encode())
+}
+
+/// The fields are public, so they may contradict each other.
+fn check(sound: &AudioChunk) -> Result<(), EncodeError> {
+    let AudioChunk { stamp, frames, channels, sample_rate, format, ref data, .. } = *sound;
+    AudioChunk::new(stamp, frames, channels, sample_rate, format, data.clone()).map_err(
+        |error| EncodeError::Unrepresentable {
+            format: FORMAT,
+            what: format!("a contradictory sound ({error})"),
+            path: "$.data".to_owned(),
+            remedy: "make it with AudioChunk::new".to_owned(),
+        },
+    )?;
+    countable("data", data.len())
+}
+
+/// Bytes of one sample of every channel.
+fn step(sound: &AudioChunk) -> u32 {
+    sound.format.bytes_per_sample() as u32 * u32::from(sound.channels)
+}
+
+pub(super) fn decode_upstream(message: ROS2AudioMessage) -> Result<AudioChunk, DecodeError> {
+    decode(msg::AudioChunk {
+        header: message.header,
+        chunk_size: message.chunk_size,
+        channels: message.channels,
+        sample_rate: message.sample_rate,
+        encoding: message.encoding,
+        is_bigendian: message.is_bigendian,
+        bitrate: message.bitrate,
+        coding_format: message.coding_format,
+        step: message.step,
+        data: message.data,
+    })
+}
+
+pub(super) fn decode(message: msg::AudioChunk) -> Result<AudioChunk, DecodeError> {
+    let format = sample_format(&message)?;
+    let data = if message.is_bigendian == 0 {
+        message.data.clone()
+    } else {
+        little_endian(&message.data, format.bytes_per_sample(), message.data.len())
+    };
+    let stamp = stamp(&message.header);
+    let sound = AudioChunk::new(
+        stamp,
+        message.chunk_size,
+        message.channels,
+        message.sample_rate,
+        format,
+        data,
+    )
+    .map_err(|error| misfit(&error))?;
+    Ok(AudioChunk { frame_id: message.header.frame_id, ..sound })
+}
+
+/// The format whose samples fill the data exactly.
+fn sample_format(message: &msg::AudioChunk) -> Result<SampleFormat, DecodeError> {
+    let samples = u64::from(message.chunk_size) * u64::from(message.channels);
+    [SampleFormat::F32Le, SampleFormat::S16Le]
+        .into_iter()
+        .find(|format| samples * format.bytes_per_sample() as u64 == message.data.len() as u64)
+        .ok_or_else(|| {
+            malformed(
+                "data",
+                format!(
+                    "{} samples of {} channels need {} bytes as float32 or {} as int16, {} are \
+                     there (encoding {}, coding_format {})",
+                    message.chunk_size,
+                    message.channels,
+                    samples * 4,
+                    samples * 2,
+                    message.data.len(),
+                    quote(&message.encoding),
+                    quote(&message.coding_format),
+                ),
+            )
+        })
+}

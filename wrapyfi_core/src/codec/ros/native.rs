@@ -1,0 +1,86 @@
+//! Native objects: JSON with its arrays beside it, or JSON alone as Python Wrapyfi sends it.
+
+use bytes::Bytes;
+use wrapyfi_interfaces::Message;
+use wrapyfi_interfaces::cdr::{CdrError, CdrParts, CdrReader, CdrWriter};
+use wrapyfi_interfaces::wrapyfi_msgs::msg;
+
+use super::{FORMAT, countable, fault, malformed, quote};
+use crate::Limits;
+use crate::codec::{DecodeError, EncodeError, json};
+use crate::types::{Dtype, Tensor, Value};
+
+pub(super) fn encode(value: &Value) -> Result<CdrParts, EncodeError> {
+    let (json, tensors) = json::encode_with_tensors(value)?;
+    let tensors = tensors.into_iter().map(tensor_message).collect::<Result<_, _>>()?;
+    let message = msg::NativeObject { json: text(json)?, tensors, ..msg::NativeObject::default() };
+    Ok(message.encode())
+}
+
+/// Writes a `std_msgs/msg/String`. Its text holds whole images: it is shared, not copied.
+pub(super) fn encode_text(value: &Value) -> Result<CdrParts, EncodeError> {
+    let json = json::encode(value)?;
+    countable("data", json.len().saturating_add(1))?; // with the terminator
+    let mut writer = CdrWriter::new();
+    writer.write_text(&Bytes::from(json));
+    Ok(writer.finish())
+}
+
+pub(super) fn decode(message: msg::NativeObject, limits: &Limits) -> Result<Value, DecodeError> {
+    let tensors = message
+        .tensors
+        .into_iter()
+        .enumerate()
+        .map(|(index, tensor)| tensor_from(index, tensor))
+        .collect::<Result<Vec<_>, _>>()?;
+    json::decode_with_tensors(&Bytes::from(message.json), &tensors, limits)
+}
+
+/// Reads a `std_msgs/msg/String` without copying its text.
+pub(super) fn decode_text(cdr: &Bytes, limits: &Limits) -> Result<Value, DecodeError> {
+    if cdr.len() > limits.message_bytes {
+        let (actual, limit) = (cdr.len(), limits.message_bytes);
+        return Err(fault(&CdrError::TooLarge { actual, limit }));
+    }
+    let text = CdrReader::new(cdr)
+        .and_then(|mut reader| reader.read_text())
+        .map_err(|error| fault(&error.in_field("data")))?;
+    json::decode(&text, limits)
+}
+
+fn text(json: Vec<u8>) -> Result<String, EncodeError> {
+    countable("json", json.len().saturating_add(1))?; // with the terminator
+    String::from_utf8(json).map_err(|error| EncodeError::Unrepresentable {
+        format: FORMAT,
+        what: format!("JSON that is not UTF-8 from byte {} on", error.utf8_error().valid_up_to()),
+        path: "$".to_owned(),
+        remedy: "write it in UTF-8".to_owned(),
+    })
+}
+
+fn tensor_message(tensor: Tensor) -> Result<msg::Tensor, EncodeError> {
+    countable("tensors", tensor.data.len())?;
+    Ok(msg::Tensor {
+        dtype: tensor.dtype.name().to_owned(),
+        shape: tensor.shape.iter().map(|extent| *extent as u64).collect(),
+        device: tensor.device,
+        data: tensor.data,
+    })
+}
+
+fn tensor_from(index: usize, message: msg::Tensor) -> Result<Tensor, DecodeError> {
+    let misfit = |field: &str, reason| malformed(&format!("tensors[{index}].{field}"), reason);
+    let dtype = Dtype::from_name(&message.dtype).ok_or_else(|| {
+        let known = Dtype::ALL.map(Dtype::name).join(", ");
+        misfit("dtype", format!("{} is none of {known}", quote(&message.dtype)))
+    })?;
+    let shape = message
+        .shape
+        .iter()
+        .map(|extent| usize::try_from(*extent))
+        .collect::<Result<Vec<_>, _>>()
+        .map_err(|error| misfit("shape", format!("{:?}: {error}", message.shape)))?;
+    let tensor = Tensor::new(dtype, shape, message.data)
+        .map_err(|error| misfit("data", error.to_string()))?;
+    Ok(tensor.with_device(message.device))
+}

@@ -1,0 +1,96 @@
+//! Why an endpoint has no peer, in words.
+//!
+//! ```text
+//!   matched > 0 ─────────────────────────────▶ nothing to say
+//!   refused over quality of service ─────────▶ "incompatible reliability"
+//!   the topic exists with another type ──────▶ "is std_msgs/msg/Int32, not …"
+//!   neither ─────────────────────────────────▶ "no publisher of /chatter yet"
+//! ```
+
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use super::graph::Graph;
+use crate::endpoint::Link;
+
+/// How long a look at the list of endpoints is good for: links are asked for often.
+const FRESH: Duration = Duration::from_secs(1);
+
+/// Knows what an endpoint is waiting for.
+pub(super) struct Diagnosis {
+    graph: Arc<dyn Graph>,
+    topic: String,
+    type_name: &'static str,
+    /// True where publishers are waited for.
+    awaits_publisher: bool,
+    other_type: Mutex<Option<(Instant, Option<String>)>>,
+}
+
+impl Diagnosis {
+    pub(super) fn new(
+        graph: Arc<dyn Graph>,
+        topic: String,
+        type_name: &'static str,
+        awaits_publisher: bool,
+    ) -> Self {
+        Self { graph, topic, type_name, awaits_publisher, other_type: Mutex::new(None) }
+    }
+
+    /// The link of an endpoint with `matched` peers.
+    pub(super) fn link(
+        &self,
+        matched: usize,
+        incompatible: Option<&'static str>,
+        keeps_last: bool,
+    ) -> Link {
+        let waiting_for = (matched == 0).then(|| self.reason(incompatible));
+        Link { peers: Some(matched), waiting_for, keeps_last }
+    }
+
+    fn reason(&self, incompatible: Option<&'static str>) -> String {
+        let (peer, topic) = (self.peer(), &self.topic);
+        if let Some(policy) = incompatible {
+            return format!(
+                "a {peer} of {topic} is refused: its {policy} is incompatible (see qos)"
+            );
+        }
+        match self.other_type() {
+            Some(other) => {
+                format!("a {peer} of {topic} carries {other}, not {}", self.type_name)
+            }
+            None => format!("no {peer} of {topic} yet"),
+        }
+    }
+
+    fn peer(&self) -> &'static str {
+        if self.awaits_publisher { "publisher" } else { "subscriber" }
+    }
+
+    fn other_type(&self) -> Option<String> {
+        let mut cached = self.other_type.lock().unwrap_or_else(PoisonError::into_inner);
+        match &*cached {
+            Some((at, answer)) if at.elapsed() < FRESH => answer.clone(),
+            _ => {
+                let answer = self.look();
+                *cached = Some((Instant::now(), answer.clone()));
+                answer
+            }
+        }
+    }
+
+    fn look(&self) -> Option<String> {
+        let endpoints = self
+            .graph
+            .endpoints()
+            .inspect_err(|error| tracing::debug!(%error, "cannot list endpoints"))
+            .ok()?;
+        endpoints
+            .into_iter()
+            .find(|endpoint| {
+                endpoint.is_publisher == self.awaits_publisher
+                    && endpoint.topic == self.topic
+                    && endpoint.type_name != self.type_name
+            })
+            .map(|endpoint| endpoint.type_name)
+    }
+}
