@@ -164,7 +164,7 @@ impl<M: Message + 'static> Heard<M> {
             match self.subscription.take() {
                 Ok(Some((message, _info))) => return Ok(message),
                 Ok(None) if Instant::now() < deadline => {
-                    std::thread::sleep(Duration::from_millis(5))
+                    std::thread::sleep(Duration::from_millis(5));
                 }
                 Ok(None) => bail!("the ros2-client node heard nothing"),
                 Err(error) => bail!("the ros2-client node cannot read the message: {error:?}"),

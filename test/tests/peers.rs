@@ -1,5 +1,7 @@
 //! The peers among themselves: a failure here is the harness's or the machine's, not the product's.
 
+#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
+
 use wrapyfi_e2e::{Need, Result, RosImage, run, sha256, texts};
 
 #[test]
@@ -9,6 +11,48 @@ fn wrapyfi_hears_wrapyfi() -> Result {
         let listener = world.wrapyfi_listener(&topic, "--flavour rich --count 3")?;
         let publisher = world.wrapyfi_publisher(&topic, "--flavour rich")?;
         publisher.sent_in_a_row("sha256", &texts(&listener.messages(3)?, "sha256"))
+    })
+}
+
+#[test]
+fn wrapyfi_serves_others_with_its_broker() -> Result {
+    run("wrapyfi_serves_others_with_its_broker", &[Need::Python], |world| {
+        let holder = world.wrapyfi_publisher(&world.topic("holder"), "--no-wait --count 1")?;
+        holder.event("done")?;
+        let topic = world.topic("x");
+        let publisher = world.wrapyfi_publisher(&topic, "--no-broker")?;
+        let listener = world.wrapyfi_listener(&topic, "--count 1")?;
+        publisher.sent_in_a_row("sha256", &texts(&listener.messages(1)?, "sha256"))
+    })
+}
+
+#[test]
+fn the_raw_publisher_reaches_wrapyfis_broker() -> Result {
+    run("the_raw_publisher_reaches_wrapyfis_broker", &[Need::Python], |world| {
+        let topic = world.topic("x");
+        let _publisher = world.wrapyfi_publisher(&topic, "")?;
+        let listener = world.wrapyfi_listener(&topic, "")?;
+        listener.messages(1)?;
+        let port = world.sub_port();
+        let raw = world.peer(
+            "zmq_peer.py",
+            &format!("--topic {topic} --sub-port {port} --cases native_truncated"),
+        )?;
+        raw.event("done")?;
+        // The real Wrapyfi dies of it: the bad message did arrive.
+        listener.wait_until("Wrapyfi's end", |o| {
+            o.err.iter().any(|l| l.contains("JSONDecodeError")).then_some(())
+        })
+    })
+}
+
+#[test]
+fn sample_files_are_made() -> Result {
+    run("sample_files_are_made", &[Need::Python], |world| {
+        let mut maker = world.peer("make_files.py", &world.path("").display().to_string())?;
+        maker.exits_with(0)?;
+        assert!(world.path("colour.png").is_file());
+        Ok(())
     })
 }
 

@@ -22,8 +22,8 @@ use super::reception::Reception;
 
 /// What endpoints ask of the I/O thread.
 pub(super) enum Command {
-    Listen(Box<Reception>),
-    Publish(Arc<Outlet>, Box<Watch>),
+    Listen(Reception),
+    Publish(Arc<Outlet>, Watch),
     Close(u64),
 }
 
@@ -74,6 +74,7 @@ impl Io {
             ears,
             receptions: Vec::new(),
             outlets: Vec::new(),
+            closing: Vec::new(),
         };
         let thread =
             std::thread::Builder::new().name("zeromq-io".to_owned()).spawn(|| worker.run())?;
@@ -102,8 +103,10 @@ struct Worker {
     handle: Arc<Handle>,
     commands: mpsc::Receiver<Command>,
     ears: zmq::Socket,
-    receptions: Vec<Box<Reception>>,
-    outlets: Vec<(Arc<Outlet>, Box<Watch>)>,
+    receptions: Vec<Reception>,
+    outlets: Vec<(Arc<Outlet>, Watch)>,
+    /// Of sockets that are being closed.
+    closing: Vec<Watch>,
 }
 
 impl Worker {
@@ -119,10 +122,9 @@ impl Worker {
             }
         }
         self.obey();
-        // Publishers may live on; their sockets must not, or the context never ends.
-        for (outlet, _) in &self.outlets {
-            outlet.close();
-        }
+        // Endpoints may live on; their sockets must not, or the context never ends.
+        self.close(|_| true);
+        Watch::see_out(self.closing);
     }
 
     fn obey(&mut self) {
@@ -130,11 +132,18 @@ impl Worker {
             match command {
                 Command::Listen(reception) => self.receptions.push(reception),
                 Command::Publish(outlet, watch) => self.outlets.push((outlet, watch)),
-                Command::Close(id) => {
-                    self.receptions.retain(|reception| reception.id != id);
-                    self.outlets.retain(|(outlet, _)| outlet.id() != id);
-                }
+                Command::Close(id) => self.close(|other| other == id),
             }
+        }
+    }
+
+    /// Closes the sockets of the endpoints that are `meant`, and keeps their watches.
+    fn close(&mut self, meant: impl Fn(u64) -> bool) {
+        let receptions = self.receptions.extract_if(.., |reception| meant(reception.id));
+        self.closing.extend(receptions.map(Reception::close));
+        for (outlet, watch) in self.outlets.extract_if(.., |(outlet, _)| meant(outlet.id())) {
+            outlet.close();
+            self.closing.push(watch);
         }
     }
 
@@ -156,17 +165,22 @@ impl Worker {
                 reception.read()?;
             }
         }
-        for (outlet, watch) in &self.outlets {
+        for (outlet, watch) in &mut self.outlets {
             let moved = next() && watch.take();
             let changed = next() && outlet.hear();
             if moved || changed {
                 outlet.wake().ring();
             }
         }
+        self.closing.retain_mut(|watch| {
+            watch.take();
+            !watch.is_over()
+        });
         Ok(())
     }
 
-    /// Which sockets are readable: bell, then two of each listener, then two of each publisher.
+    /// Which sockets are readable: bell, then two of each listener, then two of each publisher,
+    /// then the closing ones.
     fn poll(&self, patience: Option<Duration>) -> zmq::Result<Vec<bool>> {
         let mut items = vec![self.ears.as_poll_item(zmq::POLLIN)];
         for reception in &self.receptions {
@@ -175,6 +189,7 @@ impl Worker {
         for (outlet, watch) in &self.outlets {
             items.extend([watch.poll_item(), outlet.poll_item()]);
         }
+        items.extend(self.closing.iter().map(Watch::poll_item));
         // Rounded up, so that a deadline is not polled for many times in its last millisecond.
         let wait = patience.map_or(-1, |time| {
             i64::try_from(time.as_millis()).unwrap_or(i64::MAX).saturating_add(1)

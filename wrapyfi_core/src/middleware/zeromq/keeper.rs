@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use super::StartError;
 use super::broker::{Broker, BrokerConfig, BrokerError};
 use super::config::{BrokerMode, ZeroMqConfig, reachable};
-use super::link::{BrokerLink, Watch};
+use super::link::{self, BrokerLink, Watch};
 use super::options::{self, Bell};
 use super::probe::{Answer, probe};
 use crate::Limits;
@@ -169,7 +169,7 @@ struct Guard {
     ears: zmq::Socket,
     watch: Watch,
     /// Connected for its connection events only: it subscribes to nothing.
-    _probe: zmq::Socket,
+    socket: zmq::Socket,
     slot: Arc<Mutex<Option<Broker>>>,
 }
 
@@ -185,12 +185,20 @@ impl Guard {
         let socket = context.socket(zmq::SUB)?;
         options::set_common(&socket, ip)?;
         socket.set_linger(0)?;
-        let watch = Watch::new(context, &socket, BrokerLink::new(&endpoint))?;
-        socket.connect(&endpoint)?;
-        Ok(Self { config, ears, watch, _probe: socket, slot })
+        let (socket, watch) = link::connect(context, socket, &BrokerLink::new(&endpoint))?;
+        Ok(Self { config, ears, watch, socket, slot })
     }
 
-    fn run(self) -> zmq::Result<()> {
+    fn run(mut self) -> zmq::Result<()> {
+        let result = self.watch();
+        let Self { socket, watch, .. } = self;
+        drop(socket);
+        Watch::see_out(vec![watch]);
+        result
+    }
+
+    /// Returns when told to stop, or when we are the broker.
+    fn watch(&mut self) -> zmq::Result<()> {
         let mut pause = Limits::RECONNECT_MIN;
         let mut try_at = Instant::now() + pause;
         loop {

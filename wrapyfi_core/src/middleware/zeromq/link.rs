@@ -1,11 +1,16 @@
 //! Whether a socket has reached the broker, from libzmq's own events.
 //!
 //! ```text
-//!   socket ── events ──▶ Watch (I/O thread) ── state ──▶ Link (endpoint, status tables)
+//!   socket ── events ──▶ Watch (I/O thread) ── state ──▶ BrokerLink (endpoint, status tables)
 //! ```
+//!
+//! A watch must outlive its socket: libzmq reports until the socket is gone, and the thread that
+//! reports waits for ever once nobody receives. So close the socket, then keep the watch until it
+//! [is over](Watch::is_over).
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
+use std::time::{Duration, Instant};
 
 use zmq::SocketEvent;
 
@@ -14,6 +19,10 @@ use super::options::inproc_name;
 const DOWN: u8 = 0;
 const UP: u8 = 1;
 const REFUSED: u8 = 2;
+const ENDED: u8 = 3;
+
+/// Longest time that sockets which are being closed may take to fall silent.
+const FAREWELL: Duration = Duration::from_secs(1);
 
 /// State of one socket's connection to the broker.
 #[derive(Debug)]
@@ -35,6 +44,7 @@ impl BrokerLink {
     pub(super) fn waiting_for(&self) -> Option<String> {
         match self.state.load(Relaxed) {
             UP => None,
+            ENDED => Some("ZeroMQ was shut down here".to_owned()),
             REFUSED => Some(format!(
                 "broker {}: what answers there is not the matching side of a ZeroMQ broker",
                 self.broker
@@ -43,10 +53,18 @@ impl BrokerLink {
         }
     }
 
+    /// The socket is closed for good.
+    pub(super) fn end(&self) {
+        self.state.store(ENDED, Relaxed);
+    }
+
     /// Takes note of an event; true when the state changed.
     fn happened(&self, event: u16) -> bool {
         let is = |kind: SocketEvent| event == kind.to_raw();
         let before = self.state.load(Relaxed);
+        if before == ENDED {
+            return false;
+        }
         let state = if is(SocketEvent::HANDSHAKE_SUCCEEDED) {
             UP
         } else if is(SocketEvent::HANDSHAKE_FAILED_NO_DETAIL)
@@ -69,36 +87,45 @@ impl BrokerLink {
 pub(super) struct Watch {
     events: zmq::Socket,
     link: Arc<BrokerLink>,
+    over: bool,
+}
+
+/// Connects `socket` to the broker of `link`, watched from the first moment.
+pub(super) fn connect(
+    context: &zmq::Context,
+    socket: zmq::Socket,
+    link: &Arc<BrokerLink>,
+) -> zmq::Result<(zmq::Socket, Watch)> {
+    let name = inproc_name("events");
+    let events = context.socket(zmq::PAIR)?;
+    events.set_linger(0)?;
+    socket.monitor(&name, i32::from(SocketEvent::ALL.to_raw()))?;
+    events.connect(&name)?;
+    let watch = Watch { events, link: Arc::clone(link), over: false };
+    if let Err(error) = socket.connect(&link.broker) {
+        drop(socket);
+        Watch::see_out(vec![watch]);
+        return Err(error);
+    }
+    Ok((socket, watch))
 }
 
 impl Watch {
-    /// Watches `socket`, before it connects.
-    pub(super) fn new(
-        context: &zmq::Context,
-        socket: &zmq::Socket,
-        link: Arc<BrokerLink>,
-    ) -> zmq::Result<Self> {
-        let name = inproc_name("events");
-        socket.monitor(&name, i32::from(SocketEvent::ALL.to_raw()))?;
-        let events = context.socket(zmq::PAIR)?;
-        events.set_linger(0)?;
-        events.connect(&name)?;
-        Ok(Self { events, link })
-    }
-
     pub(super) fn poll_item(&self) -> zmq::PollItem<'_> {
         self.events.as_poll_item(zmq::POLLIN)
     }
 
     /// Takes all waiting events; true when the connection came or went.
-    pub(super) fn take(&self) -> bool {
+    pub(super) fn take(&mut self) -> bool {
         let mut changed = false;
         while let Ok(frame) = self.events.recv_msg(zmq::DONTWAIT) {
             // First frame: event number and a value, in native byte order. Second: the address.
             if frame.get_more()
                 && let Some(number) = frame.first_chunk::<2>()
             {
-                changed |= self.link.happened(u16::from_ne_bytes(*number));
+                let event = u16::from_ne_bytes(*number);
+                self.over |= event == SocketEvent::MONITOR_STOPPED.to_raw();
+                changed |= self.link.happened(event);
             }
         }
         changed
@@ -106,6 +133,35 @@ impl Watch {
 
     pub(super) fn link(&self) -> &BrokerLink {
         &self.link
+    }
+
+    /// True when the socket is gone and will not report any more.
+    pub(super) fn is_over(&self) -> bool {
+        self.over
+    }
+
+    /// Receives until the sockets of all watches, closed before, are gone.
+    pub(super) fn see_out(mut watches: Vec<Self>) {
+        let deadline = Instant::now() + FAREWELL;
+        loop {
+            for watch in &mut watches {
+                watch.take();
+            }
+            watches.retain(|watch| !watch.over);
+            let left = deadline.saturating_duration_since(Instant::now());
+            if watches.is_empty() || left.is_zero() {
+                break;
+            }
+            let mut items: Vec<_> = watches.iter().map(Self::poll_item).collect();
+            let wait = i64::try_from(left.as_millis()).unwrap_or(0) + 1;
+            match zmq::poll(&mut items, wait) {
+                Ok(_) | Err(zmq::Error::EINTR) => {}
+                Err(_) => break,
+            }
+        }
+        if !watches.is_empty() {
+            tracing::warn!(sockets = watches.len(), "ZeroMQ sockets did not close in time");
+        }
     }
 }
 

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
 use super::config::FRAME_SLACK;
 use super::echo::Listening;
 use super::io::{Command, Handle};
-use super::link::{BrokerLink, Watch};
+use super::link::{self, BrokerLink, Watch};
 use super::options;
 use super::reception::{Arrival, Reception};
 use super::{Shared, transport};
@@ -55,7 +55,7 @@ impl ZeroMqListener {
             held: None,
         };
         let io = Arc::clone(shared.io.handle());
-        io.send(Command::Listen(Box::new(reception)));
+        io.send(Command::Listen(reception));
         Ok(Self { id, spec: spec.clone(), inbox: receiver, link, stalled, io })
     }
 }
@@ -73,9 +73,7 @@ fn open_socket(
     let guard = spec.limits.message_bytes.saturating_mul(2).saturating_add(FRAME_SLACK);
     socket.set_maxmsgsize(options::frame_limit(guard))?;
     socket.set_subscribe(spec.topic.as_bytes())?;
-    let watch = Watch::new(&shared.context, &socket, Arc::clone(link))?;
-    socket.connect(&shared.pub_endpoint)?;
-    Ok((socket, watch))
+    link::connect(&shared.context, socket, link)
 }
 
 impl Listener for ZeroMqListener {

@@ -32,8 +32,6 @@ mod probe;
 mod proxy;
 mod publisher;
 mod reception;
-#[cfg(test)]
-mod tests;
 
 use std::net::IpAddr;
 

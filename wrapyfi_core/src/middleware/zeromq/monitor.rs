@@ -90,9 +90,7 @@ impl Monitor {
         self.topics.retain(|_, count| {
             count.subscriptions > 0 || now.saturating_duration_since(count.changed_at) < KEEP_ZERO
         });
-        if self.own_topic.is_none() {
-            return None;
-        }
+        self.own_topic.as_ref()?;
         let mut json = String::from("{");
         for (topic, count) in self.listed() {
             let name = serde_json::Value::from(topic);

@@ -14,7 +14,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::echo::Echo;
 use super::io::{Command, Handle};
-use super::link::{BrokerLink, Watch};
+use super::link::{self, BrokerLink, Watch};
 use super::options;
 use super::{Shared, transport};
 use crate::codec::frames;
@@ -47,7 +47,7 @@ impl ZeroMqPublisher {
             wake: context.wake.clone(),
             state: Mutex::new(State { socket: Some(socket), prefixes: BTreeSet::new() }),
         });
-        io.send(Command::Publish(Arc::clone(&outlet), Box::new(watch)));
+        io.send(Command::Publish(Arc::clone(&outlet), watch));
         Ok(Self {
             outlet,
             spec: spec.clone(),
@@ -57,7 +57,7 @@ impl ZeroMqPublisher {
         })
     }
 
-    fn failed(&self, reason: impl ToString) -> PublishError {
+    fn failed(&self, reason: &dyn std::fmt::Display) -> PublishError {
         PublishError::Transport { topic: self.spec.topic.clone(), reason: reason.to_string() }
     }
 }
@@ -70,16 +70,14 @@ fn open_socket(shared: &Shared, link: &Arc<BrokerLink>) -> zmq::Result<(zmq::Soc
     // A lost broker takes its subscriptions and the messages queued for it along: the next one
     // starts with what is new, and until then nobody listens.
     socket.set_immediate(true)?;
-    let watch = Watch::new(&shared.context, &socket, Arc::clone(link))?;
-    socket.connect(&shared.sub_endpoint)?;
-    Ok((socket, watch))
+    link::connect(&shared.context, socket, link)
 }
 
 impl Publisher for ZeroMqPublisher {
     /// Nothing is sent, and 0 returned, while nobody is subscribed.
     fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {
         if let Some(reason) = self.outlet.link.waiting_for() {
-            return Err(self.failed(reason));
+            return Err(self.failed(&reason));
         }
         self.outlet.hear();
         if self.outlet.subscriptions() == 0 {
@@ -94,7 +92,7 @@ impl Publisher for ZeroMqPublisher {
                 zmq::Error::EAGAIN => {
                     PublishError::QueueFull { topic: self.spec.topic.clone(), depth: self.depth }
                 }
-                other => self.failed(other),
+                other => self.failed(&other),
             }
         })?;
         Ok(bytes)
@@ -175,8 +173,9 @@ impl Outlet {
         Ok(())
     }
 
-    /// Closes the socket although the publisher lives on.
+    /// Closes the socket, even if the publisher lives on.
     pub(super) fn close(&self) {
+        self.link.end();
         let mut state = self.lock();
         state.socket = None;
         state.prefixes.clear();

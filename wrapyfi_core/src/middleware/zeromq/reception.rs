@@ -80,6 +80,13 @@ impl Reception {
         None
     }
 
+    /// Closes the socket; the watch must be kept until it is over.
+    pub(super) fn close(self) -> Watch {
+        self.watch.link().end();
+        drop(self.socket);
+        self.watch
+    }
+
     /// Reads what the socket has, one batch at most.
     pub(super) fn read(&mut self) -> zmq::Result<()> {
         for _ in 0..BATCH {

@@ -1,0 +1,311 @@
+//! The command line: exit codes, one clear line for each failure, and ends in good order.
+
+#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
+
+use std::net::TcpListener;
+
+use serde_json::Value;
+use wrapyfi_e2e::{Need, Output, Process, Result, Route, World, run};
+
+const PROGRAM: &[Need] = &[Need::Program];
+
+/// Waits for its end; the complaint must be short, name each of `words`, and be no panic.
+fn complains(process: &mut Process, codes: &[i32], words: &[&str]) -> Result {
+    let code = process.exit_code()?;
+    let said = process.stderr();
+    assert!(
+        codes.contains(&code),
+        "exit code {code}, expected one of {codes:?}\n{}",
+        process.tail()
+    );
+    assert!(!said.contains("panicked"), "{said}");
+    assert!(!said.trim().is_empty(), "no word on stderr");
+    for word in words {
+        assert!(said.contains(word), "stderr does not say {word:?}:\n{said}");
+    }
+    Ok(())
+}
+
+fn report(output: &Output) -> Option<Value> {
+    output.objects().rev().find(|object| object["routes"].is_array())
+}
+
+/// Holds a port as a program that is no broker.
+fn hold(port: u16) -> Result<TcpListener> {
+    Ok(TcpListener::bind(("127.0.0.1", port))?)
+}
+
+// Ports -----------------------------------------------------------------------------------------
+
+#[test]
+fn a_broker_names_the_port_that_is_taken() -> Result {
+    run("a_broker_names_the_port_that_is_taken", PROGRAM, |world| {
+        for port in [world.pub_port(), world.sub_port()] {
+            let _held = hold(port)?;
+            let mut broker = world.broker()?;
+            complains(&mut broker, &[1, 2], &[&port.to_string()])?;
+            let lines = broker.stderr().lines().filter(|l| l.contains(&port.to_string())).count();
+            assert_eq!(lines, 1, "one line names the port:\n{}", broker.stderr());
+        }
+        Ok(())
+    })
+}
+
+#[test]
+fn a_bridge_names_the_port_that_is_taken() -> Result {
+    run("a_bridge_names_the_port_that_is_taken", PROGRAM, |world| {
+        let _held = hold(world.pub_port())?;
+        let config = world.embedded().route(Route::new("zeromq:/a", "ros2:/a", "Image"));
+        complains(&mut world.bridge(&config)?, &[1, 2], &[&world.pub_port().to_string()])
+    })
+}
+
+// Ends ------------------------------------------------------------------------------------------
+
+#[test]
+fn sigterm_ends_a_bridge_with_success() -> Result {
+    run("sigterm_ends_a_bridge_with_success", PROGRAM, |world| {
+        let mut bridge =
+            world.bridge(&world.embedded().route(Route::new("zeromq:/a", "ros2:/a", "Image")))?;
+        bridge.wait_until("a status report", report)?;
+        bridge.terminate()?;
+        bridge.exits_with(0)
+    })
+}
+
+#[test]
+fn sigterm_ends_a_broker_with_success() -> Result {
+    run("sigterm_ends_a_broker_with_success", &[Need::Program, Need::Python], |world| {
+        let mut broker = world.broker()?;
+        // It serves: a publisher that insists on a listener sends.
+        let publisher = world.wrapyfi_publisher(&world.topic("x"), "--no-broker")?;
+        let _listener = world.wrapyfi_listener(&world.topic("x"), "")?;
+        publisher.messages(1)?;
+        broker.terminate()?;
+        broker.exits_with(0)
+    })
+}
+
+#[test]
+fn sigterm_ends_a_bridge_that_still_waits_for_a_broker() -> Result {
+    run("sigterm_ends_a_bridge_that_still_waits_for_a_broker", PROGRAM, |world| {
+        let mut bridge =
+            world.bridge(&world.foreign().route(Route::new("zeromq:/a", "ros2:/a", "Image")))?;
+        let waiting = bridge.wait_until("a status report", report)?;
+        assert_eq!(waiting["routes"][0]["state"], "waiting", "{waiting}");
+        assert!(
+            waiting["routes"][0]["reason"].as_str().is_some_and(|r| !r.is_empty()),
+            "it says for what: {waiting}"
+        );
+        bridge.terminate()?;
+        bridge.exits_with(0)
+    })
+}
+
+#[test]
+fn a_bridge_ends_by_itself_after_its_seconds() -> Result {
+    run("a_bridge_ends_by_itself_after_its_seconds", PROGRAM, |world| {
+        let config = world.embedded().route(Route::new("zeromq:/a", "ros2:/a", "Image"));
+        let file = world.write("bridge.yaml", config.yaml())?;
+        let file = file.display().to_string();
+        let mut bridge =
+            world.wrapyfi(["bridge", "--config", &file, "--seconds", "1", "--json"])?;
+        bridge.exits_with(0)?;
+        let last = bridge.wait_until("the last report", report)?;
+        assert_eq!(last["routes"].as_array().map(Vec::len), Some(1), "{last}");
+        Ok(())
+    })
+}
+
+#[test]
+fn the_demo_delivers_on_every_route() -> Result {
+    run("the_demo_delivers_on_every_route", PROGRAM, |world| {
+        let mut demo = world.wrapyfi(["demo", "--seconds", "5"])?;
+        demo.exits_with(0)?;
+        assert!(!demo.stdout().trim().is_empty(), "the demo shows what arrives");
+        Ok(())
+    })
+}
+
+// Exit codes ------------------------------------------------------------------------------------
+
+#[test]
+fn echo_without_a_message_ends_by_time_out() -> Result {
+    run("echo_without_a_message_ends_by_time_out", PROGRAM, |world| {
+        for endpoint in ["zeromq:/nothing", "ros2:/nothing"] {
+            let mut echo = world.wrapyfi([
+                "echo",
+                endpoint,
+                "--type",
+                "NativeObject",
+                "--count",
+                "1",
+                "--timeout",
+                "1",
+                "--json",
+            ])?;
+            complains(&mut echo, &[3], &[endpoint])?;
+            assert_eq!(echo.stdout(), "", "nothing but messages on stdout");
+        }
+        Ok(())
+    })
+}
+
+#[test]
+fn bad_usage_is_two() -> Result {
+    run("bad_usage_is_two", PROGRAM, |world| {
+        let cases: &[(&[&str], &[&str])] = &[
+            (&["eko"], &["echo"]),
+            (&["echo"], &["ENDPOINT"]),
+            (&["echo", "zeromq:/a", "--type", "Imag"], &["Imag", "Image"]),
+            (&["echo", "zeromqq:/a", "--type", "Image"], &["zeromqq", "zeromq"]),
+            (&["echo", "/a", "--type", "Image"], &["/a"]),
+            (&["pub", "zeromq:/a", "--type", "NativeObject"], &["--value"]),
+            (&["pub", "zeromq:/a", "--type", "NativeObject", "--value", "{"], &["JSON"]),
+            (&["bridge"], &["--config"]),
+            (&["bridge", "--config", "no_such_file.yaml"], &["no_such_file.yaml"]),
+            (&["check", "no_such_file.yaml"], &["no_such_file.yaml"]),
+        ];
+        for (args, words) in cases {
+            complains(&mut world.wrapyfi(*args)?, &[2], words)?;
+        }
+        let missing = ["pub", "zeromq:/a", "--type", "Image", "--file", "no_such_file.png"];
+        complains(&mut world.wrapyfi(missing)?, &[1, 2], &["no_such_file.png"])
+    })
+}
+
+#[test]
+fn help_and_version_are_success() -> Result {
+    run("help_and_version_are_success", PROGRAM, |world| {
+        let mut help = world.wrapyfi(["--help"])?;
+        help.exits_with(0)?;
+        for command in ["demo", "bridge", "check", "echo", "pub", "broker"] {
+            assert!(help.stdout().contains(command), "help does not mention {command}");
+        }
+        world.wrapyfi(["--version"])?.exits_with(0)
+    })
+}
+
+// Configurations --------------------------------------------------------------------------------
+
+/// A configuration that must be refused, the line of the fault, and words of the complaint.
+struct Bad {
+    text: String,
+    line: usize,
+    words: &'static [&'static str],
+}
+
+/// The first line of `text` that contains `what`, counted from 1.
+fn bad(text: &str, what: &str, words: &'static [&'static str]) -> Bad {
+    let line = text.lines().position(|l| l.contains(what)).map_or(0, |index| index + 1);
+    Bad { text: text.to_owned(), line, words }
+}
+
+fn bad_configurations(world: &World) -> Vec<Bad> {
+    let good = world.embedded().route(Route::new("zeromq:/a", "ros2:/a", "Image")).yaml();
+    let changed = |from: &str, to: &str, words| bad(&good.replace(from, to), to, words);
+    vec![
+        changed("    type:", "    typ:", &["typ", "type"]),
+        changed("\"Image\"", "\"Imag\"", &["Imag", "Image"]),
+        changed("\"Image\"", "\"sensor_msgs/msg/Imagee\"", &["sensor_msgs/msg/Image"]),
+        changed("    pub_port:", "    pub_prot:", &["pub_prot", "pub_port"]),
+        changed("routes:", "rotes:", &["rotes", "routes"]),
+        changed("broker: embedded", "broker: embeded", &["embeded", "embedded"]),
+        changed("zeromq:/a", "zeromqq:/a", &["zeromqq", "zeromq"]),
+        changed("zeromq:/a", "nothing", &["nothing"]),
+        changed("ros2:/a", "ros2:/a b", &["/a b"]),
+        changed(&format!("pub_port: {}", world.pub_port()), "pub_port: 70000", &["70000"]),
+        changed("    type:", "    queue_dept: 3\n    type:", &["queue_depth"]).at("queue_dept:"),
+        changed("    type:", "    queue_depth: many\n    type:", &["queue_depth"])
+            .at("queue_depth:"),
+        changed("ip: 127.0.0.1", "ip: 0.0.0.0", &["0.0.0.0", "insecure"]),
+    ]
+}
+
+impl Bad {
+    fn at(mut self, what: &str) -> Self {
+        self.line = self.text.lines().position(|l| l.contains(what)).map_or(0, |index| index + 1);
+        self
+    }
+}
+
+#[test]
+fn bad_configurations_are_refused_with_line_and_suggestion() -> Result {
+    run("bad_configurations_are_refused_with_line_and_suggestion", PROGRAM, |world| {
+        for Bad { text, line, words } in bad_configurations(world) {
+            let file = world.write("bad.yaml", &text)?.display().to_string();
+            let mut check = world.wrapyfi(["check", &file])?;
+            complains(&mut check, &[2], words).map_err(|e| e.context(text.clone()))?;
+            let said = check.stderr();
+            let names_line =
+                said.contains(&format!(":{line}")) || said.contains(&format!("line {line}"));
+            assert!(names_line, "line {line} is not named:\n{said}\n{text}");
+            assert!(said.contains("bad.yaml"), "the file is not named:\n{said}");
+        }
+        Ok(())
+    })
+}
+
+#[test]
+fn a_bridge_refuses_what_check_refuses() -> Result {
+    run("a_bridge_refuses_what_check_refuses", PROGRAM, |world| {
+        for Bad { text, words, .. } in bad_configurations(world).into_iter().take(3) {
+            let file = world.write("bad.yaml", &text)?.display().to_string();
+            complains(&mut world.wrapyfi(["bridge", "--config", &file])?, &[2], words)?;
+        }
+        Ok(())
+    })
+}
+
+#[test]
+fn text_that_is_no_yaml_is_refused() -> Result {
+    run("text_that_is_no_yaml_is_refused", PROGRAM, |world| {
+        for text in
+            ["routes: [", "- just\n- a list\n", "routes: {}\n", "\u{0}\u{1}", "a: &a [*a]\n"]
+        {
+            let file = world.write("bad.yaml", text)?.display().to_string();
+            complains(&mut world.wrapyfi(["check", &file])?, &[2], &["bad.yaml"])?;
+        }
+        Ok(())
+    })
+}
+
+#[test]
+fn check_prints_the_plan() -> Result {
+    run("check_prints_the_plan", PROGRAM, |world| {
+        let config = world
+            .embedded()
+            .route(Route::new("zeromq:/camera/left", "ros2:/left/image_raw", "Image"))
+            .route(Route::new("ros2:/chatter", "zeromq:/words", "std_msgs/msg/String"));
+        let file = world.write("good.yaml", config.yaml())?.display().to_string();
+        let mut check = world.wrapyfi(["check", &file])?;
+        check.exits_with(0)?;
+        let plan = check.stdout();
+        for endpoint in
+            ["zeromq:/camera/left", "ros2:/left/image_raw", "ros2:/chatter", "zeromq:/words"]
+        {
+            assert!(plan.contains(endpoint), "the plan does not name {endpoint}:\n{plan}");
+        }
+        // It runs nothing: the broker's ports are free all the time.
+        let _free = (hold(world.pub_port())?, hold(world.sub_port())?);
+        world.wrapyfi(["check", &file])?.exits_with(0)
+    })
+}
+
+// ROS 2 from the command line ---------------------------------------------------------------------
+
+#[test]
+fn echo_and_pub_speak_ros() -> Result {
+    run("echo_and_pub_speak_ros", PROGRAM, |world| {
+        let topic = format!("ros2:{}", world.topic("x"));
+        let common = ["--type", "std_msgs/msg/String", "--count", "1"];
+        // The publisher waits for the listener; the listener may start last.
+        let mut publisher = world
+            .wrapyfi([&["pub", &topic, "--value", "{\"a\": [1, 2]}"][..], &common].concat())?;
+        let mut echo = world
+            .wrapyfi([&["echo", &topic, "--json", "--timeout", "100"][..], &common].concat())?;
+        assert_eq!(echo.objects(1)?[0]["value"], serde_json::json!({"a": [1, 2]}));
+        echo.exits_with(0)?;
+        publisher.exits_with(0)
+    })
+}

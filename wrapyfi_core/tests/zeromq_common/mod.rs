@@ -1,0 +1,80 @@
+//! Raw ZeroMQ peers, as Python Wrapyfi uses them, and waiting for conditions.
+#![allow(dead_code, unreachable_pub)] // each test file uses a part
+
+use std::time::{Duration, Instant};
+
+use wrapyfi_core::middleware::zeromq::{BrokerConfig, BrokerMode, ZeroMqConfig};
+
+pub const MONITOR: &str = "ZEROMQ/CONNECTIONS";
+/// Long enough for the slowest machine; reached only by failures.
+pub const PATIENCE: Duration = Duration::from_secs(30);
+
+#[track_caller]
+pub fn wait_until(what: &str, mut condition: impl FnMut() -> bool) {
+    let deadline = Instant::now() + PATIENCE;
+    while !condition() {
+        assert!(Instant::now() < deadline, "waited {PATIENCE:?} for {what}");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+/// A broker on free ports.
+pub fn any_ports() -> BrokerConfig {
+    BrokerConfig { pub_port: 0, sub_port: 0, ..BrokerConfig::default() }
+}
+
+/// An instance that runs its own broker on free ports.
+pub fn embedded() -> ZeroMqConfig {
+    ZeroMqConfig { pub_port: 0, sub_port: 0, ..ZeroMqConfig::default() }
+}
+
+/// An instance that uses the broker on these ports.
+pub fn foreign(pub_port: u16, sub_port: u16) -> ZeroMqConfig {
+    ZeroMqConfig { pub_port, sub_port, broker: BrokerMode::Foreign, ..ZeroMqConfig::default() }
+}
+
+/// A socket as pyzmq opens it: nothing set but that closing does not wait.
+pub fn peer(context: &zmq::Context, kind: zmq::SocketType, port: u16) -> zmq::Socket {
+    let socket = context.socket(kind).unwrap();
+    socket.set_linger(0).unwrap();
+    socket.set_rcvtimeo(i32::try_from(PATIENCE.as_millis()).unwrap()).unwrap();
+    socket.connect(&format!("tcp://127.0.0.1:{port}")).unwrap();
+    socket
+}
+
+pub fn subscriber(context: &zmq::Context, port: u16, topic: &str) -> zmq::Socket {
+    let socket = peer(context, zmq::SUB, port);
+    socket.set_subscribe(topic.as_bytes()).unwrap();
+    socket
+}
+
+/// A socket bound to a free port, and the port.
+pub fn bound(context: &zmq::Context, kind: zmq::SocketType) -> (zmq::Socket, u16) {
+    let socket = context.socket(kind).unwrap();
+    socket.set_linger(0).unwrap();
+    socket.bind("tcp://127.0.0.1:*").unwrap();
+    let endpoint = socket.get_last_endpoint().unwrap().unwrap();
+    let port = endpoint.rsplit(':').next().unwrap().parse().unwrap();
+    (socket, port)
+}
+
+/// Reads counts until `topic` has `count`.
+#[track_caller]
+pub fn wait_for_count(monitor: &zmq::Socket, topic: &str, count: u64) {
+    let deadline = Instant::now() + PATIENCE;
+    loop {
+        let frames = monitor.recv_multipart(0).expect("counts are repeated");
+        assert_eq!(frames.len(), 2);
+        assert_eq!(frames[0], MONITOR.as_bytes());
+        let counts: serde_json::Value = serde_json::from_slice(&frames[1]).unwrap();
+        if counts[topic] == count {
+            return;
+        }
+        assert!(Instant::now() < deadline, "{topic} never had {count}: {counts}");
+    }
+}
+
+/// True when both ports can be bound again.
+pub fn is_free(port: u16) -> bool {
+    std::net::TcpListener::bind(("127.0.0.1", port)).is_ok()
+}

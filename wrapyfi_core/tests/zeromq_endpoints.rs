@@ -1,0 +1,246 @@
+//! Listeners and publishers through a broker.
+#![cfg(feature = "zeromq")]
+
+mod zeromq_common;
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use wrapyfi_core::Limits;
+use wrapyfi_core::endpoint::{
+    Context, DropReason, Listener, Middleware, OpenError, Overflow, PublishError, Publisher,
+    QueueSpec, Sample, TopicSpec,
+};
+use wrapyfi_core::middleware::zeromq::{Broker, BrokerConfig, StartError, ZeroMq, ZeroMqConfig};
+use wrapyfi_core::types::{MessageType, Payload, Value};
+use zeromq_common::{
+    MONITOR, any_ports, embedded, foreign, peer, subscriber, wait_for_count, wait_until,
+};
+
+fn spec(topic: &str) -> TopicSpec {
+    TopicSpec::new(topic, MessageType::NativeObject)
+}
+
+fn number(n: i64) -> Payload {
+    Payload::NativeObject(Box::new(Value::Int(n)))
+}
+
+fn dropped(context: &Context, reason: DropReason) -> u64 {
+    context.counters.snapshot().dropped_for(reason)
+}
+
+#[track_caller]
+fn next(listener: &mut dyn Listener) -> Sample {
+    let mut sample = None;
+    wait_until("a message", || {
+        sample = listener.take().unwrap();
+        sample.is_some()
+    });
+    sample.unwrap()
+}
+
+fn drain(listener: &mut dyn Listener) -> Vec<Payload> {
+    std::iter::from_fn(|| listener.take().unwrap()).map(|sample| sample.payload).collect()
+}
+
+/// A listener of `zeromq`, and a raw publisher that knows the broker knows of it.
+fn listener_and_raw(
+    zeromq: &ZeroMq,
+    spec: &TopicSpec,
+) -> (Box<dyn Listener>, Context, zmq::Socket) {
+    let context = Context::default();
+    let listener = zeromq.open_listener(spec, &context).unwrap();
+    let raw = peer(&zmq::Context::new(), zmq::XPUB, zeromq.sub_port());
+    let subscription = [b"\x01", spec.topic.as_bytes()].concat();
+    while raw.recv_bytes(0).unwrap() != subscription {}
+    (listener, context, raw)
+}
+
+fn ready(publisher: &dyn Publisher) {
+    wait_until("a listener", || publisher.link().peers > Some(0));
+}
+
+#[test]
+fn what_is_published_arrives_in_either_order_of_start() {
+    let ours = ZeroMq::start(&embedded()).unwrap();
+    let theirs = ZeroMq::start(&foreign(ours.pub_port(), ours.sub_port())).unwrap();
+    for (first, second) in [(&ours, &theirs), (&theirs, &ours)] {
+        let context = Context::default();
+        let mut publisher = first.open_publisher(&spec("/a"), &context).unwrap();
+        wait_until("the broker", || publisher.link().waiting_for.is_none());
+        assert_eq!(publisher.link().peers, Some(0));
+        assert_eq!(publisher.publish(&number(0)).unwrap(), 0, "nobody listens");
+        while context.wake.wait(Duration::ZERO) {}
+        let mut listener = second.open_listener(&spec("/a"), &Context::default()).unwrap();
+        assert!(context.wake.wait(Duration::from_secs(30)), "the owner is told");
+        ready(&*publisher);
+        let sent = publisher.publish(&number(7)).unwrap();
+        let sample = next(&mut *listener);
+        assert_eq!((sample.payload, sample.wire_bytes), (number(7), sent));
+        assert_eq!(listener.link().waiting_for, None);
+        drop(listener);
+        wait_until("no listener", || publisher.link().peers == Some(0));
+
+        let mut listener = second.open_listener(&spec("/b"), &Context::default()).unwrap();
+        let mut publisher = first.open_publisher(&spec("/b"), &Context::default()).unwrap();
+        ready(&*publisher);
+        publisher.publish(&number(8)).unwrap();
+        assert_eq!(next(&mut *listener).payload, number(8));
+    }
+}
+
+#[test]
+fn longer_topics_and_bad_messages_are_counted() {
+    let zeromq = ZeroMq::start(&embedded()).unwrap();
+    let mut spec = spec("/a");
+    spec.limits = Limits { message_bytes: 1000, ..Limits::default() };
+    let (mut listener, context, raw) = listener_and_raw(&zeromq, &spec);
+    raw.send_multipart(["/ab", "1"], 0).unwrap();
+    raw.send_multipart(["/a", &"1".repeat(1000)], 0).unwrap();
+    raw.send_multipart(vec!["/a"; 17], 0).unwrap();
+    raw.send_multipart(["/a", "{not json"], 0).unwrap();
+    raw.send_multipart(["/a", "5"], 0).unwrap();
+    let mut error = None;
+    wait_until("the bad message", || {
+        error = listener.take().err();
+        error.is_some()
+    });
+    assert_eq!(error.unwrap().drop_reason(), DropReason::Malformed);
+    let sample = next(&mut *listener);
+    assert_eq!((sample.payload, sample.wire_bytes), (number(5), 3));
+    assert_eq!(dropped(&context, DropReason::WrongTopic), 1);
+    assert_eq!(dropped(&context, DropReason::Oversize), 1);
+    assert_eq!(dropped(&context, DropReason::Malformed), 1, "too many frames");
+    assert_eq!(context.counters.snapshot().received, 5);
+}
+
+#[test]
+fn a_full_queue_follows_its_policy() {
+    let zeromq = ZeroMq::start(&embedded()).unwrap();
+    for (topic, overflow, kept) in
+        [("/oldest", Overflow::DropOldest, [8, 9]), ("/newest", Overflow::DropNewest, [0, 1])]
+    {
+        let mut spec = spec(topic);
+        spec.queue = QueueSpec { depth: 2, overflow };
+        let (mut listener, context, raw) = listener_and_raw(&zeromq, &spec);
+        for n in 0..10 {
+            raw.send_multipart([topic, &n.to_string()], 0).unwrap();
+        }
+        wait_until("ten messages", || context.counters.snapshot().received == 10);
+        wait_until("the drops", || dropped(&context, DropReason::QueueFull) == 8);
+        assert_eq!(drain(&mut *listener), kept.map(number));
+    }
+}
+
+#[test]
+fn block_loses_nothing_while_the_reader_comes_back() {
+    let zeromq = ZeroMq::start(&embedded()).unwrap();
+    let mut slow = spec("/slow");
+    slow.queue = QueueSpec { depth: 1, overflow: Overflow::Block(Duration::from_secs(60)) };
+    let (mut listener, context, raw) = listener_and_raw(&zeromq, &slow);
+    let (mut other, _, other_raw) = listener_and_raw(&zeromq, &spec("/other"));
+    for n in 0..10 {
+        raw.send_multipart(["/slow", &n.to_string()], 0).unwrap();
+    }
+    wait_until("a full queue", || context.counters.snapshot().received == 2);
+    // One stalled listener does not stop the others.
+    other_raw.send_multipart(["/other", "1"], 0).unwrap();
+    assert_eq!(next(&mut *other).payload, number(1));
+    for n in 0..10 {
+        assert_eq!(next(&mut *listener).payload, number(n));
+    }
+    assert_eq!(context.counters.snapshot().received, 10);
+    assert!(context.counters.snapshot().drops.is_empty());
+}
+
+#[test]
+fn block_gives_up_at_its_deadline() {
+    let zeromq = ZeroMq::start(&embedded()).unwrap();
+    let mut spec = spec("/a");
+    spec.queue = QueueSpec { depth: 1, overflow: Overflow::Block(Duration::from_millis(20)) };
+    let (mut listener, context, raw) = listener_and_raw(&zeromq, &spec);
+    for n in 0..3 {
+        raw.send_multipart(["/a", &n.to_string()], 0).unwrap();
+    }
+    wait_until("the deadlines", || dropped(&context, DropReason::BlockDeadline) == 2);
+    assert_eq!(drain(&mut *listener), [number(0)]);
+}
+
+#[test]
+fn our_own_messages_are_not_received() {
+    let ours = ZeroMq::start(&embedded()).unwrap();
+    let theirs = ZeroMq::start(&foreign(ours.pub_port(), ours.sub_port())).unwrap();
+    let context = Context::default();
+    let mut echo = ours.open_listener(&spec("/a"), &context).unwrap();
+    let mut other = theirs.open_listener(&spec("/a"), &Context::default()).unwrap();
+    let mut publisher = ours.open_publisher(&spec("/a"), &Context::default()).unwrap();
+    let mut foreign = theirs.open_publisher(&spec("/a"), &Context::default()).unwrap();
+    let monitor = subscriber(&zmq::Context::new(), ours.pub_port(), MONITOR);
+    wait_for_count(&monitor, "/a", 2);
+    ready(&*publisher);
+    ready(&*foreign);
+    publisher.publish(&number(1)).unwrap();
+    assert_eq!(next(&mut *other).payload, number(1));
+    wait_until("the echo", || dropped(&context, DropReason::OwnPublication) == 1);
+    // The same value from somebody else is theirs, not ours.
+    foreign.publish(&number(1)).unwrap();
+    assert_eq!(next(&mut *echo).payload, number(1));
+}
+
+#[test]
+fn routes_live_again_after_the_broker_was_away() {
+    let broker = Broker::start(&any_ports()).unwrap();
+    let (pub_port, sub_port) = (broker.pub_port(), broker.sub_port());
+    let zeromq = ZeroMq::start(&foreign(pub_port, sub_port)).unwrap();
+    let other = ZeroMq::start(&foreign(pub_port, sub_port)).unwrap();
+    let mut listener = zeromq.open_listener(&spec("/a"), &Context::default()).unwrap();
+    let mut publisher = other.open_publisher(&spec("/a"), &Context::default()).unwrap();
+    ready(&*publisher);
+    drop(broker);
+    wait_until("the listener's reason", || listener.link().waiting_for.is_some());
+    wait_until("the publisher's reason", || publisher.link().waiting_for.is_some());
+    wait_until("no listener", || publisher.link().peers == Some(0));
+    let reason = publisher.link().waiting_for.unwrap();
+    assert_eq!(reason, format!("broker tcp://127.0.0.1:{sub_port} does not answer"));
+    assert!(matches!(publisher.publish(&number(1)), Err(PublishError::Transport { .. })));
+    let _broker =
+        Broker::start(&BrokerConfig { pub_port, sub_port, ..BrokerConfig::default() }).unwrap();
+    ready(&*publisher);
+    publisher.publish(&number(2)).unwrap();
+    assert_eq!(next(&mut *listener).payload, number(2));
+}
+
+#[test]
+fn endpoints_that_outlive_their_instance_hang_nobody() {
+    let zeromq = ZeroMq::start(&embedded()).unwrap();
+    let (pub_port, sub_port) = (zeromq.pub_port(), zeromq.sub_port());
+    let mut listener = zeromq.open_listener(&spec("/a"), &Context::default()).unwrap();
+    let mut publisher = zeromq.open_publisher(&spec("/a"), &Context::default()).unwrap();
+    ready(&*publisher);
+    let start = Instant::now();
+    drop(zeromq);
+    assert!(start.elapsed() < Limits::SHUTDOWN, "{:?}", start.elapsed());
+    assert!(matches!(publisher.publish(&number(1)), Err(PublishError::Transport { .. })));
+    assert_eq!(listener.take().unwrap(), None);
+    assert_eq!(listener.link().waiting_for.as_deref(), Some("ZeroMQ was shut down here"));
+    let again = Broker::start(&BrokerConfig { pub_port, sub_port, ..BrokerConfig::default() });
+    assert!(again.is_ok(), "{again:?}");
+}
+
+#[test]
+fn names_that_cannot_work_are_refused() {
+    let zeromq = Arc::new(ZeroMq::start(&embedded()).unwrap());
+    assert_eq!(zeromq.name(), "zeromq");
+    for name in ["", MONITOR, "ZEROMQ/CONNECTIONS/x", "/a\0", &"x".repeat(1025)] {
+        for result in [
+            zeromq.open_listener(&spec(name), &Context::default()).err(),
+            zeromq.open_publisher(&spec(name), &Context::default()).err(),
+        ] {
+            let error = result.unwrap();
+            assert!(matches!(error, OpenError::InvalidName { .. }), "{error}");
+            assert!(!error.is_transient());
+        }
+    }
+    let empty = ZeroMqConfig { monitor_topic: String::new(), ..embedded() };
+    assert!(matches!(ZeroMq::start(&empty), Err(StartError::MonitorTopic { .. })));
+}
