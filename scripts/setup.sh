@@ -43,12 +43,40 @@ apt_packages() {
     "${apt[@]}" install -y --no-install-recommends "${missing[@]}" >/dev/null 2>&1 ||
         { "${apt[@]}" update >/dev/null &&
             "${apt[@]}" install -y --no-install-recommends "${missing[@]}" >/dev/null; } ||
-        die "apt could not install them; its message is above. On Ubuntu they are in 'universe': sudo add-apt-repository universe"
+        die "apt could not install them; its message is above. On Ubuntu some are in 'universe': sudo add-apt-repository universe"
 }
 
 build() {
     apt_packages build-essential cmake libclang-dev libzmq3-dev
     rust
+}
+
+# Not by AMENT_PREFIX_PATH alone: a sourced workspace of Debian's colcon sets it too.
+ros_is_sourced() {
+    local prefix IFS=:
+    for prefix in ${AMENT_PREFIX_PATH:-}; do
+        if [ -d "$prefix/share/rosidl_default_generators" ]; then return 0; fi
+    done
+    return 1
+}
+
+workspace_tools() {
+    # A sourced ROS 2 brings its own, and Debian's would get in their way.
+    if ros_is_sourced; then
+        command -v colcon >/dev/null || die "ROS 2 is sourced but there is no colcon. Run: sudo apt install ros-dev-tools"
+        return 0
+    fi
+    # colcon's parts one by one: its package only recommends them.
+    apt_packages \
+        colcon python3-colcon-cmake python3-colcon-library-path python3-colcon-package-information \
+        python3-colcon-package-selection python3-colcon-recursive-crawl python3-colcon-ros \
+        python3-colcon-test-result
+    # Debian has them; Ubuntu 24.04 dropped them, so there it takes ROS 2's own.
+    if apt-cache show ament-cmake rosidl-generator-c-cpp >/dev/null 2>&1; then
+        apt_packages ament-cmake rosidl-cmake rosidl-generator-c-cpp
+    else
+        echo "setup: this system has no ament_cmake. To test the colcon packages too, source ROS 2 first: . /opt/ros/jazzy/setup.bash" >&2
+    fi
 }
 
 python_peers() {
@@ -83,12 +111,8 @@ build)
     ;;
 test)
     build
-    # colcon's parts one by one: its package only recommends them.
-    apt_packages \
-        ament-cmake rosidl-cmake rosidl-generator-c-cpp iproute2 python3-venv \
-        colcon python3-colcon-cmake python3-colcon-library-path python3-colcon-package-information \
-        python3-colcon-package-selection python3-colcon-recursive-crawl python3-colcon-ros \
-        python3-colcon-test-result
+    apt_packages iproute2 python3-venv
+    workspace_tools
     rust_tools
     python_peers
     ;;

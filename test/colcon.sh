@@ -15,6 +15,15 @@ fail() {
 # What colcon said is of interest only when it went wrong.
 trap '[ $? -eq 0 ] || { tail -n 60 "$log" >&2; echo "colcon: failed while: $step (everything: $log)" >&2; }' EXIT
 
+# Not by AMENT_PREFIX_PATH alone: a sourced workspace of Debian's colcon sets it too.
+ros_is_sourced() {
+    local prefix IFS=:
+    for prefix in ${AMENT_PREFIX_PATH:-}; do
+        if [ -d "$prefix/share/rosidl_default_generators" ]; then return 0; fi
+    done
+    return 1
+}
+
 mkdir -p "$workspace"
 # This copy must not turn up beside the original when somebody runs colcon in the repository.
 touch target/COLCON_IGNORE
@@ -54,15 +63,14 @@ done
 
 step="colcon build"
 paths=(src)
-# Without ROS 2, stand-ins for the message packages of its that ours use. They are hidden from a
-# normal build, and a build of a real ROS 2 never sees them.
-stand_ins=()
-IFS=: read -ra prefixes <<<"${AMENT_PREFIX_PATH:-}"
-with_ros=no
-for prefix in "${prefixes[@]}"; do
-    [ -e "$prefix/share/rosidl_default_generators/package.xml" ] && with_ros=yes
-done
-if [ "$with_ros" = no ]; then
+if ! ros_is_sourced; then
+    if [ ! -e /usr/share/ament_cmake/cmake/ament_cmakeConfig.cmake ]; then
+        echo "colcon: NOT BUILT, only listed: this system has no ament_cmake." \
+            "Source ROS 2 first: . /opt/ros/jazzy/setup.bash" >&2
+        exit 0
+    fi
+    # Stand-ins for the message packages of ROS 2 that ours use. They are hidden from a normal build,
+    # and a build on a real ROS 2 never sees them.
     stand_ins=("$tree"/test/debian_interfaces/*/)
     paths+=("${stand_ins[@]%/}")
 fi
