@@ -62,17 +62,34 @@ pub(in crate::codec) fn write_float(value: f64, out: &mut Vec<u8>) {
     if value.is_infinite() {
         return out.extend_from_slice(if value > 0.0 { b"Infinity" } else { b"-Infinity" });
     }
-    if value == 0.0 || (1e-4..1e16).contains(&value.abs()) {
-        // Here serde_json writes what Python writes, several times faster than `format!`.
-        // Writing to a vector does not fail.
-        serde_json::to_writer(&mut *out, &value).ok();
-        return;
+    // Shortest digits are not unique: where two are equally near, serde_json takes the even one as
+    // Python does, unlike `format!`. Writing to a vector does not fail.
+    let start = out.len();
+    serde_json::to_writer(&mut *out, &value).ok();
+    if value != 0.0 && !(1e-4..1e16).contains(&value.abs()) {
+        let scientific = scientific(out.get(start..).unwrap_or_default());
+        out.truncate(start);
+        out.extend_from_slice(scientific.as_bytes());
     }
-    let scientific = format!("{value:e}");
-    let (digits, exponent) = scientific.split_once('e').unwrap_or((&scientific, "0"));
-    let (sign, exponent) =
-        exponent.strip_prefix('-').map_or(('+', exponent), |exponent| ('-', exponent));
-    out.extend_from_slice(format!("{digits}e{sign}{exponent:0>2}").as_bytes());
+}
+
+/// A decimal number in any notation with one digit before the point and an exponent.
+fn scientific(number: &[u8]) -> String {
+    let number = String::from_utf8_lossy(number);
+    let (sign, number) = number.strip_prefix('-').map_or(("", &*number), |number| ("-", number));
+    let (mantissa, exponent) = number.split_once('e').unwrap_or((number, "0"));
+    let (whole, fraction) = mantissa.split_once('.').unwrap_or((mantissa, ""));
+    let digits = [whole, fraction].concat();
+    let significant = digits.trim_start_matches('0');
+    let zeros = digits.len() - significant.len();
+    // Neither overflows: a double has at most some 330 digits before or behind the point.
+    let shift = |count: usize| i32::try_from(count).unwrap_or_default();
+    let exponent = exponent.parse().unwrap_or(0) + shift(whole.len()) - shift(zeros) - 1;
+    let significant = significant.trim_end_matches('0');
+    let (first, rest) = significant.split_at_checked(1).unwrap_or((significant, ""));
+    let point = if rest.is_empty() { "" } else { "." };
+    let exponent_sign = if exponent < 0 { '-' } else { '+' };
+    format!("{sign}{first}{point}{rest}e{exponent_sign}{:02}", exponent.abs())
 }
 
 /// Decimal digits, unless Python would refuse to read so many.
@@ -110,6 +127,9 @@ mod tests {
             (f64::MAX, "1.7976931348623157e+308"),
             (-1.5e-10, "-1.5e-10"),
             (1e100, "1e+100"),
+            (79_629_874_276_513.625, "79629874276513.62"),
+            (123e-10, "1.23e-08"),
+            (-1.152_921_504_606_847e18, "-1.152921504606847e+18"),
         ] {
             let mut out = Vec::new();
             write_float(value, &mut out);
@@ -161,7 +181,9 @@ mod tests {
             if (1e-4..1e16).contains(&value.abs()) {
                 let mut out = Vec::new();
                 write_float(value, &mut out);
-                prop_assert_eq!(String::from_utf8(out).unwrap(), format!("{value:?}"));
+                let plain = String::from_utf8(out).unwrap();
+                prop_assert!(!plain.contains('e'), "{}", plain);
+                prop_assert_eq!(plain.len(), format!("{value:?}").len());
             }
         }
     }
