@@ -276,3 +276,22 @@ fn plugin_objects_pass_through_untouched() {
     }
     assert!(checked > 60, "{checked} vectors checked");
 }
+
+/// Damage to what Wrapyfi wrote is refused or read as something else; nothing else happens.
+#[test]
+fn damaged_objects_do_no_harm() {
+    let limits = Limits { message_bytes: 1 << 20, ..Limits::default() };
+    for vector in ["builtins", "numpy"].into_iter().flat_map(vectors) {
+        let Some(wire) = wire(&vector) else { continue };
+        for (at, &byte) in wire.iter().enumerate() {
+            let mut damaged = wire.to_vec();
+            for damage in [byte ^ 1, byte.wrapping_add(64), b'"', b'9', b'[', b'\\'] {
+                damaged[at] = damage;
+                drop(codec::decode(&Bytes::copy_from_slice(&damaged), &limits));
+            }
+            if wire.starts_with(b"{") || wire.starts_with(b"[") {
+                assert!(codec::decode(&wire.slice(..at), &limits).is_err(), "{:?}", &wire[..at]);
+            }
+        }
+    }
+}

@@ -19,7 +19,10 @@ pub(super) fn stamp(header: &[u8]) -> Option<Stamp> {
 
 /// A header with the time as Python writes it.
 pub(super) fn write(stamp: Stamp) -> Vec<u8> {
-    format!("{{{KEY}:{}}}", json::repr(stamp.as_secs_f64())).into_bytes()
+    let mut header = format!("{{{KEY}:").into_bytes();
+    json::write_float(stamp.as_secs_f64(), &mut header);
+    header.push(b'}');
+    header
 }
 
 #[cfg(test)]

@@ -21,7 +21,7 @@ mod number;
 mod tags;
 mod text;
 
-pub(in crate::codec) use number::repr;
+pub(in crate::codec) use number::write_float;
 
 use bytes::Bytes;
 

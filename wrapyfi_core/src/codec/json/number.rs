@@ -52,33 +52,44 @@ pub(super) fn read(text: &[u8]) -> Result<(Value, usize), String> {
     value.map(|value| (value, end)).ok_or_else(|| format!("{number:?} is no number"))
 }
 
-/// Appends a float as Python's `repr` writes it, NaN and the infinities as `json` does.
-pub(super) fn write_float(value: f64, out: &mut Vec<u8>) {
+/// Appends a float as Python's `repr` writes it, NaN and the infinities as `json` does: the shortest
+/// digits that read back the same, plain from 1e-4 to below 1e16, otherwise with an exponent of at
+/// least two digits.
+pub(in crate::codec) fn write_float(value: f64, out: &mut Vec<u8>) {
     if value.is_nan() {
         return out.extend_from_slice(b"NaN");
     }
     if value.is_infinite() {
         return out.extend_from_slice(if value > 0.0 { b"Infinity" } else { b"-Infinity" });
     }
-    out.extend_from_slice(repr(value).as_bytes());
+    // Shortest digits are not unique: where two are equally near, serde_json takes the even one as
+    // Python does, unlike `format!`. Writing to a vector does not fail.
+    let start = out.len();
+    serde_json::to_writer(&mut *out, &value).ok();
+    if value != 0.0 && !(1e-4..1e16).contains(&value.abs()) {
+        let scientific = scientific(out.get(start..).unwrap_or_default());
+        out.truncate(start);
+        out.extend_from_slice(scientific.as_bytes());
+    }
 }
 
-/// A finite float as Python's `repr` writes it: the shortest digits that read back the same,
-/// plain from 1e-4 to below 1e16, otherwise with an exponent of at least two digits.
-pub(in crate::codec) fn repr(value: f64) -> String {
-    if value == 0.0 || (1e-4..1e16).contains(&value.abs()) {
-        // Rust's shortest digits are Python's; `{:?}` keeps the `.0` and has no exponent here.
-        return format!("{value:?}");
-    }
-    let scientific = format!("{value:e}");
-    match scientific.split_once('e') {
-        Some((digits, exponent)) => {
-            let (sign, exponent) =
-                exponent.strip_prefix('-').map_or(('+', exponent), |exponent| ('-', exponent));
-            format!("{digits}e{sign}{exponent:0>2}")
-        }
-        None => scientific,
-    }
+/// A decimal number in any notation with one digit before the point and an exponent.
+fn scientific(number: &[u8]) -> String {
+    let number = String::from_utf8_lossy(number);
+    let (sign, number) = number.strip_prefix('-').map_or(("", &*number), |number| ("-", number));
+    let (mantissa, exponent) = number.split_once('e').unwrap_or((number, "0"));
+    let (whole, fraction) = mantissa.split_once('.').unwrap_or((mantissa, ""));
+    let digits = [whole, fraction].concat();
+    let significant = digits.trim_start_matches('0');
+    let zeros = digits.len() - significant.len();
+    // Neither overflows: a double has at most some 330 digits before or behind the point.
+    let shift = |count: usize| i32::try_from(count).unwrap_or_default();
+    let exponent = exponent.parse().unwrap_or(0) + shift(whole.len()) - shift(zeros) - 1;
+    let significant = significant.trim_end_matches('0');
+    let (first, rest) = significant.split_at_checked(1).unwrap_or((significant, ""));
+    let point = if rest.is_empty() { "" } else { "." };
+    let exponent_sign = if exponent < 0 { '-' } else { '+' };
+    format!("{sign}{first}{point}{rest}e{exponent_sign}{:02}", exponent.abs())
 }
 
 /// Decimal digits, unless Python would refuse to read so many.
@@ -116,8 +127,13 @@ mod tests {
             (f64::MAX, "1.7976931348623157e+308"),
             (-1.5e-10, "-1.5e-10"),
             (1e100, "1e+100"),
+            (79_629_874_276_513.63, "79629874276513.62"), // exactly .625
+            (123e-10, "1.23e-08"),
+            (-1.152_921_504_606_847e18, "-1.152921504606847e+18"),
         ] {
-            assert_eq!(repr(value), text);
+            let mut out = Vec::new();
+            write_float(value, &mut out);
+            assert_eq!(String::from_utf8(out).unwrap(), text);
         }
     }
 
@@ -156,6 +172,18 @@ mod tests {
                 let (read, length) = read(&out).unwrap();
                 prop_assert_eq!(length, out.len());
                 prop_assert_eq!(read.as_f64().unwrap().to_bits(), value.to_bits());
+            }
+        }
+
+        #[test]
+        fn floats_of_everyday_size_are_plain(value in -1e17_f64..1e17, shift in 0..22) {
+            let value = value / 10_f64.powi(shift);
+            if (1e-4..1e16).contains(&value.abs()) {
+                let mut out = Vec::new();
+                write_float(value, &mut out);
+                let plain = String::from_utf8(out).unwrap();
+                prop_assert!(!plain.contains('e'), "{}", plain);
+                prop_assert_eq!(plain.len(), format!("{value:?}").len());
             }
         }
     }
