@@ -83,7 +83,9 @@ impl Publisher for ZeroMqPublisher {
         if let Some(reason) = self.outlet.link.waiting_for() {
             return Err(self.failed(&reason));
         }
-        self.outlet.hear();
+        if self.outlet.hear() {
+            self.outlet.wake.ring();
+        }
         if self.outlet.subscriptions() == 0 {
             return Ok(0);
         }
