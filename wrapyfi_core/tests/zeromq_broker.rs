@@ -81,8 +81,8 @@ fn messages_pass_and_forged_counts_do_not() {
     let listener = subscriber(&context, broker.pub_port(), "/a");
     let publisher = peer(&context, zmq::XPUB, broker.sub_port());
     assert_eq!(publisher.recv_bytes(0).unwrap(), b"\x01/a");
-    // The broker asks publishers for no counts; a PUB that sends them regardless is cut off here,
-    // so the forger must be raw: subscribe to everything to make its messages pass.
+    // Publishers filter by subscription, and the broker asks for no counts: somebody has to want
+    // everything before forged counts leave their sender.
     let _everything = subscriber(&context, broker.pub_port(), "");
     assert_eq!(publisher.recv_bytes(0).unwrap(), b"\x01");
     publisher.send_multipart([MONITOR, r#"{"/a": 99}"#], 0).unwrap();

@@ -9,13 +9,13 @@ use std::time::{Duration, Instant};
 
 use wrapyfi_core::Limits;
 use wrapyfi_core::endpoint::{
-    Context, DropReason, Listener, Middleware, OpenError, Overflow, PublishError, Publisher,
+    Context, DropReason, Link, Listener, Middleware, OpenError, Overflow, PublishError, Publisher,
     QueueSpec, Sample, TopicSpec,
 };
 use wrapyfi_core::middleware::zeromq::{Broker, BrokerConfig, StartError, ZeroMq, ZeroMqConfig};
 use wrapyfi_core::types::{MessageType, Payload, Value};
 use zeromq_common::{
-    MONITOR, any_ports, embedded, foreign, peer, subscriber, wait_for_count, wait_until,
+    MONITOR, any_ports, bound, embedded, foreign, peer, subscriber, wait_for_count, wait_until,
 };
 
 fn spec(topic: &str) -> TopicSpec {
@@ -209,6 +209,20 @@ fn routes_live_again_after_the_broker_was_away() {
     ready(&*publisher);
     publisher.publish(&number(2)).unwrap();
     assert_eq!(next(&mut *listener).payload, number(2));
+}
+
+#[test]
+fn something_else_in_the_place_of_the_broker_is_said() {
+    let context = zmq::Context::new();
+    let (_rep, port) = bound(&context, zmq::REP);
+    let zeromq = ZeroMq::start(&foreign(port, port)).unwrap();
+    let listener = zeromq.open_listener(&spec("/a"), &Context::default()).unwrap();
+    let publisher = zeromq.open_publisher(&spec("/a"), &Context::default()).unwrap();
+    for link in [&|| listener.link() as Link, &|| publisher.link()] as [&dyn Fn() -> Link; 2] {
+        wait_until("the reason", || {
+            link().waiting_for.is_some_and(|reason| reason.contains("not the matching side"))
+        });
+    }
 }
 
 #[test]

@@ -36,7 +36,8 @@ pub struct ZeroMqConfig {
     pub monitor: bool,
     /// Who runs the broker (`WRAPYFI_ZEROMQ_START_PROXY_BROKER`: `False` is foreign).
     pub broker: BrokerMode,
-    /// Messages a socket holds for a peer that is slower, in publishers and in the broker.
+    /// Messages a socket holds for a peer that is slower, in publishers and in the broker; 0 means
+    /// without limit.
     pub send_hwm: u16,
     /// Largest frame a socket accepts before it cuts the connection, in bytes. A listener uses the
     /// limit of its own topic instead.
@@ -102,6 +103,7 @@ pub enum ConfigError {
 
 impl ZeroMqConfig {
     /// The defaults, changed by the `WRAPYFI_ZEROMQ_*` variables that concern publish and listen.
+    /// Those about processes and threads (`…_SPAWN`) mean nothing here: our broker is a thread.
     ///
     /// # Errors
     /// When a variable has a value that means nothing; the error names it.

@@ -72,9 +72,12 @@ impl BrokerLink {
             || is(SocketEvent::HANDSHAKE_FAILED_AUTH)
         {
             REFUSED
-        } else if is(SocketEvent::CLOSED) || (is(SocketEvent::DISCONNECTED) && before == UP) {
-            // A refused handshake is followed by a disconnection too, and stays the reason.
+        } else if is(SocketEvent::CLOSED) {
             DOWN
+        } else if is(SocketEvent::DISCONNECTED) {
+            // Lost before the handshake was over: refused, for a wrong socket type without
+            // further notice.
+            if before == UP { DOWN } else { REFUSED }
         } else {
             before
         };

@@ -12,7 +12,8 @@ use super::reception::{Arrival, Reception};
 use super::{Shared, transport};
 use crate::codec::frames;
 use crate::endpoint::{
-    Context, Link, Listener, OpenError, Receiver, Sample, TakeError, TopicSpec, inbox,
+    Context, Link, Listener, OpenError, Overflow, QueueSpec, Receiver, Sample, TakeError,
+    TopicSpec, inbox,
 };
 
 /// Receives one topic through the broker.
@@ -25,9 +26,18 @@ pub(super) struct ZeroMqListener {
     io: Arc<Handle>,
 }
 
-/// Messages libzmq holds while the inbox is full under policy `block`, beyond its depth. Under
-/// the other policies the I/O thread empties the socket at once.
-const SOCKET_DEPTH: i32 = 1000;
+/// Messages libzmq holds for one listener at most.
+const SOCKET_DEPTH: usize = 1000;
+
+/// Messages libzmq may hold for this listener. Under policy `block` they add to a full inbox, so
+/// there it is no more than the inbox holds; under the others the socket is emptied at once.
+fn socket_depth(queue: QueueSpec) -> i32 {
+    let depth = match queue.overflow {
+        Overflow::Block(_) => queue.depth.clamp(1, SOCKET_DEPTH),
+        _ => SOCKET_DEPTH,
+    };
+    i32::try_from(depth).unwrap_or(i32::MAX)
+}
 
 impl ZeroMqListener {
     pub(super) fn open(
@@ -67,7 +77,7 @@ fn open_socket(
 ) -> zmq::Result<(zmq::Socket, Watch)> {
     let socket = shared.context.socket(zmq::SUB)?;
     options::set_common(&socket, shared.ip)?;
-    socket.set_rcvhwm(SOCKET_DEPTH)?;
+    socket.set_rcvhwm(socket_depth(spec.queue))?;
     // Beyond this libzmq cuts the connection: it guards memory only, far enough above the limit
     // that a message somewhat too large is received, counted and dropped instead.
     let guard = spec.limits.message_bytes.saturating_mul(2).saturating_add(FRAME_SLACK);

@@ -9,6 +9,9 @@
 //!
 //! Frames are moved, never copied. The monitor sees subscriptions only: messages, however many,
 //! cannot delay the counts by more than one batch.
+//!
+//! A listener that reads slower than is published loses what exceeds its queue of `hwm` messages
+//! here; libzmq tells neither us nor the listener. Nobody else is slowed down.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};

@@ -7,6 +7,10 @@
 //!
 //! An XPUB instead of Wrapyfi's PUB, because it tells who is subscribed. To the broker's XSUB the
 //! two are alike.
+//!
+//! Known gap: above `send_hwm` libzmq drops without a word. `XPUB_NODROP` would make it say
+//! `EAGAIN`, which is handled here as a full queue, but the crate `zmq` 0.10 has no safe call for
+//! that option. The queue is full only when the broker reads slower than we send.
 
 use std::collections::BTreeSet;
 use std::os::fd::RawFd;
@@ -79,7 +83,9 @@ impl Publisher for ZeroMqPublisher {
         if let Some(reason) = self.outlet.link.waiting_for() {
             return Err(self.failed(&reason));
         }
-        self.outlet.hear();
+        if self.outlet.hear() {
+            self.outlet.wake.ring();
+        }
         if self.outlet.subscriptions() == 0 {
             return Ok(0);
         }
