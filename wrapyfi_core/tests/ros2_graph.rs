@@ -29,12 +29,16 @@ fn near(name: &str, domain_id: u32) -> CycloneGraph {
 
 /// A node on the same wire as `near` ones of `domain_id`, in a stack of its own.
 fn far(name: &str, domain_id: u32) -> CycloneGraph {
+    CycloneGraph::new(&far_config(name, domain_id)).unwrap()
+}
+
+fn far_config(name: &str, domain_id: u32) -> CycloneConfig {
     let mut config = CycloneConfig::loopback(identity(name), 1000 + domain_id);
     config.extra_uri = Some(format!(
         "<CycloneDDS><Domain><Discovery><ExternalDomainId>{domain_id}</ExternalDomainId>\
          </Discovery></Domain></CycloneDDS>"
     ));
-    CycloneGraph::new(&config).unwrap()
+    config
 }
 
 fn topic(name: &str) -> TopicDescription {
@@ -234,6 +238,19 @@ fn a_message_over_the_limit_is_refused_and_the_next_one_comes() {
         Some(GraphError::TooLarge { topic: "rt/small".into(), actual: 1004, limit: 1000 })
     );
     assert_eq!(text(&next(&mut *reader, &wake)), b"after");
+}
+
+#[test]
+fn a_message_far_over_the_limit_is_discarded_by_its_header() {
+    let mut config = far_config("b", 157);
+    config.max_message_bytes = 25_000;
+    let (a, b) = (near("a", 157), CycloneGraph::new(&config).unwrap());
+    for size in [100_001, 6_000_000] {
+        let Ends { wake, mut writer, mut reader } = connect(&a, &b, &topic("/chatter"));
+        write(&mut *writer, &pattern(size)).unwrap();
+        write(&mut *writer, &pattern(99_000)).unwrap();
+        assert_eq!(text(&next(&mut *reader, &wake)).len(), 99_000);
+    }
 }
 
 #[test]

@@ -229,3 +229,43 @@ fn a_full_queue_drops_the_oldest_and_counts() {
     }
     assert_eq!(route.context.counters.snapshot().dropped_for(DropReason::QueueFull), 17);
 }
+
+#[test]
+fn listeners_come_and_go_under_traffic() {
+    let (a, b) = pair(177);
+    let spec = TopicSpec::new("/busy", MessageType::StringJson);
+    let stop = std::sync::atomic::AtomicBool::new(false);
+    let relaxed = std::sync::atomic::Ordering::Relaxed;
+    std::thread::scope(|scope| {
+        for from in [&a, &b] {
+            let (spec, stop) = (&spec, &stop);
+            scope.spawn(move || {
+                let mut publisher = from.open_publisher(spec, &Context::default()).unwrap();
+                while !stop.load(relaxed) {
+                    // A listener that goes away in the middle may cost a time-out, nothing else.
+                    match publisher.publish(&number(1)) {
+                        Ok(_) | Err(PublishError::QueueFull { .. }) => {}
+                        Err(error) => panic!("{error}"),
+                    }
+                }
+            });
+        }
+        // A second node in the publisher's own stack is called on the publisher's thread.
+        let graph = CycloneGraph::new(&CycloneConfig::loopback(node("third"), 177)).unwrap();
+        let third = Ros2::new(Arc::new(graph), |name| Ok(name.to_owned()));
+        for round in 0..60 {
+            let context = Context::default();
+            let mut spec = spec.clone();
+            if round % 3 == 0 {
+                spec.queue.overflow = Overflow::Block(Duration::from_millis(1));
+            }
+            let mut listener = third.open_listener(&spec, &context).unwrap();
+            for _ in 0..round % 4 {
+                assert!(wait_until(&context.wake, PATIENCE, || {
+                    listener.take().unwrap().is_some()
+                }));
+            }
+        }
+        stop.store(true, relaxed);
+    });
+}
