@@ -305,12 +305,7 @@ fn type_hash(user_data: &[u8]) -> Option<String> {
 }
 
 fn qos<'a>(topic: &TopicDescription, user_data: &'a str) -> EndpointQos<'a> {
-    EndpointQos {
-        qos: topic.qos,
-        max_samples: topic.max_samples,
-        max_blocking: MAX_BLOCKING,
-        user_data,
-    }
+    EndpointQos { qos: topic.qos, max_blocking: MAX_BLOCKING, user_data }
 }
 
 fn stack(operation: &'static str, topic: &str, code: ReturnCode) -> GraphError {
