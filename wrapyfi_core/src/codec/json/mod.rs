@@ -21,6 +21,8 @@ mod number;
 mod tags;
 mod text;
 
+pub(in crate::codec) use number::write_float;
+
 use bytes::Bytes;
 
 use super::{DecodeError, EncodeError};

@@ -52,33 +52,27 @@ pub(super) fn read(text: &[u8]) -> Result<(Value, usize), String> {
     value.map(|value| (value, end)).ok_or_else(|| format!("{number:?} is no number"))
 }
 
-/// Appends a float as Python's `repr` writes it, NaN and the infinities as `json` does.
-pub(super) fn write_float(value: f64, out: &mut Vec<u8>) {
+/// Appends a float as Python's `repr` writes it, NaN and the infinities as `json` does: the shortest
+/// digits that read back the same, plain from 1e-4 to below 1e16, otherwise with an exponent of at
+/// least two digits.
+pub(in crate::codec) fn write_float(value: f64, out: &mut Vec<u8>) {
     if value.is_nan() {
         return out.extend_from_slice(b"NaN");
     }
     if value.is_infinite() {
         return out.extend_from_slice(if value > 0.0 { b"Infinity" } else { b"-Infinity" });
     }
-    out.extend_from_slice(repr(value).as_bytes());
-}
-
-/// A finite float as Python's `repr` writes it: the shortest digits that read back the same,
-/// plain from 1e-4 to below 1e16, otherwise with an exponent of at least two digits.
-pub(in crate::codec) fn repr(value: f64) -> String {
     if value == 0.0 || (1e-4..1e16).contains(&value.abs()) {
-        // Rust's shortest digits are Python's; `{:?}` keeps the `.0` and has no exponent here.
-        return format!("{value:?}");
+        // Here serde_json writes what Python writes, several times faster than `format!`.
+        // Writing to a vector does not fail.
+        serde_json::to_writer(&mut *out, &value).ok();
+        return;
     }
     let scientific = format!("{value:e}");
-    match scientific.split_once('e') {
-        Some((digits, exponent)) => {
-            let (sign, exponent) =
-                exponent.strip_prefix('-').map_or(('+', exponent), |exponent| ('-', exponent));
-            format!("{digits}e{sign}{exponent:0>2}")
-        }
-        None => scientific,
-    }
+    let (digits, exponent) = scientific.split_once('e').unwrap_or((&scientific, "0"));
+    let (sign, exponent) =
+        exponent.strip_prefix('-').map_or(('+', exponent), |exponent| ('-', exponent));
+    out.extend_from_slice(format!("{digits}e{sign}{exponent:0>2}").as_bytes());
 }
 
 /// Decimal digits, unless Python would refuse to read so many.
@@ -117,7 +111,9 @@ mod tests {
             (-1.5e-10, "-1.5e-10"),
             (1e100, "1e+100"),
         ] {
-            assert_eq!(repr(value), text);
+            let mut out = Vec::new();
+            write_float(value, &mut out);
+            assert_eq!(String::from_utf8(out).unwrap(), text);
         }
     }
 
@@ -156,6 +152,16 @@ mod tests {
                 let (read, length) = read(&out).unwrap();
                 prop_assert_eq!(length, out.len());
                 prop_assert_eq!(read.as_f64().unwrap().to_bits(), value.to_bits());
+            }
+        }
+
+        #[test]
+        fn floats_of_everyday_size_are_plain(value in -1e17_f64..1e17, shift in 0..22) {
+            let value = value / 10_f64.powi(shift);
+            if (1e-4..1e16).contains(&value.abs()) {
+                let mut out = Vec::new();
+                write_float(value, &mut out);
+                prop_assert_eq!(String::from_utf8(out).unwrap(), format!("{value:?}"));
             }
         }
     }

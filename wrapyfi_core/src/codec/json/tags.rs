@@ -8,6 +8,8 @@
 //!                     └ no string ─▶ an ordinary dict
 //! ```
 
+use memchr::memchr;
+
 use super::super::Path;
 use super::base64;
 use super::decode::{Decoder, Result, Tagged};
@@ -125,21 +127,32 @@ impl Decoder<'_> {
     }
 
     fn array(&mut self, path: &Path<'_>) -> Result<Value> {
-        let string = self.raw_string(path)?;
-        let file = if string.escaped {
-            match string.decode() {
-                Ok(Text::Valid(text)) => base64::decode(text.as_bytes()),
-                Ok(Text::Utf16(_)) => Err("base64 text holds characters beyond ASCII".into()),
-                Err(reason) => Err(reason),
+        let file = match self.clean_base64() {
+            Some(file) => file,
+            None => {
+                let decoded = match self.raw_string(path)?.decode() {
+                    Ok(Text::Valid(text)) => base64::decode_leniently(text.as_bytes()),
+                    Ok(Text::Utf16(_)) => Err("base64 text holds a lone surrogate".into()),
+                    Err(reason) => Err(reason),
+                };
+                decoded.map_err(|reason| self.malformed(path, reason))?
             }
-        } else {
-            base64::decode(string.inner)
         };
-        let file = file.map_err(|reason| self.malformed(path, reason))?;
         npy::read_at(&file.into(), path).map(|array| match array {
             NpyArray::Tensor(tensor) => Value::Tensor(tensor),
             NpyArray::Array(array) => Value::Array(array),
         })
+    }
+
+    /// The bytes of a string that is base64 and nothing else, as every sender but a broken one
+    /// writes it. No such string holds an escape, so the next quote ends it.
+    fn clean_base64(&mut self) -> Option<Vec<u8>> {
+        self.peek().filter(|&byte| byte == b'"')?;
+        let rest = self.rest().get(1..)?;
+        let text = rest.get(..memchr(b'"', rest)?)?;
+        let decoded = base64::decode_strictly(text)?;
+        self.at += text.len() + 2;
+        Some(decoded)
     }
 
     fn tensor(&mut self, path: &Path<'_>, depth: usize) -> Result<Value> {
