@@ -12,7 +12,9 @@ use wrapyfi_core::endpoint::{
 };
 use wrapyfi_core::middleware::ros2::graph::{NodeIdentity, wait_until};
 use wrapyfi_core::middleware::ros2::{CycloneConfig, CycloneGraph, Ros2};
-use wrapyfi_core::types::{Encoding, Image, Map, MessageType, Payload, RawPixels, Stamp, Value};
+use wrapyfi_core::types::{
+    Encoding, Image, Map, MessageType, Payload, Pixels, RawPixels, Stamp, Value,
+};
 
 const PATIENCE: Duration = Duration::from_secs(30);
 
@@ -253,4 +255,26 @@ fn listeners_come_and_go_under_traffic() {
         }
         stop.store(true, relaxed);
     });
+}
+
+#[test]
+fn images_take_the_form_of_the_topic() {
+    let (a, b) = pair(178);
+    let mut files = connect(&a, &b, &TopicSpec::new("/files", MessageType::CompressedImage));
+    files.publisher.publish(&frame(64, 48)).unwrap();
+    let file = files.next().unwrap().payload;
+    assert!(
+        matches!(&file, Payload::Image(image) if matches!(image.pixels, Pixels::Compressed { .. }))
+    );
+    let mut raws = connect(&a, &b, &TopicSpec::new("/raws", MessageType::Image));
+    raws.publisher.publish(&file).unwrap();
+    match raws.next().unwrap().payload {
+        Payload::Image(Image { stamp, pixels: Pixels::Raw(raw), .. }) => {
+            assert_eq!((raw.width, raw.height, raw.encoding), (64, 48, Encoding::Bgr8));
+            assert_eq!(stamp, Stamp { sec: 7, nanosec: 9 });
+        }
+        other => panic!("{other:?}"),
+    }
+    let wrong = raws.publisher.publish(&number(1)).unwrap_err();
+    assert_eq!(wrong.drop_reason(), DropReason::Unencodable);
 }

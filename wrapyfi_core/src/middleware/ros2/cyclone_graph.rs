@@ -21,9 +21,10 @@ use super::graph::{
 };
 use super::names::{self, NameError};
 
-/// How long a write waits for reliable readers: Fast DDS's value. Longer would let one stopped
-/// subscriber hold up everything that the same thread propagates.
-const MAX_BLOCKING: Duration = Duration::from_millis(100);
+/// How long a write waits for reliable readers. A lost acknowledgement is repeated with the next
+/// heartbeat, 100 ms later, so less would drop messages that were about to go; much more would let
+/// one stopped subscriber hold up everything that the same thread propagates.
+const MAX_BLOCKING: Duration = Duration::from_millis(500);
 
 /// Why a node could not be created.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
