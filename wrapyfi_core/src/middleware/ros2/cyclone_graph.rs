@@ -21,7 +21,8 @@ use super::graph::{
 };
 use super::names::{self, NameError};
 
-/// How long a write waits for reliable readers. A lost acknowledgement is repeated with the next
+/// How long a write waits for reliable readers; only keep-all writers wait, the others overwrite
+/// their oldest. A lost acknowledgement is repeated with the next
 /// heartbeat, 100 ms later, so less would drop messages that were about to go; much more would let
 /// one stopped subscriber hold up everything that the same thread propagates.
 const MAX_BLOCKING: Duration = Duration::from_millis(500);
