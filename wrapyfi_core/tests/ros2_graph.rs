@@ -483,3 +483,29 @@ fn exchange_small(a: &CycloneGraph, b: &CycloneGraph) {
         assert_eq!(text(&next(&mut *ends.reader, &ends.wake)), b"small");
     }
 }
+
+#[test]
+fn cyclone_accepts_the_settings_of_every_range() {
+    use wrapyfi_core::middleware::ros2::environment::{self, DiscoveryRange};
+    // As from the environment, but kept on lo by the user's own source.
+    let on_lo = "<CycloneDDS><Domain><General><Interfaces><NetworkInterface name='lo'/>\
+                 </Interfaces><AllowMulticast>false</AllowMulticast></General></Domain></CycloneDDS>";
+    for (range, expected) in [
+        ("SUBNET", DiscoveryRange::Subnet),
+        ("LOCALHOST", DiscoveryRange::Localhost),
+        ("OFF", DiscoveryRange::Off),
+        ("SYSTEM_DEFAULT", DiscoveryRange::SystemDefault),
+    ] {
+        let read = environment::read(|name| match name {
+            "ROS_DOMAIN_ID" => Some("158".into()),
+            "ROS_AUTOMATIC_DISCOVERY_RANGE" => Some(range.into()),
+            "ROS_STATIC_PEERS" => Some("127.0.0.1;127.0.0.2".into()),
+            "CYCLONEDDS_URI" => Some(on_lo.into()),
+            _ => None,
+        })
+        .unwrap();
+        assert_eq!(read.discovery.range, expected);
+        let config = CycloneConfig::from_environment(identity("a"), &read);
+        CycloneGraph::new(&config).unwrap_or_else(|error| panic!("{range}: {error}"));
+    }
+}
