@@ -75,7 +75,7 @@ fn dds_peer_and_ros_node_hear_each_other() -> Result {
         let _publisher = world.dds_publisher(&there, "std_msgs/msg/String", "")?;
         assert!(heard.next()?.contains("greeting"));
 
-        let frame = RosImage::plain(8, 4, "rgb8", [255, 0, 0]);
+        let frame = RosImage::plain(64, 48, "rgb8", [255, 0, 0]);
         let expected = sha256(&frame.data);
         let _spoken = node.publish(&back, "sensor_msgs/msg/Image", move |_| frame.clone())?;
         let subscriber = world.dds_subscriber(&back, "sensor_msgs/msg/Image", "--count 1")?;
