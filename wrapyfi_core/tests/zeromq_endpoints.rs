@@ -1,5 +1,6 @@
 //! Listeners and publishers through a broker.
 #![cfg(feature = "zeromq")]
+#![allow(clippy::unwrap_used, clippy::panic, clippy::indexing_slicing)]
 
 mod zeromq_common;
 

@@ -121,10 +121,19 @@ pub(crate) fn unique_members(members: Vec<Value>) -> Vec<Value> {
         .collect()
 }
 
+/// So few values are compared with each other faster than they are hashed.
+const SMALL: usize = 8;
+
 /// For each value the index of the first one equal to it; `None` when all differ. Takes linear
 /// time, because the values come from foreign messages.
-fn first_of_equals<'a>(values: impl ExactSizeIterator<Item = &'a Value>) -> Option<Vec<usize>> {
+fn first_of_equals<'a>(
+    values: impl ExactSizeIterator<Item = &'a Value> + Clone,
+) -> Option<Vec<usize>> {
     let count = values.len();
+    let pair_differs = |(index, value)| values.clone().take(index).all(|before| before != value);
+    if count <= SMALL && values.clone().enumerate().all(pair_differs) {
+        return None;
+    }
     let mut seen = HashMap::with_capacity(count);
     let firsts: Vec<usize> = values
         .enumerate()

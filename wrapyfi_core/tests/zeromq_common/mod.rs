@@ -1,5 +1,7 @@
 //! Raw ZeroMQ peers, as Python Wrapyfi uses them, and waiting for conditions.
-#![allow(dead_code, unreachable_pub)] // each test file uses a part
+// Each test file uses a part; in tests a panic is the right answer.
+#![allow(dead_code, unreachable_pub, clippy::unwrap_used, clippy::expect_used)]
+#![allow(clippy::indexing_slicing, clippy::panic)]
 
 use std::time::{Duration, Instant};
 

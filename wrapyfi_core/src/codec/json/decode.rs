@@ -14,9 +14,17 @@ pub(super) type Result<T> = std::result::Result<T, DecodeError>;
 pub(super) struct Decoder<'a> {
     pub(super) bytes: &'a Bytes,
     pub(super) at: usize,
-    depth: usize,
+    limits: &'a Limits,
+    /// Values that may still be built.
+    values_left: usize,
     /// What `tensor` tags refer to; `None` where they are no tags.
     pub(super) tensors: Option<&'a [Tensor]>,
+}
+
+/// Most values in one message. A value takes some 90 bytes however short its text is: without this,
+/// `[0,0,0,…]` would cost forty times its length.
+fn max_values(limits: &Limits) -> usize {
+    (limits.message_bytes / 8).max(1024)
 }
 
 pub(super) fn run(text: &Bytes, tensors: Option<&[Tensor]>, limits: &Limits) -> Result<Value> {
@@ -28,7 +36,8 @@ pub(super) fn run(text: &Bytes, tensors: Option<&[Tensor]>, limits: &Limits) -> 
             limit: limits.message_bytes as u64,
         });
     }
-    let mut decoder = Decoder { bytes: text, at: 0, depth: limits.depth, tensors };
+    let values = max_values(limits);
+    let mut decoder = Decoder { bytes: text, at: 0, limits, values_left: values, tensors };
     if text.starts_with(b"\xEF\xBB\xBF") {
         return Err(decoder.malformed(&Path::Root, "a byte order mark begins the text"));
     }
@@ -104,19 +113,34 @@ impl<'a> Decoder<'a> {
     }
 
     fn check_depth(&self, path: &Path<'_>, depth: usize) -> Result<()> {
-        if depth <= self.depth {
+        if depth <= self.limits.depth {
             return Ok(());
         }
         Err(DecodeError::TooLarge {
             what: "nesting",
             path: path.to_string(),
             actual: depth as u64,
-            limit: self.depth as u64,
+            limit: self.limits.depth as u64,
+        })
+    }
+
+    fn count_value(&mut self, path: &Path<'_>) -> Result<()> {
+        if let Some(left) = self.values_left.checked_sub(1) {
+            self.values_left = left;
+            return Ok(());
+        }
+        let limit = max_values(self.limits) as u64;
+        Err(DecodeError::TooLarge {
+            what: "number of values",
+            path: path.to_string(),
+            actual: limit + 1,
+            limit,
         })
     }
 
     /// A value inside `depth` containers.
     pub(super) fn value(&mut self, path: &Path<'_>, depth: usize) -> Result<Value> {
+        self.count_value(path)?;
         match self.peek() {
             Some(b'{') => self.object(path, depth + 1),
             Some(b'[') => self.list(path, depth + 1).map(Value::List),
@@ -196,6 +220,7 @@ impl<'a> Decoder<'a> {
         if !self.take(b'}') {
             loop {
                 let key = self.text(path)?;
+                self.count_value(path)?;
                 self.expect(b':', path)?;
                 match key {
                     Text::Valid(key) if key == TAG => match self.tag(path, depth)? {

@@ -21,6 +21,8 @@ mod number;
 mod tags;
 mod text;
 
+pub(in crate::codec) use number::repr;
+
 use bytes::Bytes;
 
 use super::{DecodeError, EncodeError};

@@ -135,7 +135,7 @@ fn plain(part: &[u8]) -> Result<&str, String> {
     if part.iter().any(|&byte| byte < 0x20) {
         return Err("a string has a control character that is not escaped".into());
     }
-    str::from_utf8(part).map_err(|_| "a string is not UTF-8".into())
+    str::from_utf8(part).map_err(|error| format!("a string is not UTF-8: {error}"))
 }
 
 /// Appends `text` in quotes, everything but printable ASCII escaped.
@@ -162,6 +162,10 @@ pub(super) fn write_utf16(units: &[u16], out: &mut Vec<u8>) {
     out.push(b'"');
 }
 
+fn hex_digit(nibble: u8) -> u8 {
+    if nibble < 10 { b'0' + nibble } else { b'a' + nibble - 10 }
+}
+
 fn write_unit(unit: u16, out: &mut Vec<u8>) {
     let short = match u8::try_from(unit) {
         Ok(c @ (b'"' | b'\\')) => c,
@@ -171,7 +175,11 @@ fn write_unit(unit: u16, out: &mut Vec<u8>) {
         Ok(0x0D) => b'r',
         Ok(0x09) => b't',
         Ok(c @ b' '..=b'~') => return out.push(c),
-        _ => return out.extend_from_slice(format!("\\u{unit:04x}").as_bytes()),
+        _ => {
+            out.extend_from_slice(b"\\u");
+            let [high, low] = unit.to_be_bytes();
+            return out.extend([high >> 4, high & 15, low >> 4, low & 15].map(hex_digit));
+        }
     };
     out.extend_from_slice(&[b'\\', short]);
 }

@@ -139,7 +139,7 @@ impl<'a> Literal<'a> {
         let rest = self.rest();
         let digits = rest.len() - rest.trim_start_matches(|c: char| c.is_ascii_digit()).len();
         self.at += digits;
-        let extent = rest.get(..digits).unwrap_or_default().parse().map_err(|_| {
+        let extent = rest.get(..digits).unwrap_or_default().parse().ok().ok_or_else(|| {
             let shown: String = rest.chars().take(24).collect();
             format!("{shown:?} does not begin with an extent")
         })?;
@@ -242,10 +242,11 @@ fn code(code: &str) -> Result<Descr, String> {
         chars.as_str().find(|c: char| !c.is_ascii_digit()).unwrap_or(chars.as_str().len()),
     );
     let is_time = matches!(kind, 'M' | 'm');
-    if !unit.is_empty() && !(is_time && unit.starts_with('[') && unit.ends_with(']')) {
+    let unit_fits = unit.is_empty() || (is_time && unit.starts_with('[') && unit.ends_with(']'));
+    if !unit_fits {
         return Err(unknown());
     }
-    let size: usize = digits.parse().map_err(|_| unknown())?;
+    let size: usize = digits.parse().ok().ok_or_else(unknown)?;
     let number = match (kind, size) {
         ('b', 1) => Some(Dtype::Bool),
         ('i', 1) => Some(Dtype::I8),

@@ -77,7 +77,7 @@ impl CycloneGraph {
         let fault = |code: ReturnCode| CycloneError::Participant(code.to_string());
         let participant = Entity::participant(config.domain_id, "enclave=/;").map_err(fault)?;
         let gid = participant.guid().map_err(fault)?;
-        let info = DiscoveryInfo::new(&participant, identity.clone()).map_err(fault)?;
+        let info = DiscoveryInfo::new(&participant, &identity).map_err(fault)?;
         info.publish();
         tracing::info!(
             node = identity.full_name(),

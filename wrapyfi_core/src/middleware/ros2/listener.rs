@@ -20,7 +20,7 @@ use super::payload;
 use crate::Limits;
 use crate::endpoint::{
     Context, Counters, DropReason, Link, Listener, Overflow, QueueSpec, Receiver, Sample, Sender,
-    TakeError, Wake, inbox,
+    TakeError, TopicSpec, Wake, inbox,
 };
 use crate::types::MessageType;
 
@@ -131,12 +131,10 @@ impl Ros2Listener {
     pub(super) fn open(
         graph: &Arc<dyn Graph>,
         topic: &TopicDescription,
-        message_type: MessageType,
-        queue: QueueSpec,
-        limits: Limits,
+        spec: &TopicSpec,
         context: &Context,
     ) -> Result<Self, GraphError> {
-        let (inlet, receiver) = Inlet::new(&topic.name, queue, context);
+        let (inlet, receiver) = Inlet::new(&topic.name, spec.queue, context);
         // Weak, because the inlet owns the reader that owns the callback.
         let weak = Arc::downgrade(&inlet);
         let on_data = Arc::new(move || {
@@ -149,10 +147,11 @@ impl Ros2Listener {
         inlet.lock().reader = Some(reader);
         // What came before the reader was in its place.
         inlet.drain();
+        let message_type = spec.message_type;
         let diagnosis =
             Diagnosis::new(Arc::clone(graph), topic.name.clone(), message_type.ros_type(), true);
-        let blocks = matches!(queue.overflow, Overflow::Block(_));
-        Ok(Self { inlet, receiver, blocks, message_type, limits, diagnosis })
+        let blocks = matches!(spec.queue.overflow, Overflow::Block(_));
+        Ok(Self { inlet, receiver, blocks, message_type, limits: spec.limits, diagnosis })
     }
 }
 

@@ -96,7 +96,7 @@ impl Ros2 {
         Ok(TopicDescription {
             name,
             type_name: spec.message_type.ros_type().to_owned(),
-            type_hash: payload::type_hash(spec.message_type),
+            type_hash: Some(payload::type_hash(spec.message_type)),
             qos,
             max_samples: None,
             max_bytes: spec.limits.message_bytes,
@@ -120,15 +120,8 @@ impl Middleware for Ros2 {
             topic.qos.history = History::KeepAll;
             topic.max_samples = Some(u32::try_from(spec.queue.depth).unwrap_or(u32::MAX));
         }
-        let listener = Ros2Listener::open(
-            &self.graph,
-            &topic,
-            spec.message_type,
-            spec.queue,
-            spec.limits,
-            context,
-        )
-        .map_err(|error| transport(spec, &error))?;
+        let listener = Ros2Listener::open(&self.graph, &topic, spec, context)
+            .map_err(|error| transport(spec, &error))?;
         Ok(Box::new(listener))
     }
 
@@ -138,9 +131,8 @@ impl Middleware for Ros2 {
         context: &Context,
     ) -> Result<Box<dyn Publisher>, OpenError> {
         let topic = self.describe(spec, spec.qos)?;
-        let publisher =
-            Ros2Publisher::open(&self.graph, &topic, spec.message_type, spec.limits, context)
-                .map_err(|error| transport(spec, &error))?;
+        let publisher = Ros2Publisher::open(&self.graph, &topic, spec, context)
+            .map_err(|error| transport(spec, &error))?;
         Ok(Box::new(publisher))
     }
 }

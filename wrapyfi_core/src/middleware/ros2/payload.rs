@@ -1,26 +1,46 @@
 //! Payloads as CDR: the one place where this middleware meets the codecs.
 //!
 //! ```text
-//!   Payload ─ encode ─▶ pieces ─▶ CdrWriter          CdrReader ─▶ Bytes ─ decode ─▶ Payload
+//!   Payload ─ convert raw <-> file ─ encode ─▶ pieces ─▶ CdrWriter
+//!   CdrReader ─▶ Bytes ─ decode ─▶ Payload
 //! ```
 
-use bytes::Bytes;
+use std::borrow::Cow;
 
-use crate::types::{MessageType, Payload};
+use bytes::Bytes;
+use wrapyfi_interfaces::cdr::CdrParts;
+
+use crate::codec::{self, ros};
+use crate::types::{Encoding, MessageType, Payload, Pixels};
 use crate::{DecodeError, EncodeError, Limits};
 
-/// `payload` as a message of `message_type`, in pieces.
+/// `payload` as a message of `message_type`, in pieces. An image of the other form is converted:
+/// a file for `CompressedImage`, pixels for `Image`.
 pub(super) fn encode(
     payload: &Payload,
     message_type: MessageType,
-) -> Result<Vec<Bytes>, EncodeError> {
-    _ = payload;
-    Err(EncodeError::Unrepresentable {
-        format: "CDR",
-        what: format!("messages of type {}", message_type.ros_type()),
-        path: "$".into(),
-        remedy: "this build has no codec for ROS messages".into(),
-    })
+    color_order: Encoding,
+    limits: &Limits,
+) -> Result<CdrParts, EncodeError> {
+    let payload = match payload {
+        Payload::Image(image)
+            if matches!(
+                (&image.pixels, message_type),
+                (Pixels::Raw(_), MessageType::CompressedImage)
+                    | (Pixels::Compressed { .. }, MessageType::Image)
+            ) =>
+        {
+            let image = codec::convert(image.clone(), message_type, color_order, limits)?;
+            Cow::Owned(Payload::Image(image))
+        }
+        fits => Cow::Borrowed(fits),
+    };
+    let parts = ros::encode(&payload, message_type)?;
+    if parts.len() > limits.message_bytes {
+        let (actual, limit) = (parts.len() as u64, limits.message_bytes as u64);
+        return Err(EncodeError::TooLarge { actual, limit });
+    }
+    Ok(parts)
 }
 
 /// The payload of a message of `message_type`.
@@ -29,16 +49,10 @@ pub(super) fn decode(
     message_type: MessageType,
     limits: &Limits,
 ) -> Result<Payload, DecodeError> {
-    _ = (cdr, limits);
-    Err(DecodeError::Malformed {
-        format: "CDR",
-        path: "$".into(),
-        reason: format!("this build has no codec for {}", message_type.ros_type()),
-    })
+    ros::decode(cdr, message_type, limits)
 }
 
-/// REP-2016 hash of a type, where known.
-pub(super) fn type_hash(message_type: MessageType) -> Option<String> {
-    _ = message_type;
-    None
+/// REP-2016 hash of a type.
+pub(super) fn type_hash(message_type: MessageType) -> String {
+    ros::type_hash(message_type).to_owned()
 }

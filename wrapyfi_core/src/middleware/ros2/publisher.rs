@@ -9,9 +9,11 @@ use std::sync::Arc;
 use super::diagnosis::Diagnosis;
 use super::graph::{CdrWriter, Graph, GraphError, TopicDescription};
 use super::payload;
-use crate::endpoint::{Context, Durability, History, Link, PublishError, Publisher, Qos};
-use crate::types::{MessageType, Payload};
-use crate::{EncodeError, Limits};
+use crate::Limits;
+use crate::endpoint::{
+    Context, Durability, History, Link, PublishError, Publisher, Qos, TopicSpec,
+};
+use crate::types::{Encoding, MessageType, Payload};
 
 /// A ROS 2 publisher.
 pub(super) struct Ros2Publisher {
@@ -19,6 +21,7 @@ pub(super) struct Ros2Publisher {
     topic: String,
     message_type: MessageType,
     qos: Qos,
+    color_order: Encoding,
     limits: Limits,
     diagnosis: Diagnosis,
 }
@@ -27,28 +30,30 @@ impl Ros2Publisher {
     pub(super) fn open(
         graph: &Arc<dyn Graph>,
         topic: &TopicDescription,
-        message_type: MessageType,
-        limits: Limits,
+        spec: &TopicSpec,
         context: &Context,
     ) -> Result<Self, GraphError> {
         let wake = context.wake.clone();
         let writer = graph.advertise(topic, Arc::new(move || wake.ring()))?;
+        let message_type = spec.message_type;
         let diagnosis =
             Diagnosis::new(Arc::clone(graph), topic.name.clone(), message_type.ros_type(), false);
-        let (topic, qos) = (topic.name.clone(), topic.qos);
-        Ok(Self { writer, topic, message_type, qos, limits, diagnosis })
+        Ok(Self {
+            writer,
+            topic: topic.name.clone(),
+            message_type,
+            qos: topic.qos,
+            color_order: spec.color_order,
+            limits: spec.limits,
+            diagnosis,
+        })
     }
 }
 
 impl Publisher for Ros2Publisher {
     fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {
-        let pieces = payload::encode(payload, self.message_type)?;
-        let parts: Vec<&[u8]> = pieces.iter().map(AsRef::as_ref).collect();
-        let bytes = parts.iter().map(|part| part.len()).sum();
-        if bytes > self.limits.message_bytes {
-            let (actual, limit) = (bytes as u64, self.limits.message_bytes as u64);
-            return Err(EncodeError::TooLarge { actual, limit }.into());
-        }
+        let cdr = payload::encode(payload, self.message_type, self.color_order, &self.limits)?;
+        let parts: Vec<&[u8]> = cdr.pieces().iter().map(AsRef::as_ref).collect();
         self.writer.write(&parts).map_err(|error| match error {
             GraphError::Timeout { topic, .. } => PublishError::QueueFull {
                 topic,
@@ -61,7 +66,7 @@ impl Publisher for Ros2Publisher {
                 PublishError::Transport { topic: self.topic.clone(), reason: other.to_string() }
             }
         })?;
-        Ok(bytes)
+        Ok(cdr.len())
     }
 
     fn link(&self) -> Link {

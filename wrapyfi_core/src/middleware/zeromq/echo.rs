@@ -15,9 +15,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 /// How long a message may be under way to the broker and back.
-const LIFETIME: Duration = Duration::from_secs(5);
+const LIFETIME: Duration = Duration::from_secs(10);
 /// Messages remembered at most per topic; beyond, the oldest are forgotten.
-const MAX_TOKENS: usize = 4096;
+const MAX_TOKENS: usize = 16_384;
 
 /// Tokens of all topics of one ZeroMQ instance.
 #[derive(Default)]

@@ -1,0 +1,231 @@
+//! Payloads through the middleware `ros2`, between two nodes over loopback.
+#![cfg(feature = "ros2")]
+// In helpers of tests, too, a panic is the right answer.
+#![allow(clippy::unwrap_used, clippy::indexing_slicing, clippy::panic)]
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use wrapyfi_core::endpoint::{
+    Context, DropReason, Listener, Middleware, OpenError, Overflow, PublishError, Publisher,
+    QosPreset, QueueSpec, Reliability, Sample, TakeError, TopicSpec,
+};
+use wrapyfi_core::middleware::ros2::graph::{NodeIdentity, wait_until};
+use wrapyfi_core::middleware::ros2::{CycloneConfig, CycloneGraph, Ros2};
+use wrapyfi_core::types::{Encoding, Image, Map, MessageType, Payload, RawPixels, Stamp, Value};
+
+const PATIENCE: Duration = Duration::from_secs(30);
+
+fn node(name: &str) -> NodeIdentity {
+    NodeIdentity { name: name.into(), namespace: "/robot".into() }
+}
+
+/// Two nodes on one wire, each in a stack of its own.
+fn pair(domain_id: u32) -> (Ros2, Ros2) {
+    let mut far = CycloneConfig::loopback(node("far"), 1000 + domain_id);
+    far.extra_uri = Some(format!(
+        "<CycloneDDS><Domain><Discovery><ExternalDomainId>{domain_id}</ExternalDomainId>\
+         </Discovery></Domain></CycloneDDS>"
+    ));
+    let open = |config: &CycloneConfig| {
+        let graph = CycloneGraph::new(config).unwrap();
+        Ros2::new(Arc::new(graph), |name| match name {
+            "/robot/old" => Ok("/new".to_owned()),
+            "/robot/forbidden" => Err("no rule allows it".to_owned()),
+            name => Ok(name.to_owned()),
+        })
+    };
+    (open(&CycloneConfig::loopback(node("near"), domain_id)), open(&far))
+}
+
+struct Route {
+    publisher: Box<dyn Publisher>,
+    listener: Box<dyn Listener>,
+    /// The listener's.
+    context: Context,
+}
+
+fn connect(from: &Ros2, to: &Ros2, spec: &TopicSpec) -> Route {
+    let context = Context::default();
+    let publisher = from.open_publisher(spec, &Context::default()).unwrap();
+    let listener = to.open_listener(spec, &context).unwrap();
+    assert!(wait_until(&context.wake, PATIENCE, || {
+        publisher.link().peers == Some(1) && listener.link().peers == Some(1)
+    }));
+    assert_eq!(publisher.link().waiting_for, None);
+    assert_eq!(listener.link().waiting_for, None);
+    Route { publisher, listener, context }
+}
+
+impl Route {
+    fn next(&mut self) -> Result<Sample, TakeError> {
+        let mut got = None;
+        assert!(wait_until(&self.context.wake, PATIENCE, || {
+            got = self.listener.take().transpose();
+            got.is_some()
+        }));
+        got.unwrap()
+    }
+}
+
+fn number(n: i64) -> Payload {
+    Value::from(Map::from([("n", n)])).into()
+}
+
+fn frame(width: u32, height: u32) -> Payload {
+    let step = width * 3;
+    let data: Vec<u8> = (0..step * height).map(|n| u8::try_from(n % 253).unwrap()).collect();
+    let raw = RawPixels::new(width, height, Encoding::Bgr8, step, data).unwrap();
+    Image::new(Stamp { sec: 7, nanosec: 9 }, raw).into()
+}
+
+#[test]
+fn payloads_arrive_as_they_were_sent() {
+    let (a, b) = pair(170);
+    for (topic, message_type, payload) in [
+        ("object", MessageType::NativeObject, number(1)),
+        ("text", MessageType::StringJson, number(2)),
+        ("small", MessageType::Image, frame(4, 3)),
+        ("full_hd", MessageType::Image, frame(1920, 1080)),
+    ] {
+        let mut route = connect(&a, &b, &TopicSpec::new(topic, message_type));
+        let bytes = route.publisher.publish(&payload).unwrap();
+        let sample = route.next().unwrap();
+        assert!(sample.payload == payload, "{topic}");
+        assert_eq!(sample.wire_bytes, bytes.next_multiple_of(4), "{topic}");
+        let now = route.context.counters.snapshot();
+        assert_eq!((now.received, now.received_bytes), (1, sample.wire_bytes as u64));
+    }
+}
+
+#[test]
+fn names_are_expanded_and_remapped() {
+    let (a, b) = pair(171);
+    let spec = |name: &str| TopicSpec::new(name, MessageType::StringJson);
+    let _old = a.open_publisher(&spec("old"), &Context::default()).unwrap();
+    let _own = a.open_publisher(&spec("~/own"), &Context::default()).unwrap();
+    let context = Context::default();
+    let listener = b.open_listener(&spec("/new"), &context).unwrap();
+    assert!(wait_until(&context.wake, PATIENCE, || listener.link().peers == Some(1)));
+    let topics: Vec<String> =
+        a.graph().endpoints().unwrap().into_iter().map(|endpoint| endpoint.topic).collect();
+    assert!(topics.iter().any(|topic| topic == "/robot/near/own"), "{topics:?}");
+    for (name, reason) in [("a b", "' '"), ("a//b", "//"), ("forbidden", "no rule allows it")] {
+        match a.open_listener(&spec(name), &Context::default()).err() {
+            Some(error @ OpenError::InvalidName { .. }) => {
+                assert!(error.to_string().contains(reason), "{error}");
+                assert!(!error.is_transient());
+            }
+            other => panic!("{name}: {other:?}"),
+        }
+    }
+}
+
+#[test]
+fn the_link_says_why_nothing_flows() {
+    let (a, b) = pair(172);
+    let context = Context::default();
+    let listener = b.open_listener(&TopicSpec::new("/x", MessageType::Image), &context).unwrap();
+    let says = |listener: &dyn Listener, words: &str| {
+        let held = wait_until(&context.wake, PATIENCE, || {
+            listener.link().waiting_for.is_some_and(|reason| reason.contains(words))
+        });
+        assert!(held, "{words}: {:?}", listener.link());
+    };
+    says(&*listener, "no publisher of /x yet");
+    let other = a.open_publisher(&TopicSpec::new("/x", MessageType::StringJson), &context).unwrap();
+    says(&*listener, "a publisher of /x carries std_msgs/msg/String, not sensor_msgs/msg/Image");
+    drop(other);
+    says(&*listener, "no publisher of /x yet");
+    let mut best_effort = TopicSpec::new("/x", MessageType::Image);
+    best_effort.qos.reliability = Reliability::BestEffort;
+    let refused = a.open_publisher(&best_effort, &context).unwrap();
+    says(&*listener, "its reliability is incompatible");
+    assert_eq!(refused.link().peers, Some(0));
+}
+
+#[test]
+fn the_last_message_is_kept_for_later_listeners() {
+    let (a, b) = pair(173);
+    let mut spec = TopicSpec::new("/latched", MessageType::StringJson);
+    spec.qos = QosPreset::Latched.into();
+    let mut publisher = a.open_publisher(&spec, &Context::default()).unwrap();
+    assert!(publisher.link().keeps_last);
+    publisher.publish(&number(1)).unwrap();
+    publisher.publish(&number(2)).unwrap();
+    let context = Context::default();
+    let listener = b.open_listener(&spec, &context).unwrap();
+    let mut route = Route { publisher, listener, context };
+    assert_eq!(route.next().unwrap().payload, number(2));
+}
+
+#[test]
+fn what_is_too_large_is_refused_on_both_sides() {
+    let (a, b) = pair(174);
+    let mut wide = TopicSpec::new("/big", MessageType::Image);
+    let mut narrow = wide.clone();
+    narrow.limits.message_bytes = 10_000;
+    wide.limits.message_bytes = 1 << 20;
+    let context = Context::default();
+    let mut publisher = a.open_publisher(&wide, &Context::default()).unwrap();
+    let listener = b.open_listener(&narrow, &context).unwrap();
+    assert!(wait_until(&context.wake, PATIENCE, || publisher.link().peers == Some(1)));
+    publisher.publish(&frame(100, 100)).unwrap();
+    publisher.publish(&frame(10, 10)).unwrap();
+    assert!(matches!(publisher.publish(&frame(1000, 1000)), Err(PublishError::Encode(_))));
+    let mut route = Route { publisher, listener, context };
+    assert!(route.next().unwrap().payload == frame(10, 10));
+    let now = route.context.counters.snapshot();
+    assert_eq!((now.received, now.dropped_for(DropReason::Oversize)), (2, 1));
+    assert!(now.received_bytes > 30_000);
+}
+
+#[test]
+fn under_block_a_slow_consumer_loses_nothing() {
+    let (a, b) = pair(175);
+    let mut spec = TopicSpec::new("/blocked", MessageType::Image);
+    spec.queue = QueueSpec { depth: 2, overflow: Overflow::Block(PATIENCE) };
+    // What has not been taken in by the reader must not be overwritten in the writer.
+    spec.qos.history = wrapyfi_core::endpoint::History::KeepAll;
+    let mut route = connect(&a, &b, &spec);
+    let sent = frame(640, 480);
+    let mut published = 0_u64;
+    let mut taken = 0_u64;
+    while published < 40 {
+        match route.publisher.publish(&sent) {
+            Ok(_) => published += 1,
+            Err(PublishError::QueueFull { .. }) => {
+                assert!(published > 4, "queue, reader and writer hold more than this");
+                assert!(route.next().unwrap().payload == sent);
+                taken += 1;
+            }
+            Err(error) => panic!("{error}"),
+        }
+    }
+    assert!(taken > 10, "{taken} taken: the publisher was not held back");
+    while taken < published {
+        assert!(route.next().unwrap().payload == sent);
+        taken += 1;
+    }
+    assert_eq!(route.context.counters.snapshot().dropped(), 0);
+}
+
+#[test]
+fn a_full_queue_drops_the_oldest_and_counts() {
+    let (a, b) = pair(176);
+    let mut spec = TopicSpec::new("/stream", MessageType::StringJson);
+    spec.queue = QueueSpec { depth: 3, overflow: Overflow::DropOldest };
+    let mut route = connect(&a, &b, &spec);
+    for n in 0..20 {
+        route.publisher.publish(&number(n)).unwrap();
+        // Nothing is taken, but each one has to be here before the next one goes.
+        let counters = Arc::clone(&route.context.counters);
+        assert!(wait_until(&route.context.wake, PATIENCE, || {
+            counters.snapshot().received == u64::try_from(n).unwrap() + 1
+        }));
+    }
+    for n in 17..20 {
+        assert_eq!(route.next().unwrap().payload, number(n));
+    }
+    assert_eq!(route.context.counters.snapshot().dropped_for(DropReason::QueueFull), 17);
+}
