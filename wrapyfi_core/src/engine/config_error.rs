@@ -41,7 +41,9 @@ impl fmt::Display for ConfigError {
 impl std::error::Error for ConfigError {}
 
 impl Problem {
-    pub(super) fn at(location: serde_saphyr::Location, message: String) -> Self {
+    /// A fault at a place that a [`Spanned`](super::Spanned) value remembers.
+    #[must_use]
+    pub fn at(location: serde_saphyr::Location, message: String) -> Self {
         Self { position: Some((location.line(), location.column())), message }
     }
 }

@@ -80,6 +80,15 @@ impl fmt::Display for RouteSpec {
     }
 }
 
+/// A middleware that routes may name.
+#[derive(Clone, Copy)]
+pub struct Available<'a> {
+    /// Name in addresses.
+    pub name: &'a str,
+    /// Its rule for topic names; the error says what is wrong with one.
+    pub check_topic: &'a dyn Fn(&str) -> Result<(), String>,
+}
+
 /// The routes of a configuration, checked.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Plan {
@@ -95,7 +104,7 @@ impl Plan {
     /// given twice, destinations with two routes that do not say `merge: true`.
     pub fn new<E>(
         config: &Config<E>,
-        middlewares: &[&str],
+        middlewares: &[Available<'_>],
         file: &str,
     ) -> Result<Self, ConfigError> {
         let mut problems = Vec::new();
@@ -144,7 +153,7 @@ impl Plan {
 fn route_spec(
     entry: &Spanned<RouteConfig>,
     defaults: &Defaults,
-    middlewares: &[&str],
+    middlewares: &[Available<'_>],
 ) -> Result<RouteSpec, Vec<Problem>> {
     let config = &entry.value;
     let mut problems = Vec::new();
@@ -211,24 +220,27 @@ fn route_spec(
     }
 }
 
-fn address(text: &Spanned<String>, middlewares: &[&str]) -> Result<EndpointAddress, Problem> {
+fn address(text: &Spanned<String>, middlewares: &[Available<'_>]) -> Result<EndpointAddress, Problem> {
     let problem = |message| Problem::at(text.referenced, message);
     let address: EndpointAddress =
         text.value.parse().map_err(|error: ParseAddressError| problem(error.to_string()))?;
-    if !middlewares.contains(&address.middleware.as_str()) {
-        let hint = did_you_mean(&address.middleware, middlewares);
+    let Some(middleware) = middlewares.iter().find(|known| known.name == address.middleware) else {
+        let names: Vec<&str> = middlewares.iter().map(|known| known.name).collect();
+        let hint = did_you_mean(&address.middleware, &names);
         return Err(problem(format!(
             "{:?}: middleware {:?} is not available; {hint}available: {}",
             text.value,
             address.middleware,
-            middlewares.join(", ")
+            names.join(", ")
         )));
-    }
+    };
     if address.name.contains(['*', '(', '[', '$']) {
         let what =
             format!("{:?} is a pattern; this version routes one topic per entry", text.value);
         return Err(problem(what));
     }
+    (middleware.check_topic)(&address.name)
+        .map_err(|fault| problem(format!("{:?} is no topic name: {fault}", text.value)))?;
     Ok(address)
 }
 
@@ -243,7 +255,12 @@ mod tests {
 
     fn plan(text: &str) -> Result<Plan, ConfigError> {
         let config: Config<NoEndpoints> = Config::from_yaml(text, "bridge.yaml")?;
-        Plan::new(&config, &["zeromq", "ros2"], "bridge.yaml")
+        let no_blanks = |topic: &str| match topic.find(' ') {
+            Some(at) => Err(format!("blank at {at}")),
+            None => Ok(()),
+        };
+        let known = |name| Available { name, check_topic: &no_blanks };
+        Plan::new(&config, &[known("zeromq"), known("ros2")], "bridge.yaml")
     }
 
     #[test]
@@ -264,7 +281,7 @@ mod tests {
     #[test]
     fn every_fault_is_reported_at_once_with_its_line() {
         let error = plan(
-            "routes:\n  - { from: 'zermoq:/a', to: 'ros2:/b', type: Imge }\n  - { from: '/a', to: 'ros2:/c', type: Image, queue_depth: 0 }\n  - { from: 'ros2:/(.*)', to: 'zeromq:/x', type: Image }\n",
+            "routes:\n  - { from: 'zermoq:/a', to: 'ros2:/b', type: Imge }\n  - { from: '/a', to: 'ros2:/c', type: Image, queue_depth: 0 }\n  - { from: 'ros2:/(.*)', to: 'zeromq:/x', type: Image }\n  - { from: 'ros2:/a b', to: 'zeromq:/x', type: Image }\n",
         )
         .unwrap_err();
         let text = error.to_string();
@@ -276,6 +293,7 @@ mod tests {
         assert!(text.contains("bridge.yaml:3:") && text.contains("names no middleware"), "{text}");
         assert!(text.contains("queue_depth is 0"), "{text}");
         assert!(text.contains("pattern"), "{text}");
+        assert!(text.contains(r#""ros2:/a b" is no topic name: blank at 2"#), "{text}");
     }
 
     #[test]
