@@ -100,12 +100,9 @@ impl World {
     /// Where it cannot be started.
     pub fn bridge(&self, config: &Config) -> Result<Process> {
         let file = self.write("bridge.yaml", config.yaml())?;
-        self.wrapyfi([
-            OsStr::new("bridge"),
-            OsStr::new("--config"),
-            file.as_os_str(),
-            OsStr::new("--json"),
-        ])
+        let args =
+            [OsStr::new("bridge"), OsStr::new("--config"), file.as_os_str(), OsStr::new("--json")];
+        Ok(self.wrapyfi(args)?.pillar())
     }
 
     /// A configuration with our own broker on this test's ports.
@@ -126,15 +123,9 @@ impl World {
     /// Where it cannot be started.
     pub fn broker(&self) -> Result<Process> {
         let (pub_port, sub_port) = (self.pub_port().to_string(), self.sub_port().to_string());
-        self.wrapyfi([
-            "broker",
-            "--ip",
-            "127.0.0.1",
-            "--pub-port",
-            &pub_port,
-            "--sub-port",
-            &sub_port,
-        ])
+        let args =
+            ["broker", "--ip", "127.0.0.1", "--pub-port", &pub_port, "--sub-port", &sub_port];
+        Ok(self.wrapyfi(args)?.pillar())
     }
 
     /// Starts a Python peer from `test/peers`; `args` are split at blanks.

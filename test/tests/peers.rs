@@ -107,3 +107,14 @@ fn graph_observer_sees_a_ros_node() -> Result {
         Ok(())
     })
 }
+
+#[test]
+fn a_ros_node_reads_an_image_of_the_dds_peer() -> Result {
+    run("a_ros_node_reads_an_image_of_the_dds_peer", &[Need::Python], |world| {
+        let topic = world.topic("x");
+        let mut node = world.ros_node("reader")?;
+        let heard = node.subscribe::<RosImage>(&topic, "sensor_msgs/msg/Image")?;
+        let publisher = world.dds_publisher(&topic, "sensor_msgs/msg/Image", "--flavour colour")?;
+        publisher.sent_in_a_row("sha256", &[sha256(&heard.next()?.data)])
+    })
+}
