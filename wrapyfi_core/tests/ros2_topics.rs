@@ -10,16 +10,17 @@ use wrapyfi_core::endpoint::{
     Context, DropReason, Listener, Middleware, OpenError, Overflow, PublishError, Publisher,
     QosPreset, QueueSpec, Reliability, Sample, TakeError, TopicSpec,
 };
-use wrapyfi_core::middleware::ros2::graph::{NodeIdentity, wait_until};
+use wrapyfi_core::middleware::ros2::graph::wait_until;
 use wrapyfi_core::middleware::ros2::{CycloneConfig, CycloneGraph, Ros2};
+use wrapyfi_core::node::NodeName;
 use wrapyfi_core::types::{
     Encoding, Image, Map, MessageType, Payload, Pixels, RawPixels, Stamp, Value,
 };
 
 const PATIENCE: Duration = Duration::from_secs(30);
 
-fn node(name: &str) -> NodeIdentity {
-    NodeIdentity { name: name.into(), namespace: "/robot".into() }
+fn node(name: &str) -> NodeName {
+    NodeName::new(name, "/robot").unwrap()
 }
 
 /// Two nodes on one wire, each in a stack of its own.
@@ -112,7 +113,11 @@ fn names_are_expanded_and_remapped() {
     let topics: Vec<String> =
         a.graph().endpoints().unwrap().into_iter().map(|endpoint| endpoint.topic).collect();
     assert!(topics.iter().any(|topic| topic == "/robot/near/own"), "{topics:?}");
-    for (name, reason) in [("a b", "' '"), ("a//b", "//"), ("forbidden", "no rule allows it")] {
+    for (name, reason) in [
+        ("a b", "characters other than"),
+        ("a//b", "repeated '/'"),
+        ("forbidden", "no rule allows it"),
+    ] {
         match a.open_listener(&spec(name), &Context::default()).err() {
             Some(error @ OpenError::InvalidName { .. }) => {
                 assert!(error.to_string().contains(reason), "{error}");
