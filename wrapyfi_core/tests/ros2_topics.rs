@@ -3,6 +3,8 @@
 // In helpers of tests, too, a panic is the right answer.
 #![allow(clippy::unwrap_used, clippy::indexing_slicing, clippy::panic)]
 
+mod ros2_common;
+
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -12,24 +14,14 @@ use wrapyfi_core::endpoint::{
 };
 use wrapyfi_core::middleware::ros2::graph::wait_until;
 use wrapyfi_core::middleware::ros2::{CycloneConfig, CycloneGraph, Ros2};
-use wrapyfi_core::node::NodeName;
 use wrapyfi_core::types::{
     Encoding, Image, Map, MessageType, Payload, Pixels, RawPixels, Stamp, Value,
 };
 
-const PATIENCE: Duration = Duration::from_secs(30);
-
-fn node(name: &str) -> NodeName {
-    NodeName::new(name, "/robot").unwrap()
-}
+use ros2_common::{PATIENCE, far_config, near_config};
 
 /// Two nodes on one wire, each in a stack of its own.
-fn pair(domain_id: u32) -> (Ros2, Ros2) {
-    let mut far = CycloneConfig::loopback(node("far"), 1000 + domain_id);
-    far.extra_uri = Some(format!(
-        "<CycloneDDS><Domain><Discovery><ExternalDomainId>{domain_id}</ExternalDomainId>\
-         </Discovery></Domain></CycloneDDS>"
-    ));
+fn pair(test: u32) -> (Ros2, Ros2) {
     let open = |config: &CycloneConfig| {
         let graph = CycloneGraph::new(config).unwrap();
         Ros2::new(Arc::new(graph), |name| match name {
@@ -38,7 +30,7 @@ fn pair(domain_id: u32) -> (Ros2, Ros2) {
             name => Ok(name.to_owned()),
         })
     };
-    (open(&CycloneConfig::loopback(node("near"), domain_id)), open(&far))
+    (open(&near_config("near", test)), open(&far_config("far", test)))
 }
 
 struct Route {
@@ -84,7 +76,7 @@ fn frame(width: u32, height: u32) -> Payload {
 
 #[test]
 fn payloads_arrive_as_they_were_sent() {
-    let (a, b) = pair(170);
+    let (a, b) = pair(0);
     for (topic, message_type, payload) in [
         ("object", MessageType::NativeObject, number(1)),
         ("text", MessageType::StringJson, number(2)),
@@ -103,7 +95,7 @@ fn payloads_arrive_as_they_were_sent() {
 
 #[test]
 fn names_are_expanded_and_remapped() {
-    let (a, b) = pair(171);
+    let (a, b) = pair(1);
     let spec = |name: &str| TopicSpec::new(name, MessageType::StringJson);
     let _old = a.open_publisher(&spec("old"), &Context::default()).unwrap();
     let _own = a.open_publisher(&spec("~/own"), &Context::default()).unwrap();
@@ -130,7 +122,7 @@ fn names_are_expanded_and_remapped() {
 
 #[test]
 fn the_link_says_why_nothing_flows() {
-    let (a, b) = pair(172);
+    let (a, b) = pair(2);
     let context = Context::default();
     let listener = b.open_listener(&TopicSpec::new("/x", MessageType::Image), &context).unwrap();
     let says = |listener: &dyn Listener, words: &str| {
@@ -153,7 +145,7 @@ fn the_link_says_why_nothing_flows() {
 
 #[test]
 fn the_last_message_is_kept_for_later_listeners() {
-    let (a, b) = pair(173);
+    let (a, b) = pair(3);
     let mut spec = TopicSpec::new("/latched", MessageType::StringJson);
     spec.qos = QosPreset::Latched.into();
     let mut publisher = a.open_publisher(&spec, &Context::default()).unwrap();
@@ -168,7 +160,7 @@ fn the_last_message_is_kept_for_later_listeners() {
 
 #[test]
 fn what_is_too_large_is_refused_on_both_sides() {
-    let (a, b) = pair(174);
+    let (a, b) = pair(4);
     let mut wide = TopicSpec::new("/big", MessageType::Image);
     let mut narrow = wide.clone();
     narrow.limits.message_bytes = 10_000;
@@ -189,7 +181,7 @@ fn what_is_too_large_is_refused_on_both_sides() {
 
 #[test]
 fn under_block_messages_wait_for_room() {
-    let (a, b) = pair(175);
+    let (a, b) = pair(5);
     let mut spec = TopicSpec::new("/blocked", MessageType::StringJson);
     spec.queue = QueueSpec { depth: 5, overflow: Overflow::Block(PATIENCE) };
     let mut route = connect(&a, &b, &spec);
@@ -204,7 +196,7 @@ fn under_block_messages_wait_for_room() {
 
 #[test]
 fn a_full_queue_drops_the_oldest_and_counts() {
-    let (a, b) = pair(176);
+    let (a, b) = pair(6);
     let mut spec = TopicSpec::new("/stream", MessageType::StringJson);
     spec.queue = QueueSpec { depth: 3, overflow: Overflow::DropOldest };
     let mut route = connect(&a, &b, &spec);
@@ -224,7 +216,7 @@ fn a_full_queue_drops_the_oldest_and_counts() {
 
 #[test]
 fn listeners_come_and_go_under_traffic() {
-    let (a, b) = pair(177);
+    let (a, b) = pair(7);
     let spec = TopicSpec::new("/busy", MessageType::StringJson);
     let stop = std::sync::atomic::AtomicBool::new(false);
     let relaxed = std::sync::atomic::Ordering::Relaxed;
@@ -243,7 +235,7 @@ fn listeners_come_and_go_under_traffic() {
             });
         }
         // A second node in the publisher's own stack is called on the publisher's thread.
-        let graph = CycloneGraph::new(&CycloneConfig::loopback(node("third"), 177)).unwrap();
+        let graph = CycloneGraph::new(&near_config("third", 7)).unwrap();
         let third = Ros2::new(Arc::new(graph), |name| Ok(name.to_owned()));
         for round in 0..60 {
             let context = Context::default();
@@ -264,7 +256,7 @@ fn listeners_come_and_go_under_traffic() {
 
 #[test]
 fn images_take_the_form_of_the_topic() {
-    let (a, b) = pair(178);
+    let (a, b) = pair(8);
     let mut files = connect(&a, &b, &TopicSpec::new("/files", MessageType::CompressedImage));
     files.publisher.publish(&frame(64, 48)).unwrap();
     let file = files.next().unwrap().payload;
