@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use wrapyfi_core::endpoint::{
-    Context, DropReason, Listener, Middleware, OpenError, Overflow, PublishError, Publisher,
+    Context, DropReason, Link, Listener, Middleware, OpenError, Overflow, PublishError, Publisher,
     QosPreset, QueueSpec, Reliability, Sample, TakeError, TopicSpec,
 };
 use wrapyfi_core::middleware::ros2::graph::wait_until;
@@ -121,26 +121,37 @@ fn names_are_expanded_and_remapped() {
 }
 
 #[test]
-fn the_link_says_why_nothing_flows() {
+fn the_link_says_what_it_waits_for() {
     let (a, b) = pair(2);
     let context = Context::default();
-    let listener = b.open_listener(&TopicSpec::new("/x", MessageType::Image), &context).unwrap();
-    let says = |listener: &dyn Listener, words: &str| {
+    let images = TopicSpec::new("/x", MessageType::Image);
+    let says = |link: &dyn Fn() -> Link, words: &str| {
         let held = wait_until(&context.wake, PATIENCE, || {
-            listener.link().waiting_for.is_some_and(|reason| reason.contains(words))
+            link().waiting_for.is_some_and(|what| what == words)
         });
-        assert!(held, "{words}: {:?}", listener.link());
+        assert!(held, "{words}: {:?}", link());
     };
-    says(&*listener, "no publisher of /x yet");
-    let other = a.open_publisher(&TopicSpec::new("/x", MessageType::StringJson), &context).unwrap();
-    says(&*listener, "a publisher of /x carries std_msgs/msg/String, not sensor_msgs/msg/Image");
-    drop(other);
-    says(&*listener, "no publisher of /x yet");
-    let mut best_effort = TopicSpec::new("/x", MessageType::Image);
+    let listener = b.open_listener(&images, &context).unwrap();
+    let heard = || listener.link();
+    says(&heard, "a publisher of /x");
+    let text = a.open_publisher(&TopicSpec::new("/x", MessageType::StringJson), &context).unwrap();
+    says(
+        &heard,
+        "a publisher of /x with type sensor_msgs/msg/Image (those there carry std_msgs/msg/String)",
+    );
+    let sent = || text.link();
+    says(
+        &sent,
+        "a subscriber of /x with type std_msgs/msg/String (those there carry sensor_msgs/msg/Image)",
+    );
+    drop(text);
+    says(&heard, "a publisher of /x");
+    let mut best_effort = images.clone();
     best_effort.qos.reliability = Reliability::BestEffort;
     let refused = a.open_publisher(&best_effort, &context).unwrap();
-    says(&*listener, "its reliability is incompatible");
-    assert_eq!(refused.link().peers, Some(0));
+    let sent = || refused.link();
+    says(&heard, "a publisher of /x whose reliability is compatible (see qos)");
+    says(&sent, "a subscriber of /x whose reliability is compatible (see qos)");
 }
 
 #[test]
