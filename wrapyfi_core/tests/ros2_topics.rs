@@ -206,6 +206,25 @@ fn under_block_messages_wait_for_room() {
 }
 
 #[test]
+fn a_discarded_message_makes_room_and_counts_as_received_only() {
+    let (a, b) = pair(9);
+    let mut spec = TopicSpec::new("/unwanted", MessageType::StringJson);
+    spec.queue = QueueSpec { depth: 2, overflow: Overflow::Block(PATIENCE) };
+    let mut route = connect(&a, &b, &spec);
+    assert!(!route.listener.discard());
+    for n in 0..4 {
+        route.publisher.publish(&number(n)).unwrap();
+    }
+    for _ in 0..3 {
+        assert!(wait_until(&route.context.wake, PATIENCE, || route.listener.discard()));
+    }
+    assert_eq!(route.next().unwrap().payload, number(3));
+    assert!(!route.listener.discard());
+    let now = route.context.counters.snapshot();
+    assert_eq!((now.received, now.dropped()), (4, 0));
+}
+
+#[test]
 fn a_full_queue_drops_the_oldest_and_counts() {
     let (a, b) = pair(6);
     let mut spec = TopicSpec::new("/stream", MessageType::StringJson);
