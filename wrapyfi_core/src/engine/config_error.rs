@@ -29,7 +29,7 @@ impl fmt::Display for ConfigError {
             }
             match problem.position {
                 Some((line, column)) => {
-                    write!(f, "{}:{line}:{column}: {}", self.file, problem.message)?
+                    write!(f, "{}:{line}:{column}: {}", self.file, problem.message)?;
                 }
                 None => write!(f, "{}: {}", self.file, problem.message)?,
             }

@@ -43,7 +43,9 @@ impl Diagnosis {
         incompatible: Option<&'static str>,
         keeps_last: bool,
     ) -> Link {
-        let waiting_for = (matched == 0).then(|| self.missing(incompatible));
+        // A writer that keeps its samples for late readers has something to do without any.
+        let idle = matched == 0 && (!keeps_last || incompatible.is_some());
+        let waiting_for = idle.then(|| self.missing(incompatible));
         Link { peers: Some(matched), waiting_for, keeps_last }
     }
 
