@@ -15,6 +15,7 @@
 use std::collections::BTreeSet;
 use std::os::fd::RawFd;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
 use super::echo::Echo;
 use super::io::{Command, Handle};
@@ -80,8 +81,8 @@ fn open_socket(shared: &Shared, link: &Arc<BrokerLink>) -> zmq::Result<(zmq::Soc
 impl Publisher for ZeroMqPublisher {
     /// Nothing is sent, and 0 returned, while nobody is subscribed.
     fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {
-        if let Some(reason) = self.outlet.link.waiting_for() {
-            return Err(self.failed(&reason));
+        if let Some(what) = self.outlet.link.waiting_for() {
+            return Err(self.failed(&format_args!("waiting for {what}")));
         }
         if self.outlet.hear() {
             self.outlet.wake.ring();
@@ -159,6 +160,15 @@ impl Outlet {
     /// Takes all waiting subscriptions; true when they changed who listens.
     pub(super) fn hear(&self) -> bool {
         self.lock().hear(&self.topic)
+    }
+
+    /// Connects again if libzmq has given up on the broker. The time until it may have is
+    /// returned.
+    pub(super) fn revive(&self, watch: &mut Watch, now: Instant) -> Option<Duration> {
+        if let Some(socket) = &self.lock().socket {
+            watch.revive(socket, &self.wake, now);
+        }
+        watch.patience(now)
     }
 
     /// Sends without waiting; the frames come back with the error.
