@@ -2,6 +2,7 @@
 
 use std::io::{BufRead as _, BufReader, Read, Write as _};
 use std::process::{Child, ChildStdin, Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -36,15 +37,26 @@ impl Output {
 }
 
 #[derive(Debug, Default)]
-struct Shared {
+pub(crate) struct Shared {
+    name: String,
     output: Mutex<Output>,
     changed: Condvar,
+    /// Cleared when the test ends the process, or waits for its end.
+    should_run: AtomicBool,
 }
+
+/// Processes that the rest of a test depends on: where one ends early, every wait ends at once.
+pub(crate) type Pillars = Arc<Mutex<Vec<Arc<Shared>>>>;
 
 impl Shared {
     fn lock(&self) -> MutexGuard<'_, Output> {
-        self.output.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.output)
     }
+}
+
+/// Locks, also after a panic elsewhere: what a process printed stays readable.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// A running program. Dropping it ends it.
@@ -54,6 +66,7 @@ pub struct Process {
     child: Child,
     stdin: Option<ChildStdin>,
     shared: Arc<Shared>,
+    pillars: Pillars,
 }
 
 impl Process {
@@ -61,10 +74,14 @@ impl Process {
     ///
     /// # Errors
     /// Where the program cannot be started.
-    pub fn start(name: &str, mut command: Command) -> Result<Self> {
+    pub(crate) fn start(name: &str, mut command: Command, pillars: &Pillars) -> Result<Self> {
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.spawn().with_context(|| format!("starting {name}: {command:?}"))?;
-        let shared = Arc::new(Shared::default());
+        let shared = Arc::new(Shared {
+            name: name.to_owned(),
+            should_run: true.into(),
+            ..Shared::default()
+        });
         shared.lock().open = 2;
         if let Some(stream) = child.stdout.take() {
             read_along(stream, &shared, |output| &mut output.out);
@@ -73,7 +90,13 @@ impl Process {
             read_along(stream, &shared, |output| &mut output.err);
         }
         let stdin = child.stdin.take();
-        Ok(Self { name: name.to_owned(), child, stdin, shared })
+        Ok(Self { name: name.to_owned(), child, stdin, shared, pillars: Arc::clone(pillars) })
+    }
+
+    /// The rest of the test depends on this process: while it should run, its end is a failure.
+    pub(crate) fn pillar(self) -> Self {
+        lock(&self.pillars).push(Arc::clone(&self.shared));
+        self
     }
 
     /// Writes one line to its stdin.
@@ -106,24 +129,46 @@ impl Process {
             if let Some(result) = found(&output) {
                 return Ok(result);
             }
-            let why = if output.open == 0 {
-                "it ended"
-            } else if Instant::now() >= deadline {
-                "patience ended"
-            } else {
-                let left = deadline.saturating_duration_since(Instant::now());
+            let seen = output.out.len() + output.err.len();
+            let ended = output.open == 0;
+            let said = tail(&output);
+            drop(output);
+            let fallen = self.fallen_pillar();
+            if ended || fallen.is_some() || Instant::now() >= deadline {
+                let why = match fallen {
+                    _ if ended => "it ended".to_owned(),
+                    Some(name) => format!("{name} ended before"),
+                    None => "patience ended".to_owned(),
+                };
+                bail!("waiting for {what} from {}: {why}\n{said}{}", self.name, self.others());
+            }
+            output = self.shared.lock();
+            // The look above was without the lock: what came since must not wait for more to come.
+            if output.out.len() + output.err.len() == seen {
+                // Pillars are looked at this often; what this process prints wakes at once.
+                let pause = Duration::from_millis(200);
                 output = self
                     .shared
                     .changed
-                    .wait_timeout(output, left)
+                    .wait_timeout(output, pause)
                     .unwrap_or_else(PoisonError::into_inner)
                     .0;
-                continue;
-            };
-            let tail = tail(&output);
-            drop(output);
-            bail!("waiting for {what} from {}: {why}\n{tail}", self.name);
+            }
         }
+    }
+
+    /// The name of a process that should run and does not.
+    fn fallen_pillar(&self) -> Option<String> {
+        let pillars = lock(&self.pillars);
+        let fallen = pillars.iter().find(|p| p.should_run.load(Relaxed) && p.lock().open == 0)?;
+        Some(fallen.name.clone())
+    }
+
+    /// What the pillars said last, for messages.
+    fn others(&self) -> String {
+        let pillars = lock(&self.pillars);
+        let others = pillars.iter().filter(|p| !Arc::ptr_eq(p, &self.shared));
+        others.map(|p| format!("\n{}:\n{}", p.name, tail(&p.lock()))).collect()
     }
 
     /// Waits for one event of a peer.
@@ -209,6 +254,7 @@ impl Process {
     /// # Errors
     /// Where the process cannot be signalled.
     pub fn terminate(&self) -> Result {
+        self.shared.should_run.store(false, Relaxed);
         let pid = rustix::process::Pid::from_child(&self.child);
         rustix::process::kill_process(pid, rustix::process::Signal::TERM)
             .with_context(|| format!("sending SIGTERM to {}", self.name))
@@ -219,6 +265,7 @@ impl Process {
     /// # Errors
     /// Where it does not end, or was ended by a signal.
     pub fn exit_code(&mut self) -> Result<i32> {
+        self.shared.should_run.store(false, Relaxed);
         if !self.ended_within(PATIENCE)? {
             bail!("{} does not end\n{}", self.name, tail(&self.shared.lock()));
         }
@@ -276,6 +323,7 @@ impl Process {
 
 impl Drop for Process {
     fn drop(&mut self) {
+        self.shared.should_run.store(false, Relaxed);
         self.stdin = None;
         let ended = self.ended_within(Duration::ZERO).unwrap_or(false)
             || (self.terminate().is_ok()

@@ -7,6 +7,7 @@ use std::process::Command;
 use anyhow::Context as _;
 use tempfile::TempDir;
 
+use crate::process::Pillars;
 use crate::reserve::{self, Reserved};
 use crate::{Config, Process, Result, RosNode, needs, repository};
 
@@ -23,6 +24,7 @@ pub struct World {
     pub_port: Reserved,
     sub_port: Reserved,
     folder: TempDir,
+    pillars: Pillars,
 }
 
 impl World {
@@ -38,6 +40,7 @@ impl World {
             sub_port: reserve::port()?,
             folder: TempDir::with_prefix("wrapyfi_e2e_")
                 .context("creating a folder for the test")?,
+            pillars: Pillars::default(),
         })
     }
 
@@ -80,7 +83,7 @@ impl World {
     /// # Errors
     /// Where it cannot be started.
     pub fn wrapyfi<A: AsRef<OsStr>>(&self, args: impl IntoIterator<Item = A>) -> Result<Process> {
-        Process::start("wrapyfi", self.command(&needs::program()?, args))
+        Process::start("wrapyfi", self.command(&needs::program()?, args), &self.pillars)
     }
 
     /// Starts the node executable with these arguments.
@@ -88,7 +91,7 @@ impl World {
     /// # Errors
     /// Where it cannot be started.
     pub fn node<A: AsRef<OsStr>>(&self, args: impl IntoIterator<Item = A>) -> Result<Process> {
-        Process::start("bridge", self.command(&needs::node()?, args))
+        Ok(Process::start("bridge", self.command(&needs::node()?, args), &self.pillars)?.pillar())
     }
 
     /// Starts `wrapyfi bridge --json` with this configuration.
@@ -97,12 +100,9 @@ impl World {
     /// Where it cannot be started.
     pub fn bridge(&self, config: &Config) -> Result<Process> {
         let file = self.write("bridge.yaml", config.yaml())?;
-        self.wrapyfi([
-            OsStr::new("bridge"),
-            OsStr::new("--config"),
-            file.as_os_str(),
-            OsStr::new("--json"),
-        ])
+        let args =
+            [OsStr::new("bridge"), OsStr::new("--config"), file.as_os_str(), OsStr::new("--json")];
+        Ok(self.wrapyfi(args)?.pillar())
     }
 
     /// A configuration with our own broker on this test's ports.
@@ -123,15 +123,9 @@ impl World {
     /// Where it cannot be started.
     pub fn broker(&self) -> Result<Process> {
         let (pub_port, sub_port) = (self.pub_port().to_string(), self.sub_port().to_string());
-        self.wrapyfi([
-            "broker",
-            "--ip",
-            "127.0.0.1",
-            "--pub-port",
-            &pub_port,
-            "--sub-port",
-            &sub_port,
-        ])
+        let args =
+            ["broker", "--ip", "127.0.0.1", "--pub-port", &pub_port, "--sub-port", &sub_port];
+        Ok(self.wrapyfi(args)?.pillar())
     }
 
     /// Starts a Python peer from `test/peers`; `args` are split at blanks.
@@ -144,7 +138,7 @@ impl World {
         let mut command = self.command(&needs::python()?, args);
         // Python decides by locale otherwise; and a .pyc beside the source would show up in git.
         command.env("PYTHONUTF8", "1").env("PYTHONDONTWRITEBYTECODE", "1");
-        Process::start(script, command)
+        Process::start(script, command, &self.pillars)
     }
 
     /// Starts a real Wrapyfi publisher that goes on until it is dropped. `args` says type and flavour.

@@ -205,7 +205,8 @@ fn a_ros_node_of_another_make_reads_json() -> Result {
             &ros2(&to),
             "std_msgs/msg/String",
         )))?;
-        let heard = world.ros_node("reader")?.subscribe::<String>(&to, "std_msgs/msg/String")?;
+        let mut node = world.ros_node("reader")?;
+        let heard = node.subscribe::<String>(&to, "std_msgs/msg/String")?;
         let _publisher = world.wrapyfi_publisher(&from, "--flavour small --no-broker")?;
         let object: Value = serde_json::from_str(&heard.next()?)?;
         assert_eq!(object["greeting"], "hello");

@@ -75,7 +75,7 @@ fn dds_peer_and_ros_node_hear_each_other() -> Result {
         let _publisher = world.dds_publisher(&there, "std_msgs/msg/String", "")?;
         assert!(heard.next()?.contains("greeting"));
 
-        let frame = RosImage::plain(8, 4, "rgb8", [255, 0, 0]);
+        let frame = RosImage::plain(64, 48, "rgb8", [255, 0, 0]);
         let expected = sha256(&frame.data);
         let _spoken = node.publish(&back, "sensor_msgs/msg/Image", move |_| frame.clone())?;
         let subscriber = world.dds_subscriber(&back, "sensor_msgs/msg/Image", "--count 1")?;
@@ -105,5 +105,16 @@ fn graph_observer_sees_a_ros_node() -> Result {
             Some(node.clone())
         })?;
         Ok(())
+    })
+}
+
+#[test]
+fn a_ros_node_reads_an_image_of_the_dds_peer() -> Result {
+    run("a_ros_node_reads_an_image_of_the_dds_peer", &[Need::Python], |world| {
+        let topic = world.topic("x");
+        let mut node = world.ros_node("reader")?;
+        let heard = node.subscribe::<RosImage>(&topic, "sensor_msgs/msg/Image")?;
+        let publisher = world.dds_publisher(&topic, "sensor_msgs/msg/Image", "--flavour colour")?;
+        publisher.sent_in_a_row("sha256", &[sha256(&heard.next()?.data)])
     })
 }

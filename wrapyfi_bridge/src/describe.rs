@@ -2,38 +2,34 @@
 //!
 //! | payload | `sha256` is of | also |
 //! | --- | --- | --- |
-//! | native object | the compact JSON of `value`, keys sorted | `value` |
+//! | native object | the text of `value` | `value` |
 //! | image, raw | the rows without padding, in the order received | `shape`, `encoding` |
 //! | image, compressed | the file | `format`, `size` |
 //! | sound | the samples | `shape`, `dtype`, `sample_rate` |
-//!
-//! In `value`, what JSON has no form for is an object with one `@` key: `@tuple`, `@set`,
-//! `@datetime`, `@datetime64`, `@array` (dtype, shape, digest of its row-major bytes), `@tagged`.
-//! NaN and infinities are the strings Python prints.
 
-use serde_json::{Map, Value as Json, json};
+use serde_json::{Value as Json, json};
 use sha2::{Digest, Sha256};
-use wrapyfi_core::types::{
-    AudioChunk, Image, Payload, Pixels, RawPixels, SampleFormat, Stamp, Value,
-};
+use wrapyfi_core::types::{AudioChunk, Image, Payload, Pixels, RawPixels, SampleFormat, Stamp};
+
+use crate::canonical::canonical;
 
 /// The payload as one JSON object.
 #[must_use]
-pub fn describe(payload: &Payload) -> Json {
-    match payload {
+pub fn describe(payload: &Payload) -> String {
+    let object = match payload {
         Payload::NativeObject(value) => {
-            let value = describe_value(value);
-            json!({
-                "type": "NativeObject",
-                "stamp": null,
-                "sha256": digest(value.to_string().as_bytes()),
-                "value": value,
-            })
+            let text = canonical(value);
+            let sha256 = digest(text.as_bytes());
+            // Written as text: JSON numbers have no bound, `serde_json`'s do.
+            return format!(
+                r#"{{"type":"NativeObject","stamp":null,"sha256":"{sha256}","value":{text}}}"#
+            );
         }
         Payload::Image(image) => describe_image(image),
         Payload::AudioChunk(chunk) => describe_audio(chunk),
         _ => json!({ "type": "unknown" }),
-    }
+    };
+    object.to_string()
 }
 
 fn describe_image(image: &Image) -> Json {
@@ -82,62 +78,12 @@ fn describe_audio(chunk: &AudioChunk) -> Json {
     })
 }
 
-fn describe_value(value: &Value) -> Json {
-    let list = |items: &[Value]| Json::Array(items.iter().map(describe_value).collect());
-    match value {
-        Value::Null => Json::Null,
-        Value::Bool(value) => json!(value),
-        Value::Int(value) => json!(value),
-        // A number that JSON readers would round stays text.
-        Value::BigInt(value) => json!({ "@int": value.to_string() }),
-        Value::Float(value) if value.is_finite() => json!(value),
-        Value::Float(value) if value.is_nan() => json!("NaN"),
-        Value::Float(value) => json!(if *value > 0.0 { "Infinity" } else { "-Infinity" }),
-        Value::Str(text) => json!(text),
-        Value::Utf16(units) => json!({ "@utf16": units }),
-        Value::Bytes(bytes) => {
-            json!({ "@bytes": { "size": bytes.len(), "sha256": digest(bytes) } })
-        }
-        Value::List(items) => list(items),
-        Value::Tuple(items) => json!({ "@tuple": list(items) }),
-        Value::Set(items) => {
-            let mut items: Vec<Json> = items.iter().map(describe_value).collect();
-            items.sort_by_cached_key(Json::to_string);
-            json!({ "@set": items })
-        }
-        Value::Map(map) => {
-            let mut object = Map::new();
-            for (key, value) in map.iter() {
-                let key = match key {
-                    Value::Str(text) => text.clone(),
-                    other => describe_value(other).to_string(),
-                };
-                object.insert(key, describe_value(value));
-            }
-            Json::Object(object)
-        }
-        Value::DateTime(at) => json!({ "@datetime": at.to_string() }),
-        Value::DateTime64(text) => json!({ "@datetime64": text }),
-        Value::Tensor(tensor) => {
-            let dtype = tensor.dtype();
-            let dtype = dtype.npy_descr().unwrap_or_else(|| dtype.name());
-            json!({ "@array": { "dtype": dtype, "shape": tensor.shape(), "sha256": digest(tensor.data()) } })
-        }
-        Value::Array(array) => json!({
-            "@array": { "dtype": array.descr.trim_matches('\''), "shape": array.shape, "sha256": digest(&array.data) }
-        }),
-        Value::Tagged(tagged) => {
-            json!({ "@tagged": { "key": tagged.key, "size": tagged.json.len(), "sha256": digest(&tagged.json) } })
-        }
-        _ => json!({ "@unknown": null }),
-    }
-}
-
 fn seconds(stamp: Stamp) -> Json {
     if stamp == Stamp::default() { Json::Null } else { json!(stamp.as_secs_f64()) }
 }
 
-fn digest(bytes: &[u8]) -> String {
+/// SHA-256 in hexadecimal.
+pub(crate) fn digest(bytes: &[u8]) -> String {
     hex(&Sha256::digest(bytes))
 }
 
@@ -160,7 +106,7 @@ fn hex(bytes: &[u8]) -> String {
 #[must_use]
 pub fn summary(payload: &Payload) -> String {
     match payload {
-        Payload::NativeObject(value) => describe_value(value).to_string(),
+        Payload::NativeObject(value) => canonical(value),
         Payload::Image(image) => match &image.pixels {
             Pixels::Raw(raw) => format!(
                 "image {}x{} {} {} bytes at {:.6}",

@@ -7,6 +7,7 @@
 //!   bin/bridge.rs ─▶ node ─▶ command::bridge        `ros2 run wrapyfi_bridge bridge`
 //!
 //!   session   configuration -> middlewares in a registry
+//!   canonical native objects as text that every language hashes alike
 //!   describe  a payload as one JSON object, with its digest
 //!   input     JSON, .npy, PNG, JPEG, WAV -> a payload
 //!   table     route status as a table or as JSON
@@ -14,6 +15,7 @@
 //!
 //! A library only so that its two programs share it; it promises no stable interface.
 
+pub mod canonical;
 pub mod cli;
 pub mod command;
 pub mod describe;

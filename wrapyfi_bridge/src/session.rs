@@ -7,22 +7,37 @@
 //!
 //! The only place that knows which middlewares exist. Those that no route uses are not started.
 
+use std::net::IpAddr;
 use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Context as _;
 use serde::Deserialize;
+use wrapyfi_core::Limits;
 use wrapyfi_core::endpoint::{EndpointAddress, Middleware, Registry};
-use wrapyfi_core::engine::{Config, MAX_CONFIG_BYTES, Plan};
+use wrapyfi_core::engine::{
+    Available, Config, ConfigError, MAX_CONFIG_BYTES, Plan, Problem, Spanned,
+};
 use wrapyfi_core::middleware::ros2::graph::NodeIdentity;
 use wrapyfi_core::middleware::ros2::{self, CycloneConfig, CycloneGraph, Ros2};
-use wrapyfi_core::middleware::zeromq::{BrokerMode, ZeroMq, ZeroMqConfig};
+use wrapyfi_core::middleware::zeromq::{self, BrokerMode, ZeroMq, ZeroMqConfig};
 
 use crate::exit::Failure;
 use crate::node::Node;
 
-/// Names under which routes and commands address the middlewares.
-pub const MIDDLEWARES: [&str; 2] = ["zeromq", "ros2"];
+/// Names under which routes and commands address the middlewares, with their rules for topics.
+fn available() -> [Available<'static>; 2] {
+    [
+        Available { name: "zeromq", check_topic: &zeromq::check_topic },
+        Available { name: "ros2", check_topic: &check_ros_topic },
+    ]
+}
+
+/// The rules do not depend on the node: any will do.
+fn check_ros_topic(topic: &str) -> Result<(), String> {
+    let check = || Node::bridge()?.name().expand(topic);
+    check().map(drop).map_err(|error| error.to_string())
+}
 
 /// The `endpoints` section of a configuration: how each middleware is reached.
 #[derive(Debug, Clone, Default, Deserialize)]
@@ -40,7 +55,7 @@ pub struct Endpoints {
 #[serde(deny_unknown_fields, default)]
 #[allow(missing_docs)] // config/example.yaml is the manual
 pub struct ZeroMqSection {
-    pub ip: Option<String>,
+    pub ip: Option<Spanned<String>>,
     pub pub_port: Option<u16>,
     pub sub_port: Option<u16>,
     pub broker: Option<BrokerWord>,
@@ -82,8 +97,28 @@ pub fn load(file: &Path) -> Result<(Endpoints, Plan), Failure> {
     let text = std::fs::read_to_string(file)
         .map_err(|error| Failure::usage(format!("{name}: {error}")))?;
     let config: Config<Endpoints> = Config::from_yaml(&text, &name).map_err(Failure::usage)?;
-    let plan = Plan::new(&config, &MIDDLEWARES, &name).map_err(Failure::usage)?;
+    check_zeromq(&config.endpoints.zeromq)
+        .map_err(|problem| ConfigError { file: name.clone(), problems: vec![problem] })
+        .map_err(Failure::usage)?;
+    let plan = Plan::new(&config, &available(), &name).map_err(Failure::usage)?;
     Ok((config.endpoints, plan))
+}
+
+/// An address that other machines reach is refused before anything starts.
+fn check_zeromq(section: &ZeroMqSection) -> Result<(), Problem> {
+    match &section.ip {
+        Some(ip) if !section.insecure => match ip.value.parse::<IpAddr>() {
+            Ok(address) if !address.is_loopback() => Err(Problem::at(
+                ip.referenced,
+                format!(
+                    "ip {address} is open to other machines, and nothing is encrypted there; use \
+                     127.0.0.1, or write insecure: true"
+                ),
+            )),
+            _ => Ok(()),
+        },
+        _ => Ok(()),
+    }
 }
 
 /// Which end of a topic a command is.
@@ -112,12 +147,13 @@ impl Session {
                 .iter()
                 .any(|route| route.from.middleware == name || route.to.middleware == name)
         };
+        let largest = plan.routes.iter().map(|route| route.limits.message_bytes).max().unwrap_or(0);
         let mut session = Self::default();
         if used("zeromq") {
-            session.add(Arc::new(zeromq(&endpoints.zeromq, None)?));
+            session.add(Arc::new(start_zeromq(&endpoints.zeromq, None, largest)?));
         }
         if used("ros2") {
-            session.add(Arc::new(ros2(&endpoints.ros2, node)?));
+            session.add(Arc::new(start_ros2(&endpoints.ros2, node, largest)?));
         }
         Ok(session)
     }
@@ -129,14 +165,19 @@ impl Session {
     pub fn for_endpoint(address: &EndpointAddress, role: Role) -> Result<Self, Failure> {
         let mut session = Self::default();
         let endpoints = Endpoints::default();
+        let largest = Limits::default().message_bytes;
         match address.middleware.as_str() {
-            "zeromq" => session.add(Arc::new(zeromq(&endpoints.zeromq, Some(role))?)),
-            "ros2" => session
-                .add(Arc::new(ros2(&endpoints.ros2, &Node::hidden().map_err(Failure::usage)?)?)),
+            "zeromq" => {
+                session.add(Arc::new(start_zeromq(&endpoints.zeromq, Some(role), largest)?));
+            }
+            "ros2" => {
+                let node = Node::hidden().map_err(Failure::usage)?;
+                session.add(Arc::new(start_ros2(&endpoints.ros2, &node, largest)?));
+            }
             other => {
                 let text = format!(
                     "middleware {other:?} is not available; available: {}",
-                    MIDDLEWARES.join(", ")
+                    available().map(|known| known.name).join(", ")
                 );
                 return Err(Failure::Usage(text));
             }
@@ -155,10 +196,14 @@ impl Session {
     }
 }
 
-fn zeromq(section: &ZeroMqSection, role: Option<Role>) -> Result<ZeroMq, Failure> {
+fn start_zeromq(
+    section: &ZeroMqSection,
+    role: Option<Role>,
+    largest_message: usize,
+) -> Result<ZeroMq, Failure> {
     let mut config = ZeroMqConfig::from_env().map_err(Failure::usage)?;
     if let Some(ip) = &section.ip {
-        config.ip.clone_from(ip);
+        config.ip.clone_from(&ip.value);
     }
     if let Some(topic) = &section.monitor_topic {
         config.monitor_topic.clone_from(topic);
@@ -167,6 +212,7 @@ fn zeromq(section: &ZeroMqSection, role: Option<Role>) -> Result<ZeroMq, Failure
     config.sub_port = section.sub_port.unwrap_or(config.sub_port);
     config.send_hwm = section.send_hwm.unwrap_or(config.send_hwm);
     config.insecure |= section.insecure;
+    config.max_frame_bytes = config.max_frame_bytes.max(largest_message);
     match section.broker {
         Some(BrokerWord::Embedded) => config.broker = BrokerMode::Embedded,
         Some(BrokerWord::Foreign) => config.broker = BrokerMode::Foreign,
@@ -176,21 +222,14 @@ fn zeromq(section: &ZeroMqSection, role: Option<Role>) -> Result<ZeroMq, Failure
     Ok(ZeroMq::start(&config).context("zeromq")?)
 }
 
-fn ros2(section: &Ros2Section, node: &Node) -> Result<Ros2, Failure> {
+fn start_ros2(section: &Ros2Section, node: &Node, largest_message: usize) -> Result<Ros2, Failure> {
     let environment =
         ros2::environment::read(|name| std::env::var(name).ok()).map_err(Failure::usage)?;
-    for warning in &environment.warnings {
-        tracing::warn!("{warning}");
-    }
+    environment.log();
     let mut config = CycloneConfig::from_environment(identity(node), &environment);
     config.domain_id = section.domain_id.unwrap_or(config.domain_id);
     config.interface.clone_from(&section.interface);
-    tracing::info!(
-        "ROS 2 node {} on domain {}: {}",
-        node.name().fqn(),
-        config.domain_id,
-        environment.stack_reason
-    );
+    config.max_message_bytes = largest_message;
     let graph = CycloneGraph::new(&config).context("ros2")?;
     let node = node.clone();
     let remap = move |topic: &str| node.resolve_topic(topic).map_err(|error| error.to_string());

@@ -9,14 +9,14 @@ use wrapyfi_core::engine::RouteStatus;
 /// Routes as a table, with rates over the time since `before` was taken.
 ///
 /// ```text
-/// route                          state     in     out    rate Hz   MB/s   p50 ms  p99 ms  dropped
-/// zeromq:/cam -> ros2:/cam       active    150    150       30.0   27.6     0.61    1.90  -
+/// route        state        in    out     Hz   MB/s p50 ms p99 ms  dropped
+/// left camera  active      150    150   30.0  27.65   0.22   0.58  -
 /// ```
 #[must_use]
 pub fn table(before: &[RouteStatus], now: &[RouteStatus], elapsed: Duration) -> String {
     let width = now.iter().map(|route| route.name.chars().count()).max().unwrap_or(0).max(5);
     let mut out = format!(
-        "{:width$}  {:<8} {:>8} {:>8} {:>8} {:>8} {:>8} {:>8}  dropped\n",
+        "{:width$}  {:<8} {:>6} {:>6} {:>6} {:>6} {:>6} {:>6}  dropped\n",
         "route", "state", "in", "out", "Hz", "MB/s", "p50 ms", "p99 ms"
     );
     for (index, route) in now.iter().enumerate() {
@@ -36,7 +36,7 @@ pub fn table(before: &[RouteStatus], now: &[RouteStatus], elapsed: Duration) -> 
         // Writing to a String cannot fail.
         let _infallible = writeln!(
             out,
-            "{:width$}  {:<8} {:>8} {:>8} {rate:>8.1} {megabytes:>8.2} {:>8.2} {:>8.2}  {drops}",
+            "{:width$}  {:<8} {:>6} {:>6} {rate:>6.1} {megabytes:>6.2} {:>6.2} {:>6.2}  {drops}",
             route.name,
             route.state.word(),
             counters.received,

@@ -29,12 +29,16 @@ fn near(name: &str, domain_id: u32) -> CycloneGraph {
 
 /// A node on the same wire as `near` ones of `domain_id`, in a stack of its own.
 fn far(name: &str, domain_id: u32) -> CycloneGraph {
+    CycloneGraph::new(&far_config(name, domain_id)).unwrap()
+}
+
+fn far_config(name: &str, domain_id: u32) -> CycloneConfig {
     let mut config = CycloneConfig::loopback(identity(name), 1000 + domain_id);
     config.extra_uri = Some(format!(
         "<CycloneDDS><Domain><Discovery><ExternalDomainId>{domain_id}</ExternalDomainId>\
          </Discovery></Domain></CycloneDDS>"
     ));
-    CycloneGraph::new(&config).unwrap()
+    config
 }
 
 fn topic(name: &str) -> TopicDescription {
@@ -43,7 +47,6 @@ fn topic(name: &str) -> TopicDescription {
         type_name: "std_msgs/msg/String".into(),
         type_hash: Some(HASH.into()),
         qos: Qos::default(),
-        max_samples: None,
         max_bytes: 64 << 20,
     }
 }
@@ -237,27 +240,33 @@ fn a_message_over_the_limit_is_refused_and_the_next_one_comes() {
 }
 
 #[test]
-fn a_reader_that_is_full_holds_the_writer_back() {
-    let (a, b) = (near("a", 148), far("b", 148));
-    let mut bounded = topic("/bounded");
-    bounded.qos.history = History::KeepAll;
-    bounded.max_samples = Some(2);
-    let Ends { wake, mut writer, mut reader } = connect(&a, &b, &bounded);
-    let sent = pattern(1 << 20);
-    let mut accepted = 0;
-    let fault = loop {
-        assert!(accepted < 100, "the writer is never held back");
-        match write(&mut *writer, &sent) {
-            Ok(()) => accepted += 1,
-            Err(fault) => break fault,
-        }
-    };
-    assert_eq!(fault, GraphError::Timeout { topic: "rt/bounded".into(), timeout_ms: 100 });
-    for _ in 0..accepted {
-        assert!(text(&next(&mut *reader, &wake)) == sent);
+fn a_message_far_over_the_limit_is_discarded_by_its_header() {
+    let mut config = far_config("b", 157);
+    config.max_message_bytes = 25_000;
+    let (a, b) = (near("a", 157), CycloneGraph::new(&config).unwrap());
+    for size in [100_001, 6_000_000] {
+        let Ends { wake, mut writer, mut reader } = connect(&a, &b, &topic("/chatter"));
+        write(&mut *writer, &pattern(size)).unwrap();
+        write(&mut *writer, &pattern(99_000)).unwrap();
+        assert_eq!(text(&next(&mut *reader, &wake)).len(), 99_000);
     }
-    write(&mut *writer, b"on").unwrap();
-    assert_eq!(text(&next(&mut *reader, &wake)), b"on");
+}
+
+#[test]
+fn one_reader_that_is_not_taken_from_stops_nobody() {
+    let (a, b) = (near("a", 148), far("b", 148));
+    let mut kept = topic("/kept");
+    kept.qos.history = History::KeepAll;
+    let mut slow = connect(&a, &b, &kept);
+    let mut quick = connect(&a, &b, &topic("/quick"));
+    for n in 0..200_u32 {
+        write(&mut *slow.writer, &n.to_le_bytes().repeat(5_000)).unwrap();
+        write(&mut *quick.writer, b"quick").unwrap();
+        assert_eq!(text(&next(&mut *quick.reader, &quick.wake)), b"quick");
+    }
+    for n in 0..200_u32 {
+        assert!(text(&next(&mut *slow.reader, &slow.wake)).starts_with(&n.to_le_bytes()));
+    }
 }
 
 #[test]
@@ -472,5 +481,31 @@ fn exchange_small(a: &CycloneGraph, b: &CycloneGraph) {
         let mut ends = connect(from, to, &topic("/chatter"));
         write(&mut *ends.writer, b"small").unwrap();
         assert_eq!(text(&next(&mut *ends.reader, &ends.wake)), b"small");
+    }
+}
+
+#[test]
+fn cyclone_accepts_the_settings_of_every_range() {
+    use wrapyfi_core::middleware::ros2::environment::{self, DiscoveryRange};
+    // As from the environment, but kept on lo by the user's own source.
+    let on_lo = "<CycloneDDS><Domain><General><Interfaces><NetworkInterface name='lo'/>\
+                 </Interfaces><AllowMulticast>false</AllowMulticast></General></Domain></CycloneDDS>";
+    for (range, expected) in [
+        ("SUBNET", DiscoveryRange::Subnet),
+        ("LOCALHOST", DiscoveryRange::Localhost),
+        ("OFF", DiscoveryRange::Off),
+        ("SYSTEM_DEFAULT", DiscoveryRange::SystemDefault),
+    ] {
+        let read = environment::read(|name| match name {
+            "ROS_DOMAIN_ID" => Some("158".into()),
+            "ROS_AUTOMATIC_DISCOVERY_RANGE" => Some(range.into()),
+            "ROS_STATIC_PEERS" => Some("127.0.0.1;127.0.0.2".into()),
+            "CYCLONEDDS_URI" => Some(on_lo.into()),
+            _ => None,
+        })
+        .unwrap();
+        assert_eq!(read.discovery.range, expected);
+        let config = CycloneConfig::from_environment(identity("a"), &read);
+        CycloneGraph::new(&config).unwrap_or_else(|error| panic!("{range}: {error}"));
     }
 }

@@ -32,11 +32,8 @@ pub fn run(args: &EchoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     while !shutdown.requested() && args.count.is_none_or(|count| printed < count) {
         match listener.take() {
             Ok(Some(sample)) => {
-                let line = if args.json {
-                    describe(&sample.payload).to_string()
-                } else {
-                    summary(&sample.payload)
-                };
+                let line =
+                    if args.json { describe(&sample.payload) } else { summary(&sample.payload) };
                 if let Err(error) = writeln!(out, "{line}").and_then(|()| out.flush()) {
                     // The reader of our output has seen enough: `wrapyfi echo … | head`.
                     return match error.kind() {

@@ -58,12 +58,12 @@ impl Default for Defaults {
 #[serde(deny_unknown_fields)]
 pub struct RouteConfig {
     /// Source, as `middleware:/name`.
-    pub from: String,
+    pub from: Spanned<String>,
     /// Destination, as `middleware:/name`.
-    pub to: String,
+    pub to: Spanned<String>,
     /// Message type: see [`crate::types::MessageType`].
     #[serde(rename = "type")]
-    pub message_type: String,
+    pub message_type: Spanned<String>,
     /// Name in tables and logs (default `from -> to`).
     #[serde(default)]
     pub name: Option<String>,
@@ -72,19 +72,19 @@ pub struct RouteConfig {
     pub qos: Option<QosConfig>,
     /// Channel order of three-channel frames on Wrapyfi's side: `bgr8` (default) or `rgb8`.
     #[serde(default)]
-    pub encoding: Option<String>,
+    pub encoding: Option<Spanned<String>>,
     /// Messages the route's queue holds.
     #[serde(default)]
-    pub queue_depth: Option<usize>,
+    pub queue_depth: Option<Spanned<usize>>,
     /// What a full queue does.
     #[serde(default)]
     pub overflow: Option<OverflowConfig>,
     /// Highest rate passed on, in messages per second; others are dropped and counted.
     #[serde(default)]
-    pub max_rate_hz: Option<f64>,
+    pub max_rate_hz: Option<Spanned<f64>>,
     /// Largest message in MiB.
     #[serde(default)]
-    pub max_message_mib: Option<usize>,
+    pub max_message_mib: Option<Spanned<usize>>,
     /// Allows another route to the same destination.
     #[serde(default)]
     pub merge: bool,
@@ -266,7 +266,7 @@ mod tests {
             parse("routes:\n  - { from: 'a:/x', to: 'b:/y', type: Image, qos: sensor_data }\n")
                 .unwrap();
         let route = &config.routes[0].value;
-        assert_eq!((route.from.as_str(), route.to.as_str()), ("a:/x", "b:/y"));
+        assert_eq!((route.from.value.as_str(), route.to.value.as_str()), ("a:/x", "b:/y"));
         assert_eq!(route.qos, Some(QosConfig(QosPreset::SensorData.into())));
         assert_eq!(config.routes[0].referenced.line(), 2);
         assert_eq!(config.defaults.queue_depth, 10);

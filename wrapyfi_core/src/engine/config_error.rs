@@ -40,6 +40,14 @@ impl fmt::Display for ConfigError {
 
 impl std::error::Error for ConfigError {}
 
+impl Problem {
+    /// A fault at a place that a [`Spanned`](super::Spanned) value remembers.
+    #[must_use]
+    pub fn at(location: serde_saphyr::Location, message: String) -> Self {
+        Self { position: Some((location.line(), location.column())), message }
+    }
+}
+
 impl ConfigError {
     pub(super) fn too_large(file: &str, actual: usize, limit: usize) -> Self {
         let message = format!("configuration is {actual} bytes long, the limit is {limit}");

@@ -47,6 +47,6 @@ pub use config::{
 };
 pub use config_error::{ConfigError, Problem};
 pub use engine::{Engine, Running};
-pub use plan::{Plan, RouteSpec};
+pub use plan::{Available, Plan, RouteSpec};
 pub use relay::{Relay, Step};
 pub use route::{RouteState, RouteStatus};

@@ -7,7 +7,7 @@ use std::time::Duration;
 use super::config::{Config, Defaults, OverflowConfig, RouteConfig, Spanned};
 use super::config_error::{ConfigError, Problem, did_you_mean};
 use crate::Limits;
-use crate::endpoint::{EndpointAddress, Overflow, Qos, QueueSpec, TopicSpec};
+use crate::endpoint::{EndpointAddress, Overflow, ParseAddressError, Qos, QueueSpec, TopicSpec};
 use crate::types::{Encoding, MessageType};
 
 /// A route as it will be run.
@@ -80,6 +80,15 @@ impl fmt::Display for RouteSpec {
     }
 }
 
+/// A middleware that routes may name.
+#[derive(Clone, Copy)]
+pub struct Available<'a> {
+    /// Name in addresses.
+    pub name: &'a str,
+    /// Its rule for topic names; the error says what is wrong with one.
+    pub check_topic: &'a dyn Fn(&str) -> Result<(), String>,
+}
+
 /// The routes of a configuration, checked.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Plan {
@@ -95,7 +104,7 @@ impl Plan {
     /// given twice, destinations with two routes that do not say `merge: true`.
     pub fn new<E>(
         config: &Config<E>,
-        middlewares: &[&str],
+        middlewares: &[Available<'_>],
         file: &str,
     ) -> Result<Self, ConfigError> {
         let mut problems = Vec::new();
@@ -107,18 +116,15 @@ impl Plan {
                 .push(Problem { position: None, message: "no routes: nothing to do".to_owned() });
         }
         for entry in &config.routes {
-            let at = entry.referenced;
-            let line = at.line();
-            let mut complain = |message| {
-                problems.push(Problem { position: Some((line, at.column())), message });
-            };
+            let line = entry.referenced.line();
             let route = match route_spec(entry, &config.defaults, middlewares) {
                 Ok(route) => route,
-                Err(messages) => {
-                    messages.into_iter().for_each(complain);
+                Err(found) => {
+                    problems.extend(found);
                     continue;
                 }
             };
+            let mut complain = |message| problems.push(Problem::at(entry.referenced, message));
             let ends = (route.from.clone(), route.to.clone());
             if let Some(first) = seen.insert(ends, line) {
                 complain(format!(
@@ -147,34 +153,46 @@ impl Plan {
 fn route_spec(
     entry: &Spanned<RouteConfig>,
     defaults: &Defaults,
-    middlewares: &[&str],
-) -> Result<RouteSpec, Vec<String>> {
+    middlewares: &[Available<'_>],
+) -> Result<RouteSpec, Vec<Problem>> {
     let config = &entry.value;
     let mut problems = Vec::new();
-    let from = address(&config.from, middlewares).map_err(|e| problems.push(e)).ok();
-    let to = address(&config.to, middlewares).map_err(|e| problems.push(e)).ok();
-    let message_type =
-        config.message_type.parse::<MessageType>().map_err(|e| problems.push(e.to_string())).ok();
-    let color_order = match config.encoding.as_deref() {
-        None | Some("bgr8") => Encoding::Bgr8,
-        Some("rgb8") => Encoding::Rgb8,
-        Some(other) => {
-            problems.push(format!("encoding {other:?} is not a channel order: write bgr8 or rgb8"));
-            Encoding::Bgr8
-        }
+    let from = address(&config.from, middlewares).map_err(|problem| problems.push(problem)).ok();
+    let to = address(&config.to, middlewares).map_err(|problem| problems.push(problem)).ok();
+    let message_type = &config.message_type;
+    let message_type = message_type
+        .value
+        .parse::<MessageType>()
+        .map_err(|error| problems.push(Problem::at(message_type.referenced, error.to_string())))
+        .ok();
+    let color_order = match &config.encoding {
+        None => Encoding::Bgr8,
+        Some(encoding) => match encoding.value.as_str() {
+            "bgr8" => Encoding::Bgr8,
+            "rgb8" => Encoding::Rgb8,
+            other => {
+                let text = format!("encoding {other:?} is not a channel order: write bgr8 or rgb8");
+                problems.push(Problem::at(encoding.referenced, text));
+                Encoding::Bgr8
+            }
+        },
     };
-    let depth = config.queue_depth.unwrap_or(defaults.queue_depth);
-    if !(1..=100_000).contains(&depth) {
-        problems.push(format!("queue_depth is {depth}, it must lie between 1 and 100000"));
-    }
-    let mib = config.max_message_mib.unwrap_or(defaults.max_message_mib);
-    if !(1..=2047).contains(&mib) {
-        problems.push(format!("max_message_mib is {mib}, it must lie between 1 and 2047"));
-    }
-    if let Some(hz) = config.max_rate_hz
-        && !(hz.is_finite() && hz > 0.0)
+    let mut within = |key: &str, own: &Option<Spanned<usize>>, default: usize, most: usize| {
+        let value = own.as_ref().map_or(default, |own| own.value);
+        if !(1..=most).contains(&value) {
+            let at = own.as_ref().map_or(entry.referenced, |own| own.referenced);
+            let text = format!("{key} is {value}, it must lie between 1 and {most}");
+            problems.push(Problem::at(at, text));
+        }
+        value
+    };
+    let depth = within("queue_depth", &config.queue_depth, defaults.queue_depth, 100_000);
+    let mib = within("max_message_mib", &config.max_message_mib, defaults.max_message_mib, 2047);
+    if let Some(rate) = &config.max_rate_hz
+        && !(rate.value.is_finite() && rate.value > 0.0)
     {
-        problems.push(format!("max_rate_hz is {hz}, it must be above 0"));
+        let text = format!("max_rate_hz is {}, it must be above 0", rate.value);
+        problems.push(Problem::at(rate.referenced, text));
     }
     let overflow = match config.overflow.unwrap_or(defaults.overflow) {
         OverflowConfig::DropOldest => Overflow::DropOldest,
@@ -184,7 +202,8 @@ fn route_spec(
     match (from, to, message_type) {
         (Some(from), Some(to), Some(message_type)) if problems.is_empty() => {
             if from == to {
-                return Err(vec![format!("route from {from} to itself: it would loop")]);
+                let text = format!("route from {from} to itself: it would loop");
+                return Err(vec![Problem::at(entry.referenced, text)]);
             }
             let mut route = RouteSpec::new(from, to, message_type);
             if let Some(name) = &config.name {
@@ -192,7 +211,7 @@ fn route_spec(
             }
             route.qos = config.qos.map(|qos| qos.0).unwrap_or_default();
             route.queue = QueueSpec { depth, overflow };
-            route.max_rate_hz = config.max_rate_hz;
+            route.max_rate_hz = config.max_rate_hz.as_ref().map(|rate| rate.value);
             route.color_order = color_order;
             route.limits.message_bytes = mib.saturating_mul(Limits::MIB);
             Ok(route)
@@ -201,20 +220,27 @@ fn route_spec(
     }
 }
 
-fn address(text: &str, middlewares: &[&str]) -> Result<EndpointAddress, String> {
+fn address(text: &Spanned<String>, middlewares: &[Available<'_>]) -> Result<EndpointAddress, Problem> {
+    let problem = |message| Problem::at(text.referenced, message);
     let address: EndpointAddress =
-        text.parse().map_err(|e: crate::endpoint::ParseAddressError| e.to_string())?;
-    if !middlewares.contains(&address.middleware.as_str()) {
-        let hint = did_you_mean(&address.middleware, middlewares);
-        return Err(format!(
-            "{text:?}: middleware {:?} is not available; {hint}available: {}",
+        text.value.parse().map_err(|error: ParseAddressError| problem(error.to_string()))?;
+    let Some(middleware) = middlewares.iter().find(|known| known.name == address.middleware) else {
+        let names: Vec<&str> = middlewares.iter().map(|known| known.name).collect();
+        let hint = did_you_mean(&address.middleware, &names);
+        return Err(problem(format!(
+            "{:?}: middleware {:?} is not available; {hint}available: {}",
+            text.value,
             address.middleware,
-            middlewares.join(", ")
-        ));
-    }
+            names.join(", ")
+        )));
+    };
     if address.name.contains(['*', '(', '[', '$']) {
-        return Err(format!("{text:?} is a pattern; this version routes one topic per entry"));
+        let what =
+            format!("{:?} is a pattern; this version routes one topic per entry", text.value);
+        return Err(problem(what));
     }
+    (middleware.check_topic)(&address.name)
+        .map_err(|fault| problem(format!("{:?} is no topic name: {fault}", text.value)))?;
     Ok(address)
 }
 
@@ -229,7 +255,12 @@ mod tests {
 
     fn plan(text: &str) -> Result<Plan, ConfigError> {
         let config: Config<NoEndpoints> = Config::from_yaml(text, "bridge.yaml")?;
-        Plan::new(&config, &["zeromq", "ros2"], "bridge.yaml")
+        let no_blanks = |topic: &str| match topic.find(' ') {
+            Some(at) => Err(format!("blank at {at}")),
+            None => Ok(()),
+        };
+        let known = |name| Available { name, check_topic: &no_blanks };
+        Plan::new(&config, &[known("zeromq"), known("ros2")], "bridge.yaml")
     }
 
     #[test]
@@ -250,7 +281,7 @@ mod tests {
     #[test]
     fn every_fault_is_reported_at_once_with_its_line() {
         let error = plan(
-            "routes:\n  - { from: 'zermoq:/a', to: 'ros2:/b', type: Imge }\n  - { from: '/a', to: 'ros2:/c', type: Image, queue_depth: 0 }\n  - { from: 'ros2:/(.*)', to: 'zeromq:/x', type: Image }\n",
+            "routes:\n  - { from: 'zermoq:/a', to: 'ros2:/b', type: Imge }\n  - { from: '/a', to: 'ros2:/c', type: Image, queue_depth: 0 }\n  - { from: 'ros2:/(.*)', to: 'zeromq:/x', type: Image }\n  - { from: 'ros2:/a b', to: 'zeromq:/x', type: Image }\n",
         )
         .unwrap_err();
         let text = error.to_string();
@@ -262,6 +293,7 @@ mod tests {
         assert!(text.contains("bridge.yaml:3:") && text.contains("names no middleware"), "{text}");
         assert!(text.contains("queue_depth is 0"), "{text}");
         assert!(text.contains("pattern"), "{text}");
+        assert!(text.contains(r#""ros2:/a b" is no topic name: blank at 2"#), "{text}");
     }
 
     #[test]

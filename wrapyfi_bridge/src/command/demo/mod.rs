@@ -27,13 +27,13 @@ use crate::session::DemoSession;
 use crate::shutdown::Shutdown;
 use crate::table;
 
-/// What the demo carries: ZeroMQ topic, ROS 2 topic, type.
-const ROUTES: [(&str, &str, MessageType); 5] = [
-    ("/demo/camera", "/demo/camera/image_raw", MessageType::Image),
-    ("/demo/camera_jpeg", "/demo/camera/image_raw/compressed", MessageType::CompressedImage),
-    ("/demo/microphone", "/demo/microphone", MessageType::AudioChunk),
-    ("/demo/object", "/demo/object", MessageType::NativeObject),
-    ("/demo/text", "/demo/text", MessageType::StringJson),
+/// What the demo carries: name of the route, ZeroMQ topic, ROS 2 topic, type.
+const ROUTES: [(&str, &str, &str, MessageType); 5] = [
+    ("camera", "/demo/camera", "/camera/image_raw", MessageType::Image),
+    ("camera jpeg", "/demo/jpeg", "/camera/image_raw/compressed", MessageType::CompressedImage),
+    ("microphone", "/demo/microphone", "/microphone", MessageType::AudioChunk),
+    ("object", "/demo/object", "/object", MessageType::NativeObject),
+    ("object as text", "/demo/text", "/object/json", MessageType::StringJson),
 ];
 
 /// Runs for `--seconds`, or until the process is asked to end.
@@ -60,7 +60,7 @@ pub fn run(args: &DemoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         let elapsed = tick.elapsed();
         tick = Instant::now();
         screen.show(&format!(
-            "{:.0} s  ZeroMQ {} -> ROS 2 domain {}\n\nThe bridge\n{}\nWhat a ROS 2 node receives (latency from the frame's stamp to its arrival)\n{}",
+            "{:.0} s: ZeroMQ broker on {}, ROS 2 domain {}\n\n{}\n{}",
             start.elapsed().as_secs_f64(),
             session.broker(),
             session.domain_id(),
@@ -87,12 +87,10 @@ pub fn run(args: &DemoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
 }
 
 fn plan() -> anyhow::Result<Plan> {
-    let route = |&(from, to, message_type): &(&str, &str, MessageType)| {
-        anyhow::Ok(RouteSpec::new(
-            format!("zeromq:{from}").parse()?,
-            format!("ros2:{to}").parse()?,
-            message_type,
-        ))
+    let route = |&(name, from, to, message_type): &(&str, &str, &str, MessageType)| {
+        let (from, to) = (format!("zeromq:{from}").parse()?, format!("ros2:{to}").parse()?);
+        let route = RouteSpec::new(from, to, message_type);
+        anyhow::Ok(RouteSpec { name: name.to_owned(), ..route })
     };
     Ok(Plan { routes: ROUTES.iter().map(route).collect::<anyhow::Result<_>>()? })
 }

@@ -32,7 +32,7 @@ impl Sources {
         let mut sources = Self { stop: Arc::default(), threads: Vec::new() };
         let all: [(&str, MessageType, u64, Make); 5] = [
             ("/demo/camera", MessageType::Image, 30, frame),
-            ("/demo/camera_jpeg", MessageType::CompressedImage, 10, jpeg_frame),
+            ("/demo/jpeg", MessageType::CompressedImage, 10, jpeg_frame),
             ("/demo/microphone", MessageType::AudioChunk, 10, sound),
             ("/demo/object", MessageType::NativeObject, 10, object),
             ("/demo/text", MessageType::NativeObject, 10, object),
@@ -65,6 +65,9 @@ impl Drop for Sources {
 }
 
 fn publish(mut publisher: Box<dyn Publisher>, interval: Duration, make: Make, stop: &AtomicBool) {
+    while publisher.link().peers != Some(1) && !stop.load(Ordering::Relaxed) {
+        std::thread::sleep(Duration::from_millis(10)); // as Wrapyfi's should_wait
+    }
     let start = Instant::now();
     for sequence in 0.. {
         let due = start + interval * u32::try_from(sequence).unwrap_or(u32::MAX);

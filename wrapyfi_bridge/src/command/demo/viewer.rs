@@ -7,7 +7,6 @@ use anyhow::Context as _;
 use wrapyfi_core::endpoint::{Context, Latency, Listener, Middleware, TopicSpec, Wake};
 use wrapyfi_core::types::{MessageType, Payload, Stamp, Value};
 
-use crate::describe::summary;
 use crate::shutdown::Shutdown;
 
 /// Key under which the demo's objects carry the time they were sent.
@@ -27,22 +26,20 @@ struct Topic {
     bytes: u64,
     shown: (u64, u64),
     latency: Latency,
-    last: String,
 }
 
 impl Viewer {
     pub(super) fn open(
         middleware: &dyn Middleware,
-        routes: &[(&'static str, &'static str, MessageType)],
+        routes: &[(&'static str, &'static str, &'static str, MessageType)],
     ) -> anyhow::Result<Self> {
         let wake = Wake::new();
-        let open = |&(_, name, message_type): &(&str, &'static str, MessageType)| {
+        let open = |&(_, _, name, message_type): &(&str, &str, &'static str, MessageType)| {
             let context = Context { wake: wake.clone(), ..Context::default() };
             let listener = middleware
                 .open_listener(&TopicSpec::new(name, message_type), &context)
                 .with_context(|| format!("viewer of {name}"))?;
             let latency = Latency::default();
-            let last = String::new();
             anyhow::Ok(Topic {
                 name,
                 message_type,
@@ -51,7 +48,6 @@ impl Viewer {
                 bytes: 0,
                 shown: (0, 0),
                 latency,
-                last,
             })
         };
         let topics = routes.iter().map(open).collect::<anyhow::Result<_>>()?;
@@ -84,8 +80,8 @@ impl Viewer {
     pub(super) fn table(&mut self, elapsed: Duration) -> String {
         let seconds = elapsed.as_secs_f64().max(1e-9);
         let mut out = format!(
-            "{:<35} {:<26} {:>8} {:>6} {:>7} {:>8} {:>8}  last\n",
-            "topic", "type", "received", "Hz", "MB/s", "p50 ms", "p99 ms"
+            "{:<28}  {:<27} {:>6} {:>6} {:>6} {:>6} {:>6}\n",
+            "a ROS 2 node receives", "type", "got", "Hz", "MB/s", "p50 ms", "p99 ms"
         );
         for topic in &mut self.topics {
             let (received, bytes) =
@@ -94,7 +90,7 @@ impl Viewer {
             // Writing to a String cannot fail.
             let _infallible = writeln!(
                 out,
-                "{:<35} {:<26} {:>8} {:>6.1} {:>7.2} {:>8.2} {:>8.2}  {}",
+                "{:<28}  {:<27} {:>6} {:>6.1} {:>6.2} {:>6.2} {:>6.2}",
                 topic.name,
                 topic.message_type.ros_type().replace("/msg", ""),
                 topic.received,
@@ -102,7 +98,6 @@ impl Viewer {
                 (topic.bytes - bytes) as f64 / seconds / 1e6,
                 latency.p50_us as f64 / 1e3,
                 latency.p99_us as f64 / 1e3,
-                topic.last,
             );
         }
         out
@@ -122,8 +117,6 @@ impl Topic {
                         self.latency
                             .record(Duration::try_from_secs_f64(now - sent).unwrap_or_default());
                     }
-                    let text = summary(&sample.payload);
-                    self.last = text.chars().take(60).collect();
                 }
                 Err(error) => tracing::warn!("{}: {error}", self.name),
             }

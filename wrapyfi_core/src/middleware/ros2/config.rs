@@ -10,6 +10,8 @@
 
 use std::fmt::Write as _;
 
+use crate::Limits;
+
 use super::environment::{Discovery, DiscoveryRange, Environment};
 use super::graph::NodeIdentity;
 
@@ -17,6 +19,11 @@ use super::graph::NodeIdentity;
 pub(super) const RECEIVE_BUFFER: u64 = 4 << 20;
 /// Participants on one host that unicast discovery reaches, as `rmw_cyclonedds_cpp` sets it.
 const PARTICIPANTS: u32 = 32;
+
+/// How far over the limit a message may be to be received and counted rather than discarded.
+const SLACK: usize = 4;
+/// Cyclone's own limit for a sample.
+const MAX_SAMPLE: usize = i32::MAX as usize;
 
 /// Settings of a node on CycloneDDS.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -29,6 +36,10 @@ pub struct CycloneConfig {
     pub discovery: Discovery,
     /// The only network interface to use, for instance `lo`; `None` lets Cyclone choose.
     pub interface: Option<String>,
+    /// Largest message that any topic of the node carries. What is over a topic's own limit is
+    /// counted there; what is more than four times over this one is discarded by its header, before
+    /// memory is taken for it, with a warning from Cyclone.
+    pub max_message_bytes: usize,
     /// Sources after ours, as in `CYCLONEDDS_URI`: XML or `file://…`, separated by commas.
     pub extra_uri: Option<String>,
 }
@@ -42,6 +53,7 @@ impl CycloneConfig {
             domain_id: environment.domain_id,
             discovery: environment.discovery.clone(),
             interface: None,
+            max_message_bytes: Limits::default().message_bytes,
             extra_uri: environment.cyclonedds_uri.clone(),
         }
     }
@@ -54,6 +66,7 @@ impl CycloneConfig {
             domain_id,
             discovery: Discovery { range: DiscoveryRange::Localhost, static_peers: Vec::new() },
             interface: Some("lo".into()),
+            max_message_bytes: Limits::default().message_bytes,
             extra_uri: None,
         }
     }
@@ -118,10 +131,12 @@ impl CycloneConfig {
             }
             discovery.push_str("</Peers>");
         }
+        let max_sample = self.max_message_bytes.saturating_mul(SLACK).min(MAX_SAMPLE);
         format!(
             "<CycloneDDS><Domain Id=\"any\"><General>{general}</General>\
              <Discovery>{discovery}</Discovery>\
-             <Internal><SocketReceiveBufferSize max=\"{RECEIVE_BUFFER}B\"/></Internal>\
+             <Internal><SocketReceiveBufferSize max=\"{RECEIVE_BUFFER}B\"/>\
+             <MaxSampleSize>{max_sample}B</MaxSampleSize></Internal>\
              </Domain></CycloneDDS>"
         )
     }
@@ -144,6 +159,7 @@ mod tests {
                 static_peers: peers.iter().map(|&peer| peer.to_owned()).collect(),
             },
             interface: None,
+            max_message_bytes: 1000,
             extra_uri: None,
         }
     }
@@ -154,6 +170,7 @@ mod tests {
         assert!(subnet.contains("<Peers><Peer address=\"10.0.0.1\"/></Peers>"), "{subnet}");
         assert!(subnet.contains("<MaxAutoParticipantIndex>32<"), "{subnet}");
         assert!(!subnet.contains("AllowMulticast"), "{subnet}");
+        assert!(subnet.contains("<MaxSampleSize>4000B<"), "{subnet}");
         let local = config(DiscoveryRange::Localhost, &["10.0.0.1"]).xml(1);
         assert!(local.contains("<AllowMulticast>false<"), "{local}");
         assert!(local.contains("<Peer address=\"localhost\"/><Peer address=\"10.0.0.1\"/>"));

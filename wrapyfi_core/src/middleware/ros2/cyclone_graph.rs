@@ -21,9 +21,11 @@ use super::graph::{
 };
 use super::names::{self, NameError};
 
-/// How long a write waits for reliable readers: Fast DDS's value. Longer would let one stopped
-/// subscriber hold up everything that the same thread propagates.
-const MAX_BLOCKING: Duration = Duration::from_millis(100);
+/// How long a write waits for reliable readers; only keep-all writers wait, the others overwrite
+/// their oldest. A lost acknowledgement is repeated with the next
+/// heartbeat, 100 ms later, so less would drop messages that were about to go; much more would let
+/// one stopped subscriber hold up everything that the same thread propagates.
+const MAX_BLOCKING: Duration = Duration::from_millis(500);
 
 /// Why a node could not be created.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -305,12 +307,7 @@ fn type_hash(user_data: &[u8]) -> Option<String> {
 }
 
 fn qos<'a>(topic: &TopicDescription, user_data: &'a str) -> EndpointQos<'a> {
-    EndpointQos {
-        qos: topic.qos,
-        max_samples: topic.max_samples,
-        max_blocking: MAX_BLOCKING,
-        user_data,
-    }
+    EndpointQos { qos: topic.qos, max_blocking: MAX_BLOCKING, user_data }
 }
 
 fn stack(operation: &'static str, topic: &str, code: ReturnCode) -> GraphError {

@@ -49,7 +49,6 @@ impl DiscoveryInfo {
                 durability: Durability::TransientLocal,
                 history: History::KeepLast(1),
             },
-            max_samples: None,
             max_blocking: Duration::from_millis(100),
             user_data: &user_data,
         };

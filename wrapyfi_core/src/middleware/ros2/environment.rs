@@ -9,7 +9,7 @@
 //!   CYCLONEDDS_URI ──────────────────┘
 //! ```
 //!
-//! The function is pure: it is given a lookup and logs nothing.
+//! [`read`] is pure: it is given a lookup and logs nothing; [`Environment::log`] does.
 
 /// Highest domain id: above it the port numbers of DDS leave their range.
 pub const MAX_DOMAIN_ID: u32 = 232;
@@ -51,6 +51,21 @@ pub struct Environment {
     pub stack_reason: String,
     /// Lines to be logged as warnings.
     pub warnings: Vec<String>,
+}
+
+impl Environment {
+    /// Writes the choice, its reason and the warnings to the log.
+    pub fn log(&self) {
+        tracing::info!(
+            domain = self.domain_id,
+            range = ?self.discovery.range,
+            reason = self.stack_reason,
+            "topics are on CycloneDDS"
+        );
+        for warning in &self.warnings {
+            tracing::warn!("{warning}");
+        }
+    }
 }
 
 /// A value with which no ROS 2 node starts.

@@ -35,9 +35,6 @@ pub struct TopicDescription {
     pub type_hash: Option<String>,
     /// Quality of service.
     pub qos: Qos,
-    /// Samples held at most where the history is keep-all; `None` for no bound. A reliable writer
-    /// is held back by a reader that is full.
-    pub max_samples: Option<u32>,
     /// Messages larger than this are dropped on reception before they are copied.
     pub max_bytes: usize,
 }

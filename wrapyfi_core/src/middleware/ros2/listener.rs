@@ -2,15 +2,17 @@
 //!
 //! ```text
 //!   DDS thread:  notify ─▶ Inlet::drain ── take all ──▶ inbox ──▶ take ─▶ decode   owner's thread
-//!                             ▲                                     │
-//!                             └──── there is room again (block) ────┘
+//!                                  └─ block: full ─▶ held ──┘
 //! ```
 //!
-//! Under policy `block` samples stay in the reader, which is bounded and keep-all there: a reliable
-//! publisher is held back by it. One message waits between reader and queue, with its deadline.
+//! Under policy `block` messages that find the queue full are held beside it, as many again as it
+//! has room for, each for the deadline at most. The publisher is not held back: Cyclone does that
+//! by stopping the thread that delivers every topic of the process, discovery in its wake, so that
+//! a bounded reader would let one slow consumer stop all of them.
 
+use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 
@@ -42,8 +44,8 @@ struct Inlet {
 struct InletState {
     /// None before it was created and after the listener is gone.
     reader: Option<Box<dyn CdrReader>>,
-    /// Under policy `block`: taken, but the queue was full.
-    held: Option<Arrived>,
+    /// Under policy `block`: arrived when the queue was full, oldest first.
+    held: VecDeque<Arrived>,
     warned_oversize: bool,
 }
 
@@ -52,7 +54,11 @@ impl Inlet {
     fn new(topic: &str, queue: QueueSpec, context: &Context) -> (Arc<Self>, Receiver<Arrived>) {
         let (sender, receiver) = inbox(queue, Arc::clone(&context.counters), context.wake.clone());
         let inlet = Self {
-            state: Mutex::new(InletState { reader: None, held: None, warned_oversize: false }),
+            state: Mutex::new(InletState {
+                reader: None,
+                held: VecDeque::new(),
+                warned_oversize: false,
+            }),
             sender,
             counters: Arc::clone(&context.counters),
             wake: context.wake.clone(),
@@ -65,23 +71,21 @@ impl Inlet {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Moves what waits in the reader into the queue, as far as the policy goes.
+    /// Moves what waits into the queue, as far as the policy goes.
     fn drain(&self) {
         let mut guard = self.lock();
         let state = &mut *guard;
+        self.refill(&mut state.held);
         let Some(reader) = &mut state.reader else { return };
         let lost = reader.lost();
         if lost > 0 {
             self.counters.dropped_many(DropReason::LostUpstream, lost);
         }
-        if let Some(held) = state.held.take() {
-            state.held = self.place(held);
-        }
-        while state.held.is_none() {
+        loop {
             match reader.take() {
                 Ok(Some(sample)) => {
                     self.counters.received(sample.cdr.len());
-                    state.held = self.place(Arrived { cdr: sample.cdr, at: Instant::now() });
+                    self.place(Arrived { cdr: sample.cdr, at: Instant::now() }, &mut state.held);
                 }
                 Ok(None) => return,
                 Err(GraphError::TooLarge { actual, limit, .. }) => {
@@ -104,15 +108,41 @@ impl Inlet {
         }
     }
 
-    /// Queues a message; hands it back when it has to wait for room.
-    fn place(&self, message: Arrived) -> Option<Arrived> {
-        let message = self.sender.push(message).err()?;
-        match self.sender.spec().overflow {
-            Overflow::Block(deadline) if message.at.elapsed() < deadline => Some(message),
-            _ => {
-                self.sender.give_up(message);
-                None
+    /// Moves held messages into the queue; those that waited too long are dropped.
+    fn refill(&self, held: &mut VecDeque<Arrived>) {
+        while let Some(oldest) = held.pop_front() {
+            if let Err(oldest) = self.sender.push(oldest) {
+                if oldest.at.elapsed() < self.patience() {
+                    held.push_front(oldest);
+                    return;
+                }
+                self.sender.give_up(oldest);
             }
+        }
+    }
+
+    /// Queues a message behind those that are held, or holds it.
+    fn place(&self, message: Arrived, held: &mut VecDeque<Arrived>) {
+        let message = if held.is_empty() {
+            match self.sender.push(message) {
+                Ok(()) => return,
+                Err(message) => message,
+            }
+        } else {
+            message
+        };
+        if held.len() < self.sender.spec().depth.max(1) && !self.patience().is_zero() {
+            held.push_back(message);
+        } else {
+            self.sender.give_up(message);
+        }
+    }
+
+    /// How long a message may wait beside a full queue.
+    fn patience(&self) -> Duration {
+        match self.sender.spec().overflow {
+            Overflow::Block(deadline) => deadline,
+            _ => Duration::ZERO,
         }
     }
 }
@@ -189,9 +219,6 @@ impl Drop for Ros2Listener {
 
 #[cfg(test)]
 mod tests {
-    use std::collections::VecDeque;
-    use std::time::Duration;
-
     use super::*;
     use crate::middleware::ros2::graph::CdrSample;
 
@@ -202,10 +229,6 @@ mod tests {
     impl Waiting {
         fn put(&self, message: Result<usize, usize>) {
             self.0.lock().unwrap().push_back(message);
-        }
-
-        fn len(&self) -> usize {
-            self.0.lock().unwrap().len()
         }
     }
 
@@ -262,20 +285,23 @@ mod tests {
     }
 
     #[test]
-    fn under_block_messages_wait_in_the_reader() {
+    fn under_block_as_many_again_wait_in_order() {
         let (inlet, receiver, waiting, context) = open(Overflow::Block(Duration::from_secs(60)), 0);
         for size in 1..=5 {
             waiting.put(Ok(size));
         }
         inlet.drain();
-        assert_eq!((receiver.len(), waiting.len()), (2, 2), "one is held between them");
-        let mut sizes = Vec::new();
+        assert_eq!((receiver.len(), inlet.lock().held.len()), (2, 2));
+        assert_eq!(context.counters.snapshot().dropped_for(DropReason::BlockDeadline), 1);
+        let mut sizes = vec![receiver.pop().unwrap().cdr.len()];
+        waiting.put(Ok(6));
+        inlet.drain();
         while let Some(message) = receiver.pop() {
             sizes.push(message.cdr.len());
             inlet.drain();
         }
-        assert_eq!(sizes, [1, 2, 3, 4, 5]);
-        assert_eq!(context.counters.snapshot().dropped(), 0);
+        assert_eq!(sizes, [1, 2, 3, 4, 6]);
+        assert_eq!(context.counters.snapshot().dropped(), 1);
     }
 
     #[test]

@@ -47,9 +47,7 @@ pub use config::CycloneConfig;
 pub use cyclone_graph::{CycloneError, CycloneGraph};
 pub use domain::DomainError;
 
-use crate::endpoint::{
-    Context, History, Listener, Middleware, OpenError, Overflow, Publisher, Qos, TopicSpec,
-};
+use crate::endpoint::{Context, Listener, Middleware, OpenError, Publisher, TopicSpec};
 use graph::{Graph, GraphError, TopicDescription};
 use listener::Ros2Listener;
 use publisher::Ros2Publisher;
@@ -83,7 +81,7 @@ impl Ros2 {
         &self.graph
     }
 
-    fn describe(&self, spec: &TopicSpec, qos: Qos) -> Result<TopicDescription, OpenError> {
+    fn describe(&self, spec: &TopicSpec) -> Result<TopicDescription, OpenError> {
         let invalid = |reason: String| OpenError::InvalidName {
             middleware: NAME,
             topic: spec.topic.clone(),
@@ -97,8 +95,7 @@ impl Ros2 {
             name,
             type_name: spec.message_type.ros_type().to_owned(),
             type_hash: Some(payload::type_hash(spec.message_type)),
-            qos,
-            max_samples: None,
+            qos: spec.qos,
             max_bytes: spec.limits.message_bytes,
         })
     }
@@ -114,12 +111,7 @@ impl Middleware for Ros2 {
         spec: &TopicSpec,
         context: &Context,
     ) -> Result<Box<dyn Listener>, OpenError> {
-        let mut topic = self.describe(spec, spec.qos)?;
-        if matches!(spec.queue.overflow, Overflow::Block(_)) {
-            // What waits must not be overwritten, and must not grow without bound.
-            topic.qos.history = History::KeepAll;
-            topic.max_samples = Some(u32::try_from(spec.queue.depth).unwrap_or(u32::MAX));
-        }
+        let topic = self.describe(spec)?;
         let listener = Ros2Listener::open(&self.graph, &topic, spec, context)
             .map_err(|error| transport(spec, &error))?;
         Ok(Box::new(listener))
@@ -130,7 +122,7 @@ impl Middleware for Ros2 {
         spec: &TopicSpec,
         context: &Context,
     ) -> Result<Box<dyn Publisher>, OpenError> {
-        let topic = self.describe(spec, spec.qos)?;
+        let topic = self.describe(spec)?;
         let publisher = Ros2Publisher::open(&self.graph, &topic, spec, context)
             .map_err(|error| transport(spec, &error))?;
         Ok(Box::new(publisher))

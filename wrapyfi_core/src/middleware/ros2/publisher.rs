@@ -54,16 +54,14 @@ impl Publisher for Ros2Publisher {
     fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {
         let cdr = payload::encode(payload, self.message_type, self.color_order, &self.limits)?;
         let parts: Vec<&[u8]> = cdr.pieces().iter().map(AsRef::as_ref).collect();
-        self.writer.write(&parts).map_err(|error| match error {
-            GraphError::Timeout { topic, .. } => PublishError::QueueFull {
-                topic,
-                depth: match self.qos.history {
-                    History::KeepLast(depth) => usize::try_from(depth).unwrap_or(usize::MAX),
-                    History::KeepAll => usize::MAX,
-                },
-            },
-            other => {
-                PublishError::Transport { topic: self.topic.clone(), reason: other.to_string() }
+        self.writer.write(&parts).map_err(|error| match (error, self.qos.history) {
+            (GraphError::Timeout { topic, .. }, History::KeepLast(depth)) => {
+                let depth = usize::try_from(depth).unwrap_or(usize::MAX);
+                PublishError::QueueFull { topic, depth }
+            }
+            // A keep-all queue is bounded by bytes: the stack's own words say more.
+            (error, _) => {
+                PublishError::Transport { topic: self.topic.clone(), reason: error.to_string() }
             }
         })?;
         Ok(cdr.len())

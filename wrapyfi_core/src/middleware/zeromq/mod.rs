@@ -228,6 +228,14 @@ impl std::fmt::Debug for ZeroMq {
 }
 
 /// The rule that a topic name breaks, if any.
+/// Checks a topic name against the rules that hold whatever the broker's settings are.
+///
+/// # Errors
+/// What is wrong with the name.
+pub fn check_topic(topic: &str) -> Result<(), String> {
+    name_fault(topic).map_or(Ok(()), Err)
+}
+
 fn name_fault(topic: &str) -> Option<String> {
     if topic.is_empty() {
         Some("it is empty, which would match every topic; give it a name".to_owned())

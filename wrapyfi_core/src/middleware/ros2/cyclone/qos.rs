@@ -16,8 +16,6 @@ use crate::endpoint::{Durability, History, Qos, Reliability};
 pub(crate) struct EndpointQos<'a> {
     /// Reliability, durability, history.
     pub(crate) qos: Qos,
-    /// Samples held under [`History::KeepAll`], where bounded.
-    pub(crate) max_samples: Option<u32>,
     /// How long a write waits for reliable readers.
     pub(crate) max_blocking: Duration,
     /// USER_DATA, for the type hash.
@@ -66,12 +64,6 @@ impl QosObject {
                 qos.0,
                 cyclors::dds_ignorelocal_kind_DDS_IGNORELOCAL_PARTICIPANT,
             );
-        }
-        if let (History::KeepAll, Some(limit)) = (wanted.qos.history, wanted.max_samples) {
-            let limit = i32::try_from(limit.max(1)).unwrap_or(i32::MAX);
-            let any = cyclors::DDS_LENGTH_UNLIMITED;
-            // SAFETY: as above.
-            unsafe { cyclors::dds_qset_resource_limits(qos.0, limit, any, any) };
         }
         qos
     }

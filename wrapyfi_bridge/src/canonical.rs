@@ -1,0 +1,135 @@
+//! Native objects as text that is the same in every language, to read and to hash.
+//!
+//! Compact JSON in ASCII with sorted keys, numbers as Python prints them: what
+//! `json.dumps(value, sort_keys=True, separators=(",", ":"))` gives. What JSON has no form for is an
+//! object with one key:
+//!
+//! | value | text |
+//! | --- | --- |
+//! | tuple, set | `{"@tuple":[…]}`, `{"@set":[…]}` with the items sorted |
+//! | array | `{"@array":{"dtype":"<f4","sha256":"…","shape":[2,3]}}`, hash of its row-major bytes |
+//! | datetime | `{"@datetime":"2025-06-07T08:09:10"}`, `{"@datetime64":"…"}` |
+//! | bytes | `{"@bytes":{"sha256":"…","size":3}}` |
+//! | text with lone surrogates | as JSON: `"\\ud800"` |
+//! | plug-in object | `{"@tagged":{"key":"PytorchTensor","sha256":"…","size":812}}` |
+//! | NaN, infinities | the tokens `NaN`, `Infinity`, `-Infinity` |
+
+use std::fmt::Write as _;
+
+use wrapyfi_core::codec::json;
+use wrapyfi_core::types::Value;
+
+use crate::describe::digest;
+
+/// The canonical text of `value`.
+#[must_use]
+pub fn canonical(value: &Value) -> String {
+    let mut out = String::new();
+    write(&mut out, value);
+    out
+}
+
+// Writing to a String cannot fail, so the results of `write!` are not looked at.
+fn write(out: &mut String, value: &Value) {
+    match value {
+        Value::List(items) => list(out, items.iter().map(canonical)),
+        Value::Tuple(items) => tagged(out, "tuple", |out| list(out, items.iter().map(canonical))),
+        Value::Set(items) => {
+            let mut texts: Vec<String> = items.iter().map(canonical).collect();
+            texts.sort();
+            tagged(out, "set", |out| list(out, texts.into_iter()));
+        }
+        Value::Map(map) => {
+            let mut members: Vec<(String, &Value)> =
+                map.iter().map(|(key, value)| (key_text(key), value)).collect();
+            members.sort_by(|a, b| a.0.cmp(&b.0));
+            out.push('{');
+            for (index, (key, value)) in members.iter().enumerate() {
+                let comma = if index > 0 { "," } else { "" };
+                _ = write!(out, "{comma}{key}:");
+                write(out, value);
+            }
+            out.push('}');
+        }
+        Value::DateTime(at) => tagged(out, "datetime", |out| _ = write!(out, "\"{at}\"")),
+        Value::DateTime64(text) => tagged(out, "datetime64", |out| _ = write!(out, "\"{text}\"")),
+        Value::Tensor(tensor) => {
+            let dtype = tensor.dtype();
+            let dtype = dtype.npy_descr().unwrap_or_else(|| dtype.name());
+            array(out, dtype, tensor.shape(), tensor.data());
+        }
+        Value::Array(numpy) => {
+            array(out, numpy.descr.trim_matches('\''), &numpy.shape, &numpy.data);
+        }
+        Value::Bytes(bytes) => {
+            let (sha256, size) = (digest(bytes), bytes.len());
+            tagged(out, "bytes", |out| _ = write!(out, r#"{{"sha256":"{sha256}","size":{size}}}"#));
+        }
+        Value::Tagged(object) => {
+            let (sha256, size) = (digest(&object.json), object.json.len());
+            let key = scalar(&Value::from(object.key.as_str()));
+            tagged(out, "tagged", |out| {
+                _ = write!(out, r#"{{"key":{key},"sha256":"{sha256}","size":{size}}}"#);
+            });
+        }
+        _ => out.push_str(&scalar(value)),
+    }
+}
+
+/// A key as JSON wants it; those that are no strings as Python's `json` writes them.
+fn key_text(key: &Value) -> String {
+    let text = canonical(key);
+    if text.starts_with('"') { text } else { scalar(&Value::from(text.as_str())) }
+}
+
+/// Null, booleans, numbers and text, as Wrapyfi's JSON has them.
+fn scalar(value: &Value) -> String {
+    match json::encode(value) {
+        Ok(text) => String::from_utf8_lossy(&text).into_owned(),
+        Err(_unwritable) => "null".to_owned(),
+    }
+}
+
+fn list(out: &mut String, items: impl Iterator<Item = String>) {
+    out.push('[');
+    for (index, item) in items.enumerate() {
+        if index > 0 {
+            out.push(',');
+        }
+        out.push_str(&item);
+    }
+    out.push(']');
+}
+
+fn tagged(out: &mut String, tag: &str, body: impl FnOnce(&mut String)) {
+    _ = write!(out, r#"{{"@{tag}":"#);
+    body(out);
+    out.push('}');
+}
+
+fn array(out: &mut String, dtype: &str, shape: &[usize], data: &[u8]) {
+    let (dtype, sha256) = (scalar(&Value::from(dtype)), digest(data));
+    tagged(out, "array", |out| {
+        _ = write!(out, r#"{{"dtype":{dtype},"sha256":"{sha256}","shape":"#);
+        list(out, shape.iter().map(usize::to_string));
+        out.push('}');
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use bytes::Bytes;
+    use wrapyfi_core::Limits;
+
+    use super::*;
+
+    #[test]
+    fn reads_as_python_would_dump_it() {
+        let text = r#"{"b": [1, 2.0, NaN, 1208925819614629174706176], "a": "\u00ef\ud83d\ude80", "t": {"__wrapyfi__": ["tuple", [1]]}, "s": {"__wrapyfi__": ["set", [10, 9]]}}"#;
+        let value = json::decode(&Bytes::from(text), &Limits::default()).unwrap();
+        assert_eq!(
+            canonical(&value),
+            r#"{"a":"\u00ef\ud83d\ude80","b":[1,2.0,NaN,1208925819614629174706176],"s":{"@set":[10,9]},"t":{"@tuple":[1]}}"#
+        );
+    }
+}
