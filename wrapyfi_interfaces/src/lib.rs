@@ -17,6 +17,7 @@ pub mod description;
 pub mod hash;
 mod message;
 pub mod parser;
+pub mod store;
 
 pub use message::Message;
 
@@ -24,3 +25,5 @@ include!(concat!(env!("OUT_DIR"), "/interfaces.rs"));
 
 #[cfg(test)]
 mod golden_tests;
+#[cfg(test)]
+mod test_data;
