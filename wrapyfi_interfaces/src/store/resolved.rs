@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use super::text::{parse_full, ros1_builtin, write_full};
 use super::{Looked, Md5Error, ResolveError, bundled, md5};
 use crate::description::{DescribeError, MAX_TYPES, TypeDescription, describe};
+use crate::dynamic::{Plan, PlanError};
 use crate::hash::type_hash;
 use crate::parser::{Dialect, Element, InterfaceKind, MessageDefinition, TypeName};
 
@@ -96,7 +97,7 @@ impl ResolvedType {
         &self.definitions
     }
 
-    /// The type description, from which a [`Plan`](crate::store) is compiled.
+    /// The type description, from which a [`Plan`](crate::dynamic::Plan) is compiled.
     #[must_use]
     pub fn description(&self) -> &TypeDescription {
         &self.description
@@ -106,6 +107,14 @@ impl ResolvedType {
     #[must_use]
     pub fn type_hash(&self) -> String {
         type_hash(&self.description)
+    }
+
+    /// How to read and write messages of the type.
+    ///
+    /// # Errors
+    /// When its fixed arrays are too large.
+    pub fn plan(&self) -> Result<Plan, PlanError> {
+        Plan::compile(&self.description)
     }
 
     /// The ROS 1 checksum of the definition as it stands. That of a ROS 2 definition is the one of
