@@ -56,9 +56,10 @@ impl InterfaceKind {
 /// Full name of a type, written `sensor_msgs/msg/Image` or `std_srvs/srv/SetBool_Request`.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct TypeName {
-    package: String,
+    // Boxed, since errors hold several of them.
+    package: Box<str>,
     kind: InterfaceKind,
-    name: String,
+    name: Box<str>,
 }
 
 impl TypeName {
@@ -109,7 +110,7 @@ impl TypeName {
         if !name_ok {
             return Err(ParseFault::TypeName { name: name.to_owned() });
         }
-        Ok(Self { package: package.to_owned(), kind, name: name.to_owned() })
+        Ok(Self { package: package.into(), kind, name: name.into() })
     }
 
     /// Reads `package/Name` (a message) or `package/kind/Name`.
@@ -161,20 +162,19 @@ impl TypeName {
 
     /// Name of a message that is known to be valid.
     pub(crate) fn well_known(package: &str, name: &str) -> Self {
-        let (package, name) = (package.to_owned(), name.to_owned());
-        Self { package, kind: InterfaceKind::Message, name }
+        Self { package: package.into(), kind: InterfaceKind::Message, name: name.into() }
     }
 
     /// The same interface's type with `suffix` behind the name.
     #[must_use]
     pub(crate) fn derived(&self, suffix: &str) -> Self {
-        Self { name: format!("{}{suffix}", self.name), ..self.clone() }
+        Self { name: format!("{}{suffix}", self.name).into(), ..self.clone() }
     }
 
     /// The type whose definition file this type comes from.
     #[must_use]
     pub fn interface(&self) -> Self {
-        Self { name: self.file_stem().to_owned(), ..self.clone() }
+        Self { name: self.file_stem().into(), ..self.clone() }
     }
 
     /// Name of the type on DDS, for instance `sensor_msgs::msg::dds_::Image_`.

@@ -68,7 +68,7 @@ pub enum ResolveError {
         /// Where the definition comes from.
         place: String,
         /// The line at fault.
-        source: ParseError,
+        source: Box<ParseError>,
     },
     /// A full definition text is not laid out as one.
     #[error(

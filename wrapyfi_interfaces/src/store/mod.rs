@@ -143,8 +143,9 @@ impl TypeStore {
     }
 
     fn parse(&mut self, name: &TypeName, text: &str, place: &str) -> Result<(), ResolveError> {
-        let messages = text::parse_interface(self.dialect, name, text)
-            .map_err(|source| ResolveError::Parse { place: place.to_owned(), source })?;
+        let messages = text::parse_interface(self.dialect, name, text).map_err(|source| {
+            ResolveError::Parse { place: place.to_owned(), source: Box::new(source) }
+        })?;
         self.known.extend(messages.into_iter().map(|message| (message.name.clone(), message)));
         Ok(())
     }

@@ -126,7 +126,8 @@ impl ResolvedType {
         md5::md5sum(&self.name, &self.definitions)
     }
 
-    /// The full definition text, without comments, as [`ResolvedType::from_text`] reads it.
+    /// The full definition text, without comments, as [`ResolvedType::from_text`] reads it. Of a
+    /// part of a service or an action, such as `SetBool_Request`, it has only that part.
     #[must_use]
     pub fn full_text(&self) -> String {
         let name = &self.name;

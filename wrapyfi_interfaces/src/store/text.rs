@@ -10,7 +10,6 @@
 //! ```
 
 use std::collections::BTreeMap;
-use std::fmt::Write;
 
 use super::{MAX_DEFINITION_SIZE, ResolveError};
 use crate::parser::{
@@ -53,7 +52,10 @@ pub(super) fn parse_full(
     let mut add = |name: &TypeName, text: &str, skipped: usize| {
         let messages = parse_interface(dialect, name, text).map_err(|mut source| {
             source.line += skipped;
-            ResolveError::Parse { place: "full definition text".to_owned(), source }
+            ResolveError::Parse {
+                place: "full definition text".to_owned(),
+                source: Box::new(source),
+            }
         })?;
         definitions.extend(messages.into_iter().map(|message| (message.name.clone(), message)));
         Ok::<_, ResolveError>(())
@@ -106,32 +108,28 @@ pub(super) fn write_full<'d>(
 
 /// One definition as text, without comments: constants first, as ROS 1 checksums want them.
 fn definition_text(dialect: Dialect, definition: &MessageDefinition) -> String {
-    let mut text = String::new();
-    for constant in &definition.constants {
-        // Writing into a string does not fail.
-        let _ = writeln!(text, "{} {}={}", constant.element, constant.name, constant.written);
-    }
-    for field in &definition.fields {
+    let constants = definition
+        .constants
+        .iter()
+        .map(|constant| format!("{} {}={}\n", constant.element, constant.name, constant.written));
+    let fields = definition.fields.iter().map(|field| {
         let element = match &field.field_type.element {
             Element::Nested(name) if dialect == Dialect::Ros1 => {
                 ros1_builtin(name).map_or_else(|| name_in_field(name), str::to_owned)
             }
             element => element.to_string(),
         };
-        let _ = write!(text, "{element}{} {}", field.field_type.container, field.name);
-        match &field.default {
-            None => {}
-            Some(DefaultValue::One(value)) => {
-                let _ = write!(text, " {}", literal(value));
-            }
+        let default = match &field.default {
+            None => String::new(),
+            Some(DefaultValue::One(value)) => format!(" {}", literal(value)),
             Some(DefaultValue::Many(values)) => {
                 let values: Vec<_> = values.iter().map(literal).collect();
-                let _ = write!(text, " [{}]", values.join(", "));
+                format!(" [{}]", values.join(", "))
             }
-        }
-        text.push('\n');
-    }
-    text
+        };
+        format!("{element}{} {}{default}\n", field.field_type.container, field.name)
+    });
+    constants.chain(fields).collect()
 }
 
 fn name_in_field(name: &TypeName) -> String {
