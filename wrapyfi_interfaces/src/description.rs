@@ -57,7 +57,8 @@ pub struct FieldDescription {
     pub string_capacity: u64,
     /// Name of a nested type, else empty.
     pub nested_type_name: String,
-    /// Value in a freshly made message, where the definition states one.
+    /// Value in a freshly made message, where the definition states one;
+    /// [`DefaultValue::to_python`] writes it as type descriptions on the wire do.
     pub default: Option<DefaultValue>,
 }
 

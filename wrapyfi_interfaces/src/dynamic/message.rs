@@ -1,5 +1,6 @@
 //! Messages of any type.
 
+use std::fmt;
 use std::sync::Arc;
 
 use super::shape::{Shape, same};
@@ -7,11 +8,22 @@ use super::{DynamicValue, ValueError};
 
 /// A message of a type that became known while running: named fields in order. Its values are
 /// always of the types that the definition gives the fields.
-#[derive(Debug, Clone)]
+#[derive(Clone)]
 pub struct DynamicMessage {
     pub(super) shape: Arc<Shape>,
     /// One for each field of the shape.
     pub(super) values: Vec<DynamicValue>,
+}
+
+/// As a struct of the type's name; the compiled type is left out.
+impl fmt::Debug for DynamicMessage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut debug = f.debug_struct(self.type_name());
+        for (name, value) in self.fields() {
+            debug.field(name, value);
+        }
+        debug.finish()
+    }
 }
 
 impl PartialEq for DynamicMessage {

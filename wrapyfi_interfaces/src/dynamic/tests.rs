@@ -37,6 +37,11 @@ fn fields_are_read_and_changed_by_path() {
     joints.set("header.frame_id", "base").unwrap();
     joints.set("name", vec!["a".to_owned(), "b".to_owned()]).unwrap();
     joints.set("position", vec![0.5, 1.0]).unwrap();
+    let header = joints.get("header.stamp").unwrap();
+    assert_eq!(
+        format!("{header:?}"),
+        "Message(builtin_interfaces/msg/Time { sec: I32(-5), nanosec: U32(0) })"
+    );
     assert_eq!(joints.get("header.stamp.sec").unwrap().as_integer(), Some(-5));
     assert_eq!(joints.get("header.frame_id").unwrap().as_str(), Some("base"));
     assert_eq!(joints.get("position"), Some(&vec![0.5, 1.0].into()));

@@ -17,6 +17,7 @@ mod error;
 mod interface;
 mod line;
 mod name;
+mod python;
 mod value;
 
 pub use definition::{

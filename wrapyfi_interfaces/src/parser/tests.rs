@@ -122,6 +122,20 @@ fn services_and_actions_are_sections() {
 }
 
 #[test]
+fn default_values_are_written_as_python_does() {
+    let python = |text: &str| parse(text).unwrap().fields[0].default.as_ref().unwrap().to_python();
+    assert_eq!(
+        python("float64[] a [1e16, 1.5e300, 0.00005, 0.0001, -1, .5]"),
+        "(1e+16, 1.5e+300, 5e-05, 0.0001, -1.0, 0.5)"
+    );
+    assert_eq!(python("uint8[] a [7]"), "(7,)");
+    assert_eq!(python("uint8[] a []"), "()");
+    assert_eq!(python("bool a false"), "False");
+    assert_eq!(python("string a \"it's\""), "it's");
+    assert_eq!(python(r#"string[] a ["it's", "b\"", "c\\"]"#), r#"("it's", 'b"', 'c\\')"#);
+}
+
+#[test]
 fn names_say_their_kind_and_file() {
     let parse = |text| TypeName::parse(Dialect::Ros2, text);
     let part = parse("demo_msgs/action/Do_SendGoal_Response").unwrap();

@@ -36,6 +36,28 @@ use crate::parser::{Dialect, InterfaceKind, MessageDefinition, TypeName};
 pub const MAX_DEFINITION_SIZE: usize = 1 << 20;
 
 /// Where definitions are found, and those that were.
+///
+/// ```no_run
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// # let cdr = bytes::Bytes::new();
+/// use wrapyfi_interfaces::store::TypeStore;
+///
+/// let mut store = TypeStore::from_environment();
+/// store.add_folder("my_interfaces".as_ref());
+/// let joints = store.resolve_name("sensor_msgs/msg/JointState")?;
+/// println!("{}", joints.type_hash());
+///
+/// let plan = joints.plan()?;
+/// let message = plan.decode(&cdr, 1 << 20)?;
+/// println!("{:?}", message.get("header.stamp.sec"));
+/// println!("{}", serde_json::to_string(&message)?);
+///
+/// let json = serde_json::json!({"name": ["elbow"], "position": [0.5]});
+/// let message = plan.from_json(&json, 1 << 20)?;
+/// let cdr = plan.encode(&message)?.to_bytes();
+/// # Ok(())
+/// # }
+/// ```
 pub struct TypeStore {
     dialect: Dialect,
     files: Box<dyn FileAccess + Send + Sync>,

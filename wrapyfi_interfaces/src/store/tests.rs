@@ -3,6 +3,7 @@ use std::path::{Path, PathBuf};
 
 use super::*;
 use crate::hash::hashed_text;
+use crate::parser::DefaultValue;
 use crate::test_data;
 
 fn ros1(name: &str) -> TypeName {
@@ -33,6 +34,33 @@ fn every_type_of_ros_has_its_hash() {
         checked += 1;
     }
     assert_eq!(checked, 428);
+}
+
+#[test]
+fn fields_and_default_values_are_described_as_ros_does() {
+    let mut store = test_data::store();
+    let all_fields = test_data::json("all_fields.json");
+    for (name, expected) in all_fields.as_object().unwrap() {
+        let resolved = store.resolve_name(name).unwrap();
+        let described: Vec<_> = resolved
+            .description()
+            .type_description
+            .fields
+            .iter()
+            .map(|f| {
+                let default = f.default.as_ref().map(DefaultValue::to_python).unwrap_or_default();
+                serde_json::json!([
+                    f.name,
+                    f.type_id,
+                    f.capacity,
+                    f.string_capacity,
+                    f.nested_type_name,
+                    default
+                ])
+            })
+            .collect();
+        assert_eq!(&serde_json::Value::from(described), expected, "{name}");
+    }
 }
 
 #[test]
