@@ -9,14 +9,19 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
+use sha2::{Digest, Sha256};
+
 use super::scalar::{Scalar, with_scalar};
 use super::{DynamicMessage, DynamicValue, Primitives, ValueError};
 use crate::parser::{Container, Primitive};
 
 /// A message type, ready for values. Shapes of nested messages are shared, never recursive.
-#[derive(Debug, PartialEq)]
+#[derive(Debug)]
 pub(super) struct Shape {
     pub(super) name: String,
+    /// Digest of names and types, nested ones included: comparing fields with fields would take
+    /// for ever where few shapes refer to each other in very many ways.
+    pub(super) identity: [u8; 32],
     pub(super) fields: Vec<FieldShape>,
     pub(super) positions: HashMap<String, usize>,
     /// Steps that read or write all fields in order.
@@ -30,7 +35,7 @@ pub(super) struct Shape {
 }
 
 /// A field.
-#[derive(Debug, PartialEq)]
+#[derive(Debug)]
 pub(super) struct FieldShape {
     pub(super) name: String,
     pub(super) element: ElementShape,
@@ -40,7 +45,7 @@ pub(super) struct FieldShape {
 }
 
 /// What one element of a field is.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug)]
 pub(super) enum ElementShape {
     Primitive(Primitive),
     Text { wide: bool, bound: Option<u32> },
@@ -48,7 +53,7 @@ pub(super) enum ElementShape {
 }
 
 /// One step of reading and writing.
-#[derive(Debug, PartialEq)]
+#[derive(Debug)]
 pub(super) enum Op {
     /// Single primitives in a row.
     Run(Run),
@@ -58,7 +63,7 @@ pub(super) enum Op {
 
 /// Single primitives in a row. Their padding depends only on where the first of them lies between
 /// two multiples of eight, so it is known beforehand for each of the eight cases.
-#[derive(Debug, PartialEq)]
+#[derive(Debug)]
 pub(super) struct Run {
     /// Position of the first field.
     pub(super) first: usize,
@@ -68,7 +73,7 @@ pub(super) struct Run {
 }
 
 /// A member of a run.
-#[derive(Debug, PartialEq)]
+#[derive(Debug)]
 pub(super) struct Member {
     pub(super) primitive: Primitive,
     /// Its first byte, from the start of the run.
@@ -95,6 +100,20 @@ impl Shape {
     pub(super) fn field(&self, name: &str) -> Option<(usize, &FieldShape)> {
         let position = *self.positions.get(name)?;
         self.fields.get(position).map(|field| (position, field))
+    }
+
+    /// What [`Shape::identity`] has to be.
+    pub(super) fn digest(&self) -> [u8; 32] {
+        let mut digest = Sha256::new();
+        digest.update(&self.name);
+        for field in &self.fields {
+            // Names have no line breaks in them, so no two texts run together.
+            digest.update(format!("\n{} {}\n", field.name, field.type_name()));
+            if let ElementShape::Message(nested) = &field.element {
+                digest.update(nested.identity);
+            }
+        }
+        digest.finalize().into()
     }
 
     /// The error for a field that is not there.
@@ -163,6 +182,9 @@ impl FieldShape {
                 DynamicValue::Texts(vec![String::new(); count])
             }
             (ElementShape::Message(shape), None) => DynamicValue::Message(shape.default_message()),
+            // `vec!` makes its first element even where it needs none. Each sequence doing so,
+            // types that refer to each other in very many ways would never be done.
+            (ElementShape::Message(_), Some(0)) => DynamicValue::Messages(Vec::new()),
             (ElementShape::Message(shape), Some(count)) => {
                 DynamicValue::Messages(vec![shape.default_message(); count])
             }
@@ -249,7 +271,7 @@ impl FieldShape {
 
 /// Whether two shapes are one, or equal.
 pub(super) fn same(one: &Arc<Shape>, other: &Arc<Shape>) -> bool {
-    Arc::ptr_eq(one, other) || one == other
+    Arc::ptr_eq(one, other) || one.identity == other.identity
 }
 
 /// As [`Primitives::element_name`].

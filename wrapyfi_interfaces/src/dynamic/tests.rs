@@ -244,6 +244,29 @@ fn descriptions_from_anywhere_are_checked() {
 }
 
 #[test]
+fn plans_are_compared_by_what_they_hold() {
+    let text = "uint8 a\nInner[] inner\n========\nMSG: demo_msgs/Inner\nfloat64[4] x\n";
+    let one = plan(text);
+    let mut message = plan(text).default_message();
+    message.set("a", 3_u8).unwrap();
+    assert_eq!(one, plan(text));
+    one.encode(&message).unwrap();
+    let other = plan(&text.replace("[4] x", "[4] y"));
+    assert_eq!(
+        other.encode(&message).unwrap_err().to_string(),
+        "needs demo_msgs/msg/Thing, found another definition of the same name"
+    );
+    // Each level refers to the next twice: 2^60 ways down.
+    let levels: String = (1..=60)
+        .map(|i| format!("========\nMSG: demo_msgs/L{i}\nL{0}[] a\nL{0}[] b\n", i + 1))
+        .collect();
+    let text = format!("L1 first\n{levels}========\nMSG: demo_msgs/L61\nuint8 x\n");
+    assert_eq!(plan(&text), plan(&text));
+    let message = plan(&text).default_message();
+    assert_eq!(plan(&text).decode(&message.encode().to_bytes(), LIMIT).unwrap(), message);
+}
+
+#[test]
 fn runs_are_padded_from_wherever_they_start() {
     // The text moves the run behind it through all eight phases.
     let plan =

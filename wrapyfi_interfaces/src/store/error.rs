@@ -20,7 +20,7 @@ pub enum ResolveError {
         fault: ParseFault,
     },
     /// No place has a definition.
-    #[error("{name}{} is defined nowhere; looked for {looked}; {}", needed_by(user), remedy(name))]
+    #[error("{name}{} is defined nowhere; {looked}; {}", needed_by(user), remedy(name))]
     NotFound {
         /// The type.
         name: TypeName,
@@ -96,10 +96,10 @@ impl fmt::Display for Looked {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         const SHOWN: usize = 4;
         if self.0.is_empty() {
-            return f.write_str("it nowhere, since AMENT_PREFIX_PATH is empty and no folder given");
+            return f.write_str("no place is known: AMENT_PREFIX_PATH is empty, no folder given");
         }
         let shown: Vec<_> = self.0.iter().take(SHOWN).map(String::as_str).collect();
-        f.write_str(&shown.join(", "))?;
+        write!(f, "looked for {}", shown.join(", "))?;
         match self.0.len() - shown.len() {
             0 => Ok(()),
             more => write!(f, " and {more} more"),
