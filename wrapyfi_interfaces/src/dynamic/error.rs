@@ -63,6 +63,22 @@ pub enum PlanError {
         /// [`MAX_DEPTH`](crate::description::MAX_DEPTH).
         limit: usize,
     },
+    /// So many messages are nested around so few bytes that a small serialised message would take
+    /// up much memory.
+    #[error(
+        "{message} nests {values} values around {bytes} bytes, over the limit of {limit}; use \
+         fewer messages"
+    )]
+    TooThin {
+        /// The message.
+        message: String,
+        /// Values in it, nested ones included.
+        values: usize,
+        /// Least number of bytes they take.
+        bytes: usize,
+        /// How many values there may be for those bytes.
+        limit: usize,
+    },
     /// The fixed arrays of a message are too large.
     #[error(
         "{message} has at least {actual} {unit}, over the limit of {limit}; use sequences for its \

@@ -17,6 +17,9 @@ pub const MAX_FIXED_SIZE: usize = 64 << 20;
 /// is one of them.
 pub const MAX_FIXED_VALUES: usize = 1 << 20;
 
+/// Most values that a type may have for one byte. Real types have one or two.
+const VALUES_PER_BYTE: usize = 8;
+
 /// How to read, write and make messages of one type. Cheap to clone and to share.
 ///
 /// ```
@@ -55,8 +58,9 @@ impl Plan {
     /// Compiles a type. The description may come from anywhere: it is checked in full.
     ///
     /// # Errors
-    /// When it lacks a type, has a type of its own kind, is too deep, or its fixed arrays are
-    /// beyond [`MAX_FIXED_SIZE`] or [`MAX_FIXED_VALUES`].
+    /// When it lacks a type, has a type that ROS 2 messages do not have, is too deep, nests many
+    /// messages around few bytes, or has fixed arrays beyond [`MAX_FIXED_SIZE`] or
+    /// [`MAX_FIXED_VALUES`].
     pub fn compile(description: &TypeDescription) -> Result<Self, PlanError> {
         let root = &description.type_description;
         let types = description
@@ -129,6 +133,15 @@ impl<'d> Compiler<'d> {
         // The hidden byte of a message without fields.
         shape.min_size = shape.min_size.max(1);
         shape.default_size = shape.default_size.max(1);
+        let limit = shape.min_size.saturating_add(1).saturating_mul(VALUES_PER_BYTE);
+        if shape.values > limit {
+            return Err(PlanError::TooThin {
+                message: shape.name,
+                values: shape.values,
+                bytes: shape.min_size,
+                limit,
+            });
+        }
         shape.identity = shape.digest();
         let shape = Arc::new(shape);
         self.done.insert(name, (Arc::clone(&shape), height));

@@ -267,6 +267,20 @@ fn plans_are_compared_by_what_they_hold() {
 }
 
 #[test]
+fn few_bytes_cannot_become_many_messages() {
+    let nested = |depth: usize| {
+        let levels: String =
+            (1..depth).map(|i| format!("========\nMSG: demo_msgs/L{i}\nL{} a\n", i + 1)).collect();
+        resolved(&format!("L1[] many\n{levels}========\nMSG: demo_msgs/L{depth}\nuint8 x\n")).plan()
+    };
+    nested(10).unwrap();
+    assert_eq!(
+        nested(40).unwrap_err().to_string(),
+        "demo_msgs/msg/L25 nests 17 values around 1 bytes, over the limit of 16; use fewer messages"
+    );
+}
+
+#[test]
 fn runs_are_padded_from_wherever_they_start() {
     // The text moves the run behind it through all eight phases.
     let plan =
