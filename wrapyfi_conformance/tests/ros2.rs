@@ -11,10 +11,9 @@ use std::time::Duration;
 use wrapyfi_conformance::{Capabilities, Domain, Rig, Side, conformance_tests, reserve_domain};
 use wrapyfi_core::codec::ros;
 use wrapyfi_core::endpoint::{Middleware, TopicSpec, Wake};
-use wrapyfi_core::middleware::ros2::graph::{
-    CdrWriter, Graph, NodeIdentity, TopicDescription, wait_until,
-};
+use wrapyfi_core::middleware::ros2::graph::{CdrWriter, Graph, TopicDescription, wait_until};
 use wrapyfi_core::middleware::ros2::{CycloneConfig, CycloneGraph, Ros2};
+use wrapyfi_core::node::NodeName;
 
 struct Nodes {
     raw: BTreeMap<String, Box<dyn CdrWriter>>,
@@ -25,7 +24,7 @@ struct Nodes {
 }
 
 fn graph(name: &str, domain: u32, stack: u32) -> CycloneGraph {
-    let node = NodeIdentity { name: name.into(), namespace: "/conformance".into() };
+    let node = NodeName::new(name, "/conformance").unwrap();
     let mut config = CycloneConfig::loopback(node, 1000 * stack + domain);
     if stack > 0 {
         config.extra_uri = Some(format!(
