@@ -6,7 +6,7 @@
 //!   main.rs ─▶ cli ─▶ command::{demo, bridge, check, echo, publish, broker}
 //!   bin/bridge.rs ─▶ node ─▶ command::bridge        `ros2 run wrapyfi_bridge bridge`
 //!
-//!   session   configuration -> middlewares in a registry
+//!   middlewares   configuration -> middlewares in a registry
 //!   canonical native objects as text that every language hashes alike
 //!   describe  a payload as one JSON object, with its digest
 //!   input     JSON, .npy, PNG, JPEG, WAV -> a payload
@@ -23,6 +23,6 @@ pub mod exit;
 pub mod input;
 pub mod logging;
 pub mod node;
-pub mod session;
+pub mod middlewares;
 pub mod shutdown;
 pub mod table;

@@ -10,7 +10,7 @@ use wrapyfi_core::engine::{Engine, RouteStatus};
 use crate::cli::BridgeArgs;
 use crate::exit::Failure;
 use crate::node::Node;
-use crate::session::{self, Session};
+use crate::middlewares::{self, Middlewares};
 use crate::shutdown::Shutdown;
 use crate::table;
 
@@ -43,11 +43,11 @@ pub fn run_node(
     options: Options,
     shutdown: &Shutdown,
 ) -> Result<(), Failure> {
-    let (endpoints, plan) = session::load(config)?;
-    let session = Session::for_plan(&endpoints, &plan, node)?;
+    let (endpoints, plan) = middlewares::load(config)?;
+    let middlewares = Middlewares::for_plan(&endpoints, &plan, node)?;
     tracing::info!("{} routes from {}", plan.routes.len(), config.display());
     let running =
-        Engine::new(plan, session.registry()).start().context("cannot start the routes")?;
+        Engine::new(plan, middlewares.registry()).start().context("cannot start the routes")?;
     let end = options.seconds.map(|seconds| Instant::now() + seconds);
     let mut tick = Instant::now();
     loop {

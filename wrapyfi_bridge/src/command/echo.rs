@@ -9,7 +9,7 @@ use wrapyfi_core::endpoint::{Context, Overflow, QueueSpec, TopicSpec};
 use crate::cli::EchoArgs;
 use crate::describe::{describe, summary};
 use crate::exit::Failure;
-use crate::session::{Role, Session};
+use crate::middlewares::{Role, Middlewares};
 use crate::shutdown::Shutdown;
 
 /// Runs until `count` messages were printed, the time is out, or the process is asked to end.
@@ -17,14 +17,14 @@ use crate::shutdown::Shutdown;
 /// # Errors
 /// Exit code 3 when a message did not come in time, 2 when the endpoint is wrong.
 pub fn run(args: &EchoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
-    let session = Session::for_endpoint(&args.endpoint, Role::Listener)?;
+    let middlewares = Middlewares::for_endpoint(&args.endpoint, Role::Listener)?;
     let context = Context::default();
     let spec = TopicSpec {
         qos: args.qos.into(),
         queue: QueueSpec { depth: 100, overflow: Overflow::DropOldest },
         ..TopicSpec::new(&args.endpoint.name, args.message_type)
     };
-    let middleware = session.registry().get(&args.endpoint.middleware).map_err(Failure::usage)?;
+    let middleware = middlewares.registry().get(&args.endpoint.middleware).map_err(Failure::usage)?;
     let mut listener = middleware.open_listener(&spec, &context).map_err(Failure::usage)?;
     let mut out = io::stdout().lock();
     let mut printed = 0;

@@ -8,7 +8,7 @@ use wrapyfi_core::types::Payload;
 
 use crate::cli::PubArgs;
 use crate::exit::Failure;
-use crate::session::{Role, Session};
+use crate::middlewares::{Role, Middlewares};
 use crate::shutdown::Shutdown;
 use crate::{describe, input};
 
@@ -27,9 +27,9 @@ pub fn run(args: &PubArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         (None, None) => Err(anyhow!("give --value or --file")),
     };
     let mut payload = payload.map_err(|error| Failure::usage(format!("{error:#}")))?;
-    let session = Session::for_endpoint(&args.endpoint, Role::Publisher)?;
+    let middlewares = Middlewares::for_endpoint(&args.endpoint, Role::Publisher)?;
     let context = Context::default();
-    let middleware = session.registry().get(&args.endpoint.middleware).map_err(Failure::usage)?;
+    let middleware = middlewares.registry().get(&args.endpoint.middleware).map_err(Failure::usage)?;
     let mut publisher = middleware.open_publisher(&spec, &context).map_err(Failure::usage)?;
     if !wait_for_listener(args, publisher.as_ref(), &context, shutdown)? {
         return Ok(());

@@ -23,7 +23,7 @@ use self::sources::Sources;
 use self::viewer::Viewer;
 use crate::cli::DemoArgs;
 use crate::exit::Failure;
-use crate::session::DemoSession;
+use crate::middlewares::DemoMiddlewares;
 use crate::shutdown::Shutdown;
 use crate::table;
 
@@ -41,11 +41,11 @@ const ROUTES: [(&str, &str, &str, MessageType); 5] = [
 /// # Errors
 /// Exit code 1 when a route delivered nothing; the message names it and its state.
 pub fn run(args: &DemoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
-    let session = DemoSession::start()?;
+    let middlewares = DemoMiddlewares::start()?;
     let plan = plan().context("demo routes")?;
-    let mut viewer = Viewer::open(session.viewer(), &ROUTES)?;
-    let running = Engine::new(plan, session.bridge()).start().context("cannot start the routes")?;
-    let sources = Sources::start(session.sources())?;
+    let mut viewer = Viewer::open(middlewares.viewer(), &ROUTES)?;
+    let running = Engine::new(plan, middlewares.bridge()).start().context("cannot start the routes")?;
+    let sources = Sources::start(middlewares.sources())?;
 
     let start = Instant::now();
     let end = args.seconds.map(|seconds| start + seconds);
@@ -62,8 +62,8 @@ pub fn run(args: &DemoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         screen.show(&format!(
             "{:.0} s: ZeroMQ broker on {}, ROS 2 domain {}\n\n{}\n{}",
             start.elapsed().as_secs_f64(),
-            session.broker(),
-            session.domain_id(),
+            middlewares.broker(),
+            middlewares.domain_id(),
             table::table(&before, &now, elapsed),
             viewer.table(elapsed),
         ))?;

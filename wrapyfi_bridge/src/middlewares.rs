@@ -1,8 +1,8 @@
 //! From a configuration to middlewares that run.
 //!
 //! ```text
-//!   bridge.yaml ─ load ─▶ Endpoints + Plan ─ Session::for_plan ─▶ Registry
-//!   endpoint on the command line ────────── Session::for_endpoint ─▶ Registry
+//!   bridge.yaml ─ load ─▶ Endpoints + Plan ─ Middlewares::for_plan ─▶ Registry
+//!   endpoint on the command line ────────── Middlewares::for_endpoint ─▶ Registry
 //! ```
 //!
 //! The only place that knows which middlewares exist. Those that no route uses are not started.
@@ -131,11 +131,11 @@ pub enum Role {
 
 /// Middlewares at work.
 #[derive(Debug, Default)]
-pub struct Session {
+pub struct Middlewares {
     registry: Registry,
 }
 
-impl Session {
+impl Middlewares {
     /// The middlewares that `plan` uses, as the ROS 2 node `node`.
     ///
     /// # Errors
@@ -147,31 +147,31 @@ impl Session {
                 .any(|route| route.from.middleware == name || route.to.middleware == name)
         };
         let largest = plan.routes.iter().map(|route| route.limits.message_bytes).max().unwrap_or(0);
-        let mut session = Self::default();
+        let mut middlewares = Self::default();
         if used("zeromq") {
-            session.add(Arc::new(start_zeromq(&endpoints.zeromq, None, largest)?));
+            middlewares.add(Arc::new(start_zeromq(&endpoints.zeromq, None, largest)?));
         }
         if used("ros2") {
-            session.add(Arc::new(start_ros2(&endpoints.ros2, node, largest)?));
+            middlewares.add(Arc::new(start_ros2(&endpoints.ros2, node, largest)?));
         }
-        Ok(session)
+        Ok(middlewares)
     }
 
     /// The one middleware that `address` names, for a command.
     ///
     /// # Errors
-    /// As [`Session::for_plan`].
+    /// As [`Middlewares::for_plan`].
     pub fn for_endpoint(address: &EndpointAddress, role: Role) -> Result<Self, Failure> {
-        let mut session = Self::default();
+        let mut middlewares = Self::default();
         let endpoints = Endpoints::default();
         let largest = Limits::default().message_bytes;
         match address.middleware.as_str() {
             "zeromq" => {
-                session.add(Arc::new(start_zeromq(&endpoints.zeromq, Some(role), largest)?));
+                middlewares.add(Arc::new(start_zeromq(&endpoints.zeromq, Some(role), largest)?));
             }
             "ros2" => {
                 let node = Node::hidden().map_err(Failure::usage)?;
-                session.add(Arc::new(start_ros2(&endpoints.ros2, &node, largest)?));
+                middlewares.add(Arc::new(start_ros2(&endpoints.ros2, &node, largest)?));
             }
             other => {
                 let text = format!(
@@ -181,7 +181,7 @@ impl Session {
                 return Err(Failure::Usage(text));
             }
         }
-        Ok(session)
+        Ok(middlewares)
     }
 
     /// The middlewares by name.
@@ -236,7 +236,7 @@ fn start_ros2(section: &Ros2Section, node: &Node, largest_message: usize) -> Res
 }
 
 /// The three parties of the demo, each with sockets of its own.
-pub struct DemoSession {
+pub struct DemoMiddlewares {
     sources: ZeroMq,
     bridge: Registry,
     viewer: Ros2,
@@ -244,7 +244,7 @@ pub struct DemoSession {
     domain_id: u32,
 }
 
-impl DemoSession {
+impl DemoMiddlewares {
     /// Starts the bridge's side with its embedded broker, then the sources' and the viewer's.
     ///
     /// Everything stays on this host: ROS 2 discovery is limited to it unless
