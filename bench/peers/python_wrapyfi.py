@@ -31,7 +31,7 @@ from wrapyfi.connect.wrapper import MiddlewareCommunicator  # noqa: E402
 from wrapyfi.utils.serialization_encoders import JsonDecodeHook, JsonEncoder  # noqa: E402
 
 BASE = 1_700_000_000
-WARM, AWAKE_NS, SILENCE_S = 8, 250_000, 2.0
+WARM, AWAKE_NS, SILENCE_S = 5, 250_000, 2.0
 
 parser = argparse.ArgumentParser()
 parser.add_argument("role", choices=["source", "forward", "sink", "code"])
@@ -91,12 +91,14 @@ def register(kind, topic, broker):
     options = dict(should_wait=True, socket_pub_port=args.pub_port, start_pubsub_monitor_broker=False, **extra)
     sending = dict(socket_sub_port=args.sub_port, start_proxy_broker=broker)
 
-    class Exchange(MiddlewareCommunicator):
-        @MiddlewareCommunicator.register(data_type, "zeromq", "Exchange", topic, **options, **sending)
-        def message(self, value=None):
-            return (value,)
+    def message(self, value=None):
+        return (value,)
 
-    return Exchange()
+    # Wrapyfi keeps its registry by the names of class and method: every topic needs its own.
+    name = "Exchange" + "".join(part.capitalize() for part in topic.replace("-", "/").split("/"))
+    message.__qualname__ = f"{name}.message"
+    message = MiddlewareCommunicator.register(data_type, "zeromq", name, topic, **options, **sending)(message)
+    return type(name, (MiddlewareCommunicator,), {"message": message})()
 
 
 class Way:
