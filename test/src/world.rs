@@ -122,10 +122,21 @@ impl World {
     /// # Errors
     /// Where it cannot be started.
     pub fn broker(&self) -> Result<Process> {
+        let broker = self.broker_that_may_fail()?.pillar();
+        // A program that starts a broker where there is none must find this one.
+        broker.wait_until("the ports to be bound", |output| {
+            output.err.iter().any(|line| line.contains("listeners connect to port")).then_some(())
+        })?;
+        Ok(broker)
+    }
+
+    /// Starts `wrapyfi broker` on this test's ports, whatever becomes of it.
+    ///
+    /// # Errors
+    /// Where it cannot be started.
+    pub fn broker_that_may_fail(&self) -> Result<Process> {
         let (pub_port, sub_port) = (self.pub_port().to_string(), self.sub_port().to_string());
-        let args =
-            ["broker", "--ip", "127.0.0.1", "--pub-port", &pub_port, "--sub-port", &sub_port];
-        Ok(self.wrapyfi(args)?.pillar())
+        self.wrapyfi(["broker", "--pub-port", &pub_port, "--sub-port", &sub_port])
     }
 
     /// Starts a Python peer from `test/peers`; `args` are split at blanks.

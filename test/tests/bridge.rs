@@ -224,8 +224,8 @@ fn a_ros_node_of_another_make_reads_an_image() -> Result {
             &ros2(&to),
             "Image",
         )))?;
-        let heard =
-            world.ros_node("reader")?.subscribe::<RosImage>(&to, "sensor_msgs/msg/Image")?;
+        let mut node = world.ros_node("reader")?;
+        let heard = node.subscribe::<RosImage>(&to, "sensor_msgs/msg/Image")?;
         let publisher =
             world.wrapyfi_publisher(&from, "--type Image --flavour colour --no-broker")?;
         let frame = heard.next()?;
@@ -282,8 +282,6 @@ from_ros! {
         to "--type Image --flavour mono", "sha256";
     float_image_reaches_wrapyfi: "sensor_msgs/msg/Image" "--flavour float" by "Image"
         to "--type Image --flavour float", "sha256";
-    best_effort_image_reaches_wrapyfi: "sensor_msgs/msg/Image" "--flavour colour --best-effort" by "Image"
-        to "--type Image --flavour colour", "sha256";
     jpeg_reaches_wrapyfi: "sensor_msgs/msg/CompressedImage" "--flavour jpg" by "CompressedImage"
         to "--type Image --flavour jpg", "decoded_sha256";
     sound_reaches_wrapyfi: "wrapyfi_msgs/msg/AudioChunk" "--flavour stereo" by "AudioChunk"
@@ -329,10 +327,8 @@ fn red_of_a_ros_node_of_another_make_is_red_in_opencv() -> Result {
         )))?;
         let listener = world.wrapyfi_listener(&to, "--type Image --flavour colour --count 1")?;
         let frame = RosImage::plain(64, 48, "rgb8", [255, 0, 0]);
-        let _spoken =
-            world
-                .ros_node("writer")?
-                .publish(&from, "sensor_msgs/msg/Image", move |_| frame.clone())?;
+        let mut node = world.ros_node("writer")?;
+        let _spoken = node.publish(&from, "sensor_msgs/msg/Image", move |_| frame.clone())?;
         let heard = listener.messages(1)?;
         assert_eq!(
             heard[0]["channel_means"],

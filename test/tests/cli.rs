@@ -42,7 +42,7 @@ fn a_broker_names_the_port_that_is_taken() -> Result {
     run("a_broker_names_the_port_that_is_taken", PROGRAM, |world| {
         for port in [world.pub_port(), world.sub_port()] {
             let _held = hold(port)?;
-            let mut broker = world.broker()?;
+            let mut broker = world.broker_that_may_fail()?;
             complains(&mut broker, &[1, 2], &[&port.to_string()])?;
             let lines = broker.stderr().lines().filter(|l| l.contains(&port.to_string())).count();
             assert_eq!(lines, 1, "one line names the port:\n{}", broker.stderr());

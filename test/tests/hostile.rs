@@ -179,6 +179,8 @@ fn malformed_and_foreign_topics_are_told_apart() -> Result {
             Route::new(&format!("zeromq:{from}"), &format!("ros2:{to}"), "std_msgs/msg/String");
         let bridge = world.bridge(&world.embedded().route(route))?;
         let _subscriber = world.dds_subscriber(&to, "std_msgs/msg/String", "")?;
+        // Without a consumer nothing would be decoded, and so nothing found malformed.
+        status(&bridge, "an active route", |r| r["routes"][0]["state"] == "active")?;
         let _sender = send(world, &from, "native_truncated,native_empty,other_topic_by_prefix")?;
         let report = status(&bridge, "three drops", |r| dropped(r, 0) >= 3)?;
         assert_eq!(

@@ -77,48 +77,6 @@ fn relative_topics_are_in_the_nodes_namespace() -> Result {
 }
 
 #[test]
-fn the_node_has_what_every_ros_node_has() -> Result {
-    run("the_node_has_what_every_ros_node_has", NEEDS, |world| {
-        let graph = world.graph()?;
-        let route = Route::new("zeromq:/a", &format!("ros2:{}", world.topic("to")), "Image");
-        let node = start(world, vec![route], &["-r", "__node:=citizen"])?;
-        let expected = [
-            ("writer", "rt/rosout", "rcl_interfaces::msg::dds_::Log_"),
-            ("writer", "rt/parameter_events", "rcl_interfaces::msg::dds_::ParameterEvent_"),
-            (
-                "reader",
-                "rq/citizen/get_parametersRequest",
-                "rcl_interfaces::srv::dds_::GetParameters_Request_",
-            ),
-            (
-                "reader",
-                "rq/citizen/list_parametersRequest",
-                "rcl_interfaces::srv::dds_::ListParameters_Request_",
-            ),
-            (
-                "writer",
-                "rr/citizen/get_parametersReply",
-                "rcl_interfaces::srv::dds_::GetParameters_Response_",
-            ),
-        ];
-        for (role, topic, dds_type) in expected {
-            let endpoint = graph
-                .wait_until(&format!("{role} of {topic}"), |output| {
-                    output
-                        .events("endpoint")
-                        .into_iter()
-                        .find(|e| e["topic"] == topic && e["role"] == role)
-                })
-                .map_err(|e| e.context(node.tail()))?;
-            assert_eq!(endpoint["type"], dds_type);
-            assert!(endpoint["hash"].is_string(), "no type hash: {endpoint}");
-            assert_eq!(endpoint["reliable"], true, "{endpoint}");
-        }
-        Ok(())
-    })
-}
-
-#[test]
 fn bad_ros_arguments_are_refused() -> Result {
     run("bad_ros_arguments_are_refused", &[Need::Node], |world| {
         for args in [

@@ -16,9 +16,10 @@ use wrapyfi_core::types::MessageType;
     Exit codes: 0 done, 1 failed, 2 bad usage or configuration, 3 time-out."
 )]
 pub struct Cli {
-    /// Least severity to log: error, warn, info, debug or trace.
-    #[arg(long, global = true, default_value = "info", value_name = "LEVEL")]
-    pub log_level: String,
+    /// Least severity to log: off, error, warn, info, debug or trace; by default what goes on (info),
+    /// for echo only what is wrong (warn).
+    #[arg(long, global = true, value_name = "LEVEL")]
+    pub log_level: Option<String>,
     /// What to do.
     #[command(subcommand)]
     pub command: Command,

@@ -18,8 +18,9 @@ pub enum Failure {
 
 impl Failure {
     /// A wrong argument or configuration.
-    pub fn usage(text: impl ToString) -> Self {
-        Self::Usage(text.to_string())
+    #[expect(clippy::needless_pass_by_value, reason = "so that it fits into map_err")]
+    pub fn usage(fault: impl ToString) -> Self {
+        Self::Usage(fault.to_string())
     }
 
     /// The exit code, as `wrapyfi --help` lists it.

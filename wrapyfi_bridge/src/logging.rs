@@ -15,7 +15,7 @@ use tracing_subscriber::registry::LookupSpan;
 /// # Errors
 /// When `level` is none of error, warn, info, debug and trace.
 pub fn start(logger: &str, level: &str) -> Result<(), String> {
-    let level: LevelFilter = level.parse().map_err(|_| {
+    let level: LevelFilter = level.parse().map_err(|_unparsed| {
         format!("log level {level:?} is not known; use error, warn, info, debug, trace or off")
     })?;
     let filter = EnvFilter::builder().with_default_directive(level.into()).from_env_lossy();

@@ -16,7 +16,12 @@ fn main() -> ExitCode {
 }
 
 fn run(cli: &Cli) -> Result<(), Failure> {
-    logging::start("wrapyfi", &cli.log_level).map_err(Failure::usage)?;
+    let level = match (&cli.log_level, &cli.command) {
+        (Some(level), _) => level,
+        (None, Command::Echo(_)) => "warn",
+        (None, _) => "info",
+    };
+    logging::start("wrapyfi", level).map_err(Failure::usage)?;
     let shutdown = Shutdown::on_signals().context("cannot catch signals")?;
     match &cli.command {
         Command::Demo(args) => command::demo::run(args, &shutdown),

@@ -126,7 +126,7 @@ impl Parameters {
             };
             match (name.as_str(), value) {
                 ("config_file", ParameterValue::String(path)) => {
-                    config_file = Some(PathBuf::from(path))
+                    config_file = Some(PathBuf::from(path));
                 }
                 ("config_file", _) => return wrong("the path of a file"),
                 ("seconds", &ParameterValue::Double(seconds)) => {

@@ -18,7 +18,6 @@ use wrapyfi_core::endpoint::{EndpointAddress, Middleware, Registry};
 use wrapyfi_core::engine::{
     Available, Config, ConfigError, MAX_CONFIG_BYTES, Plan, Problem, Spanned,
 };
-use wrapyfi_core::middleware::ros2::graph::NodeIdentity;
 use wrapyfi_core::middleware::ros2::{self, CycloneConfig, CycloneGraph, Ros2};
 use wrapyfi_core::middleware::zeromq::{self, BrokerMode, ZeroMq, ZeroMqConfig};
 
@@ -226,7 +225,7 @@ fn start_ros2(section: &Ros2Section, node: &Node, largest_message: usize) -> Res
     let environment =
         ros2::environment::read(|name| std::env::var(name).ok()).map_err(Failure::usage)?;
     environment.log();
-    let mut config = CycloneConfig::from_environment(identity(node), &environment);
+    let mut config = CycloneConfig::from_environment(node.name().clone(), &environment);
     config.domain_id = section.domain_id.unwrap_or(config.domain_id);
     config.interface.clone_from(&section.interface);
     config.max_message_bytes = largest_message;
@@ -234,11 +233,6 @@ fn start_ros2(section: &Ros2Section, node: &Node, largest_message: usize) -> Res
     let node = node.clone();
     let remap = move |topic: &str| node.resolve_topic(topic).map_err(|error| error.to_string());
     Ok(Ros2::new(Arc::new(graph), remap))
-}
-
-fn identity(node: &Node) -> NodeIdentity {
-    let name = node.name();
-    NodeIdentity { name: name.name().to_owned(), namespace: name.namespace().to_owned() }
 }
 
 /// The three parties of the demo, each with sockets of its own.
@@ -282,7 +276,7 @@ impl DemoSession {
             };
             let environment = ros2::environment::read(lookup).map_err(Failure::usage)?;
             let node = Node::named(name).map_err(Failure::usage)?;
-            let config = CycloneConfig::from_environment(identity(&node), &environment);
+            let config = CycloneConfig::from_environment(node.name().clone(), &environment);
             let graph = CycloneGraph::new(&config).context("ros2")?;
             let as_it_is = |topic: &str| Ok(topic.to_owned());
             Ok((Ros2::new(Arc::new(graph), as_it_is), environment.domain_id))

@@ -20,6 +20,50 @@
 //! * [`middleware`]: the transports.
 //! * [`engine`]: configuration, routes and the loop that moves messages.
 //! * [`node`]: what makes a process a ROS 2 node: names, `--ros-args`.
+//!
+//! # The way of one image, from Wrapyfi's socket to DDS
+//!
+//! ```text
+//!   middleware::zeromq   I/O thread   SUB socket -> frames, shared as Bytes; topic and size checked
+//!   endpoint::inbox                   bounded queue; full: drop oldest, drop newest or block
+//!   engine::Relay        route thread take(): rate limit; nobody listens: not even decoded
+//!   codec::frames, json, npy          base64 decoded once, straight into the pixels   (copy 1)
+//!   types::Image                      stamp, encoding, Bytes
+//!   codec::ros                        CDR in two pieces: fields, and the pixels as they are
+//!   middleware::ros2     route thread pieces -> serdata -> DDS writer                  (copy 2)
+//! ```
+//!
+//! The way back is the same upside down: the DDS buffer is lent, not copied, until base64 writes the
+//! pixels into the ZeroMQ frame.
+//!
+//! # Example
+//!
+//! A listener of a Wrapyfi script, on the broker that `wrapyfi broker` or the script runs:
+//!
+//! ```no_run
+//! use std::time::Duration;
+//! use wrapyfi_core::endpoint::{Context, Middleware, TopicSpec};
+//! use wrapyfi_core::middleware::zeromq::{BrokerMode, ZeroMq, ZeroMqConfig};
+//! use wrapyfi_core::types::{MessageType, Payload};
+//!
+//! let config = ZeroMqConfig { broker: BrokerMode::Foreign, ..ZeroMqConfig::from_env()? };
+//! let zeromq = ZeroMq::start(&config)?;
+//! let context = Context::default();
+//! let mut listener =
+//!     zeromq.open_listener(&TopicSpec::new("/camera", MessageType::Image), &context)?;
+//! loop {
+//!     match listener.take()? {
+//!         Some(sample) => {
+//!             if let Payload::Image(image) = sample.payload {
+//!                 println!("{:?} at {:?}", image.pixels, image.stamp);
+//!             }
+//!         }
+//!         None => _ = context.wake.wait(Duration::from_secs(1)),
+//!     }
+//! }
+//! # #[allow(unreachable_code)]
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod codec;
 pub mod endpoint;

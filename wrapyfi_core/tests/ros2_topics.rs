@@ -3,32 +3,25 @@
 // In helpers of tests, too, a panic is the right answer.
 #![allow(clippy::unwrap_used, clippy::indexing_slicing, clippy::panic)]
 
+mod ros2_common;
+
 use std::sync::Arc;
 use std::time::Duration;
 
 use wrapyfi_core::endpoint::{
-    Context, DropReason, Listener, Middleware, OpenError, Overflow, PublishError, Publisher,
+    Context, DropReason, Link, Listener, Middleware, OpenError, Overflow, PublishError, Publisher,
     QosPreset, QueueSpec, Reliability, Sample, TakeError, TopicSpec,
 };
-use wrapyfi_core::middleware::ros2::graph::{NodeIdentity, wait_until};
+use wrapyfi_core::middleware::ros2::graph::wait_until;
 use wrapyfi_core::middleware::ros2::{CycloneConfig, CycloneGraph, Ros2};
 use wrapyfi_core::types::{
     Encoding, Image, Map, MessageType, Payload, Pixels, RawPixels, Stamp, Value,
 };
 
-const PATIENCE: Duration = Duration::from_secs(30);
-
-fn node(name: &str) -> NodeIdentity {
-    NodeIdentity { name: name.into(), namespace: "/robot".into() }
-}
+use ros2_common::{PATIENCE, far_config, near_config};
 
 /// Two nodes on one wire, each in a stack of its own.
-fn pair(domain_id: u32) -> (Ros2, Ros2) {
-    let mut far = CycloneConfig::loopback(node("far"), 1000 + domain_id);
-    far.extra_uri = Some(format!(
-        "<CycloneDDS><Domain><Discovery><ExternalDomainId>{domain_id}</ExternalDomainId>\
-         </Discovery></Domain></CycloneDDS>"
-    ));
+fn pair(test: u32) -> (Ros2, Ros2) {
     let open = |config: &CycloneConfig| {
         let graph = CycloneGraph::new(config).unwrap();
         Ros2::new(Arc::new(graph), |name| match name {
@@ -37,7 +30,7 @@ fn pair(domain_id: u32) -> (Ros2, Ros2) {
             name => Ok(name.to_owned()),
         })
     };
-    (open(&CycloneConfig::loopback(node("near"), domain_id)), open(&far))
+    (open(&near_config("near", test)), open(&far_config("far", test)))
 }
 
 struct Route {
@@ -83,7 +76,7 @@ fn frame(width: u32, height: u32) -> Payload {
 
 #[test]
 fn payloads_arrive_as_they_were_sent() {
-    let (a, b) = pair(170);
+    let (a, b) = pair(0);
     for (topic, message_type, payload) in [
         ("object", MessageType::NativeObject, number(1)),
         ("text", MessageType::StringJson, number(2)),
@@ -102,7 +95,7 @@ fn payloads_arrive_as_they_were_sent() {
 
 #[test]
 fn names_are_expanded_and_remapped() {
-    let (a, b) = pair(171);
+    let (a, b) = pair(1);
     let spec = |name: &str| TopicSpec::new(name, MessageType::StringJson);
     let _old = a.open_publisher(&spec("old"), &Context::default()).unwrap();
     let _own = a.open_publisher(&spec("~/own"), &Context::default()).unwrap();
@@ -112,7 +105,11 @@ fn names_are_expanded_and_remapped() {
     let topics: Vec<String> =
         a.graph().endpoints().unwrap().into_iter().map(|endpoint| endpoint.topic).collect();
     assert!(topics.iter().any(|topic| topic == "/robot/near/own"), "{topics:?}");
-    for (name, reason) in [("a b", "' '"), ("a//b", "//"), ("forbidden", "no rule allows it")] {
+    for (name, reason) in [
+        ("a b", "characters other than"),
+        ("a//b", "repeated '/'"),
+        ("forbidden", "no rule allows it"),
+    ] {
         match a.open_listener(&spec(name), &Context::default()).err() {
             Some(error @ OpenError::InvalidName { .. }) => {
                 assert!(error.to_string().contains(reason), "{error}");
@@ -124,31 +121,42 @@ fn names_are_expanded_and_remapped() {
 }
 
 #[test]
-fn the_link_says_why_nothing_flows() {
-    let (a, b) = pair(172);
+fn the_link_says_what_it_waits_for() {
+    let (a, b) = pair(2);
     let context = Context::default();
-    let listener = b.open_listener(&TopicSpec::new("/x", MessageType::Image), &context).unwrap();
-    let says = |listener: &dyn Listener, words: &str| {
+    let images = TopicSpec::new("/x", MessageType::Image);
+    let says = |link: &dyn Fn() -> Link, words: &str| {
         let held = wait_until(&context.wake, PATIENCE, || {
-            listener.link().waiting_for.is_some_and(|reason| reason.contains(words))
+            link().waiting_for.is_some_and(|what| what == words)
         });
-        assert!(held, "{words}: {:?}", listener.link());
+        assert!(held, "{words}: {:?}", link());
     };
-    says(&*listener, "no publisher of /x yet");
-    let other = a.open_publisher(&TopicSpec::new("/x", MessageType::StringJson), &context).unwrap();
-    says(&*listener, "a publisher of /x carries std_msgs/msg/String, not sensor_msgs/msg/Image");
-    drop(other);
-    says(&*listener, "no publisher of /x yet");
-    let mut best_effort = TopicSpec::new("/x", MessageType::Image);
+    let listener = b.open_listener(&images, &context).unwrap();
+    let heard = || listener.link();
+    says(&heard, "a publisher of /x");
+    let text = a.open_publisher(&TopicSpec::new("/x", MessageType::StringJson), &context).unwrap();
+    says(
+        &heard,
+        "a publisher of /x with type sensor_msgs/msg/Image (those there carry std_msgs/msg/String)",
+    );
+    let sent = || text.link();
+    says(
+        &sent,
+        "a subscriber of /x with type std_msgs/msg/String (those there carry sensor_msgs/msg/Image)",
+    );
+    drop(text);
+    says(&heard, "a publisher of /x");
+    let mut best_effort = images.clone();
     best_effort.qos.reliability = Reliability::BestEffort;
     let refused = a.open_publisher(&best_effort, &context).unwrap();
-    says(&*listener, "its reliability is incompatible");
-    assert_eq!(refused.link().peers, Some(0));
+    let sent = || refused.link();
+    says(&heard, "a publisher of /x whose reliability is compatible (see qos)");
+    says(&sent, "a subscriber of /x whose reliability is compatible (see qos)");
 }
 
 #[test]
 fn the_last_message_is_kept_for_later_listeners() {
-    let (a, b) = pair(173);
+    let (a, b) = pair(3);
     let mut spec = TopicSpec::new("/latched", MessageType::StringJson);
     spec.qos = QosPreset::Latched.into();
     let mut publisher = a.open_publisher(&spec, &Context::default()).unwrap();
@@ -163,7 +171,7 @@ fn the_last_message_is_kept_for_later_listeners() {
 
 #[test]
 fn what_is_too_large_is_refused_on_both_sides() {
-    let (a, b) = pair(174);
+    let (a, b) = pair(4);
     let mut wide = TopicSpec::new("/big", MessageType::Image);
     let mut narrow = wide.clone();
     narrow.limits.message_bytes = 10_000;
@@ -184,7 +192,7 @@ fn what_is_too_large_is_refused_on_both_sides() {
 
 #[test]
 fn under_block_messages_wait_for_room() {
-    let (a, b) = pair(175);
+    let (a, b) = pair(5);
     let mut spec = TopicSpec::new("/blocked", MessageType::StringJson);
     spec.queue = QueueSpec { depth: 5, overflow: Overflow::Block(PATIENCE) };
     let mut route = connect(&a, &b, &spec);
@@ -198,8 +206,27 @@ fn under_block_messages_wait_for_room() {
 }
 
 #[test]
+fn a_discarded_message_makes_room_and_counts_as_received_only() {
+    let (a, b) = pair(9);
+    let mut spec = TopicSpec::new("/unwanted", MessageType::StringJson);
+    spec.queue = QueueSpec { depth: 2, overflow: Overflow::Block(PATIENCE) };
+    let mut route = connect(&a, &b, &spec);
+    assert!(!route.listener.discard());
+    for n in 0..4 {
+        route.publisher.publish(&number(n)).unwrap();
+    }
+    for _ in 0..3 {
+        assert!(wait_until(&route.context.wake, PATIENCE, || route.listener.discard()));
+    }
+    assert_eq!(route.next().unwrap().payload, number(3));
+    assert!(!route.listener.discard());
+    let now = route.context.counters.snapshot();
+    assert_eq!((now.received, now.dropped()), (4, 0));
+}
+
+#[test]
 fn a_full_queue_drops_the_oldest_and_counts() {
-    let (a, b) = pair(176);
+    let (a, b) = pair(6);
     let mut spec = TopicSpec::new("/stream", MessageType::StringJson);
     spec.queue = QueueSpec { depth: 3, overflow: Overflow::DropOldest };
     let mut route = connect(&a, &b, &spec);
@@ -219,7 +246,7 @@ fn a_full_queue_drops_the_oldest_and_counts() {
 
 #[test]
 fn listeners_come_and_go_under_traffic() {
-    let (a, b) = pair(177);
+    let (a, b) = pair(7);
     let spec = TopicSpec::new("/busy", MessageType::StringJson);
     let stop = std::sync::atomic::AtomicBool::new(false);
     let relaxed = std::sync::atomic::Ordering::Relaxed;
@@ -238,7 +265,7 @@ fn listeners_come_and_go_under_traffic() {
             });
         }
         // A second node in the publisher's own stack is called on the publisher's thread.
-        let graph = CycloneGraph::new(&CycloneConfig::loopback(node("third"), 177)).unwrap();
+        let graph = CycloneGraph::new(&near_config("third", 7)).unwrap();
         let third = Ros2::new(Arc::new(graph), |name| Ok(name.to_owned()));
         for round in 0..60 {
             let context = Context::default();
@@ -259,7 +286,7 @@ fn listeners_come_and_go_under_traffic() {
 
 #[test]
 fn images_take_the_form_of_the_topic() {
-    let (a, b) = pair(178);
+    let (a, b) = pair(8);
     let mut files = connect(&a, &b, &TopicSpec::new("/files", MessageType::CompressedImage));
     files.publisher.publish(&frame(64, 48)).unwrap();
     let file = files.next().unwrap().payload;

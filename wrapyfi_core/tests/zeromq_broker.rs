@@ -63,14 +63,19 @@ fn the_last_listener_gone_is_told_however_it_went() {
     let monitor = subscriber(&context, broker.pub_port(), MONITOR);
     // An XPUB shows what publishers hear: one subscription, one unsubscription.
     let publisher = peer(&context, zmq::XPUB, broker.sub_port());
-    let one = subscriber(&context, broker.pub_port(), "/a");
-    let two = subscriber(&context, broker.pub_port(), "/a");
-    wait_for_count(&monitor, "/a", 2);
+    let [one, two, three] = [(); 3].map(|()| subscriber(&context, broker.pub_port(), "/a"));
+    wait_for_count(&monitor, "/a", 3);
     one.set_unsubscribe(b"/a").unwrap();
+    wait_for_count(&monitor, "/a", 2);
     drop(two); // no unsubscription: the connection just ends
+    wait_for_count(&monitor, "/a", 1);
+    assert_eq!(broker.status().subscriptions.get("/a"), Some(&1));
+    drop(three);
     wait_for_count(&monitor, "/a", 0);
-    assert_eq!(publisher.recv_bytes(0).unwrap(), b"\x01/a");
-    assert_eq!(publisher.recv_bytes(0).unwrap(), b"\x00/a");
+    let _other = subscriber(&context, broker.pub_port(), "/b");
+    for heard in [b"\x01/a", b"\x00/a", b"\x01/b"] {
+        assert_eq!(publisher.recv_bytes(0).unwrap(), heard);
+    }
 }
 
 #[test]

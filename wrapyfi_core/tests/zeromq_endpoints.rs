@@ -116,6 +116,44 @@ fn longer_topics_and_bad_messages_are_counted() {
 }
 
 #[test]
+fn a_message_that_cuts_the_connection_is_counted_and_survived() {
+    let zeromq = ZeroMq::start(&embedded()).unwrap();
+    let mut spec = spec("/a");
+    spec.limits = Limits { message_bytes: 1000, ..Limits::default() };
+    let (mut listener, context, raw) = listener_and_raw(&zeromq, &spec);
+    wait_until("the broker", || listener.link().waiting_for.is_none());
+    raw.send_multipart(["/a", "1"], 0).unwrap();
+    assert_eq!(next(&mut *listener).payload, number(1));
+    raw.send_multipart(["/a", &"1".repeat(100_000)], 0).unwrap();
+    wait_until("the drop", || dropped(&context, DropReason::Oversize) == 1);
+    wait_until("the broker", || listener.link().waiting_for.is_none());
+    // The broker knows of the listener a moment later.
+    let mut sample = None;
+    wait_until("a message", || {
+        raw.send_multipart(["/a", "2"], 0).unwrap();
+        sample = listener.take().unwrap();
+        sample.is_some()
+    });
+    assert_eq!(sample.unwrap().payload, number(2));
+    assert_eq!(dropped(&context, DropReason::Oversize), 1);
+}
+
+#[test]
+fn unwanted_messages_are_dropped_unseen() {
+    let zeromq = ZeroMq::start(&embedded()).unwrap();
+    let mut spec = spec("/a");
+    spec.queue = QueueSpec { depth: 1, overflow: Overflow::Block(Duration::from_secs(60)) };
+    let (mut listener, context, raw) = listener_and_raw(&zeromq, &spec);
+    assert!(!listener.discard());
+    for text in ["{not json", "2"] {
+        raw.send_multipart(["/a", text], 0).unwrap();
+    }
+    wait_until("a full queue", || context.counters.snapshot().received == 2);
+    assert!(listener.discard());
+    assert_eq!(next(&mut *listener).payload, number(2), "the held one takes its place");
+}
+
+#[test]
 fn a_full_queue_follows_its_policy() {
     let zeromq = ZeroMq::start(&embedded()).unwrap();
     for (topic, overflow, kept) in
@@ -201,9 +239,11 @@ fn routes_live_again_after_the_broker_was_away() {
     wait_until("the listener's reason", || listener.link().waiting_for.is_some());
     wait_until("the publisher's reason", || publisher.link().waiting_for.is_some());
     wait_until("no listener", || publisher.link().peers == Some(0));
-    let reason = publisher.link().waiting_for.unwrap();
-    assert_eq!(reason, format!("broker tcp://127.0.0.1:{sub_port} does not answer"));
-    assert!(matches!(publisher.publish(&number(1)), Err(PublishError::Transport { .. })));
+    let what = publisher.link().waiting_for.unwrap();
+    assert_eq!(what, format!("the broker at tcp://127.0.0.1:{sub_port}"));
+    let error = publisher.publish(&number(1)).unwrap_err();
+    assert!(matches!(error, PublishError::Transport { .. }));
+    assert_eq!(error.to_string(), format!("could not send to \"/a\": waiting for {what}"));
     let _broker =
         Broker::start(&BrokerConfig { pub_port, sub_port, ..BrokerConfig::default() }).unwrap();
     ready(&*publisher);
@@ -226,6 +266,26 @@ fn something_else_in_the_place_of_the_broker_is_said() {
 }
 
 #[test]
+fn a_broker_in_the_place_of_something_else_is_found() {
+    let context = zmq::Context::new();
+    let (rep, port) = bound(&context, zmq::REP);
+    let (_, free) = bound(&context, zmq::REP);
+    let zeromq = ZeroMq::start(&foreign(port, port)).unwrap();
+    let listener = zeromq.open_listener(&spec("/a"), &Context::default()).unwrap();
+    wait_until("the reason", || {
+        listener.link().waiting_for.is_some_and(|what| what.contains("not the matching side"))
+    });
+    drop(rep);
+    let config = BrokerConfig { pub_port: port, sub_port: free, ..BrokerConfig::default() };
+    let mut broker = None;
+    wait_until("the port", || {
+        broker = Broker::start(&config).ok();
+        broker.is_some()
+    });
+    wait_until("the broker", || listener.link().waiting_for.is_none());
+}
+
+#[test]
 fn endpoints_that_outlive_their_instance_hang_nobody() {
     let zeromq = ZeroMq::start(&embedded()).unwrap();
     let (pub_port, sub_port) = (zeromq.pub_port(), zeromq.sub_port());
@@ -237,7 +297,7 @@ fn endpoints_that_outlive_their_instance_hang_nobody() {
     assert!(start.elapsed() < Limits::SHUTDOWN, "{:?}", start.elapsed());
     assert!(matches!(publisher.publish(&number(1)), Err(PublishError::Transport { .. })));
     assert_eq!(listener.take().unwrap(), None);
-    assert_eq!(listener.link().waiting_for.as_deref(), Some("ZeroMQ was shut down here"));
+    assert_eq!(listener.link().waiting_for.as_deref(), Some("ZeroMQ, which was shut down here"));
     let again = Broker::start(&BrokerConfig { pub_port, sub_port, ..BrokerConfig::default() });
     assert!(again.is_ok(), "{again:?}");
 }

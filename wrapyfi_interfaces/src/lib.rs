@@ -1,22 +1,28 @@
-//! ROS 2 interfaces in Rust: definitions, type hashes, CDR, and structs generated at build time.
+//! ROS interfaces in Rust: definitions, type hashes, CDR, structs generated at build time, and
+//! any other type while running.
 //!
 //! ```text
-//!   wrapyfi_msgs/msg/*.msg, interfaces/*/msg/*.msg
-//!          │ build script: parser ─▶ description ─▶ hash
-//!          ▼
-//!   sensor_msgs::msg::Image { … }  : Message ──cdr──▶ bytes on DDS
+//!   wrapyfi_msgs/msg/*.msg, interfaces/*/msg/*.msg       ament index, folder, full text
+//!          │ build script: parser ─▶ description ─▶ hash        │ store ─▶ the same
+//!          ▼                                                    ▼
+//!   sensor_msgs::msg::Image { … }  : Message            dynamic::Plan, DynamicMessage ◀─▶ JSON
+//!          └─────────────────── cdr ───▶ bytes on DDS ◀─── cdr ─┘
 //! ```
 //!
-//! * [`parser`]: `.msg` text to definitions.
+//! * [`parser`]: `.msg`, `.srv` and `.action` text to definitions.
 //! * [`description`] and [`hash`]: type descriptions and REP-2016 hashes.
 //! * [`cdr`][]: serialisation.
+//! * [`store`]: finds the definition of any type; ROS 1 checksums.
+//! * [`dynamic`]: messages of any type.
 //! * One module a package, laid out as in ROS: [`sensor_msgs::msg::Image`].
 
 pub mod cdr;
 pub mod description;
+pub mod dynamic;
 pub mod hash;
 mod message;
 pub mod parser;
+pub mod store;
 
 pub use message::Message;
 
@@ -24,3 +30,5 @@ include!(concat!(env!("OUT_DIR"), "/interfaces.rs"));
 
 #[cfg(test)]
 mod golden_tests;
+#[cfg(test)]
+mod test_data;

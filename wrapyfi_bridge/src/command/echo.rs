@@ -68,10 +68,10 @@ fn timed_out(
     link: &wrapyfi_core::endpoint::Link,
     context: &Context,
 ) -> Failure {
-    let why = match link {
-        link if link.waiting_for.is_some() => link.waiting_for.clone().unwrap_or_default(),
-        link if link.peers == Some(0) => "no publisher is there".to_owned(),
-        _ => "nothing was published".to_owned(),
+    let why = match (&link.waiting_for, link.peers) {
+        (Some(what), _) => format!("still waiting for {what}"),
+        (None, Some(0)) => "no publisher is there".to_owned(),
+        (None, _) => "nothing was published".to_owned(),
     };
     report_drops(context);
     Failure::TimedOut(format!(

@@ -112,7 +112,7 @@ impl<E: DeserializeOwned + Default> Config<E> {
         if text.len() > MAX_CONFIG_BYTES {
             return Err(ConfigError::too_large(file, text.len(), MAX_CONFIG_BYTES));
         }
-        serde_saphyr::from_str(text).map_err(|error| ConfigError::from_yaml(file, &error))
+        serde_saphyr::from_str(text).map_err(|error| ConfigError::from_yaml(file, text, &error))
     }
 }
 

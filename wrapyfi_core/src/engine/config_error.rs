@@ -29,7 +29,7 @@ impl fmt::Display for ConfigError {
             }
             match problem.position {
                 Some((line, column)) => {
-                    write!(f, "{}:{line}:{column}: {}", self.file, problem.message)?
+                    write!(f, "{}:{line}:{column}: {}", self.file, problem.message)?;
                 }
                 None => write!(f, "{}: {}", self.file, problem.message)?,
             }
@@ -55,7 +55,7 @@ impl ConfigError {
     }
 
     /// The parser's error in a user's words: keys instead of fields, with a suggestion.
-    pub(super) fn from_yaml(file: &str, error: &serde_saphyr::Error) -> Self {
+    pub(super) fn from_yaml(file: &str, text: &str, error: &serde_saphyr::Error) -> Self {
         use serde_saphyr::Error;
         let error = error.without_snippet();
         let message = match error {
@@ -72,15 +72,29 @@ impl ConfigError {
             | Error::SerdeInvalidValue { unexpected, expected, .. } => {
                 format!("found {unexpected}, expected {expected}")
             }
-            other => first_line(&other.render()),
+            other => in_words(&other.render()),
         };
         let position = error.location().map(|at| (at.line(), at.column()));
+        // The line itself says more than its number.
+        let line = position
+            .and_then(|(line, _)| text.lines().nth(usize::try_from(line).ok()?.checked_sub(1)?))
+            .map(|line| format!(", in `{}`", line.trim().chars().take(80).collect::<String>()))
+            .unwrap_or_default();
+        let message = format!("{message}{line}");
         Self { file: file.to_owned(), problems: vec![Problem { position, message }] }
     }
 }
 
-fn first_line(text: &str) -> String {
-    text.lines().next().unwrap_or_default().to_owned()
+/// The parser's first line without its position, and without Rust's names for numbers.
+fn in_words(text: &str) -> String {
+    let text = text.lines().next().unwrap_or_default();
+    let text = text.split_once(" at line ").map_or(text, |(text, _)| text);
+    match text {
+        "invalid u16" => "expected a whole number from 0 to 65535".to_owned(),
+        "invalid u32" | "invalid u64" | "invalid usize" => "expected a whole number".to_owned(),
+        "invalid f64" | "invalid float" => "expected a number".to_owned(),
+        _ => text.to_owned(),
+    }
 }
 
 /// `did you mean ...? ` when one of `known` is near `word`, else nothing.

@@ -220,7 +220,10 @@ fn route_spec(
     }
 }
 
-fn address(text: &Spanned<String>, middlewares: &[Available<'_>]) -> Result<EndpointAddress, Problem> {
+fn address(
+    text: &Spanned<String>,
+    middlewares: &[Available<'_>],
+) -> Result<EndpointAddress, Problem> {
     let problem = |message| Problem::at(text.referenced, message);
     let address: EndpointAddress =
         text.value.parse().map_err(|error: ParseAddressError| problem(error.to_string()))?;

@@ -86,8 +86,16 @@ impl NodeName {
             None if name.is_empty() => return Err(NameKind::Topic.error(NameFault::Empty, 0)),
             None => join(&self.namespace, &name),
         };
-        check_absolute(&expanded, NameKind::Topic, MAX_TOPIC)?;
+        Self::check_topic(&expanded)?;
         Ok(expanded)
+    }
+
+    /// Checks a topic or service name that is absolute already.
+    ///
+    /// # Errors
+    /// The first rule it breaks.
+    pub fn check_topic(absolute: &str) -> Result<(), NameError> {
+        check_absolute(absolute, NameKind::Topic, MAX_TOPIC)
     }
 
     fn substitute(&self, name: &str) -> Result<String, NameError> {
@@ -318,6 +326,8 @@ mod tests {
             let error = node.expand(name).unwrap_err();
             assert_eq!((error.fault, error.index), (fault, index), "{name:?}");
         }
+        assert_eq!(NodeName::check_topic("a").unwrap_err().fault, NameFault::NotAbsolute);
+        assert_eq!(NodeName::check_topic("/a\0").unwrap_err().fault, NameFault::BadCharacter);
         let long = "a".repeat(300);
         assert_eq!(NodeName::new(&long, "").unwrap_err().fault, NameFault::TooLong(255));
         assert!(NodeName::new("a b", "").is_err());

@@ -65,26 +65,27 @@ pub enum CdrError {
         /// Bytes before the fault.
         valid_up_to: usize,
     },
+    /// A wide string is not UTF-16.
+    #[error("{path} is a wide string that is not UTF-16 at its code unit {index}")]
+    NotUtf16 {
+        /// The field.
+        path: String,
+        /// Code units before the fault.
+        index: usize,
+    },
 }
 
 impl CdrError {
     /// The same error, seen from the message that has the value in its field `name`.
     #[must_use]
     pub fn in_field(self, name: &str) -> Self {
-        self.map_path(|path| match path.as_str() {
-            "" => name.to_owned(),
-            inner if inner.starts_with('[') => format!("{name}{inner}"),
-            inner => format!("{name}.{inner}"),
-        })
+        self.map_path(|path| path_in_field(path, name))
     }
 
     /// The same error, seen from the sequence that has the value at `index`.
     #[must_use]
     pub fn in_element(self, index: usize) -> Self {
-        self.map_path(|path| match path.as_str() {
-            "" => format!("[{index}]"),
-            inner => format!("[{index}].{inner}"),
-        })
+        self.map_path(|path| path_in_element(path, index))
     }
 
     /// The field it lies in; empty for the message as a whole.
@@ -95,7 +96,8 @@ impl CdrError {
             Self::Truncated { path, .. }
             | Self::Length { path, .. }
             | Self::Unterminated { path, .. }
-            | Self::NotUtf8 { path, .. } => path,
+            | Self::NotUtf8 { path, .. }
+            | Self::NotUtf16 { path, .. } => path,
         }
     }
 
@@ -105,8 +107,26 @@ impl CdrError {
             Self::Truncated { path, .. }
             | Self::Length { path, .. }
             | Self::Unterminated { path, .. }
-            | Self::NotUtf8 { path, .. } => *path = change(path),
+            | Self::NotUtf8 { path, .. }
+            | Self::NotUtf16 { path, .. } => *path = change(path),
         }
         self
+    }
+}
+
+/// `inner` of the field `name`: `name.inner`, `name[3]`.
+pub(crate) fn path_in_field(inner: &str, name: &str) -> String {
+    match inner {
+        "" => name.to_owned(),
+        inner if inner.starts_with('[') => format!("{name}{inner}"),
+        inner => format!("{name}.{inner}"),
+    }
+}
+
+/// `inner` of the element at `index`: `[3].inner`.
+pub(crate) fn path_in_element(inner: &str, index: usize) -> String {
+    match inner {
+        "" => format!("[{index}]"),
+        inner => format!("[{index}].{inner}"),
     }
 }

@@ -19,6 +19,7 @@ mod reader;
 mod writer;
 
 pub use error::CdrError;
+pub(crate) use error::{path_in_element, path_in_field};
 pub use parts::CdrParts;
 pub use primitive::{ByteOrder, CdrPrimitive};
 pub use reader::CdrReader;

@@ -73,6 +73,14 @@ impl<'a> CdrReader<'a> {
         if count == 0 {
             return Ok(Vec::new()); // without elements there is no padding either
         }
+        self.read_primitives(count)
+    }
+
+    /// Reads a number of primitives that is known beforehand, in one bulk copy.
+    ///
+    /// # Errors
+    /// When the message ends before the last.
+    pub fn read_primitives<T: CdrPrimitive>(&mut self, count: usize) -> Result<Vec<T>, CdrError> {
         self.align(T::SIZE)?;
         let bytes = self.take(count.saturating_mul(T::SIZE))?;
         Ok(T::extract(bytes, self.order).collect())
@@ -84,6 +92,14 @@ impl<'a> CdrReader<'a> {
     /// When the message has fewer bytes than the sequence claims.
     pub fn read_bytes(&mut self) -> Result<Bytes, CdrError> {
         let count = self.read_count(1)?;
+        self.read_byte_array(count)
+    }
+
+    /// Reads a number of bytes that is known beforehand; the result shares the message's memory.
+    ///
+    /// # Errors
+    /// When the message ends before the last.
+    pub fn read_byte_array(&mut self, count: usize) -> Result<Bytes, CdrError> {
         let start = self.position;
         self.take(count)?;
         Ok(self.cdr.slice(start..self.position))
@@ -109,6 +125,26 @@ impl<'a> CdrReader<'a> {
     /// When it is too long or unterminated.
     pub fn read_text(&mut self) -> Result<Bytes, CdrError> {
         self.take_text().map(|text| self.cdr.slice_ref(text))
+    }
+
+    /// Reads a wide string: UTF-16 code units in four bytes each, without a terminator.
+    ///
+    /// # Errors
+    /// When it is too long or not UTF-16.
+    pub fn read_wstring(&mut self) -> Result<String, CdrError> {
+        let count = self.read_count(size_of::<u32>())?;
+        let bytes = self.take(count.saturating_mul(size_of::<u32>()))?;
+        // A unit beyond 16 bits becomes a lone surrogate, which is refused like any other.
+        let units =
+            u32::extract(bytes, self.order).map(|unit| u16::try_from(unit).unwrap_or(0xD800));
+        let mut text = String::with_capacity(count);
+        let mut index = 0;
+        for c in char::decode_utf16(units) {
+            let c = c.map_err(|_lone| CdrError::NotUtf16 { path: String::new(), index })?;
+            index += c.len_utf16();
+            text.push(c);
+        }
+        Ok(text)
     }
 
     fn take_text(&mut self) -> Result<&'a [u8], CdrError> {
@@ -183,7 +219,7 @@ impl<'a> CdrReader<'a> {
 
     /// Reads an element count and checks that so many elements of at least `min_size` bytes fit
     /// into what is left, before anyone reserves memory for them.
-    fn read_count(&mut self, min_size: usize) -> Result<usize, CdrError> {
+    pub(crate) fn read_count(&mut self, min_size: usize) -> Result<usize, CdrError> {
         let claimed: u32 = self.read_primitive()?;
         let needed = u64::from(claimed).saturating_mul(min_size as u64);
         let available = self.remaining();
@@ -198,10 +234,20 @@ impl<'a> CdrReader<'a> {
         }
     }
 
-    fn room_for(&self, count: usize, min_size: usize) -> Result<(), CdrError> {
+    pub(crate) fn room_for(&self, count: usize, min_size: usize) -> Result<(), CdrError> {
         let needed = count.saturating_mul(min_size);
         let available = self.remaining();
         if needed <= available { Ok(()) } else { Err(truncated(needed, available)) }
+    }
+
+    /// Where the next byte lies between two multiples of eight, counted from the body's start.
+    pub(crate) fn phase(&self) -> usize {
+        (self.position - ENCAPSULATION_SIZE) % 8
+    }
+
+    /// Order of the bytes of numbers.
+    pub(crate) fn order(&self) -> ByteOrder {
+        self.order
     }
 
     /// Skips to a multiple of `size`, counted from the body's start.
@@ -213,7 +259,7 @@ impl<'a> CdrReader<'a> {
         Ok(())
     }
 
-    fn take(&mut self, size: usize) -> Result<&'a [u8], CdrError> {
+    pub(crate) fn take(&mut self, size: usize) -> Result<&'a [u8], CdrError> {
         let end = self.position.saturating_add(size);
         let bytes =
             self.cdr.get(self.position..end).ok_or_else(|| truncated(size, self.remaining()))?;

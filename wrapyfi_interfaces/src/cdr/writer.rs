@@ -67,6 +67,17 @@ impl CdrWriter {
         self.append(bytes.slice(..counted));
     }
 
+    /// Writes a fixed number of bytes; a large one is shared, not copied.
+    pub fn write_byte_array(&mut self, bytes: &Bytes) {
+        self.append(bytes.clone());
+    }
+
+    /// Writes a wide string: UTF-16 code units in four bytes each, without a terminator.
+    pub fn write_wstring(&mut self, text: &str) {
+        let units: Vec<u32> = text.encode_utf16().map(u32::from).collect();
+        self.write_primitive_sequence(&units);
+    }
+
     /// Writes a string with its terminator. A NUL inside ends it, as in the ROS 2 middlewares.
     pub fn write_string(&mut self, text: &str) {
         let text = text.split('\0').next().unwrap_or_default();
@@ -121,7 +132,7 @@ impl CdrWriter {
     }
 
     /// Writes the number of elements and gives those that were counted.
-    fn write_count<'v, T>(&mut self, values: &'v [T]) -> &'v [T] {
+    pub(crate) fn write_count<'v, T>(&mut self, values: &'v [T]) -> &'v [T] {
         let count = u32::try_from(values.len()).unwrap_or(u32::MAX);
         self.write_primitive(count);
         values.get(..count as usize).unwrap_or(values)

@@ -2,62 +2,9 @@
 
 use std::fmt;
 
-use super::{DefaultValue, Literal, ParseFault};
+use super::{DefaultValue, Literal, TypeName};
 
-/// Full name of a message type, written `sensor_msgs/msg/Image`.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct TypeName {
-    package: String,
-    name: String,
-}
-
-impl TypeName {
-    /// A name from its parts, for instance `sensor_msgs` and `Image`.
-    ///
-    /// # Errors
-    /// When a part breaks the ROS rules for names.
-    pub fn new(package: &str, name: &str) -> Result<Self, ParseFault> {
-        let package_ok = package.starts_with(|c: char| c.is_ascii_lowercase())
-            && package.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_')
-            && !package.contains("__")
-            && !package.ends_with('_');
-        if !package_ok {
-            return Err(ParseFault::PackageName { name: package.to_owned() });
-        }
-        let name_ok = name.starts_with(|c: char| c.is_ascii_uppercase())
-            && name.chars().all(|c| c.is_ascii_alphanumeric());
-        if !name_ok {
-            return Err(ParseFault::TypeName { name: name.to_owned() });
-        }
-        Ok(Self { package: package.to_owned(), name: name.to_owned() })
-    }
-
-    /// Package, for instance `sensor_msgs`.
-    #[must_use]
-    pub fn package(&self) -> &str {
-        &self.package
-    }
-
-    /// Name inside the package, for instance `Image`.
-    #[must_use]
-    pub fn name(&self) -> &str {
-        &self.name
-    }
-
-    /// Name of the type on DDS, for instance `sensor_msgs::msg::dds_::Image_`.
-    #[must_use]
-    pub fn dds(&self) -> String {
-        format!("{}::msg::dds_::{}_", self.package, self.name)
-    }
-}
-
-impl fmt::Display for TypeName {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}/msg/{}", self.package, self.name)
-    }
-}
-
-/// A parsed `.msg` file.
+/// A parsed `.msg` file, or a part of a service or an action.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MessageDefinition {
     /// Full name.
@@ -73,7 +20,7 @@ pub struct MessageDefinition {
 /// A field of a message.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Field {
-    /// Name, lower case.
+    /// Name, lower case (ROS 1 allows upper case too).
     pub name: String,
     /// Type.
     pub field_type: FieldType,
@@ -92,6 +39,8 @@ pub struct Constant {
     pub element: Element,
     /// Value, checked against the type.
     pub value: Literal,
+    /// Value as the definition writes it; ROS 1 checksums cover this text.
+    pub written: String,
     /// Comment lines above the constant and behind it.
     pub doc: Vec<String>,
 }
@@ -158,6 +107,26 @@ pub enum Primitive {
 }
 
 impl Primitive {
+    /// The name in definitions, for instance `uint8`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Bool => "bool",
+            Self::Byte => "byte",
+            Self::Char => "char",
+            Self::Int8 => "int8",
+            Self::Uint8 => "uint8",
+            Self::Int16 => "int16",
+            Self::Uint16 => "uint16",
+            Self::Int32 => "int32",
+            Self::Uint32 => "uint32",
+            Self::Int64 => "int64",
+            Self::Uint64 => "uint64",
+            Self::Float32 => "float32",
+            Self::Float64 => "float64",
+        }
+    }
+
     /// The primitive of that `.msg` name.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
@@ -188,5 +157,36 @@ impl Primitive {
             Self::Int32 | Self::Uint32 | Self::Float32 => 4,
             Self::Int64 | Self::Uint64 | Self::Float64 => 8,
         }
+    }
+}
+
+impl fmt::Display for Element {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Primitive(primitive) => f.write_str(primitive.name()),
+            Self::String { bound: None } => f.write_str("string"),
+            Self::String { bound: Some(bound) } => write!(f, "string<={bound}"),
+            Self::WString { bound: None } => f.write_str("wstring"),
+            Self::WString { bound: Some(bound) } => write!(f, "wstring<={bound}"),
+            Self::Nested(name) => write!(f, "{}/{}", name.package(), name.name()),
+        }
+    }
+}
+
+impl fmt::Display for Container {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Single => Ok(()),
+            Self::Array(size) => write!(f, "[{size}]"),
+            Self::Sequence { bound: Some(bound) } => write!(f, "[<={bound}]"),
+            Self::Sequence { bound: None } => f.write_str("[]"),
+        }
+    }
+}
+
+/// As a definition writes it, with the package of a nested type.
+impl fmt::Display for FieldType {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}{}", self.element, self.container)
     }
 }

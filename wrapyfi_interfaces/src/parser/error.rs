@@ -85,4 +85,31 @@ pub enum ParseFault {
         /// `exactly N` or `at most N`.
         expected: String,
     },
+    /// A word that ROS 1 does not know.
+    #[error("ROS 1 has no such thing as {what}; read the definition as one of ROS 2")]
+    OnlyRos2 {
+        /// What it is.
+        what: &'static str,
+    },
+    /// The parts of a service or an action are not as many as they must be.
+    #[error(
+        "{separators} lines with `---` where {expected} are needed; write {parts}, each of which \
+         may be empty"
+    )]
+    Sections {
+        /// Separators there are.
+        separators: usize,
+        /// Separators there must be.
+        expected: usize,
+        /// The parts in words.
+        parts: &'static str,
+    },
+    /// A message was asked for under the name of a service or an action, or the other way round.
+    #[error("{name} is no {expected}; its name must read package/{expected}/Name")]
+    Kind {
+        /// The name given.
+        name: String,
+        /// `msg`, `srv` or `action`.
+        expected: &'static str,
+    },
 }

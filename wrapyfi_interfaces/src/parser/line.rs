@@ -1,7 +1,7 @@
 //! One line of a definition: comment, field or constant.
 
-use super::definition::{Constant, Container, Element, Field, FieldType, Primitive, TypeName};
-use super::{ParseFault, value};
+use super::definition::{Constant, Container, Element, Field, FieldType, Primitive};
+use super::{Dialect, InterfaceKind, Literal, ParseFault, TypeName, value};
 
 /// What a line holds.
 pub(super) enum Line {
@@ -12,7 +12,7 @@ pub(super) enum Line {
 }
 
 /// Reads a line of the definition of `owner`, whose package unqualified type names belong to.
-pub(super) fn parse(owner: &TypeName, text: &str) -> Result<Line, ParseFault> {
+pub(super) fn parse(dialect: Dialect, owner: &TypeName, text: &str) -> Result<Line, ParseFault> {
     let text = text.trim();
     if text.is_empty() {
         return Ok(Line::Blank);
@@ -29,8 +29,8 @@ pub(super) fn parse(owner: &TypeName, text: &str) -> Result<Line, ParseFault> {
     }
     let rest = rest.trim_start();
     match rest.strip_prefix('=') {
-        Some(rest) => constant(type_name, name, rest.trim_start()),
-        None => field(owner, type_name, name, rest),
+        Some(rest) => constant(dialect, type_name, name, rest.trim_start()),
+        None => field(dialect, owner, type_name, name, rest),
     }
 }
 
@@ -39,33 +39,66 @@ fn split_at_whitespace(text: &str) -> (&str, &str) {
         .map_or((text, ""), |(head, tail)| (head, tail.trim_start()))
 }
 
-fn constant(type_name: &str, name: &str, rest: &str) -> Result<Line, ParseFault> {
+fn constant(dialect: Dialect, type_name: &str, name: &str, rest: &str) -> Result<Line, ParseFault> {
     let element = match (Primitive::from_name(type_name), type_name) {
         (Some(primitive), _) => Element::Primitive(primitive),
         (None, "string") => Element::String { bound: None },
+        (None, "wstring") if dialect == Dialect::Ros2 => Element::WString { bound: None },
         _ => return Err(ParseFault::ConstantType { type_name: type_name.to_owned() }),
     };
-    if !is_name(name, char::is_uppercase) {
+    let name_ok = match dialect {
+        Dialect::Ros1 => is_ros1_name(name),
+        Dialect::Ros2 => is_name(name, char::is_uppercase),
+    };
+    if !name_ok {
         return Err(ParseFault::ConstantName { name: name.to_owned() });
     }
-    let (written, comment) = split_comment(rest);
-    let value = value::literal(&element, type_name, written)?;
-    let doc = comment.into_iter().collect();
-    Ok(Line::Constant(Constant { name: name.to_owned(), element, value, doc }))
+    let (value, written, comment) = match (dialect, &element) {
+        // Nothing ends the text in ROS 1, not even `#`.
+        (Dialect::Ros1, Element::String { .. }) => (Literal::Text(rest.to_owned()), rest, None),
+        _ => {
+            let (written, comment) = split_comment(rest);
+            (value::literal(dialect, &element, type_name, written)?, written, comment)
+        }
+    };
+    Ok(Line::Constant(Constant {
+        name: name.to_owned(),
+        element,
+        value,
+        written: written.to_owned(),
+        doc: comment.into_iter().collect(),
+    }))
 }
 
-fn field(owner: &TypeName, type_name: &str, name: &str, rest: &str) -> Result<Line, ParseFault> {
-    let field_type = field_type(owner, type_name)?;
-    if !is_name(name, char::is_lowercase) {
+fn field(
+    dialect: Dialect,
+    owner: &TypeName,
+    type_name: &str,
+    name: &str,
+    rest: &str,
+) -> Result<Line, ParseFault> {
+    let field_type = field_type(dialect, owner, type_name)?;
+    let name_ok = match dialect {
+        Dialect::Ros1 => is_ros1_name(name),
+        Dialect::Ros2 => is_name(name, char::is_lowercase),
+    };
+    if !name_ok {
         return Err(ParseFault::FieldName { name: name.to_owned() });
     }
     let (written, comment) = split_comment(rest);
-    let default = match written {
-        "" => None,
-        written => Some(value::default(&field_type, type_name, written)?),
+    let default = match (written, dialect) {
+        ("", _) => None,
+        (_, Dialect::Ros1) => return Err(ParseFault::OnlyRos2 { what: "a default value" }),
+        (written, Dialect::Ros2) => Some(value::default(&field_type, type_name, written)?),
     };
     let doc = comment.into_iter().collect();
     Ok(Line::Field(Field { name: name.to_owned(), field_type, default, doc }))
+}
+
+/// Letters, digits and underscores behind a letter: what both ROS 1 generators accept.
+fn is_ros1_name(name: &str) -> bool {
+    name.starts_with(|c: char| c.is_ascii_alphabetic())
+        && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
 }
 
 /// Letters of one case, digits and single underscores; neither first digit nor last underscore.
@@ -102,7 +135,10 @@ fn split_comment(text: &str) -> (&str, Option<String>) {
 }
 
 /// Reads a type such as `string<=5[<=3]`.
-fn field_type(owner: &TypeName, text: &str) -> Result<FieldType, ParseFault> {
+fn field_type(dialect: Dialect, owner: &TypeName, text: &str) -> Result<FieldType, ParseFault> {
+    if dialect == Dialect::Ros1 && text.contains("<=") {
+        return Err(ParseFault::OnlyRos2 { what: "a bound" });
+    }
     let (element, container) = match text.strip_suffix(']').and_then(|t| t.rsplit_once('[')) {
         None => (text, Container::Single),
         Some((element, "")) => (element, Container::Sequence { bound: None }),
@@ -111,10 +147,10 @@ fn field_type(owner: &TypeName, text: &str) -> Result<FieldType, ParseFault> {
             None => (element, Container::Array(size(inside)?)),
         },
     };
-    Ok(FieldType { element: self::element(owner, element)?, container })
+    Ok(FieldType { element: self::element(dialect, owner, element)?, container })
 }
 
-fn element(owner: &TypeName, text: &str) -> Result<Element, ParseFault> {
+fn element(dialect: Dialect, owner: &TypeName, text: &str) -> Result<Element, ParseFault> {
     if let Some(primitive) = Primitive::from_name(text) {
         return Ok(Element::Primitive(primitive));
     }
@@ -122,19 +158,25 @@ fn element(owner: &TypeName, text: &str) -> Result<Element, ParseFault> {
         Some((base, bound)) => (base, Some(size(bound)?)),
         None => (text, None),
     };
-    match (base, bound) {
-        ("string", bound) => return Ok(Element::String { bound }),
-        ("wstring", bound) => return Ok(Element::WString { bound }),
-        (_, Some(_)) => return Err(ParseFault::TypeName { name: text.to_owned() }),
-        (_, None) => {}
+    match (base, bound, dialect) {
+        ("string", bound, _) => return Ok(Element::String { bound }),
+        ("wstring", bound, Dialect::Ros2) => return Ok(Element::WString { bound }),
+        ("wstring", _, Dialect::Ros1) => return Err(ParseFault::OnlyRos2 { what: "wstring" }),
+        (_, Some(_), _) => return Err(ParseFault::TypeName { name: text.to_owned() }),
+        (_, None, _) => {}
     }
+    let message = |package: &str, name: &str| {
+        TypeName::with_kind(dialect, package, InterfaceKind::Message, name).map(Element::Nested)
+    };
     let parts: Vec<&str> = text.split('/').collect();
-    match *parts.as_slice() {
-        [name] => TypeName::new(owner.package(), name),
-        [package, name] | [package, "msg", name] => TypeName::new(package, name),
+    match (dialect, parts.as_slice()) {
+        (Dialect::Ros1, ["time"]) => message("builtin_interfaces", "Time"),
+        (Dialect::Ros1, ["duration"]) => message("builtin_interfaces", "Duration"),
+        (Dialect::Ros1, ["Header"]) => message("std_msgs", "Header"),
+        (_, [name]) => message(owner.package(), name),
+        (_, [package, name] | [package, "msg", name]) => message(package, name),
         _ => Err(ParseFault::TypeName { name: text.to_owned() }),
     }
-    .map(Element::Nested)
 }
 
 fn size(text: &str) -> Result<u32, ParseFault> {

@@ -1,28 +1,39 @@
-//! Reads interface definitions: the text of a `.msg` file into a [`MessageDefinition`].
+//! Reads interface definitions: the text of a `.msg`, `.srv` or `.action` file into
+//! [`MessageDefinition`]s.
 //!
 //! ```text
-//!   Image.msg ──parse_message──▶ MessageDefinition ──▶ TypeDescription ──▶ RIHS01 hash
-//!                                       └────────────▶ Rust struct (build script)
+//!   Image.msg        ──parse_message──▶ MessageDefinition ─┐
+//!   SetBool.srv      ──parse_service──▶ ServiceDefinition ─┼▶ TypeDescription ─▶ RIHS01 hash
+//!   Fibonacci.action ──parse_action───▶ ActionDefinition ──┘  Rust struct (build script)
 //! ```
 //!
 //! The grammar is that of <https://docs.ros.org/en/jazzy/Concepts/Basic/About-Interfaces.html>:
-//! one field or constant a line, `#` starts a comment. Services and actions are sections of the
-//! same lines between `---`; they will be entry points beside [`parse_message`].
+//! one field or constant a line, `#` starts a comment; services and actions are sections of the
+//! same lines between `---`. [`Dialect`] lists where ROS 1 differs.
 
 mod definition;
+mod dialect;
 mod error;
+mod interface;
 mod line;
+mod name;
+mod python;
 mod value;
 
 pub use definition::{
-    Constant, Container, Element, Field, FieldType, MessageDefinition, Primitive, TypeName,
+    Constant, Container, Element, Field, FieldType, MessageDefinition, Primitive,
 };
+pub use dialect::Dialect;
 pub use error::{ParseError, ParseFault};
+pub use interface::{ActionDefinition, ServiceDefinition, parse_action, parse_service};
+pub use name::{InterfaceKind, TypeName};
 pub use value::{DefaultValue, Literal};
+
+use std::collections::BTreeSet;
 
 use line::Line;
 
-/// Parses the text of a `.msg` file.
+/// Parses the text of a `.msg` file of ROS 2.
 ///
 /// ```
 /// use wrapyfi_interfaces::parser::{TypeName, parse_message};
@@ -34,6 +45,28 @@ use line::Line;
 /// # Errors
 /// The first line that is neither field nor constant nor comment, with its number.
 pub fn parse_message(name: &TypeName, text: &str) -> Result<MessageDefinition, ParseError> {
+    parse_message_as(Dialect::Ros2, name, text)
+}
+
+/// Parses the text of a `.msg` file of either ROS.
+///
+/// # Errors
+/// As [`parse_message`].
+pub fn parse_message_as(
+    dialect: Dialect,
+    name: &TypeName,
+    text: &str,
+) -> Result<MessageDefinition, ParseError> {
+    parse_section(dialect, name, text, 0)
+}
+
+/// Parses lines that stand behind `skipped` others in their file.
+fn parse_section(
+    dialect: Dialect,
+    name: &TypeName,
+    text: &str,
+    skipped: usize,
+) -> Result<MessageDefinition, ParseError> {
     let mut definition = MessageDefinition {
         name: name.clone(),
         doc: Vec::new(),
@@ -41,15 +74,16 @@ pub fn parse_message(name: &TypeName, text: &str) -> Result<MessageDefinition, P
         constants: Vec::new(),
     };
     let mut pending = Vec::new(); // comment lines whose owner is not known yet
+    let mut names = BTreeSet::new();
     let mut opening = true; // nothing but comments so far
     for (index, text) in text.lines().enumerate() {
         let fault = |fault| ParseError {
             interface: name.to_string(),
-            line: index + 1,
+            line: skipped + index + 1,
             text: text.trim().to_owned(),
             fault,
         };
-        match line::parse(name, text).map_err(fault)? {
+        match line::parse(dialect, name, text).map_err(fault)? {
             Line::Blank => {
                 // The comment that opens the file and ends at a blank line is the message's.
                 if opening {
@@ -61,7 +95,7 @@ pub fn parse_message(name: &TypeName, text: &str) -> Result<MessageDefinition, P
             Line::Field(mut field) => {
                 opening = false;
                 field.doc = std::mem::take(&mut pending).into_iter().chain(field.doc).collect();
-                if definition.fields.iter().any(|other| other.name == field.name) {
+                if !names.insert(field.name.clone()) {
                     return Err(fault(ParseFault::Duplicate { name: field.name }));
                 }
                 definition.fields.push(field);
@@ -70,7 +104,7 @@ pub fn parse_message(name: &TypeName, text: &str) -> Result<MessageDefinition, P
                 opening = false;
                 constant.doc =
                     std::mem::take(&mut pending).into_iter().chain(constant.doc).collect();
-                if definition.constants.iter().any(|other| other.name == constant.name) {
+                if !names.insert(constant.name.clone()) {
                     return Err(fault(ParseFault::Duplicate { name: constant.name }));
                 }
                 definition.constants.push(constant);

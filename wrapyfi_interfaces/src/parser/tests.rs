@@ -78,6 +78,109 @@ fn faults_name_line_text_and_remedy() {
     assert!(matches!(fault("uint8<=3 a"), ParseFault::TypeName { .. }));
 }
 
+#[test]
+fn services_and_actions_are_sections() {
+    let service = TypeName::parse(Dialect::Ros2, "demo_msgs/srv/Ask").unwrap();
+    let ask = parse_service(
+        Dialect::Ros2,
+        &service,
+        "# What.\n\nstring what 'all'\n--- \nuint8 GOOD=1\nThing[<=2] things\n",
+    )
+    .unwrap();
+    assert_eq!(ask.request.doc, ["What."]);
+    assert_eq!(ask.request.name.to_string(), "demo_msgs/srv/Ask_Request");
+    assert_eq!(ask.response.constants[0].name, "GOOD");
+    let own = TypeName::new("demo_msgs", "Thing").unwrap();
+    assert_eq!(ask.response.fields[0].field_type.element, Element::Nested(own));
+    let names: Vec<_> = ask.messages().iter().map(|m| m.name.to_string()).collect();
+    assert_eq!(
+        names,
+        ["Ask_Request", "Ask_Response", "Ask_Event", "Ask"].map(|n| format!("demo_msgs/srv/{n}"))
+    );
+
+    let action = TypeName::parse(Dialect::Ros2, "demo_msgs/action/Do").unwrap();
+    let text = "int32 goal\n---\nint32 result\n---\nint32 feedback";
+    let messages = parse_action(Dialect::Ros2, &action, text).unwrap().messages();
+    assert_eq!(messages.len(), 13);
+    for message in &messages {
+        assert_eq!(message.name.interface(), action, "{}", message.name);
+    }
+    let sections = |text| parse_action(Dialect::Ros2, &action, text).unwrap_err().fault;
+    let parts = "goal --- result --- feedback";
+    assert_eq!(
+        sections("int32 a\n---\nint32 b"),
+        ParseFault::Sections { separators: 1, expected: 2, parts }
+    );
+    let late =
+        parse_service(Dialect::Ros2, &service, "uint8 a\n\n---\nuint8 b\nuint8 b").unwrap_err();
+    assert_eq!(
+        late.to_string(),
+        "demo_msgs/srv/Ask_Response, line 5: \"b\" is defined twice (the line is \"uint8 b\")"
+    );
+    let wrong = parse_service(Dialect::Ros2, &action, "---").unwrap_err();
+    assert!(matches!(wrong.fault, ParseFault::Kind { expected: "srv", .. }));
+}
+
+#[test]
+fn default_values_are_written_as_python_does() {
+    let python = |text: &str| parse(text).unwrap().fields[0].default.as_ref().unwrap().to_python();
+    assert_eq!(
+        python("float64[] a [1e16, 1.5e300, 0.00005, 0.0001, -1, .5]"),
+        "(1e+16, 1.5e+300, 5e-05, 0.0001, -1.0, 0.5)"
+    );
+    assert_eq!(python("uint8[] a [7]"), "(7,)");
+    assert_eq!(python("uint8[] a []"), "()");
+    assert_eq!(python("bool a false"), "False");
+    assert_eq!(python("string a \"it's\""), "it's");
+    assert_eq!(python(r#"string[] a ["it's", "b\"", "c\\"]"#), r#"("it's", 'b"', 'c\\')"#);
+}
+
+#[test]
+fn names_say_their_kind_and_file() {
+    let parse = |text| TypeName::parse(Dialect::Ros2, text);
+    let part = parse("demo_msgs/action/Do_SendGoal_Response").unwrap();
+    assert_eq!((part.file_stem(), part.kind()), ("Do", InterfaceKind::Action));
+    assert_eq!(part.dds(), "demo_msgs::action::dds_::Do_SendGoal_Response_");
+    assert_eq!(parse("std_msgs/String").unwrap().to_string(), "std_msgs/msg/String");
+    assert!(parse("demo_msgs/msg/Do_Request").is_err(), "only services have requests");
+    assert!(parse("demo_msgs/idl/Do").is_err());
+    assert!(parse("tf/tfMessage").is_err());
+    assert!(TypeName::parse(Dialect::Ros1, "tf/tfMessage").is_ok());
+    assert!(TypeName::parse(Dialect::Ros1, "a/../B").is_err());
+}
+
+#[test]
+fn the_words_of_ros1_are_read_in_its_dialect_only() {
+    let name = TypeName::parse(Dialect::Ros1, "demo/Thing").unwrap();
+    let ros1 = |text: &str| parse_message_as(Dialect::Ros1, &name, text);
+    let message = ros1(
+        "byte LOW=-1\nstring left= a \"b\" # c \ntime at\nduration[] waits\nHeader header\n\
+         float64[9] K # matrix\nbyte level\nchar letter\n",
+    )
+    .unwrap();
+    assert_eq!(message.constants[0].value, Literal::Integer(-1));
+    assert_eq!(message.constants[1].value, Literal::Text("a \"b\" # c".into()));
+    let types: Vec<_> = message.fields.iter().map(|f| f.field_type.to_string()).collect();
+    assert_eq!(
+        types,
+        [
+            "builtin_interfaces/Time",
+            "builtin_interfaces/Duration[]",
+            "std_msgs/Header",
+            "float64[9]",
+            "byte",
+            "char"
+        ]
+    );
+    for only_ros2 in ["uint8 a 1", "string<=3 a", "uint8[<=3] a", "wstring a"] {
+        let error = ros1(only_ros2).unwrap_err();
+        assert!(matches!(error.fault, ParseFault::OnlyRos2 { .. }), "{only_ros2}");
+    }
+    assert!(matches!(fault("byte A=-1"), ParseFault::Value { .. }));
+    assert!(matches!(fault("time at"), ParseFault::TypeName { .. }));
+    assert!(matches!(fault("float64[9] K"), ParseFault::FieldName { .. }));
+}
+
 proptest::proptest! {
     #[test]
     fn any_text_is_read_or_refused(text in "[ -~\\n]{0,80}") {

@@ -1,7 +1,7 @@
 //! Values of constants and defaults.
 
-use super::ParseFault;
 use super::definition::{Container, Element, FieldType, Primitive};
+use super::{Dialect, ParseFault};
 
 /// One value as a definition writes it.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,21 +27,27 @@ pub enum DefaultValue {
 
 /// Reads `text` as a value of `element`, which the definition calls `type_name`.
 pub(super) fn literal(
+    dialect: Dialect,
     element: &Element,
     type_name: &str,
     text: &str,
 ) -> Result<Literal, ParseFault> {
     let read = match element {
+        // The byte of ROS 1 is signed, but there are definitions that count on to 255.
+        Element::Primitive(Primitive::Byte) if dialect == Dialect::Ros1 => integer(text)
+            .filter(|value| (i8::MIN.into()..=u8::MAX.into()).contains(value))
+            .map(Literal::Integer),
         Element::Primitive(primitive) => number(*primitive, text),
+        // A bound counts characters here, as rosidl does.
         Element::String { bound } | Element::WString { bound } => unquote(text)
-            .filter(|text| bound.is_none_or(|bound| text.len() as u64 <= u64::from(bound)))
+            .filter(|text| bound.is_none_or(|bound| text.chars().count() as u64 <= bound.into()))
             .map(Literal::Text),
         Element::Nested(_) => return Err(ParseFault::NestedDefault),
     };
     read.ok_or_else(|| ParseFault::Value { text: text.to_owned(), type_name: type_name.to_owned() })
 }
 
-/// Reads `text` as default value of a field.
+/// Reads `text` as default value of a field, which only ROS 2 has.
 pub(super) fn default(
     field_type: &FieldType,
     type_name: &str,
@@ -51,13 +57,13 @@ pub(super) fn default(
         return Err(ParseFault::NestedDefault);
     }
     if field_type.container == Container::Single {
-        return literal(&field_type.element, type_name, text).map(DefaultValue::One);
+        return literal(Dialect::Ros2, &field_type.element, type_name, text).map(DefaultValue::One);
     }
     let fault = || ParseFault::Value { text: text.to_owned(), type_name: type_name.to_owned() };
     let inside = text.strip_prefix('[').and_then(|t| t.strip_suffix(']')).ok_or_else(fault)?;
     let values = split_elements(inside)
         .into_iter()
-        .map(|element| literal(&field_type.element, type_name, element))
+        .map(|element| literal(Dialect::Ros2, &field_type.element, type_name, element))
         .collect::<Result<Vec<_>, _>>()?;
     let (fits, expected) = match field_type.container {
         Container::Array(size) => {

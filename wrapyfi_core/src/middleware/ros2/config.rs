@@ -11,9 +11,9 @@
 use std::fmt::Write as _;
 
 use crate::Limits;
+use crate::node::NodeName;
 
 use super::environment::{Discovery, DiscoveryRange, Environment};
-use super::graph::NodeIdentity;
 
 /// Receive buffer asked of the kernel for every socket.
 pub(super) const RECEIVE_BUFFER: u64 = 4 << 20;
@@ -29,7 +29,7 @@ const MAX_SAMPLE: usize = i32::MAX as usize;
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CycloneConfig {
     /// Name of the node.
-    pub node: NodeIdentity,
+    pub node: NodeName,
     /// DDS domain.
     pub domain_id: u32,
     /// How other participants are found.
@@ -47,7 +47,7 @@ pub struct CycloneConfig {
 impl CycloneConfig {
     /// A node called `node`, on the domain and with the discovery that the environment says.
     #[must_use]
-    pub fn from_environment(node: NodeIdentity, environment: &Environment) -> Self {
+    pub fn from_environment(node: NodeName, environment: &Environment) -> Self {
         Self {
             node,
             domain_id: environment.domain_id,
@@ -60,7 +60,7 @@ impl CycloneConfig {
 
     /// A node that talks to this host only, over `lo`: for tests and demonstrations.
     #[must_use]
-    pub fn loopback(node: NodeIdentity, domain_id: u32) -> Self {
+    pub fn loopback(node: NodeName, domain_id: u32) -> Self {
         Self {
             node,
             domain_id,
@@ -152,7 +152,7 @@ mod tests {
 
     fn config(range: DiscoveryRange, peers: &[&str]) -> CycloneConfig {
         CycloneConfig {
-            node: NodeIdentity { name: "n".into(), namespace: "/".into() },
+            node: NodeName::new("n", "/").unwrap(),
             domain_id: 0,
             discovery: Discovery {
                 range,

@@ -16,10 +16,11 @@ use super::cyclone::{
 use super::discovery_info::{DiscoveryInfo, EndpointKind, Gid};
 use super::domain::{DomainError, DomainLease};
 use super::graph::{
-    CdrReader, CdrSample, CdrWriter, DiscoveredEndpoint, Graph, GraphError, NodeIdentity, Notify,
+    CdrReader, CdrSample, CdrWriter, DiscoveredEndpoint, Graph, GraphError, Notify,
     TopicDescription,
 };
-use super::names::{self, NameError};
+use super::names;
+use crate::node::NodeName;
 
 /// How long a write waits for reliable readers; only keep-all writers wait, the others overwrite
 /// their oldest. A lost acknowledgement is repeated with the next
@@ -31,16 +32,6 @@ const MAX_BLOCKING: Duration = Duration::from_millis(500);
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CycloneError {
-    /// Its name breaks ROS's rules.
-    #[error("node {name:?} in namespace {namespace:?}: {source}")]
-    Name {
-        /// Name as given.
-        name: String,
-        /// Namespace as given.
-        namespace: String,
-        /// The rule.
-        source: NameError,
-    },
     /// Its domain cannot be had.
     #[error(transparent)]
     Domain(#[from] DomainError),
@@ -55,7 +46,7 @@ pub struct CycloneGraph(Arc<Node>);
 
 /// Fields drop in this order: announcement, participant, domain.
 struct Node {
-    identity: NodeIdentity,
+    name: NodeName,
     info: Mutex<DiscoveryInfo>,
     participant: Entity,
     gid: Gid,
@@ -66,29 +57,23 @@ impl CycloneGraph {
     /// Joins the domain and announces the node.
     ///
     /// # Errors
-    /// When the name is invalid, another node of this process uses the domain with another
-    /// configuration, or Cyclone refuses.
+    /// When another node of this process uses the domain with another configuration, or Cyclone
+    /// refuses.
     pub fn new(config: &CycloneConfig) -> Result<Self, CycloneError> {
-        let identity = config.node.clone();
-        identity.validate().map_err(|source| CycloneError::Name {
-            name: identity.name.clone(),
-            namespace: identity.namespace.clone(),
-            source,
-        })?;
         let domain = DomainLease::acquire(config.domain_id, &config.sources())?;
         let fault = |code: ReturnCode| CycloneError::Participant(code.to_string());
         let participant = Entity::participant(config.domain_id, "enclave=/;").map_err(fault)?;
         let gid = participant.guid().map_err(fault)?;
-        let info = DiscoveryInfo::new(&participant, &identity).map_err(fault)?;
+        let info = DiscoveryInfo::new(&participant, &config.node).map_err(fault)?;
         info.publish();
         tracing::info!(
-            node = identity.full_name(),
+            node = config.node.fqn(),
             domain = config.domain_id,
             range = ?config.discovery.range,
             "ROS 2 node on CycloneDDS"
         );
         Ok(Self(Arc::new(Node {
-            identity,
+            name: config.node.clone(),
             info: Mutex::new(info),
             participant,
             gid,
@@ -142,8 +127,8 @@ impl CycloneGraph {
 }
 
 impl Graph for CycloneGraph {
-    fn identity(&self) -> &NodeIdentity {
-        &self.0.identity
+    fn node(&self) -> &NodeName {
+        &self.0.name
     }
 
     fn advertise(
@@ -164,7 +149,7 @@ impl Graph for CycloneGraph {
 
     fn endpoints(&self) -> Result<Vec<DiscoveredEndpoint>, GraphError> {
         let found = cyclone::endpoints(&self.0.participant)
-            .map_err(|code| stack("listing endpoints", &self.0.identity.full_name(), code))?;
+            .map_err(|code| stack("listing endpoints", &self.0.name.fqn(), code))?;
         Ok(found
             .into_iter()
             .map(|endpoint| DiscoveredEndpoint {
@@ -281,17 +266,15 @@ impl CdrReader for CycloneReader {
 }
 
 fn to_dds(topic: &TopicDescription) -> Result<TopicDescription, GraphError> {
-    let fault = |error: NameError| GraphError::Stack {
+    let fault = |reason: String| GraphError::Stack {
         operation: "naming",
         topic: topic.name.clone(),
-        reason: error.to_string(),
+        reason,
     };
-    names::validate_absolute(&topic.name).map_err(fault)?;
-    Ok(TopicDescription {
-        name: names::topic_to_dds(&topic.name),
-        type_name: names::type_to_dds(&topic.type_name).map_err(fault)?,
-        ..topic.clone()
-    })
+    NodeName::check_topic(&topic.name).map_err(|error| fault(error.to_string()))?;
+    let type_name =
+        names::type_to_dds(&topic.type_name).map_err(|error| fault(error.to_string()))?;
+    Ok(TopicDescription { name: names::topic_to_dds(&topic.name), type_name, ..topic.clone() })
 }
 
 fn user_data(topic: &TopicDescription) -> String {

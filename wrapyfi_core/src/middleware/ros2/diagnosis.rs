@@ -1,10 +1,10 @@
-//! Why an endpoint has no peer, in words.
+//! What an endpoint without a peer waits for, in words that fit behind "waiting for".
 //!
 //! ```text
-//!   matched > 0 ─────────────────────────────▶ nothing to say
-//!   refused over quality of service ─────────▶ "incompatible reliability"
-//!   the topic exists with another type ──────▶ "is std_msgs/msg/Int32, not …"
-//!   neither ─────────────────────────────────▶ "no publisher of /chatter yet"
+//!   matched > 0 ─────────────────────────────▶ nothing
+//!   refused over quality of service ─────────▶ "… whose reliability is compatible (see qos)"
+//!   the topic exists with another type ──────▶ "… with type A (those there carry B)"
+//!   neither ─────────────────────────────────▶ "a publisher of /chatter"
 //! ```
 
 use std::sync::{Arc, Mutex, PoisonError};
@@ -43,22 +43,23 @@ impl Diagnosis {
         incompatible: Option<&'static str>,
         keeps_last: bool,
     ) -> Link {
-        let waiting_for = (matched == 0).then(|| self.reason(incompatible));
+        // A writer that keeps its samples for late readers has something to do without any.
+        let idle = matched == 0 && (!keeps_last || incompatible.is_some());
+        let waiting_for = idle.then(|| self.missing(incompatible));
         Link { peers: Some(matched), waiting_for, keeps_last }
     }
 
-    fn reason(&self, incompatible: Option<&'static str>) -> String {
+    fn missing(&self, incompatible: Option<&'static str>) -> String {
         let (peer, topic) = (self.peer(), &self.topic);
         if let Some(policy) = incompatible {
-            return format!(
-                "a {peer} of {topic} is refused: its {policy} is incompatible (see qos)"
-            );
+            return format!("a {peer} of {topic} whose {policy} is compatible (see qos)");
         }
         match self.other_type() {
             Some(other) => {
-                format!("a {peer} of {topic} carries {other}, not {}", self.type_name)
+                let wanted = self.type_name;
+                format!("a {peer} of {topic} with type {wanted} (those there carry {other})")
             }
-            None => format!("no {peer} of {topic} yet"),
+            None => format!("a {peer} of {topic}"),
         }
     }
 

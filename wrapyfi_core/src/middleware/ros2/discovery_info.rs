@@ -16,8 +16,8 @@ use wrapyfi_interfaces::Message;
 use wrapyfi_interfaces::rmw_dds_common::msg::{self, NodeEntitiesInfo, ParticipantEntitiesInfo};
 
 use super::cyclone::{EndpointQos, Entity, Events, RawWriter, ReturnCode, WriteFault};
-use super::graph::NodeIdentity;
 use crate::endpoint::{Durability, History, Qos, Reliability};
+use crate::node::NodeName;
 
 /// DDS topic; it has no ROS prefix.
 const TOPIC: &str = "ros_discovery_info";
@@ -41,7 +41,7 @@ pub(super) struct DiscoveryInfo {
 
 impl DiscoveryInfo {
     /// Creates the writer; nothing is announced yet.
-    pub(super) fn new(participant: &Entity, node: &NodeIdentity) -> Result<Self, ReturnCode> {
+    pub(super) fn new(participant: &Entity, node: &NodeName) -> Result<Self, ReturnCode> {
         let user_data = format!("typehash={};", ParticipantEntitiesInfo::TYPE_HASH);
         let qos = EndpointQos {
             qos: Qos {
@@ -57,8 +57,8 @@ impl DiscoveryInfo {
         let writer = RawWriter::new(participant, names, &qos, events)?;
         let participant = participant.guid()?;
         let node = NodeEntitiesInfo {
-            node_namespace: node.namespace.clone(),
-            node_name: node.name.clone(),
+            node_namespace: node.namespace().to_owned(),
+            node_name: node.name().to_owned(),
             ..NodeEntitiesInfo::default()
         };
         Ok(Self { writer, participant, node })

@@ -14,15 +14,7 @@ use std::time::{Duration, Instant};
 use bytes::Bytes;
 
 use crate::endpoint::{Qos, Wake};
-
-/// Name of the node that owns an adapter's endpoints.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct NodeIdentity {
-    /// Base name, for instance `bridge`.
-    pub name: String,
-    /// Namespace with its leading slash, `/` for none.
-    pub namespace: String,
-}
+use crate::node::NodeName;
 
 /// A topic on the graph.
 #[derive(Debug, Clone, PartialEq)]
@@ -41,8 +33,8 @@ pub struct TopicDescription {
 
 /// A node on a ROS 2 graph: creates writers and readers of serialised messages.
 pub trait Graph: Send + Sync {
-    /// The node's name.
-    fn identity(&self) -> &NodeIdentity;
+    /// Name of the node that owns the endpoints.
+    fn node(&self) -> &NodeName;
 
     /// Creates a writer and announces it.
     ///

@@ -183,20 +183,27 @@ impl Ros2Listener {
         let blocks = matches!(spec.queue.overflow, Overflow::Block(_));
         Ok(Self { inlet, receiver, blocks, message_type, limits: spec.limits, diagnosis })
     }
-}
 
-impl Listener for Ros2Listener {
-    fn take(&mut self) -> Result<Option<Sample>, TakeError> {
+    /// The oldest message; under policy `block` its place goes to one that is held.
+    fn next(&self) -> Option<Arrived> {
         let arrived = self.receiver.pop();
         if self.blocks {
             self.inlet.drain();
         }
-        let Some(Arrived { cdr, at }) = arrived.or_else(|| self.receiver.pop()) else {
-            return Ok(None);
-        };
+        arrived.or_else(|| self.receiver.pop())
+    }
+}
+
+impl Listener for Ros2Listener {
+    fn take(&mut self) -> Result<Option<Sample>, TakeError> {
+        let Some(Arrived { cdr, at }) = self.next() else { return Ok(None) };
         let wire_bytes = cdr.len();
         let payload = payload::decode(&cdr, self.message_type, &self.limits)?;
         Ok(Some(Sample { payload, wire_bytes, received_at: at }))
+    }
+
+    fn discard(&mut self) -> bool {
+        self.next().is_some()
     }
 
     fn link(&self) -> Link {

@@ -16,11 +16,11 @@
 //! use std::sync::Arc;
 //! use wrapyfi_core::endpoint::{Context, Middleware, TopicSpec};
 //! use wrapyfi_core::middleware::ros2::{CycloneConfig, CycloneGraph, Ros2, environment};
-//! use wrapyfi_core::middleware::ros2::graph::NodeIdentity;
+//! use wrapyfi_core::node::NodeName;
 //! use wrapyfi_core::types::MessageType;
 //!
 //! let environment = environment::read(|name| std::env::var(name).ok())?;
-//! let node = NodeIdentity { name: "bridge".into(), namespace: "/".into() };
+//! let node = NodeName::new("bridge", "/")?;
 //! let graph = CycloneGraph::new(&CycloneConfig::from_environment(node, &environment))?;
 //! let ros2 = Ros2::new(Arc::new(graph), |expanded| Ok(expanded.to_owned()));
 //! let chatter = TopicSpec::new("chatter", MessageType::StringJson);
@@ -37,7 +37,7 @@ mod domain;
 pub mod environment;
 pub mod graph;
 mod listener;
-pub mod names;
+mod names;
 mod payload;
 mod publisher;
 
@@ -48,6 +48,7 @@ pub use cyclone_graph::{CycloneError, CycloneGraph};
 pub use domain::DomainError;
 
 use crate::endpoint::{Context, Listener, Middleware, OpenError, Publisher, TopicSpec};
+use crate::node::NodeName;
 use graph::{Graph, GraphError, TopicDescription};
 use listener::Ros2Listener;
 use publisher::Ros2Publisher;
@@ -87,10 +88,10 @@ impl Ros2 {
             topic: spec.topic.clone(),
             reason,
         };
-        let expanded = names::expand(&spec.topic, self.graph.identity())
-            .map_err(|error| invalid(error.to_string()))?;
+        let expanded =
+            self.graph.node().expand(&spec.topic).map_err(|error| invalid(error.to_string()))?;
         let name = (self.remap)(&expanded).map_err(invalid)?;
-        names::validate_absolute(&name).map_err(|error| invalid(error.to_string()))?;
+        NodeName::check_topic(&name).map_err(|error| invalid(error.to_string()))?;
         Ok(TopicDescription {
             name,
             type_name: spec.message_type.ros_type().to_owned(),

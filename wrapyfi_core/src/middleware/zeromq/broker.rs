@@ -14,6 +14,7 @@ use std::net::IpAddr;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
+use std::time::Instant;
 
 use serde::Serialize;
 
@@ -21,6 +22,7 @@ use super::config::{ZeroMqConfig, resolve};
 use super::monitor::Monitor;
 use super::options::{self, Bell};
 use super::proxy::Proxy;
+use super::sockopt;
 
 /// Settings of a [`Broker`]; the fields mean what they mean in [`ZeroMqConfig`].
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -115,8 +117,10 @@ pub struct BrokerStatus {
     pub forged: u64,
     /// Frames from listeners dropped because they were no subscription.
     pub ignored: u64,
-    /// Subscriptions by topic: how many came since there were last none. Zero is exact, larger
-    /// numbers may be too high after listeners have left.
+    /// How often a listener's queue was found full. From then until it has read half of its
+    /// queue, that listener misses messages; how many, libzmq does not tell.
+    pub overflows: u64,
+    /// Listeners by topic.
     pub subscriptions: BTreeMap<String, u64>,
     /// Why the broker no longer works.
     pub failure: Option<String>,
@@ -148,6 +152,7 @@ impl Broker {
             stop,
             monitor: Monitor::new(config.monitor_topic.as_deref()),
             shared: Arc::clone(&shared),
+            warn_at: Instant::now(),
         };
         let thread = std::thread::Builder::new()
             .name("zeromq-broker".to_owned())
@@ -212,15 +217,17 @@ fn sockets(
     ip: IpAddr,
     config: &BrokerConfig,
 ) -> zmq::Result<(zmq::Socket, zmq::Socket)> {
-    let front = context.socket(zmq::XPUB)?;
+    let mut front = context.socket(zmq::XPUB)?;
     options::set_common(&front, ip)?;
-    // Every subscription is reported, not only the first of a topic: see Monitor for the counts.
-    front.set_xpub_verbose(true)?;
+    sockopt::set_xpub_verboser(&mut front, true)?; // see Monitor for the counts
+    sockopt::set_xpub_nodrop(&mut front, true)?; // see Proxy for what is done then
     front.set_sndhwm(i32::from(config.hwm))?;
     front.set_maxmsgsize(options::frame_limit(MAX_SUBSCRIPTION_BYTES))?;
     let back = context.socket(zmq::XSUB)?;
     options::set_common(&back, ip)?;
     back.set_rcvhwm(i32::from(config.hwm))?;
+    // What goes out here are subscriptions, and a lost one would starve its listener.
+    back.set_sndhwm(0)?;
     back.set_maxmsgsize(options::frame_limit(config.max_frame_bytes))?;
     Ok((front, back))
 }
@@ -259,6 +266,7 @@ pub(super) struct Shared {
     bytes: AtomicU64,
     forged: AtomicU64,
     ignored: AtomicU64,
+    overflows: AtomicU64,
     told: Mutex<Told>,
 }
 
@@ -282,6 +290,10 @@ impl Shared {
         self.ignored.fetch_add(1, Relaxed);
     }
 
+    pub(super) fn count_overflow(&self) {
+        self.overflows.fetch_add(1, Relaxed);
+    }
+
     pub(super) fn set_subscriptions<'a>(&self, counts: impl Iterator<Item = (&'a str, u64)>) {
         let counts = counts.map(|(topic, count)| (topic.to_owned(), count)).collect();
         self.told.lock().unwrap_or_else(PoisonError::into_inner).subscriptions = counts;
@@ -298,6 +310,7 @@ impl Shared {
             bytes: self.bytes.load(Relaxed),
             forged: self.forged.load(Relaxed),
             ignored: self.ignored.load(Relaxed),
+            overflows: self.overflows.load(Relaxed),
             subscriptions: told.subscriptions.clone(),
             failure: told.failure.clone(),
         }

@@ -40,9 +40,16 @@ pub(super) struct Echo {
     tokens: Mutex<VecDeque<Token>>,
 }
 
-struct Token {
+/// Length and hash of all frames. The hash is seeded per topic, so nobody outside can make a
+/// message that is taken for ours.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Fingerprint {
     length: usize,
     hash: u64,
+}
+
+struct Token {
+    print: Fingerprint,
     /// Listeners here that have still to see it.
     left: usize,
     sent_at: Instant,
@@ -70,32 +77,30 @@ impl Drop for Listening {
 }
 
 impl Echo {
-    /// Remembers a message about to be published. Costs nothing where nobody listens here.
-    pub(super) fn remember<B: AsRef<[u8]>>(&self, frames: &[B]) {
-        self.remember_at(frames, Instant::now());
+    /// Remembers a message about to be published. Costs nothing, and gives `None`, where nobody
+    /// listens here.
+    pub(super) fn remember<B: AsRef<[u8]>>(&self, frames: &[B]) -> Option<Fingerprint> {
+        self.remember_at(frames, Instant::now())
     }
 
-    fn remember_at<B: AsRef<[u8]>>(&self, frames: &[B], now: Instant) {
+    fn remember_at<B: AsRef<[u8]>>(&self, frames: &[B], now: Instant) -> Option<Fingerprint> {
         let listeners = self.listeners.load(Relaxed);
         if listeners == 0 {
-            return;
+            return None;
         }
-        let (length, hash) = self.fingerprint(frames);
+        let print = self.fingerprint(frames);
         let mut tokens = self.lock();
         while tokens.len() >= MAX_TOKENS || tokens.front().is_some_and(|token| token.expired(now)) {
             tokens.pop_front();
         }
-        tokens.push_back(Token { length, hash, left: listeners, sent_at: now });
+        tokens.push_back(Token { print, left: listeners, sent_at: now });
+        Some(print)
     }
 
     /// Takes back the token of a message that was not sent after all.
-    pub(super) fn forget<B: AsRef<[u8]>>(&self, frames: &[B]) {
-        if self.lock().is_empty() {
-            return;
-        }
-        let (length, hash) = self.fingerprint(frames);
+    pub(super) fn forget(&self, print: Fingerprint) {
         let mut tokens = self.lock();
-        if let Some(at) = tokens.iter().rposition(|t| t.hash == hash && t.length == length) {
+        if let Some(at) = tokens.iter().rposition(|token| token.print == print) {
             tokens.remove(at);
         }
     }
@@ -104,15 +109,11 @@ impl Echo {
         if self.lock().is_empty() {
             return false;
         }
-        let (length, hash) = self.fingerprint(frames);
+        let print = self.fingerprint(frames);
         let mut tokens = self.lock();
         // Usually the first: a broker keeps the order.
-        let Some(at) = tokens
-            .iter()
-            .position(|token| token.hash == hash && token.length == length && !token.expired(now))
-        else {
-            return false;
-        };
+        let found = tokens.iter().position(|token| token.print == print && !token.expired(now));
+        let Some(at) = found else { return false };
         if let Some(token) = tokens.get_mut(at) {
             token.left = token.left.saturating_sub(1);
             if token.left == 0 {
@@ -122,13 +123,11 @@ impl Echo {
         true
     }
 
-    /// Length and hash of all frames. The hash is seeded per topic, so nobody outside can make a
-    /// message that is taken for ours.
-    fn fingerprint<B: AsRef<[u8]>>(&self, frames: &[B]) -> (usize, u64) {
+    fn fingerprint<B: AsRef<[u8]>>(&self, frames: &[B]) -> Fingerprint {
         let seed = self.hasher.hash_one(frames.len());
-        frames.iter().fold((0, seed), |(length, hash), frame| {
+        frames.iter().fold(Fingerprint { length: 0, hash: seed }, |print, frame| {
             let frame = frame.as_ref();
-            (length + frame.len(), mix(hash, frame))
+            Fingerprint { length: print.length + frame.len(), hash: mix(print.hash, frame) }
         })
     }
 
@@ -181,6 +180,8 @@ mod tests {
         assert!(listening.is_own(&[b"/a", b"1 "]));
         assert!(listening.is_own(&[b"/a", b"1 "]));
         assert!(!listening.is_own(&[b"/a", b"1 "]));
+        echo.forget(echo.remember(&[b"/a", b"4 "]).unwrap());
+        assert!(!listening.is_own(&[b"/a", b"4 "]), "it was never sent");
     }
 
     #[test]

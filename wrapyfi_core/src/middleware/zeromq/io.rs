@@ -150,7 +150,9 @@ impl Worker {
     /// Waits for something to happen, and handles it.
     fn turn(&mut self) -> zmq::Result<()> {
         let now = Instant::now();
-        let patience = self.receptions.iter_mut().filter_map(|r| r.retry(now)).min();
+        let receptions = self.receptions.iter_mut().flat_map(|r| [r.retry(now), r.revive(now)]);
+        let outlets = self.outlets.iter_mut().map(|(outlet, watch)| outlet.revive(watch, now));
+        let patience = receptions.chain(outlets).flatten().min();
         let ready = self.poll(patience)?;
         let mut ready = ready.into_iter();
         let mut next = || ready.next().unwrap_or(false);

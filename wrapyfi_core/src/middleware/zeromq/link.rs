@@ -7,6 +7,10 @@
 //! A watch must outlive its socket: libzmq reports until the socket is gone, and the thread that
 //! reports waits for ever once nobody receives. So close the socket, then keep the watch until it
 //! [is over](Watch::is_over).
+//!
+//! libzmq connects again by itself after a lost connection, but gives up for good where the peer
+//! broke the protocol, which includes a frame above the socket's limit. It does not report that;
+//! it only fails to report a next try. [`Watch::revive`] connects again then.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
@@ -15,12 +19,16 @@ use std::time::{Duration, Instant};
 use zmq::SocketEvent;
 
 use super::options::inproc_name;
+use crate::endpoint::Wake;
 
 const DOWN: u8 = 0;
 const UP: u8 = 1;
 const REFUSED: u8 = 2;
 const ENDED: u8 = 3;
 
+/// How long after a disconnection libzmq may take to announce its next try, which it does at once
+/// unless it has given up. Also the pause before we try instead.
+const GIVEN_UP: Duration = Duration::from_secs(1);
 /// Longest time that sockets which are being closed may take to fall silent.
 const FAREWELL: Duration = Duration::from_secs(1);
 
@@ -40,16 +48,16 @@ impl BrokerLink {
         self.state.load(Relaxed) == UP
     }
 
-    /// Why nothing flows; `None` when the broker is reached.
+    /// What is waited for; `None` when the broker is reached.
     pub(super) fn waiting_for(&self) -> Option<String> {
         match self.state.load(Relaxed) {
             UP => None,
-            ENDED => Some("ZeroMQ was shut down here".to_owned()),
+            ENDED => Some("ZeroMQ, which was shut down here".to_owned()),
             REFUSED => Some(format!(
-                "broker {}: what answers there is not the matching side of a ZeroMQ broker",
+                "a ZeroMQ broker at {} (what answers there is not the matching side of one)",
                 self.broker
             )),
-            _ => Some(format!("broker {} does not answer", self.broker)),
+            _ => Some(format!("the broker at {}", self.broker)),
         }
     }
 
@@ -90,7 +98,14 @@ impl BrokerLink {
 pub(super) struct Watch {
     events: zmq::Socket,
     link: Arc<BrokerLink>,
+    /// Set while no further try has been announced.
+    lost: Option<Lost>,
     over: bool,
+}
+
+struct Lost {
+    at: Instant,
+    was_up: bool,
 }
 
 /// Connects `socket` to the broker of `link`, watched from the first moment.
@@ -104,7 +119,7 @@ pub(super) fn connect(
     events.set_linger(0)?;
     socket.monitor(&name, i32::from(SocketEvent::ALL.to_raw()))?;
     events.connect(&name)?;
-    let watch = Watch { events, link: Arc::clone(link), over: false };
+    let watch = Watch { events, link: Arc::clone(link), lost: None, over: false };
     if let Err(error) = socket.connect(&link.broker) {
         drop(socket);
         Watch::see_out(vec![watch]);
@@ -128,10 +143,48 @@ impl Watch {
             {
                 let event = u16::from_ne_bytes(*number);
                 self.over |= event == SocketEvent::MONITOR_STOPPED.to_raw();
+                if event == SocketEvent::DISCONNECTED.to_raw() {
+                    self.lost = Some(Lost { at: Instant::now(), was_up: self.link.is_up() });
+                } else if event == SocketEvent::CONNECT_RETRIED.to_raw() {
+                    self.lost = None;
+                }
                 changed |= self.link.happened(event);
             }
         }
         changed
+    }
+
+    /// Time until [`Self::revive`] may have something to do.
+    pub(super) fn patience(&self, now: Instant) -> Option<Duration> {
+        self.lost
+            .as_ref()
+            .map(|lost| GIVEN_UP.saturating_sub(now.saturating_duration_since(lost.at)))
+    }
+
+    /// Connects `socket` again if libzmq has given up on the broker. True when that happened to a
+    /// connection that worked: the broker sent what this socket does not accept.
+    pub(super) fn revive(&mut self, socket: &zmq::Socket, wake: &Wake, now: Instant) -> bool {
+        if self.patience(now) != Some(Duration::ZERO) {
+            return false;
+        }
+        // On a busy machine the announcement may be waiting here.
+        if self.take() {
+            wake.ring();
+        }
+        if self.patience(now) != Some(Duration::ZERO) {
+            return false;
+        }
+        let Some(lost) = self.lost.take() else { return false };
+        // First ends what may be left of the old connection: with two, all would arrive twice.
+        match socket.disconnect(&self.link.broker) {
+            Ok(()) | Err(zmq::Error::ENOENT) => {}
+            Err(error) => tracing::debug!(%error, "the old connection to the broker"),
+        }
+        if let Err(error) = socket.connect(&self.link.broker) {
+            tracing::warn!(%error, broker = self.link.broker, "could not connect again");
+            self.lost = Some(Lost { at: now, was_up: false });
+        }
+        lost.was_up
     }
 
     pub(super) fn link(&self) -> &BrokerLink {
@@ -175,8 +228,7 @@ mod tests {
     #[test]
     fn the_reason_follows_the_events() {
         let link = BrokerLink::new("tcp://127.0.0.1:5555");
-        let reason = link.waiting_for().unwrap();
-        assert_eq!(reason, "broker tcp://127.0.0.1:5555 does not answer");
+        assert_eq!(link.waiting_for().unwrap(), "the broker at tcp://127.0.0.1:5555");
         assert!(!link.happened(SocketEvent::CONNECTED.to_raw()));
         assert!(link.happened(SocketEvent::HANDSHAKE_SUCCEEDED.to_raw()));
         assert_eq!(link.waiting_for(), None);

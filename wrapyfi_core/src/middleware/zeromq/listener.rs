@@ -86,15 +86,26 @@ fn open_socket(
     link::connect(&shared.context, socket, link)
 }
 
-impl Listener for ZeroMqListener {
-    fn take(&mut self) -> Result<Option<Sample>, TakeError> {
-        let Some(arrival) = self.inbox.pop() else { return Ok(None) };
+impl ZeroMqListener {
+    fn pop(&self) -> Option<Arrival> {
+        let arrival = self.inbox.pop()?;
         if self.stalled.swap(false, SeqCst) {
             self.io.ring();
         }
+        Some(arrival)
+    }
+}
+
+impl Listener for ZeroMqListener {
+    fn take(&mut self) -> Result<Option<Sample>, TakeError> {
+        let Some(arrival) = self.pop() else { return Ok(None) };
         let payload = frames::decode(&arrival.frames, &self.spec, arrival.stamp)?;
         let Arrival { wire_bytes, received_at, .. } = arrival;
         Ok(Some(Sample { payload, wire_bytes, received_at }))
+    }
+
+    fn discard(&mut self) -> bool {
+        self.pop().is_some()
     }
 
     fn link(&self) -> Link {

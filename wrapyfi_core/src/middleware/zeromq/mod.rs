@@ -18,6 +18,7 @@
 //! | `io`, `reception`, `link` | the thread that receives, one listener's part of it, connection state |
 //! | `listener`, `publisher` | the endpoints |
 //! | `echo` | our own messages are not received |
+//! | `options`, `sockopt` | what all sockets share; options that `zmq` lacks |
 
 mod broker;
 mod config;
@@ -32,6 +33,8 @@ mod probe;
 mod proxy;
 mod publisher;
 mod reception;
+#[allow(unsafe_code)] // see the contract at its head
+mod sockopt;
 
 use std::net::IpAddr;
 
@@ -65,6 +68,7 @@ struct Shared {
     pub_endpoint: String,
     sub_endpoint: String,
     send_hwm: u16,
+    max_frame_bytes: usize,
     echoes: echo::Echoes,
     io: io::Io,
     context: zmq::Context,
@@ -151,6 +155,7 @@ impl ZeroMq {
             pub_endpoint: options::endpoint(ip, pub_port),
             sub_endpoint: options::endpoint(ip, sub_port),
             send_hwm: config.send_hwm,
+            max_frame_bytes: config.max_frame_bytes,
             echoes: echo::Echoes::default(),
             io,
             context,

@@ -7,10 +7,10 @@
 //!                                         └─▶ true: pass on to the publishers
 //! ```
 //!
-//! What a count means: subscriptions that arrived since the topic last had none. libzmq reports
-//! each new subscription, but only the disappearance of the last one (by unsubscription, closed
-//! connection or missed heartbeats). So zero against more than zero is exact, which is all that
-//! publishers wait for, while a larger number may be too high after some listeners have left.
+//! What a count means: connections that are subscribed. The broker's XPUB reports each one that
+//! comes and each one that goes, by unsubscription, closed connection or missed heartbeats. The
+//! one exception: libzmq does not say whose subscription it reports, and a connection that
+//! subscribes to a topic twice ends both at once, so it leaves a count that is one too high.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -48,8 +48,9 @@ impl Monitor {
         self.own_topic.as_ref().is_some_and(|own| first_frame.starts_with(own))
     }
 
-    /// Takes note of a subscription; true when publishers must hear of it, which is the first time
-    /// only: a subscription told twice would outlive its single unsubscription there.
+    /// Takes note of a subscription; true when publishers must hear of it: for the first of a
+    /// topic, and where no count is kept. The XSUB socket counts what it is told once more, so
+    /// what is passed on here is taken back in [`Self::unsubscribed`] as often.
     pub(super) fn subscribed(&mut self, topic: &[u8], now: Instant) -> bool {
         // A new listener of the counts gets them at once.
         self.changed = true;
@@ -67,16 +68,16 @@ impl Monitor {
         true
     }
 
-    /// Takes note that the last subscription is gone; true when publishers must hear of it.
+    /// Takes note that a subscription is gone; true when publishers must hear of it, which is the
+    /// last of a topic.
     pub(super) fn unsubscribed(&mut self, topic: &[u8], now: Instant) -> bool {
         if self.own_topic.as_deref() == Some(topic) {
             return false;
         }
-        if let Some(count) = self.topics.get_mut(topic) {
-            *count = Count { subscriptions: 0, changed_at: now };
-            self.changed = true;
-        }
-        true
+        let Some(count) = self.topics.get_mut(topic) else { return true };
+        *count = Count { subscriptions: count.subscriptions.saturating_sub(1), changed_at: now };
+        self.changed = true;
+        count.subscriptions == 0
     }
 
     /// True once after each change.
@@ -142,6 +143,8 @@ mod tests {
         let mut monitor = Monitor::new(Some(OWN));
         monitor.subscribed(b"/a", now);
         monitor.subscribed(b"/a", now);
+        assert!(!monitor.unsubscribed(b"/a", now), "one is left");
+        assert_eq!(monitor.message(now).unwrap(), r#"{"/a": 1}"#);
         assert!(monitor.unsubscribed(b"/a", now));
         assert_eq!(monitor.message(now).unwrap(), r#"{"/a": 0}"#);
         assert!(monitor.subscribed(b"/a", now), "after none, publishers must hear again");

@@ -7,22 +7,28 @@
 //!                                  └─ Monitor ── counts ──┘
 //! ```
 //!
-//! Frames are moved, never copied. The monitor sees subscriptions only: messages, however many,
-//! cannot delay the counts by more than one batch.
+//! Frames are moved, and only the first of a message is copied. The monitor sees subscriptions
+//! only: messages, however many, cannot delay the counts by more than one batch.
 //!
-//! A listener that reads slower than is published loses what exceeds its queue of `hwm` messages
-//! here; libzmq tells neither us nor the listener. Nobody else is slowed down.
+//! A listener that reads slower than is published misses what exceeds its queue of `hwm` messages
+//! here, and nobody else is slowed down. That its queue is full shows once, at the first message
+//! it misses: libzmq then leaves it out without a word until it has read half of the queue. So
+//! these moments are counted and warned about, not the messages.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::broker::Shared;
 use super::monitor::Monitor;
+use super::sockopt;
 
 /// How often counts are repeated, for publishers that connect later than the listener.
 const REPEAT: Duration = Duration::from_millis(500);
 /// Messages passed on before the other side and the clock are looked at.
 const BATCH: usize = 128;
+
+/// Shortest time between two warnings about slow listeners.
+const WARN_PAUSE: Duration = Duration::from_secs(10);
 
 const SUBSCRIBE: u8 = 1;
 const UNSUBSCRIBE: u8 = 0;
@@ -33,6 +39,8 @@ pub(super) struct Proxy {
     pub(super) stop: zmq::Socket,
     pub(super) monitor: Monitor,
     pub(super) shared: Arc<Shared>,
+    /// When the next warning about slow listeners may come.
+    pub(super) warn_at: Instant,
 }
 
 impl Proxy {
@@ -107,19 +115,20 @@ impl Proxy {
 
     fn pass_messages(&mut self) -> zmq::Result<()> {
         for _ in 0..BATCH {
-            let Some(mut frame) = receive(&self.back)? else { break };
-            let forged = self.monitor.is_forged(&frame);
-            let mut bytes = 0;
-            loop {
-                let more = frame.get_more();
+            let Some(first) = receive(&self.back)? else { break };
+            let forged = self.monitor.is_forged(&first);
+            let mut bytes = first.len();
+            let mut more = first.get_more();
+            if !forged {
+                self.begin(&first, more_flag(more))?;
+            }
+            while more {
+                let frame = self.back.recv_msg(0)?;
                 bytes += frame.len();
+                more = frame.get_more();
                 if !forged {
-                    self.front.send(frame, if more { zmq::SNDMORE } else { 0 })?;
+                    self.front.send(frame, more_flag(more) | zmq::DONTWAIT)?;
                 }
-                if !more {
-                    break;
-                }
-                frame = self.back.recv_msg(0)?;
             }
             if forged {
                 self.shared.count_forged();
@@ -130,15 +139,43 @@ impl Proxy {
         Ok(())
     }
 
+    /// Sends the first frame of a message, which decides who receives it: all that are subscribed
+    /// and have room.
+    fn begin(&mut self, first: &[u8], flag: i32) -> zmq::Result<()> {
+        match self.front.send(first, flag | zmq::DONTWAIT) {
+            Err(zmq::Error::EAGAIN) => {}
+            other => return other,
+        }
+        self.shared.count_overflow();
+        let now = Instant::now();
+        if now >= self.warn_at {
+            self.warn_at = now + WARN_PAUSE;
+            let topic = String::from_utf8_lossy(first);
+            tracing::warn!(%topic, "a listener is slower than its topic and misses messages");
+        }
+        sockopt::set_xpub_nodrop(&mut self.front, false)?;
+        let sent = self.front.send(first, flag | zmq::DONTWAIT);
+        sockopt::set_xpub_nodrop(&mut self.front, true)?;
+        sent
+    }
+
     /// Publishes the counts and shows them to [`super::Broker::status`].
     fn tell(&mut self, now: Instant) {
         let message = self.monitor.message(now);
         self.shared.set_subscriptions(self.monitor.listed());
-        let (Some(json), Some(topic)) = (message, self.monitor.own_topic()) else { return };
-        if let Err(error) = self.front.send_multipart([topic, json.as_bytes()], 0) {
+        let Some(json) = message else { return };
+        let Some(topic) = self.monitor.own_topic().map(<[u8]>::to_vec) else { return };
+        let sent = self
+            .begin(&topic, zmq::SNDMORE)
+            .and_then(|()| self.front.send(json.as_bytes(), zmq::DONTWAIT));
+        if let Err(error) = sent {
             tracing::warn!(%error, "the ZeroMQ broker could not publish its counts");
         }
     }
+}
+
+fn more_flag(more: bool) -> i32 {
+    if more { zmq::SNDMORE } else { 0 }
 }
 
 /// The next frame, if one waits.

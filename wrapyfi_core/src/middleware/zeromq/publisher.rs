@@ -6,20 +6,19 @@
 //! ```
 //!
 //! An XPUB instead of Wrapyfi's PUB, because it tells who is subscribed. To the broker's XSUB the
-//! two are alike.
-//!
-//! Known gap: above `send_hwm` libzmq drops without a word. `XPUB_NODROP` would make it say
-//! `EAGAIN`, which is handled here as a full queue, but the crate `zmq` 0.10 has no safe call for
-//! that option. The queue is full only when the broker reads slower than we send.
+//! two are alike. It holds `send_hwm` messages for a broker that reads slower than we send; what
+//! comes then is refused, not dropped.
 
 use std::collections::BTreeSet;
 use std::os::fd::RawFd;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
 use super::echo::Echo;
 use super::io::{Command, Handle};
 use super::link::{self, BrokerLink, Watch};
 use super::options;
+use super::sockopt;
 use super::{Shared, transport};
 use crate::codec::frames;
 use crate::endpoint::{Context, Link, OpenError, PublishError, Publisher, TopicSpec, Wake};
@@ -40,6 +39,9 @@ impl ZeroMqPublisher {
         spec: &TopicSpec,
         context: &Context,
     ) -> Result<Self, OpenError> {
+        let mut spec = spec.clone();
+        // Beyond this the broker would cut the connection.
+        spec.limits.message_bytes = spec.limits.message_bytes.min(shared.max_frame_bytes);
         let io = Arc::clone(shared.io.handle());
         let link = BrokerLink::new(&shared.sub_endpoint);
         let (socket, watch) = open_socket(shared, &link).map_err(|e| transport(&spec.topic, e))?;
@@ -52,13 +54,8 @@ impl ZeroMqPublisher {
             state: Mutex::new(State { socket: Some(socket), prefixes: BTreeSet::new() }),
         });
         io.send(Command::Publish(Arc::clone(&outlet), watch));
-        Ok(Self {
-            outlet,
-            spec: spec.clone(),
-            depth: usize::from(shared.send_hwm),
-            echo: shared.echoes.of(&spec.topic),
-            io,
-        })
+        let echo = shared.echoes.of(&spec.topic);
+        Ok(Self { outlet, spec, depth: usize::from(shared.send_hwm), echo, io })
     }
 
     fn failed(&self, reason: &dyn std::fmt::Display) -> PublishError {
@@ -67,9 +64,10 @@ impl ZeroMqPublisher {
 }
 
 fn open_socket(shared: &Shared, link: &Arc<BrokerLink>) -> zmq::Result<(zmq::Socket, Watch)> {
-    let socket = shared.context.socket(zmq::XPUB)?;
+    let mut socket = shared.context.socket(zmq::XPUB)?;
     options::set_common(&socket, shared.ip)?;
     socket.set_sndhwm(i32::from(shared.send_hwm))?;
+    sockopt::set_xpub_nodrop(&mut socket, true)?;
     socket.set_maxmsgsize(options::frame_limit(super::config::FRAME_SLACK))?;
     // A lost broker takes its subscriptions and the messages queued for it along: the next one
     // starts with what is new, and until then nobody listens.
@@ -80,8 +78,8 @@ fn open_socket(shared: &Shared, link: &Arc<BrokerLink>) -> zmq::Result<(zmq::Soc
 impl Publisher for ZeroMqPublisher {
     /// Nothing is sent, and 0 returned, while nobody is subscribed.
     fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {
-        if let Some(reason) = self.outlet.link.waiting_for() {
-            return Err(self.failed(&reason));
+        if let Some(what) = self.outlet.link.waiting_for() {
+            return Err(self.failed(&format_args!("waiting for {what}")));
         }
         if self.outlet.hear() {
             self.outlet.wake.ring();
@@ -91,9 +89,12 @@ impl Publisher for ZeroMqPublisher {
         }
         let frames = frames::encode(payload, &self.spec)?;
         let bytes = frames.iter().map(Vec::len).sum();
-        self.echo.remember(&frames);
-        self.outlet.send(frames).map_err(|(error, frames)| {
-            self.echo.forget(&frames);
+        // Before it is sent: it may be back before we are.
+        let print = self.echo.remember(&frames);
+        self.outlet.send(frames).map_err(|error| {
+            if let Some(print) = print {
+                self.echo.forget(print);
+            }
             match error {
                 zmq::Error::EAGAIN => {
                     PublishError::QueueFull { topic: self.spec.topic.clone(), depth: self.depth }
@@ -161,16 +162,24 @@ impl Outlet {
         self.lock().hear(&self.topic)
     }
 
-    /// Sends without waiting; the frames come back with the error.
-    fn send(&self, frames: Vec<Vec<u8>>) -> Result<(), (zmq::Error, Vec<Vec<u8>>)> {
+    /// Connects again if libzmq has given up on the broker. The time until it may have is
+    /// returned.
+    pub(super) fn revive(&self, watch: &mut Watch, now: Instant) -> Option<Duration> {
+        if let Some(socket) = &self.lock().socket {
+            watch.revive(socket, &self.wake, now);
+        }
+        watch.patience(now)
+    }
+
+    /// Sends without waiting. Only the first frame can find the queue full: there is room for
+    /// whole messages or none.
+    fn send(&self, frames: Vec<Vec<u8>>) -> zmq::Result<()> {
         let mut state = self.lock();
-        let Some(socket) = &state.socket else { return Err((zmq::Error::ETERM, frames)) };
+        let Some(socket) = &state.socket else { return Err(zmq::Error::ETERM) };
         let mut rest = frames.into_iter().peekable();
         while let Some(frame) = rest.next() {
             let more = if rest.peek().is_some() { zmq::SNDMORE } else { 0 };
-            if let Err(error) = socket.send(frame, more | zmq::DONTWAIT) {
-                return Err((error, rest.collect()));
-            }
+            socket.send(frame, more | zmq::DONTWAIT)?;
         }
         // Sending may have taken the signal the I/O thread waits for.
         if state.hear(&self.topic) {

@@ -6,6 +6,10 @@
 //!             ▼              ▼          ▼    counted, dropped
 //! ```
 //!
+//! A message with a frame of more than twice the limit never gets here: libzmq cuts the connection
+//! at its announcement. It is counted as oversize too, once per connection cut, and the connection
+//! is made anew; messages in between are lost at the broker.
+//!
 //! Every listener has a socket of its own, so a slow route fills its own queue only. Under policy
 //! `block` a message that finds no room is held here and the socket is left alone; libzmq's queue
 //! and then TCP hold what comes meanwhile, and after that the broker drops for this listener.
@@ -63,6 +67,22 @@ impl Reception {
         let events =
             if self.held.is_some() { zmq::PollEvents::empty() } else { zmq::PollEvents::POLLIN };
         self.socket.as_poll_item(events)
+    }
+
+    /// Connects again if libzmq has given up on the broker. The time until it may have is
+    /// returned.
+    pub(super) fn revive(&mut self, now: Instant) -> Option<Duration> {
+        if self.watch.revive(&self.socket, &self.wake, now) {
+            self.inbox.counters().dropped(DropReason::Oversize);
+            let topic = String::from_utf8_lossy(&self.topic);
+            tracing::warn!(
+                %topic,
+                limit_mib = self.limit / crate::Limits::MIB,
+                "a message far above the limit cut the connection to the broker, which is opened \
+                 again: raise max_message_mib, or send less"
+            );
+        }
+        self.watch.patience(now)
     }
 
     /// Places a held message if there is room now, or gives it up at its deadline. The time that

@@ -11,6 +11,7 @@
 #![allow(unsafe_code)]
 
 use std::ffi::c_void;
+use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, AtomicU64, AtomicUsize, Ordering::Relaxed};
@@ -72,13 +73,14 @@ impl Events {
         self.ring();
     }
 
-    fn refused(&self, policy: u32, peers: &'static str) {
+    fn refused(&self, policy: u32, peer: Peer) {
         self.policy.store(policy, Relaxed);
         _ = catch_unwind(AssertUnwindSafe(|| {
             tracing::warn!(
                 topic = self.topic,
                 policy = policy_name(policy),
-                "{peers} does not match: its quality of service is incompatible"
+                "{peer} does not match, its quality of service is incompatible: {}",
+                remedy(policy, peer)
             );
         }));
         self.ring();
@@ -87,6 +89,44 @@ impl Events {
     fn add_lost(&self, change: i32) {
         self.lost.fetch_add(u64::try_from(change).unwrap_or(0), Relaxed);
         self.ring();
+    }
+}
+
+/// Whom an endpoint is matched with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Peer {
+    Publisher,
+    Subscriber,
+}
+
+impl fmt::Display for Peer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Publisher => "a publisher",
+            Self::Subscriber => "a subscriber",
+        })
+    }
+}
+
+/// What to change so that a refused peer matches: publishers offer less than the route asks,
+/// subscribers ask more than the route offers.
+fn remedy(policy: u32, peer: Peer) -> &'static str {
+    match (policy, peer) {
+        (cyclors::dds_qos_policy_id_DDS_RELIABILITY_QOS_POLICY_ID, Peer::Publisher) => {
+            "it is best effort; write qos: sensor_data on the route, or make it reliable"
+        }
+        (cyclors::dds_qos_policy_id_DDS_RELIABILITY_QOS_POLICY_ID, Peer::Subscriber) => {
+            "it asks for reliable; write qos: default on the route, or make it best effort"
+        }
+        (cyclors::dds_qos_policy_id_DDS_DURABILITY_QOS_POLICY_ID, Peer::Publisher) => {
+            "it keeps nothing for late subscribers; write qos: default on the route, or make it \
+             transient local"
+        }
+        (cyclors::dds_qos_policy_id_DDS_DURABILITY_QOS_POLICY_ID, Peer::Subscriber) => {
+            "it asks for what was sent before it came; write qos: latched on the route, or make it \
+             volatile"
+        }
+        _ => "routes have no such policy; change it at the other end",
     }
 }
 
@@ -214,7 +254,7 @@ unsafe extern "C" fn on_writer_refused(
     arg: *mut c_void,
 ) {
     // SAFETY: as above.
-    unsafe { with(arg, |events| events.refused(status.last_policy_id, "a publisher")) }
+    unsafe { with(arg, |events| events.refused(status.last_policy_id, Peer::Publisher)) }
 }
 
 unsafe extern "C" fn on_reader_refused(
@@ -223,5 +263,30 @@ unsafe extern "C" fn on_reader_refused(
     arg: *mut c_void,
 ) {
     // SAFETY: as above.
-    unsafe { with(arg, |events| events.refused(status.last_policy_id, "a subscriber")) }
+    unsafe { with(arg, |events| events.refused(status.last_policy_id, Peer::Subscriber)) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_remedy_is_the_profile_that_matches() {
+        let reliability = cyclors::dds_qos_policy_id_DDS_RELIABILITY_QOS_POLICY_ID;
+        let durability = cyclors::dds_qos_policy_id_DDS_DURABILITY_QOS_POLICY_ID;
+        for (policy, peer, words) in [
+            (reliability, Peer::Publisher, "write qos: sensor_data on the route"),
+            (reliability, Peer::Subscriber, "write qos: default on the route"),
+            (durability, Peer::Publisher, "write qos: default on the route"),
+            (durability, Peer::Subscriber, "write qos: latched on the route"),
+            (
+                cyclors::dds_qos_policy_id_DDS_DEADLINE_QOS_POLICY_ID,
+                Peer::Publisher,
+                "at the other end",
+            ),
+        ] {
+            let text = remedy(policy, peer);
+            assert!(text.contains(words), "{text}");
+        }
+    }
 }

@@ -1,0 +1,119 @@
+//! More messages than somebody reads: each is delivered, refused, or its loss is told.
+#![cfg(feature = "zeromq")]
+#![allow(clippy::unwrap_used, clippy::panic, clippy::indexing_slicing)]
+
+mod zeromq_common;
+
+use wrapyfi_core::endpoint::{Context, Middleware, PublishError, Publisher, TopicSpec};
+use wrapyfi_core::middleware::zeromq::{Broker, BrokerConfig, ZeroMq, ZeroMqConfig};
+use wrapyfi_core::types::{MessageType, Payload, Value};
+use zeromq_common::{any_ports, foreign, peer, subscriber, wait_until};
+
+const HWM: u16 = 4;
+
+/// Publishes to `/a`, with room for few messages.
+fn publisher(config: ZeroMqConfig) -> (ZeroMq, Box<dyn Publisher>) {
+    let zeromq = ZeroMq::start(&ZeroMqConfig { send_hwm: HWM, ..config }).unwrap();
+    let spec = TopicSpec::new("/a", MessageType::NativeObject);
+    let publisher = zeromq.open_publisher(&spec, &Context::default()).unwrap();
+    (zeromq, publisher)
+}
+
+/// The publishers' side of a broker that asks for `/a` and reads only when told to, and its port.
+fn stalled_broker() -> (zmq::Socket, u16) {
+    let socket = zmq::Context::new().socket(zmq::XSUB).unwrap();
+    socket.set_linger(0).unwrap();
+    socket.set_rcvhwm(1).unwrap();
+    socket.set_rcvtimeo(30_000).unwrap();
+    socket.bind("tcp://127.0.0.1:*").unwrap();
+    socket.send(&b"\x01/a"[..], 0).unwrap();
+    let endpoint = socket.get_last_endpoint().unwrap().unwrap();
+    let port = endpoint.rsplit(':').next().unwrap().parse().unwrap();
+    (socket, port)
+}
+
+/// Waits until `publisher` knows what `broker` asks for. A socket takes new peers when it is used.
+fn introduce(broker: &zmq::Socket, publisher: &dyn Publisher) {
+    wait_until("a listener", || {
+        broker.get_events().unwrap();
+        publisher.link().peers > Some(0)
+    });
+}
+
+/// Offers `count` messages; how many were accepted, how many refused.
+fn flood(publisher: &mut dyn Publisher, count: u64, payload: &Payload) -> (u64, u64) {
+    let (mut accepted, mut refused) = (0, 0);
+    for _ in 0..count {
+        match publisher.publish(payload) {
+            Ok(bytes) => {
+                assert!(bytes > 0);
+                accepted += 1;
+            }
+            Err(PublishError::QueueFull { topic, depth }) => {
+                assert_eq!((topic.as_str(), depth), ("/a", usize::from(HWM)));
+                refused += 1;
+            }
+            Err(other) => panic!("{other}"),
+        }
+    }
+    (accepted, refused)
+}
+
+#[test]
+fn what_a_stalled_broker_has_no_room_for_is_refused() {
+    let (broker, port) = stalled_broker();
+    let (_zeromq, mut publisher) = publisher(foreign(port, port));
+    introduce(&broker, &*publisher);
+    let large = Payload::NativeObject(Box::new(Value::Str("x".repeat(1 << 20))));
+    let (accepted, refused) = flood(&mut *publisher, 100, &large);
+    assert!(accepted > 0 && refused > 0, "{accepted} accepted, {refused} refused");
+    for _ in 0..accepted {
+        assert_eq!(broker.recv_multipart(0).unwrap().len(), 2);
+    }
+    // What is next is what is published next: nothing was half sent.
+    publisher.publish(&Payload::NativeObject(Box::new(Value::Int(7)))).unwrap();
+    assert_eq!(broker.recv_multipart(0).unwrap(), [b"/a".to_vec(), b"7".to_vec()]);
+}
+
+#[test]
+fn everything_accepted_reaches_the_broker_though_a_listener_stalls() {
+    let broker = Broker::start(&BrokerConfig { hwm: HWM, ..any_ports() }).unwrap();
+    let context = zmq::Context::new();
+    let stalled = context.socket(zmq::SUB).unwrap();
+    stalled.set_rcvhwm(1).unwrap();
+    stalled.set_subscribe(b"/a").unwrap();
+    stalled.connect(&format!("tcp://127.0.0.1:{}", broker.pub_port())).unwrap();
+    let (_zeromq, mut publisher) = publisher(foreign(broker.pub_port(), broker.sub_port()));
+    wait_until("a listener", || publisher.link().peers > Some(0));
+    let text = Payload::NativeObject(Box::new(Value::Str("x".repeat(10_000))));
+    let (mut offered, mut accepted, mut refused) = (0, 0, 0);
+    // Until TCP on the way to the listener holds no more.
+    wait_until("an overflow", || {
+        let (more_accepted, more_refused) = flood(&mut *publisher, 1_000, &text);
+        offered += 1_000;
+        accepted += more_accepted;
+        refused += more_refused;
+        broker.status().overflows > 0
+    });
+    assert_eq!(accepted + refused, offered);
+    wait_until("all accepted", || broker.status().messages >= accepted);
+    assert_eq!(broker.status().messages, accepted);
+    // Whoever keeps up receives as before.
+    let other = subscriber(&context, broker.pub_port(), "/b");
+    let raw = peer(&context, zmq::XPUB, broker.sub_port());
+    while raw.recv_bytes(0).unwrap() != b"\x01/b" {}
+    raw.send_multipart(["/b", "1"], 0).unwrap();
+    assert_eq!(other.recv_multipart(0).unwrap(), [b"/b".to_vec(), b"1".to_vec()]);
+}
+
+#[test]
+fn what_the_broker_would_not_accept_is_refused() {
+    let (broker, port) = stalled_broker();
+    let (_zeromq, mut publisher) =
+        publisher(ZeroMqConfig { max_frame_bytes: 1000, ..foreign(port, port) });
+    introduce(&broker, &*publisher);
+    let large = Payload::NativeObject(Box::new(Value::Str("x".repeat(1000))));
+    let error = publisher.publish(&large).unwrap_err();
+    assert!(matches!(error, PublishError::Encode(_)), "{error}");
+    assert!(error.to_string().contains("1000"), "{error}");
+}

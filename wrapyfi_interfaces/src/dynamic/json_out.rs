@@ -1,0 +1,78 @@
+//! Messages to JSON.
+//!
+//! Objects have their fields in the definition's order, `uint8[]` is an array of numbers, and
+//! numbers that JSON lacks are the strings `"NaN"`, `"Infinity"` and `"-Infinity"`.
+
+use serde::ser::{Serialize, SerializeMap, Serializer};
+
+use super::value::with_elements;
+use super::{DynamicMessage, DynamicValue, Primitives};
+use crate::cdr::CdrPrimitive;
+
+impl DynamicMessage {
+    /// The message as JSON. A [`serde_json::Value`] may sort the fields by name;
+    /// [`serde_json::to_string`] of the message itself keeps their order.
+    #[must_use]
+    pub fn to_json(&self) -> serde_json::Value {
+        // Keys are strings and numbers are finite: nothing here fails.
+        serde_json::to_value(self).unwrap_or_default()
+    }
+}
+
+impl Serialize for DynamicMessage {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(Some(self.values.len()))?;
+        for (name, value) in self.fields() {
+            map.serialize_entry(name, value)?;
+        }
+        map.end()
+    }
+}
+
+impl Serialize for DynamicValue {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Bool(value) => value.serialize(serializer),
+            Self::I8(value) => value.serialize(serializer),
+            Self::U8(value) => value.serialize(serializer),
+            Self::I16(value) => value.serialize(serializer),
+            Self::U16(value) => value.serialize(serializer),
+            Self::I32(value) => value.serialize(serializer),
+            Self::U32(value) => value.serialize(serializer),
+            Self::I64(value) => value.serialize(serializer),
+            Self::U64(value) => value.serialize(serializer),
+            Self::F32(value) => Number(*value).serialize(serializer),
+            Self::F64(value) => Number(*value).serialize(serializer),
+            Self::Text(text) => text.serialize(serializer),
+            Self::Message(message) => message.serialize(serializer),
+            Self::Primitives(values) => values.serialize(serializer),
+            Self::Texts(texts) => texts.serialize(serializer),
+            Self::Messages(messages) => messages.serialize(serializer),
+        }
+    }
+}
+
+impl Serialize for Primitives {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::F32(values) => serializer.collect_seq(values.iter().copied().map(Number)),
+            Self::F64(values) => serializer.collect_seq(values.iter().copied().map(Number)),
+            Self::Bytes(values) => serializer.collect_seq(values.iter()),
+            other => with_elements!(other, values => serializer.collect_seq(values)),
+        }
+    }
+}
+
+/// A float. Those of 32 bits are written with the digits of the double they equal, as ROS does.
+struct Number<T: CdrPrimitive + Into<f64>>(T);
+
+impl<T: CdrPrimitive + Into<f64>> Serialize for Number<T> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self.0.into() {
+            value if value.is_nan() => serializer.serialize_str("NaN"),
+            f64::INFINITY => serializer.serialize_str("Infinity"),
+            f64::NEG_INFINITY => serializer.serialize_str("-Infinity"),
+            value => serializer.serialize_f64(value),
+        }
+    }
+}
