@@ -14,6 +14,10 @@ pub(crate) enum Way {
     ZmqToRos,
     /// CDR writer, bridge, our broker, raw SUB.
     RosToZmq,
+    /// Raw PUB, our broker, the least possible bridge, CDR reader.
+    RelayToRos,
+    /// CDR writer, the least possible bridge, our broker, raw SUB.
+    RelayToZmq,
     /// Our publisher, our broker, our listener; coding included.
     RustHop,
     /// Our publisher, our broker, bridge, our broker, our listener; coded at every station.
@@ -26,10 +30,12 @@ pub(crate) enum Way {
 
 impl Way {
     /// All of them.
-    pub(crate) const ALL: [Self; 8] = [
+    pub(crate) const ALL: [Self; 10] = [
         Self::RawZmq,
         Self::RawDds,
+        Self::RelayToRos,
         Self::ZmqToRos,
+        Self::RelayToZmq,
         Self::RosToZmq,
         Self::PythonHop,
         Self::RustHop,
@@ -44,6 +50,8 @@ impl Way {
             Self::RawDds => "raw-dds",
             Self::ZmqToRos => "zmq-to-ros",
             Self::RosToZmq => "ros-to-zmq",
+            Self::RelayToRos => "relay-to-ros",
+            Self::RelayToZmq => "relay-to-zmq",
             Self::RustHop => "rust-hop",
             Self::RustForward => "rust-forward",
             Self::PythonHop => "python-hop",
@@ -58,6 +66,8 @@ impl Way {
             Self::RawDds => "raw CycloneDDS hop (CDR)",
             Self::ZmqToRos => "bridge ZeroMQ to ROS 2",
             Self::RosToZmq => "bridge ROS 2 to ZeroMQ",
+            Self::RelayToRos => "minimal relay ZeroMQ to ROS 2",
+            Self::RelayToZmq => "minimal relay ROS 2 to ZeroMQ",
             Self::RustHop => "our library, one hop with coding",
             Self::RustForward => "our bridge, ZeroMQ to ZeroMQ, with coding",
             Self::PythonHop => "Python Wrapyfi, one hop with coding",
@@ -76,6 +86,7 @@ impl Way {
             Self::RawZmq | Self::RawDds | Self::ZmqToRos | Self::RosToZmq => {
                 &[Small, Audio, VgaJpeg, VgaRgb, FullHdRgb]
             }
+            Self::RelayToRos | Self::RelayToZmq => &[VgaJpeg, VgaRgb, FullHdRgb],
             _ => &[Small, Audio, U8Rgb200, F32Mib, VgaRgb, FullHdRgb],
         }
     }
@@ -111,8 +122,8 @@ impl Case {
         match self.payload {
             FullHdRgb if coded => Order::Paced { count: 12, hz: 8.0 },
             VgaRgb | F32Mib if coded => Order::Paced { count: 24, hz: 20.0 },
-            FullHdRgb => Order::Paced { count: 36, hz: 30.0 },
-            _ => Order::Paced { count: 60, hz: 50.0 },
+            FullHdRgb => Order::Paced { count: 30, hz: 30.0 },
+            _ => Order::Paced { count: 50, hz: 50.0 },
         }
     }
 

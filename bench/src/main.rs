@@ -11,6 +11,7 @@ mod payload;
 mod plot;
 mod proc;
 mod python;
+mod relay;
 mod report;
 mod results;
 mod soak;
@@ -48,6 +49,9 @@ struct Cli {
     /// Folder for the results; default: this program's own in the repository.
     #[arg(long)]
     out: Option<PathBuf>,
+    /// Settings of CycloneDDS for every process, as in CYCLONEDDS_URI: to try some out.
+    #[arg(long)]
+    cyclonedds_uri: Option<String>,
     #[command(subcommand)]
     role: Option<Role>,
 }
@@ -60,6 +64,18 @@ enum Role {
     Source {
         #[arg(long)]
         wire: Wire,
+        #[command(flatten)]
+        place: Place,
+    },
+    /// Carries, as little as possible.
+    #[command(hide = true)]
+    RelayToRos {
+        #[command(flatten)]
+        place: Place,
+    },
+    /// Carries the other way.
+    #[command(hide = true)]
+    RelayToZmq {
         #[command(flatten)]
         place: Place,
     },
@@ -80,6 +96,8 @@ fn main() -> Result<()> {
     let cli = Cli::parse();
     match &cli.role {
         None => run(&cli),
+        Some(Role::RelayToRos { place }) => relay::run(true, place),
+        Some(Role::RelayToZmq { place }) => relay::run(false, place),
         Some(Role::Source { wire, place }) => {
             log_warnings();
             worker::source(*wire, place)
@@ -109,7 +127,8 @@ fn run(cli: &Cli) -> Result<()> {
     let repository = here.parent().context("the benchmark has no repository around it")?;
     let out = cli.out.clone().unwrap_or_else(|| here.to_owned());
     let folder = tempfile::Builder::new().prefix("wrapyfi_bench_").tempdir()?;
-    let bench = Bench::new(folder.path())?;
+    let mut bench = Bench::new(folder.path())?;
+    bench.cyclonedds_uri.clone_from(&cli.cyclonedds_uri);
     let mut results = Results::new(cli.rounds);
     let wanted = |case: &Case| cli.only.as_ref().is_none_or(|only| case.name().contains(only));
     let cases: Vec<Case> = Case::all().into_iter().filter(wanted).collect();

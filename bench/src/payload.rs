@@ -228,11 +228,16 @@ impl Numbered {
     pub(crate) fn number_frames(&self, seq: u32) -> (Option<Vec<u8>>, Vec<u8>) {
         let number = BASE + seq;
         if self.kind.is_stamped() {
-            return (Some(format!("{{timestamp:{number}.0}}").into_bytes()), self.body.clone());
+            return (Some(Self::header(seq)), self.body.clone());
         }
         let mut copy = self.clone();
         copy.write(number.to_string().as_bytes());
         (None, copy.body)
+    }
+
+    /// Header frame of message `seq`.
+    pub(crate) fn header(seq: u32) -> Vec<u8> {
+        format!("{{timestamp:{}.0}}", BASE + seq).into_bytes()
     }
 
     fn write(&mut self, bytes: &[u8]) {

@@ -23,10 +23,12 @@ const STYLE: &str = "\
     .page{fill:var(--page)}.grid{stroke:var(--faint)}.whisker{stroke:var(--text);stroke-width:1.2}\
     .raw{fill:var(--raw)}.bridge{fill:var(--bridge)}.rust{fill:var(--rust)}.python{fill:var(--python)}";
 
-const ORDER: [Way; 8] = [
+const ORDER: [Way; 10] = [
     Way::RawZmq,
     Way::RawDds,
+    Way::RelayToRos,
     Way::ZmqToRos,
+    Way::RelayToZmq,
     Way::RosToZmq,
     Way::RustHop,
     Way::PythonHop,
@@ -36,7 +38,7 @@ const ORDER: [Way; 8] = [
 
 fn class(way: Way) -> &'static str {
     match way {
-        Way::RawZmq | Way::RawDds => "raw",
+        Way::RawZmq | Way::RawDds | Way::RelayToRos | Way::RelayToZmq => "raw",
         Way::ZmqToRos | Way::RosToZmq => "bridge",
         Way::RustHop | Way::RustForward => "rust",
         Way::PythonHop | Way::PythonForward => "python",
@@ -49,6 +51,8 @@ fn label(way: Way) -> &'static str {
         Way::RawDds => "raw CycloneDDS hop",
         Way::ZmqToRos => "bridge ZeroMQ to ROS 2",
         Way::RosToZmq => "bridge ROS 2 to ZeroMQ",
+        Way::RelayToRos => "minimal relay to ROS 2",
+        Way::RelayToZmq => "minimal relay to ZeroMQ",
         Way::RustHop => "one hop with coding, ours",
         Way::PythonHop => "one hop with coding, Python",
         Way::RustForward => "forwarded with coding, ours",

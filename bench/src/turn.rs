@@ -44,6 +44,8 @@ pub(crate) struct Bench {
     pub(crate) wrapyfi: PathBuf,
     /// Logs and configurations.
     pub(crate) folder: PathBuf,
+    /// Settings of CycloneDDS, after those that the product makes.
+    pub(crate) cyclonedds_uri: Option<String>,
     /// DDS domain of the next turn.
     domain: std::cell::Cell<u32>,
 }
@@ -76,7 +78,8 @@ impl Bench {
             bail!("no program at {}: cargo build --release -p wrapyfi_bridge", wrapyfi.display());
         }
         let domain = std::process::id() % 100;
-        Ok(Self { own, wrapyfi, folder: folder.to_owned(), domain: domain.into() })
+        let folder = folder.to_owned();
+        Ok(Self { own, wrapyfi, folder, cyclonedds_uri: None, domain: domain.into() })
     }
 
     /// A DDS domain from 1 to 100 that the last turns did not use.
@@ -92,6 +95,9 @@ impl Bench {
         command.env("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST");
         for name in ["CYCLONEDDS_URI", "ROS_DOMAIN_ID", "ROS_DISTRO", "RMW_IMPLEMENTATION"] {
             command.env_remove(name);
+        }
+        if let Some(uri) = &self.cyclonedds_uri {
+            command.env("CYCLONEDDS_URI", uri);
         }
         command
     }
@@ -150,14 +156,11 @@ impl Bench {
             middle.push(broker);
             ports = found;
         }
-        let bridged = matches!(case.way, Way::ZmqToRos | Way::RosToZmq | Way::RustForward);
-        if bridged {
-            middle.push(self.bridge(case, ports, domain)?);
-        }
+        let forwarded = !matches!(case.way, Way::RawZmq | Way::RawDds | Way::RustHop);
         let (from, to) = match case.way {
             Way::RawDds => (Wire::Dds, Wire::Dds),
-            Way::ZmqToRos => (Wire::Zmq, Wire::Dds),
-            Way::RosToZmq => (Wire::Dds, Wire::Zmq),
+            Way::ZmqToRos | Way::RelayToRos => (Wire::Zmq, Wire::Dds),
+            Way::RosToZmq | Way::RelayToZmq => (Wire::Dds, Wire::Zmq),
             Way::RustHop | Way::RustForward => (Wire::Wrapyfi, Wire::Wrapyfi),
             _ => (Wire::Zmq, Wire::Zmq),
         };
@@ -173,10 +176,19 @@ impl Bench {
             .flat_map(|(key, value)| [key.to_owned(), value])
             .collect()
         };
+        match case.way {
+            Way::RelayToRos | Way::RelayToZmq => {
+                let mut command = self.command(&self.own);
+                command.arg(case.way.name()).args(place("/in"));
+                middle.push(Child::start("relay", command, &self.folder)?);
+            }
+            _ if forwarded => middle.push(self.bridge(case, ports, domain)?),
+            _ => {}
+        }
         let command = self.worker("source", from, &place("/in"));
         let mut source = Child::start("source", command, &self.folder)?;
         let Acks { acks } = source.answer()?;
-        let mut command = self.worker("sink", to, &place(if bridged { "/out" } else { "/in" }));
+        let mut command = self.worker("sink", to, &place(if forwarded { "/out" } else { "/in" }));
         command.args(["--acks", &acks.to_string()]);
         let sink = Child::start("sink", command, &self.folder)?;
         Ok(Line { source, sink, middle })

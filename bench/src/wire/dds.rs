@@ -7,28 +7,45 @@ use anyhow::Result;
 use wrapyfi_core::codec::ros;
 use wrapyfi_core::endpoint::{Qos, Wake};
 use wrapyfi_core::middleware::ros2::graph::{
-    CdrReader, CdrWriter, Graph, NodeIdentity, Notify, TopicDescription,
+    CdrReader, CdrWriter, Graph, Notify, TopicDescription,
 };
 use wrapyfi_core::middleware::ros2::{CycloneConfig, CycloneGraph};
+use wrapyfi_core::node::NodeName;
 
 use super::{Incoming, Outgoing, Place};
 use crate::clock;
 use crate::payload::{Kind, Maker, Numbered, number_in_cdr};
 
 fn graph(name: &str, place: &Place) -> Result<CycloneGraph> {
-    let node = NodeIdentity { name: name.to_owned(), namespace: "/bench".to_owned() };
-    Ok(CycloneGraph::new(&CycloneConfig::loopback(node, place.domain))?)
+    let node = NodeName::new(name, "/bench")?;
+    let mut config = CycloneConfig::loopback(node, place.domain);
+    // Set by `--cyclonedds-uri`, for the bridge and the bare ends alike.
+    config.extra_uri = std::env::var("CYCLONEDDS_URI").ok();
+    Ok(CycloneGraph::new(&config)?)
 }
 
-fn topic(place: &Place) -> TopicDescription {
+fn topic(name: &str, place: &Place) -> TopicDescription {
     let message_type = place.payload.message_type();
     TopicDescription {
-        name: place.topic.clone(),
+        name: name.to_owned(),
         type_name: message_type.ros_type().to_owned(),
         type_hash: Some(ros::type_hash(message_type).to_owned()),
         qos: Qos::default(),
         max_bytes: 64 << 20,
     }
+}
+
+/// A writer of a node of its own.
+pub(crate) fn writer(name: &str, place: &Place) -> Result<Box<dyn CdrWriter>> {
+    Ok(graph("source", place)?.advertise(&topic(name, place), Arc::new(|| {}))?)
+}
+
+/// A reader of a node of its own, and what rings when there is something to take.
+pub(crate) fn reader(name: &str, place: &Place) -> Result<(Box<dyn CdrReader>, Wake)> {
+    let wake = Wake::new();
+    let bell = wake.clone();
+    let notify: Notify = Arc::new(move || bell.ring());
+    Ok((graph("sink", place)?.subscribe(&topic(name, place), notify)?, wake))
 }
 
 pub(super) struct Out {
@@ -38,8 +55,7 @@ pub(super) struct Out {
 
 impl Out {
     pub(super) fn new(maker: &Maker, place: &Place) -> Result<Self> {
-        let writer = graph("source", place)?.advertise(&topic(place), Arc::new(|| {}))?;
-        Ok(Self { writer, message: maker.cdr()? })
+        Ok(Self { writer: writer(&place.topic, place)?, message: maker.cdr()? })
     }
 }
 
@@ -62,10 +78,7 @@ pub(super) struct In {
 
 impl In {
     pub(super) fn new(place: &Place) -> Result<Self> {
-        let wake = Wake::new();
-        let bell = wake.clone();
-        let notify: Notify = Arc::new(move || bell.ring());
-        let reader = graph("sink", place)?.subscribe(&topic(place), notify)?;
+        let (reader, wake) = reader(&place.topic, place)?;
         Ok(Self { reader, wake, kind: place.payload })
     }
 }

@@ -6,9 +6,9 @@
 //! | `dds` | plain CDR writer and reader on CycloneDDS, messages encoded beforehand |
 //! | `wrapyfi` | publisher and listener of our library over ZeroMQ, coding included |
 
-mod dds;
+pub(crate) mod dds;
 mod wrapyfi;
-mod zmq;
+pub(crate) mod zmq;
 
 use std::time::Duration;
 

@@ -8,6 +8,32 @@ use super::{Incoming, Outgoing, Place};
 use crate::clock;
 use crate::payload::{Kind, Maker, Numbered, number_in_frames};
 
+/// A PUB at the broker's port for publishers.
+pub(crate) fn connect_publisher(sub_port: u16) -> Result<zmq::Socket> {
+    let socket = zmq::Context::new().socket(zmq::PUB)?;
+    socket.set_linger(500)?;
+    socket.connect(&format!("tcp://127.0.0.1:{sub_port}"))?;
+    Ok(socket)
+}
+
+/// A SUB at the broker's port for listeners.
+pub(crate) fn subscribe(topic: &str, pub_port: u16) -> Result<zmq::Socket> {
+    let socket = zmq::Context::new().socket(zmq::SUB)?;
+    socket.set_linger(0)?;
+    socket.set_subscribe(topic.as_bytes())?;
+    socket.connect(&format!("tcp://127.0.0.1:{pub_port}"))?;
+    Ok(socket)
+}
+
+/// The frames of the next message.
+pub(crate) fn receive(socket: &zmq::Socket) -> Result<Vec<zmq::Message>> {
+    let mut frames = vec![socket.recv_msg(0)?];
+    while socket.get_rcvmore()? {
+        frames.push(socket.recv_msg(0)?);
+    }
+    Ok(frames)
+}
+
 pub(super) struct Out {
     socket: zmq::Socket,
     topic: Vec<u8>,
@@ -17,9 +43,7 @@ pub(super) struct Out {
 
 impl Out {
     pub(super) fn new(maker: &Maker, place: &Place) -> Result<Self> {
-        let socket = zmq::Context::new().socket(zmq::PUB)?;
-        socket.set_linger(500)?;
-        socket.connect(&format!("tcp://127.0.0.1:{}", place.sub_port))?;
+        let socket = connect_publisher(place.sub_port)?;
         let message = maker.frames(&place.topic)?;
         Ok(Self { socket, topic: place.topic.as_bytes().to_vec(), message, next: Vec::new() })
     }
@@ -49,11 +73,7 @@ pub(super) struct In {
 
 impl In {
     pub(super) fn new(place: &Place) -> Result<Self> {
-        let socket = zmq::Context::new().socket(zmq::SUB)?;
-        socket.set_linger(0)?;
-        socket.set_subscribe(place.topic.as_bytes())?;
-        socket.connect(&format!("tcp://127.0.0.1:{}", place.pub_port))?;
-        Ok(Self { socket, kind: place.payload })
+        Ok(Self { socket: subscribe(&place.topic, place.pub_port)?, kind: place.payload })
     }
 }
 
@@ -62,10 +82,7 @@ impl Incoming for In {
         if self.socket.poll(zmq::POLLIN, i64::try_from(patience.as_millis())?)? == 0 {
             return Ok(None);
         }
-        let mut frames = vec![self.socket.recv_msg(0)?];
-        while self.socket.get_rcvmore()? {
-            frames.push(self.socket.recv_msg(0)?);
-        }
+        let frames = receive(&self.socket)?;
         let received = clock::now();
         let frames: Vec<&[u8]> = frames.iter().map(|frame| &**frame).collect();
         Ok(Some((number_in_frames(self.kind, &frames)?, received)))
