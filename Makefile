@@ -4,13 +4,14 @@
 # make doc     API documentation of the workspace, in target/doc
 # make fmt     formats the sources
 # make lint    lints only
+# make fuzz    fuzz targets, SECONDS_EACH=60 seconds each; see docs/fuzzing.md
 
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 MAKEFLAGS += --no-print-directory
 # One after the other: every step uses all cores, and each one fails with its own message.
 .NOTPARALLEL:
-.PHONY: demo test bench doc fmt lint setup-build setup-test test-fmt test-rust test-colcon
+.PHONY: demo test bench doc fmt lint fuzz setup-build setup-test test-fmt test-rust test-colcon
 
 DEMO_ARGS ?= --seconds 20
 BENCH_ARGS ?=
@@ -40,6 +41,10 @@ fmt:
 
 lint: | target/COLCON_IGNORE
 	@$(CARGO) clippy --workspace --all-targets --locked -- -D warnings
+
+fuzz: export SECONDS_EACH ?= 60
+fuzz: | target/COLCON_IGNORE
+	@fuzz/run.sh
 
 # Compiled outside: the namespace has no network, should Cargo still have to fetch something.
 # The programs too, because the end-to-end tests start them.

@@ -130,7 +130,8 @@ fn first_of_equals<'a>(
     values: impl ExactSizeIterator<Item = &'a Value> + Clone,
 ) -> Option<Vec<usize>> {
     let count = values.len();
-    let pair_differs = |(index, value)| values.clone().take(index).all(|before| before != value);
+    let pair_differs =
+        |(index, value)| values.clone().take(index).all(|before| !same(before, value));
     if count <= SMALL && values.clone().enumerate().all(pair_differs) {
         return None;
     }
@@ -147,12 +148,23 @@ struct Hashed<'a>(&'a Value);
 
 impl PartialEq for Hashed<'_> {
     fn eq(&self, other: &Self) -> bool {
-        self.0 == other.0
+        same(self.0, other.0)
     }
 }
 
-// NaN differs from itself, as in a Python dict of distinct NaNs: the map then keeps both.
 impl Eq for Hashed<'_> {}
+
+/// Equality as Python's containers have it: what is the same object is equal, and its JSON reader
+/// makes one object of all NaNs. Without this, each NaN of a set would be compared with all others.
+fn same(a: &Value, b: &Value) -> bool {
+    match (a, b) {
+        (Value::Float(a), Value::Float(b)) => a == b || (a.is_nan() && b.is_nan()),
+        (Value::Tuple(a), Value::Tuple(b)) => {
+            a.len() == b.len() && a.iter().zip(b).all(|(a, b)| same(a, b))
+        }
+        _ => a == b,
+    }
+}
 
 impl Hash for Hashed<'_> {
     fn hash<H: Hasher>(&self, state: &mut H) {
@@ -162,6 +174,7 @@ impl Hash for Hashed<'_> {
             Value::Int(value) => value.hash(state),
             Value::BigInt(value) => value.hash(state),
             // 0.0 and -0.0 are equal.
+            Value::Float(value) if value.is_nan() => f64::NAN.to_bits().hash(state),
             Value::Float(value) => (value + 0.0).to_bits().hash(state),
             Value::Str(value) | Value::DateTime64(value) => value.hash(state),
             Value::Utf16(value) => value.hash(state),

@@ -1,0 +1,44 @@
+//! What must hold whatever bytes arrive, one function a target.
+//!
+//! ```text
+//!   targets/fuzz_targets/json.rs   libFuzzer, endless ──┐
+//!                                                       ├──▶ json(bytes): holds, or panics
+//!   tests/replay.rs   every file of corpus/json, once ──┘
+//! ```
+//!
+//! Each function asserts: no panic below it; what was read can be written, and reads the same
+//! again; memory stays within a multiple of the input ([`bounded`]), so that nobody can make the
+//! process hold more than the message limit allows.
+//!
+//! `docs/fuzzing.md` says how to run them.
+
+// These functions are assertions: a panic is how they say that something does not hold.
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::missing_panics_doc)]
+
+mod codecs;
+mod meter;
+mod texts;
+
+pub use codecs::{cdr, frames, jpeg, json, npy};
+pub use meter::{bounded, measure};
+pub use texts::{config, msg_parser, ros_args};
+
+use wrapyfi_core::Limits;
+
+/// Limits of the targets: small, so that what exceeds them is small, too.
+pub const LIMITS: Limits = Limits { message_bytes: 1 << 20, depth: 64 };
+
+/// A target: its name and its function.
+pub type Target = (&'static str, fn(&[u8]));
+
+/// Every target.
+pub const TARGETS: [Target; 8] = [
+    ("json", json),
+    ("npy", npy),
+    ("frames", frames),
+    ("jpeg", jpeg),
+    ("cdr", cdr),
+    ("msg_parser", msg_parser),
+    ("ros_args", ros_args),
+    ("config", config),
+];

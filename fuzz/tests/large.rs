@@ -1,0 +1,135 @@
+//! The same promises on messages as large as the limit allows, made of what costs most: where a
+//! fuzzer, whose inputs are short, would not see a factor or a square.
+#![allow(clippy::unwrap_used, clippy::print_stderr)]
+
+use std::time::{Duration, Instant};
+
+use wrapyfi_fuzz::{TARGETS, measure};
+
+/// Size of each input, just below the limit of the targets.
+const SIZE: usize = 1_000_000;
+/// Most units of each input: a decoder limits how many values it makes, too.
+const UNITS: usize = 40_000;
+/// Ten times what the slowest of them takes without optimisation, a tenth of what a square takes.
+const PATIENCE: Duration = Duration::from_secs(4);
+
+fn run(target: &str, shapes: &[(&str, &str, &str)]) {
+    for (start, unit, end) in shapes {
+        let data = format!("{start}{}{end}", unit.repeat((SIZE / unit.len()).min(UNITS)));
+        check(target, unit, &data);
+    }
+}
+
+fn check(target: &str, unit: &str, data: &str) {
+    let (_, body) = TARGETS.into_iter().find(|(name, _)| *name == target).unwrap();
+    let begun = Instant::now();
+    let ((), peak) = measure(|| body(data.as_bytes()));
+    let (factor, took) = (peak / data.len(), begun.elapsed());
+    eprintln!("{target}: {unit:?} holds {factor} times its size, takes {took:?}");
+    assert!(took < PATIENCE, "{target} takes {took:?} for {} bytes of {unit:?}", data.len());
+}
+
+/// Units that all differ.
+fn distinct(start: &str, unit: impl Fn(usize) -> String, end: &str) -> String {
+    let mut data = start.to_owned();
+    data.push_str(&unit(0));
+    for n in 1..UNITS {
+        let unit = unit(n);
+        if data.len() + unit.len() > SIZE {
+            break;
+        }
+        data.push(',');
+        data.push_str(&unit);
+    }
+    data + end
+}
+
+#[test]
+fn members_and_keys() {
+    const SET: &str = "{\"__wrapyfi__\":[\"set\",[";
+    let lone = |n: usize| format!("\"\\ud800{n}\"");
+    for (start, end) in [("{", "}"), (SET, "]]}")] {
+        let colon = if start == "{" { ":0" } else { "" };
+        check("json", "text", &distinct(start, |n| format!("\"{n}\"{colon}"), end));
+        check("json", "UTF-16", &distinct(start, |n| lone(n) + colon, end));
+    }
+    check("json", "ints", &distinct(SET, |n| n.to_string(), "]]}"));
+    check("json", "floats", &distinct(SET, |n| format!("{n}.5"), "]]}"));
+    let tagged = |tag: &str, inner: String| format!("{{\"__wrapyfi__\":[\"{tag}\",[{inner}]]}}");
+    let tuple = |inner| tagged("tuple", inner);
+    check("json", "tuples", &distinct(SET, |n| tuple(n.to_string()), "]]}"));
+    check("json", "lists", &distinct(SET, |n| format!("[{n}]"), "]]}"));
+    check("json", "maps", &distinct(SET, |n| format!("{{\"{n}\":0}}"), "]]}"));
+    check("json", "lists in tuples", &distinct(SET, |n| tuple(format!("[{n}]")), "]]}"));
+    check("json", "foreign", &distinct(SET, |n| tagged("Nobody", n.to_string()), "]]}"));
+}
+
+#[test]
+fn members_that_differ_from_themselves() {
+    run("json", &[("{\"__wrapyfi__\":[\"set\",[", "NaN,", "0]]}")]);
+}
+
+#[test]
+fn json() {
+    run(
+        "json",
+        &[
+            ("[", "0,", "0]"),
+            ("[", "[],", "0]"),
+            ("[", "[0],", "0]"),
+            ("[", "{},", "0]"),
+            ("[", "{\"\":0},", "0]"),
+            ("[", "\"\",", "0]"),
+            ("[", "\"a\",", "0]"),
+            ("[", "[[0]],", "0]"),
+            ("[", "\"\\ud800\",", "0]"),
+            ("[", "12345678901234567890,", "0]"),
+            ("\"", "\\n", "\""),
+            ("\"", "\\ud800", "\""),
+            ("\"", "a", "\""),
+            ("{", "\"a\":0,", "\"b\":0}"),
+            ("", " ", "0"),
+            ("{\"__wrapyfi__\":[\"set\",[", "0,", "0]]}"),
+            ("{\"__wrapyfi__\":[\"set\",[", "[],", "0]]}"),
+            ("{\"__wrapyfi__\":[\"tuple\",[", "[0],", "0]]}"),
+            ("{\"__wrapyfi__\":[\"Nobody\",[", "[0],", "0]]}"),
+        ],
+    );
+}
+
+#[test]
+fn texts() {
+    run(
+        "msg_parser",
+        &[
+            ("", "#\n", ""),
+            ("", "\n", ""),
+            ("int32[] a [", "1,", "1]"),
+            ("string s \"", "a", "\""),
+            ("#", "a", ""),
+        ],
+    );
+    run(
+        "config",
+        &[
+            ("routes: [", "1,", "1]"),
+            ("routes: [", "{},", "1]"),
+            ("routes: [", "[1],", "1]"),
+            ("", "#\n", ""),
+            ("", "a: 1\n", ""),
+            ("a: \"", "a", "\""),
+        ],
+    );
+    run(
+        "ros_args",
+        &[
+            ("--ros-args\n", "-p\na:=1\n", ""),
+            ("--ros-args\n-p\na:=[", "1,", "1]"),
+            ("--ros-args\n--params-file\nx\n----\n/**: {ros__parameters: {a: [", "1,", "1]}}"),
+            ("--ros-args\n--params-file\nx\n----\n", "a: {b: {c: 1}}\n", ""),
+            ("--ros-args\n-r\n", "/*", ":=/a"),
+            ("--ros-args\n-r\n", "a", ":=/a"),
+            ("", "a\n", ""),
+        ],
+    );
+}

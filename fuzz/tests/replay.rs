@@ -1,0 +1,54 @@
+//! Every file of every corpus, once: what a fuzzer found stays found.
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+use std::path::{Path, PathBuf};
+
+use wrapyfi_fuzz::TARGETS;
+
+fn corpus(target: &str) -> Vec<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus").join(target);
+    let mut files: Vec<_> = std::fs::read_dir(&folder)
+        .unwrap_or_else(|error| panic!("{}: {error}", folder.display()))
+        .map(|entry| entry.unwrap().path())
+        .collect();
+    files.sort();
+    files
+}
+
+/// The test of the same name in the table.
+fn replay(name: &str) {
+    let (_, target) = TARGETS.into_iter().find(|(target, _)| *target == name).unwrap();
+    let files = corpus(name);
+    assert!(!files.is_empty(), "no seeds");
+    let mut failed = Vec::new();
+    for file in files {
+        let data = std::fs::read(&file).unwrap();
+        if std::panic::catch_unwind(|| target(&data)).is_err() {
+            failed.push(file.file_name().unwrap().to_string_lossy().into_owned());
+        }
+    }
+    assert!(failed.is_empty(), "{name} does not hold for {failed:?}");
+}
+
+macro_rules! replays {
+    ($($name:ident)*) => {
+        $(
+            #[test]
+            fn $name() {
+                replay(stringify!($name));
+            }
+        )*
+
+        #[test]
+        fn every_target_is_replayed() {
+            let replayed = [$(stringify!($name)),*];
+            assert_eq!(TARGETS.map(|(name, _)| name), replayed);
+            for (name, _) in TARGETS {
+                let program = format!("targets/fuzz_targets/{name}.rs");
+                assert!(Path::new(env!("CARGO_MANIFEST_DIR")).join(program).exists(), "{name}");
+            }
+        }
+    };
+}
+
+replays! { json npy frames jpeg cdr msg_parser ros_args config }

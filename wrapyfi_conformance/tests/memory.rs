@@ -1,0 +1,36 @@
+//! The suite against topics inside one process.
+#![allow(clippy::unwrap_used)]
+
+use wrapyfi_conformance::{Capabilities, Rig, Side, TypeCheck, conformance_tests};
+use wrapyfi_core::endpoint::Middleware;
+use wrapyfi_core::middleware::memory::Memory;
+
+/// One bus: there is no wire, so both sides are the same.
+struct Bus(Memory);
+
+impl Rig for Bus {
+    const CAPABILITIES: Capabilities = Capabilities {
+        wire: false,
+        waits_aloud: false,
+        keeps_last: false,
+        ignores_own: false,
+        block_waits: false,
+        types: TypeCheck::Unchecked,
+        ..Capabilities::FULL
+    };
+
+    const KNOWN_FAULTS: &'static [(&'static str, &'static str)] =
+        &[("publishers_know_who_listens", "a listener that closes does not ring its publishers")];
+
+    fn start() -> Self {
+        Self(Memory::new("memory"))
+    }
+
+    fn side(&self, _side: Side) -> &dyn Middleware {
+        &self.0
+    }
+
+    fn restart(&mut self, _side: Side) {}
+}
+
+conformance_tests!(Bus);
