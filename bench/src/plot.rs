@@ -16,12 +16,11 @@ const TOP: f64 = 74.0;
 const FIRST: f64 = 1.0;
 const LAST: f64 = 6.0;
 
+/// Plain colours, said twice: not every program that draws SVG knows CSS variables.
 const STYLE: &str = "\
-    svg{--page:#fff;--text:#1f2328;--faint:#d8dee4;--raw:#8b949e;--bridge:#0969da;--rust:#1a7f37;--python:#bc4c00}\
-    @media(prefers-color-scheme:dark){svg{--page:#0d1117;--text:#e6edf3;--faint:#30363d;--raw:#8b949e;--bridge:#4493f8;--rust:#3fb950;--python:#f0883e}}\
-    text{font:12px system-ui,sans-serif;fill:var(--text)}.head{font-weight:600}.big{font-size:15px;font-weight:600}\
-    .page{fill:var(--page)}.grid{stroke:var(--faint)}.whisker{stroke:var(--text);stroke-width:1.2}\
-    .raw{fill:var(--raw)}.bridge{fill:var(--bridge)}.rust{fill:var(--rust)}.python{fill:var(--python)}";
+    text{font:12px system-ui,sans-serif}.head{font-weight:600}.big{font-size:15px;font-weight:600}.whisker{stroke-width:1.2}\
+    text{fill:#1f2328}.page{fill:#fff}.grid{stroke:#d8dee4}.whisker{stroke:#1f2328}.raw{fill:#8b949e}.bridge{fill:#0969da}.rust{fill:#1a7f37}.python{fill:#bc4c00}\
+    @media(prefers-color-scheme:dark){text{fill:#e6edf3}.page{fill:#0d1117}.grid{stroke:#30363d}.whisker{stroke:#e6edf3}.raw{fill:#8b949e}.bridge{fill:#4493f8}.rust{fill:#3fb950}.python{fill:#f0883e}}";
 
 const ORDER: [Way; 10] = [
     Way::RawZmq,
