@@ -1,5 +1,6 @@
 # make demo    the main job on a bare machine: ZeroMQ in, ROS 2 out, a live table
 # make test    everything: format, lints, tests against real peers, documentation, colcon
+# make bench   raw transports, bridge and Python Wrapyfi measured by turns: bench/RESULTS.md
 # make doc     API documentation of the workspace, in target/doc
 # make fmt     formats the sources
 # make lint    lints only
@@ -10,9 +11,10 @@ SHELL := /bin/bash
 MAKEFLAGS += --no-print-directory
 # One after the other: every step uses all cores, and each one fails with its own message.
 .NOTPARALLEL:
-.PHONY: demo test doc fmt lint fuzz setup-build setup-test test-fmt test-rust test-colcon
+.PHONY: demo test bench doc fmt lint fuzz setup-build setup-test test-fmt test-rust test-colcon
 
 DEMO_ARGS ?= --seconds 20
+BENCH_ARGS ?=
 # Debian's ament needs Debian's Python, whatever comes first in PATH.
 export PYTHON3 ?= /usr/bin/python3
 
@@ -58,6 +60,11 @@ doc: | target/COLCON_IGNORE
 
 test-colcon:
 	@test/colcon.sh
+
+# Built outside: the namespace has no network.
+bench: setup-build | target/COLCON_IGNORE
+	@$(CARGO) build --release --locked --package wrapyfi_bridge --package wrapyfi_bench
+	@scripts/lo-namespace.sh target/release/wrapyfi_bench $(BENCH_ARGS)
 
 # colcon reads every folder below the one it starts in.
 target/COLCON_IGNORE:

@@ -1,0 +1,317 @@
+#!/usr/bin/env python3
+"""Python Wrapyfi as source, forwarder or sink of a measured way. Started once, obeys for many turns.
+
+    python_wrapyfi.py source  --pub-port P --sub-port S     runs Wrapyfi's broker too
+    python_wrapyfi.py forward --pub-port P --sub-port S     listens to /in/X, publishes /out/X
+    python_wrapyfi.py sink    --pub-port P --sub-port S --acks PORT
+    python_wrapyfi.py code                                  coding alone, no transport
+
+Orders on stdin and results on stdout are one JSON object a line, as bench/src/worker.rs has them:
+the source is told {"do": "warm" | "paced" | "window", "way": "hop" | "forward", "payload": X, ...},
+sink and forwarder {"way": ..., "payload": X}, or null to rest. The sink tells the source of every
+arrival as two 64-bit numbers over TCP: the message's number and CLOCK_MONOTONIC in nanoseconds.
+
+Every listener looks for messages without sleeping, as Wrapyfi's own benchmark does; the forwarder
+sleeps 0.1 ms where nothing waits, because three processes that never sleep hinder each other.
+"""
+import argparse
+import json
+import logging
+import os
+import signal
+import socket
+import struct
+import sys
+import threading
+import time
+
+logging.disable(logging.WARNING)
+import numpy as np  # noqa: E402
+from wrapyfi.connect.wrapper import MiddlewareCommunicator  # noqa: E402
+from wrapyfi.utils.serialization_encoders import JsonDecodeHook, JsonEncoder  # noqa: E402
+
+BASE = 1_700_000_000
+WARM, AWAKE_NS, SILENCE_S = 5, 250_000, 2.0
+
+parser = argparse.ArgumentParser()
+parser.add_argument("role", choices=["source", "forward", "sink", "code"])
+parser.add_argument("--pub-port", type=int, default=0)
+parser.add_argument("--sub-port", type=int, default=0)
+parser.add_argument("--acks", type=int, default=0)
+args = parser.parse_args()
+
+
+def picture(width, height):
+    y, x, c = np.ogrid[:height, :width, :3]
+    noise = np.random.default_rng(1).integers(0, 40, (height, width, 3))
+    return ((x * (c + 1) // 5 + y // 3 + noise) % 256).astype(np.uint8)
+
+
+PAYLOADS = {
+    "small": {"seq": 0, "name": "left_arm", "speed": 0.25, "joints": [0.1, -1.5, 3.0]},
+    "u8-rgb200": {"seq": 0, "data": picture(200, 200)},
+    "f32-mib": {"seq": 0, "data": np.sin(np.arange(512 * 512, dtype=np.float32) / 1e4).reshape(512, 512)},
+    "audio": np.sin(np.arange(8820, dtype=np.float32) / 1e4).reshape(8820, 1),
+    "vga-rgb": picture(640, 480),
+    "full-hd-rgb": picture(1920, 1080),
+}
+
+
+def number(payload, seq):
+    """Message number `seq` of a kind; the bulk of it is shared with the others."""
+    value = PAYLOADS[payload]
+    if isinstance(value, dict):
+        value["seq"] = BASE + seq
+        return value
+    if payload == "audio":
+        value[0, 0] = seq  # exact in float32 up to 2**24
+        return value, 44100
+    value[0, 0] = seq % 256, seq // 256 % 256, seq // 65536
+    return value
+
+
+def number_of(value):
+    if isinstance(value, dict):
+        return value["seq"] - BASE
+    if isinstance(value, tuple):
+        return int(value[0].reshape(-1)[0])
+    low, middle, high = (int(x) for x in value[0, 0])
+    return low + 256 * middle + 65536 * high
+
+
+def arrived(value):
+    return value is not None and not (isinstance(value, tuple) and value[0] is None)
+
+
+def register(kind, topic, broker):
+    """A class with one method on one topic, as a script of a user has it."""
+    extra = {"chunk": 8820, "rate": 44100, "channels": 1} if kind == "audio" else {}
+    data_type = {"audio": "AudioChunk", "vga-rgb": "Image", "full-hd-rgb": "Image"}.get(kind, "NativeObject")
+    # Without the monitor a publisher waits for nobody: the source sends until something arrives.
+    options = dict(should_wait=True, socket_pub_port=args.pub_port, start_pubsub_monitor_broker=False, **extra)
+    sending = dict(socket_sub_port=args.sub_port, start_proxy_broker=broker)
+
+    def message(self, value=None):
+        return (value,)
+
+    # Wrapyfi keeps its registry by the names of class and method: every topic needs its own.
+    name = "Exchange" + "".join(part.capitalize() for part in topic.replace("-", "/").split("/"))
+    message.__qualname__ = f"{name}.message"
+    message = MiddlewareCommunicator.register(data_type, "zeromq", name, topic, **options, **sending)(message)
+    return type(name, (MiddlewareCommunicator,), {"message": message})()
+
+
+class Way:
+    """One end of one topic; connects when it is first used."""
+
+    def __init__(self, kind, topic, mode, broker=False):
+        self.node = register(kind, topic, broker)
+        self.node.activate_communication(self.node.message, mode=mode)
+
+    def send(self, value):
+        self.node.message(value=value)
+
+    def receive(self):
+        (value,) = self.node.message()
+        return value if arrived(value) else None
+
+
+def say(document):
+    print(json.dumps(document), flush=True)
+
+
+def leave(*_):
+    import multiprocessing
+    for child in multiprocessing.active_children():
+        child.terminate()
+    os._exit(0)
+
+
+class Source:
+    def __init__(self):
+        self.ways, self.next = {}, 1
+        listener = socket.create_server(("127.0.0.1", 0))
+        say({"acks": listener.getsockname()[1]})
+        self.acks, _ = listener.accept()
+        self.partial = b""
+
+    def way_to(self, topic, payload):
+        if topic not in self.ways:
+            # Wrapyfi starts its broker, a process, with the first of them.
+            self.ways[topic] = Way(payload, topic, "publish", broker=True)
+        return self.ways[topic]
+
+    def hear(self, patience):
+        self.acks.settimeout(patience)
+        try:
+            data = self.acks.recv(65536)
+        except (socket.timeout, BlockingIOError):
+            return 0
+        if not data:
+            leave()
+        self.partial += data
+        whole = len(self.partial) // 16 * 16
+        heard = list(struct.iter_unpack("<QQ", self.partial[:whole]))
+        self.partial = self.partial[whole:]
+        for seq, when in heard:
+            if seq not in self.due:
+                continue
+            if seq in self.seen:
+                self.duplicates += 1
+                continue
+            self.seen[seq] = when
+        return len(heard)
+
+    def begin(self):
+        self.due, self.seen, self.duplicates, self.awake, self.late = {}, {}, 0, 0, 0
+        self.start = time.monotonic_ns()
+
+    def send(self, payload, due=None):
+        value = number(payload, self.next)
+        self.due[self.next] = due or time.monotonic_ns()
+        self.next += 1
+        self.way.send(value)
+
+    def finish(self, **more):
+        while len(self.seen) < len(self.due) and self.hear(SILENCE_S):
+            pass
+        self.hear(0.005)
+        last = max(self.seen.values(), default=self.start)
+        report = {"sent": len(self.due), "refused": 0, "received": len(self.seen), "duplicates": self.duplicates,
+                  "latency_us": [(self.seen[seq] - self.due[seq]) / 1e3 for seq in sorted(self.seen)],
+                  "latest_us": self.late / 1e3, "awake_ns": self.awake, "span_ns": last - self.start, "opening_ns": 0}
+        report.update(more)
+        return report
+
+    def paced(self, payload, count, hz):
+        self.begin()
+        period = int(1e9 / hz)
+        self.start += 2_000_000
+        for index in range(count):
+            due = self.start + index * period
+            nap = due - time.monotonic_ns() - AWAKE_NS
+            if nap > 0:
+                time.sleep(nap / 1e9)
+            since = time.monotonic_ns()
+            while (now := time.monotonic_ns()) < due:
+                pass
+            self.awake += now - since
+            self.late = max(self.late, now - due)
+            self.send(payload, due)
+        return self.finish()
+
+    def warm(self, payload):
+        self.begin()
+        start = self.start
+        while not self.seen:
+            self.send(payload)
+            self.hear(0.04)
+            if time.monotonic_ns() - start > 20e9:
+                raise SystemExit("nothing arrived within 20 s")
+        opening = min(self.seen.values()) - start
+        time.sleep(0.3)
+        self.hear(0.001)
+        return dict(self.paced(payload, WARM, 10.0), opening_ns=opening)
+
+    def window(self, payload, count, inflight):
+        self.begin()
+        for _ in range(count):
+            self.send(payload)
+            while len(self.due) - len(self.seen) >= inflight:
+                if not self.hear(SILENCE_S):
+                    return self.finish()
+        return self.finish()
+
+    def run(self):
+        for line in sys.stdin:
+            order = json.loads(line)
+            payload = order["payload"]
+            self.way = self.way_to(("/in/" if order["way"] == "hop" else "/via/") + payload, payload)
+            if order["do"] == "warm":
+                say(self.warm(payload))
+            elif order["do"] == "paced":
+                say(self.paced(payload, order["count"], order["hz"]))
+            else:
+                say(self.window(payload, order["count"], order["inflight"]))
+        leave()
+
+
+def follow(act, rest):
+    """Calls `act(order)` again and again for the order read last; `rest()` where it is null."""
+    current = [None]
+
+    def read():
+        for line in sys.stdin:
+            current[0] = json.loads(line)
+        leave()
+
+    threading.Thread(target=read, daemon=True).start()
+    while True:
+        order = current[0]
+        rest() if order is None else act(order)
+
+
+def sink():
+    acks = socket.create_connection(("127.0.0.1", args.acks))
+    acks.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    ways = {}
+
+    def act(order):
+        topic = ("/in/" if order["way"] == "hop" else "/out/") + order["payload"]
+        if topic not in ways:
+            ways[topic] = Way(order["payload"], topic, "listen")
+        value = ways[topic].receive()
+        if value is not None:
+            now = time.monotonic_ns()
+            acks.sendall(struct.pack("<QQ", number_of(value), now))
+        elif order["way"] == "forward":
+            time.sleep(0.0001)
+
+    follow(act, lambda: time.sleep(0.01))
+
+
+def forward():
+    ways = {}
+
+    def act(order):
+        payload = order["payload"]
+        if payload not in ways:
+            ways[payload] = Way(payload, f"/via/{payload}", "listen"), Way(payload, f"/out/{payload}", "publish")
+        listener, publisher = ways[payload]
+        value = listener.receive()
+        if value is None:
+            time.sleep(0.0001)
+        else:
+            publisher.send(value)
+
+    follow(act, lambda: time.sleep(0.01))
+
+
+def code():
+    """{"payload", "repeats"} on stdin: medians of Wrapyfi's own coding in microseconds."""
+    hook = JsonDecodeHook().object_hook
+    for line in sys.stdin:
+        order = json.loads(line)
+        value = number(order["payload"], 0)
+        if order["payload"] == "audio":
+            value = (8820, 1, 44100, value[0])
+        encode, decode = [], []
+        for _ in range(order["repeats"]):
+            start = time.perf_counter_ns()
+            text = json.dumps(value, cls=JsonEncoder).encode()
+            between = time.perf_counter_ns()
+            json.loads(text.decode(), object_hook=hook)
+            encode.append(between - start)
+            decode.append(time.perf_counter_ns() - between)
+        say({"encode_us": sorted(encode)[len(encode) // 2] / 1e3, "decode_us": sorted(decode)[len(decode) // 2] / 1e3})
+
+
+signal.signal(signal.SIGTERM, leave)
+if args.role == "source":
+    Source().run()
+elif args.role == "sink":
+    sink()
+elif args.role == "forward":
+    forward()
+else:
+    code()

@@ -1,0 +1,205 @@
+//! `make bench`: raw transports, our bridge and Python Wrapyfi measured by turns in one run.
+//!
+//! How: `README.md` beside this. What came out last: `RESULTS.md`, `results.csv`, `plot.svg`.
+
+mod case;
+mod child;
+mod clock;
+mod machine;
+mod micro;
+mod payload;
+mod plot;
+mod proc;
+mod python;
+mod relay;
+mod report;
+mod results;
+mod soak;
+mod stats;
+mod targets;
+mod turn;
+mod wire;
+mod worker;
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, Result};
+use clap::{Parser, Subcommand};
+
+use case::Case;
+use payload::Kind;
+use python::Python;
+use results::Results;
+use turn::Bench;
+use wire::{Place, Wire};
+
+/// Measures wrapyfi for ROS 2. Run it through `make bench`.
+#[derive(Debug, Parser)]
+struct Cli {
+    /// Rounds in which every case has one turn.
+    #[arg(long, default_value_t = 5)]
+    rounds: u32,
+    /// Full-HD stream for 10 seconds instead of 60.
+    #[arg(long)]
+    quick: bool,
+    /// Only cases whose name (`way/payload`) contains this, and neither stream nor coding.
+    #[arg(long)]
+    only: Option<String>,
+    /// Folder for the results; default: this program's own in the repository.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Settings of CycloneDDS for every process, as in CYCLONEDDS_URI: to try some out.
+    #[arg(long)]
+    cyclonedds_uri: Option<String>,
+    #[command(subcommand)]
+    role: Option<Role>,
+}
+
+/// What a process that the benchmark started is.
+#[derive(Debug, Subcommand)]
+enum Role {
+    /// Sends.
+    #[command(hide = true)]
+    Source {
+        #[arg(long)]
+        wire: Wire,
+        #[command(flatten)]
+        place: Place,
+    },
+    /// Carries, as little as possible.
+    #[command(hide = true)]
+    RelayToRos {
+        #[command(flatten)]
+        place: Place,
+    },
+    /// Carries the other way.
+    #[command(hide = true)]
+    RelayToZmq {
+        #[command(flatten)]
+        place: Place,
+    },
+    /// Receives.
+    #[command(hide = true)]
+    Sink {
+        #[arg(long)]
+        wire: Wire,
+        #[command(flatten)]
+        place: Place,
+        /// Port of the source that is told of arrivals.
+        #[arg(long)]
+        acks: u16,
+    },
+}
+
+fn main() -> Result<()> {
+    let cli = Cli::parse();
+    match &cli.role {
+        None => run(&cli),
+        Some(Role::RelayToRos { place }) => relay::run(true, place),
+        Some(Role::RelayToZmq { place }) => relay::run(false, place),
+        Some(Role::Source { wire, place }) => {
+            log_warnings();
+            worker::source(*wire, place)
+        }
+        Some(Role::Sink { wire, place, acks }) => {
+            log_warnings();
+            worker::sink(*wire, place, *acks)
+        }
+    }
+}
+
+fn log_warnings() {
+    tracing_subscriber::fmt()
+        .with_max_level(tracing_subscriber::filter::LevelFilter::WARN)
+        .with_writer(std::io::stderr)
+        .init();
+}
+
+/// Progress, for whoever waits.
+fn note(text: &str) {
+    // Nothing is lost where nobody reads along.
+    _ = writeln!(std::io::stderr(), "{text}");
+}
+
+fn run(cli: &Cli) -> Result<()> {
+    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let repository = here.parent().context("the benchmark has no repository around it")?;
+    let out = cli.out.clone().unwrap_or_else(|| here.to_owned());
+    let folder = tempfile::Builder::new().prefix("wrapyfi_bench_").tempdir()?;
+    let mut bench = Bench::new(folder.path())?;
+    bench.cyclonedds_uri.clone_from(&cli.cyclonedds_uri);
+    let mut results = Results::new(cli.rounds);
+    let wanted = |case: &Case| cli.only.as_ref().is_none_or(|only| case.name().contains(only));
+    let cases: Vec<Case> = Case::all().into_iter().filter(wanted).collect();
+
+    let mut python = None;
+    if cases.iter().any(|case| case.way.is_python()) {
+        match Python::start(repository, folder.path()) {
+            Ok(started) => python = Some(started),
+            Err(error) => {
+                note(&format!("without Python Wrapyfi: {error:#}"));
+                results.no_python = Some(format!("{error:#}"));
+            }
+        }
+    }
+    let bodies = micro::Bodies::new()?;
+    let begin = std::time::Instant::now();
+    for round in 1..=cli.rounds {
+        results.loads.push(proc::load());
+        if cli.only.is_none() {
+            results.micro(round, bodies.round()?);
+            if let Some(python) = &mut python {
+                python_coding(python, round, &mut results);
+            }
+        }
+        // Every other round backwards: a drift of the machine meets all cases alike.
+        let mut order = cases.clone();
+        if round % 2 == 0 {
+            order.reverse();
+        }
+        for case in order {
+            let turn = match (&mut python, case.way.is_python()) {
+                (_, false) => bench.turn(case),
+                (Some(python), true) => python.turn(case),
+                (None, true) => continue,
+            };
+            match turn {
+                Ok(turn) => results.turn(round, case, turn),
+                Err(error) => {
+                    let failure = format!("round {round}, {}: {error:#}", case.name());
+                    note(&failure);
+                    results.failures.push(failure);
+                }
+            }
+        }
+        note(&format!("round {round} of {}: {:.0} s", cli.rounds, begin.elapsed().as_secs_f64()));
+    }
+    drop(python);
+    if cli.only.is_none() {
+        let (seconds, settle) = if cli.quick { (10, 4) } else { (60, 10) };
+        match soak::run(&bench, seconds, settle) {
+            Ok(soak) => results.soak = Some(soak),
+            Err(error) => results.failures.push(format!("stream: {error:#}")),
+        }
+    }
+    let targets = targets::check(&results);
+    std::fs::create_dir_all(&out)?;
+    std::fs::write(out.join("results.csv"), results.csv())?;
+    std::fs::write(out.join("plot.svg"), plot::draw(&results))?;
+    std::fs::write(out.join("RESULTS.md"), report::write(&results, &targets)?)?;
+    note(&format!("{:.0} s; results in {}", begin.elapsed().as_secs_f64(), out.display()));
+    writeln!(std::io::stdout(), "{}", report::target_table(&targets))?;
+    Ok(())
+}
+
+fn python_coding(python: &mut Python, round: u32, results: &mut Results) {
+    let kinds =
+        [Kind::Small, Kind::Audio, Kind::U8Rgb200, Kind::F32Mib, Kind::VgaRgb, Kind::FullHdRgb];
+    for kind in kinds {
+        match python.coding(kind, if kind == Kind::FullHdRgb { 5 } else { 15 }) {
+            Ok(coding) => results.coding(round, kind, coding),
+            Err(error) => results.failures.push(format!("Python's coding: {error:#}")),
+        }
+    }
+}

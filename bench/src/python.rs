@@ -1,0 +1,125 @@
+//! Python Wrapyfi, measured by the same orders: `peers/python_wrapyfi.py`.
+//!
+//! Its processes take seconds to start, so they are started once and rest between their turns.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use anyhow::{Context as _, Result, bail};
+use serde::Deserialize;
+use serde_json::json;
+
+use crate::case::{Case, Way};
+use crate::child::Child;
+use crate::payload::Kind;
+use crate::proc;
+use crate::turn::{Phase, Turn};
+use crate::worker::{Order, Report};
+
+/// Source with Wrapyfi's broker, forwarder, sink, and one that only codes.
+pub(crate) struct Python {
+    source: Child,
+    forward: Child,
+    sink: Child,
+    coder: Child,
+}
+
+/// Medians of Wrapyfi's own coding.
+#[derive(Debug, Clone, Copy, Deserialize)]
+pub(crate) struct Coding {
+    pub(crate) encode_us: f64,
+    pub(crate) decode_us: f64,
+}
+
+/// The interpreter: `WRAPYFI_PYTHON`, else the one `make test` installs.
+fn interpreter(repository: &Path) -> Result<PathBuf> {
+    let path = std::env::var_os("WRAPYFI_PYTHON")
+        .map_or_else(|| repository.join(".venv/bin/python"), PathBuf::from);
+    let probe = "import importlib.util as u, sys; sys.exit(not all(u.find_spec(m) for m in ('wrapyfi', 'zmq')))";
+    let ran = Command::new(&path).args(["-c", probe]).status();
+    if ran.is_ok_and(|status| status.success()) {
+        return Ok(path);
+    }
+    bail!(
+        "Python Wrapyfi is not installed at {}: run `make test`, or set WRAPYFI_PYTHON",
+        path.display()
+    )
+}
+
+impl Python {
+    /// Starts all of it.
+    pub(crate) fn start(repository: &Path, folder: &Path) -> Result<Self> {
+        let python = interpreter(repository)?;
+        let bind = || std::net::TcpListener::bind(("127.0.0.1", 0));
+        let (one, two) = (bind()?, bind()?);
+        let ports = [one.local_addr()?.port(), two.local_addr()?.port()];
+        drop((one, two));
+        let start = |role: &str, acks: u16| {
+            let mut command = Command::new(&python);
+            command.arg(repository.join("bench/peers/python_wrapyfi.py")).arg(role);
+            let [pub_port, sub_port] = ports.map(|port| port.to_string());
+            command.args(["--pub-port", &pub_port, "--sub-port", &sub_port]);
+            command.args(["--acks", &acks.to_string()]);
+            Child::start(&format!("python-{role}"), command, folder)
+        };
+        let mut source = start("source", 0)?;
+        let acks: serde_json::Value = source.answer()?;
+        let acks = acks.get("acks").and_then(serde_json::Value::as_u64).context("no port")?;
+        let sink = start("sink", u16::try_from(acks)?)?;
+        Ok(Self { source, sink, forward: start("forward", 0)?, coder: start("code", 0)? })
+    }
+
+    /// Measures a case once.
+    pub(crate) fn turn(&mut self, case: Case) -> Result<Turn> {
+        let way = if case.way == Way::PythonForward { "forward" } else { "hop" };
+        let target = json!({ "way": way, "payload": case.payload.name() });
+        self.sink.tell(&target)?;
+        if case.way == Way::PythonForward {
+            self.forward.tell(&target)?;
+        }
+        let done = self.measure(case, way);
+        self.sink.tell(&())?;
+        self.forward.tell(&())?;
+        done
+    }
+
+    fn measure(&mut self, case: Case, way: &str) -> Result<Turn> {
+        let warm = self.ask(&Order::Warm, case, way)?;
+        let paced = self.phase(&case.paced(), case, way)?;
+        let window = self.phase(&case.window(), case, way)?;
+        let rss = |child: &Child| proc::rss_mib(child.id());
+        let middle_rss_mib = if way == "hop" { 0.0 } else { rss(&self.forward) };
+        let rss_mib = rss(&self.source) + rss(&self.sink) + middle_rss_mib;
+        Ok(Turn { warm, paced, window, rss_mib, middle_rss_mib })
+    }
+
+    fn ask(&mut self, order: &Order, case: Case, way: &str) -> Result<Report> {
+        let mut order = serde_json::to_value(order)?;
+        if let Some(order) = order.as_object_mut() {
+            order.insert("way".to_owned(), way.into());
+            order.insert("payload".to_owned(), case.payload.name().into());
+        }
+        self.source.tell(&order)?;
+        self.source.answer()
+    }
+
+    fn phase(&mut self, order: &Order, case: Case, way: &str) -> Result<Phase> {
+        let before = self.cpu();
+        let report = self.ask(order, case, way)?;
+        Ok(Phase::new(report, before, self.cpu()))
+    }
+
+    /// CPU of all, and of what is between the ends: broker and forwarder.
+    fn cpu(&self) -> (u64, u64) {
+        let with_broker = proc::cpu_ns(self.source.id());
+        let forward = proc::cpu_ns(self.forward.id());
+        let broker = with_broker.saturating_sub(proc::cpu_of(self.source.id()));
+        (with_broker + forward + proc::cpu_ns(self.sink.id()), broker + forward)
+    }
+
+    /// Coding alone, without a transport.
+    pub(crate) fn coding(&mut self, kind: Kind, repeats: u32) -> Result<Coding> {
+        self.coder.tell(&json!({ "payload": kind.name(), "repeats": repeats }))?;
+        self.coder.answer()
+    }
+}

@@ -1,0 +1,287 @@
+//! `RESULTS.md`.
+
+use std::fmt::Write as _;
+
+use anyhow::Result;
+
+use crate::case::Way;
+use crate::machine;
+use crate::payload::Kind;
+use crate::results::{Results, Summary};
+use crate::soak::Soak;
+use crate::targets::{Target, bridged};
+use crate::turn::sizes;
+
+const KINDS: [Kind; 7] = [
+    Kind::Small,
+    Kind::Audio,
+    Kind::U8Rgb200,
+    Kind::VgaJpeg,
+    Kind::F32Mib,
+    Kind::VgaRgb,
+    Kind::FullHdRgb,
+];
+
+/// Text of the whole report.
+pub(crate) fn write(results: &Results, targets: &[Target]) -> Result<String> {
+    let mut text = String::from(
+        "# Results\n\n\
+         Written by `make bench`; how it measures: [README.md](README.md). Every figure of every round:\n\
+         [results.csv](results.csv). Times are microseconds. Compare ratios, and only within one run.\n\n\
+         ![Latency of raw hops, bridge and Python Wrapyfi](plot.svg)\n",
+    );
+    machine_table(&mut text, results);
+    _ = writeln!(text, "\n## Targets\n\n{}", target_table(targets));
+    bridge_table(&mut text, results);
+    library_tables(&mut text, results);
+    latency_table(&mut text, results);
+    cost_table(&mut text, results);
+    if let Some(soak) = &results.soak {
+        stream(&mut text, soak);
+    }
+    limits(&mut text, results);
+    size_table(&mut text)?;
+    if !results.failures.is_empty() {
+        text.push_str("\n## Turns that failed\n\n");
+        for failure in &results.failures {
+            _ = writeln!(text, "* {}", failure.replace('\n', " "));
+        }
+    }
+    Ok(text)
+}
+
+fn machine_table(text: &mut String, results: &Results) {
+    text.push_str("\n## Machine\n\n| | |\n| --- | --- |\n");
+    for (name, value) in machine::describe() {
+        _ = writeln!(text, "| {name} | {value} |");
+    }
+    let loads: Vec<String> = results.loads.iter().map(|load| format!("{load:.1}")).collect();
+    _ = writeln!(text, "| Rounds | {} |", results.rounds);
+    _ = writeln!(
+        text,
+        "| Load average at their starts, this run's own included | {} |",
+        loads.join(", ")
+    );
+}
+
+/// The promises, as a table.
+pub(crate) fn target_table(targets: &[Target]) -> String {
+    let mut text = String::from("| target | promised | found | |\n| --- | --- | --- | --- |\n");
+    for Target { what, found, promised, pass } in targets {
+        let verdict = match pass {
+            Some(true) => "pass",
+            Some(false) => "**miss**",
+            None => "not measured",
+        };
+        _ = writeln!(text, "| {what} | {promised} | {found} | {verdict} |");
+    }
+    text
+}
+
+fn bridge_table(text: &mut String, results: &Results) {
+    text.push_str(
+        "\n## What the bridge adds\n\n\
+         Median latency from source to sink process. Parts: the raw ZeroMQ hop through our broker, the\n\
+         raw CycloneDDS hop, and base64 where the payload needs it, all at the same size and measured in\n\
+         the same rounds. The parts count twice what a way has once (the source wakes up, the sink wakes\n\
+         up), so a ratio may be below 1. The minimal relay is the stricter measure: one thread between the\n\
+         same ends that does nothing but what must be done.\n\n\
+         | payload | direction | raw ZeroMQ | raw DDS | base64 | parts | bridge | bridge / parts | minimal relay | bridge / relay |\n\
+         | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
+    );
+    for kind in KINDS {
+        for way in [Way::ZmqToRos, Way::RosToZmq] {
+            let Some(b) = bridged(results, way, kind) else { continue };
+            let least = if way == Way::ZmqToRos { Way::RelayToRos } else { Way::RelayToZmq };
+            let relay = results.summary(least, kind).map(|summary| summary.p50);
+            let direction = if way == Way::ZmqToRos { "to ROS 2" } else { "to ZeroMQ" };
+            _ = writeln!(
+                text,
+                "| {} | {direction} | {:.0} | {:.0} | {:.0} | {:.0} | {:.0} | {:.2} | {} |",
+                kind.title(),
+                b.zmq,
+                b.dds,
+                b.base64,
+                b.parts(),
+                b.bridge,
+                b.ratio(),
+                relay.map_or("- | -".to_owned(), |r| format!("{r:.0} | {:.2}", b.bridge / r))
+            );
+        }
+    }
+}
+
+fn library_tables(text: &mut String, results: &Results) {
+    text.push_str("\n## Against Python Wrapyfi\n\n");
+    if let Some(reason) = &results.no_python {
+        _ = writeln!(text, "Not measured: {reason}.\n");
+    }
+    text.push_str(
+        "Median latency from the call of publish to the decoded value, coding included. Python runs with\n\
+         its own broker, ours with ours.\n\n\
+         | payload | one hop: Python | ours | times | forwarded: Python | ours | times |\n\
+         | --- | --- | --- | --- | --- | --- | --- |\n",
+    );
+    let cell = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.0}"));
+    let times = |a: Option<f64>, b: Option<f64>| {
+        a.zip(b).map_or("-".to_owned(), |(a, b)| format!("{:.1} x", a / b))
+    };
+    for kind in KINDS.into_iter().filter(|kind| *kind != Kind::VgaJpeg) {
+        let half = |way| results.summary(way, kind).map(|summary| summary.p50);
+        let [python, ours] = [half(Way::PythonHop), half(Way::RustHop)];
+        let [python_two, ours_two] = [half(Way::PythonForward), half(Way::RustForward)];
+        _ = writeln!(
+            text,
+            "| {} | {} | {} | {} | {} | {} | {} |",
+            kind.title(),
+            cell(python),
+            cell(ours),
+            times(python, ours),
+            cell(python_two),
+            cell(ours_two),
+            times(python_two, ours_two)
+        );
+    }
+    text.push_str(
+        "\nCoding alone, one thread, no transport (ours: a whole message of frames):\n\n\
+         | payload | encode: Python | ours | times | decode: Python | ours | times |\n\
+         | --- | --- | --- | --- | --- | --- | --- |\n",
+    );
+    for kind in KINDS {
+        let (python, ours) = (results.python_coding(kind), results.our_coding(kind));
+        let (encode, decode) = (python.map(|c| c.0), python.map(|c| c.1));
+        let (our_encode, our_decode) = (ours.map(|c| c.0), ours.map(|c| c.1));
+        if our_encode.is_none() {
+            continue;
+        }
+        let micros = |value: Option<f64>| value.map_or("-".to_owned(), |v| format!("{v:.1}"));
+        _ = writeln!(
+            text,
+            "| {} | {} | {} | {} | {} | {} | {} |",
+            kind.title(),
+            micros(encode),
+            micros(our_encode),
+            times(encode, our_encode),
+            micros(decode),
+            micros(our_decode),
+            times(decode, our_decode)
+        );
+    }
+    let mib = results.our_coding(Kind::F32Mib);
+    let alone =
+        results.figure("base64-simd encode 1 MiB").zip(results.figure("base64-simd decode 1 MiB"));
+    if let Some(((encode, decode), (e, d))) = mib.zip(alone) {
+        _ = writeln!(
+            text,
+            "\n1 MiB of float32 as JSON against base64-simd alone: encode {encode:.0} / {e:.0} = {:.2}, \
+             decode {decode:.0} / {d:.0} = {:.2}.",
+            encode / e,
+            decode / d
+        );
+    }
+}
+
+/// Every case that was measured, with its summary.
+fn all(results: &Results) -> Vec<(Way, Kind, Summary)> {
+    results
+        .cases()
+        .filter_map(|case| Some((case.way, case.payload, results.summary(case.way, case.payload)?)))
+        .collect()
+}
+
+fn latency_table(text: &mut String, results: &Results) {
+    text.push_str(
+        "\n## Latency and delivery\n\n\
+         Fixed rate, latency from the time a message was due. p50: median of the rounds' medians, with\n\
+         their range; p99: of all messages of all rounds. Lost and twice also count the messages sent at\n\
+         full rate. Warm-up, not counted elsewhere: time until something arrived, and the median of the\n\
+         first messages.\n\n\
+         | way | payload | p50 | range of rounds | p99 | messages | lost | twice | opening ms | warm-up p50 |\n\
+         | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
+    );
+    for (way, kind, s) in all(results) {
+        _ = writeln!(
+            text,
+            "| {} | {} | {:.0} | {:.0} to {:.0} | {:.0} | {} | {} | {} | {:.0} | {:.0} |",
+            way.title(),
+            kind.title(),
+            s.p50,
+            s.p50_range.0,
+            s.p50_range.1,
+            s.p99,
+            s.messages,
+            s.lost,
+            s.duplicates,
+            s.opening_ms,
+            s.warm
+        );
+    }
+}
+
+fn cost_table(text: &mut String, results: &Results) {
+    text.push_str(
+        "\n## Throughput, CPU, memory\n\n\
+         Rate with at most four messages under way. CPU microseconds a message at the fixed rate: all\n\
+         processes, and those between the ends (broker, bridge or forwarder). Python's listeners never\n\
+         sleep, which is in their CPU. Resident memory in MiB at the end of a turn.\n\n\
+         | way | payload | messages/s | CPU all | CPU between | RSS all | RSS between |\n\
+         | --- | --- | --- | --- | --- | --- | --- |\n",
+    );
+    for (way, kind, s) in all(results) {
+        _ = writeln!(
+            text,
+            "| {} | {} | {:.0} | {:.0} | {:.0} | {:.0} | {:.0} |",
+            way.title(),
+            kind.title(),
+            s.rate,
+            s.cpu_us,
+            s.middle_us,
+            s.rss_mib,
+            s.middle_rss_mib
+        );
+    }
+}
+
+fn stream(text: &mut String, soak: &Soak) {
+    let Soak { seconds, settle, report, memory } = soak;
+    let q = |fraction| crate::stats::quantile(&report.latency_us, fraction).unwrap_or(f64::NAN);
+    _ = writeln!(
+        text,
+        "\n## 1080p RGB at 30 Hz for {seconds} s, ZeroMQ to ROS 2\n\n\
+         {} sent, {} refused, {} arrived, {} twice; p50 {:.0}, p99 {:.0}, highest {:.0}. Memory, growth \
+         by least squares from second {settle} on:\n\n\
+         | process | RSS MiB at the end | growth MiB a minute |\n| --- | --- | --- |",
+        report.sent,
+        report.refused,
+        report.received,
+        report.duplicates,
+        q(0.5),
+        q(0.99),
+        q(1.0)
+    );
+    for (name, last, growth) in memory {
+        _ = writeln!(text, "| {name} | {last:.1} | {growth:+.2} |");
+    }
+}
+
+fn limits(text: &mut String, results: &Results) {
+    text.push_str(
+        "\n## What the machine can do\n\nMedians over the rounds, microseconds unless said.\n\n\
+         | | |\n| --- | --- |\n",
+    );
+    for name in results.figures() {
+        let value = results.figure(name).unwrap_or(f64::NAN);
+        _ = writeln!(text, "| {name} | {value:.1} |");
+    }
+}
+
+fn size_table(text: &mut String) -> Result<()> {
+    text.push_str(
+        "\n## Sizes\n\n| payload | ZeroMQ body, bytes | CDR, bytes |\n| --- | --- | --- |\n",
+    );
+    for kind in KINDS {
+        let (body, cdr) = sizes(kind)?;
+        _ = writeln!(text, "| {} | {body} | {cdr} |", kind.title());
+    }
+    Ok(())
+}

@@ -1,0 +1,190 @@
+//! Everything a run found, and its summary.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+use crate::case::{Case, Way};
+use crate::micro::Figure;
+use crate::payload::Kind;
+use crate::python::Coding;
+use crate::soak::Soak;
+use crate::stats::{median, quantile};
+use crate::turn::{Phase, Turn};
+use crate::worker::Report;
+
+/// All rounds of all cases.
+#[derive(Default)]
+pub(crate) struct Results {
+    pub(crate) rounds: u32,
+    turns: BTreeMap<Case, Vec<Turn>>,
+    /// In the order in which they were first measured.
+    micro: Vec<(String, Vec<f64>)>,
+    coding: BTreeMap<Kind, Vec<Coding>>,
+    pub(crate) soak: Option<Soak>,
+    /// Turns that failed, with the reason.
+    pub(crate) failures: Vec<String>,
+    /// Why there are no figures of Python Wrapyfi.
+    pub(crate) no_python: Option<String>,
+    /// Load average at the start of every round.
+    pub(crate) loads: Vec<f64>,
+    rows: String,
+}
+
+/// One case over all rounds. Times in microseconds.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Summary {
+    /// Median over the rounds of each round's median.
+    pub(crate) p50: f64,
+    /// Lowest and highest median of a round.
+    pub(crate) p50_range: (f64, f64),
+    /// Of all messages of all rounds together.
+    pub(crate) p99: f64,
+    pub(crate) messages: usize,
+    pub(crate) rate: f64,
+    pub(crate) cpu_us: f64,
+    pub(crate) middle_us: f64,
+    pub(crate) lost: u32,
+    pub(crate) duplicates: u32,
+    pub(crate) rss_mib: f64,
+    pub(crate) middle_rss_mib: f64,
+    /// Start to first arrival, in milliseconds.
+    pub(crate) opening_ms: f64,
+    /// Median of the messages that only warmed up.
+    pub(crate) warm: f64,
+}
+
+fn lost(report: &Report) -> u32 {
+    (report.sent + report.refused).saturating_sub(report.received)
+}
+
+impl Results {
+    /// Nothing yet.
+    pub(crate) fn new(rounds: u32) -> Self {
+        Self { rounds, ..Self::default() }
+    }
+
+    /// Adds a turn.
+    pub(crate) fn turn(&mut self, round: u32, case: Case, turn: Turn) {
+        let name = case.name();
+        for (phase, found) in [("paced", &turn.paced), ("window", &turn.window)] {
+            let Phase { report, cpu_us, middle_us } = found;
+            let q = |fraction| quantile(&report.latency_us, fraction).unwrap_or(f64::NAN);
+            let values = [
+                ("p50_us", q(0.5)),
+                ("p99_us", q(0.99)),
+                ("max_us", q(1.0)),
+                ("min_us", q(0.0)),
+                ("latest_send_us", report.latest_us),
+                ("sent", report.sent.into()),
+                ("refused", report.refused.into()),
+                ("received", report.received.into()),
+                ("duplicates", report.duplicates.into()),
+                ("messages_per_s", found.rate()),
+                ("cpu_us_per_message", *cpu_us),
+                ("middle_cpu_us_per_message", *middle_us),
+            ];
+            for (measure, value) in values {
+                self.row(round, &name, phase, measure, value);
+            }
+        }
+        #[allow(clippy::cast_precision_loss)]
+        let opening_ms = turn.warm.opening_ns as f64 / 1e6;
+        self.row(round, &name, "warm", "opening_ms", opening_ms);
+        let warm = median(&turn.warm.latency_us).unwrap_or(f64::NAN);
+        self.row(round, &name, "warm", "p50_us", warm);
+        self.row(round, &name, "end", "rss_mib", turn.rss_mib);
+        self.row(round, &name, "end", "middle_rss_mib", turn.middle_rss_mib);
+        self.turns.entry(case).or_default().push(turn);
+    }
+
+    /// Adds figures of the machine and of coding.
+    pub(crate) fn micro(&mut self, round: u32, figures: Vec<Figure>) {
+        for (name, value) in figures {
+            self.row(round, "micro", "alone", &name, value);
+            match self.micro.iter_mut().find(|(known, _)| *known == name) {
+                Some((_, values)) => values.push(value),
+                None => self.micro.push((name, vec![value])),
+            }
+        }
+    }
+
+    /// Adds Python's coding.
+    pub(crate) fn coding(&mut self, round: u32, kind: Kind, coding: Coding) {
+        for (what, value) in [("encode", coding.encode_us), ("decode", coding.decode_us)] {
+            let name = format!("python {what} {}", kind.name());
+            self.row(round, "micro", "alone", &name, value);
+        }
+        self.coding.entry(kind).or_default().push(coding);
+    }
+
+    fn row(&mut self, round: u32, case: &str, phase: &str, measure: &str, value: f64) {
+        // Writing to a String cannot fail.
+        _ = writeln!(self.rows, "{round},{case},{phase},\"{measure}\",{value:.3}");
+    }
+
+    /// Every figure of every round, as CSV.
+    pub(crate) fn csv(&self) -> String {
+        format!("round,case,phase,measure,value\n{}", self.rows)
+    }
+
+    /// A case over all rounds; `None` where no round of it succeeded.
+    pub(crate) fn summary(&self, way: Way, payload: Kind) -> Option<Summary> {
+        let turns = self.turns.get(&Case { way, payload })?;
+        let over = |value: &dyn Fn(&Turn) -> f64| {
+            let values: Vec<f64> = turns.iter().map(value).filter(|v| v.is_finite()).collect();
+            median(&values).unwrap_or(f64::NAN)
+        };
+        let half = |turn: &Turn| median(&turn.paced.report.latency_us).unwrap_or(f64::NAN);
+        let halves: Vec<f64> = turns.iter().map(half).filter(|v| v.is_finite()).collect();
+        let pooled: Vec<f64> =
+            turns.iter().flat_map(|turn| turn.paced.report.latency_us.clone()).collect();
+        let both = |turn: &Turn, value: &dyn Fn(&Report) -> u32| {
+            value(&turn.paced.report) + value(&turn.window.report)
+        };
+        Some(Summary {
+            p50: median(&halves)?,
+            p50_range: (quantile(&halves, 0.0)?, quantile(&halves, 1.0)?),
+            p99: quantile(&pooled, 0.99)?,
+            messages: pooled.len(),
+            rate: over(&|turn| turn.window.rate()),
+            cpu_us: over(&|turn| turn.paced.cpu_us),
+            middle_us: over(&|turn| turn.paced.middle_us),
+            lost: turns.iter().map(|turn| both(turn, &lost)).sum(),
+            duplicates: turns.iter().map(|turn| both(turn, &|r| r.duplicates)).sum(),
+            rss_mib: over(&|turn| turn.rss_mib),
+            middle_rss_mib: over(&|turn| turn.middle_rss_mib),
+            #[allow(clippy::cast_precision_loss)]
+            opening_ms: over(&|turn| turn.warm.opening_ns as f64 / 1e6),
+            warm: over(&|turn| median(&turn.warm.latency_us).unwrap_or(f64::NAN)),
+        })
+    }
+
+    /// Cases that were measured.
+    pub(crate) fn cases(&self) -> impl Iterator<Item = Case> + '_ {
+        self.turns.keys().copied()
+    }
+
+    /// Median over the rounds of a figure.
+    pub(crate) fn figure(&self, name: &str) -> Option<f64> {
+        median(&self.micro.iter().find(|(known, _)| known == name)?.1)
+    }
+
+    /// Names of the figures.
+    pub(crate) fn figures(&self) -> impl Iterator<Item = &str> {
+        self.micro.iter().map(|(name, _)| name.as_str())
+    }
+
+    /// Our coding on ZeroMQ, medians in microseconds: encode, decode.
+    pub(crate) fn our_coding(&self, kind: Kind) -> Option<(f64, f64)> {
+        let one = |what: &str| self.figure(&format!("{what} ZeroMQ {}", kind.name()));
+        Some((one("encode")?, one("decode")?))
+    }
+
+    /// Python's coding: encode, decode.
+    pub(crate) fn python_coding(&self, kind: Kind) -> Option<(f64, f64)> {
+        let all = self.coding.get(&kind)?;
+        let over =
+            |value: &dyn Fn(&Coding) -> f64| median(&all.iter().map(value).collect::<Vec<_>>());
+        Some((over(&|c| c.encode_us)?, over(&|c| c.decode_us)?))
+    }
+}

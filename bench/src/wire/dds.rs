@@ -1,0 +1,98 @@
+//! Plain CycloneDDS: CDR in, CDR out, with the quality of service that a route has by default.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use anyhow::Result;
+use wrapyfi_core::codec::ros;
+use wrapyfi_core::endpoint::{Qos, Wake};
+use wrapyfi_core::middleware::ros2::graph::{
+    CdrReader, CdrWriter, Graph, Notify, TopicDescription,
+};
+use wrapyfi_core::middleware::ros2::{CycloneConfig, CycloneGraph};
+use wrapyfi_core::node::NodeName;
+
+use super::{Incoming, Outgoing, Place};
+use crate::clock;
+use crate::payload::{Kind, Maker, Numbered, number_in_cdr};
+
+fn graph(name: &str, place: &Place) -> Result<CycloneGraph> {
+    let node = NodeName::new(name, "/bench")?;
+    let mut config = CycloneConfig::loopback(node, place.domain);
+    // Set by `--cyclonedds-uri`, for the bridge and the bare ends alike.
+    config.extra_uri = std::env::var("CYCLONEDDS_URI").ok();
+    Ok(CycloneGraph::new(&config)?)
+}
+
+fn topic(name: &str, place: &Place) -> TopicDescription {
+    let message_type = place.payload.message_type();
+    TopicDescription {
+        name: name.to_owned(),
+        type_name: message_type.ros_type().to_owned(),
+        type_hash: Some(ros::type_hash(message_type).to_owned()),
+        qos: Qos::default(),
+        max_bytes: 64 << 20,
+    }
+}
+
+/// A writer of a node of its own.
+pub(crate) fn writer(name: &str, place: &Place) -> Result<Box<dyn CdrWriter>> {
+    Ok(graph("source", place)?.advertise(&topic(name, place), Arc::new(|| {}))?)
+}
+
+/// A reader of a node of its own, and what rings when there is something to take.
+pub(crate) fn reader(name: &str, place: &Place) -> Result<(Box<dyn CdrReader>, Wake)> {
+    let wake = Wake::new();
+    let bell = wake.clone();
+    let notify: Notify = Arc::new(move || bell.ring());
+    Ok((graph("sink", place)?.subscribe(&topic(name, place), notify)?, wake))
+}
+
+pub(super) struct Out {
+    writer: Box<dyn CdrWriter>,
+    message: Numbered,
+}
+
+impl Out {
+    pub(super) fn new(maker: &Maker, place: &Place) -> Result<Self> {
+        Ok(Self { writer: writer(&place.topic, place)?, message: maker.cdr()? })
+    }
+}
+
+impl Outgoing for Out {
+    fn prepare(&mut self, seq: u32) -> Result<()> {
+        self.message.number_cdr(seq);
+        Ok(())
+    }
+
+    fn send(&mut self) -> Result<()> {
+        Ok(self.writer.write(&[&self.message.body])?)
+    }
+}
+
+pub(super) struct In {
+    reader: Box<dyn CdrReader>,
+    wake: Wake,
+    kind: Kind,
+}
+
+impl In {
+    pub(super) fn new(place: &Place) -> Result<Self> {
+        let (reader, wake) = reader(&place.topic, place)?;
+        Ok(Self { reader, wake, kind: place.payload })
+    }
+}
+
+impl Incoming for In {
+    fn next(&mut self, patience: Duration) -> Result<Option<(u32, u64)>> {
+        loop {
+            if let Some(sample) = self.reader.take()? {
+                let received = clock::now();
+                return Ok(Some((number_in_cdr(self.kind, &sample.cdr)?, received)));
+            }
+            if !self.wake.wait(patience) {
+                return Ok(None);
+            }
+        }
+    }
+}

@@ -1,0 +1,81 @@
+//! Our library as a program uses it: payloads in, payloads out, coding included.
+
+use std::time::Duration;
+
+use anyhow::{Result, bail};
+use wrapyfi_core::endpoint::{Context, Listener, Middleware as _, Publisher};
+use wrapyfi_core::middleware::zeromq::{BrokerMode, ZeroMq, ZeroMqConfig};
+use wrapyfi_core::types::Payload;
+
+use super::{Incoming, Outgoing, Place};
+use crate::clock;
+use crate::payload::{Maker, number_in_payload};
+
+fn start(place: &Place) -> Result<ZeroMq> {
+    let config = ZeroMqConfig {
+        pub_port: place.pub_port,
+        sub_port: place.sub_port,
+        broker: BrokerMode::Foreign,
+        ..ZeroMqConfig::default()
+    };
+    Ok(ZeroMq::start(&config)?)
+}
+
+pub(super) struct Out {
+    // Before what it came from: dropped in this order.
+    publisher: Box<dyn Publisher>,
+    _zeromq: ZeroMq,
+    maker: Maker,
+    next: Option<Payload>,
+}
+
+impl Out {
+    pub(super) fn new(maker: Maker, place: &Place) -> Result<Self> {
+        let zeromq = start(place)?;
+        let publisher = zeromq.open_publisher(&maker.spec(&place.topic), &Context::default())?;
+        Ok(Self { publisher, _zeromq: zeromq, maker, next: None })
+    }
+}
+
+impl Outgoing for Out {
+    fn prepare(&mut self, seq: u32) -> Result<()> {
+        self.next = Some(self.maker.payload(seq));
+        Ok(())
+    }
+
+    fn send(&mut self) -> Result<()> {
+        let Some(payload) = self.next.take() else { bail!("nothing was prepared") };
+        self.publisher.publish(&payload)?;
+        Ok(())
+    }
+}
+
+pub(super) struct In {
+    listener: Box<dyn Listener>,
+    _zeromq: ZeroMq,
+    context: Context,
+}
+
+impl In {
+    pub(super) fn new(place: &Place) -> Result<Self> {
+        let zeromq = start(place)?;
+        let context = Context::default();
+        let spec = Maker::new(place.payload)?.spec(&place.topic);
+        let listener = zeromq.open_listener(&spec, &context)?;
+        Ok(Self { listener, _zeromq: zeromq, context })
+    }
+}
+
+impl Incoming for In {
+    fn next(&mut self, patience: Duration) -> Result<Option<(u32, u64)>> {
+        loop {
+            if let Some(sample) = self.listener.take()? {
+                let received = clock::now();
+                return Ok(Some((number_in_payload(&sample.payload)?, received)));
+            }
+            if !self.context.wake.wait(patience) {
+                return Ok(None);
+            }
+        }
+    }
+}
