@@ -22,7 +22,7 @@ pub mod describe;
 pub mod exit;
 pub mod input;
 pub mod logging;
-pub mod node;
 pub mod middlewares;
+pub mod node;
 pub mod shutdown;
 pub mod table;

@@ -9,8 +9,8 @@ use wrapyfi_core::engine::{Engine, RouteStatus};
 
 use crate::cli::BridgeArgs;
 use crate::exit::Failure;
-use crate::node::Node;
 use crate::middlewares::{self, Middlewares};
+use crate::node::Node;
 use crate::shutdown::Shutdown;
 use crate::table;
 

@@ -9,7 +9,7 @@ use wrapyfi_core::endpoint::{Context, Overflow, QueueSpec, TopicSpec};
 use crate::cli::EchoArgs;
 use crate::describe::{describe, summary};
 use crate::exit::Failure;
-use crate::middlewares::{Role, Middlewares};
+use crate::middlewares::{Middlewares, Role};
 use crate::shutdown::Shutdown;
 
 /// Runs until `count` messages were printed, the time is out, or the process is asked to end.
@@ -24,7 +24,8 @@ pub fn run(args: &EchoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         queue: QueueSpec { depth: 100, overflow: Overflow::DropOldest },
         ..TopicSpec::new(&args.endpoint.name, args.message_type)
     };
-    let middleware = middlewares.registry().get(&args.endpoint.middleware).map_err(Failure::usage)?;
+    let middleware =
+        middlewares.registry().get(&args.endpoint.middleware).map_err(Failure::usage)?;
     let mut listener = middleware.open_listener(&spec, &context).map_err(Failure::usage)?;
     let mut out = io::stdout().lock();
     let mut printed = 0;

@@ -8,7 +8,7 @@ use wrapyfi_core::types::Payload;
 
 use crate::cli::PubArgs;
 use crate::exit::Failure;
-use crate::middlewares::{Role, Middlewares};
+use crate::middlewares::{Middlewares, Role};
 use crate::shutdown::Shutdown;
 use crate::{describe, input};
 
@@ -29,7 +29,8 @@ pub fn run(args: &PubArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let mut payload = payload.map_err(|error| Failure::usage(format!("{error:#}")))?;
     let middlewares = Middlewares::for_endpoint(&args.endpoint, Role::Publisher)?;
     let context = Context::default();
-    let middleware = middlewares.registry().get(&args.endpoint.middleware).map_err(Failure::usage)?;
+    let middleware =
+        middlewares.registry().get(&args.endpoint.middleware).map_err(Failure::usage)?;
     let mut publisher = middleware.open_publisher(&spec, &context).map_err(Failure::usage)?;
     if !wait_for_listener(args, publisher.as_ref(), &context, shutdown)? {
         return Ok(());

@@ -44,7 +44,8 @@ pub fn run(args: &DemoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let middlewares = DemoMiddlewares::start()?;
     let plan = plan().context("demo routes")?;
     let mut viewer = Viewer::open(middlewares.viewer(), &ROUTES)?;
-    let running = Engine::new(plan, middlewares.bridge()).start().context("cannot start the routes")?;
+    let running =
+        Engine::new(plan, middlewares.bridge()).start().context("cannot start the routes")?;
     let sources = Sources::start(middlewares.sources())?;
 
     let start = Instant::now();
