@@ -3,7 +3,8 @@
 use std::time::{Duration, Instant};
 
 use wrapyfi_core::endpoint::{
-    Context, CountersSnapshot, DropReason, Link, Listener, Middleware, Publisher, TopicSpec, Wake,
+    Context, CountersSnapshot, DropReason, Link, Listener, Middleware, PublishError, Publisher,
+    TopicSpec, Wake,
 };
 use wrapyfi_core::types::Payload;
 
@@ -57,10 +58,13 @@ impl Source {
         Self { publisher, context }
     }
 
-    /// Publishes one message; the bytes that went out.
+    /// Publishes one message; the bytes that went out, none where nobody listens.
     #[track_caller]
     pub fn send(&mut self, payload: &Payload) -> usize {
-        self.publisher.publish(payload).unwrap()
+        match self.publisher.publish(payload) {
+            Err(PublishError::NoConsumer { .. }) => 0,
+            sent => sent.unwrap(),
+        }
     }
 
     /// Publishes one message after the other, never further ahead of `sink` than transports queue.

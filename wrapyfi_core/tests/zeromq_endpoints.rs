@@ -70,7 +70,8 @@ fn what_is_published_arrives_in_either_order_of_start() {
         let mut publisher = first.open_publisher(&spec("/a"), &context).unwrap();
         wait_until("the broker", || publisher.link().waiting_for.is_none());
         assert_eq!(publisher.link().peers, Some(0));
-        assert_eq!(publisher.publish(&number(0)).unwrap(), 0, "nobody listens");
+        let unheard = publisher.publish(&number(0)).unwrap_err();
+        assert_eq!(unheard.to_string(), "nobody listens to \"/a\"");
         while context.wake.wait(Duration::ZERO) {}
         let mut listener = second.open_listener(&spec("/a"), &Context::default()).unwrap();
         assert!(context.wake.wait(Duration::from_secs(30)), "the owner is told");

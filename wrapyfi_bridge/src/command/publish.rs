@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
-use wrapyfi_core::endpoint::{Context, Publisher, TopicSpec};
+use wrapyfi_core::endpoint::{Context, PublishError, Publisher, TopicSpec};
 use wrapyfi_core::types::Payload;
 
 use crate::cli::PubArgs;
@@ -79,7 +79,12 @@ fn publish(
     let mut sent = 0;
     while args.count.is_none_or(|count| sent < count) && !shutdown.requested() {
         input::restamp(payload);
-        publisher.publish(payload).map_err(anyhow::Error::new)?;
+        match publisher.publish(payload) {
+            Ok(_) => (),
+            // It left in the middle: others may come.
+            Err(error @ PublishError::NoConsumer { .. }) => tracing::warn!("{error}"),
+            Err(error) => return Err(anyhow::Error::new(error).into()),
+        }
         sent += 1;
         if args.count == Some(sent) {
             break;

@@ -231,6 +231,12 @@ pub enum PublishError {
     /// The payload has no form on this wire.
     #[error(transparent)]
     Encode(#[from] EncodeError),
+    /// Nobody listens, and the transport keeps nothing for later: the message was not sent.
+    #[error("nobody listens to {topic:?}")]
+    NoConsumer {
+        /// Topic published to.
+        topic: String,
+    },
     /// The transport's send queue is full.
     #[error(
         "send queue of {topic:?} is full ({depth} messages): the consumer is slower than the source"
@@ -257,6 +263,7 @@ impl PublishError {
     pub fn drop_reason(&self) -> DropReason {
         match self {
             Self::Encode(_) => DropReason::Unencodable,
+            Self::NoConsumer { .. } => DropReason::NoConsumer,
             Self::QueueFull { .. } => DropReason::SendQueueFull,
             Self::Transport { .. } => DropReason::SendFailed,
         }

@@ -163,6 +163,7 @@ impl Relay {
                 Ok((bytes, received_at)) => {
                     self.context.counters.sent(bytes, received_at.elapsed());
                 }
+                Err((reason @ DropReason::NoConsumer, _)) => self.context.counters.dropped(reason),
                 Err((reason, text)) => {
                     self.context.counters.dropped(reason);
                     self.losses.log(now, &self.spec.name, reason, &text);

@@ -76,7 +76,7 @@ fn open_socket(shared: &Shared, link: &Arc<BrokerLink>) -> zmq::Result<(zmq::Soc
 }
 
 impl Publisher for ZeroMqPublisher {
-    /// Nothing is sent, and 0 returned, while nobody is subscribed.
+    /// While nobody is subscribed nothing is encoded: [`PublishError::NoConsumer`].
     fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {
         if let Some(what) = self.outlet.link.waiting_for() {
             return Err(self.failed(&format_args!("waiting for {what}")));
@@ -85,7 +85,7 @@ impl Publisher for ZeroMqPublisher {
             self.outlet.wake.ring();
         }
         if self.outlet.subscriptions() == 0 {
-            return Ok(0);
+            return Err(PublishError::NoConsumer { topic: self.spec.topic.clone() });
         }
         let frames = frames::encode(payload, &self.spec)?;
         let bytes = frames.iter().map(Vec::len).sum();
