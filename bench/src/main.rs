@@ -40,7 +40,7 @@ use wire::{Place, Wire};
 #[derive(Debug, Parser)]
 struct Cli {
     /// Rounds in which every case that a target is made of has one turn.
-    #[arg(long, default_value_t = 20)]
+    #[arg(long, default_value_t = 17)]
     rounds: u32,
     /// The other cases have one in the first round and then in every so many.
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..))]
