@@ -26,11 +26,14 @@ import threading
 import time
 
 logging.disable(logging.WARNING)
+import cv2  # noqa: E402
 import numpy as np  # noqa: E402
 from wrapyfi.connect.wrapper import MiddlewareCommunicator  # noqa: E402
+from wrapyfi.utils.image_encoders import JpegEncoder  # noqa: E402
 from wrapyfi.utils.serialization_encoders import JsonDecodeHook, JsonEncoder  # noqa: E402
 
 BASE = 1_700_000_000
+BITS = np.arange(24)
 WARM, AWAKE_NS, SILENCE_S = 5, 250_000, 2.0
 
 parser = argparse.ArgumentParser()
@@ -52,6 +55,7 @@ PAYLOADS = {
     "u8-rgb200": {"seq": 0, "data": picture(200, 200)},
     "f32-mib": {"seq": 0, "data": np.sin(np.arange(512 * 512, dtype=np.float32) / 1e4).reshape(512, 512)},
     "audio": np.sin(np.arange(8820, dtype=np.float32) / 1e4).reshape(8820, 1),
+    "vga-jpeg": picture(640, 480),
     "vga-rgb": picture(640, 480),
     "full-hd-rgb": picture(1920, 1080),
 }
@@ -66,11 +70,17 @@ def number(payload, seq):
     if payload == "audio":
         value[0, 0] = seq  # exact in float32 up to 2**24
         return value, 44100
+    if payload == "vga-jpeg":
+        # One block of the compressor for each bit, black or white: survives compression.
+        value[:16, :384] = ((seq >> BITS & 1) * 255).astype(np.uint8).repeat(16)[None, :, None]
+        return value
     value[0, 0] = seq % 256, seq // 256 % 256, seq // 65536
     return value
 
 
-def number_of(value):
+def number_of(payload, value):
+    if payload == "vga-jpeg":
+        return int(((value[8, 8:384:16, 0] > 127).astype(np.int64) << BITS).sum())
     if isinstance(value, dict):
         return value["seq"] - BASE
     if isinstance(value, tuple):
@@ -86,7 +96,10 @@ def arrived(value):
 def register(kind, topic, broker):
     """A class with one method on one topic, as a script of a user has it."""
     extra = {"chunk": 8820, "rate": 44100, "channels": 1} if kind == "audio" else {}
-    data_type = {"audio": "AudioChunk", "vga-rgb": "Image", "full-hd-rgb": "Image"}.get(kind, "NativeObject")
+    if kind == "vga-jpeg":
+        extra = {"jpg": True}
+    pictures = dict.fromkeys(("vga-jpeg", "vga-rgb", "full-hd-rgb"), "Image")
+    data_type = {"audio": "AudioChunk", **pictures}.get(kind, "NativeObject")
     # Without the monitor a publisher waits for nobody: the source sends until something arrives.
     options = dict(should_wait=True, socket_pub_port=args.pub_port, start_pubsub_monitor_broker=False, **extra)
     sending = dict(socket_sub_port=args.sub_port, start_proxy_broker=broker)
@@ -166,8 +179,9 @@ class Source:
         self.due, self.seen, self.duplicates, self.awake, self.late = {}, {}, 0, 0, 0
         self.start = time.monotonic_ns()
 
-    def send(self, payload, due=None):
-        value = number(payload, self.next)
+    def send(self, payload, due=None, value=None):
+        if value is None:
+            value = number(payload, self.next)
         self.due[self.next] = due or time.monotonic_ns()
         self.next += 1
         self.way.send(value)
@@ -189,6 +203,7 @@ class Source:
         self.start += 2_000_000
         for index in range(count):
             due = self.start + index * period
+            value = number(payload, self.next)
             nap = due - time.monotonic_ns() - AWAKE_NS
             if nap > 0:
                 time.sleep(nap / 1e9)
@@ -197,7 +212,7 @@ class Source:
                 pass
             self.awake += now - since
             self.late = max(self.late, now - due)
-            self.send(payload, due)
+            self.send(payload, due, value)
         return self.finish()
 
     def warm(self, payload):
@@ -263,7 +278,7 @@ def sink():
         value = ways[topic].receive()
         if value is not None:
             now = time.monotonic_ns()
-            acks.sendall(struct.pack("<QQ", number_of(value), now))
+            acks.sendall(struct.pack("<QQ", number_of(order["payload"], value), now))
         elif order["way"] == "forward":
             time.sleep(0.0001)
 
@@ -289,18 +304,32 @@ def forward():
 
 def code():
     """{"payload", "repeats"} on stdin: medians of Wrapyfi's own coding in microseconds."""
-    hook = JsonDecodeHook().object_hook
+    hook, jpeg = JsonDecodeHook().object_hook, JpegEncoder()
+
+    def write(value):
+        return json.dumps(value, cls=JsonEncoder).encode()
+
+    def read(text):
+        return json.loads(text.decode(), object_hook=hook)
+
+    def compress(value):
+        return jpeg.encode_jpg_image(value, return_numpy=True).tobytes()
+
+    def decompress(file):
+        return cv2.imdecode(np.frombuffer(file, np.uint8), cv2.IMREAD_COLOR)
+
     for line in sys.stdin:
         order = json.loads(line)
         value = number(order["payload"], 0)
         if order["payload"] == "audio":
             value = (8820, 1, 44100, value[0])
+        coder, decoder = (compress, decompress) if order["payload"] == "vga-jpeg" else (write, read)
         encode, decode = [], []
         for _ in range(order["repeats"]):
             start = time.perf_counter_ns()
-            text = json.dumps(value, cls=JsonEncoder).encode()
+            coded = coder(value)
             between = time.perf_counter_ns()
-            json.loads(text.decode(), object_hook=hook)
+            decoder(coded)
             encode.append(between - start)
             decode.append(time.perf_counter_ns() - between)
         say({"encode_us": sorted(encode)[len(encode) // 2] / 1e3, "decode_us": sorted(decode)[len(decode) // 2] / 1e3})

@@ -5,6 +5,8 @@
 mod case;
 mod child;
 mod clock;
+mod coding;
+mod estimate;
 mod machine;
 mod micro;
 mod payload;
@@ -37,13 +39,17 @@ use wire::{Place, Wire};
 /// Measures wrapyfi for ROS 2. Run it through `make bench`.
 #[derive(Debug, Parser)]
 struct Cli {
-    /// Rounds in which every case has one turn.
-    #[arg(long, default_value_t = 5)]
+    /// Rounds in which every case that a target is made of has one turn.
+    #[arg(long, default_value_t = 17)]
     rounds: u32,
+    /// The other cases have one in the first round and then in every so many.
+    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..))]
+    others_every: u32,
     /// Full-HD stream for 10 seconds instead of 60.
     #[arg(long)]
     quick: bool,
-    /// Only cases whose name (`way/payload`) contains this, and neither stream nor coding.
+    /// Only cases whose name (`way/payload`) contains this, in every round, and neither stream nor
+    /// coding; `coding`: only that.
     #[arg(long)]
     only: Option<String>,
     /// Folder for the results; default: this program's own in the repository.
@@ -79,6 +85,14 @@ enum Role {
         #[command(flatten)]
         place: Place,
     },
+    /// Codes a large array and tells how much memory that took.
+    #[command(hide = true)]
+    Large {
+        #[arg(long)]
+        what: coding::Large,
+        #[arg(long)]
+        file: PathBuf,
+    },
     /// Receives.
     #[command(hide = true)]
     Sink {
@@ -98,6 +112,7 @@ fn main() -> Result<()> {
         None => run(&cli),
         Some(Role::RelayToRos { place }) => relay::run(true, place),
         Some(Role::RelayToZmq { place }) => relay::run(false, place),
+        Some(Role::Large { what, file }) => coding::large(*what, file),
         Some(Role::Source { wire, place }) => {
             log_warnings();
             worker::source(*wire, place)
@@ -133,8 +148,9 @@ fn run(cli: &Cli) -> Result<()> {
     let wanted = |case: &Case| cli.only.as_ref().is_none_or(|only| case.name().contains(only));
     let cases: Vec<Case> = Case::all().into_iter().filter(wanted).collect();
 
+    let coded = cli.only.as_deref().is_none_or(|only| only == "coding");
     let mut python = None;
-    if cases.iter().any(|case| case.way.is_python()) {
+    if coded || cases.iter().any(|case| case.way.is_python()) {
         match Python::start(repository, folder.path()) {
             Ok(started) => python = Some(started),
             Err(error) => {
@@ -147,18 +163,18 @@ fn run(cli: &Cli) -> Result<()> {
     let begin = std::time::Instant::now();
     for round in 1..=cli.rounds {
         results.loads.push(proc::load());
-        if cli.only.is_none() {
-            results.micro(round, bodies.round()?);
+        results.micro(round, bodies.base64()?);
+        if coded {
+            results.micro(round, bodies.coding()?);
+            match coding::memory(&bench.own, folder.path()) {
+                Ok(figures) => results.micro(round, figures),
+                Err(error) => results.failures.push(format!("round {round}, memory: {error:#}")),
+            }
             if let Some(python) = &mut python {
                 python_coding(python, round, &mut results);
             }
         }
-        // Every other round backwards: a drift of the machine meets all cases alike.
-        let mut order = cases.clone();
-        if round % 2 == 0 {
-            order.reverse();
-        }
-        for case in order {
+        for case in order(&cases, round, cli) {
             let turn = match (&mut python, case.way.is_python()) {
                 (_, false) => bench.turn(case),
                 (Some(python), true) => python.turn(case),
@@ -193,9 +209,35 @@ fn run(cli: &Cli) -> Result<()> {
     Ok(())
 }
 
+/// The cases of a round. Every other one runs backwards, of the rounds with all cases as of those
+/// with some: a drift of the machine meets all cases alike.
+fn order(cases: &[Case], round: u32, cli: &Cli) -> Vec<Case> {
+    let (full, rest) = ((round - 1) / cli.others_every, (round - 1) % cli.others_every);
+    let all = cli.only.is_some() || rest == 0;
+    let index = match (cli.only.is_some(), rest) {
+        (true, _) => round,
+        (false, 0) => full,
+        // Without the full rounds before it.
+        (false, _) => round - full,
+    };
+    let mut order: Vec<Case> =
+        cases.iter().copied().filter(|case| all || case.is_judged()).collect();
+    if index % 2 == 1 {
+        order.reverse();
+    }
+    order
+}
+
 fn python_coding(python: &mut Python, round: u32, results: &mut Results) {
-    let kinds =
-        [Kind::Small, Kind::Audio, Kind::U8Rgb200, Kind::F32Mib, Kind::VgaRgb, Kind::FullHdRgb];
+    let kinds = [
+        Kind::Small,
+        Kind::Audio,
+        Kind::U8Rgb200,
+        Kind::VgaJpeg,
+        Kind::F32Mib,
+        Kind::VgaRgb,
+        Kind::FullHdRgb,
+    ];
     for kind in kinds {
         match python.coding(kind, if kind == Kind::FullHdRgb { 5 } else { 15 }) {
             Ok(coding) => results.coding(round, kind, coding),

@@ -12,7 +12,8 @@ use wrapyfi_core::Limits;
 use wrapyfi_core::codec::{frames, ros};
 use wrapyfi_core::types::Payload;
 
-use crate::payload::{Kind, Maker, decode_frames};
+use crate::coding::Native;
+use crate::payload::{Kind, Maker, compress, decode_frames, decompress};
 use crate::stats::median;
 
 /// One figure of a round, in microseconds unless its name says otherwise.
@@ -42,6 +43,7 @@ pub(crate) struct Bodies {
     mib: Vec<u8>,
     full_hd: Vec<u8>,
     kinds: Vec<(Kind, Maker)>,
+    native: Native,
 }
 
 impl Bodies {
@@ -64,11 +66,12 @@ impl Bodies {
             mib: text((1 << 20) + 128),
             full_hd: text(1920 * 1080 * 3 + 128),
             kinds: makers.collect::<Result<_>>()?,
+            native: Native::new()?,
         })
     }
 
-    /// Measures everything once.
-    pub(crate) fn round(&self) -> Result<Vec<Figure>> {
+    /// memcpy and base64 alone, which bridged ways are compared with.
+    pub(crate) fn base64(&self) -> Result<Vec<Figure>> {
         let mut figures = Vec::new();
         for (name, size) in [("1 MiB", 1 << 20), ("640x480 RGB", 921_600), ("1080p RGB", 6_220_800)]
         {
@@ -90,16 +93,21 @@ impl Bodies {
                 time(|| drop(black_box(STANDARD.encode_type::<Vec<u8>>(black_box(&bytes))))),
             ));
         }
+        Ok(figures)
+    }
+
+    /// Our codecs, and TCP.
+    pub(crate) fn coding(&self) -> Result<Vec<Figure>> {
+        let mut figures = self.native.round();
         for (kind, maker) in &self.kinds {
-            self.coding(*kind, maker, &mut figures)?;
+            Self::codecs(*kind, maker, &mut figures)?;
         }
         figures.extend(tcp()?);
         Ok(figures)
     }
 
     /// Our codecs on one payload.
-    #[allow(clippy::unused_self)]
-    fn coding(&self, kind: Kind, maker: &Maker, figures: &mut Vec<Figure>) -> Result<()> {
+    fn codecs(kind: Kind, maker: &Maker, figures: &mut Vec<Figure>) -> Result<()> {
         let name = kind.name();
         let spec = maker.spec("/t");
         let payload = maker.payload(1);
@@ -123,6 +131,23 @@ impl Bodies {
             format!("decode CDR {name}"),
             time(|| drop(black_box(ros::decode(black_box(&cdr), kind.message_type(), &limits)))),
         ));
+        if kind == Kind::VgaJpeg {
+            let pixels = maker.uncoded(1)?;
+            figures.push((
+                format!("encode pixels {name}"),
+                time(|| {
+                    let file = compress(black_box(pixels.clone()));
+                    drop(black_box(file.map(|file| frames::encode(&file, &spec))));
+                }),
+            ));
+            figures.push((
+                format!("decode pixels {name}"),
+                time(|| {
+                    let file = decode_frames(black_box(&encoded), &spec);
+                    drop(black_box(file.map(decompress)));
+                }),
+            ));
+        }
         Ok(())
     }
 }

@@ -12,6 +12,7 @@ use anyhow::{Context as _, Result, bail};
 use bytes::Bytes;
 use memchr::memmem;
 use serde::{Deserialize, Serialize};
+use wrapyfi_core::Limits;
 use wrapyfi_core::codec::{self, frames, jpeg, ros};
 use wrapyfi_core::endpoint::TopicSpec;
 use wrapyfi_core::types::{
@@ -168,6 +169,11 @@ impl Maker {
         payload
     }
 
+    /// Message number `seq` as a program has it before any coding: pixels where a file is sent.
+    pub(crate) fn uncoded(&self, seq: u32) -> Result<Payload> {
+        decompress(self.payload(seq))
+    }
+
     /// The frames of message 0 on ZeroMQ.
     pub(crate) fn frames(&self, topic: &str) -> Result<Numbered> {
         let mut pieces = frames::encode(&self.payload(0), &self.spec(topic))?;
@@ -297,6 +303,25 @@ pub(crate) fn decode_frames(frames: &[Bytes], spec: &TopicSpec) -> Result<Payloa
     Ok(codec::frames::decode(frames, spec, Stamp::default())?)
 }
 
+/// Turns the pixels of a camera into the file that is sent; other payloads stay as they are.
+pub(crate) fn compress(payload: Payload) -> Result<Payload> {
+    convert(payload, MessageType::CompressedImage)
+}
+
+/// Turns a file that was received into pixels; other payloads stay as they are.
+pub(crate) fn decompress(payload: Payload) -> Result<Payload> {
+    convert(payload, MessageType::Image)
+}
+
+fn convert(payload: Payload, to: MessageType) -> Result<Payload> {
+    Ok(match payload {
+        Payload::Image(image) => {
+            codec::convert(image, to, Encoding::Bgr8, &Limits::default())?.into()
+        }
+        other => other,
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use clap::ValueEnum as _;
@@ -321,6 +346,20 @@ mod tests {
             let decoded = decode_frames(&frames, &maker.spec("/t")).unwrap();
             assert_eq!(decoded, maker.payload(99), "{kind:?}");
         }
+    }
+
+    #[test]
+    fn a_program_has_pixels_on_both_ends_of_a_jpeg_route() {
+        let maker = Maker::new(Kind::VgaJpeg).unwrap();
+        let before = maker.uncoded(5).unwrap();
+        let sent = compress(before.clone()).unwrap();
+        let after = decompress(sent.clone()).unwrap();
+        let is_raw = |payload: &Payload| {
+            let Payload::Image(image) = payload else { panic!("no picture") };
+            matches!(image.pixels, Pixels::Raw(_))
+        };
+        assert_eq!([&before, &sent, &after].map(is_raw), [true, false, true]);
+        assert!([before, sent, after].iter().all(|p| number_in_payload(p).unwrap() == 5));
     }
 
     #[test]

@@ -62,3 +62,10 @@ pub(crate) fn first_number(path: impl AsRef<Path>) -> f64 {
     let text = fs::read_to_string(path).unwrap_or_default();
     text.split_whitespace().next().and_then(|word| word.parse().ok()).unwrap_or_default()
 }
+
+/// Most resident memory this process ever had, in KiB; 0 where the kernel does not say.
+pub(crate) fn peak_kib() -> f64 {
+    let text = fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    line.and_then(|line| line.split_whitespace().next()?.parse().ok()).unwrap_or_default()
+}

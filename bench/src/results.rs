@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use crate::case::{Case, Way};
+use crate::estimate::Series;
 use crate::micro::Figure;
 use crate::payload::Kind;
 use crate::python::Coding;
@@ -16,10 +17,11 @@ use crate::worker::Report;
 #[derive(Default)]
 pub(crate) struct Results {
     pub(crate) rounds: u32,
-    turns: BTreeMap<Case, Vec<Turn>>,
+    /// By round: a turn that failed is missing.
+    turns: BTreeMap<Case, BTreeMap<u32, Turn>>,
     /// In the order in which they were first measured.
-    micro: Vec<(String, Vec<f64>)>,
-    coding: BTreeMap<Kind, Vec<Coding>>,
+    micro: Vec<(String, Series)>,
+    coding: BTreeMap<Kind, BTreeMap<u32, Coding>>,
     pub(crate) soak: Option<Soak>,
     /// Turns that failed, with the reason.
     pub(crate) failures: Vec<String>,
@@ -39,6 +41,8 @@ pub(crate) struct Summary {
     pub(crate) p50_range: (f64, f64),
     /// Of all messages of all rounds together.
     pub(crate) p99: f64,
+    /// Rounds in which it was measured.
+    pub(crate) rounds: usize,
     pub(crate) messages: usize,
     pub(crate) rate: f64,
     pub(crate) cpu_us: f64,
@@ -94,7 +98,7 @@ impl Results {
         self.row(round, &name, "warm", "p50_us", warm);
         self.row(round, &name, "end", "rss_mib", turn.rss_mib);
         self.row(round, &name, "end", "middle_rss_mib", turn.middle_rss_mib);
-        self.turns.entry(case).or_default().push(turn);
+        self.turns.entry(case).or_default().insert(round, turn);
     }
 
     /// Adds figures of the machine and of coding.
@@ -102,8 +106,8 @@ impl Results {
         for (name, value) in figures {
             self.row(round, "micro", "alone", &name, value);
             match self.micro.iter_mut().find(|(known, _)| *known == name) {
-                Some((_, values)) => values.push(value),
-                None => self.micro.push((name, vec![value])),
+                Some((_, values)) => _ = values.insert(round, value),
+                None => self.micro.push((name, Series::from([(round, value)]))),
             }
         }
     }
@@ -114,7 +118,7 @@ impl Results {
             let name = format!("python {what} {}", kind.name());
             self.row(round, "micro", "alone", &name, value);
         }
-        self.coding.entry(kind).or_default().push(coding);
+        self.coding.entry(kind).or_default().insert(round, coding);
     }
 
     fn row(&mut self, round: u32, case: &str, phase: &str, measure: &str, value: f64) {
@@ -129,13 +133,13 @@ impl Results {
 
     /// A case over all rounds; `None` where no round of it succeeded.
     pub(crate) fn summary(&self, way: Way, payload: Kind) -> Option<Summary> {
-        let turns = self.turns.get(&Case { way, payload })?;
+        let halves: Vec<f64> = self.halves(way, payload)?.into_values().collect();
+        let turns: Vec<&Turn> = self.turns.get(&Case { way, payload })?.values().collect();
         let over = |value: &dyn Fn(&Turn) -> f64| {
-            let values: Vec<f64> = turns.iter().map(value).filter(|v| v.is_finite()).collect();
+            let values: Vec<f64> =
+                turns.iter().map(|turn| value(turn)).filter(|v| v.is_finite()).collect();
             median(&values).unwrap_or(f64::NAN)
         };
-        let half = |turn: &Turn| median(&turn.paced.report.latency_us).unwrap_or(f64::NAN);
-        let halves: Vec<f64> = turns.iter().map(half).filter(|v| v.is_finite()).collect();
         let pooled: Vec<f64> =
             turns.iter().flat_map(|turn| turn.paced.report.latency_us.clone()).collect();
         let both = |turn: &Turn, value: &dyn Fn(&Report) -> u32| {
@@ -145,6 +149,7 @@ impl Results {
             p50: median(&halves)?,
             p50_range: (quantile(&halves, 0.0)?, quantile(&halves, 1.0)?),
             p99: quantile(&pooled, 0.99)?,
+            rounds: halves.len(),
             messages: pooled.len(),
             rate: over(&|turn| turn.window.rate()),
             cpu_us: over(&|turn| turn.paced.cpu_us),
@@ -164,9 +169,22 @@ impl Results {
         self.turns.keys().copied()
     }
 
+    /// Median latency of a case in each round; `None` where no round of it succeeded.
+    pub(crate) fn halves(&self, way: Way, payload: Kind) -> Option<Series> {
+        let turns = self.turns.get(&Case { way, payload })?;
+        let half =
+            |(round, turn): (&u32, &Turn)| Some((*round, median(&turn.paced.report.latency_us)?));
+        Some(turns.iter().filter_map(half).collect())
+    }
+
+    /// A figure in each round.
+    pub(crate) fn figure_rounds(&self, name: &str) -> Option<&Series> {
+        Some(&self.micro.iter().find(|(known, _)| known == name)?.1)
+    }
+
     /// Median over the rounds of a figure.
     pub(crate) fn figure(&self, name: &str) -> Option<f64> {
-        median(&self.micro.iter().find(|(known, _)| known == name)?.1)
+        middle(self.figure_rounds(name)?)
     }
 
     /// Names of the figures.
@@ -174,17 +192,37 @@ impl Results {
         self.micro.iter().map(|(name, _)| name.as_str())
     }
 
-    /// Our coding on ZeroMQ, medians in microseconds: encode, decode.
-    pub(crate) fn our_coding(&self, kind: Kind) -> Option<(f64, f64)> {
-        let one = |what: &str| self.figure(&format!("{what} ZeroMQ {}", kind.name()));
+    /// Our coding for ZeroMQ in each round: encode, decode.
+    pub(crate) fn our_rounds(&self, kind: Kind) -> Option<(&Series, &Series)> {
+        // A program has pixels before and after, and so has Python.
+        let form = if kind == Kind::VgaJpeg { "pixels" } else { "ZeroMQ" };
+        let one = |what: &str| self.figure_rounds(&format!("{what} {form} {}", kind.name()));
         Some((one("encode")?, one("decode")?))
+    }
+
+    /// Python's coding in each round: encode, decode.
+    pub(crate) fn python_rounds(&self, kind: Kind) -> Option<(Series, Series)> {
+        let all = self.coding.get(&kind)?;
+        let over = |value: &dyn Fn(&Coding) -> f64| {
+            all.iter().map(|(round, coding)| (*round, value(coding))).collect()
+        };
+        Some((over(&|c| c.encode_us), over(&|c| c.decode_us)))
+    }
+
+    /// Our coding, medians in microseconds: encode, decode.
+    pub(crate) fn our_coding(&self, kind: Kind) -> Option<(f64, f64)> {
+        let (encode, decode) = self.our_rounds(kind)?;
+        Some((middle(encode)?, middle(decode)?))
     }
 
     /// Python's coding: encode, decode.
     pub(crate) fn python_coding(&self, kind: Kind) -> Option<(f64, f64)> {
-        let all = self.coding.get(&kind)?;
-        let over =
-            |value: &dyn Fn(&Coding) -> f64| median(&all.iter().map(value).collect::<Vec<_>>());
-        Some((over(&|c| c.encode_us)?, over(&|c| c.decode_us)?))
+        let (encode, decode) = self.python_rounds(kind)?;
+        Some((middle(&encode)?, middle(&decode)?))
     }
+}
+
+/// Median of the rounds.
+fn middle(series: &Series) -> Option<f64> {
+    median(&series.values().copied().collect::<Vec<_>>())
 }

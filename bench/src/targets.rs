@@ -1,52 +1,102 @@
 //! What was promised, and whether it holds in this run.
+//!
+//! Every ratio has a bootstrap interval over the rounds, and the interval decides: a limit inside
+//! it is neither met nor missed. Beside what was promised for a bridged way stands what nobody
+//! promised and what explains it: the minimal relay, which is the least that two hops in one chain
+//! can take.
 
-use crate::case::Way::{self, PythonHop, RawDds, RawZmq, RosToZmq, RustHop, ZmqToRos};
-use crate::payload::Kind::{self, U8Rgb200, VgaJpeg, VgaRgb};
+use crate::case::Way::{
+    self, PythonHop, RawDds, RawZmq, RelayToRos, RelayToZmq, RosToZmq, RustHop, ZmqToRos,
+};
+use crate::coding::{
+    ARRAY_TEXT, DECODE, DECODE_ALONE, DECODE_MEMORY, ENCODE, ENCODE_ALONE, ENCODE_MEMORY, MEMCPY,
+};
+use crate::estimate::{Estimate, Limit, Series, Verdict};
+use crate::payload::Kind::{self, F32Mib, U8Rgb200, VgaJpeg, VgaRgb};
 use crate::results::Results;
+
+/// What became of a promise.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Outcome {
+    Judged(Verdict),
+    /// Nothing was promised.
+    Shown,
+    /// A part was not measured.
+    NotMeasured,
+}
 
 /// One promise.
 #[derive(Debug, Clone)]
 pub(crate) struct Target {
     pub(crate) what: String,
+    /// What was promised; empty where nothing was.
+    pub(crate) promised: String,
     /// What was found, with its parts.
     pub(crate) found: String,
-    /// What was promised.
-    pub(crate) promised: String,
-    /// `None` where a part was not measured.
-    pub(crate) pass: Option<bool>,
+    /// Where the ratio lies with a probability of 95 %.
+    pub(crate) interval: Option<(f64, f64)>,
+    pub(crate) outcome: Outcome,
 }
 
-/// A bridged way against the two raw hops it is made of, in microseconds.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Bridged {
-    pub(crate) bridge: f64,
-    pub(crate) zmq: f64,
-    pub(crate) dds: f64,
-    pub(crate) base64: f64,
-}
-
-impl Bridged {
-    /// The least that the parts cost.
-    pub(crate) fn parts(self) -> f64 {
-        self.zmq + self.dds + self.base64
+impl Target {
+    /// A ratio; `found` says its parts.
+    fn ratio<const N: usize>(
+        what: String,
+        limit: Option<Limit>,
+        estimate: Option<Estimate<N>>,
+        found: impl Fn([f64; N]) -> String,
+    ) -> Self {
+        let promised = limit.map_or_else(String::new, |limit| limit.to_string());
+        let Some(Estimate { parts, value, interval }) = estimate else {
+            let outcome = Outcome::NotMeasured;
+            return Self { what, promised, found: String::new(), interval: None, outcome };
+        };
+        let outcome = limit.map_or(Outcome::Shown, |limit| Outcome::Judged(limit.judge(interval)));
+        Self { what, promised, found: format!("{value:.2}: {}", found(parts)), interval, outcome }
     }
 
-    /// How many times its parts the bridge takes.
-    pub(crate) fn ratio(self) -> f64 {
-        self.bridge / self.parts()
+    /// A count that needs no interval: it is of the whole stream.
+    fn counted(what: &str, promised: &str, found: Option<(String, bool)>) -> Self {
+        let outcome = match found {
+            Some((_, true)) => Outcome::Judged(Verdict::Met),
+            Some((_, false)) => Outcome::Judged(Verdict::Missed),
+            None => Outcome::NotMeasured,
+        };
+        let found = found.map_or_else(String::new, |(found, _)| found);
+        Self {
+            what: what.to_owned(),
+            promised: promised.to_owned(),
+            found,
+            interval: None,
+            outcome,
+        }
     }
 }
 
-/// The parts of a bridged way.
-pub(crate) fn bridged(results: &Results, way: Way, kind: Kind) -> Option<Bridged> {
-    let half = |way| results.summary(way, kind).map(|summary| summary.p50);
-    let code = if way == ZmqToRos { "decode" } else { "encode" };
+/// A bridged way over its parts: bridge, ZeroMQ hop, DDS hop, base64.
+pub(crate) fn bridged(results: &Results, way: Way, kind: Kind) -> Option<Estimate<4>> {
+    let [bridge, zmq, dds] = [way, RawZmq, RawDds].map(|way| results.halves(way, kind));
+    let code = if matches!(way, ZmqToRos | RelayToRos) { "decode" } else { "encode" };
+    let none: Series = (1..=results.rounds).map(|round| (round, 0.0)).collect();
     let base64 = match kind {
-        VgaRgb => results.figure(&format!("base64-simd {code} 640x480 RGB"))?,
-        Kind::FullHdRgb => results.figure(&format!("base64-simd {code} 1080p RGB"))?,
-        _ => 0.0,
+        VgaRgb => results.figure_rounds(&format!("base64-simd {code} 640x480 RGB"))?,
+        Kind::FullHdRgb => results.figure_rounds(&format!("base64-simd {code} 1080p RGB"))?,
+        _ => &none,
     };
-    Some(Bridged { bridge: half(way)?, zmq: half(RawZmq)?, dds: half(RawDds)?, base64 })
+    Estimate::of([&bridge?, &zmq?, &dds?, base64], |[bridge, zmq, dds, base64]| {
+        bridge / (zmq + dds + base64)
+    })
+}
+
+/// The minimal relay the same way.
+pub(crate) fn relay_of(way: Way) -> Way {
+    if way == ZmqToRos { RelayToRos } else { RelayToZmq }
+}
+
+/// A bridged way over its minimal relay.
+pub(crate) fn over_relay(results: &Results, way: Way, kind: Kind) -> Option<Estimate<2>> {
+    let (bridge, relay) = (results.halves(way, kind)?, results.halves(relay_of(way), kind)?);
+    Estimate::of([&bridge, &relay], |[bridge, relay]| bridge / relay)
 }
 
 /// All promises.
@@ -58,61 +108,125 @@ pub(crate) fn check(results: &Results) -> Vec<Target> {
         (ZmqToRos, VgaJpeg, 1.15),
         (RosToZmq, VgaJpeg, 1.15),
     ] {
-        let parts = if kind == VgaRgb { "raw hops + base64" } else { "raw hops" };
-        let measured = bridged(results, way, kind);
-        targets.push(Target {
-            what: format!("{}, {}, p50 against {parts}", way.title(), kind.title()),
-            found: measured.map_or_else(String::new, |b| {
-                let Bridged { bridge, zmq, dds, base64 } = b;
-                format!("{:.2}: {bridge:.0} / ({zmq:.0} + {dds:.0} + {base64:.0}) us", b.ratio())
-            }),
-            promised: format!("at most {limit}"),
-            pass: measured.map(|b| b.ratio() <= limit),
-        });
+        hops(results, way, kind, limit, &mut targets);
     }
-    let coding = results.python_coding(U8Rgb200).zip(results.our_coding(U8Rgb200));
-    let ratio = coding.map(|(python, ours)| (python.0 + python.1) / (ours.0 + ours.1));
-    targets.push(Target {
-        what: format!("coding of a {}, Python against us", U8Rgb200.title()),
-        found: coding.zip(ratio).map_or_else(String::new, |((python, ours), ratio)| {
-            let (python, ours) = (python.0 + python.1, ours.0 + ours.1);
-            format!("{ratio:.1} x: {python:.0} / {ours:.0} us")
+    coding(results, &mut targets);
+    let hops = results.halves(PythonHop, U8Rgb200).zip(results.halves(RustHop, U8Rgb200));
+    targets.push(Target::ratio(
+        format!("one hop of a {}, p50, Python against us", U8Rgb200.title()),
+        Some(Limit::AtLeast(4.0)),
+        hops.and_then(|(python, ours)| Estimate::of([&python, &ours], |[p, o]| p / o)),
+        |[python, ours]| format!("{python:.0} / {ours:.0} us"),
+    ));
+    stream(results, &mut targets);
+    targets
+}
+
+/// A bridged way: what was promised of it, and its minimal relay.
+fn hops(results: &Results, way: Way, kind: Kind, limit: f64, targets: &mut Vec<Target>) {
+    let parts = if kind == VgaRgb { "raw hops + base64" } else { "raw hops" };
+    let found = |[whole, zmq, dds, base64]: [f64; 4]| {
+        if kind == VgaRgb {
+            format!("{whole:.0} / ({zmq:.0} + {dds:.0} + {base64:.0}) us")
+        } else {
+            format!("{whole:.0} / ({zmq:.0} + {dds:.0}) us")
+        }
+    };
+    targets.push(Target::ratio(
+        format!("{}, {}, p50 against {parts}", way.title(), kind.title()),
+        Some(Limit::AtMost(limit)),
+        bridged(results, way, kind),
+        found,
+    ));
+    targets.push(Target::ratio(
+        format!("└ of this: minimal relay against {parts}"),
+        None,
+        bridged(results, relay_of(way), kind),
+        found,
+    ));
+    targets.push(Target::ratio(
+        "└ of this: bridge against minimal relay".to_owned(),
+        None,
+        over_relay(results, way, kind),
+        |[bridge, relay]| format!("{bridge:.0} / {relay:.0} us"),
+    ));
+}
+
+/// Coding without a transport: speed and memory.
+fn coding(results: &Results, targets: &mut Vec<Target>) {
+    let figure = |name: &str| results.figure_rounds(name);
+    let over = |ours: &str, alone: &str| {
+        Estimate::of([figure(ours)?, figure(alone)?], |[ours, alone]| ours / alone)
+    };
+    let micros = |[ours, alone]: [f64; 2]| format!("{ours:.0} / {alone:.0} us");
+    for (what, ours, alone, limit) in
+        [("encode", ENCODE, ENCODE_ALONE, 1.3), ("decode", DECODE, DECODE_ALONE, 1.5)]
+    {
+        targets.push(Target::ratio(
+            format!("{what} a {}, against base64-simd alone on its text", F32Mib.title()),
+            Some(Limit::AtMost(limit)),
+            over(ours, alone),
+            micros,
+        ));
+        targets.push(Target::ratio(
+            "└ the same against memcpy of the text".to_owned(),
+            None,
+            over(ours, MEMCPY),
+            micros,
+        ));
+    }
+    let faster = |python: &Series, ours: Option<&Series>| {
+        Estimate::of([python, ours?], |[python, ours]| python / ours)
+    };
+    let python = results.python_rounds(F32Mib);
+    let (encode, decode) = python.map_or((None, None), |(e, d)| (Some(e), Some(d)));
+    for (what, python, ours) in [("encode", encode, ENCODE), ("decode", decode, DECODE)] {
+        targets.push(Target::ratio(
+            format!("{what} a {}, Python against us", F32Mib.title()),
+            Some(Limit::AtLeast(10.0)),
+            python.and_then(|python| faster(&python, figure(ours))),
+            micros,
+        ));
+    }
+    let all = results.python_rounds(U8Rgb200).zip(results.our_rounds(U8Rgb200));
+    targets.push(Target::ratio(
+        format!("coding of a {}, Python against us", U8Rgb200.title()),
+        Some(Limit::AtLeast(10.0)),
+        all.and_then(|((pe, pd), (oe, od))| {
+            Estimate::of([&pe, &pd, oe, od], |[pe, pd, oe, od]| (pe + pd) / (oe + od))
         }),
-        promised: "at least 10 x".to_owned(),
-        pass: ratio.map(|ratio| ratio >= 10.0),
-    });
-    let half = |way| results.summary(way, U8Rgb200).map(|summary| summary.p50);
-    let hops = half(PythonHop).zip(half(RustHop));
-    targets.push(Target {
-        what: format!("one hop of a {}, p50, Python against us", U8Rgb200.title()),
-        found: hops.map_or_else(String::new, |(python, ours)| {
-            format!("{:.1} x: {python:.0} / {ours:.0} us", python / ours)
-        }),
-        promised: "at least 4 x".to_owned(),
-        pass: hops.map(|(python, ours)| python / ours >= 4.0),
-    });
+        |[pe, pd, oe, od]| format!("{:.0} / {:.0} us", pe + pd, oe + od),
+    ));
+    for (what, grown) in [("encode", ENCODE_MEMORY), ("decode", DECODE_MEMORY)] {
+        targets.push(Target::ratio(
+            format!("{what} an array of 100 MiB: peak memory, array and text in it, over the text"),
+            Some(Limit::AtMost(2.5)),
+            over(grown, ARRAY_TEXT),
+            |[grown, text]| format!("{grown:.0} / {text:.0} MiB"),
+        ));
+    }
+}
+
+/// The stream: losses, and growth of memory.
+fn stream(results: &Results, targets: &mut Vec<Target>) {
     let soak = results.soak.as_ref();
-    let lost = soak.map(|soak| {
-        let report = &soak.report;
-        (report.sent + report.refused - report.received, report.duplicates)
-    });
-    targets.push(Target {
-        what: "1080p RGB at 30 Hz, ZeroMQ to ROS 2, reliable: losses".to_owned(),
-        found: soak.zip(lost).map_or_else(String::new, |(soak, (lost, duplicates))| {
-            let (sent, seconds) = (soak.report.sent, soak.seconds);
-            format!("{lost} lost, {duplicates} twice, of {sent} in {seconds} s")
+    targets.push(Target::counted(
+        "1080p RGB at 30 Hz, ZeroMQ to ROS 2, reliable: losses",
+        "none",
+        soak.map(|soak| {
+            let (report, seconds) = (&soak.report, soak.seconds);
+            let lost = report.sent + report.refused - report.received;
+            let (sent, twice) = (report.sent, report.duplicates);
+            let found = format!("{lost} lost, {twice} twice, of {sent} in {seconds} s");
+            (found, lost == 0 && twice == 0)
         }),
-        promised: "none".to_owned(),
-        pass: lost.map(|lost| lost == (0, 0)),
-    });
+    ));
     let growth = soak
         .and_then(|soak| soak.memory.iter().find(|(name, ..)| *name == "bridge"))
         .map(|(_, _, growth)| *growth);
-    targets.push(Target {
-        what: "the same: growth of the bridge's memory".to_owned(),
-        found: growth.map_or_else(String::new, |growth| format!("{growth:+.2} MiB a minute")),
-        promised: "less than 1 MiB a minute".to_owned(),
-        pass: growth.map(|growth| growth < 1.0),
-    });
-    targets
+    targets.push(Target::counted(
+        "the same: growth of the bridge's memory",
+        "less than 1 MiB a minute",
+        growth.map(|growth| (format!("{growth:+.2} MiB a minute"), growth < 1.0)),
+    ));
 }

@@ -9,7 +9,7 @@ use wrapyfi_core::types::Payload;
 
 use super::{Incoming, Outgoing, Place};
 use crate::clock;
-use crate::payload::{Maker, number_in_payload};
+use crate::payload::{Kind, Maker, compress, decompress, number_in_payload};
 
 fn start(place: &Place) -> Result<ZeroMq> {
     let config = ZeroMqConfig {
@@ -26,6 +26,7 @@ pub(super) struct Out {
     publisher: Box<dyn Publisher>,
     _zeromq: ZeroMq,
     maker: Maker,
+    kind: Kind,
     next: Option<Payload>,
 }
 
@@ -33,18 +34,25 @@ impl Out {
     pub(super) fn new(maker: Maker, place: &Place) -> Result<Self> {
         let zeromq = start(place)?;
         let publisher = zeromq.open_publisher(&maker.spec(&place.topic), &Context::default())?;
-        Ok(Self { publisher, _zeromq: zeromq, maker, next: None })
+        Ok(Self { publisher, _zeromq: zeromq, maker, kind: place.payload, next: None })
     }
 }
 
 impl Outgoing for Out {
     fn prepare(&mut self, seq: u32) -> Result<()> {
-        self.next = Some(self.maker.payload(seq));
+        // A camera gives pixels: what makes a file of them is coding, and counts.
+        self.next = Some(match self.kind {
+            Kind::VgaJpeg => self.maker.uncoded(seq)?,
+            _ => self.maker.payload(seq),
+        });
         Ok(())
     }
 
     fn send(&mut self) -> Result<()> {
-        let Some(payload) = self.next.take() else { bail!("nothing was prepared") };
+        let Some(mut payload) = self.next.take() else { bail!("nothing was prepared") };
+        if self.kind == Kind::VgaJpeg {
+            payload = compress(payload)?;
+        }
         match self.publisher.publish(&payload) {
             // Before the sink is there, as libzmq's PUB has it; what is lost later is counted.
             Ok(_) | Err(PublishError::NoConsumer { .. }) => Ok(()),
@@ -57,6 +65,7 @@ pub(super) struct In {
     listener: Box<dyn Listener>,
     _zeromq: ZeroMq,
     context: Context,
+    kind: Kind,
 }
 
 impl In {
@@ -65,7 +74,7 @@ impl In {
         let context = Context::default();
         let spec = Maker::new(place.payload)?.spec(&place.topic);
         let listener = zeromq.open_listener(&spec, &context)?;
-        Ok(Self { listener, _zeromq: zeromq, context })
+        Ok(Self { listener, _zeromq: zeromq, context, kind: place.payload })
     }
 }
 
@@ -73,8 +82,12 @@ impl Incoming for In {
     fn next(&mut self, patience: Duration) -> Result<Option<(u32, u64)>> {
         loop {
             if let Some(sample) = self.listener.take()? {
+                let mut payload = sample.payload;
+                if self.kind == Kind::VgaJpeg {
+                    payload = decompress(payload)?;
+                }
                 let received = clock::now();
-                return Ok(Some((number_in_payload(&sample.payload)?, received)));
+                return Ok(Some((number_in_payload(&payload)?, received)));
             }
             if !self.context.wake.wait(patience) {
                 return Ok(None);
