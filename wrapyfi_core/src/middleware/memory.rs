@@ -10,8 +10,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use crate::endpoint::{
-    Context, Link, Listener, Middleware, OpenError, PublishError, Publisher, Receiver, Sample,
-    Sender, TakeError, TopicSpec, Wake, inbox,
+    Context, DiscoverError, Discovered, Discovery, Link, Listener, Middleware, OpenError,
+    PublishError, Publisher, Receiver, Role, Sample, Sender, TakeError, TopicSpec, Wake, inbox,
 };
 use crate::types::Payload;
 
@@ -120,6 +120,39 @@ impl Middleware for Memory {
     ) -> Result<Box<dyn Publisher>, OpenError> {
         self.topic(spec, context, |topic| topic.publishers += 1)?;
         Ok(Box::new(MemoryPublisher { bus: Arc::clone(&self.bus), topic: spec.topic.clone() }))
+    }
+
+    fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
+        Ok(Box::new(MemoryDiscovery { bus: Arc::clone(&self.bus) }))
+    }
+}
+
+struct MemoryDiscovery {
+    bus: Arc<Mutex<Bus>>,
+}
+
+impl Discovery for MemoryDiscovery {
+    fn endpoints(&mut self) -> Result<Vec<Discovered>, DiscoverError> {
+        let bus = lock(&self.bus);
+        let found = bus.topics.iter().flat_map(|(name, topic)| {
+            [(Role::Publisher, topic.publishers), (Role::Listener, topic.listeners.len())].map(
+                |(role, count)| Discovered {
+                    name: name.clone(),
+                    role,
+                    type_name: None,
+                    type_hash: None,
+                    qos: None,
+                    node: None,
+                    count: count as u64,
+                    traffic: None,
+                },
+            )
+        });
+        Ok(found.filter(|endpoint| endpoint.count > 0).collect())
+    }
+
+    fn waiting_for(&self) -> Option<String> {
+        None
     }
 }
 
