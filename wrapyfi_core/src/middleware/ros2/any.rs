@@ -27,7 +27,7 @@ pub enum AnyError {
         /// The type.
         type_name: String,
         /// Why.
-        fault: PlanError,
+        fault: Box<PlanError>,
     },
     /// The name of the topic is not valid, or the endpoint cannot be opened.
     #[error("{0}")]
@@ -48,7 +48,7 @@ pub enum AnyError {
         /// The type it should have.
         type_name: String,
         /// What is wrong, and where.
-        fault: ValueError,
+        fault: Box<ValueError>,
     },
     /// DDS refused.
     #[error(transparent)]
@@ -174,7 +174,7 @@ impl AnyPublisher {
     pub fn publish(&mut self, message: &DynamicMessage) -> Result<usize, AnyError> {
         let cdr = self.plan.encode(message).map_err(|fault| AnyError::Unencodable {
             type_name: self.topic.type_name.clone(),
-            fault,
+            fault: Box::new(fault),
         })?;
         let pieces: Vec<&[u8]> = cdr.pieces().iter().map(AsRef::as_ref).collect();
         self.writer.write(&pieces)?;
@@ -208,9 +208,10 @@ fn prepare(
     max_bytes: usize,
 ) -> Result<(TopicDescription, Plan), AnyError> {
     let type_name = resolved.name().to_string();
-    let plan = resolved
-        .plan()
-        .map_err(|fault| AnyError::Definition { type_name: type_name.clone(), fault })?;
+    let plan = resolved.plan().map_err(|fault| AnyError::Definition {
+        type_name: type_name.clone(),
+        fault: Box::new(fault),
+    })?;
     let name = ros2.resolve(topic).map_err(|error: OpenError| AnyError::Open(error.to_string()))?;
     let type_hash = Some(resolved.type_hash());
     Ok((TopicDescription { name, type_name, type_hash, qos, max_bytes }, plan))

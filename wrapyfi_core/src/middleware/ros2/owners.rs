@@ -76,7 +76,7 @@ impl NodeWatch for Owners {
                 Ok(Some(sample)) => match ParticipantEntitiesInfo::decode(&sample.cdr, MAX_BYTES) {
                     Ok(info) => self.read(info),
                     Err(error) => {
-                        tracing::warn!(%error, "{TOPIC}: an announcement is not readable")
+                        tracing::warn!(%error, "{TOPIC}: an announcement is not readable");
                     }
                 },
                 Ok(None) => break,

@@ -107,7 +107,8 @@ impl ZeroMqDiscovery {
             && let Ok(counts) = serde_json::from_slice::<BTreeMap<String, u64>>(body)
         {
             self.listeners = counts;
-            self.listeners.retain(|topic, count| *count > 0 && !topic.starts_with(PROBE));
+            let own = |topic: &str| topic == TRAFFIC_TOPIC || topic.starts_with(PROBE);
+            self.listeners.retain(|topic, count| *count > 0 && !own(topic));
         }
     }
 

@@ -8,7 +8,7 @@
 //! them. It is told on a topic of its own, so that whoever asks need not subscribe to everything,
 //! which would make every publisher believe it has a listener.
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
@@ -35,7 +35,7 @@ pub struct TopicTraffic {
 /// The table as it is told.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(super) struct Told {
-    pub(super) topics: std::collections::BTreeMap<String, TopicTraffic>,
+    pub(super) topics: BTreeMap<String, TopicTraffic>,
     /// Messages of topics that found no room, or whose name is no text.
     pub(super) unlisted: u64,
 }
@@ -43,7 +43,7 @@ pub(super) struct Told {
 /// Counts of one broker.
 #[derive(Debug, Default)]
 pub(super) struct Traffic {
-    topics: HashMap<Vec<u8>, (u64, u64, Option<Look>)>,
+    topics: BTreeMap<Vec<u8>, (u64, u64, Option<Look>)>,
     unlisted: u64,
     watchers: u64,
 }
