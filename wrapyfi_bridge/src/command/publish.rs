@@ -58,7 +58,7 @@ fn wait_for_listener(
     shutdown: &Shutdown,
 ) -> Result<bool, Failure> {
     let deadline = args.timeout.map(|timeout| Instant::now() + timeout);
-    let mut told = false;
+    let mut told = String::new();
     while !shutdown.requested() {
         let link = publisher.link();
         if link.waiting_for.is_none() && (link.keeps_last || link.peers != Some(0)) {
@@ -68,8 +68,9 @@ fn wait_for_listener(
         if deadline.is_some_and(|at| Instant::now() >= at) {
             return Err(Failure::TimedOut(format!("time-out while waiting for {what}")));
         }
-        if !std::mem::replace(&mut told, true) {
+        if told != what {
             tracing::info!("waiting for {what}");
+            told = what;
         }
         context.wake.wait(super::WAIT_SLICE);
     }

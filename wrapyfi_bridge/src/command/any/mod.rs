@@ -58,11 +58,13 @@ impl Strangers {
 
     /// Looks, where the last look is long enough ago.
     fn look(&mut self, topic: &TopicDescription) {
-        let now = Instant::now();
-        if now < self.next_look {
-            return;
+        if Instant::now() >= self.next_look {
+            self.look_now(topic);
         }
-        self.next_look = now + LOOK_EVERY;
+    }
+
+    fn look_now(&mut self, topic: &TopicDescription) {
+        self.next_look = Instant::now() + LOOK_EVERY;
         match self.discovery.endpoints() {
             Ok(found) => {
                 for endpoint in found.iter().filter(|endpoint| endpoint.name == topic.name) {
