@@ -109,7 +109,7 @@ impl Middleware for Memory {
         Ok(Box::new(MemoryListener {
             bus: Arc::clone(&self.bus),
             topic: spec.topic.clone(),
-            receiver,
+            receiver: Some(receiver),
         }))
     }
 
@@ -159,22 +159,34 @@ impl Discovery for MemoryDiscovery {
 struct MemoryListener {
     bus: Arc<Mutex<Bus>>,
     topic: String,
-    receiver: Receiver<Sample>,
+    /// `None` once it is closed.
+    receiver: Option<Receiver<Sample>>,
 }
 
 impl Listener for MemoryListener {
     fn take(&mut self) -> Result<Option<Sample>, TakeError> {
-        Ok(self.receiver.pop())
+        Ok(self.receiver.as_ref().and_then(Receiver::pop))
     }
 
     fn discard(&mut self) -> bool {
-        self.receiver.pop().is_some()
+        self.receiver.as_ref().and_then(Receiver::pop).is_some()
     }
 
     fn link(&self) -> Link {
         let publishers =
             lock(&self.bus).topics.get(&self.topic).map_or(0, |topic| topic.publishers);
         Link { peers: Some(publishers), ..Link::default() }
+    }
+}
+
+impl Drop for MemoryListener {
+    fn drop(&mut self) {
+        // Closed first: those who are rung look whether it still is there.
+        self.receiver = None;
+        if let Some(topic) = lock(&self.bus).topics.get_mut(&self.topic) {
+            topic.listeners.retain(|(listener, _)| !listener.is_closed());
+            topic.watchers.iter().for_each(Wake::ring);
+        }
     }
 }
 
