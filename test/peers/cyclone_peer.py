@@ -127,6 +127,9 @@ def make(seq):
         value = payload.native(seq, flavour or "small")
         message.data = encode_json(value)
         return message, {"sha256": payload.digest(value)}
+    if args.type == "geometry_msgs/msg/Twist":
+        message.linear.x, message.angular.z = seq + 0.5, -1.25
+        return message, {}
     if args.type == "sensor_msgs/msg/Image":
         frame = payload.image(seq, flavour or "colour")
         encoding = args.encoding or {"mono": "mono8", "float": "32FC3", "float_mono": "32FC1"}.get(flavour, "bgr8")

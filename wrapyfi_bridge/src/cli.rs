@@ -37,6 +37,8 @@ pub enum Command {
         /// Configuration file.
         file: PathBuf,
     },
+    /// List the endpoints that exist now, on every side, with types and quality of service.
+    List(ListArgs),
     /// Print the messages of an endpoint.
     Echo(EchoArgs),
     /// Publish to an endpoint.
@@ -67,14 +69,36 @@ pub struct BridgeArgs {
     pub json: bool,
 }
 
+/// Arguments of `wrapyfi list`.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "On ZeroMQ a publisher is seen by the messages it sends: one that is silent cannot be \
+    listed. With a broker that is not ours, everything is subscribed to while we look."
+)]
+pub struct ListArgs {
+    /// Only this middleware: ros2 or zeromq.
+    pub middleware: Option<String>,
+    /// One JSON object a line for each endpoint.
+    #[arg(long)]
+    pub json: bool,
+    /// How long to look.
+    #[arg(long, value_name = "S", default_value = "3", value_parser = seconds)]
+    pub wait: Duration,
+}
+
 /// Arguments of `wrapyfi echo`.
 #[derive(Debug, Args)]
 pub struct EchoArgs {
     /// Where to listen.
     pub endpoint: EndpointAddress,
-    /// Type of the messages: NativeObject, Image, CompressedImage, AudioChunk or a ROS type.
+    /// Type of the messages: NativeObject, Image, CompressedImage, AudioChunk or any ROS type. On
+    /// ROS 2 it may be left out: it is what the topic's endpoints announce.
     #[arg(long = "type", value_name = "T")]
-    pub message_type: MessageType,
+    pub message_type: Option<TypeName>,
+    /// Folder of packages with .msg files, searched before AMENT_PREFIX_PATH; may be given more
+    /// than once.
+    #[arg(long, value_name = "DIR")]
+    pub definitions: Vec<PathBuf>,
     /// End after this many messages.
     #[arg(long, value_name = "N")]
     pub count: Option<u64>,
@@ -82,12 +106,13 @@ pub struct EchoArgs {
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub timeout: Option<Duration>,
     /// One JSON object a line: type, stamp, shape or size, sha256 of the payload, and the value of
-    /// native objects.
+    /// native objects and of ROS types that are not ours.
     #[arg(long)]
     pub json: bool,
-    /// Quality of service on ROS 2: default, sensor_data or latched.
-    #[arg(long, value_name = "PRESET", default_value = "default", value_parser = qos)]
-    pub qos: wrapyfi_core::endpoint::QosPreset,
+    /// Quality of service on ROS 2: default, sensor_data or latched. Where the type is left out, by
+    /// default what the publishers offer.
+    #[arg(long, value_name = "PRESET", value_parser = qos)]
+    pub qos: Option<wrapyfi_core::endpoint::QosPreset>,
 }
 
 /// Arguments of `wrapyfi pub`.
@@ -95,10 +120,15 @@ pub struct EchoArgs {
 pub struct PubArgs {
     /// Where to publish.
     pub endpoint: EndpointAddress,
-    /// Type of the messages: NativeObject, Image, CompressedImage, AudioChunk or a ROS type.
+    /// Type of the messages: NativeObject, Image, CompressedImage, AudioChunk or any ROS type.
     #[arg(long = "type", value_name = "T")]
-    pub message_type: MessageType,
-    /// The value, as JSON in Wrapyfi's dialect (tags and NaN allowed).
+    pub message_type: TypeName,
+    /// Folder of packages with .msg files, searched before AMENT_PREFIX_PATH; may be given more
+    /// than once.
+    #[arg(long, value_name = "DIR")]
+    pub definitions: Vec<PathBuf>,
+    /// The value: JSON in Wrapyfi's dialect (tags and NaN allowed); for other ROS types their
+    /// fields, where those that are left out have their default.
     #[arg(long, value_name = "JSON", required_unless_present = "file", conflicts_with = "file")]
     pub value: Option<String>,
     /// The value from a file: .json, .npy, .png, .jpg or .wav.
@@ -133,6 +163,35 @@ pub struct BrokerArgs {
     /// Allow an address that other machines reach. Nothing is encrypted or authenticated.
     #[arg(long)]
     pub insecure: bool,
+}
+
+/// A type as `--type` names it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum TypeName {
+    /// One that routes carry.
+    Known(MessageType),
+    /// Another ROS type, by its full name: `geometry_msgs/msg/Twist`.
+    Ros(String),
+}
+
+impl std::str::FromStr for TypeName {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let error = match text.parse() {
+            Ok(known) => return Ok(Self::Known(known)),
+            Err(error) => error,
+        };
+        match text.split('/').collect::<Vec<_>>()[..] {
+            [package, "msg", name] if !package.is_empty() && !name.is_empty() => {
+                Ok(Self::Ros(text.to_owned()))
+            }
+            [package, name] if !package.is_empty() && !name.is_empty() => {
+                Err(format!("{error}, or any ROS type: did you mean {package}/msg/{name}?"))
+            }
+            _ => Err(format!("{error}, or any ROS type as package/msg/Name")),
+        }
+    }
 }
 
 /// A span of time given in seconds, at most a year.
@@ -171,6 +230,17 @@ mod tests {
     #[test]
     fn the_definition_is_consistent() {
         Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn types_are_known_or_ros() {
+        assert_eq!("Image".parse(), Ok(TypeName::Known(MessageType::Image)));
+        let twist = "geometry_msgs/msg/Twist";
+        assert_eq!(twist.parse(), Ok(TypeName::Ros(twist.to_owned())));
+        let error = "geometry_msgs/Twist".parse::<TypeName>().unwrap_err();
+        assert!(error.contains("did you mean geometry_msgs/msg/Twist?"), "{error}");
+        assert!("Twist".parse::<TypeName>().is_err());
+        assert!("a/srv/B".parse::<TypeName>().is_err());
     }
 
     #[test]

@@ -18,7 +18,7 @@ fn main() -> ExitCode {
 fn run(cli: &Cli) -> Result<(), Failure> {
     let level = match (&cli.log_level, &cli.command) {
         (Some(level), _) => level,
-        (None, Command::Echo(_)) => "warn",
+        (None, Command::Echo(_) | Command::List(_)) => "warn",
         (None, _) => "info",
     };
     logging::start("wrapyfi", level).map_err(Failure::usage)?;
@@ -27,6 +27,7 @@ fn run(cli: &Cli) -> Result<(), Failure> {
         Command::Demo(args) => command::demo::run(args, &shutdown),
         Command::Bridge(args) => command::bridge::run(args, &shutdown),
         Command::Check { file } => command::check::run(file),
+        Command::List(args) => command::list::run(args, &shutdown),
         Command::Echo(args) => command::echo::run(args, &shutdown),
         Command::Pub(args) => command::publish::run(args, &shutdown),
         Command::Broker(args) => command::broker::run(args, &shutdown),

@@ -170,8 +170,7 @@ impl Middlewares {
                 middlewares.add(Arc::new(start_zeromq(&endpoints.zeromq, Some(role), largest)?));
             }
             "ros2" => {
-                let node = Node::hidden().map_err(Failure::usage)?;
-                middlewares.add(Arc::new(start_ros2(&endpoints.ros2, &node, largest)?));
+                middlewares.add(Arc::new(Self::ros2_of_command()?));
             }
             other => {
                 let text = format!(
@@ -182,6 +181,29 @@ impl Middlewares {
             }
         }
         Ok(middlewares)
+    }
+
+    /// ROS 2 as the hidden node of a command.
+    ///
+    /// # Errors
+    /// As [`Middlewares::for_plan`].
+    pub fn ros2_of_command() -> Result<Ros2, Failure> {
+        let node = Node::hidden().map_err(Failure::usage)?;
+        start_ros2(&Ros2Section::default(), &node, Limits::default().message_bytes)
+    }
+
+    /// Only `ros2`.
+    #[must_use]
+    pub fn with_ros2(ros2: Arc<Ros2>) -> Self {
+        let mut middlewares = Self::default();
+        middlewares.add(ros2);
+        middlewares
+    }
+
+    /// Names of all that there are.
+    #[must_use]
+    pub fn names() -> Vec<&'static str> {
+        available().map(|known| known.name).into()
     }
 
     /// The middlewares by name.

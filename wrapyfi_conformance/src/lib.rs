@@ -93,6 +93,8 @@ macro_rules! conformance_tests {
             publishers_know_who_listens,
             listeners_know_who_publishes,
             an_arrival_rings,
+            // discovery
+            what_exists_is_found_and_what_went_is_not,
         }
     };
     (@cases $rig:ty: $($case:ident,)*) => {

@@ -19,9 +19,6 @@ impl Rig for Bus {
         ..Capabilities::FULL
     };
 
-    const KNOWN_FAULTS: &'static [(&'static str, &'static str)] =
-        &[("publishers_know_who_listens", "a listener that closes does not ring its publishers")];
-
     fn start() -> Self {
         Self(Memory::new("memory"))
     }

@@ -4,9 +4,11 @@ use std::io::{self, Write as _};
 use std::time::Instant;
 
 use anyhow::Context as _;
-use wrapyfi_core::endpoint::{Context, Overflow, QueueSpec, TopicSpec};
+use wrapyfi_core::endpoint::{Context, Overflow, Qos, QueueSpec, TopicSpec};
+use wrapyfi_core::types::{DataType, MessageType};
 
-use crate::cli::EchoArgs;
+use super::any;
+use crate::cli::{EchoArgs, TypeName};
 use crate::describe::{describe, summary};
 use crate::exit::Failure;
 use crate::middlewares::{Middlewares, Role};
@@ -17,12 +19,37 @@ use crate::shutdown::Shutdown;
 /// # Errors
 /// Exit code 3 when a message did not come in time, 2 when the endpoint is wrong.
 pub fn run(args: &EchoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
-    let middlewares = Middlewares::for_endpoint(&args.endpoint, Role::Listener)?;
+    match (&args.message_type, args.endpoint.middleware.as_str()) {
+        (Some(TypeName::Known(message_type)), _) => {
+            let middlewares = Middlewares::for_endpoint(&args.endpoint, Role::Listener)?;
+            let qos = args.qos.map(Qos::from).unwrap_or_default();
+            known(args, *message_type, qos, &middlewares, shutdown)
+        }
+        (named, "ros2") => any::echo::run(args, named.as_ref(), shutdown),
+        (Some(TypeName::Ros(name)), other) => Err(Failure::Usage(format!(
+            "{other} does not carry {name}; it carries {}",
+            DataType::ALL.map(DataType::name).join(", ")
+        ))),
+        (None, other) => Err(Failure::Usage(format!(
+            "--type is needed on {other}, which does not announce types: {}",
+            MessageType::ALL.map(|known| known.to_string()).join(", ")
+        ))),
+    }
+}
+
+/// Prints the messages of a type that routes carry.
+pub(super) fn known(
+    args: &EchoArgs,
+    message_type: MessageType,
+    qos: Qos,
+    middlewares: &Middlewares,
+    shutdown: &Shutdown,
+) -> Result<(), Failure> {
     let context = Context::default();
     let spec = TopicSpec {
-        qos: args.qos.into(),
+        qos,
         queue: QueueSpec { depth: 100, overflow: Overflow::DropOldest },
-        ..TopicSpec::new(&args.endpoint.name, args.message_type)
+        ..TopicSpec::new(&args.endpoint.name, message_type)
     };
     let middleware =
         middlewares.registry().get(&args.endpoint.middleware).map_err(Failure::usage)?;
@@ -35,12 +62,8 @@ pub fn run(args: &EchoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
             Ok(Some(sample)) => {
                 let line =
                     if args.json { describe(&sample.payload) } else { summary(&sample.payload) };
-                if let Err(error) = writeln!(out, "{line}").and_then(|()| out.flush()) {
-                    // The reader of our output has seen enough: `wrapyfi echo … | head`.
-                    return match error.kind() {
-                        io::ErrorKind::BrokenPipe => Ok(()),
-                        _ => Err(anyhow::Error::new(error).context("cannot print").into()),
-                    };
+                if !print(&mut out, &line.to_string())? {
+                    return Ok(());
                 }
                 printed += 1;
                 deadline = args.timeout.map(|timeout| Instant::now() + timeout);
@@ -61,6 +84,15 @@ pub fn run(args: &EchoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     }
     report_drops(&context);
     out.flush().context("cannot print").map_err(Failure::from)
+}
+
+/// Prints a line; false when the reader of our output has seen enough: `wrapyfi echo … | head`.
+pub(super) fn print(out: &mut impl io::Write, line: &str) -> Result<bool, Failure> {
+    match writeln!(out, "{line}").and_then(|()| out.flush()) {
+        Ok(()) => Ok(true),
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(false),
+        Err(error) => Err(anyhow::Error::new(error).context("cannot print").into()),
+    }
 }
 
 fn timed_out(

@@ -2,11 +2,13 @@
 
 use std::time::Duration;
 
+pub mod any;
 pub mod bridge;
 pub mod broker;
 pub mod check;
 pub mod demo;
 pub mod echo;
+pub mod list;
 pub mod publish;
 
 /// Longest a command waits before it looks at signals and deadlines again.

@@ -4,9 +4,10 @@ use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
 use wrapyfi_core::endpoint::{Context, PublishError, Publisher, TopicSpec};
-use wrapyfi_core::types::Payload;
+use wrapyfi_core::types::{DataType, Payload};
 
-use crate::cli::PubArgs;
+use super::any;
+use crate::cli::{PubArgs, TypeName};
 use crate::exit::Failure;
 use crate::middlewares::{Middlewares, Role};
 use crate::shutdown::Shutdown;
@@ -17,10 +18,18 @@ use crate::{describe, input};
 /// # Errors
 /// Exit code 3 when no listener came in time, 2 when endpoint or input is wrong.
 pub fn run(args: &PubArgs, shutdown: &Shutdown) -> Result<(), Failure> {
-    let spec = TopicSpec {
-        qos: args.qos.into(),
-        ..TopicSpec::new(&args.endpoint.name, args.message_type)
+    let message_type = match (&args.message_type, args.endpoint.middleware.as_str()) {
+        (TypeName::Known(message_type), _) => *message_type,
+        (TypeName::Ros(name), "ros2") => return any::publish::run(args, name, shutdown),
+        (TypeName::Ros(name), other) => {
+            return Err(Failure::Usage(format!(
+                "{other} does not carry {name}; it carries {}",
+                DataType::ALL.map(DataType::name).join(", ")
+            )));
+        }
     };
+    let spec =
+        TopicSpec { qos: args.qos.into(), ..TopicSpec::new(&args.endpoint.name, message_type) };
     let payload = match (&args.value, &args.file) {
         (Some(text), _) => input::from_json(text, &spec),
         (None, Some(file)) => input::from_file(file, &spec),
@@ -49,7 +58,7 @@ fn wait_for_listener(
     shutdown: &Shutdown,
 ) -> Result<bool, Failure> {
     let deadline = args.timeout.map(|timeout| Instant::now() + timeout);
-    let mut told = false;
+    let mut told = String::new();
     while !shutdown.requested() {
         let link = publisher.link();
         if link.waiting_for.is_none() && (link.keeps_last || link.peers != Some(0)) {
@@ -59,8 +68,9 @@ fn wait_for_listener(
         if deadline.is_some_and(|at| Instant::now() >= at) {
             return Err(Failure::TimedOut(format!("time-out while waiting for {what}")));
         }
-        if !std::mem::replace(&mut told, true) {
+        if told != what {
             tracing::info!("waiting for {what}");
+            told = what;
         }
         context.wake.wait(super::WAIT_SLICE);
     }

@@ -2,6 +2,7 @@
 
 mod content;
 mod delivery;
+mod discovery;
 mod faults;
 mod link;
 mod queue;
@@ -9,6 +10,7 @@ mod restart;
 
 pub use content::*;
 pub use delivery::*;
+pub use discovery::*;
 pub use faults::*;
 pub use link::*;
 pub use queue::*;

@@ -16,6 +16,7 @@
 
 mod address;
 mod counters;
+mod discovery;
 mod inbox;
 mod latency;
 mod qos;
@@ -27,6 +28,10 @@ use std::time::Instant;
 
 pub use address::{EndpointAddress, ParseAddressError};
 pub use counters::{Counters, CountersSnapshot, DropReason};
+pub use discovery::{
+    AnnouncedDurability, AnnouncedQos, DiscoverError, Discovered, Discovery, Liveliness, Role,
+    Traffic,
+};
 pub use inbox::{Overflow, QueueSpec, Receiver, Sender, inbox};
 pub use latency::{Latency, LatencySummary};
 pub use qos::{Durability, History, Qos, QosPreset, Reliability};
@@ -61,6 +66,14 @@ pub trait Middleware: Send + Sync {
         spec: &TopicSpec,
         context: &Context,
     ) -> Result<Box<dyn Publisher>, OpenError>;
+
+    /// Begins to look for the endpoints of other programs. Returns at once, with nothing found yet.
+    ///
+    /// # Errors
+    /// When the middleware has no way to tell them, or the transport refuses.
+    fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
+        Err(DiscoverError::Unsupported { middleware: self.name().to_owned() })
+    }
 }
 
 /// Receives one topic.

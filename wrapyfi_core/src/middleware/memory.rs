@@ -10,8 +10,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use crate::endpoint::{
-    Context, Link, Listener, Middleware, OpenError, PublishError, Publisher, Receiver, Sample,
-    Sender, TakeError, TopicSpec, Wake, inbox,
+    Context, DiscoverError, Discovered, Discovery, Link, Listener, Middleware, OpenError,
+    PublishError, Publisher, Receiver, Role, Sample, Sender, TakeError, TopicSpec, Wake, inbox,
 };
 use crate::types::Payload;
 
@@ -109,7 +109,7 @@ impl Middleware for Memory {
         Ok(Box::new(MemoryListener {
             bus: Arc::clone(&self.bus),
             topic: spec.topic.clone(),
-            receiver,
+            receiver: Some(receiver),
         }))
     }
 
@@ -121,27 +121,72 @@ impl Middleware for Memory {
         self.topic(spec, context, |topic| topic.publishers += 1)?;
         Ok(Box::new(MemoryPublisher { bus: Arc::clone(&self.bus), topic: spec.topic.clone() }))
     }
+
+    fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
+        Ok(Box::new(MemoryDiscovery { bus: Arc::clone(&self.bus) }))
+    }
+}
+
+struct MemoryDiscovery {
+    bus: Arc<Mutex<Bus>>,
+}
+
+impl Discovery for MemoryDiscovery {
+    fn endpoints(&mut self) -> Result<Vec<Discovered>, DiscoverError> {
+        let bus = lock(&self.bus);
+        let found = bus.topics.iter().flat_map(|(name, topic)| {
+            [(Role::Publisher, topic.publishers), (Role::Listener, topic.listeners.len())].map(
+                |(role, count)| Discovered {
+                    name: name.clone(),
+                    role,
+                    type_name: None,
+                    type_hash: None,
+                    qos: None,
+                    node: None,
+                    count: count as u64,
+                    traffic: None,
+                },
+            )
+        });
+        Ok(found.filter(|endpoint| endpoint.count > 0).collect())
+    }
+
+    fn waiting_for(&self) -> Option<String> {
+        None
+    }
 }
 
 struct MemoryListener {
     bus: Arc<Mutex<Bus>>,
     topic: String,
-    receiver: Receiver<Sample>,
+    /// `None` once it is closed.
+    receiver: Option<Receiver<Sample>>,
 }
 
 impl Listener for MemoryListener {
     fn take(&mut self) -> Result<Option<Sample>, TakeError> {
-        Ok(self.receiver.pop())
+        Ok(self.receiver.as_ref().and_then(Receiver::pop))
     }
 
     fn discard(&mut self) -> bool {
-        self.receiver.pop().is_some()
+        self.receiver.as_ref().and_then(Receiver::pop).is_some()
     }
 
     fn link(&self) -> Link {
         let publishers =
             lock(&self.bus).topics.get(&self.topic).map_or(0, |topic| topic.publishers);
         Link { peers: Some(publishers), ..Link::default() }
+    }
+}
+
+impl Drop for MemoryListener {
+    fn drop(&mut self) {
+        // Closed first: those who are rung look whether it still is there.
+        self.receiver = None;
+        if let Some(topic) = lock(&self.bus).topics.get_mut(&self.topic) {
+            topic.listeners.retain(|(listener, _)| !listener.is_closed());
+            topic.watchers.iter().for_each(Wake::ring);
+        }
     }
 }
 

@@ -83,6 +83,14 @@ impl Primitives {
         self.len() == 0
     }
 
+    /// The first `count` elements, or all where there are fewer.
+    #[must_use]
+    pub fn prefix(&self, count: usize) -> Self {
+        with_elements!(self, values => {
+            values.iter().take(count).copied().collect::<Vec<_>>().into()
+        })
+    }
+
     /// Name of the elements' type in definitions; `uint8` for `byte` and `char` too.
     #[must_use]
     pub fn element_name(&self) -> &'static str {

@@ -90,6 +90,12 @@ impl TypeStore {
         Self { dialect, files: Box::new(files), places: Vec::new(), known: BTreeMap::new() }
     }
 
+    /// A store of ROS 2 definitions without places, which reads from the disk.
+    #[must_use]
+    pub fn empty() -> Self {
+        Self::new(Dialect::Ros2, Disk)
+    }
+
     /// A store of ROS 2 definitions that looks where `AMENT_PREFIX_PATH` says.
     #[must_use]
     pub fn from_environment() -> Self {

@@ -16,10 +16,11 @@ use super::cyclone::{
 use super::discovery_info::{DiscoveryInfo, EndpointKind, Gid};
 use super::domain::{DomainError, DomainLease};
 use super::graph::{
-    CdrReader, CdrSample, CdrWriter, DiscoveredEndpoint, Graph, GraphError, Notify,
+    CdrReader, CdrSample, CdrWriter, DiscoveredEndpoint, Graph, GraphError, NodeWatch, Notify,
     TopicDescription,
 };
 use super::names;
+use super::owners::Owners;
 use crate::node::NodeName;
 
 /// How long a write waits for reliable readers; only keep-all writers wait, the others overwrite
@@ -156,13 +157,19 @@ impl Graph for CycloneGraph {
                 is_publisher: endpoint.is_writer,
                 type_hash: type_hash(&endpoint.user_data),
                 gid: endpoint.guid,
-                type_name: names::type_from_dds(&endpoint.type_name).unwrap_or(endpoint.type_name),
-                topic: match names::topic_from_dds(&endpoint.topic) {
-                    Some(ros) => ros.to_owned(),
-                    None => endpoint.topic,
-                },
+                qos: endpoint.qos,
+                is_own: endpoint.guid.first_chunk::<12>() == self.0.gid.first_chunk::<12>(),
+                type_name: names::type_from_dds(&endpoint.type_name)
+                    .unwrap_or_else(|| endpoint.type_name.clone()),
+                dds_type: endpoint.type_name,
+                topic: names::topic_from_dds(&endpoint.topic).unwrap_or(&endpoint.topic).to_owned(),
+                dds_topic: endpoint.topic,
             })
             .collect())
+    }
+
+    fn nodes(&self) -> Result<Box<dyn NodeWatch>, GraphError> {
+        Ok(Box::new(Owners::listen(self)?))
     }
 }
 

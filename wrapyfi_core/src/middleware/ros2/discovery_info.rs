@@ -20,7 +20,7 @@ use crate::endpoint::{Durability, History, Qos, Reliability};
 use crate::node::NodeName;
 
 /// DDS topic; it has no ROS prefix.
-const TOPIC: &str = "ros_discovery_info";
+pub(super) const TOPIC: &str = "ros_discovery_info";
 
 /// A DDS GUID as ROS writes it.
 pub(super) type Gid = [u8; 16];

@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 
-use crate::endpoint::{Qos, Wake};
+use crate::endpoint::{AnnouncedQos, Qos, Wake};
 use crate::node::NodeName;
 
 /// A topic on the graph.
@@ -62,6 +62,22 @@ pub trait Graph: Send + Sync {
     /// # Errors
     /// When the DDS stack refuses.
     fn endpoints(&self) -> Result<Vec<DiscoveredEndpoint>, GraphError>;
+
+    /// Begins to listen for what other participants say about their nodes.
+    ///
+    /// # Errors
+    /// When the DDS stack refuses.
+    fn nodes(&self) -> Result<Box<dyn NodeWatch>, GraphError>;
+}
+
+/// Knows which node owns which endpoint, from `ros_discovery_info`. It knows more the longer it
+/// listens.
+pub trait NodeWatch: Send {
+    /// Reads what has arrived.
+    fn update(&mut self);
+
+    /// Full name of the node that owns the endpoint, for instance `/robot/talker`.
+    fn owner(&self, gid: &[u8; 16]) -> Option<&str>;
 }
 
 /// An endpoint somewhere on the graph.
@@ -71,12 +87,20 @@ pub struct DiscoveredEndpoint {
     pub is_publisher: bool,
     /// ROS topic where it is one, else the DDS topic.
     pub topic: String,
+    /// DDS topic.
+    pub dds_topic: String,
     /// ROS type where it is one, else the DDS type.
     pub type_name: String,
+    /// DDS type.
+    pub dds_type: String,
     /// REP-2016 hash it announces.
     pub type_hash: Option<String>,
     /// DDS GUID.
     pub gid: [u8; 16],
+    /// Quality of service that it announces.
+    pub qos: AnnouncedQos,
+    /// True for an endpoint of this participant.
+    pub is_own: bool,
 }
 
 /// Waits until `condition` holds, looking whenever `wake` rings; false after `timeout`.

@@ -1,9 +1,10 @@
 //! ROS 2 topics over CycloneDDS.
 //!
 //! ```text
-//!   Ros2 (Middleware) ─ names ─ listener, publisher: payload <-> CDR
+//!   Ros2 (Middleware) ─ names ─ listener, publisher: payload <-> CDR; any: any type <-> CDR
 //!     │
 //!   graph               the trait: CDR bytes and discovery facts
+//!     │                 discovery: topics and services of others, owners: whose they are
 //!     │
 //!   cyclone_graph ───── discovery_info, domain, config ◀── environment
 //!     │
@@ -28,26 +29,32 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod any;
 mod config;
 mod cyclone;
 mod cyclone_graph;
 mod diagnosis;
+mod discovery;
 mod discovery_info;
 mod domain;
 pub mod environment;
 pub mod graph;
 mod listener;
 mod names;
+mod owners;
 mod payload;
 mod publisher;
 
 use std::sync::Arc;
 
+pub use any::{AnyError, AnyListener, AnyMessage, AnyPublisher};
 pub use config::CycloneConfig;
 pub use cyclone_graph::{CycloneError, CycloneGraph};
 pub use domain::DomainError;
 
-use crate::endpoint::{Context, Listener, Middleware, OpenError, Publisher, TopicSpec};
+use crate::endpoint::{
+    Context, DiscoverError, Discovery, Listener, Middleware, OpenError, Publisher, TopicSpec,
+};
 use crate::node::NodeName;
 use graph::{Graph, GraphError, TopicDescription};
 use listener::Ros2Listener;
@@ -82,18 +89,26 @@ impl Ros2 {
         &self.graph
     }
 
-    fn describe(&self, spec: &TopicSpec) -> Result<TopicDescription, OpenError> {
+    /// The absolute name under which the node uses `topic`: expanded and remapped.
+    ///
+    /// # Errors
+    /// When a rule for names is broken.
+    pub fn resolve(&self, topic: &str) -> Result<String, OpenError> {
         let invalid = |reason: String| OpenError::InvalidName {
             middleware: NAME,
-            topic: spec.topic.clone(),
+            topic: topic.to_owned(),
             reason,
         };
         let expanded =
-            self.graph.node().expand(&spec.topic).map_err(|error| invalid(error.to_string()))?;
+            self.graph.node().expand(topic).map_err(|error| invalid(error.to_string()))?;
         let name = (self.remap)(&expanded).map_err(invalid)?;
         NodeName::check_topic(&name).map_err(|error| invalid(error.to_string()))?;
+        Ok(name)
+    }
+
+    fn describe(&self, spec: &TopicSpec) -> Result<TopicDescription, OpenError> {
         Ok(TopicDescription {
-            name,
+            name: self.resolve(&spec.topic)?,
             type_name: spec.message_type.ros_type().to_owned(),
             type_hash: Some(payload::type_hash(spec.message_type)),
             qos: spec.qos,
@@ -127,6 +142,10 @@ impl Middleware for Ros2 {
         let publisher = Ros2Publisher::open(&self.graph, &topic, spec, context)
             .map_err(|error| transport(spec, &error))?;
         Ok(Box::new(publisher))
+    }
+
+    fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
+        Ok(Box::new(discovery::Ros2Discovery::new(&self.graph)?))
     }
 }
 

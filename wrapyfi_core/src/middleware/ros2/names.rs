@@ -22,6 +22,41 @@ pub(super) fn topic_from_dds(dds: &str) -> Option<&str> {
     dds.strip_prefix("rt").filter(|name| name.starts_with('/'))
 }
 
+/// What a DDS topic is in ROS's terms.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum RosName<'a> {
+    /// A topic, by its absolute name.
+    Topic(&'a str),
+    /// The requests of a service, by its absolute name.
+    Requests(&'a str),
+    /// Its replies.
+    Replies(&'a str),
+    /// Not ROS's.
+    Dds(&'a str),
+}
+
+/// Reads the name of a DDS topic.
+pub(super) fn from_dds(dds: &str) -> RosName<'_> {
+    let service = |prefix: &str, suffix: &str| {
+        dds.strip_prefix(prefix)?.strip_suffix(suffix).filter(|name| name.starts_with('/'))
+    };
+    if let Some(topic) = topic_from_dds(dds) {
+        RosName::Topic(topic)
+    } else if let Some(name) = service("rq", "Request") {
+        RosName::Requests(name)
+    } else if let Some(name) = service("rr", "Reply") {
+        RosName::Replies(name)
+    } else {
+        RosName::Dds(dds)
+    }
+}
+
+/// Type of a service, from the DDS type of its requests or replies.
+pub(super) fn service_type_from_dds(dds: &str) -> Option<String> {
+    let half = type_from_dds(dds)?;
+    half.strip_suffix("_Request").or_else(|| half.strip_suffix("_Response")).map(str::to_owned)
+}
+
 /// DDS type of a ROS type: `std_msgs/msg/String` is `std_msgs::msg::dds_::String_`.
 ///
 /// # Errors
@@ -62,6 +97,17 @@ mod tests {
         for foreign in ["ros_discovery_info", "rtx", "rq/a", ""] {
             assert_eq!(topic_from_dds(foreign), None, "{foreign:?}");
         }
+    }
+
+    #[test]
+    fn services_are_told_from_topics() {
+        assert_eq!(from_dds("rt/a"), RosName::Topic("/a"));
+        assert_eq!(from_dds("rq/a/getRequest"), RosName::Requests("/a/get"));
+        assert_eq!(from_dds("rr/a/getReply"), RosName::Replies("/a/get"));
+        assert_eq!(from_dds("rq/a"), RosName::Dds("rq/a"));
+        let dds = "example_interfaces::srv::dds_::AddTwoInts_Request_";
+        let ros = "example_interfaces/srv/AddTwoInts";
+        assert_eq!(service_type_from_dds(dds).as_deref(), Some(ros));
     }
 
     #[test]

@@ -23,6 +23,7 @@ use super::monitor::Monitor;
 use super::options::{self, Bell};
 use super::proxy::Proxy;
 use super::sockopt;
+use super::traffic::{TopicTraffic, Traffic};
 
 /// Settings of a [`Broker`]; the fields mean what they mean in [`ZeroMqConfig`].
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -122,6 +123,10 @@ pub struct BrokerStatus {
     pub overflows: u64,
     /// Listeners by topic.
     pub subscriptions: BTreeMap<String, u64>,
+    /// What passed, by topic; as old as `subscriptions`.
+    pub topics: BTreeMap<String, TopicTraffic>,
+    /// Messages of topics that are not listed: beyond 4096 of them, or named by no text.
+    pub unlisted: u64,
     /// Why the broker no longer works.
     pub failure: Option<String>,
 }
@@ -151,6 +156,7 @@ impl Broker {
             back,
             stop,
             monitor: Monitor::new(config.monitor_topic.as_deref()),
+            traffic: Traffic::default(),
             shared: Arc::clone(&shared),
             warn_at: Instant::now(),
         };
@@ -273,6 +279,7 @@ pub(super) struct Shared {
 #[derive(Default)]
 struct Told {
     subscriptions: BTreeMap<String, u64>,
+    traffic: super::traffic::Told,
     failure: Option<String>,
 }
 
@@ -299,6 +306,10 @@ impl Shared {
         self.told.lock().unwrap_or_else(PoisonError::into_inner).subscriptions = counts;
     }
 
+    pub(super) fn set_traffic(&self, traffic: super::traffic::Told) {
+        self.told.lock().unwrap_or_else(PoisonError::into_inner).traffic = traffic;
+    }
+
     pub(super) fn failed(&self, error: zmq::Error) {
         self.told.lock().unwrap_or_else(PoisonError::into_inner).failure = Some(error.to_string());
     }
@@ -312,6 +323,8 @@ impl Shared {
             ignored: self.ignored.load(Relaxed),
             overflows: self.overflows.load(Relaxed),
             subscriptions: told.subscriptions.clone(),
+            topics: told.traffic.topics.clone(),
+            unlisted: told.traffic.unlisted,
             failure: told.failure.clone(),
         }
     }

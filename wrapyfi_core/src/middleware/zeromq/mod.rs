@@ -13,7 +13,8 @@
 //! | --- | --- |
 //! | `config` | settings and environment |
 //! | `keeper` | there is a broker: ours, or a foreign one until it dies |
-//! | `broker`, `proxy`, `monitor` | the broker, its thread, its counts |
+//! | `broker`, `proxy`, `monitor`, `traffic` | the broker, its thread, its counts |
+//! | `discovery` | which topics a broker has |
 //! | `probe` | what has a port |
 //! | `io`, `reception`, `link` | the thread that receives, one listener's part of it, connection state |
 //! | `listener`, `publisher` | the endpoints |
@@ -22,6 +23,7 @@
 
 mod broker;
 mod config;
+mod discovery;
 mod echo;
 mod io;
 mod keeper;
@@ -35,14 +37,18 @@ mod publisher;
 mod reception;
 #[allow(unsafe_code)] // see the contract at its head
 mod sockopt;
+mod traffic;
 
 use std::net::IpAddr;
 
 pub use broker::{Broker, BrokerConfig, BrokerError, BrokerStatus};
 pub use config::{BrokerMode, ConfigError, ZeroMqConfig};
 pub use probe::Answer;
+pub use traffic::TopicTraffic;
 
-use crate::endpoint::{Context, Listener, Middleware, OpenError, Publisher, TopicSpec};
+use crate::endpoint::{
+    Context, DiscoverError, Discovery, Listener, Middleware, OpenError, Publisher, TopicSpec,
+};
 
 /// Name of this middleware in addresses.
 pub const NAME: &str = "zeromq";
@@ -182,11 +188,13 @@ impl ZeroMq {
     }
 
     fn check(&self, topic: &str) -> Result<(), OpenError> {
-        let reason = if topic.starts_with(&self.monitor_topic) {
-            let monitor = &self.monitor_topic;
-            Some(format!("names that start with {monitor} are the broker's own; use another name"))
-        } else {
-            name_fault(topic)
+        let own = [self.monitor_topic.as_str(), traffic::TRAFFIC_TOPIC];
+        let own = own.into_iter().find(|own| topic.starts_with(own));
+        let reason = match own {
+            Some(own) => {
+                Some(format!("names that start with {own} are the broker's own; use another name"))
+            }
+            None => name_fault(topic),
         };
         reason.map_or(Ok(()), |reason| {
             Err(OpenError::InvalidName { middleware: NAME, topic: topic.to_owned(), reason })
@@ -215,6 +223,10 @@ impl Middleware for ZeroMq {
     ) -> Result<Box<dyn Publisher>, OpenError> {
         self.check(&spec.topic)?;
         Ok(Box::new(publisher::ZeroMqPublisher::open(&self.shared, spec, context)?))
+    }
+
+    fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
+        Ok(Box::new(discovery::ZeroMqDiscovery::new(&self.shared, &self.monitor_topic)?))
     }
 }
 

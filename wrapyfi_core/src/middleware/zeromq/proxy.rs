@@ -21,6 +21,7 @@ use std::time::{Duration, Instant};
 use super::broker::Shared;
 use super::monitor::Monitor;
 use super::sockopt;
+use super::traffic::{Look, TRAFFIC_TOPIC, Traffic};
 
 /// How often counts are repeated, for publishers that connect later than the listener.
 const REPEAT: Duration = Duration::from_millis(500);
@@ -38,6 +39,7 @@ pub(super) struct Proxy {
     pub(super) back: zmq::Socket,
     pub(super) stop: zmq::Socket,
     pub(super) monitor: Monitor,
+    pub(super) traffic: Traffic,
     pub(super) shared: Arc<Shared>,
     /// When the next warning about slow listeners may come.
     pub(super) warn_at: Instant,
@@ -99,6 +101,15 @@ impl Proxy {
                 continue;
             }
             let pass_on = match frame.split_first() {
+                Some((&SUBSCRIBE, topic)) if topic == TRAFFIC_TOPIC.as_bytes() => {
+                    self.traffic.watched();
+                    self.tell_traffic();
+                    false
+                }
+                Some((&UNSUBSCRIBE, topic)) if topic == TRAFFIC_TOPIC.as_bytes() => {
+                    self.traffic.unwatched();
+                    false
+                }
                 Some((&SUBSCRIBE, topic)) => self.monitor.subscribed(topic, now),
                 Some((&UNSUBSCRIBE, topic)) => self.monitor.unsubscribed(topic, now),
                 _ => {
@@ -116,7 +127,9 @@ impl Proxy {
     fn pass_messages(&mut self) -> zmq::Result<()> {
         for _ in 0..BATCH {
             let Some(first) = receive(&self.back)? else { break };
-            let forged = self.monitor.is_forged(&first);
+            let forged =
+                self.monitor.is_forged(&first) || first.starts_with(TRAFFIC_TOPIC.as_bytes());
+            let (mut frames, mut look) = (1, None);
             let mut bytes = first.len();
             let mut more = first.get_more();
             if !forged {
@@ -125,7 +138,11 @@ impl Proxy {
             while more {
                 let frame = self.back.recv_msg(0)?;
                 bytes += frame.len();
+                frames += 1;
                 more = frame.get_more();
+                if !more {
+                    look = Look::guess(frames, &frame);
+                }
                 if !forged {
                     self.front.send(frame, more_flag(more) | zmq::DONTWAIT)?;
                 }
@@ -134,6 +151,7 @@ impl Proxy {
                 self.shared.count_forged();
             } else {
                 self.shared.count_message(bytes);
+                self.traffic.count(&first, bytes, look);
             }
         }
         Ok(())
@@ -159,10 +177,23 @@ impl Proxy {
         sent
     }
 
+    /// Publishes the table of topics to those who asked for it.
+    fn tell_traffic(&mut self) {
+        let Some(table) = self.traffic.message() else { return };
+        let sent = self
+            .begin(TRAFFIC_TOPIC.as_bytes(), zmq::SNDMORE)
+            .and_then(|()| self.front.send(table, zmq::DONTWAIT));
+        if let Err(error) = sent {
+            tracing::warn!(%error, "the ZeroMQ broker could not publish its table of topics");
+        }
+    }
+
     /// Publishes the counts and shows them to [`super::Broker::status`].
     fn tell(&mut self, now: Instant) {
         let message = self.monitor.message(now);
         self.shared.set_subscriptions(self.monitor.listed());
+        self.shared.set_traffic(self.traffic.told());
+        self.tell_traffic();
         let Some(json) = message else { return };
         let Some(topic) = self.monitor.own_topic().map(<[u8]>::to_vec) else { return };
         let sent = self

@@ -12,6 +12,8 @@ use std::ffi::{CStr, c_char, c_void};
 use std::ptr;
 
 use super::entity::{Entity, ReturnCode};
+use super::qos::announced;
+use crate::endpoint::AnnouncedQos;
 
 /// Samples taken at once.
 const BATCH: usize = 32;
@@ -29,6 +31,8 @@ pub(crate) struct EndpointFound {
     pub(crate) type_name: String,
     /// USER_DATA.
     pub(crate) user_data: Vec<u8>,
+    /// The policies it announces.
+    pub(crate) qos: AnnouncedQos,
 }
 
 /// All endpoints alive now.
@@ -87,6 +91,8 @@ fn take_batch(
                 type_name,
                 // SAFETY: the QoS belongs to the lent sample.
                 user_data: unsafe { user_data(endpoint.qos) },
+                // SAFETY: as above.
+                qos: unsafe { announced(endpoint.qos) },
             });
         }
     }

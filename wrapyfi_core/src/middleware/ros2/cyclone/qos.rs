@@ -1,15 +1,19 @@
-//! Cyclone's QoS object, filled from ours.
+//! Cyclone's QoS object, filled from ours, and read where another program filled it.
 //!
 //! ```text
 //!   EndpointQos ── for_writer / for_reader ──▶ QosObject ──▶ dds_create_…
+//!   dds_qos_t of a discovered endpoint ── announced ──▶ AnnouncedQos
 //! ```
 //!
-//! Contract: the object is created, filled and freed here; calls that take it copy it.
+//! Contract: the object is created, filled and freed here; calls that take it copy it. One that is
+//! read belongs to the caller and is only looked at.
 #![allow(unsafe_code)]
 
 use std::time::Duration;
 
-use crate::endpoint::{Durability, History, Qos, Reliability};
+use crate::endpoint::{
+    AnnouncedDurability, AnnouncedQos, Durability, History, Liveliness, Qos, Reliability,
+};
 
 /// What an endpoint asks for.
 #[derive(Debug, Clone, Copy)]
@@ -107,4 +111,74 @@ fn history(history: History) -> (cyclors::dds_history_kind_t, i32) {
             (cyclors::dds_history_kind_DDS_HISTORY_KEEP_ALL, cyclors::DDS_LENGTH_UNLIMITED)
         }
     }
+}
+
+/// The policies that an endpoint announces; what is absent is DDS's default.
+///
+/// # Safety
+/// `qos` is null or a QoS object that is alive.
+pub(super) unsafe fn announced(qos: *const cyclors::dds_qos_t) -> AnnouncedQos {
+    let (mut reliability, mut durability) = (Default::default(), Default::default());
+    let (mut history_kind, mut liveliness) = (Default::default(), Default::default());
+    let (mut blocking, mut deadline, mut lifespan, mut lease) = (0, None, None, None);
+    let (mut depth, mut has_history) = (0, false);
+    if !qos.is_null() {
+        let time = |get: unsafe extern "C" fn(*const cyclors::dds_qos_t, *mut i64) -> bool| {
+            let mut nanoseconds = i64::MAX;
+            // SAFETY: alive by contract; one number is written.
+            let known = unsafe { get(qos, &raw mut nanoseconds) };
+            duration(known.then_some(nanoseconds))
+        };
+        deadline = time(cyclors::dds_qget_deadline);
+        lifespan = time(cyclors::dds_qget_lifespan);
+        let mut lease_ns = i64::MAX;
+        // SAFETY: alive by contract; numbers are written to the places given.
+        unsafe {
+            cyclors::dds_qget_reliability(qos, &raw mut reliability, &raw mut blocking);
+            cyclors::dds_qget_durability(qos, &raw mut durability);
+            has_history = cyclors::dds_qget_history(qos, &raw mut history_kind, &raw mut depth);
+            cyclors::dds_qget_liveliness(qos, &raw mut liveliness, &raw mut lease_ns);
+        }
+        lease = duration(Some(lease_ns));
+    }
+    AnnouncedQos {
+        reliability: match reliability {
+            cyclors::dds_reliability_kind_DDS_RELIABILITY_RELIABLE => Reliability::Reliable,
+            _ => Reliability::BestEffort,
+        },
+        durability: match durability {
+            cyclors::dds_durability_kind_DDS_DURABILITY_TRANSIENT_LOCAL => {
+                AnnouncedDurability::TransientLocal
+            }
+            cyclors::dds_durability_kind_DDS_DURABILITY_TRANSIENT => AnnouncedDurability::Transient,
+            cyclors::dds_durability_kind_DDS_DURABILITY_PERSISTENT => {
+                AnnouncedDurability::Persistent
+            }
+            _ => AnnouncedDurability::Volatile,
+        },
+        history: has_history.then(|| match history_kind {
+            cyclors::dds_history_kind_DDS_HISTORY_KEEP_ALL => History::KeepAll,
+            _ => History::KeepLast(u32::try_from(depth).unwrap_or_default()),
+        }),
+        deadline,
+        lifespan,
+        liveliness: match liveliness {
+            cyclors::dds_liveliness_kind_DDS_LIVELINESS_MANUAL_BY_PARTICIPANT => {
+                Liveliness::ManualByParticipant
+            }
+            cyclors::dds_liveliness_kind_DDS_LIVELINESS_MANUAL_BY_TOPIC => {
+                Liveliness::ManualByTopic
+            }
+            _ => Liveliness::Automatic,
+        },
+        lease,
+    }
+}
+
+/// A time of Cyclone's; `None` where it is infinite.
+fn duration(nanoseconds: Option<i64>) -> Option<Duration> {
+    nanoseconds
+        .filter(|&ns| ns != i64::MAX)
+        .and_then(|ns| u64::try_from(ns).ok())
+        .map(Duration::from_nanos)
 }

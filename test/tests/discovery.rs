@@ -1,0 +1,299 @@
+//! What `wrapyfi list` finds, and topics of types that nobody compiled in: real nodes and real
+//! Wrapyfi scripts on the other side.
+
+#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
+
+use serde_json::{Value, json};
+use wrapyfi_e2e::{Need, Process, Result, World, run};
+
+const NEEDS: &[Need] = &[Need::Program, Need::Python];
+const TWIST: &str = "geometry_msgs/msg/Twist";
+
+/// A folder with the definitions of a package that is installed nowhere here.
+fn definitions(world: &World) -> Result<String> {
+    std::fs::create_dir_all(world.path("interfaces/geometry_msgs/msg"))?;
+    let package = "interfaces/geometry_msgs/msg";
+    world.write(&format!("{package}/Twist.msg"), "Vector3 linear\nVector3 angular\n")?;
+    world.write(&format!("{package}/Vector3.msg"), "float64 x\nfloat64 y\nfloat64 z\n")?;
+    Ok(world.path("interfaces").display().to_string())
+}
+
+/// Lists until `wanted` is satisfied: discovery takes as long as it takes.
+fn list(world: &World, side: &str, wanted: impl Fn(&[Value]) -> bool) -> Result<Vec<Value>> {
+    let mut last = Vec::new();
+    for _ in 0..20 {
+        let mut list = world.wrapyfi(["list", side, "--json", "--wait", "3"])?;
+        list.exits_with(0)?;
+        last = list.wait_until("its output", |output| Some(output.objects().collect()))?;
+        if wanted(&last) {
+            return Ok(last);
+        }
+    }
+    anyhow::bail!("what was wanted is not among {last:#?}")
+}
+
+fn find<'a>(found: &'a [Value], name: &str, role: &str) -> Option<&'a Value> {
+    found.iter().find(|endpoint| endpoint["name"] == name && endpoint["role"] == role)
+}
+
+#[test]
+fn list_shows_the_endpoints_of_foreign_nodes() -> Result {
+    run("list_shows_the_endpoints_of_foreign_nodes", NEEDS, |world| {
+        let (talk, hear) = (world.topic("talk"), world.topic("hear"));
+        let publisher = world.dds_publisher(&talk, TWIST, "--best-effort --depth 7")?;
+        publisher.event("ready")?;
+        let listener = world.dds_subscriber(&hear, TWIST, "--transient-local")?;
+        listener.event("ready")?;
+        let found = list(world, "ros2", |found| {
+            find(found, &talk, "publisher").is_some() && find(found, &hear, "listener").is_some()
+        })?;
+        let publisher_found = find(&found, &talk, "publisher").cloned().unwrap_or_default();
+        assert_eq!(publisher_found["type"], TWIST);
+        assert_eq!(publisher_found["qos"]["reliability"], "best_effort");
+        assert_eq!(publisher_found["qos"]["durability"], "volatile");
+        assert_eq!(publisher_found["node"], Value::Null, "it announces no node");
+        // Computed by rosbags, which shares no code with us.
+        let hash = publisher_found["type_hash"].as_str().unwrap_or_default();
+        assert!(hash.starts_with("RIHS01_9c45bf16fe0983d80e3cfe750d6835843d265a9a"), "{hash}");
+        let listener_found = find(&found, &hear, "listener").cloned().unwrap_or_default();
+        assert_eq!(listener_found["qos"]["reliability"], "reliable");
+        assert_eq!(listener_found["qos"]["durability"], "transient_local");
+        let own =
+            found.iter().find(|one| one["node"].as_str().is_some_and(|n| n.contains("wrapyfi")));
+        assert_eq!(own, None, "it lists itself");
+
+        // Who goes is gone.
+        drop(publisher);
+        list(world, "ros2", |found| {
+            find(found, &talk, "publisher").is_none() && find(found, &hear, "listener").is_some()
+        })
+        .map(drop)
+    })
+}
+
+#[test]
+fn list_names_the_node_that_owns_a_topic() -> Result {
+    run("list_names_the_node_that_owns_a_topic", NEEDS, |world| {
+        let topic = world.topic("image");
+        let mut node = world.ros_node("camera_driver")?;
+        let _images = node.subscribe::<wrapyfi_e2e::RosImage>(&topic, "sensor_msgs/msg/Image")?;
+        let named = |found: &[Value]| {
+            find(found, &topic, "listener").is_some_and(|one| one["node"] == "/camera_driver")
+        };
+        list(world, "ros2", named).map(drop)
+    })
+}
+
+#[test]
+fn list_shows_wrapyfi_scripts_through_our_broker() -> Result {
+    run("list_shows_wrapyfi_scripts_through_our_broker", NEEDS, |world| {
+        let _broker = world.broker()?;
+        let topic = world.topic("cam");
+        let listener = world.wrapyfi_listener(&topic, "--type Image --flavour red")?;
+        let _publisher =
+            world.wrapyfi_publisher(&topic, "--type Image --flavour red --no-broker")?;
+        listener.messages(3)?;
+        let found = list(world, "zeromq", |found| find(found, &topic, "publisher").is_some())?;
+        let publisher = find(&found, &topic, "publisher").cloned().unwrap_or_default();
+        assert_eq!(publisher["type"], "Image");
+        assert!(publisher["traffic"]["messages"].as_u64() >= Some(3), "{publisher}");
+        assert_eq!(
+            find(&found, &topic, "listener").map(|one| one["count"].clone()),
+            Some(json!(1))
+        );
+        assert_eq!(found.len(), 2, "nothing of the looking itself is listed: {found:?}");
+        Ok(())
+    })
+}
+
+/// Looking must not make a publisher believe that somebody listens.
+#[test]
+fn looking_is_no_listening() -> Result {
+    run("looking_is_no_listening", NEEDS, |world| {
+        let _broker = world.broker()?;
+        let topic = format!("zeromq:{}", world.topic("once"));
+        let mut publisher = world.wrapyfi([
+            "pub",
+            &topic,
+            "--type",
+            "NativeObject",
+            "--value",
+            "[1]",
+            "--count",
+            "1",
+        ])?;
+        publisher.wait_until("it to wait", |output| {
+            output.err.iter().any(|line| line.contains("waiting for a listener")).then_some(())
+        })?;
+        list(world, "zeromq", |found| found.is_empty())?;
+        let mut echo = world.wrapyfi([
+            "echo",
+            &topic,
+            "--type",
+            "NativeObject",
+            "--count",
+            "1",
+            "--timeout",
+            "100",
+            "--json",
+        ])?;
+        assert_eq!(echo.objects(1)?[0]["value"], json!([1]), "the one message was still there");
+        echo.exits_with(0)?;
+        publisher.exits_with(0)
+    })
+}
+
+#[test]
+fn list_shows_topics_of_wrapyfis_own_broker() -> Result {
+    run("list_shows_topics_of_wrapyfis_own_broker", NEEDS, |world| {
+        let topic = world.topic("cam");
+        let _publisher =
+            world.wrapyfi_publisher(&topic, "--type Image --flavour jpg --no-wait --rate 5")?;
+        let seen = |found: &[Value]| {
+            find(found, &topic, "publisher").is_some_and(|one| one["type"] == "CompressedImage")
+        };
+        list(world, "zeromq", seen).map(drop)
+    })
+}
+
+#[test]
+fn a_side_that_does_not_answer_is_said() -> Result {
+    run("a_side_that_does_not_answer_is_said", NEEDS, |world| {
+        let mut both = world.wrapyfi(["list", "--wait", "1"])?;
+        both.exits_with(0)?;
+        assert!(both.stdout().contains("ros2: 0 endpoints"), "{}", both.tail());
+        assert!(both.stderr().contains("waiting for the broker at"), "{}", both.tail());
+        let mut one = world.wrapyfi(["list", "zeromq", "--wait", "1"])?;
+        one.exits_with(3)?;
+        let mut wrong = world.wrapyfi(["list", "yarpp"])?;
+        wrong.exits_with(2)?;
+        assert!(wrong.stderr().contains("available: zeromq, ros2"), "{}", wrong.tail());
+        Ok(())
+    })
+}
+
+#[test]
+fn echo_finds_type_and_quality_of_service_by_itself() -> Result {
+    run("echo_finds_type_and_quality_of_service_by_itself", NEEDS, |world| {
+        let (topic, folder) = (world.topic("cmd_vel"), definitions(world)?);
+        // Best effort: a reliable subscription would hear nothing.
+        let _publisher = world.dds_publisher(&topic, TWIST, "--best-effort")?;
+        let endpoint = format!("ros2:{topic}");
+        let common = ["echo", &endpoint, "--definitions", &folder, "--timeout", "100"];
+        let mut echo = world.wrapyfi([&common[..], &["--count", "2", "--json"]].concat())?;
+        let heard = echo.objects(2)?;
+        echo.exits_with(0)?;
+        assert_eq!(heard[0]["type"], TWIST);
+        let x = heard[0]["value"]["linear"]["x"].as_f64().unwrap_or_default();
+        assert_eq!(heard[1]["value"]["linear"]["x"].as_f64(), Some(x + 1.0));
+        assert_eq!(heard[0]["value"]["angular"]["z"], -1.25);
+        let mut echo = world.wrapyfi([&common[..], &["--count", "1"]].concat())?;
+        echo.exits_with(0)?;
+        let text = echo.stdout();
+        assert!(text.starts_with("linear:\n  x: ") && text.contains("\n  z: -1.25\n---"), "{text}");
+        Ok(())
+    })
+}
+
+#[test]
+fn plain_text_of_ros_is_shown_as_it_is() -> Result {
+    run("plain_text_of_ros_is_shown_as_it_is", NEEDS, |world| {
+        let topic = world.topic("chatter");
+        let _publisher = world.dds_publisher(&topic, "std_msgs/msg/String", "--flavour small")?;
+        let endpoint = format!("ros2:{topic}");
+        let mut echo = world.wrapyfi(["echo", &endpoint, "--count", "1", "--timeout", "100"])?;
+        echo.exits_with(0)?;
+        assert!(echo.stdout().starts_with("data: "), "{}", echo.tail());
+        Ok(())
+    })
+}
+
+#[test]
+fn pub_sends_any_type() -> Result {
+    run("pub_sends_any_type", NEEDS, |world| {
+        let (topic, folder) = (world.topic("cmd_vel"), definitions(world)?);
+        let listener = world.dds_subscriber(&topic, TWIST, "--count 2")?;
+        let graph = world.graph()?;
+        let mut publisher = publish(world, &topic, TWIST, &folder, r#"{"linear": {"x": 1.5}}"#)?;
+        for message in listener.messages(2)? {
+            let zeros = json!({"x": 0.0, "y": 0.0, "z": 0.0});
+            let fields = json!({"linear": {"x": 1.5, "y": 0.0, "z": 0.0}, "angular": zeros});
+            assert_eq!(message["fields"], fields);
+        }
+        let name = format!("rt{topic}");
+        let ours = graph.wait_until("our publisher", |output| {
+            let mut endpoints = output.events("endpoint").into_iter();
+            endpoints.rfind(|one| one["topic"] == name.as_str() && one["role"] == "writer")
+        })?;
+        let hash = ours["hash"].as_str().unwrap_or_default();
+        assert!(hash.starts_with("RIHS01_9c45bf16fe0983d80e3cfe750d683584"), "{ours}");
+        publisher.exits_with(0)
+    })
+}
+
+fn publish(world: &World, topic: &str, kind: &str, folder: &str, value: &str) -> Result<Process> {
+    let endpoint = format!("ros2:{topic}");
+    world.wrapyfi([
+        "pub",
+        &endpoint,
+        "--type",
+        kind,
+        "--definitions",
+        folder,
+        "--value",
+        value,
+        "--count",
+        "2",
+        "--rate",
+        "10",
+        "--timeout",
+        "100",
+    ])
+}
+
+#[test]
+fn wrong_values_and_types_are_named() -> Result {
+    run("wrong_values_and_types_are_named", NEEDS, |world| {
+        let (topic, folder) = (world.topic("x"), definitions(world)?);
+        for (kind, value, words) in [
+            (TWIST, r#"{"linear": {"q": 1}}"#, "linear.q"),
+            (TWIST, r#"{"linear": {"x": "fast"}}"#, "linear.x"),
+            (TWIST, "{", "--value"),
+            ("geometry_msgs/msg/Wrench", "{}", "geometry_msgs/msg/Wrench"),
+            ("geometry_msgs/Twist", "{}", "did you mean geometry_msgs/msg/Twist?"),
+        ] {
+            let mut refused = publish(world, &topic, kind, &folder, value)?;
+            refused.exits_with(2)?;
+            assert!(refused.stderr().contains(words), "{words}: {}", refused.tail());
+        }
+        let mut zeromq = world.wrapyfi(["echo", "zeromq:/x", "--type", TWIST])?;
+        zeromq.exits_with(2)?;
+        assert!(zeromq.stderr().contains("zeromq does not carry"), "{}", zeromq.tail());
+        let mut untyped = world.wrapyfi(["echo", "zeromq:/x"])?;
+        untyped.exits_with(2)?;
+        assert!(untyped.stderr().contains("--type is needed on zeromq"), "{}", untyped.tail());
+        Ok(())
+    })
+}
+
+/// A node built from another version of the same definition, and one of another type.
+#[test]
+fn who_has_another_type_is_named() -> Result {
+    run("who_has_another_type_is_named", NEEDS, |world| {
+        let (topic, folder) = (world.topic("cmd_vel"), definitions(world)?);
+        let _listener = world.dds_subscriber(&topic, TWIST, "")?;
+        let warned = |publisher: &Process, words: &[&str]| {
+            publisher.wait_until("a warning", |output| {
+                let said = |line: &String| words.iter().all(|word| line.contains(word));
+                output.err.iter().any(said).then_some(())
+            })
+        };
+        let other = publish(world, &topic, "geometry_msgs/msg/Vector3", &folder, "{}")?;
+        warned(&other, &["has type geometry_msgs/msg/Twist", "Vector3", "do not hear each other"])?;
+        drop(other);
+        let old = "float64 x\nfloat64 y\n";
+        world.write("interfaces/geometry_msgs/msg/Vector3.msg", old)?;
+        let older = publish(world, &topic, TWIST, &folder, "{}")?;
+        warned(&older, &["built from another definition", "RIHS01_9c45bf16"])
+    })
+}

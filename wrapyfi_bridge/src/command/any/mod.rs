@@ -1,0 +1,152 @@
+//! `echo` and `pub` of any ROS type whose definition is found.
+//!
+//! ```text
+//!   --definitions DIR, AMENT_PREFIX_PATH ─▶ TypeStore ─▶ ResolvedType ─▶ AnyListener, AnyPublisher
+//!   discovery ─▶ the type of a topic, and who announces another one ─▶ a warning in words
+//! ```
+
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use wrapyfi_core::endpoint::{Discovered, Discovery, Role};
+use wrapyfi_core::middleware::ros2::graph::TopicDescription;
+use wrapyfi_interfaces::parser::{Dialect, TypeName};
+use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
+
+use crate::exit::Failure;
+
+pub mod echo;
+pub mod publish;
+mod yaml;
+
+/// The one definition that everybody wants, also where no ROS is installed.
+const TEXT: (&str, &str) = ("std_msgs/msg/String", "string data\n");
+
+/// How often discovery is looked at while messages go on.
+const LOOK_EVERY: Duration = Duration::from_millis(500);
+
+/// Finds the definition of `name`: in `folders` first, then where `AMENT_PREFIX_PATH` says.
+fn resolve(name: &str, folders: &[PathBuf]) -> Result<ResolvedType, Failure> {
+    for folder in folders {
+        if !folder.is_dir() {
+            let text = format!("--definitions {}: there is no such folder", folder.display());
+            return Err(Failure::Usage(text));
+        }
+    }
+    let mut store = TypeStore::empty();
+    if name == TEXT.0 {
+        let text = TypeName::parse(Dialect::Ros2, TEXT.0).map_err(Failure::usage)?;
+        store.add_definition(&text, TEXT.1).map_err(Failure::usage)?;
+    }
+    folders.iter().for_each(|folder| store.add_folder(folder));
+    store.add_ament_path(&std::env::var_os("AMENT_PREFIX_PATH").unwrap_or_default());
+    store.resolve_name(name).map_err(|error| Failure::Usage(format!("{error} (--definitions DIR)")))
+}
+
+/// Tells in words who announces another type on our topic; each endpoint once.
+struct Strangers {
+    discovery: Box<dyn Discovery>,
+    told: BTreeSet<String>,
+    next_look: Instant,
+}
+
+impl Strangers {
+    fn new(discovery: Box<dyn Discovery>) -> Self {
+        Self { discovery, told: BTreeSet::new(), next_look: Instant::now() }
+    }
+
+    /// Looks, where the last look is long enough ago.
+    fn look(&mut self, topic: &TopicDescription) {
+        if Instant::now() >= self.next_look {
+            self.look_now(topic);
+        }
+    }
+
+    fn look_now(&mut self, topic: &TopicDescription) {
+        self.next_look = Instant::now() + LOOK_EVERY;
+        match self.discovery.endpoints() {
+            Ok(found) => {
+                for endpoint in found.iter().filter(|endpoint| endpoint.name == topic.name) {
+                    if let Some(text) = contradiction(endpoint, topic)
+                        && self.told.insert(text.clone())
+                    {
+                        tracing::warn!("{text}");
+                    }
+                }
+            }
+            Err(error) => tracing::debug!(%error, "looking for other types"),
+        }
+    }
+}
+
+/// What another endpoint of the topic announces that we do not.
+fn contradiction(endpoint: &Discovered, topic: &TopicDescription) -> Option<String> {
+    let who = format!(
+        "{} of {} ({})",
+        endpoint.role,
+        topic.name,
+        endpoint.node.as_deref().unwrap_or("node not announced")
+    );
+    let other = endpoint.type_name.as_deref()?;
+    if other != topic.type_name {
+        return Some(format!(
+            "a {who} has type {other}, here it is {}: they do not hear each other",
+            topic.type_name
+        ));
+    }
+    match (&endpoint.type_hash, &topic.type_hash) {
+        (Some(theirs), Some(ours)) if theirs != ours => Some(format!(
+            "a {who} was built from another definition of {other}: its hash is {theirs}, here it \
+             is {ours}; fields may be misread"
+        )),
+        _ => None,
+    }
+}
+
+/// Types that the endpoints of a topic announce.
+fn types_of<'a>(found: &'a [Discovered], topic: &str) -> BTreeSet<&'a str> {
+    found
+        .iter()
+        .filter(|endpoint| {
+            endpoint.name == topic && matches!(endpoint.role, Role::Publisher | Role::Listener)
+        })
+        .filter_map(|endpoint| endpoint.type_name.as_deref())
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn endpoint(type_name: &str, hash: Option<&str>) -> Discovered {
+        Discovered {
+            name: "/cmd_vel".into(),
+            role: Role::Listener,
+            type_name: Some(type_name.into()),
+            type_hash: hash.map(str::to_owned),
+            qos: None,
+            node: Some("/base".into()),
+            count: 1,
+            traffic: None,
+        }
+    }
+
+    #[test]
+    fn other_types_and_other_definitions_are_named() {
+        let topic = TopicDescription {
+            name: "/cmd_vel".into(),
+            type_name: "geometry_msgs/msg/Twist".into(),
+            type_hash: Some("RIHS01_aa".into()),
+            qos: wrapyfi_core::endpoint::Qos::default(),
+            max_bytes: 1,
+        };
+        let told = |type_name, hash| contradiction(&endpoint(type_name, hash), &topic);
+        assert_eq!(told("geometry_msgs/msg/Twist", Some("RIHS01_aa")), None);
+        assert_eq!(told("geometry_msgs/msg/Twist", None), None, "older nodes announce no hash");
+        let other = told("geometry_msgs/msg/TwistStamped", None).unwrap();
+        assert!(other.contains("/base") && other.contains("TwistStamped"), "{other}");
+        let rebuilt = told("geometry_msgs/msg/Twist", Some("RIHS01_bb")).unwrap();
+        assert!(rebuilt.contains("RIHS01_bb") && rebuilt.contains("RIHS01_aa"), "{rebuilt}");
+    }
+}

@@ -1,0 +1,218 @@
+//! `wrapyfi list`: the endpoints that exist now, on every side.
+//!
+//! ```text
+//!   every middleware ─ discover ─▶ looks for --wait seconds ─▶ one table, or JSON lines
+//! ```
+
+use std::fmt::Write as _;
+use std::io::{self, Write as _};
+use std::time::Instant;
+
+use anyhow::Context as _;
+use wrapyfi_core::endpoint::{Discovered, Discovery, EndpointAddress, Wake};
+
+use super::WAIT_SLICE;
+use crate::cli::ListArgs;
+use crate::exit::Failure;
+use crate::middlewares::{Middlewares, Role};
+use crate::shutdown::Shutdown;
+
+/// One side that is looked at.
+struct Side {
+    name: &'static str,
+    // Before what it came from.
+    discovery: Box<dyn Discovery>,
+    _middlewares: Middlewares,
+}
+
+/// Looks for as long as `--wait` says, then prints what was found.
+///
+/// # Errors
+/// Exit code 2 for a middleware that there is not; 1 or 3 when the only one asked for, or all of
+/// them, cannot be reached.
+pub fn run(args: &ListArgs, shutdown: &Shutdown) -> Result<(), Failure> {
+    let all = Middlewares::names();
+    let wanted: Vec<_> = match &args.middleware {
+        None => all,
+        Some(name) => match all.iter().find(|known| *known == name) {
+            Some(known) => vec![*known],
+            None => {
+                let text =
+                    format!("middleware {name:?} is not available; available: {}", all.join(", "));
+                return Err(Failure::Usage(text));
+            }
+        },
+    };
+    let (mut sides, mut failures) = (Vec::new(), Vec::new());
+    for name in wanted {
+        match open(name) {
+            Ok(side) => sides.push(side),
+            Err(failure) => failures.push((name, failure)),
+        }
+    }
+    let deadline = Instant::now() + args.wait;
+    let wake = Wake::new();
+    while !shutdown.requested() && Instant::now() < deadline {
+        for side in &mut sides {
+            // What is found is asked for at the end; this keeps queues short meanwhile.
+            side.discovery.endpoints().context(side.name)?;
+        }
+        wake.wait(deadline.saturating_duration_since(Instant::now()).min(WAIT_SLICE));
+    }
+    let mut out = String::new();
+    let mut looked = 0;
+    for side in &mut sides {
+        let found = side.discovery.endpoints().context(side.name)?;
+        match side.discovery.waiting_for() {
+            Some(what) => {
+                let text = format!("still waiting for {what}");
+                failures.push((side.name, Failure::TimedOut(text)));
+                continue;
+            }
+            None => looked += 1,
+        }
+        if args.json {
+            lines(&mut out, side.name, &found)?;
+        } else {
+            table(&mut out, side.name, &found);
+        }
+    }
+    match io::stdout().write_all(out.as_bytes()).and_then(|()| io::stdout().flush()) {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
+            return Err(anyhow::Error::new(error).context("cannot print").into());
+        }
+        _ => {}
+    }
+    match failures.pop() {
+        // Nothing to show at all: that is the command's failure.
+        Some((name, failure)) if looked == 0 => Err(match failure {
+            Failure::TimedOut(text) => Failure::TimedOut(format!("{name}: {text}")),
+            other => other,
+        }),
+        last => {
+            for (name, failure) in failures.iter().chain(&last) {
+                tracing::warn!("{name}: {failure}");
+            }
+            Ok(())
+        }
+    }
+}
+
+fn open(name: &'static str) -> Result<Side, Failure> {
+    let address = EndpointAddress { middleware: name.to_owned(), name: "/".to_owned() };
+    let middlewares = Middlewares::for_endpoint(&address, Role::Listener)?;
+    let middleware = middlewares.registry().get(name).map_err(Failure::usage)?;
+    let discovery = middleware.discover().context(name)?;
+    Ok(Side { name, discovery, _middlewares: middlewares })
+}
+
+fn lines(out: &mut String, middleware: &str, found: &[Discovered]) -> Result<(), Failure> {
+    #[derive(serde::Serialize)]
+    struct Line<'a> {
+        middleware: &'a str,
+        #[serde(flatten)]
+        endpoint: &'a Discovered,
+    }
+    for endpoint in found {
+        let line = serde_json::to_string(&Line { middleware, endpoint }).context("cannot print")?;
+        out.push_str(&line);
+        out.push('\n');
+    }
+    Ok(())
+}
+
+/// ```text
+/// ros2: 2 endpoints
+///   /chatter  publisher  std_msgs/msg/String  reliable volatile  /talker
+/// ```
+fn table(out: &mut String, middleware: &str, found: &[Discovered]) {
+    let plural = if found.len() == 1 { "" } else { "s" };
+    // Writing to a String cannot fail.
+    let _infallible = writeln!(out, "{middleware}: {} endpoint{plural}", found.len());
+    let rows: Vec<[String; 5]> = found.iter().map(row).collect();
+    let mut widths = [0; 5];
+    for row in &rows {
+        for (width, cell) in widths.iter_mut().zip(row) {
+            *width = (*width).max(cell.chars().count());
+        }
+    }
+    for row in &rows {
+        let mut line = String::new();
+        for (cell, width) in row.iter().zip(widths) {
+            let _infallible = write!(line, "  {cell:width$}");
+        }
+        let _infallible = writeln!(out, "{}", line.trim_end());
+    }
+}
+
+fn row(endpoint: &Discovered) -> [String; 5] {
+    let role = match endpoint.count {
+        1 => endpoint.role.to_string(),
+        count => format!("{} x{count}", endpoint.role),
+    };
+    let detail = match (&endpoint.qos, &endpoint.traffic) {
+        (Some(qos), _) => qos.to_string(),
+        (None, Some(traffic)) => {
+            format!("{} messages, {:.2} MB", traffic.messages, traffic.bytes as f64 / 1e6)
+        }
+        (None, None) => String::new(),
+    };
+    [
+        endpoint.name.clone(),
+        role,
+        endpoint.type_name.clone().unwrap_or_else(|| "-".into()),
+        detail,
+        endpoint.node.clone().unwrap_or_default(),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use wrapyfi_core::endpoint::{Role, Traffic};
+
+    use super::*;
+
+    fn found() -> Vec<Discovered> {
+        let seen = Discovered {
+            name: "/camera".into(),
+            role: Role::Publisher,
+            type_name: Some("Image".into()),
+            type_hash: None,
+            qos: None,
+            node: None,
+            count: 1,
+            traffic: Some(Traffic { messages: 3, bytes: 1_500_000 }),
+        };
+        let listener = Discovered {
+            role: Role::Listener,
+            type_name: None,
+            count: 2,
+            traffic: None,
+            ..seen.clone()
+        };
+        vec![seen, listener]
+    }
+
+    #[test]
+    fn columns_are_aligned() {
+        let mut out = String::new();
+        table(&mut out, "zeromq", &found());
+        assert_eq!(
+            out,
+            "zeromq: 2 endpoints\n\
+             \x20 /camera  publisher    Image  3 messages, 1.50 MB\n\
+             \x20 /camera  listener x2  -\n"
+        );
+    }
+
+    #[test]
+    fn json_is_one_object_a_line() {
+        let mut out = String::new();
+        lines(&mut out, "zeromq", &found()).unwrap();
+        let first: serde_json::Value = serde_json::from_str(out.lines().next().unwrap()).unwrap();
+        assert_eq!(first["middleware"], "zeromq");
+        assert_eq!(first["role"], "publisher");
+        assert_eq!(first["type"], "Image");
+        assert_eq!(first["traffic"]["messages"], 3);
+    }
+}

@@ -1,0 +1,97 @@
+//! Which node owns which endpoint, from what every participant announces.
+//!
+//! ```text
+//!   ros_discovery_info { participant, nodes { name, reader gids, writer gids } } ─▶ gid -> node
+//! ```
+//!
+//! A participant's last message counts: it names all its nodes. Messages come from strangers, so
+//! what is kept of them is bounded.
+
+use std::collections::{BTreeMap, HashMap};
+
+use wrapyfi_interfaces::Message;
+use wrapyfi_interfaces::rmw_dds_common::msg::ParticipantEntitiesInfo;
+
+use super::cyclone_graph::CycloneGraph;
+use super::discovery_info::{Gid, TOPIC};
+use super::graph::{CdrReader, GraphError, NodeWatch, TopicDescription};
+use crate::endpoint::{Durability, History, Qos, Reliability};
+
+/// Largest announcement that is read: some ten thousand endpoints.
+const MAX_BYTES: usize = 1 << 20;
+/// Participants that are kept.
+const MAX_PARTICIPANTS: usize = 4096;
+
+/// What participants announced.
+pub(super) struct Owners {
+    reader: Box<dyn CdrReader>,
+    participants: BTreeMap<Gid, HashMap<Gid, String>>,
+}
+
+impl Owners {
+    pub(super) fn listen(graph: &CycloneGraph) -> Result<Self, GraphError> {
+        let topic = TopicDescription {
+            name: TOPIC.to_owned(),
+            type_name: ParticipantEntitiesInfo::DDS_TYPE.to_owned(),
+            type_hash: Some(ParticipantEntitiesInfo::TYPE_HASH.to_owned()),
+            qos: Qos {
+                reliability: Reliability::Reliable,
+                durability: Durability::TransientLocal,
+                history: History::KeepAll,
+            },
+            max_bytes: MAX_BYTES,
+        };
+        let reader = graph.subscribe_dds(&topic, std::sync::Arc::new(|| {}))?;
+        Ok(Self { reader, participants: BTreeMap::new() })
+    }
+
+    fn read(&mut self, info: ParticipantEntitiesInfo) {
+        let participant = info.gid.data;
+        if info.node_entities_info_seq.is_empty() {
+            self.participants.remove(&participant);
+            return;
+        }
+        if self.participants.len() >= MAX_PARTICIPANTS
+            && !self.participants.contains_key(&participant)
+        {
+            tracing::warn!("nodes of more than {MAX_PARTICIPANTS} participants are not kept");
+            return;
+        }
+        let mut owned = HashMap::new();
+        for node in info.node_entities_info_seq {
+            let namespace = node.node_namespace.trim_end_matches('/');
+            let name = format!("{namespace}/{}", node.node_name);
+            for gid in node.reader_gid_seq.iter().chain(&node.writer_gid_seq) {
+                owned.insert(gid.data, name.clone());
+            }
+        }
+        self.participants.insert(participant, owned);
+    }
+}
+
+impl NodeWatch for Owners {
+    fn update(&mut self) {
+        loop {
+            match self.reader.take() {
+                Ok(Some(sample)) => match ParticipantEntitiesInfo::decode(&sample.cdr, MAX_BYTES) {
+                    Ok(info) => self.read(info),
+                    Err(error) => {
+                        tracing::warn!(%error, "{TOPIC}: an announcement is not readable");
+                    }
+                },
+                Ok(None) => break,
+                Err(error) => {
+                    tracing::warn!(%error, "{TOPIC}");
+                    // What is too large is gone; any other fault would come again at once.
+                    if !matches!(error, GraphError::TooLarge { .. }) {
+                        break;
+                    }
+                }
+            }
+        }
+    }
+
+    fn owner(&self, gid: &Gid) -> Option<&str> {
+        self.participants.values().find_map(|owned| owned.get(gid)).map(String::as_str)
+    }
+}
