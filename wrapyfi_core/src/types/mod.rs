@@ -24,6 +24,7 @@ mod shape;
 mod stamp;
 mod table;
 mod tensor;
+mod typed;
 mod value;
 
 pub use audio::{AudioChunk, SampleFormat};
@@ -40,6 +41,7 @@ pub use shape::ShapeError;
 pub use stamp::Stamp;
 pub use table::Table;
 pub use tensor::{NumpyArray, Tensor};
+pub use typed::{MAX_DEPTH, TypedError, as_tensor, from_value, to_value};
 pub use value::{Tagged, Value};
 
 pub(crate) use element::swap_byte_order;

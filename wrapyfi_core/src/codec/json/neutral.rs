@@ -19,10 +19,10 @@ pub(super) fn is_tag(tag: &str) -> bool {
 }
 
 /// What `body` under `tag` stands for.
-pub(super) fn read(tag: &str, body: Value) -> Result<Value, String> {
+pub(super) fn read(tag: &str, body: &Value) -> Result<Value, String> {
     match tag {
-        "quantity" => quantity(&body).map(Value::from),
-        "labelled" => labelled(&body).map(Value::from),
+        "quantity" => quantity(body).map(Value::from),
+        "labelled" => labelled(body).map(Value::from),
         other => Err(format!("tag {other:?} is not read here")),
     }
 }

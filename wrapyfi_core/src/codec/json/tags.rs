@@ -98,7 +98,7 @@ impl Decoder<'_> {
     /// What a tag of the graph's dialect stands for; its body is one value.
     fn neutral(&mut self, tag: &str, path: &Path<'_>, depth: usize) -> Result<Value> {
         let body = self.value(path, depth)?;
-        neutral::read(tag, body).map_err(|reason| self.malformed(path, format!("{tag}: {reason}")))
+        neutral::read(tag, &body).map_err(|reason| self.malformed(path, format!("{tag}: {reason}")))
     }
 
     /// Anything Python can iterate over, as `tuple(body)` does.
