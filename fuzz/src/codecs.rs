@@ -5,6 +5,7 @@ use wrapyfi_core::Limits;
 use wrapyfi_core::codec::npy::NpyArray;
 use wrapyfi_core::codec::{frames as zeromq, jpeg as jpeg_file, json as text, npy as file, ros};
 use wrapyfi_core::endpoint::TopicSpec;
+use wrapyfi_core::plugin::Plugins;
 use wrapyfi_core::types::{Encoding, MessageType, Stamp};
 
 use crate::{LIMITS, bounded};
@@ -29,8 +30,11 @@ pub fn json(data: &[u8]) {
     assert!(written == rewritten, "changed by writing and reading");
 
     // Refused where a plug-in has taken the name by which arrays are meant there.
-    let Ok((beside, tensors)) = text::encode_with_tensors(&value) else { return };
-    let whole = text::decode_with_tensors(&beside.into(), &tensors, &WIDE).expect("its own text");
+    let Ok((beside, tensors)) = text::encode_with_tensors(&value, &Plugins::standard()) else {
+        return;
+    };
+    let whole = text::decode_with_tensors(&beside.into(), &tensors, &WIDE, &Plugins::standard())
+        .expect("its own text");
     let rewritten = text::encode(&whole).expect("what was read can be written");
     assert!(written == rewritten, "changed by arrays beside the text");
 }

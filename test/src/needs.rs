@@ -16,6 +16,8 @@ pub enum Need {
     Program,
     /// The node executable `bridge`.
     Node,
+    /// The example program `pose_mirror`.
+    PoseMirror,
     /// Python with Wrapyfi, pyzmq, cyclonedds and rosbags.
     Python,
 }
@@ -49,6 +51,7 @@ fn check(need: Need) -> Result {
     match need {
         Need::Program => program().map(drop),
         Need::Node => node().map(drop),
+        Need::PoseMirror => pose_mirror().map(drop),
         Need::Python => python().map(drop),
     }
 }
@@ -63,6 +66,11 @@ pub(crate) fn node() -> Result<PathBuf> {
     built("bridge", "WRAPYFI_BRIDGE_BIN")
 }
 
+/// The example of a plug-in.
+pub(crate) fn pose_mirror() -> Result<PathBuf> {
+    built("pose_mirror", "WRAPYFI_POSE_MIRROR_BIN")
+}
+
 fn built(name: &str, variable: &str) -> Result<PathBuf> {
     let path = match std::env::var_os(variable) {
         Some(path) => PathBuf::from(path),
@@ -75,7 +83,7 @@ fn built(name: &str, variable: &str) -> Result<PathBuf> {
     };
     if !path.is_file() {
         bail!(
-            "no program at {}: build it with `cargo build -p wrapyfi_bridge`, or set {variable}",
+            "no program at {}: build it with `cargo build --workspace`, or set {variable}",
             path.display()
         );
     }

@@ -94,6 +94,15 @@ impl World {
         Ok(Process::start("bridge", self.command(&needs::node()?, args), &self.pillars)?.pillar())
     }
 
+    /// Starts the example `pose_mirror` with these topics.
+    ///
+    /// # Errors
+    /// Where it cannot be started.
+    pub fn pose_mirror(&self, from: &str, to: &str) -> Result<Process> {
+        let command = self.command(&needs::pose_mirror()?, [from, to]);
+        Ok(Process::start("pose_mirror", command, &self.pillars)?.pillar())
+    }
+
     /// Starts `wrapyfi bridge --json` with this configuration.
     ///
     /// # Errors
@@ -150,6 +159,19 @@ impl World {
         // Python decides by locale otherwise; and a .pyc beside the source would show up in git.
         command.env("PYTHONUTF8", "1").env("PYTHONDONTWRITEBYTECODE", "1");
         Process::start(script, command, &self.pillars)
+    }
+
+    /// Starts the Python script of the example of a plug-in.
+    ///
+    /// # Errors
+    /// Where it cannot be started.
+    pub fn poses(&self, there: &str, back: &str) -> Result<Process> {
+        let folder = repository().join("examples/pose_plugin/python");
+        let args = [folder.join("poses.py").into_os_string(), there.into(), back.into()];
+        let mut command = self.command(&needs::python()?, args);
+        command.env("WRAPYFI_PLUGIN_PATHS", folder);
+        command.env("PYTHONUTF8", "1").env("PYTHONDONTWRITEBYTECODE", "1");
+        Process::start("poses.py", command, &self.pillars)
     }
 
     /// Starts a real Wrapyfi publisher that goes on until it is dropped. `args` says type and flavour.

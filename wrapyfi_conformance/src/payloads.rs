@@ -54,7 +54,7 @@ pub fn rich() -> Payload {
         ("scalar", Value::Tensor(Tensor::new(Dtype::F64, [], vec![7; 8]).unwrap())),
         ("empty", Value::Tensor(Tensor::new(Dtype::F32, [0, 3], vec![]).unwrap())),
         ("structured", Value::Array(structured)),
-        ("foreign", Value::Tagged(Tagged { key: "ForeignThing".into(), json: json.into() })),
+        ("foreign", Value::Tagged(Tagged::new("ForeignThing", json))),
     ]))
     .into()
 }

@@ -11,11 +11,14 @@
 //!     │
 //!   codec         bytes <-> values, no sockets, no clocks
 //!     │
+//!   plugin        what stands behind Wrapyfi's plug-in keys
+//!     │
 //!   types         Value, Tensor, Image, AudioChunk
 //! ```
 //!
 //! * [`types`]: the data model.
 //! * [`codec`]: Wrapyfi's JSON and frames, `.npy`, JPEG, CDR of the ROS messages.
+//! * [`plugin`]: pandas, torch, Pillow, … and objects of your own.
 //! * [`endpoint`]: the traits every middleware implements, bounded queues, counters.
 //! * [`middleware`]: the transports.
 //! * [`engine`]: configuration, routes and the loop that moves messages.
@@ -71,6 +74,7 @@ pub mod engine;
 mod limits;
 pub mod middleware;
 pub mod node;
+pub mod plugin;
 pub mod types;
 
 pub use codec::{DecodeError, EncodeError};

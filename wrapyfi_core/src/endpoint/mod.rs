@@ -39,6 +39,7 @@ pub use registry::{Registry, UnknownMiddleware};
 pub use wake::Wake;
 
 use crate::codec::DecodeError;
+use crate::plugin::Plugins;
 use crate::types::{Encoding, MessageType, Payload};
 use crate::{EncodeError, Limits};
 
@@ -147,6 +148,8 @@ pub struct TopicSpec {
     pub color_order: Encoding,
     /// Bounds on every message.
     pub limits: Limits,
+    /// What reads and writes plug-in objects inside native objects.
+    pub plugins: Plugins,
 }
 
 impl TopicSpec {
@@ -160,6 +163,7 @@ impl TopicSpec {
             queue: QueueSpec::default(),
             color_order: Encoding::Bgr8,
             limits: Limits::default(),
+            plugins: Plugins::standard(),
         }
     }
 }

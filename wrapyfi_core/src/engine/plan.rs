@@ -8,6 +8,7 @@ use super::config::{Config, Defaults, OverflowConfig, RouteConfig, Spanned};
 use super::config_error::{ConfigError, Problem, did_you_mean};
 use crate::Limits;
 use crate::endpoint::{EndpointAddress, Overflow, ParseAddressError, Qos, QueueSpec, TopicSpec};
+use crate::plugin::Plugins;
 use crate::types::{Encoding, MessageType};
 
 /// A route as it will be run.
@@ -31,6 +32,8 @@ pub struct RouteSpec {
     pub color_order: Encoding,
     /// Bounds on every message.
     pub limits: Limits,
+    /// What reads and writes plug-in objects inside native objects.
+    pub plugins: Plugins,
 }
 
 impl RouteSpec {
@@ -47,6 +50,7 @@ impl RouteSpec {
             max_rate_hz: None,
             color_order: Encoding::Bgr8,
             limits: Limits::default(),
+            plugins: Plugins::standard(),
         }
     }
 
@@ -60,6 +64,7 @@ impl RouteSpec {
             queue: self.queue,
             color_order: self.color_order,
             limits: self.limits,
+            plugins: self.plugins.clone(),
         }
     }
 }

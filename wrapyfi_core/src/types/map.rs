@@ -51,7 +51,7 @@ impl Map {
     }
 
     /// Pairs in insertion order.
-    pub fn iter(&self) -> impl ExactSizeIterator<Item = (&Value, &Value)> {
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = (&Value, &Value)> + DoubleEndedIterator {
         self.0.iter().map(|(key, value)| (key, value))
     }
 
@@ -182,6 +182,10 @@ impl Hash for Hashed<'_> {
             Value::DateTime(value) => value.hash(state),
             Value::Tuple(items) => items.iter().for_each(|item| Hashed(item).hash(state)),
             Value::Tagged(tagged) => tagged.json.hash(state),
+            Value::Quantity(quantity) => {
+                Hashed(&quantity.magnitude).hash(state);
+                quantity.units.hash(state);
+            }
             _ => {}
         }
     }

@@ -4,6 +4,7 @@
 //! | --- | --- | --- |
 //! | [`Value`] | any Python object | `wrapyfi_msgs/msg/NativeObject` |
 //! | [`Tensor`] | an array of numbers | `wrapyfi_msgs/msg/Tensor` |
+//! | [`Table`] | a data frame as Arrow columns | `wrapyfi_msgs/msg/NativeObject` |
 //! | [`Image`] | a camera frame | `sensor_msgs/msg/Image`, `CompressedImage` |
 //! | [`AudioChunk`] | sound | `wrapyfi_msgs/msg/AudioChunk` |
 //!
@@ -14,11 +15,16 @@ mod datetime;
 mod dtype;
 mod element;
 mod image;
+mod labelled;
 mod map;
+mod object;
+mod origin;
 mod payload;
 mod shape;
 mod stamp;
+mod table;
 mod tensor;
+mod typed;
 mod value;
 
 pub use audio::{AudioChunk, SampleFormat};
@@ -26,11 +32,16 @@ pub use datetime::{DateTime, ParseDateTimeError};
 pub use dtype::Dtype;
 pub use element::Element;
 pub use image::{CompressedFormat, Encoding, Image, Pixels, RawPixels};
+pub use labelled::{Labelled, LabelledContent, Picture, Quantity, Variable};
 pub use map::Map;
+pub use object::{ForeignObject, PluginObject};
+pub use origin::Origin;
 pub use payload::{DataType, MessageType, ParseTypeError, Payload};
 pub use shape::ShapeError;
 pub use stamp::Stamp;
+pub use table::Table;
 pub use tensor::{NumpyArray, Tensor};
+pub use typed::{MAX_DEPTH, TypedError, as_tensor, from_value, to_value};
 pub use value::{Tagged, Value};
 
 pub(crate) use element::swap_byte_order;

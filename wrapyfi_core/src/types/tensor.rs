@@ -5,9 +5,12 @@
 //!   received bytes ──────▶        checked: bytes fit shape         └─▶ to_ndarray (copies)
 //! ```
 
+use std::sync::Arc;
+
 use bytes::Bytes;
 use ndarray::{ArrayBase, ArrayD, ArrayViewD, Data, Dimension, IxDyn};
 
+use super::Origin;
 use super::dtype::Dtype;
 use super::element::{self, Element};
 use super::shape::{ShapeError, check_length, element_count};
@@ -28,6 +31,7 @@ pub struct Tensor {
     pub(crate) dtype: Dtype,
     pub(crate) shape: Vec<usize>,
     pub(crate) device: String,
+    pub(crate) origin: Option<Arc<Origin>>,
     pub(crate) data: Bytes,
 }
 
@@ -43,7 +47,7 @@ impl Tensor {
     ) -> Result<Self, ShapeError> {
         let (shape, data) = (shape.into(), data.into());
         check_length(&shape, dtype.size(), data.len(), || format!("{dtype} array {shape:?}"))?;
-        Ok(Self { dtype, shape, device: String::new(), data })
+        Ok(Self { dtype, shape, device: String::new(), origin: None, data })
     }
 
     /// An array that takes over `elements` in row-major order.
@@ -69,6 +73,7 @@ impl Tensor {
             dtype: T::DTYPE,
             shape: array.shape().to_vec(),
             device: String::new(),
+            origin: None,
             data: element::into_bytes(elements),
         }
     }
@@ -78,6 +83,26 @@ impl Tensor {
     pub fn with_device(mut self, device: impl Into<String>) -> Self {
         self.device = device.into();
         self
+    }
+
+    /// The same array as an object of a library: `PytorchTensor`, `JAXTensor`, … Without an origin
+    /// it is NumPy's.
+    #[must_use]
+    pub fn with_origin(mut self, origin: impl Into<Arc<Origin>>) -> Self {
+        self.origin = Some(origin.into());
+        self
+    }
+
+    /// The library object it was or shall become; `None` for NumPy's array.
+    #[must_use]
+    pub fn origin(&self) -> Option<&Origin> {
+        self.origin.as_deref()
+    }
+
+    /// Plug-in key of the library it belongs to; `None` for NumPy.
+    #[must_use]
+    pub fn framework(&self) -> Option<&str> {
+        self.origin().map(|origin| origin.key.as_str())
     }
 
     /// Element type.

@@ -4,7 +4,11 @@ use bytes::Bytes;
 use num_bigint::BigInt;
 
 use super::datetime::DateTime;
+use super::image::Pixels;
+use super::labelled::{Labelled, Picture, Quantity};
 use super::map::Map;
+use super::object::{ForeignObject, PluginObject};
+use super::table::Table;
 use super::tensor::{NumpyArray, Tensor};
 
 /// A native object: any value of Python's built-in types, NumPy arrays, and tagged plug-in
@@ -54,17 +58,44 @@ pub enum Value {
     Tensor(Tensor),
     /// An array whose elements are not plain numbers (structured, text, `datetime64`, `longdouble`).
     Array(NumpyArray),
-    /// An object of a plug-in this process does not know, carried intact.
+    /// A data frame, a series, an index or Arrow data (pandas, dask, PyArrow).
+    Table(Box<Table>),
+    /// A Pillow image.
+    Picture(Box<Picture>),
+    /// A number with its unit (pint).
+    Quantity(Box<Quantity>),
+    /// An array with named dimensions and coordinates, or a set of them (xarray).
+    Labelled(Box<Labelled>),
+    /// An object of a plug-in outside this crate.
+    Object(ForeignObject),
+    /// An object that no plug-in here reads, carried intact.
     Tagged(Tagged),
 }
 
 /// An object behind a plug-in key that is not decoded here (`{"__wrapyfi__": [key, ...]}`).
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, Eq)]
 pub struct Tagged {
     /// The plug-in key, for instance `PytorchTensor`.
     pub key: String,
     /// JSON text of the whole tagged object, byte for byte as received.
     pub json: Bytes,
+    /// Why it was not decoded although its plug-in is known here, with path and limit; `None` for
+    /// an unknown plug-in. Says nothing about the object: two equal ones may differ in it.
+    pub refused: Option<String>,
+}
+
+impl Tagged {
+    /// An object of an unknown plug-in.
+    #[must_use]
+    pub fn new(key: impl Into<String>, json: impl Into<Bytes>) -> Self {
+        Self { key: key.into(), json: json.into(), refused: None }
+    }
+}
+
+impl PartialEq for Tagged {
+    fn eq(&self, other: &Self) -> bool {
+        (&self.key, &self.json) == (&other.key, &other.json)
+    }
 }
 
 impl Value {
@@ -85,7 +116,11 @@ impl Value {
             Self::DateTime(_) => "datetime",
             Self::DateTime64(_) => "numpy.datetime64",
             Self::Tensor(_) | Self::Array(_) => "numpy.ndarray",
-            Self::Tagged(_) => "plug-in object",
+            Self::Table(_) => "table",
+            Self::Picture(_) => "picture",
+            Self::Quantity(_) => "quantity",
+            Self::Labelled(_) => "labelled array",
+            Self::Object(_) | Self::Tagged(_) => "plug-in object",
         }
     }
 
@@ -93,7 +128,15 @@ impl Value {
     #[must_use]
     pub fn is_hashable(&self) -> bool {
         match self {
-            Self::List(_) | Self::Set(_) | Self::Map(_) | Self::Tensor(_) | Self::Array(_) => false,
+            Self::List(_)
+            | Self::Set(_)
+            | Self::Map(_)
+            | Self::Tensor(_)
+            | Self::Array(_)
+            | Self::Table(_)
+            | Self::Picture(_)
+            | Self::Labelled(_)
+            | Self::Object(_) => false,
             Self::Tuple(items) => items.iter().all(Self::is_hashable),
             _ => true,
         }
@@ -155,6 +198,73 @@ impl Value {
         if let Self::Tensor(tensor) = self { Some(tensor) } else { None }
     }
 
+    /// A table.
+    #[must_use]
+    pub fn as_table(&self) -> Option<&Table> {
+        if let Self::Table(table) = self { Some(table) } else { None }
+    }
+
+    /// A Pillow image.
+    #[must_use]
+    pub fn as_picture(&self) -> Option<&Picture> {
+        if let Self::Picture(picture) = self { Some(picture) } else { None }
+    }
+
+    /// A number with its unit.
+    #[must_use]
+    pub fn as_quantity(&self) -> Option<&Quantity> {
+        if let Self::Quantity(quantity) = self { Some(quantity) } else { None }
+    }
+
+    /// A labelled array or data set.
+    #[must_use]
+    pub fn as_labelled(&self) -> Option<&Labelled> {
+        if let Self::Labelled(labelled) = self { Some(labelled) } else { None }
+    }
+
+    /// The object of a plug-in outside this crate, when it is a `T`.
+    #[must_use]
+    pub fn as_object<T: PluginObject>(&self) -> Option<&T> {
+        if let Self::Object(object) = self { object.get() } else { None }
+    }
+
+    /// Key of the plug-in that writes it on Wrapyfi's wire; `None` for what needs none.
+    #[must_use]
+    pub fn plugin_key(&self) -> Option<&str> {
+        match self {
+            Self::Tensor(tensor) => tensor.framework(),
+            Self::Table(table) => Some(&table.origin.key),
+            Self::Picture(_) => Some("PILImage"),
+            Self::Quantity(_) => Some("PintData"),
+            Self::Labelled(_) => Some("XArrayData"),
+            Self::Object(object) => Some(object.key()),
+            Self::Tagged(tagged) => Some(&tagged.key),
+            _ => None,
+        }
+    }
+
+    /// The objects inside that a plug-in refused, with the reason each.
+    pub fn refusals(&self) -> impl Iterator<Item = (&Tagged, &str)> {
+        let mut waiting = vec![self];
+        std::iter::from_fn(move || {
+            while let Some(value) = waiting.pop() {
+                match value {
+                    Self::List(items) | Self::Tuple(items) | Self::Set(items) => {
+                        waiting.extend(items.iter().rev());
+                    }
+                    Self::Map(map) => waiting.extend(map.iter().rev().map(|(_, member)| member)),
+                    Self::Tagged(tagged) => {
+                        if let Some(reason) = &tagged.refused {
+                            return Some((tagged, reason.as_str()));
+                        }
+                    }
+                    _ => {}
+                }
+            }
+            None
+        })
+    }
+
     /// About how many bytes of content it holds: array bytes, text and eight for every other
     /// value. For choosing buffer sizes.
     #[must_use]
@@ -169,6 +279,12 @@ impl Value {
             Self::Tensor(tensor) => tensor.data.len(),
             Self::Array(array) => array.data.len(),
             Self::Tagged(tagged) => tagged.json.len(),
+            Self::Table(table) => table.batch.get_array_memory_size(),
+            Self::Picture(picture) => match &picture.image.pixels {
+                Pixels::Raw(raw) => raw.data.len(),
+                Pixels::Compressed { data, .. } => data.len(),
+            },
+            Self::Labelled(labelled) => labelled.size_hint(),
             _ => 0,
         }
     }
@@ -207,6 +323,11 @@ from! {
     Tensor => |tensor| Self::Tensor(tensor),
     NumpyArray => |array| Self::Array(array),
     Tagged => |tagged| Self::Tagged(tagged),
+    Table => |table| Self::Table(Box::new(table)),
+    Picture => |picture| Self::Picture(Box::new(picture)),
+    Quantity => |quantity| Self::Quantity(Box::new(quantity)),
+    Labelled => |labelled| Self::Labelled(Box::new(labelled)),
+    ForeignObject => |object| Self::Object(object),
 }
 
 impl<T: Into<Self>> From<Option<T>> for Value {

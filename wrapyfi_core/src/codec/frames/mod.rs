@@ -35,7 +35,9 @@ pub fn decode(frames: &[Bytes], spec: &TopicSpec, received: Stamp) -> Result<Pay
         });
     }
     match (spec.message_type.data_type(), frames) {
-        (DataType::NativeObject, [_, body]) => json::decode(body, &spec.limits).map(Payload::from),
+        (DataType::NativeObject, [_, body]) => {
+            json::decode_with(body, &spec.limits, &spec.plugins).map(Payload::from)
+        }
         (DataType::Image, [_, header, body]) => {
             image::decode(body, header::stamp(header).unwrap_or(received), spec).map(Payload::Image)
         }
@@ -62,7 +64,9 @@ pub fn encode(payload: &Payload, spec: &TopicSpec) -> Result<Vec<Vec<u8>>, Encod
     let wanted = spec.message_type.data_type();
     let topic = spec.topic.as_bytes().to_vec();
     let frames = match (wanted, payload) {
-        (DataType::NativeObject, Payload::NativeObject(value)) => vec![topic, json::encode(value)?],
+        (DataType::NativeObject, Payload::NativeObject(value)) => {
+            vec![topic, json::encode_with(value, &spec.plugins)?]
+        }
         (DataType::Image, Payload::Image(image)) => {
             vec![topic, header::write(image.stamp), image::encode(image, spec)?]
         }

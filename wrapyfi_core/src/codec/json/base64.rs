@@ -4,12 +4,12 @@ use base64_simd::STANDARD;
 
 /// Decodes text in the standard alphabet with padding, at the speed of the machine; `None` for
 /// anything else.
-pub(super) fn decode_strictly(text: &[u8]) -> Option<Vec<u8>> {
+pub(crate) fn decode_strictly(text: &[u8]) -> Option<Vec<u8>> {
     STANDARD.decode_to_vec(text).ok()
 }
 
 /// Decodes text by Python's rules, which skip foreign characters and stop at the padding.
-pub(super) fn decode_leniently(text: &[u8]) -> Result<Vec<u8>, String> {
+pub(crate) fn decode_leniently(text: &[u8]) -> Result<Vec<u8>, String> {
     if !text.is_ascii() {
         return Err("base64 text holds characters beyond ASCII".into());
     }

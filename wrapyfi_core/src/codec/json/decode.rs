@@ -6,6 +6,7 @@ use super::super::{DecodeError, Path};
 use super::text::{self, RawString, Text};
 use super::{TAG, number};
 use crate::Limits;
+use crate::plugin::Plugins;
 use crate::types::{Map, Tensor, Value};
 
 pub(super) type Result<T> = std::result::Result<T, DecodeError>;
@@ -14,7 +15,8 @@ pub(super) type Result<T> = std::result::Result<T, DecodeError>;
 pub(super) struct Decoder<'a> {
     pub(super) bytes: &'a Bytes,
     pub(super) at: usize,
-    limits: &'a Limits,
+    pub(super) limits: &'a Limits,
+    pub(super) plugins: &'a Plugins,
     /// Values that may still be built.
     values_left: usize,
     /// What `tensor` tags refer to; `None` where they are no tags.
@@ -27,7 +29,12 @@ fn max_values(limits: &Limits) -> usize {
     (limits.message_bytes / 8).max(1024)
 }
 
-pub(super) fn run(text: &Bytes, tensors: Option<&[Tensor]>, limits: &Limits) -> Result<Value> {
+pub(super) fn run(
+    text: &Bytes,
+    tensors: Option<&[Tensor]>,
+    limits: &Limits,
+    plugins: &Plugins,
+) -> Result<Value> {
     if text.len() > limits.message_bytes {
         return Err(DecodeError::TooLarge {
             what: "message",
@@ -37,7 +44,7 @@ pub(super) fn run(text: &Bytes, tensors: Option<&[Tensor]>, limits: &Limits) -> 
         });
     }
     let values = max_values(limits);
-    let mut decoder = Decoder { bytes: text, at: 0, limits, values_left: values, tensors };
+    let mut decoder = Decoder { bytes: text, at: 0, limits, plugins, values_left: values, tensors };
     if text.starts_with(b"\xEF\xBB\xBF") {
         return Err(decoder.malformed(&Path::Root, "a byte order mark begins the text"));
     }
@@ -52,8 +59,9 @@ pub(super) fn run(text: &Bytes, tensors: Option<&[Tensor]>, limits: &Limits) -> 
 pub(super) enum Tagged {
     /// The object stands for this value.
     Value(Value),
-    /// The object belongs to a plug-in with this key.
-    Opaque(String),
+    /// The object belongs to a plug-in with this key that is unknown, or that refused it for the
+    /// reason given.
+    Opaque { key: String, refused: Option<String> },
     /// The object is an ordinary one, with this value under the member.
     Plain(Value),
 }
@@ -248,8 +256,9 @@ impl<'a> Decoder<'a> {
         }
         Ok(match tagged {
             Some(Tagged::Value(value) | Tagged::Plain(value)) => value,
-            Some(Tagged::Opaque(key)) => {
-                Value::Tagged(crate::types::Tagged { key, json: self.bytes.slice(start..self.at) })
+            Some(Tagged::Opaque { key, refused }) => {
+                let json = self.bytes.slice(start..self.at);
+                Value::Tagged(crate::types::Tagged { key, json, refused })
             }
             None => Value::Map(Map::from_iter(pairs)),
         })

@@ -4,8 +4,9 @@ use std::borrow::Cow;
 
 use super::super::{EncodeError, Path};
 use super::number::{big_integer, write_float};
-use super::{MAX_DIGITS, TAG, base64, text};
+use super::{MAX_DIGITS, TAG, base64, neutral, text};
 use crate::codec::npy;
+use crate::plugin::{Part, Plugins};
 use crate::types::{Map, Tensor, Value};
 
 type Result<T> = std::result::Result<T, EncodeError>;
@@ -13,15 +14,20 @@ type Result<T> = std::result::Result<T, EncodeError>;
 /// Deepest nesting that is written: Python's decoder raises beyond about three times this.
 const MAX_DEPTH: usize = 300;
 
-struct Encoder {
+struct Encoder<'a> {
+    plugins: &'a Plugins,
     out: Vec<u8>,
     /// Where tensors go instead of into the text.
     tensors: Option<Vec<Tensor>>,
 }
 
-pub(super) fn run(value: &Value, tensors: Option<Vec<Tensor>>) -> Result<(Vec<u8>, Vec<Tensor>)> {
+pub(super) fn run(
+    value: &Value,
+    tensors: Option<Vec<Tensor>>,
+    plugins: &Plugins,
+) -> Result<(Vec<u8>, Vec<Tensor>)> {
     let capacity = expected_length(value, tensors.is_none());
-    let mut encoder = Encoder { out: Vec::with_capacity(capacity), tensors };
+    let mut encoder = Encoder { plugins, out: Vec::with_capacity(capacity), tensors };
     encoder.value(value, &Path::Root, 0)?;
     // Shrinks in place; usually nothing is left to shrink but a few bytes.
     encoder.out.shrink_to_fit();
@@ -57,6 +63,12 @@ fn expected_length(value: &Value, inline: bool) -> usize {
         Value::Tensor(_) => FRAME,
         Value::Array(array) => file(npy::array_header(array), array.data.len()),
         Value::Tagged(tagged) => tagged.json.len(),
+        // In the graph their arrays travel beside the text; on the wire they are mostly base64.
+        Value::Table(_)
+        | Value::Picture(_)
+        | Value::Quantity(_)
+        | Value::Labelled(_)
+        | Value::Object(_) => FRAME + if inline { value.size_hint() / 3 * 4 } else { 256 },
     }
 }
 
@@ -69,7 +81,7 @@ fn unrepresentable(what: impl Into<String>, path: &Path<'_>, remedy: &str) -> En
     }
 }
 
-impl Encoder {
+impl Encoder<'_> {
     fn push(&mut self, text: &str) {
         self.out.extend_from_slice(text.as_bytes());
     }
@@ -122,15 +134,21 @@ impl Encoder {
                 self.tagged("datetime", |to| to.quoted(&when.to_string()))?;
             }
             Value::DateTime64(text) => self.tagged("numpy.datetime64", |to| to.quoted(text))?,
-            Value::Tensor(tensor) => self.tensor(tensor)?,
+            Value::Tensor(tensor) => self.tensor(value, tensor, path, depth)?,
             Value::Array(array) => {
                 let header = npy::array_header(array);
                 self.tagged("numpy.ndarray", |to| to.base64(&header, &array.data))?;
             }
+            Value::Table(_)
+            | Value::Picture(_)
+            | Value::Quantity(_)
+            | Value::Labelled(_)
+            | Value::Object(_) => self.object(value, path, depth)?,
             Value::Tagged(tagged) => {
-                if self.tensors.is_some() && tagged.key == "tensor" {
-                    let remedy = "rename the plug-in key: `tensor` stands for an index here";
-                    return Err(unrepresentable("a plug-in object", path, remedy));
+                if self.tensors.is_some() && neutral::is_tag(&tagged.key) {
+                    let what = format!("a plug-in object with the key {:?}", tagged.key);
+                    let remedy = "rename the plug-in: the key has another meaning in the graph";
+                    return Err(unrepresentable(what, path, remedy));
                 }
                 self.out.extend_from_slice(&tagged.json);
             }
@@ -150,8 +168,17 @@ impl Encoder {
         Ok(())
     }
 
-    fn tensor(&mut self, tensor: &Tensor) -> Result<()> {
+    fn tensor(
+        &mut self,
+        value: &Value,
+        tensor: &Tensor,
+        path: &Path<'_>,
+        depth: usize,
+    ) -> Result<()> {
         let Some(tensors) = &mut self.tensors else {
+            if tensor.origin.is_some() {
+                return self.plugin_object(value, path, depth);
+            }
             let (header, data) = npy::parts(tensor);
             return self.tagged("numpy.ndarray", |to| to.base64(&header, &data));
         };
@@ -159,8 +186,53 @@ impl Encoder {
         tensors.push(tensor.clone());
         self.tagged("tensor", |to| {
             to.push(&index.to_string());
+            if let Some(origin) = &tensor.origin {
+                to.push(", ");
+                to.value(&neutral::origin_body(origin), path, depth)?;
+            }
             Ok(())
         })
+    }
+
+    /// An object that a plug-in writes on the wire, and the graph's dialect in the graph.
+    fn object(&mut self, value: &Value, path: &Path<'_>, depth: usize) -> Result<()> {
+        if self.tensors.is_some() {
+            let written = neutral::write(value).map_err(|reason| {
+                unrepresentable(format!("a {}: {reason}", value.kind()), path, "send its parts")
+            })?;
+            if let Some((tag, body)) = written {
+                return self.tagged(tag, |to| to.value(&body, path, depth + 1));
+            }
+        }
+        self.plugin_object(value, path, depth)
+    }
+
+    fn plugin_object(&mut self, value: &Value, path: &Path<'_>, depth: usize) -> Result<()> {
+        let key = value.plugin_key().unwrap_or_default();
+        let Some(plugin) = self.plugins.get(key) else {
+            let what = format!("a {} of the plug-in {key:?}", value.kind());
+            let remedy = "register that plug-in, or send its parts";
+            return Err(unrepresentable(what, path, remedy));
+        };
+        let parts = plugin.encode(value).map_err(|error| {
+            let what = format!("a {} of the plug-in {key:?}", value.kind());
+            unrepresentable(what, path, &error.to_string())
+        })?;
+        for part in ["{\"", TAG, "\": ["] {
+            self.push(part);
+        }
+        text::write(key, &mut self.out);
+        for (index, part) in parts.iter().enumerate() {
+            self.push(", ");
+            match part {
+                Part::Text(text) => text::write(text, &mut self.out),
+                Part::Base64(head, tail) => self.base64(head, tail)?,
+                Part::Latin1(file) => text::write_latin1(file, &mut self.out),
+                Part::Value(value) => self.value(value, &Path::Index(path, index), depth + 1)?,
+            }
+        }
+        self.push("]}");
+        Ok(())
     }
 
     fn items(&mut self, items: &[Value], path: &Path<'_>, depth: usize) -> Result<()> {

@@ -14,19 +14,22 @@
 //! any size (up to 4300 digits); strings with lone surrogates; repeated members, where the last
 //! one counts. Tagged values and their rules: `docs/wire/native-object.md`.
 
-mod base64;
+pub(crate) mod base64;
 mod decode;
 mod encode;
+mod neutral;
 mod number;
 mod tags;
 mod text;
 
 pub(in crate::codec) use number::write_float;
+pub(crate) use text::{RawString, Text};
 
 use bytes::Bytes;
 
 use super::{DecodeError, EncodeError};
 use crate::Limits;
+use crate::plugin::Plugins;
 use crate::types::{Tensor, Value};
 
 /// The member that makes an object a tagged value.
@@ -46,7 +49,16 @@ const MAX_DIGITS: usize = 4300;
 /// # Errors
 /// When `text` is not a native object, or exceeds a limit.
 pub fn decode(text: &Bytes, limits: &Limits) -> Result<Value, DecodeError> {
-    decode::run(text, None, limits)
+    decode_with(text, limits, &Plugins::standard())
+}
+
+/// [`decode`] with other plug-ins than the standard ones.
+///
+/// # Errors
+/// As [`decode`]. An object that its plug-in refuses is no error: it is carried as
+/// [`crate::types::Tagged`] with the reason.
+pub fn decode_with(text: &Bytes, limits: &Limits, plugins: &Plugins) -> Result<Value, DecodeError> {
+    decode::run(text, None, limits, plugins)
 }
 
 /// Reads a native object whose arrays travel beside the text: `{"__wrapyfi__": ["tensor", 0]}`
@@ -58,20 +70,29 @@ pub fn decode_with_tensors(
     text: &Bytes,
     tensors: &[Tensor],
     limits: &Limits,
+    plugins: &Plugins,
 ) -> Result<Value, DecodeError> {
-    decode::run(text, Some(tensors), limits)
+    decode::run(text, Some(tensors), limits, plugins)
 }
 
 /// Writes a native object as Python's `json.dumps` would, in ASCII. The vector's capacity is its
 /// length: boxing it copies nothing.
 ///
-/// Device labels of tensors have no place in the text and are left out; `bfloat16` becomes
-/// `float32`.
+/// A tensor without an origin is written as NumPy's: its device label is left out, and `bfloat16`
+/// becomes `float32`.
 ///
 /// # Errors
 /// When something inside has no form in Wrapyfi's JSON; the message says where and what to do.
 pub fn encode(value: &Value) -> Result<Vec<u8>, EncodeError> {
-    encode::run(value, None).map(|(text, _)| text)
+    encode_with(value, &Plugins::standard())
+}
+
+/// [`encode`] with other plug-ins than the standard ones.
+///
+/// # Errors
+/// As [`encode`], and when the plug-in of an object inside is not among `plugins`.
+pub fn encode_with(value: &Value, plugins: &Plugins) -> Result<Vec<u8>, EncodeError> {
+    encode::run(value, None, plugins).map(|(text, _)| text)
 }
 
 /// Writes a native object with every [`Value::Tensor`] replaced by its index in the list that is
@@ -79,8 +100,11 @@ pub fn encode(value: &Value) -> Result<Vec<u8>, EncodeError> {
 ///
 /// # Errors
 /// As [`encode`].
-pub fn encode_with_tensors(value: &Value) -> Result<(Vec<u8>, Vec<Tensor>), EncodeError> {
-    encode::run(value, Some(Vec::new()))
+pub fn encode_with_tensors(
+    value: &Value,
+    plugins: &Plugins,
+) -> Result<(Vec<u8>, Vec<Tensor>), EncodeError> {
+    encode::run(value, Some(Vec::new()), plugins)
 }
 
 #[cfg(test)]

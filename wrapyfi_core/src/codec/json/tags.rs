@@ -4,6 +4,8 @@
 //!   {"__wrapyfi__": [tag, body, …]}
 //!                     │     └ read as the tag asks; what follows it is dropped
 //!                     ├ tuple, set, datetime, numpy.datetime64, numpy.ndarray ─▶ that value
+//!                     ├ tensor, picture, … (in the graph only) ─▶ neutral.rs
+//!                     ├ the key of a plug-in ─▶ what it makes of the rest
 //!                     ├ any other string ─▶ carried as it is, for a peer that has the plug-in
 //!                     └ no string ─▶ an ordinary dict
 //! ```
@@ -11,10 +13,11 @@
 use memchr::memchr;
 
 use super::super::Path;
-use super::base64;
 use super::decode::{Decoder, Result, Tagged};
 use super::text::Text;
+use super::{base64, neutral};
 use crate::codec::npy::{self, NpyArray};
+use crate::plugin::{Body, Context, Element};
 use crate::types::{Value, unique_members};
 
 impl Decoder<'_> {
@@ -42,24 +45,24 @@ impl Decoder<'_> {
             Text::Valid(name) => name,
             Text::Utf16(units) => String::from_utf16_lossy(&units),
         };
-        let meaning = match name.as_str() {
-            "tuple" | "set" | "datetime" | "numpy.datetime64" | "numpy.ndarray" => None,
-            "tensor" if self.tensors.is_some() => None,
-            _ => Some(Tagged::Opaque(name.clone())),
+        let known = match name.as_str() {
+            "tuple" | "set" | "datetime" | "numpy.datetime64" | "numpy.ndarray" => true,
+            tag => self.tensors.is_some() && neutral::is_tag(tag),
         };
-        let meaning = match meaning {
-            Some(opaque) => opaque,
-            None if !self.take(b',') => {
-                return Err(self.malformed(&member, format!("tag {name:?} without its body")));
-            }
-            None => Tagged::Value(match name.as_str() {
+        let meaning = if !known {
+            self.plugin_object(name.clone(), path, depth)?
+        } else if !self.take(b',') {
+            return Err(self.malformed(&member, format!("tag {name:?} without its body")));
+        } else {
+            Tagged::Value(match name.as_str() {
                 "tuple" => Value::Tuple(self.members(path, depth)?),
                 "set" => self.set(path, depth)?,
                 "datetime" => self.datetime(path)?,
                 "numpy.datetime64" => self.datetime64(path)?,
                 "numpy.ndarray" => self.array(path)?,
-                _ => self.tensor(path, depth)?,
-            }),
+                "tensor" => self.tensor(path, depth)?,
+                tag => self.neutral(tag, path, depth)?,
+            })
         };
         while self.take(b',') {
             self.skip(&member, depth)?;
@@ -68,6 +71,34 @@ impl Decoder<'_> {
             return Err(self.malformed(&member, format!("tag {name:?} does not end")));
         }
         Ok(meaning)
+    }
+
+    /// The object of a plug-in: what it makes of the parts behind its `key`.
+    fn plugin_object(&mut self, key: String, path: &Path<'_>, depth: usize) -> Result<Tagged> {
+        let Some(plugin) = self.plugins.get(&key) else {
+            return Ok(Tagged::Opaque { key, refused: None });
+        };
+        let mut elements = Vec::new();
+        while self.take(b',') {
+            elements.push(match self.peek() {
+                Some(b'"') => Element::Text(self.raw_string(path)?),
+                _ => Element::Value(self.value(path, depth)?),
+            });
+        }
+        let context = Context { limits: self.limits, plugins: self.plugins };
+        match plugin.decode(&Body { elements }, &context) {
+            Ok(value) => Ok(Tagged::Value(value)),
+            Err(error) => {
+                let refused = Some(format!("{key} at {path}: {error}"));
+                Ok(Tagged::Opaque { key, refused })
+            }
+        }
+    }
+
+    /// What a tag of the graph's dialect stands for; its body is one value.
+    fn neutral(&mut self, tag: &str, path: &Path<'_>, depth: usize) -> Result<Value> {
+        let body = self.value(path, depth)?;
+        neutral::read(tag, &body).map_err(|reason| self.malformed(path, format!("{tag}: {reason}")))
     }
 
     /// Anything Python can iterate over, as `tuple(body)` does.
@@ -160,7 +191,12 @@ impl Decoder<'_> {
         let index = self.value(path, depth)?;
         let found = index.as_i64().and_then(|index| tensors.get(usize::try_from(index).ok()?));
         match found {
-            Some(tensor) => Ok(Value::Tensor(tensor.clone())),
+            Some(tensor) if !self.take(b',') => Ok(Value::Tensor(tensor.clone())),
+            Some(tensor) => {
+                let origin = neutral::read_origin(&self.value(path, depth)?)
+                    .map_err(|reason| self.malformed(path, reason))?;
+                Ok(Value::Tensor(tensor.clone().with_origin(origin)))
+            }
             None => {
                 let count = tensors.len();
                 let index = match index {

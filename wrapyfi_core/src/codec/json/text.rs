@@ -4,14 +4,14 @@ use memchr::{memchr, memchr2};
 
 /// A string as it stands between its quotes, valid as far as finding its end told.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct RawString<'a> {
+pub(crate) struct RawString<'a> {
     pub(super) inner: &'a [u8],
     pub(super) escaped: bool,
 }
 
 /// What a string says.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum Text {
+pub(crate) enum Text {
     Valid(String),
     /// With lone surrogates, as UTF-16 code units.
     Utf16(Vec<u16>),
@@ -33,7 +33,7 @@ pub(super) fn find_end(rest: &[u8]) -> Option<RawString<'_>> {
 
 impl<'a> RawString<'a> {
     /// What it says.
-    pub(super) fn decode(self) -> Result<Text, String> {
+    pub(crate) fn decode(self) -> Result<Text, String> {
         if !self.escaped {
             return plain(self.inner).map(|text| Text::Valid(text.to_owned()));
         }
@@ -55,6 +55,33 @@ impl<'a> RawString<'a> {
             }
         }
         if high.is_some() { self.decode_utf16() } else { Ok(Text::Valid(text)) }
+    }
+
+    /// Its bytes where nothing is escaped; they are not checked to be UTF-8.
+    pub(crate) fn plain(self) -> Option<&'a [u8]> {
+        (!self.escaped).then_some(self.inner)
+    }
+
+    /// The file whose bytes the characters U+0000 to U+00FF stand for.
+    pub(crate) fn decode_latin1(self) -> Result<Vec<u8>, String> {
+        let beyond = |unit: u32| format!("a character U+{unit:04X} stands for no byte");
+        let mut file = Vec::with_capacity(self.inner.len());
+        for piece in self.pieces() {
+            match piece? {
+                Piece::Plain(part) if part.is_ascii() => file.extend_from_slice(part.as_bytes()),
+                Piece::Plain(part) => {
+                    for c in part.chars() {
+                        file.push(u8::try_from(c).map_err(|_wide| beyond(c.into()))?);
+                    }
+                }
+                Piece::Unit(unit) => {
+                    file.push(u8::try_from(unit).map_err(|_wide| beyond(unit.into()))?);
+                }
+            }
+        }
+        // Escapes are six characters for one byte.
+        file.shrink_to_fit();
+        Ok(file)
     }
 
     fn decode_utf16(self) -> Result<Text, String> {
@@ -155,6 +182,13 @@ pub(super) fn write(text: &str, out: &mut Vec<u8>) {
     out.push(b'"');
 }
 
+/// Appends `file` in quotes, one character for each byte.
+pub(super) fn write_latin1(file: &[u8], out: &mut Vec<u8>) {
+    out.push(b'"');
+    file.iter().for_each(|&byte| write_unit(byte.into(), out));
+    out.push(b'"');
+}
+
 /// Appends UTF-16 code units in quotes, surrogates included.
 pub(super) fn write_utf16(units: &[u16], out: &mut Vec<u8>) {
     out.push(b'"');
@@ -230,7 +264,22 @@ mod tests {
         }
     }
 
+    #[test]
+    fn a_character_beyond_a_byte_is_no_file() {
+        let latin1 = |text: &str| find_end(text.as_bytes()).unwrap().decode_latin1();
+        assert_eq!(latin1(r#"\u0080\u0005é""#), Ok(vec![0x80, 5, 0xE9]));
+        assert_eq!(latin1(r#"\u0100""#), Err("a character U+0100 stands for no byte".into()));
+        assert_eq!(latin1(r#"你""#), Err("a character U+4F60 stands for no byte".into()));
+    }
+
     proptest! {
+        #[test]
+        fn a_file_written_then_read_is_the_same(file: Vec<u8>) {
+            let mut out = Vec::new();
+            write_latin1(&file, &mut out);
+            prop_assert_eq!(find_end(&out[1..]).unwrap().decode_latin1(), Ok(file));
+        }
+
         #[test]
         fn written_then_read_is_the_same(text: String) {
             let mut out = Vec::new();

@@ -104,6 +104,14 @@ pub(super) fn parts(tensor: &Tensor) -> (Vec<u8>, Cow<'_, [u8]>) {
     }
 }
 
+/// Header and elements of a file, for writers that keep them; the elements are shared.
+pub(crate) fn shared_parts(tensor: &Tensor) -> (Vec<u8>, Bytes) {
+    match parts(tensor) {
+        (header, Cow::Borrowed(_)) => (header, tensor.data.clone()),
+        (header, Cow::Owned(data)) => (header, data.into()),
+    }
+}
+
 /// Header of a file, for writers that encode the elements on the way.
 pub(super) fn array_header(array: &NumpyArray) -> Vec<u8> {
     header::write(&array.descr, &array.shape)

@@ -25,6 +25,7 @@ use wrapyfi_interfaces::wrapyfi_ros2_interfaces::msg::ROS2AudioMessage;
 
 use super::{DecodeError, EncodeError};
 use crate::Limits;
+use crate::plugin::Plugins;
 use crate::types::{MessageType, Payload, Pixels, ShapeError, Stamp, swap_byte_order};
 
 /// Name of the format in errors.
@@ -37,13 +38,27 @@ const FORMAT: &str = "CDR";
 /// # Errors
 /// When the payload is not of the kind or the form that the type carries, or has no JSON form.
 pub fn encode(payload: &Payload, message_type: MessageType) -> Result<CdrParts, EncodeError> {
+    encode_with(payload, message_type, &Plugins::standard())
+}
+
+/// [`encode`] with other plug-ins than the standard ones.
+///
+/// # Errors
+/// As [`encode`].
+pub fn encode_with(
+    payload: &Payload,
+    message_type: MessageType,
+    plugins: &Plugins,
+) -> Result<CdrParts, EncodeError> {
     match (payload, message_type) {
         (Payload::Image(picture), MessageType::Image) => image::encode_raw(picture),
         (Payload::Image(picture), MessageType::CompressedImage) => image::encode_file(picture),
         (Payload::AudioChunk(sound), MessageType::AudioChunk) => audio::encode(sound),
         (Payload::AudioChunk(sound), MessageType::UpstreamAudio) => audio::encode_upstream(sound),
-        (Payload::NativeObject(value), MessageType::NativeObject) => native::encode(value),
-        (Payload::NativeObject(value), MessageType::StringJson) => native::encode_text(value),
+        (Payload::NativeObject(value), MessageType::NativeObject) => native::encode(value, plugins),
+        (Payload::NativeObject(value), MessageType::StringJson) => {
+            native::encode_text(value, plugins)
+        }
         _ => Err(EncodeError::Mismatch {
             expected: message_type.ros_type().to_owned(),
             actual: describe(payload),
@@ -60,6 +75,19 @@ pub fn decode(
     message_type: MessageType,
     limits: &Limits,
 ) -> Result<Payload, DecodeError> {
+    decode_with(cdr, message_type, limits, &Plugins::standard())
+}
+
+/// [`decode`] with other plug-ins than the standard ones.
+///
+/// # Errors
+/// As [`decode`].
+pub fn decode_with(
+    cdr: &Bytes,
+    message_type: MessageType,
+    limits: &Limits,
+    plugins: &Plugins,
+) -> Result<Payload, DecodeError> {
     match message_type {
         MessageType::Image => image::decode_raw(read(cdr, limits)?).map(Payload::Image),
         MessageType::CompressedImage => image::decode_file(read(cdr, limits)?).map(Payload::Image),
@@ -67,8 +95,10 @@ pub fn decode(
         MessageType::UpstreamAudio => {
             audio::decode_upstream(read(cdr, limits)?).map(Payload::AudioChunk)
         }
-        MessageType::NativeObject => native::decode(read(cdr, limits)?, limits).map(Payload::from),
-        MessageType::StringJson => native::decode_text(cdr, limits).map(Payload::from),
+        MessageType::NativeObject => {
+            native::decode(read(cdr, limits)?, limits, plugins).map(Payload::from)
+        }
+        MessageType::StringJson => native::decode_text(cdr, limits, plugins).map(Payload::from),
     }
 }
 

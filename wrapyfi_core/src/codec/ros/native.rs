@@ -8,36 +8,45 @@ use wrapyfi_interfaces::wrapyfi_msgs::msg;
 use super::{FORMAT, countable, fault, malformed, quote};
 use crate::Limits;
 use crate::codec::{DecodeError, EncodeError, json};
+use crate::plugin::Plugins;
 use crate::types::{Dtype, Tensor, Value};
 
-pub(super) fn encode(value: &Value) -> Result<CdrParts, EncodeError> {
-    let (json, tensors) = json::encode_with_tensors(value)?;
+pub(super) fn encode(value: &Value, plugins: &Plugins) -> Result<CdrParts, EncodeError> {
+    let (json, tensors) = json::encode_with_tensors(value, plugins)?;
     let tensors = tensors.into_iter().map(tensor_message).collect::<Result<_, _>>()?;
     let message = msg::NativeObject { json: text(json)?, tensors, ..msg::NativeObject::default() };
     Ok(message.encode())
 }
 
 /// Writes a `std_msgs/msg/String`. Its text holds whole images: it is shared, not copied.
-pub(super) fn encode_text(value: &Value) -> Result<CdrParts, EncodeError> {
-    let json = json::encode(value)?;
+pub(super) fn encode_text(value: &Value, plugins: &Plugins) -> Result<CdrParts, EncodeError> {
+    let json = json::encode_with(value, plugins)?;
     countable("data", json.len().saturating_add(1))?; // with the terminator
     let mut writer = CdrWriter::new();
     writer.write_text(&Bytes::from(json));
     Ok(writer.finish())
 }
 
-pub(super) fn decode(message: msg::NativeObject, limits: &Limits) -> Result<Value, DecodeError> {
+pub(super) fn decode(
+    message: msg::NativeObject,
+    limits: &Limits,
+    plugins: &Plugins,
+) -> Result<Value, DecodeError> {
     let tensors = message
         .tensors
         .into_iter()
         .enumerate()
         .map(|(index, tensor)| tensor_from(index, tensor))
         .collect::<Result<Vec<_>, _>>()?;
-    json::decode_with_tensors(&Bytes::from(message.json), &tensors, limits)
+    json::decode_with_tensors(&Bytes::from(message.json), &tensors, limits, plugins)
 }
 
 /// Reads a `std_msgs/msg/String` without copying its text.
-pub(super) fn decode_text(cdr: &Bytes, limits: &Limits) -> Result<Value, DecodeError> {
+pub(super) fn decode_text(
+    cdr: &Bytes,
+    limits: &Limits,
+    plugins: &Plugins,
+) -> Result<Value, DecodeError> {
     if cdr.len() > limits.message_bytes {
         let (actual, limit) = (cdr.len(), limits.message_bytes);
         return Err(fault(&CdrError::TooLarge { actual, limit }));
@@ -45,7 +54,7 @@ pub(super) fn decode_text(cdr: &Bytes, limits: &Limits) -> Result<Value, DecodeE
     let text = CdrReader::new(cdr)
         .and_then(|mut reader| reader.read_text())
         .map_err(|error| fault(&error.in_field("data")))?;
-    json::decode(&text, limits)
+    json::decode_with(&text, limits, plugins)
 }
 
 fn text(json: Vec<u8>) -> Result<String, EncodeError> {

@@ -24,6 +24,7 @@ use crate::endpoint::{
     Context, Counters, DropReason, Link, Listener, Overflow, QueueSpec, Receiver, Sample, Sender,
     TakeError, TopicSpec, Wake, inbox,
 };
+use crate::plugin::Plugins;
 use crate::types::MessageType;
 
 /// A message as it arrived.
@@ -154,6 +155,7 @@ pub(super) struct Ros2Listener {
     blocks: bool,
     message_type: MessageType,
     limits: Limits,
+    plugins: Plugins,
     diagnosis: Diagnosis,
 }
 
@@ -181,7 +183,15 @@ impl Ros2Listener {
         let diagnosis =
             Diagnosis::new(Arc::clone(graph), topic.name.clone(), message_type.ros_type(), true);
         let blocks = matches!(spec.queue.overflow, Overflow::Block(_));
-        Ok(Self { inlet, receiver, blocks, message_type, limits: spec.limits, diagnosis })
+        Ok(Self {
+            inlet,
+            receiver,
+            blocks,
+            message_type,
+            limits: spec.limits,
+            plugins: spec.plugins.clone(),
+            diagnosis,
+        })
     }
 
     /// The oldest message; under policy `block` its place goes to one that is held.
@@ -198,7 +208,7 @@ impl Listener for Ros2Listener {
     fn take(&mut self) -> Result<Option<Sample>, TakeError> {
         let Some(Arrived { cdr, at }) = self.next() else { return Ok(None) };
         let wire_bytes = cdr.len();
-        let payload = payload::decode(&cdr, self.message_type, &self.limits)?;
+        let payload = payload::decode(&cdr, self.message_type, &self.limits, &self.plugins)?;
         Ok(Some(Sample { payload, wire_bytes, received_at: at }))
     }
 

@@ -11,6 +11,7 @@ use bytes::Bytes;
 use wrapyfi_interfaces::cdr::CdrParts;
 
 use crate::codec::{self, ros};
+use crate::plugin::Plugins;
 use crate::types::{Encoding, MessageType, Payload, Pixels};
 use crate::{DecodeError, EncodeError, Limits};
 
@@ -21,6 +22,7 @@ pub(super) fn encode(
     message_type: MessageType,
     color_order: Encoding,
     limits: &Limits,
+    plugins: &Plugins,
 ) -> Result<CdrParts, EncodeError> {
     let payload = match payload {
         Payload::Image(image)
@@ -35,7 +37,7 @@ pub(super) fn encode(
         }
         fits => Cow::Borrowed(fits),
     };
-    let parts = ros::encode(&payload, message_type)?;
+    let parts = ros::encode_with(&payload, message_type, plugins)?;
     if parts.len() > limits.message_bytes {
         let (actual, limit) = (parts.len() as u64, limits.message_bytes as u64);
         return Err(EncodeError::TooLarge { actual, limit });
@@ -48,8 +50,9 @@ pub(super) fn decode(
     cdr: &Bytes,
     message_type: MessageType,
     limits: &Limits,
+    plugins: &Plugins,
 ) -> Result<Payload, DecodeError> {
-    ros::decode(cdr, message_type, limits)
+    ros::decode_with(cdr, message_type, limits, plugins)
 }
 
 /// REP-2016 hash of a type.

@@ -13,6 +13,7 @@ use crate::Limits;
 use crate::endpoint::{
     Context, Durability, History, Link, PublishError, Publisher, Qos, TopicSpec,
 };
+use crate::plugin::Plugins;
 use crate::types::{Encoding, MessageType, Payload};
 
 /// A ROS 2 publisher.
@@ -23,6 +24,7 @@ pub(super) struct Ros2Publisher {
     qos: Qos,
     color_order: Encoding,
     limits: Limits,
+    plugins: Plugins,
     diagnosis: Diagnosis,
 }
 
@@ -45,6 +47,7 @@ impl Ros2Publisher {
             qos: topic.qos,
             color_order: spec.color_order,
             limits: spec.limits,
+            plugins: spec.plugins.clone(),
             diagnosis,
         })
     }
@@ -52,7 +55,13 @@ impl Ros2Publisher {
 
 impl Publisher for Ros2Publisher {
     fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {
-        let cdr = payload::encode(payload, self.message_type, self.color_order, &self.limits)?;
+        let cdr = payload::encode(
+            payload,
+            self.message_type,
+            self.color_order,
+            &self.limits,
+            &self.plugins,
+        )?;
         let parts: Vec<&[u8]> = cdr.pieces().iter().map(AsRef::as_ref).collect();
         self.writer.write(&parts).map_err(|error| match (error, self.qos.history) {
             (GraphError::Timeout { topic, .. }, History::KeepLast(depth)) => {

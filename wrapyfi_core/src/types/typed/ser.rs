@@ -1,0 +1,198 @@
+//! `Serialize` to [`Value`].
+
+use num_bigint::BigInt;
+use serde::Serialize;
+use serde::ser::Serializer;
+
+use super::ser_compound::{Fields, Items};
+use super::{MAX_DEPTH, TypedError, exact};
+use crate::types::{Map, Value};
+
+/// Makes a value of whatever is serialised.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ToValue {
+    pub(super) depth: usize,
+}
+
+impl ToValue {
+    pub(super) fn deeper(self) -> Result<Self, TypedError> {
+        if self.depth >= MAX_DEPTH {
+            return Err(TypedError::new(format!("nested deeper than {MAX_DEPTH}; nest it less")));
+        }
+        Ok(Self { depth: self.depth + 1 })
+    }
+}
+
+/// `{variant: content}`.
+pub(super) fn variant_of(variant: &'static str, content: Value) -> Value {
+    Map::from_iter([(variant, content)]).into()
+}
+
+impl Serializer for ToValue {
+    type Ok = Value;
+    type Error = TypedError;
+    type SerializeSeq = Items;
+    type SerializeTuple = Items;
+    type SerializeTupleStruct = Items;
+    type SerializeTupleVariant = Items;
+    type SerializeMap = Fields;
+    type SerializeStruct = Fields;
+    type SerializeStructVariant = Fields;
+
+    fn serialize_bool(self, value: bool) -> Result<Value, TypedError> {
+        Ok(value.into())
+    }
+
+    fn serialize_i8(self, value: i8) -> Result<Value, TypedError> {
+        Ok(value.into())
+    }
+
+    fn serialize_i16(self, value: i16) -> Result<Value, TypedError> {
+        Ok(value.into())
+    }
+
+    fn serialize_i32(self, value: i32) -> Result<Value, TypedError> {
+        Ok(value.into())
+    }
+
+    fn serialize_i64(self, value: i64) -> Result<Value, TypedError> {
+        Ok(value.into())
+    }
+
+    fn serialize_i128(self, value: i128) -> Result<Value, TypedError> {
+        Ok(BigInt::from(value).into())
+    }
+
+    fn serialize_u8(self, value: u8) -> Result<Value, TypedError> {
+        Ok(value.into())
+    }
+
+    fn serialize_u16(self, value: u16) -> Result<Value, TypedError> {
+        Ok(value.into())
+    }
+
+    fn serialize_u32(self, value: u32) -> Result<Value, TypedError> {
+        Ok(value.into())
+    }
+
+    fn serialize_u64(self, value: u64) -> Result<Value, TypedError> {
+        Ok(value.into())
+    }
+
+    fn serialize_u128(self, value: u128) -> Result<Value, TypedError> {
+        Ok(BigInt::from(value).into())
+    }
+
+    fn serialize_f32(self, value: f32) -> Result<Value, TypedError> {
+        Ok(value.into())
+    }
+
+    fn serialize_f64(self, value: f64) -> Result<Value, TypedError> {
+        Ok(value.into())
+    }
+
+    fn serialize_char(self, value: char) -> Result<Value, TypedError> {
+        Ok(String::from(value).into())
+    }
+
+    fn serialize_str(self, value: &str) -> Result<Value, TypedError> {
+        Ok(value.into())
+    }
+
+    fn serialize_bytes(self, value: &[u8]) -> Result<Value, TypedError> {
+        Ok(bytes::Bytes::copy_from_slice(value).into())
+    }
+
+    fn serialize_none(self) -> Result<Value, TypedError> {
+        Ok(Value::Null)
+    }
+
+    fn serialize_some<T: Serialize + ?Sized>(self, value: &T) -> Result<Value, TypedError> {
+        value.serialize(self)
+    }
+
+    fn serialize_unit(self) -> Result<Value, TypedError> {
+        Ok(Value::Null)
+    }
+
+    fn serialize_unit_struct(self, _name: &'static str) -> Result<Value, TypedError> {
+        Ok(Value::Null)
+    }
+
+    fn serialize_unit_variant(
+        self,
+        _name: &'static str,
+        _index: u32,
+        variant: &'static str,
+    ) -> Result<Value, TypedError> {
+        Ok(variant.into())
+    }
+
+    fn serialize_newtype_struct<T: Serialize + ?Sized>(
+        self,
+        name: &'static str,
+        value: &T,
+    ) -> Result<Value, TypedError> {
+        if name == exact::NAME {
+            return exact::ask(|| value.serialize(self));
+        }
+        value.serialize(self)
+    }
+
+    fn serialize_newtype_variant<T: Serialize + ?Sized>(
+        self,
+        _name: &'static str,
+        _index: u32,
+        variant: &'static str,
+        value: &T,
+    ) -> Result<Value, TypedError> {
+        let content = value.serialize(self.deeper()?);
+        content
+            .map(|content| variant_of(variant, content))
+            .map_err(|error| error.below(format_args!(".{variant}")))
+    }
+
+    fn serialize_seq(self, length: Option<usize>) -> Result<Items, TypedError> {
+        Ok(Items::new(self.deeper()?, length, Value::List))
+    }
+
+    fn serialize_tuple(self, length: usize) -> Result<Items, TypedError> {
+        Ok(Items::new(self.deeper()?, Some(length), Value::Tuple))
+    }
+
+    fn serialize_tuple_struct(
+        self,
+        _name: &'static str,
+        length: usize,
+    ) -> Result<Items, TypedError> {
+        self.serialize_tuple(length)
+    }
+
+    fn serialize_tuple_variant(
+        self,
+        _name: &'static str,
+        _index: u32,
+        variant: &'static str,
+        length: usize,
+    ) -> Result<Items, TypedError> {
+        Ok(self.serialize_tuple(length)?.in_variant(variant))
+    }
+
+    fn serialize_map(self, length: Option<usize>) -> Result<Fields, TypedError> {
+        Ok(Fields::new(self.deeper()?, length))
+    }
+
+    fn serialize_struct(self, _name: &'static str, length: usize) -> Result<Fields, TypedError> {
+        self.serialize_map(Some(length))
+    }
+
+    fn serialize_struct_variant(
+        self,
+        _name: &'static str,
+        _index: u32,
+        variant: &'static str,
+        length: usize,
+    ) -> Result<Fields, TypedError> {
+        Ok(self.serialize_map(Some(length))?.in_variant(variant))
+    }
+}
