@@ -41,7 +41,7 @@ pub enum DecodeError {
 }
 
 fn remedy(what: &str) -> &'static str {
-    if what == "message" { " (raise max_message_mib)" } else { "" }
+    if matches!(what, "message" | "memory of the values") { " (raise max_message_mib)" } else { "" }
 }
 
 impl DecodeError {

@@ -17,16 +17,24 @@ pub(super) struct Decoder<'a> {
     pub(super) at: usize,
     pub(super) limits: &'a Limits,
     pub(super) plugins: &'a Plugins,
-    /// Values that may still be built.
-    values_left: usize,
+    /// Bytes that the values may still take.
+    room: usize,
     /// What `tensor` tags refer to; `None` where they are no tags.
     pub(super) tensors: Option<&'a [Tensor]>,
 }
 
-/// Most values in one message. A value takes some 90 bytes however short its text is: without this,
-/// `[0,0,0,…]` would cost forty times its length.
-fn max_values(limits: &Limits) -> usize {
-    (limits.message_bytes / 8).max(1024)
+/// What the values of one message may take in memory, as a multiple of the largest message. Short
+/// values take far more than their text, up to two hundred times as much for `[[0],[0],…]`: of what
+/// honest senders send, lists of numbers come nearest, with some thirty times.
+const ROOM_FACTOR: usize = 16;
+/// Least room, for small limits.
+const LEAST_ROOM: usize = 1 << 20;
+
+/// What an allocation takes beside its content.
+const ALLOCATION: usize = 32;
+
+fn room(limits: &Limits) -> usize {
+    limits.message_bytes.saturating_mul(ROOM_FACTOR).max(LEAST_ROOM)
 }
 
 pub(super) fn run(
@@ -43,8 +51,7 @@ pub(super) fn run(
             limit: limits.message_bytes as u64,
         });
     }
-    let values = max_values(limits);
-    let mut decoder = Decoder { bytes: text, at: 0, limits, plugins, values_left: values, tensors };
+    let mut decoder = Decoder { bytes: text, at: 0, limits, plugins, room: room(limits), tensors };
     if text.starts_with(b"\xEF\xBB\xBF") {
         return Err(decoder.malformed(&Path::Root, "a byte order mark begins the text"));
     }
@@ -132,30 +139,46 @@ impl<'a> Decoder<'a> {
         })
     }
 
-    fn count_value(&mut self, path: &Path<'_>) -> Result<()> {
-        if let Some(left) = self.values_left.checked_sub(1) {
-            self.values_left = left;
+    /// Books `bytes` of memory.
+    fn take_room(&mut self, path: &Path<'_>, bytes: usize) -> Result<()> {
+        if let Some(left) = self.room.checked_sub(bytes) {
+            self.room = left;
             return Ok(());
         }
-        let limit = max_values(self.limits) as u64;
+        let limit = room(self.limits);
         Err(DecodeError::TooLarge {
-            what: "number of values",
+            what: "memory of the values",
             path: path.to_string(),
-            actual: limit + 1,
-            limit,
+            actual: (limit - self.room).saturating_add(bytes) as u64,
+            limit: limit as u64,
         })
+    }
+
+    /// Makes room for one more in `items`, which grow as [`Vec`] lets them; what that takes is
+    /// booked before it is allocated.
+    fn grow<T>(&mut self, path: &Path<'_>, items: &mut Vec<T>) -> Result<()> {
+        if items.len() < items.capacity() {
+            return Ok(());
+        }
+        // Most containers of messages are small: the first step is one, not four as in Vec.
+        let more = items.capacity().max(1);
+        self.take_room(path, more.saturating_mul(size_of::<T>()).saturating_add(ALLOCATION))?;
+        items.reserve_exact(more);
+        Ok(())
     }
 
     /// A value inside `depth` containers.
     pub(super) fn value(&mut self, path: &Path<'_>, depth: usize) -> Result<Value> {
-        self.count_value(path)?;
         match self.peek() {
             Some(b'{') => self.object(path, depth + 1),
             Some(b'[') => self.list(path, depth + 1).map(Value::List),
-            Some(b'"') => Ok(match self.text(path)? {
-                Text::Valid(text) => Value::Str(text),
-                Text::Utf16(units) => Value::Utf16(units),
-            }),
+            Some(b'"') => {
+                self.take_room(path, ALLOCATION)?;
+                Ok(match self.text(path)? {
+                    Text::Valid(text) => Value::Str(text),
+                    Text::Utf16(units) => Value::Utf16(units),
+                })
+            }
             _ => self.scalar(path),
         }
     }
@@ -210,6 +233,7 @@ impl<'a> Decoder<'a> {
             return Ok(items);
         }
         loop {
+            self.grow(path, &mut items)?;
             items.push(self.value(&Path::Index(path, items.len()), depth)?);
             if !self.take(b',') {
                 break;
@@ -228,7 +252,8 @@ impl<'a> Decoder<'a> {
         if !self.take(b'}') {
             loop {
                 let key = self.text(path)?;
-                self.count_value(path)?;
+                self.take_room(path, ALLOCATION)?;
+                self.grow(path, &mut pairs)?;
                 self.expect(b':', path)?;
                 match key {
                     Text::Valid(key) if key == TAG => match self.tag(path, depth)? {

@@ -67,11 +67,19 @@ fn limits_are_kept() {
 fn many_short_values_are_refused_before_they_fill_memory() {
     let limits = Limits { message_bytes: 100_000, ..Limits::default() };
     let zeros = |count: usize| Bytes::from(format!("[{}0]", "0,".repeat(count - 1)));
-    assert!(decode(&zeros(12_499), &limits).is_ok());
-    let error = decode(&zeros(12_500), &limits).unwrap_err().to_string();
-    assert_eq!(error, "number of values at $[12499] is 12501, the limit is 12500");
-    let pairs = format!("{{{}\"\":0}}", "\"\":0,".repeat(7000));
+    // Lists grow by doubling, as far as there is room.
+    let most = 1 << (1_600_000 / size_of::<Value>()).ilog2();
+    assert!(decode(&zeros(most), &limits).is_ok());
+    let error = decode(&zeros(most + 1), &limits).expect_err("no room").to_string();
+    assert!(error.starts_with("memory of the values at $ is "), "{error}");
+    assert!(error.ends_with("the limit is 1600000 (raise max_message_mib)"), "{error}");
+    let pairs = format!("{{{}\"\":0}}", "\"\":0,".repeat(9000));
     assert!(decode(&pairs.into(), &limits).is_err());
+    for costly in ["[[0]]", "{\"\":[]}", "[[[[0]]]]", "\"\""] {
+        let list = format!("[{}0]", format!("{costly},").repeat(95_000 / (costly.len() + 1)));
+        let decoded = decode(&list.into(), &limits).map(drop);
+        assert!(matches!(decoded, Err(DecodeError::TooLarge { .. })), "{costly}: {decoded:?}");
+    }
 }
 
 #[test]
