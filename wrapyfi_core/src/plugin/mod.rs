@@ -44,9 +44,12 @@
 //! ```
 
 mod body;
+mod budget;
 mod error;
 mod npy_tensor;
+mod pandas;
 mod pint;
+mod pyarrow;
 mod set;
 
 pub use body::{Body, Part};

@@ -25,6 +25,7 @@ mod numpy;
 mod opcode;
 mod scan;
 mod text;
+mod write;
 
 use bytes::Bytes;
 
@@ -37,6 +38,7 @@ pub use globals::{Allowed, Global};
 pub use items::{Items, Pairs};
 pub use node::{Node, View};
 pub use numpy::PickledArray;
+pub use write::Writer;
 
 use crate::Limits;
 
