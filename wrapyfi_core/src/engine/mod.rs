@@ -45,6 +45,7 @@ mod route;
 pub use config::{
     Config, Defaults, MAX_CONFIG_BYTES, OverflowConfig, QosConfig, RouteConfig, Spanned,
 };
+pub(crate) use config_error::did_you_mean;
 pub use config_error::{ConfigError, Problem};
 pub use engine::{Engine, Running};
 pub use plan::{Available, Plan, RouteSpec};

@@ -44,16 +44,20 @@
 //! ```
 
 mod body;
+mod devices;
 mod error;
 mod npy_tensor;
 mod pint;
 mod set;
 
 pub use body::{Body, Part};
+pub use devices::{DeviceError, DeviceMap, DeviceMaps, DeviceOption, Framework};
 pub use error::PluginError;
 pub use set::Plugins;
 
 pub(crate) use body::Element;
+
+use std::cell::Cell;
 
 use crate::Limits;
 use crate::types::Value;
@@ -87,4 +91,37 @@ pub struct Context<'a> {
     pub limits: &'a Limits,
     /// The plug-ins in use, for parts that are native objects themselves.
     pub plugins: &'a Plugins,
+    /// Bytes that all objects of the message together may still unpack.
+    unpack_left: &'a Cell<usize>,
+}
+
+impl<'a> Context<'a> {
+    /// The context of a message of which `unpack_left` more bytes may be unpacked.
+    pub(crate) fn new(
+        limits: &'a Limits,
+        plugins: &'a Plugins,
+        unpack_left: &'a Cell<usize>,
+    ) -> Self {
+        Self { limits, plugins, unpack_left }
+    }
+
+    /// Books memory for what a part becomes larger than it was sent, before it is allocated: files
+    /// inflated, pictures decoded, rows repeated. All objects of a message share one allowance of
+    /// `limits.message_bytes`, so that a thousand small bombs cost no more than one.
+    ///
+    /// # Errors
+    /// When the allowance is used up. `what` names the thing.
+    pub fn unpack(&self, what: &str, bytes: usize) -> Result<(), PluginError> {
+        match self.unpack_left.get().checked_sub(bytes) {
+            Some(left) => {
+                self.unpack_left.set(left);
+                Ok(())
+            }
+            None => Err(PluginError::TooLarge {
+                what: format!("{what}, with what the message unpacked before,"),
+                actual: (self.limits.message_bytes - self.unpack_left.get()) as u64 + bytes as u64,
+                limit: self.limits.message_bytes as u64,
+            }),
+        }
+    }
 }
