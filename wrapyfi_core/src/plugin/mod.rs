@@ -91,37 +91,38 @@ pub struct Context<'a> {
     pub limits: &'a Limits,
     /// The plug-ins in use, for parts that are native objects themselves.
     pub plugins: &'a Plugins,
-    /// Bytes that all objects of the message together may still unpack.
-    unpack_left: &'a Cell<usize>,
+    /// Bytes that the objects of the message have been unpacked to so far.
+    unpacked: &'a Cell<u64>,
 }
 
 impl<'a> Context<'a> {
-    /// The context of a message of which `unpack_left` more bytes may be unpacked.
-    pub(crate) fn new(
-        limits: &'a Limits,
-        plugins: &'a Plugins,
-        unpack_left: &'a Cell<usize>,
-    ) -> Self {
-        Self { limits, plugins, unpack_left }
+    /// The context of all objects of one message. `unpacked` begins at 0.
+    #[must_use]
+    pub fn new(limits: &'a Limits, plugins: &'a Plugins, unpacked: &'a Cell<u64>) -> Self {
+        Self { limits, plugins, unpacked }
     }
 
-    /// Books memory for what a part becomes larger than it was sent, before it is allocated: files
-    /// inflated, pictures decoded, rows repeated. All objects of a message share one allowance of
-    /// `limits.message_bytes`, so that a thousand small bombs cost no more than one.
+    /// Books `bytes` for something compressed, or only claimed, that is about to be allocated. All
+    /// objects of a message together may take `message_bytes` in this way: without it, a small
+    /// message of many small files could fill the memory.
     ///
     /// # Errors
-    /// When the allowance is used up. `what` names the thing.
-    pub fn unpack(&self, what: &str, bytes: usize) -> Result<(), PluginError> {
-        match self.unpack_left.get().checked_sub(bytes) {
-            Some(left) => {
-                self.unpack_left.set(left);
-                Ok(())
-            }
-            None => Err(PluginError::TooLarge {
-                what: format!("{what}, with what the message unpacked before,"),
-                actual: (self.limits.message_bytes - self.unpack_left.get()) as u64 + bytes as u64,
-                limit: self.limits.message_bytes as u64,
-            }),
+    /// When the limit is exceeded; `what` names the thing. Nothing is booked then.
+    pub fn unpack(&self, what: impl Into<String>, bytes: u64) -> Result<(), PluginError> {
+        let actual = self.unpacked.get().saturating_add(bytes);
+        let limit = self.limits.message_bytes as u64;
+        if actual > limit {
+            return Err(PluginError::TooLarge { what: what.into(), actual, limit });
         }
+        self.unpacked.set(actual);
+        Ok(())
+    }
+
+    /// Limits for what is unpacked next: what the objects of the message have left.
+    #[must_use]
+    pub fn left(&self) -> Limits {
+        let unpacked = usize::try_from(self.unpacked.get()).unwrap_or(usize::MAX);
+        let message_bytes = self.limits.message_bytes.saturating_sub(unpacked);
+        Limits { message_bytes, ..*self.limits }
     }
 }

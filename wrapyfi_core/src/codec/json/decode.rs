@@ -21,8 +21,8 @@ pub(super) struct Decoder<'a> {
     pub(super) plugins: &'a Plugins,
     /// Values that may still be built.
     values_left: usize,
-    /// Bytes that plug-ins may still unpack.
-    pub(super) unpack_left: Cell<usize>,
+    /// Bytes that plug-ins have unpacked.
+    pub(super) unpacked: Cell<u64>,
     /// What `tensor` tags refer to; `None` where they are no tags.
     pub(super) tensors: Option<&'a [Tensor]>,
 }
@@ -47,15 +47,10 @@ pub(super) fn run(
             limit: limits.message_bytes as u64,
         });
     }
-    let mut decoder = Decoder {
-        bytes: text,
-        at: 0,
-        limits,
-        plugins,
-        values_left: max_values(limits),
-        unpack_left: Cell::new(limits.message_bytes),
-        tensors,
-    };
+    let values = max_values(limits);
+    let unpacked = Cell::new(0);
+    let mut decoder =
+        Decoder { bytes: text, at: 0, limits, plugins, values_left: values, unpacked, tensors };
     if text.starts_with(b"\xEF\xBB\xBF") {
         return Err(decoder.malformed(&Path::Root, "a byte order mark begins the text"));
     }

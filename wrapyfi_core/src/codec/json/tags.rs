@@ -85,7 +85,7 @@ impl Decoder<'_> {
                 _ => Element::Value(self.value(path, depth)?),
             });
         }
-        let context = Context::new(self.limits, self.plugins, &self.unpack_left);
+        let context = Context::new(self.limits, self.plugins, &self.unpacked);
         match plugin.decode(&Body { elements }, &context) {
             Ok(Value::Tensor(tensor)) => Ok(Tagged::Value(self.plugins.place(tensor).into())),
             Ok(value) => Ok(Tagged::Value(value)),
