@@ -14,6 +14,7 @@
 //! | [`ros`] | the ROS messages of the data model | docs/wire/ros2.md |
 //! | [`jpeg`] | JPEG files | |
 
+pub(crate) mod archive;
 mod error;
 pub mod frames;
 pub mod jpeg;
