@@ -13,6 +13,7 @@
 //! | [`frames`] | Wrapyfi's ZeroMQ messages | docs/wire/zeromq.md |
 //! | [`ros`] | the ROS messages of the data model | docs/wire/ros2.md |
 //! | [`jpeg`] | JPEG files | |
+//! | [`pickle`] | pickles of plug-in objects, as data | docs/wire/pickle.md |
 
 pub(crate) mod archive;
 mod error;
@@ -21,6 +22,7 @@ pub mod jpeg;
 pub mod json;
 pub mod npy;
 mod path;
+pub mod pickle;
 pub mod ros;
 
 pub use error::{DecodeError, EncodeError};
