@@ -83,6 +83,11 @@ impl Framework {
         }
     }
 
+    /// Label of a tensor on `device`, as this library's wire has it; `default` where it has none.
+    pub(super) fn label(self, device: &str, default: &str) -> String {
+        self.spell(if device.is_empty() { default } else { device })
+    }
+
     /// A device in an option, checked and spelled as on the wire.
     fn read(self, option: &str, device: &str) -> Result<String, DeviceError> {
         let mut spelled = self.spell(device);

@@ -47,8 +47,13 @@ mod body;
 mod devices;
 mod error;
 mod npy_tensor;
+mod numpy_pickle;
+mod paddle;
+mod pickle_text;
 mod pint;
 mod set;
+mod torch;
+mod trax;
 
 pub use body::{Body, Part};
 pub use devices::{DeviceError, DeviceMap, DeviceMaps, DeviceOption, Framework};

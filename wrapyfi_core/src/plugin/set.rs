@@ -5,7 +5,10 @@ use std::fmt;
 use std::sync::{Arc, LazyLock};
 
 use super::npy_tensor::NpyTensor;
+use super::paddle::Paddle;
 use super::pint::Pint;
+use super::torch::Torch;
+use super::trax::Trax;
 use super::{DeviceMaps, Plugin};
 use crate::types::Tensor;
 
@@ -18,7 +21,8 @@ pub struct Plugins {
 }
 
 static STANDARD: LazyLock<Plugins> = LazyLock::new(|| {
-    let mut builtins: Vec<Arc<dyn Plugin>> = vec![Arc::new(Pint)];
+    let mut builtins: Vec<Arc<dyn Plugin>> =
+        vec![Arc::new(Paddle), Arc::new(Pint), Arc::new(Torch), Arc::new(Trax)];
     builtins.extend(NpyTensor::ALL.map(|plugin| Arc::new(plugin) as _));
     let by_key = builtins.into_iter().map(|it| (it.key().to_owned(), it)).collect();
     Plugins { by_key: Arc::new(by_key), devices: None }

@@ -20,6 +20,8 @@ use bytes::Bytes;
 use super::{DecodeError, Path};
 use crate::types::{Dtype, NumpyArray, Tensor, element_count, swap_byte_order};
 
+pub(crate) use transpose::{gather, to_row_major};
+
 /// What a `.npy` file holds.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
@@ -65,7 +67,7 @@ fn read_file(file: &Bytes) -> Result<NpyArray, String> {
     })?;
     let mut data = file.slice(offset..end);
     if header.fortran_order {
-        data = transpose::to_row_major(data, &header.shape, itemsize);
+        data = to_row_major(data, &header.shape, itemsize);
     }
     let array = if let Some((dtype, big_endian)) = number {
         if big_endian && dtype.scalar_size() > 1 {
