@@ -387,7 +387,8 @@ fn bombs_are_not_inflated() {
     let many = format!("[{}]", vec![small.as_str(); 32].join(", "));
     let value = decode(&many.into());
     let read = value.as_items().unwrap().iter().filter(|item| item.as_tensor().is_some()).count();
-    assert_eq!((read, value.refusals().count()), (16, 16));
+    // Not 16: the pickles were deflated, too.
+    assert_eq!((read, value.refusals().count()), (15, 17));
 }
 
 #[test]

@@ -12,7 +12,7 @@
 //! | --- | --- |
 //! | `name` | the tensor's name in Paddle |
 
-use super::numpy_pickle::{array, in_pickle};
+use super::numpy_pickle::{in_pickle, numbers};
 use super::pickle_text::PickleText;
 use super::{Body, Context, Framework, Part, Plugin, PluginError};
 use crate::codec::pickle::{self, Allowed};
@@ -35,7 +35,7 @@ impl Plugin for Paddle {
             pickle::read(&file, &[], &Allowed::PADDLE, context.limits).map_err(in_pickle)?;
         let [name, data] =
             pickle.root().tuple().and_then(|pair| pair.exact()).map_err(in_pickle)?;
-        let mut tensor = array(data)?;
+        let mut tensor = numbers(data.array().map_err(in_pickle)?, data)?;
         if tensor.dtype() == Dtype::U16 {
             tensor.dtype = Dtype::BF16;
         }

@@ -12,7 +12,7 @@
 //! | --- | --- |
 //! | `weak_type` = `true` | JAX took the element type from a Python number |
 
-use super::numpy_pickle::{filled, in_pickle, is_reconstruct};
+use super::numpy_pickle::{in_pickle, numbers};
 use super::pickle_text::PickleText;
 use super::{Body, Context, Part, Plugin, PluginError};
 use crate::codec::pickle::{self, Allowed};
@@ -20,6 +20,10 @@ use crate::types::{Origin, Tensor, Value};
 
 /// JAX arrays under Trax.
 pub(super) struct Trax;
+
+/// NumPy's function that makes an empty array, by the names it has had.
+const RECONSTRUCT: [&str; 2] =
+    ["numpy.core.multiarray._reconstruct", "numpy._core.multiarray._reconstruct"];
 
 impl Plugin for Trax {
     fn key(&self) -> &str {
@@ -34,7 +38,7 @@ impl Plugin for Trax {
             pickle::read(&file, &buffers, &Allowed::JAX, context.limits).map_err(in_pickle)?;
         let call = pickle.root().call("jax._src.array._reconstruct_array").map_err(in_pickle)?;
         let [function, _empty, state, facts] = call.args().exact().map_err(in_pickle)?;
-        if !is_reconstruct(function) {
+        if !RECONSTRUCT.iter().any(|name| function.is_global(name)) {
             return Err(in_pickle(function.unexpected("NumPy's _reconstruct")));
         }
         let weak = match facts.dict().map_err(in_pickle)?.find("weak_type") {
@@ -43,7 +47,8 @@ impl Plugin for Trax {
         };
         let origin = Origin::new(self.key());
         let origin = if weak { origin.with("weak_type", "true") } else { origin };
-        Ok(filled(state)?.with_origin(origin).into())
+        let tensor = numbers(state.array_state().map_err(in_pickle)?, state)?;
+        Ok(tensor.with_origin(origin).into())
     }
 
     fn encode(&self, value: &Value) -> Result<Vec<Part>, PluginError> {

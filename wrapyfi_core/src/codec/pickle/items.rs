@@ -111,7 +111,8 @@ impl<'p> Pairs<'p> {
     /// # Errors
     /// When there is none.
     pub fn get(&self, key: &str) -> Result<Node<'p>, PickleError> {
-        self.find(key).ok_or_else(|| self.owner.unexpected(format!("something with the key {key:?}")))
+        self.find(key)
+            .ok_or_else(|| self.owner.unexpected(format!("something with the key {key:?}")))
     }
 
     /// All of them, key and value.

@@ -13,12 +13,15 @@
 
 mod arena;
 mod build;
+mod builtin;
 mod call;
+mod dtype;
 mod error;
 mod globals;
 mod items;
 mod machine;
 mod node;
+mod numpy;
 mod opcode;
 mod scan;
 mod text;
@@ -26,11 +29,14 @@ mod text;
 use bytes::Bytes;
 
 pub use arena::{NodeId, Pickle};
+pub use builtin::Slice;
 pub use call::Call;
+pub use dtype::ArrayDtype;
 pub use error::PickleError;
 pub use globals::{Allowed, Global};
 pub use items::{Items, Pairs};
 pub use node::{Node, View};
+pub use numpy::PickledArray;
 
 use crate::Limits;
 
