@@ -94,14 +94,20 @@ impl PickleText {
         self.raw(b"(K\x01");
         self.tuple(shape.iter().copied())?;
         self.global("numpy", "dtype");
-        match dtype.npy_descr() {
+        let named = dtype.npy_descr();
+        match named {
             Some(descr) => self.text(descr.get(1..)?)?,
             None => self.global("ml_dtypes", "bfloat16"),
         }
         self.raw(b"\x89\x88\x87R(K\x03");
         self.text(if dtype.size() == 1 { "|" } else { "<" })?;
-        // Three times None, twice -1, 0: nothing structured, nothing aligned.
-        self.raw(b"NNNJ\xff\xff\xff\xffJ\xff\xff\xff\xffK\0tb\x89");
+        // No fields, then size, alignment and flags: -1, -1, 0 of NumPy's own types, stated of others.
+        self.raw(b"NNN");
+        self.raw(match named {
+            Some(_) => b"J\xff\xff\xff\xffJ\xff\xff\xff\xffK\0",
+            None => b"K\x02K\x02K\x40",
+        });
+        self.raw(b"tb\x89");
         self.bytes(data)?;
         self.raw(b"t");
         Some(())
