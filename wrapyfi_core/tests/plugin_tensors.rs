@@ -332,6 +332,8 @@ fn views_become_row_major() {
         (5, &[2, 1, 2], &[2, 9, 1], &[5.0, 6.0, 7.0, 8.0]),
         (0, &[0, 3], &[3, 1], &[]),
         (1 << 40, &[0, 1 << 40, 1 << 40], &[1, 1, 1], &[]),
+        (1 << 62, &[1 << 62, 0, 1 << 62], &[1 << 62, 1 << 62, 1 << 62], &[]),
+        (0, &[1, 2, 2], &[i64::MAX, 1, 2], &[0.0, 2.0, 1.0, 3.0]),
     ] {
         for method in [STORED, DEFLATED] {
             let value = decode(&torch_wire(&pickled(10, offset, size, stride), &storage, method));

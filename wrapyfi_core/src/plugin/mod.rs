@@ -46,6 +46,7 @@
 mod body;
 mod devices;
 mod error;
+mod framework;
 mod npy_tensor;
 mod numpy_pickle;
 mod paddle;
@@ -56,8 +57,9 @@ mod torch;
 mod trax;
 
 pub use body::{Body, Part};
-pub use devices::{DeviceError, DeviceMap, DeviceMaps, DeviceOption, Framework};
+pub use devices::{DeviceMap, DeviceMaps, DeviceOption};
 pub use error::PluginError;
+pub use framework::{DeviceError, Framework};
 pub use set::Plugins;
 
 pub(crate) use body::Element;

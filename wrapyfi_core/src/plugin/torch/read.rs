@@ -212,24 +212,22 @@ impl TorchFile<'_> {
     fn elements(&self, storage: &Bytes, view: &View) -> Result<Bytes, PluginError> {
         let itemsize = view.dtype.size();
         let bytes = view.check(storage.len() / itemsize).map_err(malformed)?;
-        let swap = view.dtype.scalar_size() > 1 && self.is_big_endian()?;
+        if bytes == 0 {
+            return Ok(Bytes::new());
+        }
+        // From here on nothing overflows: the last element was found inside the storage.
         let start = view.offset * itemsize;
-        let in_place = bytes == 0 || view.is_row_major();
-        let mut elements = if in_place {
+        let swap = view.dtype.scalar_size() > 1 && self.is_big_endian()?;
+        let mut elements = if view.is_row_major() {
+            let elements = storage.slice(start..start + bytes);
             if !swap {
-                return Ok(if bytes == 0 {
-                    Bytes::new()
-                } else {
-                    storage.slice(start..start + bytes)
-                });
+                return Ok(elements);
             }
             self.context.unpack("elements in another byte order", bytes as u64)?;
-            storage.get(start..start + bytes).unwrap_or_default().to_vec()
+            elements.to_vec()
         } else {
             self.context.unpack("elements of a view put in order", bytes as u64)?;
-            // Nothing overflows: the last element was found inside the storage.
-            let strides: Vec<usize> = view.strides.iter().map(|stride| stride * itemsize).collect();
-            gather(storage, &view.shape, &strides, itemsize, start)
+            gather(storage, &view.shape, &view.byte_strides(), itemsize, start)
         };
         if swap {
             swap_byte_order(&mut elements, view.dtype.scalar_size());
@@ -268,6 +266,13 @@ impl View {
             ));
         }
         Ok(bytes)
+    }
+
+    /// Strides in bytes, for views whose elements lie in their storage. One that is never taken may
+    /// be any number.
+    fn byte_strides(&self) -> Vec<usize> {
+        let taken = |(&extent, &stride)| if extent > 1 { stride * self.dtype.size() } else { 0 };
+        self.shape.iter().zip(&self.strides).map(taken).collect()
     }
 
     /// True when the elements lie one behind the other. Not for empty ones.
