@@ -12,6 +12,7 @@
 //! lists.
 
 mod arena;
+mod atoms;
 mod build;
 mod builtin;
 mod call;
@@ -20,11 +21,13 @@ mod error;
 mod globals;
 mod items;
 mod machine;
+mod names;
 mod node;
 mod numpy;
 mod opcode;
 mod scan;
 mod text;
+mod trail;
 
 use bytes::Bytes;
 
