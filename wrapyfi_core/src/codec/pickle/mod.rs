@@ -25,9 +25,13 @@ mod names;
 mod node;
 mod numpy;
 mod opcode;
+mod rewrite;
 mod scan;
 mod text;
 mod trail;
+mod value;
+mod write;
+mod write_numpy;
 
 use bytes::Bytes;
 
@@ -40,6 +44,7 @@ pub use globals::{Allowed, Global};
 pub use items::{Items, Pairs};
 pub use node::{Node, View};
 pub use numpy::PickledArray;
+pub use write::{Pickled, Protocol, Writer};
 
 use crate::Limits;
 
