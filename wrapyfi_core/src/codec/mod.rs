@@ -15,6 +15,7 @@
 //! | [`jpeg`] | JPEG files | |
 //! | [`pickle`] | pickles of plug-in objects, as data | docs/wire/pickle.md |
 
+pub(crate) mod archive;
 mod error;
 pub mod frames;
 pub mod jpeg;

@@ -20,6 +20,8 @@ use bytes::Bytes;
 use super::{DecodeError, Path};
 use crate::types::{Dtype, NumpyArray, Tensor, element_count, swap_byte_order};
 
+pub(crate) use transpose::gather;
+
 /// What a `.npy` file holds.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]

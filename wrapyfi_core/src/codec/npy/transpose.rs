@@ -18,9 +18,22 @@ pub(super) fn to_row_major(data: Bytes, shape: &[usize], itemsize: usize) -> Byt
             Some(stride)
         })
         .collect();
-    let mut row_major = Vec::with_capacity(data.len());
-    copy_axis(&data, shape, &strides, itemsize, 0, &mut row_major);
-    row_major.into()
+    gather(&data, shape, &strides, itemsize, 0).into()
+}
+
+/// The elements of a strided view of `data` in row-major order. Strides and `offset` count bytes;
+/// the caller has checked that every element lies in `data`, and that there is one.
+pub(crate) fn gather(
+    data: &[u8],
+    shape: &[usize],
+    strides: &[usize],
+    itemsize: usize,
+    offset: usize,
+) -> Vec<u8> {
+    let bytes = shape.iter().product::<usize>() * itemsize;
+    let mut row_major = Vec::with_capacity(bytes);
+    copy_axis(data, shape, strides, itemsize, offset, &mut row_major);
+    row_major
 }
 
 /// The elements of a row-major array whose axes were put into another order: `shape` is the one
@@ -75,6 +88,10 @@ fn copy_axis(
         out.extend_from_slice(data.get(offset..offset + itemsize).unwrap_or_default());
         return;
     };
+    if inner_shape.is_empty() && stride == itemsize {
+        out.extend_from_slice(data.get(offset..offset + extent * itemsize).unwrap_or_default());
+        return;
+    }
     for index in 0..extent {
         copy_axis(data, inner_shape, inner_strides, itemsize, offset + index * stride, out);
     }

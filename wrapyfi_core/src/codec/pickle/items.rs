@@ -2,7 +2,8 @@
 
 use super::arena::NodeId;
 use super::error::PickleError;
-use super::node::{Node, Step, View};
+use super::node::{Node, View};
+use super::trail::Step;
 
 /// Members in their order: of a `list`, `tuple`, `set`, or the arguments of a call.
 #[derive(Debug, Clone, Copy)]

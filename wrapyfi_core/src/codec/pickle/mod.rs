@@ -12,6 +12,7 @@
 //! lists.
 
 mod arena;
+mod atoms;
 mod build;
 mod builtin;
 mod call;
@@ -20,12 +21,17 @@ mod error;
 mod globals;
 mod items;
 mod machine;
+mod names;
 mod node;
 mod numpy;
 mod opcode;
+mod rewrite;
 mod scan;
 mod text;
+mod trail;
+mod value;
 mod write;
+mod write_numpy;
 
 use bytes::Bytes;
 
@@ -38,7 +44,7 @@ pub use globals::{Allowed, Global};
 pub use items::{Items, Pairs};
 pub use node::{Node, View};
 pub use numpy::PickledArray;
-pub use write::Writer;
+pub use write::{Pickled, Protocol, Writer};
 
 use crate::Limits;
 

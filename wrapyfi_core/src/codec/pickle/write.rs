@@ -1,279 +1,321 @@
-//! Pickles written: protocol 5, which every Python since 3.8 reads.
+//! Writes pickles that Python loads: data, and the names that make objects of it.
 //!
 //! ```text
-//!   writer.global("pandas", "RangeIndex").int(0).int(3).int(1).tuple(3).reduce()
-//!       ▼
-//!   80 05 … 93 4b 00 4b 03 4b 01 87 52 … 2e        buffers ──▶ beside it, out of band
+//!   Writer: values and containers in order ─▶ opcodes     buffers beside them (protocol 5)
 //! ```
-//!
-//! A value is written after its parts, as the machine that reads it works: the parts lie on its
-//! stack, and one instruction makes the value of them.
 
 use bytes::Bytes;
 use num_bigint::BigInt;
 
-use crate::types::{Dtype, Tensor};
+use super::super::EncodeError;
+use super::error::unwritable;
+use super::opcode as op;
 
-/// Writes one pickle. Methods that take parts from the stack say how many.
-#[derive(Debug)]
-pub struct Writer {
-    out: Vec<u8>,
-    buffers: Vec<Bytes>,
-    memo: u32,
+/// Format of a pickle. All of them are read by any Python 3 that knows them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Protocol {
+    /// Of Python 2.3; what `torch.save` writes.
+    V2 = 2,
+    /// Of Python 3.4; what `paddle.save` writes.
+    V4 = 4,
+    /// Of Python 3.8: buffers may travel beside the pickle. What Wrapyfi writes.
+    V5 = 5,
 }
 
-impl Default for Writer {
-    fn default() -> Self {
-        Self::new()
-    }
+/// A pickle, and the buffers that travel beside it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Pickled {
+    /// The pickle.
+    pub data: Vec<u8>,
+    /// Out-of-band buffers in their order; none before protocol 5.
+    pub buffers: Vec<Bytes>,
+}
+
+/// Writes one pickle. Each method writes one object; containers write theirs inside a closure.
+///
+/// ```
+/// use wrapyfi_core::codec::pickle::{Protocol, Writer};
+///
+/// let mut writer = Writer::new(Protocol::V2);
+/// writer.tuple(|tuple| {
+///     tuple.str("speed");
+///     tuple.float(1.5);
+/// });
+/// let pickle = writer.finish()?;
+/// assert_eq!(pickle.data, b"\x80\x02(X\x05\0\0\0speedG?\xf8\0\0\0\0\0\0t.");
+/// # Ok::<(), wrapyfi_core::EncodeError>(())
+/// ```
+#[derive(Debug)]
+pub struct Writer {
+    protocol: Protocol,
+    out: Vec<u8>,
+    buffers: Vec<Bytes>,
+    /// The first thing that could not be written.
+    fault: Option<EncodeError>,
 }
 
 impl Writer {
     /// An empty pickle.
     #[must_use]
-    pub fn new() -> Self {
-        Self { out: vec![0x80, 5], buffers: Vec::new(), memo: 0 }
+    pub fn new(protocol: Protocol) -> Self {
+        Self { protocol, out: vec![op::PROTO, protocol as u8], buffers: Vec::new(), fault: None }
     }
 
-    /// The pickle, whose value is what lies on the stack, and the buffers beside it.
+    /// Its protocol.
     #[must_use]
-    pub fn finish(mut self) -> (Vec<u8>, Vec<Bytes>) {
-        self.out.push(b'.');
-        (self.out, self.buffers)
+    pub fn protocol(&self) -> Protocol {
+        self.protocol
     }
 
-    fn op(&mut self, opcode: u8) -> &mut Self {
-        self.out.push(opcode);
-        self
-    }
-
-    fn sized(&mut self, opcodes: [u8; 2], content: &[u8]) -> &mut Self {
-        let [short, long] = opcodes;
-        if let Ok(length) = u8::try_from(content.len()) {
-            self.out.extend([short, length]);
-        } else {
-            self.out.push(long);
-            self.out.extend((content.len() as u64).to_le_bytes());
+    /// Ends the pickle after the one object that was written.
+    ///
+    /// # Errors
+    /// When something inside has no form in this protocol.
+    pub fn finish(mut self) -> Result<Pickled, EncodeError> {
+        self.out.push(op::STOP);
+        match self.fault {
+            Some(fault) => Err(fault),
+            None => Ok(Pickled { data: self.out, buffers: self.buffers }),
         }
-        self.out.extend_from_slice(content);
-        self
+    }
+
+    pub(super) fn op(&mut self, code: u8) {
+        self.out.push(code);
+    }
+
+    pub(super) fn raw(&mut self, bytes: &[u8]) {
+        self.out.extend_from_slice(bytes);
+    }
+
+    pub(super) fn fail(&mut self, what: impl Into<String>, remedy: &str) {
+        self.fault.get_or_insert_with(|| unwritable(what, remedy));
     }
 
     /// `None`.
-    pub fn none(&mut self) -> &mut Self {
-        self.op(b'N')
+    pub fn none(&mut self) {
+        self.op(op::NONE);
     }
 
     /// `True` or `False`.
-    pub fn bool(&mut self, value: bool) -> &mut Self {
-        self.op(if value { 0x88 } else { 0x89 })
+    pub fn bool(&mut self, value: bool) {
+        self.op(if value { op::NEWTRUE } else { op::NEWFALSE });
     }
 
-    /// An `int`.
-    pub fn int(&mut self, value: i64) -> &mut Self {
+    /// An integer.
+    pub fn int(&mut self, value: i64) {
         if let Ok(value) = u8::try_from(value) {
-            self.out.extend([b'K', value]);
+            self.raw(&[op::BININT1, value]);
         } else if let Ok(value) = i32::try_from(value) {
-            self.out.push(b'J');
-            self.out.extend(value.to_le_bytes());
+            self.op(op::BININT);
+            self.raw(&value.to_le_bytes());
         } else {
-            self.out.extend([0x8A, 8]);
-            self.out.extend(value.to_le_bytes());
+            self.raw(&[op::LONG1, 8]);
+            self.raw(&value.to_le_bytes());
         }
-        self
     }
 
-    /// An `int` of any size.
-    pub fn big_int(&mut self, value: &BigInt) -> &mut Self {
+    /// A size or an index.
+    pub fn size(&mut self, value: usize) {
+        match i64::try_from(value) {
+            Ok(value) => self.int(value),
+            Err(_) => self.big_int(&value.into()),
+        }
+    }
+
+    /// An integer of any size.
+    pub fn big_int(&mut self, value: &BigInt) {
         let bytes = value.to_signed_bytes_le();
-        self.out.push(0x8B);
-        // Beyond four gigabytes nothing is written: no message is so long.
-        self.out.extend(u32::try_from(bytes.len()).unwrap_or_default().to_le_bytes());
-        self.out.extend(bytes);
-        self
+        self.counted(op::LONG1, op::LONG4, None, &bytes);
     }
 
-    /// A `float`.
-    pub fn float(&mut self, value: f64) -> &mut Self {
-        self.out.push(b'G');
-        self.out.extend(value.to_be_bytes());
-        self
+    /// A float.
+    pub fn float(&mut self, value: f64) {
+        self.op(op::BINFLOAT);
+        self.raw(&value.to_be_bytes());
     }
 
-    /// A `str`.
-    pub fn str(&mut self, text: &str) -> &mut Self {
-        self.sized([0x8C, 0x8D], text.as_bytes())
+    /// Text.
+    pub fn str(&mut self, text: &str) {
+        self.utf8(text.as_bytes());
     }
 
-    /// `bytes` inside the pickle.
-    pub fn bytes(&mut self, bytes: &[u8]) -> &mut Self {
-        self.sized([b'C', 0x8E], bytes)
-    }
-
-    /// A buffer beside the pickle.
-    pub fn buffer(&mut self, content: Bytes) -> &mut Self {
-        self.buffers.push(content);
-        self.op(0x97)
-    }
-
-    /// Where a tuple, list or dict of any length begins.
-    pub fn mark(&mut self) -> &mut Self {
-        self.op(b'(')
-    }
-
-    /// A `tuple` of all since the mark.
-    pub fn tuple_since_mark(&mut self) -> &mut Self {
-        self.op(b't')
-    }
-
-    /// A `tuple` of the last `count` parts, 0 to 3.
-    pub fn tuple(&mut self, count: u8) -> &mut Self {
-        match count {
-            0 => self.op(b')'),
-            count => self.op(0x84 + count.min(3)),
-        }
-    }
-
-    /// A `list` of all since the mark.
-    pub fn list_since_mark(&mut self) -> &mut Self {
-        self.op(b'l')
-    }
-
-    /// A `dict` of all since the mark: key, value, key, value, …
-    pub fn dict_since_mark(&mut self) -> &mut Self {
-        self.op(b'd')
-    }
-
-    /// A function or class by name.
-    pub fn global(&mut self, module: &str, name: &str) -> &mut Self {
-        self.str(module).str(name).op(0x93)
-    }
-
-    /// Applies the function below the tuple on top to that tuple.
-    pub fn reduce(&mut self) -> &mut Self {
-        self.op(b'R')
-    }
-
-    /// Hands the part on top to the `__setstate__` of the object below it.
-    pub fn build(&mut self) -> &mut Self {
-        self.op(b'b')
-    }
-
-    /// Drops the part on top.
-    pub fn pop(&mut self) -> &mut Self {
-        self.op(b'0')
-    }
-
-    /// Remembers the part on top, which stays there; [`Self::recall`] puts it there again.
-    pub fn remember(&mut self) -> u32 {
-        let number = self.memo;
-        self.memo += 1;
-        self.op(0x94);
-        number
-    }
-
-    /// The part that was remembered, the same object.
-    pub fn recall(&mut self, number: u32) -> &mut Self {
-        self.out.push(b'j');
-        self.out.extend(number.to_le_bytes());
-        self
-    }
-
-    /// A `numpy.ndarray` over a buffer beside the pickle. `descr` as NumPy spells it: `<f8`,
-    /// `<M8[ns]`; `shape` in elements.
-    pub fn array(&mut self, descr: &str, shape: &[usize], data: Bytes) -> &mut Self {
-        self.global("numpy.core.numeric", "_frombuffer").mark().buffer(data);
-        self.dtype(descr).shape(shape).str("C").tuple_since_mark().reduce()
-    }
-
-    /// A tensor as a `numpy.ndarray`; `bfloat16`, which NumPy lacks, is written by its bits.
-    pub fn tensor(&mut self, tensor: &Tensor) -> &mut Self {
-        let descr = tensor.dtype.npy_descr().unwrap_or(match tensor.dtype {
-            Dtype::BF16 => "<u2",
-            _ => "|V1",
-        });
-        self.array(descr, &tensor.shape, tensor.data.clone())
-    }
-
-    /// A one-dimensional `numpy.ndarray` of the objects that `items` writes, one each.
-    pub fn objects(&mut self, count: usize, items: impl FnOnce(&mut Self)) -> &mut Self {
-        self.global("numpy.core.multiarray", "_reconstruct").global("numpy", "ndarray");
-        self.int(0).tuple(1).bytes(b"b").tuple(3).reduce();
-        self.mark().int(1).shape(&[count]).dtype("|O8").bool(false).mark();
-        items(self);
-        self.list_since_mark().tuple_since_mark().build()
-    }
-
-    /// A `numpy.dtype`, by its code as NumPy spells it: `<f8`, `|b1`, `<M8[ns]`, `|O8`.
-    pub fn dtype(&mut self, descr: &str) -> &mut Self {
-        let (order, code) = descr.split_at_checked(1).unwrap_or(("|", descr));
-        let (code, unit) = match code.split_once('[') {
-            Some((code, unit)) => (code, Some(unit.trim_end_matches(']'))),
-            None => (code, None),
-        };
-        self.global("numpy", "dtype").str(code).bool(false).bool(true).tuple(3).reduce();
-        self.mark().int(if unit.is_some() { 4 } else { 3 }).str(order).none().none().none();
-        self.int(-1).int(-1).int(if code == "O8" { 63 } else { 0 });
-        if let Some(unit) = unit {
-            self.mark().dict_since_mark().mark().bytes(unit.as_bytes()).int(1).int(1).int(1);
-            self.tuple_since_mark().tuple(2);
-        }
-        self.tuple_since_mark().build()
-    }
-
-    fn shape(&mut self, shape: &[usize]) -> &mut Self {
-        self.mark();
-        for &extent in shape {
-            self.int(i64::try_from(extent).unwrap_or(i64::MAX));
-        }
-        self.tuple_since_mark()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::{Allowed, PickledArray, read};
-    use super::*;
-    use crate::Limits;
-
-    #[test]
-    fn what_is_written_is_read() {
-        let mut writer = Writer::new();
-        let tensor = Tensor::from_elements(&[2, 2], vec![1.5_f32, -1.0, 0.0, 7.0]).unwrap();
-        writer.mark();
-        for value in [0, 255, 256, -1, i64::MIN, i64::MAX] {
-            writer.int(value);
-        }
-        writer.list_since_mark();
-        let list = writer.remember();
-        writer.float(-0.5).bool(true).none().str(&"ä".repeat(200)).bytes(b"raw");
-        writer.big_int(&(BigInt::from(1) << 100)).tensor(&tensor).recall(list);
-        writer.objects(2, |to| {
-            to.str("a").none();
-        });
-        // All of it lies on the stack; the tuple takes it.
-        let (mut pickle, buffers) = writer.finish();
-        pickle.insert(2, b'(');
-        pickle.insert(pickle.len() - 1, b't');
-        let read = read(&pickle.into(), &buffers, &Allowed::NUMPY, &Limits::default()).unwrap();
-        let parts = read.root().tuple().unwrap();
-        let ints: Vec<i64> =
-            parts.get(0).unwrap().list().unwrap().iter().map(|i| i.int().unwrap()).collect();
-        assert_eq!(ints, [0, 255, 256, -1, i64::MIN, i64::MAX]);
-        assert_eq!(parts.get(1).unwrap().float(), Ok(-0.5));
-        assert_eq!(parts.get(4).unwrap().str(), Ok(&*"ä".repeat(200)));
-        assert_eq!(parts.get(5).unwrap().bytes().unwrap(), "raw");
-        match parts.get(7).unwrap().array().unwrap() {
-            PickledArray::Tensor(read) => assert_eq!(read, tensor),
-            other => panic!("{other:?}"),
-        }
-        assert_eq!(parts.get(8).unwrap().id(), parts.get(0).unwrap().id(), "the same object");
-        match parts.get(9).unwrap().array().unwrap() {
-            PickledArray::Objects { shape, items } => {
-                assert_eq!(shape, [2]);
-                assert_eq!(items.get(0).unwrap().str(), Ok("a"));
+    /// Text that may have lone surrogates, as UTF-16 code units.
+    pub fn utf16(&mut self, units: &[u16]) {
+        let mut bytes = Vec::with_capacity(units.len() * 3);
+        for unit in char::decode_utf16(units.iter().copied()) {
+            match unit {
+                Ok(c) => bytes.extend_from_slice(c.encode_utf8(&mut [0; 4]).as_bytes()),
+                // What it would be in UTF-8: Python's `surrogatepass`.
+                Err(lone) => {
+                    let [low, high] = lone.unpaired_surrogate().to_le_bytes();
+                    bytes.extend([0xED, 0x80 | high << 2 & 0x3C | low >> 6, 0x80 | low & 0x3F]);
+                }
             }
-            other => panic!("{other:?}"),
         }
+        self.utf8(&bytes);
+    }
+
+    fn utf8(&mut self, bytes: &[u8]) {
+        if self.protocol >= Protocol::V4 {
+            self.counted(op::SHORT_BINUNICODE, op::BINUNICODE, Some(op::BINUNICODE8), bytes);
+        } else {
+            self.counted(op::BINUNICODE, op::BINUNICODE, None, bytes);
+        }
+    }
+
+    /// `bytes`.
+    pub fn bytes(&mut self, bytes: &[u8]) {
+        if self.protocol >= Protocol::V4 {
+            self.counted(op::SHORT_BINBYTES, op::BINBYTES, Some(op::BINBYTES8), bytes);
+            return;
+        }
+        // Python 2 had no bytes of their own: they are made of text, one character each.
+        let text: String = bytes.iter().copied().map(char::from).collect();
+        self.call("_codecs", "encode", |args| {
+            args.str(&text);
+            args.str("latin1");
+        });
+    }
+
+    /// A `bytearray`.
+    pub fn byte_array(&mut self, bytes: &[u8]) {
+        if self.protocol >= Protocol::V5 {
+            self.op(op::BYTEARRAY8);
+            self.raw(&(bytes.len() as u64).to_le_bytes());
+            self.raw(bytes);
+        } else {
+            self.call("builtins", "bytearray", |args| args.bytes(bytes));
+        }
+    }
+
+    /// A buffer that may be written to: beside the pickle in protocol 5, a `bytearray` before.
+    pub fn buffer(&mut self, content: Bytes) {
+        if self.protocol >= Protocol::V5 {
+            self.op(op::NEXT_BUFFER);
+            self.buffers.push(content);
+        } else {
+            self.byte_array(&content);
+        }
+    }
+
+    /// Bytes behind their length. A short length takes one byte where `short` and `long` differ.
+    fn counted(&mut self, short: u8, long: u8, huge: Option<u8>, bytes: &[u8]) {
+        match (u8::try_from(bytes.len()), u32::try_from(bytes.len()), huge) {
+            (Ok(length), _, _) if short != long => self.raw(&[short, length]),
+            (_, Ok(length), _) => {
+                self.op(long);
+                self.raw(&length.to_le_bytes());
+            }
+            (_, _, Some(huge)) => {
+                self.op(huge);
+                self.raw(&(bytes.len() as u64).to_le_bytes());
+            }
+            _ => {
+                let what = format!("text or an integer of {} bytes", bytes.len());
+                return self.fail(what, "protocol 4 or later can hold the text");
+            }
+        }
+        self.raw(bytes);
+    }
+
+    /// A `list` of what `items` writes.
+    pub fn list(&mut self, items: impl FnOnce(&mut Self)) {
+        self.op(op::EMPTY_LIST);
+        self.append(items);
+    }
+
+    /// A `tuple` of what `items` writes.
+    pub fn tuple(&mut self, items: impl FnOnce(&mut Self)) {
+        self.op(op::MARK);
+        items(self);
+        self.op(op::TUPLE);
+    }
+
+    /// A `dict` of what `pairs` writes: key, value, key, value.
+    pub fn dict(&mut self, pairs: impl FnOnce(&mut Self)) {
+        self.op(op::EMPTY_DICT);
+        self.set_items(pairs);
+    }
+
+    /// A `set` of what `members` writes.
+    pub fn set(&mut self, members: impl FnOnce(&mut Self)) {
+        if self.protocol >= Protocol::V4 {
+            self.raw(&[op::EMPTY_SET, op::MARK]);
+            members(self);
+            self.op(op::ADDITEMS);
+        } else {
+            self.call("__builtin__", "set", |args| args.list(members));
+        }
+    }
+
+    /// A `frozenset` of what `members` writes.
+    pub fn frozen_set(&mut self, members: impl FnOnce(&mut Self)) {
+        if self.protocol >= Protocol::V4 {
+            self.op(op::MARK);
+            members(self);
+            self.op(op::FROZENSET);
+        } else {
+            self.call("__builtin__", "frozenset", |args| args.list(members));
+        }
+    }
+
+    /// The name of a function or class.
+    pub fn global(&mut self, module: &'static str, name: &'static str) {
+        if self.protocol >= Protocol::V4 {
+            self.str(module);
+            self.str(name);
+            self.op(op::STACK_GLOBAL);
+        } else {
+            self.op(op::GLOBAL);
+            for text in [module, name] {
+                self.raw(text.as_bytes());
+                self.op(b'\n');
+            }
+        }
+    }
+
+    /// What the function or class makes of the arguments that `args` writes.
+    pub fn call(&mut self, module: &'static str, name: &'static str, args: impl FnOnce(&mut Self)) {
+        self.global(module, name);
+        self.tuple(args);
+        self.op(op::REDUCE);
+    }
+
+    /// An instance of a class, made without its `__init__`.
+    pub fn instance(
+        &mut self,
+        module: &'static str,
+        name: &'static str,
+        args: impl FnOnce(&mut Self),
+    ) {
+        self.global(module, name);
+        self.tuple(args);
+        self.op(op::NEWOBJ);
+    }
+
+    /// Gives the object that was just written the state that `state` writes.
+    pub fn state(&mut self, state: impl FnOnce(&mut Self)) {
+        state(self);
+        self.op(op::BUILD);
+    }
+
+    /// Appends what `items` writes to the object that was just written.
+    pub fn append(&mut self, items: impl FnOnce(&mut Self)) {
+        self.op(op::MARK);
+        items(self);
+        self.op(op::APPENDS);
+    }
+
+    /// Sets the pairs that `pairs` writes in the object that was just written.
+    pub fn set_items(&mut self, pairs: impl FnOnce(&mut Self)) {
+        self.op(op::MARK);
+        pairs(self);
+        self.op(op::SETITEMS);
+    }
+
+    /// Something beside the pickle, by the id that `id` writes.
+    pub fn persistent(&mut self, id: impl FnOnce(&mut Self)) {
+        id(self);
+        self.op(op::BINPERSID);
     }
 }
