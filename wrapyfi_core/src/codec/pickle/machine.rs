@@ -117,7 +117,7 @@ impl<'a> Machine<'a> {
             op::BINUNICODE8 => self.unicode(8)?,
             op::UNICODE => {
                 let line = self.scanner.line("UNICODE")?;
-                let kind = text::raw_unicode_escape(self.scanner.get(line));
+                let kind = text::raw_unicode_escape(self.scanner.get(line), line);
                 let kind = kind.map_err(|reason| self.fault(reason))?;
                 self.push(kind)?;
             }

@@ -64,3 +64,8 @@ pub fn read(
 ) -> Result<Pickle, PickleError> {
     machine::run(data, buffers, allowed, limits)
 }
+
+#[cfg(test)]
+mod hostile_tests;
+#[cfg(test)]
+mod tests;
