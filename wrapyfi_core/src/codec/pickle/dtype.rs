@@ -195,8 +195,13 @@ fn structure(
     out: &mut String,
     depth: usize,
 ) -> Result<()> {
+    let (names, fields) = (names.tuple()?, fields.dict()?);
+    // A field with a title is there twice. More would be looked through for nothing, each time.
+    if fields.len() > names.len().saturating_mul(2) {
+        let (fields, names) = (fields.len(), names.len());
+        return Err(invalid(node, format!("{fields} fields for {names} names")));
+    }
     let by_name: HashMap<&str, Node<'_>> = fields
-        .dict()?
         .iter()
         .filter_map(|(key, field)| match key.view() {
             View::Str(name) => Some((name, field)),
@@ -205,7 +210,7 @@ fn structure(
         .collect();
     let mut at = 0_usize;
     out.push('[');
-    for name in names.tuple()?.iter() {
+    for name in names.iter() {
         let name_text = name.str()?;
         let field = by_name.get(name_text).ok_or_else(|| name.unexpected("the name of a field"))?;
         let parts = field.tuple()?;

@@ -53,7 +53,7 @@ pub(super) fn run(
         scanner: Scanner { data, at: 0 },
         buffers,
         allowed,
-        arena: Arena::new(limits),
+        arena: Arena::new(data.len(), limits),
         stack: Vec::new(),
         marks: Vec::new(),
         memo: Vec::new(),
