@@ -49,13 +49,14 @@ mod devices;
 mod error;
 mod framework;
 mod npy_tensor;
-mod pandas;
 mod numpy_pickle;
 mod paddle;
+mod pandas;
 mod pickle_text;
 mod pint;
 mod pyarrow;
 mod set;
+mod stack;
 mod torch;
 mod trax;
 

@@ -23,16 +23,15 @@ pub struct Plugins {
 }
 
 static STANDARD: LazyLock<Plugins> = LazyLock::new(|| {
-    let mut builtins: Vec<Arc<dyn Plugin>> =
-        vec![
-            Arc::new(Paddle),
-            Arc::new(Pandas),
-            Arc::new(PandasLegacy),
-            Arc::new(Pint),
-            Arc::new(PyArrow),
-            Arc::new(Torch),
-            Arc::new(Trax),
-        ];
+    let mut builtins: Vec<Arc<dyn Plugin>> = vec![
+        Arc::new(Paddle),
+        Arc::new(Pandas),
+        Arc::new(PandasLegacy),
+        Arc::new(Pint),
+        Arc::new(PyArrow),
+        Arc::new(Torch),
+        Arc::new(Trax),
+    ];
     builtins.extend(NpyTensor::ALL.map(|plugin| Arc::new(plugin) as _));
     let by_key = builtins.into_iter().map(|it| (it.key().to_owned(), it)).collect();
     Plugins { by_key: Arc::new(by_key), devices: None }

@@ -150,14 +150,16 @@ const NODE: usize = size_of::<Kind>() + size_of::<u32>();
 pub(super) const EDGE: usize = size_of::<NodeId>();
 
 /// Memory that the objects of a pickle may take, in bytes, content that stays in the pickle not
-/// counted: a node is tens of bytes, however short its opcode.
-fn budget(limits: &Limits) -> usize {
-    limits.message_bytes.saturating_mul(4).max(64 << 10)
+/// counted: a node is tens of bytes, however short its opcode. No opcode needs more than 64 for
+/// each of its bytes, unless it copies what others made.
+fn budget(pickle_bytes: usize, limits: &Limits) -> usize {
+    let honest = pickle_bytes.saturating_mul(64).saturating_add(4 << 10);
+    honest.min(limits.message_bytes.saturating_mul(4).max(64 << 10))
 }
 
 impl Arena {
-    pub(super) fn new(limits: &Limits) -> Self {
-        let limit = budget(limits);
+    pub(super) fn new(pickle_bytes: usize, limits: &Limits) -> Self {
+        let limit = budget(pickle_bytes, limits);
         let nodes =
             vec![Kind::None, Kind::Bool(false), Kind::Bool(true), Kind::Tuple(Box::default())];
         let made_at = vec![0; nodes.len()];

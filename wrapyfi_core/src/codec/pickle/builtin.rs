@@ -127,9 +127,7 @@ impl Node<'_> {
         let delta = TimeDelta::try_days(days.int()?)
             .zip(TimeDelta::try_seconds(seconds.int()?))
             .and_then(|(days, seconds)| days.checked_add(&seconds))
-            .and_then(|delta| {
-                Some(delta.checked_add(&TimeDelta::microseconds(micros.int().ok()?))?)
-            });
+            .and_then(|delta| delta.checked_add(&TimeDelta::microseconds(micros.int().ok()?)));
         delta.ok_or_else(|| self.invalid("timedelta", "larger than can be"))
     }
 

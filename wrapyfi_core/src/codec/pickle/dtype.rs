@@ -123,9 +123,14 @@ fn check_length(node: &Node<'_>, out: &str) -> Result<()> {
 
 fn write_shape(shape: &Node<'_>, out: &mut String) -> Result<()> {
     out.push('(');
-    for extent in shape.tuple()?.iter() {
-        write!(out, "{}, ", extent.size()?).ok();
+    let extents = shape.tuple()?;
+    for (index, extent) in extents.iter().enumerate() {
+        let separator = if index > 0 { ", " } else { "" };
+        write!(out, "{separator}{}", extent.size()?).ok();
         check_length(shape, out)?;
+    }
+    if extents.len() == 1 {
+        out.push(',');
     }
     out.push(')');
     Ok(())
@@ -180,7 +185,7 @@ fn unit(metadata: &Node<'_>, out: &mut String) -> Result<()> {
     Ok(())
 }
 
-/// `[('a', '<i4'), ('', '|V4'), ('b', '<f8', (2, ))]`: gaps between members are written as members
+/// `[('a', '<i4'), ('', '|V4'), ('b', '<f8', (2,))]`: gaps between members are written as members
 /// without a name, as NumPy does.
 fn structure(
     node: &Node<'_>,
@@ -190,8 +195,13 @@ fn structure(
     out: &mut String,
     depth: usize,
 ) -> Result<()> {
+    let (names, fields) = (names.tuple()?, fields.dict()?);
+    // A field with a title is there twice. More would be looked through for nothing, each time.
+    if fields.len() > names.len().saturating_mul(2) {
+        let (fields, names) = (fields.len(), names.len());
+        return Err(invalid(node, format!("{fields} fields for {names} names")));
+    }
     let by_name: HashMap<&str, Node<'_>> = fields
-        .dict()?
         .iter()
         .filter_map(|(key, field)| match key.view() {
             View::Str(name) => Some((name, field)),
@@ -200,7 +210,7 @@ fn structure(
         .collect();
     let mut at = 0_usize;
     out.push('[');
-    for name in names.tuple()?.iter() {
+    for name in names.iter() {
         let name_text = name.str()?;
         let field = by_name.get(name_text).ok_or_else(|| name.unexpected("the name of a field"))?;
         let parts = field.tuple()?;
@@ -263,10 +273,12 @@ fn gap(node: &Node<'_>, at: usize, next: usize, out: &mut String) -> Result<()> 
 
 /// A string as Python writes it.
 fn quoted(text: &str) -> String {
-    let mut out = String::from("'");
+    let quote = if text.contains('\'') && !text.contains('"') { '"' } else { '\'' };
+    let mut out = String::from(quote);
     for c in text.chars() {
         match c {
-            '\\' | '\'' => out.extend(['\\', c]),
+            '\\' => out.push_str("\\\\"),
+            c if c == quote => out.extend(['\\', c]),
             '\n' => out.push_str("\\n"),
             '\r' => out.push_str("\\r"),
             '\t' => out.push_str("\\t"),
@@ -276,5 +288,6 @@ fn quoted(text: &str) -> String {
             c => out.push(c),
         }
     }
-    out + "'"
+    out.push(quote);
+    out
 }

@@ -1,5 +1,7 @@
 //! The parts of an object: members of a sequence, pairs of a dict.
 
+use std::fmt::Display;
+
 use super::arena::NodeId;
 use super::error::PickleError;
 use super::node::{Node, View};
@@ -42,7 +44,7 @@ impl<'p> Items<'p> {
     /// # Errors
     /// When there are not so many.
     pub fn get(&self, index: usize) -> Result<Node<'p>, PickleError> {
-        self.find(index).ok_or_else(|| self.count(format!("at least {}", index + 1)))
+        self.find(index).ok_or_else(|| self.count(format_args!("at least {}", index + 1)))
     }
 
     /// All of them, when they are exactly so many: `let [shape, data] = items.exact()?`.
@@ -51,7 +53,7 @@ impl<'p> Items<'p> {
     /// When there are more or fewer.
     pub fn exact<const N: usize>(&self) -> Result<[Node<'p>; N], PickleError> {
         let ids = <[NodeId; N]>::try_from(self.ids).ok();
-        let ids = ids.ok_or_else(|| self.count(N.to_string()))?;
+        let ids = ids.ok_or_else(|| self.count(N))?;
         let mut index = 0;
         Ok(ids.map(|id| {
             index += 1;
@@ -59,7 +61,7 @@ impl<'p> Items<'p> {
         }))
     }
 
-    fn count(&self, wanted: String) -> PickleError {
+    fn count(&self, wanted: impl Display) -> PickleError {
         PickleError::Unexpected {
             path: self.owner.path(),
             expected: format!("something with {wanted} parts"),

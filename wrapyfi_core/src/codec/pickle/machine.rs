@@ -53,7 +53,7 @@ pub(super) fn run(
         scanner: Scanner { data, at: 0 },
         buffers,
         allowed,
-        arena: Arena::new(limits),
+        arena: Arena::new(data.len(), limits),
         stack: Vec::new(),
         marks: Vec::new(),
         memo: Vec::new(),
@@ -117,7 +117,7 @@ impl<'a> Machine<'a> {
             op::BINUNICODE8 => self.unicode(8)?,
             op::UNICODE => {
                 let line = self.scanner.line("UNICODE")?;
-                let kind = text::raw_unicode_escape(self.scanner.get(line));
+                let kind = text::raw_unicode_escape(self.scanner.get(line), line);
                 let kind = kind.map_err(|reason| self.fault(reason))?;
                 self.push(kind)?;
             }

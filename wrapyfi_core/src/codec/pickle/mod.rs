@@ -51,8 +51,8 @@ use crate::Limits;
 /// Reads a pickle of any protocol, 0 to 5, whose out-of-band buffers are `buffers` in their order.
 /// Bytes behind its end are ignored: [`Pickle::end`] says where that is.
 ///
-/// Objects may take four times `limits.message_bytes` of memory, besides the bytes that they share
-/// with `data` and `buffers`.
+/// Objects may take four times `limits.message_bytes` of memory, and 64 bytes for each one of
+/// `data`, besides what they share with `data` and `buffers`.
 ///
 /// # Errors
 /// When it is no pickle, names something that is not on the list `allowed`, or exceeds a limit.
@@ -64,3 +64,8 @@ pub fn read(
 ) -> Result<Pickle, PickleError> {
     machine::run(data, buffers, allowed, limits)
 }
+
+#[cfg(test)]
+mod hostile_tests;
+#[cfg(test)]
+mod tests;

@@ -45,7 +45,10 @@ pub(super) fn to_latin1(text: &str) -> Option<Vec<u8>> {
 }
 
 /// Text of protocol 0: Latin-1 with `\uXXXX` and `\UXXXXXXXX`.
-pub(super) fn raw_unicode_escape(line: &[u8]) -> Result<Kind, &'static str> {
+pub(super) fn raw_unicode_escape(line: &[u8], span: Span) -> Result<Kind, &'static str> {
+    if line.is_ascii() && !line.contains(&b'\\') {
+        return Ok(Kind::Str(span));
+    }
     let mut units: Vec<u16> = Vec::with_capacity(line.len());
     let mut rest = line;
     while let Some((&byte, after)) = rest.split_first() {
@@ -151,7 +154,7 @@ mod tests {
 
     #[test]
     fn escapes_of_protocol_0() {
-        let text = |line: &[u8]| raw_unicode_escape(line).map(units);
+        let text = |line: &[u8]| raw_unicode_escape(line, Span { start: 0, end: 0 }).map(units);
         assert_eq!(text(b"a\\u4f60\xE9").unwrap(), [0x61, 0x4F60, 0xE9]);
         assert_eq!(text(b"\\U0001f916").unwrap(), [0xD83E, 0xDD16]);
         assert_eq!(text(b"\\ud800").unwrap(), [0xD800]);

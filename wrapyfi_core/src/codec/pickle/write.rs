@@ -79,11 +79,11 @@ impl Writer {
         }
     }
 
-    pub(super) fn op(&mut self, code: u8) {
+    pub(crate) fn op(&mut self, code: u8) {
         self.out.push(code);
     }
 
-    pub(super) fn raw(&mut self, bytes: &[u8]) {
+    pub(crate) fn raw(&mut self, bytes: &[u8]) {
         self.out.extend_from_slice(bytes);
     }
 

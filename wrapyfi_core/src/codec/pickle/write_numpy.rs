@@ -1,5 +1,7 @@
 //! Arrays as NumPy pickles them. Names of modules are those of NumPy 1, which NumPy 2 still knows.
 
+use bytes::Bytes;
+
 use super::super::npy;
 use super::write::Writer;
 use crate::types::{Dtype, NumpyArray, Tensor};
@@ -19,10 +21,16 @@ impl Writer {
             Dtype::BF16 => npy::parts(tensor).1.into_owned().into(),
             _ => tensor.data.clone(),
         };
+        let descr = format!("'{}'", tensor.dtype.npy_descr().unwrap_or("<f4"));
+        self.described_beside(&descr, &tensor.shape, elements);
+    }
+
+    /// A `numpy.ndarray` of elements beside the pickle, by their `descr`: `'<M8[ns]'`.
+    pub(crate) fn described_beside(&mut self, descr: &str, shape: &[usize], elements: Bytes) {
         self.call("numpy.core.numeric", "_frombuffer", |args| {
             args.buffer(elements);
-            args.dtype(tensor.dtype);
-            args.shape(&tensor.shape);
+            args.described(descr);
+            args.shape(shape);
             args.str("C");
         });
     }

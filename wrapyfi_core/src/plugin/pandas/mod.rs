@@ -24,9 +24,11 @@ mod read;
 mod write;
 
 use super::budget::Budget;
-use super::pyarrow::{in_pickle, parts, pickled};
+use super::numpy_pickle::in_pickle;
+use super::pyarrow::pickled;
+use super::stack::Stack;
 use super::{Body, Context, Part, Plugin, PluginError};
-use crate::codec::pickle::{Allowed, Writer};
+use crate::codec::pickle::Allowed;
 use crate::types::Value;
 use frame::Frame;
 
@@ -48,9 +50,9 @@ impl Plugin for Pandas {
 
     fn encode(&self, value: &Value) -> Result<Vec<Part>, PluginError> {
         let table = value.as_table().ok_or_else(|| PluginError::not_mine("table", value))?;
-        let mut writer = Writer::new();
-        write::frame(&mut writer, &Frame::from_table(table)?)?;
-        Ok(parts(writer))
+        let mut to = Stack::new();
+        write::frame(&mut to, &Frame::from_table(table)?)?;
+        to.into_parts()
     }
 }
 

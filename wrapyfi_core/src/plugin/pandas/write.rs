@@ -20,6 +20,7 @@ use arrow_schema::{DataType, TimeUnit};
 use bytes::Bytes;
 
 use super::super::PluginError;
+use super::super::stack::Stack;
 use super::frame::{Column, Frame, Index, Kind};
 use crate::codec::json;
 use crate::codec::pickle::Writer;
@@ -28,7 +29,7 @@ use crate::types::Value;
 type Result<T = ()> = std::result::Result<T, PluginError>;
 
 /// Writes a data frame, a series or an index.
-pub(super) fn frame(to: &mut Writer, frame: &Frame) -> Result {
+pub(super) fn frame(to: &mut Stack, frame: &Frame) -> Result {
     match (frame.kind, &frame.columns[..]) {
         (Kind::Index, _) => index(to, &frame.index),
         (Kind::Series, [only]) => {
@@ -44,7 +45,7 @@ pub(super) fn frame(to: &mut Writer, frame: &Frame) -> Result {
     }
 }
 
-fn data_frame(to: &mut Writer, frame: &Frame, columns: &[Column]) -> Result {
+fn data_frame(to: &mut Stack, frame: &Frame, columns: &[Column]) -> Result {
     let mut seen = HashSet::new();
     for column in columns {
         let key = json::encode(&column.label).unwrap_or_default();
@@ -76,7 +77,7 @@ fn data_frame(to: &mut Writer, frame: &Frame, columns: &[Column]) -> Result {
 }
 
 /// The row of labels: a range where it is one, as pandas itself makes it.
-fn labels(to: &mut Writer, frame: &Frame, columns: &[Column]) -> Result {
+fn labels(to: &mut Stack, frame: &Frame, columns: &[Column]) -> Result {
     let counted = columns.iter().zip(0..).all(|(column, n)| column.label == Value::Int(n));
     if counted {
         let stop = i64::try_from(columns.len()).unwrap_or(i64::MAX);
@@ -92,7 +93,7 @@ fn labels(to: &mut Writer, frame: &Frame, columns: &[Column]) -> Result {
     Ok(())
 }
 
-fn index(to: &mut Writer, index: &Index) -> Result {
+fn index(to: &mut Stack, index: &Index) -> Result {
     match index {
         Index::Range { start, stop, step, name } => range(to, *start, *stop, *step, name),
         Index::Column(column) => {
@@ -107,14 +108,14 @@ fn index(to: &mut Writer, index: &Index) -> Result {
     }
 }
 
-fn range(to: &mut Writer, start: i64, stop: i64, step: i64, name: &Value) -> Result {
+fn range(to: &mut Stack, start: i64, stop: i64, step: i64, name: &Value) -> Result {
     to.global("pandas", "RangeIndex").mark().int(start).int(stop).int(step).none().bool(false);
     label(to, name)?;
     to.tuple_since_mark().reduce();
     Ok(())
 }
 
-fn label(to: &mut Writer, label: &Value) -> Result {
+fn label(to: &mut Stack, label: &Value) -> Result {
     match label {
         Value::Null => to.none(),
         Value::Bool(value) => to.bool(*value),
@@ -133,7 +134,7 @@ fn label(to: &mut Writer, label: &Value) -> Result {
 }
 
 /// The type to ask for, where pandas would not find it in the values.
-fn dtype(to: &mut Writer, column: &Column) {
+fn dtype(to: &mut Stack, column: &Column) {
     let own = match column.array.data_type() {
         DataType::Timestamp(unit, Some(zone)) => {
             Some(format!("datetime64[{}, {zone}]", unit_name(*unit)))
@@ -173,7 +174,7 @@ fn unit_name(unit: TimeUnit) -> &'static str {
 }
 
 /// The values of a column as something that pandas takes.
-fn values(to: &mut Writer, column: &Column) -> Result {
+fn values(to: &mut Stack, column: &Column) -> Result {
     let array = &column.array;
     if column.dtype.starts_with("object") {
         return objects(to, column);
@@ -182,14 +183,14 @@ fn values(to: &mut Writer, column: &Column) -> Result {
         to.global("pandas.arrays", class);
         plain(to, column)?;
         let mask: Vec<u8> = (0..array.len()).map(|row| u8::from(array.is_null(row))).collect();
-        to.array("|b1", &[array.len()], mask.into()).tuple(2).reduce();
+        to.array("|b1", array.len(), mask.into()).tuple(2).reduce();
         return Ok(());
     }
     plain(to, column)
 }
 
 /// The values where none is missing, whatever stands there.
-fn plain(to: &mut Writer, column: &Column) -> Result {
+fn plain(to: &mut Stack, column: &Column) -> Result {
     let array = &column.array;
     match array.data_type() {
         DataType::Utf8 | DataType::LargeUtf8 | DataType::Binary | DataType::LargeBinary => {
@@ -198,7 +199,7 @@ fn plain(to: &mut Writer, column: &Column) -> Result {
         DataType::Boolean => {
             let bytes: Vec<u8> =
                 array.as_boolean().iter().map(|value| u8::from(value == Some(true))).collect();
-            to.array("|b1", &[array.len()], bytes.into());
+            to.array("|b1", array.len(), bytes.into());
         }
         DataType::Int8 => numbers::<Int8Type>(to, array, "|i1"),
         DataType::Int16 => numbers::<Int16Type>(to, array, "<i2"),
@@ -228,13 +229,13 @@ fn plain(to: &mut Writer, column: &Column) -> Result {
     Ok(())
 }
 
-fn numbers<T: ArrowPrimitiveType>(to: &mut Writer, array: &ArrayRef, descr: &str) {
+fn numbers<T: ArrowPrimitiveType>(to: &mut Stack, array: &ArrayRef, descr: &str) {
     let values = array.as_primitive::<T>().values();
-    to.array(descr, &[array.len()], Bytes::copy_from_slice(values.inner().as_slice()));
+    to.array(descr, array.len(), Bytes::copy_from_slice(values.inner().as_slice()));
 }
 
 /// Counts of a unit of time; missing ones are NaT.
-fn times(to: &mut Writer, array: &ArrayRef, descr: &str) {
+fn times(to: &mut Stack, array: &ArrayRef, descr: &str) {
     let data = array.to_data();
     let all = data.buffers().first().map(|buffer| buffer.as_slice()).unwrap_or_default();
     let (counts, _) = all.as_chunks::<8>();
@@ -242,11 +243,11 @@ fn times(to: &mut Writer, array: &ArrayRef, descr: &str) {
     let missing = i64::MIN.to_le_bytes();
     let bytes: Vec<u8> =
         counts.flat_map(|(row, count)| if array.is_null(row) { missing } else { *count }).collect();
-    to.array(descr, &[array.len()], bytes.into());
+    to.array(descr, array.len(), bytes.into());
 }
 
 /// Python objects, one each.
-fn objects(to: &mut Writer, column: &Column) -> Result {
+fn objects(to: &mut Stack, column: &Column) -> Result {
     let array = &column.array;
     let missing = |to: &mut Writer| match column.dtype.as_str() {
         "object(nan)" | "str" => _ = to.float(f64::NAN),
@@ -287,7 +288,7 @@ fn objects(to: &mut Writer, column: &Column) -> Result {
 }
 
 /// `pandas.Categorical.from_codes(codes, categories, ordered)`.
-fn categories(to: &mut Writer, column: &Column, key: &DataType) -> Result {
+fn categories(to: &mut Stack, column: &Column, key: &DataType) -> Result {
     fn codes<K: ArrowDictionaryKeyType>(array: &ArrayRef) -> (Vec<i64>, ArrayRef)
     where
         K::Native: Into<i64>,
@@ -320,7 +321,7 @@ fn categories(to: &mut Writer, column: &Column, key: &DataType) -> Result {
     let bytes: Vec<u8> =
         codes.iter().flat_map(|code| code.to_le_bytes().into_iter().take(width)).collect();
     to.global("pandas", "Categorical.from_codes");
-    to.array(descr, &[codes.len()], bytes.into());
+    to.array(descr, codes.len(), bytes.into());
     let categories = Column { label: Value::Null, dtype: String::new(), array: values };
     index(to, &Index::Column(Box::new(categories)))?;
     to.bool(column.dtype == "category(ordered)").tuple(3).reduce();

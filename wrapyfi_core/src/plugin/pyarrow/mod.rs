@@ -25,8 +25,10 @@ use arrow_array::{ArrayRef, RecordBatch, RecordBatchOptions};
 use arrow_schema::{ArrowError, Field, Schema};
 
 use super::budget::Budget;
+use super::numpy_pickle::in_pickle;
+use super::stack::Stack;
 use super::{Body, Context, Part, Plugin, PluginError};
-use crate::codec::pickle::{self, Allowed, PickleError, Writer};
+use crate::codec::pickle::{self, Allowed};
 use crate::types::{Origin, Table, Value};
 
 pub(super) use read::array;
@@ -49,9 +51,9 @@ impl Plugin for PyArrow {
 
     fn encode(&self, value: &Value) -> Result<Vec<Part>, PluginError> {
         let table = value.as_table().ok_or_else(|| PluginError::not_mine("table", value))?;
-        let mut writer = Writer::new();
-        write::table(&mut writer, table)?;
-        Ok(parts(writer))
+        let mut to = Stack::new();
+        write::table(&mut to, table)?;
+        to.into_parts()
     }
 }
 
@@ -64,25 +66,6 @@ pub(super) fn pickled(
     let data = body.latin1(0)?;
     let buffers = (1..body.len()).map(|part| body.base64(part)).collect::<Result<Vec<_>, _>>()?;
     pickle::read(&data, &buffers, allowed, context.limits).map_err(in_pickle)
-}
-
-/// A pickle and its buffers as parts.
-pub(super) fn parts(writer: Writer) -> Vec<Part> {
-    let (data, buffers) = writer.finish();
-    std::iter::once(Part::Latin1(data.into()))
-        .chain(buffers.into_iter().map(Part::base64))
-        .collect()
-}
-
-/// An error of the pickle as one of its part.
-pub(super) fn in_pickle(error: PickleError) -> PluginError {
-    match error {
-        PickleError::Refused { global, .. } => PluginError::Refused { part: 0, what: global },
-        PickleError::TooLarge { what, actual, limit, .. } => {
-            PluginError::TooLarge { what: what.to_owned(), actual, limit }
-        }
-        other => PluginError::Malformed { part: 0, reason: other.to_string() },
-    }
 }
 
 /// A table of one column.

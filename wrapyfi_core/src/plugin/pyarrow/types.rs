@@ -11,7 +11,8 @@ use arrow_schema::{DataType, Field, Fields, Metadata, Schema, TimeUnit};
 
 use super::super::PluginError;
 use super::super::budget::Budget;
-use crate::codec::pickle::{Node, PickleError, Writer};
+use super::super::stack::Stack;
+use crate::codec::pickle::{Node, PickleError};
 
 /// Deepest nesting of a type.
 const MAX_DEPTH: usize = 64;
@@ -205,7 +206,7 @@ fn read_metadata(node: &Node<'_>, budget: &Budget) -> Result<HashMap<String, Str
 
 /// Writes a type.
 pub(super) fn write_type(
-    to: &mut Writer,
+    to: &mut Stack,
     data_type: &DataType,
 ) -> std::result::Result<(), PluginError> {
     const LIB: &str = "pyarrow.lib";
@@ -268,7 +269,7 @@ pub(super) fn write_type(
     Ok(())
 }
 
-fn write_fields(to: &mut Writer, fields: &Fields) -> std::result::Result<(), PluginError> {
+fn write_fields(to: &mut Stack, fields: &Fields) -> std::result::Result<(), PluginError> {
     to.mark();
     for field in fields {
         write_field(to, field)?;
@@ -278,7 +279,7 @@ fn write_fields(to: &mut Writer, fields: &Fields) -> std::result::Result<(), Plu
 }
 
 /// Writes a field.
-fn write_field(to: &mut Writer, field: &Field) -> std::result::Result<(), PluginError> {
+fn write_field(to: &mut Stack, field: &Field) -> std::result::Result<(), PluginError> {
     to.global("pyarrow.lib", "field").mark().str(field.name());
     write_type(to, field.data_type())?;
     to.bool(field.is_nullable());
@@ -289,7 +290,7 @@ fn write_field(to: &mut Writer, field: &Field) -> std::result::Result<(), Plugin
 
 /// Writes a schema.
 pub(super) fn write_schema(
-    to: &mut Writer,
+    to: &mut Stack,
     schema: &Schema,
 ) -> std::result::Result<(), PluginError> {
     to.global("pyarrow.lib", "schema");
@@ -299,7 +300,7 @@ pub(super) fn write_schema(
     Ok(())
 }
 
-fn write_metadata(to: &mut Writer, metadata: &Metadata) {
+fn write_metadata(to: &mut Stack, metadata: &Metadata) {
     if metadata.is_empty() {
         to.none();
         return;
