@@ -6,14 +6,20 @@ use std::sync::{Arc, LazyLock};
 
 use super::Plugin;
 use super::npy_tensor::NpyTensor;
+use super::pillow::Pillow;
 use super::pint::Pint;
+use super::xarray::XArray;
 
 /// The plug-ins that decode and encode native objects. Cheap to clone.
 #[derive(Clone)]
 pub struct Plugins(Arc<BTreeMap<String, Arc<dyn Plugin>>>);
 
 static STANDARD: LazyLock<Plugins> = LazyLock::new(|| {
-    let mut builtins: Vec<Arc<dyn Plugin>> = vec![Arc::new(Pint)];
+    let mut builtins: Vec<Arc<dyn Plugin>> = vec![
+        Arc::new(Pillow), //
+        Arc::new(Pint),
+        Arc::new(XArray),
+    ];
     builtins.extend(NpyTensor::ALL.map(|plugin| Arc::new(plugin) as _));
     Plugins(Arc::new(builtins.into_iter().map(|it| (it.key().to_owned(), it)).collect()))
 });

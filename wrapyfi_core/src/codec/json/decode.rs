@@ -1,5 +1,7 @@
 //! Text to values, in one pass.
 
+use std::cell::Cell;
+
 use bytes::Bytes;
 
 use super::super::{DecodeError, Path};
@@ -19,6 +21,8 @@ pub(super) struct Decoder<'a> {
     pub(super) plugins: &'a Plugins,
     /// Values that may still be built.
     values_left: usize,
+    /// Bytes that plug-ins have unpacked.
+    pub(super) unpacked: Cell<u64>,
     /// What `tensor` tags refer to; `None` where they are no tags.
     pub(super) tensors: Option<&'a [Tensor]>,
 }
@@ -44,7 +48,9 @@ pub(super) fn run(
         });
     }
     let values = max_values(limits);
-    let mut decoder = Decoder { bytes: text, at: 0, limits, plugins, values_left: values, tensors };
+    let unpacked = Cell::new(0);
+    let mut decoder =
+        Decoder { bytes: text, at: 0, limits, plugins, values_left: values, unpacked, tensors };
     if text.starts_with(b"\xEF\xBB\xBF") {
         return Err(decoder.malformed(&Path::Root, "a byte order mark begins the text"));
     }

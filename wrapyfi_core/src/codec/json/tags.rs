@@ -85,7 +85,7 @@ impl Decoder<'_> {
                 _ => Element::Value(self.value(path, depth)?),
             });
         }
-        let context = Context { limits: self.limits, plugins: self.plugins };
+        let context = Context::new(self.limits, self.plugins, &self.unpacked);
         match plugin.decode(&Body { elements }, &context) {
             Ok(value) => Ok(Tagged::Value(value)),
             Err(error) => {
