@@ -14,7 +14,9 @@
 //! | [`ros`] | the ROS messages of the data model | docs/wire/ros2.md |
 //! | [`jpeg`] | JPEG files | |
 //! | [`image_file`] | image files of other formats | |
+//! | [`pickle`] | pickles of plug-in objects, as data | docs/wire/pickle.md |
 
+pub(crate) mod archive;
 mod convert;
 mod error;
 pub mod frames;
@@ -23,6 +25,7 @@ pub mod jpeg;
 pub mod json;
 pub mod npy;
 mod path;
+pub mod pickle;
 mod picture;
 pub mod ros;
 mod sound;

@@ -5,12 +5,13 @@ use std::fmt;
 use std::time::Duration;
 
 use super::config::{Config, Defaults, OverflowConfig, RouteConfig, Spanned};
+use super::config_devices::DevicesConfig;
 use super::config_error::{ConfigError, Problem, did_you_mean};
 use crate::Limits;
 use crate::codec::is_convertible;
 use crate::endpoint::{EndpointAddress, Overflow, ParseAddressError, Qos, QueueSpec, TopicSpec};
-use crate::plugin::Plugins;
-use crate::types::{Encoding, MessageType};
+use crate::plugin::{DeviceMaps, Plugins};
+use crate::types::{DataType, Encoding, MessageType};
 
 /// A route as it will be run.
 #[derive(Debug, Clone, PartialEq)]
@@ -90,6 +91,9 @@ impl fmt::Display for RouteSpec {
         if let Some(hz) = self.max_rate_hz {
             write!(f, "  at most {hz} Hz")?;
         }
+        if let Some(devices) = self.plugins.devices() {
+            write!(f, "  devices {devices}")?;
+        }
         Ok(())
     }
 }
@@ -129,9 +133,12 @@ impl Plan {
             problems
                 .push(Problem { position: None, message: "no routes: nothing to do".to_owned() });
         }
+        let default_devices = device_maps(config.defaults.devices.as_ref())
+            .map_err(|problem| problems.push(problem))
+            .unwrap_or_default();
         for entry in &config.routes {
             let line = entry.referenced.line();
-            let route = match route_spec(entry, &config.defaults, middlewares) {
+            let route = match route_spec(entry, &config.defaults, &default_devices, middlewares) {
                 Ok(route) => route,
                 Err(found) => {
                     problems.extend(found);
@@ -167,6 +174,7 @@ impl Plan {
 fn route_spec(
     entry: &Spanned<RouteConfig>,
     defaults: &Defaults,
+    default_devices: &DeviceMaps,
     middlewares: &[Available<'_>],
 ) -> Result<RouteSpec, Vec<Problem>> {
     let config = &entry.value;
@@ -224,6 +232,18 @@ fn route_spec(
         OverflowConfig::DropNewest => Overflow::DropNewest,
         OverflowConfig::Block { block_ms } => Overflow::Block(Duration::from_millis(block_ms)),
     };
+    let own_devices =
+        device_maps(config.devices.as_ref()).map_err(|problem| problems.push(problem));
+    if let (Some(own), Some(message_type), Some(from_type)) =
+        (&config.devices, message_type, from_type)
+        && [message_type, from_type].iter().all(|it| it.data_type() != DataType::NativeObject)
+    {
+        let text = format!(
+            "devices has no effect on {}: only native objects hold tensors with a device",
+            config.message_type.value
+        );
+        problems.push(Problem::at(own.referenced, text));
+    }
     match (from, to, message_type.zip(from_type)) {
         (Some(from), Some(to), Some((message_type, from_type))) if problems.is_empty() => {
             if from == to {
@@ -240,10 +260,20 @@ fn route_spec(
             route.max_rate_hz = config.max_rate_hz.as_ref().map(|rate| rate.value);
             route.color_order = color_order;
             route.limits.message_bytes = mib.saturating_mul(Limits::MIB);
+            let maps = own_devices.unwrap_or_default().or_from(default_devices);
+            route.plugins = route.plugins.with_devices(maps);
             Ok(route)
         }
         _ => Err(problems),
     }
+}
+
+/// The device maps that a section `devices` makes.
+fn device_maps(devices: Option<&Spanned<DevicesConfig>>) -> Result<DeviceMaps, Problem> {
+    let Some(devices) = devices else { return Ok(DeviceMaps::default()) };
+    devices.value.maps().map_err(|(place, error)| {
+        Problem::at(place.unwrap_or(devices.referenced), error.to_string())
+    })
 }
 
 fn address(
@@ -335,6 +365,52 @@ mod tests {
         assert!(text.contains("from_type AudioChunk does not become type Image"), "{text}");
         let text = plan(&route("Imge")).unwrap_err().to_string();
         assert!(text.contains("\"Imge\" is no message type"), "{text}");
+    }
+
+    #[test]
+    fn devices_of_a_route_go_before_the_defaults() {
+        let plan = plan(
+            "defaults: { devices: { load_torch_device: cpu, load_cupy_device: 1 } }\nroutes:\n  - { from: 'zeromq:/a', to: 'ros2:/b', type: NativeObject, devices: { map_torch_devices: { cpu: 'cuda:0' } } }\n  - { from: 'zeromq:/c', to: 'ros2:/d', type: NativeObject }\n",
+        )
+        .unwrap();
+        let target = |route: usize, key, device| {
+            plan.routes[route].plugins.devices().unwrap().target(key, device).map(str::to_owned)
+        };
+        assert_eq!(target(0, "PytorchTensor", "cpu").as_deref(), Some("cuda:0"));
+        assert_eq!(target(0, "PytorchTensor", "cuda:0"), None);
+        assert_eq!(target(0, "CuPyArray", "cuda:0").as_deref(), Some("cuda:1"));
+        assert_eq!(target(1, "PytorchTensor", "cuda:0").as_deref(), Some("cpu"));
+        let shown = plan.routes[0].to_string();
+        assert!(shown.ends_with("devices torch cpu->cuda:0, cupy *->cuda:1"), "{shown}");
+    }
+
+    #[test]
+    fn wrong_devices_are_refused_with_their_line() {
+        let route = |devices: &str, message_type: &str| {
+            plan(&format!(
+                "routes:\n  - from: 'zeromq:/a'\n    to: 'ros2:/b'\n    type: {message_type}\n    devices:\n      {devices}\n"
+            ))
+            .unwrap_err()
+            .to_string()
+        };
+        let text = route("load_toch_device: cpu", "NativeObject");
+        assert!(text.starts_with("bridge.yaml:6:"), "{text}");
+        assert!(text.contains("did you mean `load_torch_device`?"), "{text}");
+        let text = route("load_torch_device: cdua:0", "NativeObject");
+        assert!(text.starts_with("bridge.yaml:6:") && text.contains("no device"), "{text}");
+        let text = route(
+            "{ load_torch_device: 'cuda:0', map_torch_devices: { default: cpu } }",
+            "NativeObject",
+        );
+        assert!(text.contains("default goes to cuda:0 and to cpu"), "{text}");
+        let text = route("load_torch_device: cpu", "Image");
+        assert!(text.contains("devices has no effect on Image"), "{text}");
+        let text = plan("defaults:\n  devices: { load_cupy_device: cpu }\nroutes:\n  - { from: 'zeromq:/a', to: 'ros2:/b', type: Image }\n  - { from: 'zeromq:/c', to: 'ros2:/d', type: Image }\n")
+            .unwrap_err()
+            .to_string();
+        assert!(text.starts_with("bridge.yaml:2:") && text.lines().count() == 1, "{text}");
+        let text = route("load_torch_device: [cpu]", "NativeObject");
+        assert!(text.contains("a device, for instance cuda:0"), "{text}");
     }
 
     #[test]

@@ -44,6 +44,7 @@
 //! ```
 
 mod body;
+mod devices;
 mod error;
 mod npy_tensor;
 mod pillow;
@@ -52,6 +53,7 @@ mod set;
 mod xarray;
 
 pub use body::{Body, Part};
+pub use devices::{DeviceError, DeviceMap, DeviceMaps, DeviceOption, Framework};
 pub use error::PluginError;
 pub use set::Plugins;
 

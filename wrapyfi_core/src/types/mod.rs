@@ -11,6 +11,8 @@
 //! Payload bytes are [`bytes::Bytes`]: passing a value on shares them.
 
 mod audio;
+#[cfg(feature = "candle")]
+mod candle;
 mod datetime;
 mod dtype;
 mod element;
@@ -27,6 +29,8 @@ mod table;
 mod tensor;
 mod value;
 
+#[cfg(feature = "candle")]
+pub use self::candle::CandleError;
 pub use audio::{AudioChunk, SampleFormat};
 pub use datetime::{DateTime, ParseDateTimeError};
 pub use dtype::Dtype;
