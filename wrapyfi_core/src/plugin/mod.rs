@@ -44,6 +44,8 @@
 //! ```
 
 mod body;
+mod dask;
+mod dask_array;
 mod devices;
 mod error;
 mod npy_tensor;
@@ -51,11 +53,13 @@ mod pillow;
 mod pint;
 mod set;
 mod xarray;
+mod zarr;
 
 pub use body::{Body, Part};
 pub use devices::{DeviceError, DeviceMap, DeviceMaps, DeviceOption, Framework};
 pub use error::PluginError;
 pub use set::Plugins;
+pub use zarr::ZarrGroup;
 
 pub(crate) use body::Element;
 

@@ -4,10 +4,12 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::{Arc, LazyLock};
 
+use super::dask::Dask;
 use super::npy_tensor::NpyTensor;
 use super::pillow::Pillow;
 use super::pint::Pint;
 use super::xarray::XArray;
+use super::zarr::Zarr;
 use super::{DeviceMaps, Plugin};
 use crate::types::Tensor;
 
@@ -21,9 +23,11 @@ pub struct Plugins {
 
 static STANDARD: LazyLock<Plugins> = LazyLock::new(|| {
     let mut builtins: Vec<Arc<dyn Plugin>> = vec![
-        Arc::new(Pillow), //
+        Arc::new(Dask),
+        Arc::new(Pillow),
         Arc::new(Pint),
         Arc::new(XArray),
+        Arc::new(Zarr),
     ];
     builtins.extend(NpyTensor::ALL.map(|plugin| Arc::new(plugin) as _));
     let by_key = builtins.into_iter().map(|it| (it.key().to_owned(), it)).collect();
