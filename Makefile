@@ -1,11 +1,11 @@
 # make demo    the main job on a bare machine: ZeroMQ in, ROS 2 out, a live table
 # make test    everything: format, lints, tests against real peers, documentation, colcon
-# make test-frameworks  plug-in objects of the real PyTorch, JAX, TensorFlow, …: downloads 400 MB once
 # make bench   raw transports, bridge and Python Wrapyfi measured by turns: bench/RESULTS.md
 # make doc     API documentation of the workspace, in target/doc
 # make fmt     formats the sources
 # make lint    lints only
 # make fuzz    fuzz targets, SECONDS_EACH=60 seconds each; see docs/fuzzing.md
+# make test-frameworks   tensors of the real PyTorch, JAX, TensorFlow, Paddle: 700 MB to download, once
 
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c

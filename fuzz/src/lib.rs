@@ -17,10 +17,12 @@
 
 mod codecs;
 mod meter;
+mod tensors;
 mod texts;
 
 pub use codecs::{cdr, frames, jpeg, json, npy};
 pub use meter::{bounded, measure};
+pub use tensors::plugin_tensor;
 pub use texts::{config, msg_parser, ros_args};
 
 use wrapyfi_core::Limits;
@@ -32,7 +34,7 @@ pub const LIMITS: Limits = Limits { message_bytes: 1 << 20, depth: 64 };
 pub type Target = (&'static str, fn(&[u8]));
 
 /// Every target.
-pub const TARGETS: [Target; 8] = [
+pub const TARGETS: [Target; 9] = [
     ("json", json),
     ("npy", npy),
     ("frames", frames),
@@ -41,4 +43,5 @@ pub const TARGETS: [Target; 8] = [
     ("msg_parser", msg_parser),
     ("ros_args", ros_args),
     ("config", config),
+    ("plugin_tensor", plugin_tensor),
 ];

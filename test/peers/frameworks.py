@@ -93,6 +93,17 @@ class Trax(Jax):
 
     after = None
 
+    @staticmethod
+    def make(seq):
+        import jax.numpy as jnp
+        # Not among Jax's: what Wrapyfi sends of it there, it cannot read itself.
+        return {"bfloat16": jnp.array([1.5, -2], dtype="bfloat16") + seq, "weak": jnp.asarray(1.5), **Jax.make(seq)}
+
+    @staticmethod
+    def facts(arrays):
+        return {name: {"jax": str(array.aval), **described(array.astype("float32") if str(array.dtype) == "bfloat16" else array)}
+                for name, array in arrays.items()}
+
 
 @case(plugin="tensorflow_tensor")
 class TensorFlow:
@@ -125,9 +136,10 @@ class Paddle:
         ramp = np.arange(6, dtype="<f4") + np.float32(seq)
         return {"float32": paddle.to_tensor(ramp.reshape(2, 3)), "int64": paddle.to_tensor([seq, 2]),
                 "half": paddle.to_tensor(ramp.astype("<f2")), "flags": paddle.to_tensor(ramp > 2),
-                "scalar": paddle.to_tensor(1.5 + seq)}
+                "bfloat16": paddle.to_tensor(ramp).astype("bfloat16"), "scalar": paddle.to_tensor(1.5 + seq)}
 
     @staticmethod
     def facts(tensors):
-        return {name: {"paddle": str(tensor.dtype), "place": str(tensor.place), **described(tensor.numpy())}
+        return {name: {"paddle": str(tensor.dtype), "place": str(tensor.place), "name": tensor.name,
+                       **described(tensor.numpy())}
                 for name, tensor in tensors.items()}

@@ -12,7 +12,8 @@ use serde::{Deserialize, Deserializer};
 use serde_saphyr::Location;
 
 use super::config::Spanned;
-use crate::plugin::{DeviceError, DeviceMaps, DeviceOption};
+use super::config_error::Problem;
+use crate::plugin::{DeviceMaps, DeviceOption};
 
 /// A device by its name, or by its number alone where a library has one kind (CuPy).
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -64,10 +65,11 @@ options! {
 }
 
 impl DevicesConfig {
-    /// The maps they make; a fault with the place of the first option.
-    pub(super) fn maps(&self) -> Result<DeviceMaps, (Option<Location>, DeviceError)> {
+    /// The maps they make; a fault at the first option, or at `section` without one.
+    pub(super) fn maps(&self, section: Location) -> Result<DeviceMaps, Problem> {
         let (options, place) = self.options();
-        DeviceMaps::from_options(options).map_err(|error| (place, error))
+        DeviceMaps::from_options(options)
+            .map_err(|error| Problem::at(place.unwrap_or(section), error.to_string()))
     }
 }
 

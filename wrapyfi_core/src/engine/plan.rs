@@ -270,10 +270,8 @@ fn route_spec(
 
 /// The device maps that a section `devices` makes.
 fn device_maps(devices: Option<&Spanned<DevicesConfig>>) -> Result<DeviceMaps, Problem> {
-    let Some(devices) = devices else { return Ok(DeviceMaps::default()) };
-    devices.value.maps().map_err(|(place, error)| {
-        Problem::at(place.unwrap_or(devices.referenced), error.to_string())
-    })
+    devices
+        .map_or_else(|| Ok(DeviceMaps::default()), |devices| devices.value.maps(devices.referenced))
 }
 
 fn address(

@@ -48,16 +48,23 @@ mod dask;
 mod dask_array;
 mod devices;
 mod error;
+mod framework;
 mod npy_tensor;
+mod numpy_pickle;
+mod paddle;
+mod pickle_text;
 mod pillow;
 mod pint;
 mod set;
+mod torch;
+mod trax;
 mod xarray;
 mod zarr;
 
 pub use body::{Body, Part};
-pub use devices::{DeviceError, DeviceMap, DeviceMaps, DeviceOption, Framework};
+pub use devices::{DeviceMap, DeviceMaps, DeviceOption};
 pub use error::PluginError;
+pub use framework::{DeviceError, Framework};
 pub use set::Plugins;
 pub use zarr::ZarrGroup;
 

@@ -6,8 +6,11 @@ use std::sync::{Arc, LazyLock};
 
 use super::dask::Dask;
 use super::npy_tensor::NpyTensor;
+use super::paddle::Paddle;
 use super::pillow::Pillow;
 use super::pint::Pint;
+use super::torch::Torch;
+use super::trax::Trax;
 use super::xarray::XArray;
 use super::zarr::Zarr;
 use super::{DeviceMaps, Plugin};
@@ -24,8 +27,11 @@ pub struct Plugins {
 static STANDARD: LazyLock<Plugins> = LazyLock::new(|| {
     let mut builtins: Vec<Arc<dyn Plugin>> = vec![
         Arc::new(Dask),
+        Arc::new(Paddle),
         Arc::new(Pillow),
         Arc::new(Pint),
+        Arc::new(Torch),
+        Arc::new(Trax),
         Arc::new(XArray),
         Arc::new(Zarr),
     ];

@@ -8,6 +8,9 @@
 //! Candle runs on CUDA devices where it is built with `candle-cuda`; any other label is an error,
 //! never a silent CPU.
 
+use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
+
 use candle_core::{DType, Device, DeviceLocation};
 use half::{bf16, f16};
 
@@ -174,12 +177,11 @@ fn device_of(label: &str) -> Result<Device, CandleError> {
 }
 
 /// A CUDA device, one object for each: candle refuses operations across two.
-#[cfg(feature = "candle-cuda")]
 fn cuda(index: usize) -> Result<Device, candle_core::Error> {
-    use std::collections::BTreeMap;
-    use std::sync::{Mutex, PoisonError};
-
     static OPEN: Mutex<BTreeMap<usize, Device>> = Mutex::new(BTreeMap::new());
+    if !cfg!(feature = "candle-cuda") {
+        return Err(candle_core::Error::Msg("built without CUDA, the feature candle-cuda".into()));
+    }
     let mut open = OPEN.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(device) = open.get(&index) {
         return Ok(device.clone());
@@ -187,9 +189,4 @@ fn cuda(index: usize) -> Result<Device, candle_core::Error> {
     let device = Device::new_cuda(index)?;
     open.insert(index, device.clone());
     Ok(device)
-}
-
-#[cfg(not(feature = "candle-cuda"))]
-fn cuda(_index: usize) -> Result<Device, candle_core::Error> {
-    Err(candle_core::Error::Msg("built without CUDA, the feature candle-cuda".to_owned()))
 }

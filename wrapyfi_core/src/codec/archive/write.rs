@@ -93,7 +93,11 @@ mod tests {
 
     #[test]
     fn other_readers_and_our_own_read_it() {
-        let members = [("archive/data.pkl", &b"\x80\x02."[..]), ("archive/data/0", &[7; 1000]), ("archive/version", b"3\n")];
+        let members = [
+            ("archive/data.pkl", &b"\x80\x02."[..]),
+            ("archive/data/0", &[7; 1000]),
+            ("archive/version", b"3\n"),
+        ];
         let mut writer = Writer::with_capacity(2000);
         for (name, content) in members {
             writer.add(name, content).unwrap();

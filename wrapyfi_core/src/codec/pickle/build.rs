@@ -138,8 +138,10 @@ impl Machine<'_> {
     /// The one way in which a function of the standard library makes an object from a class: by its
     /// base `object`.
     fn check_reconstructor(&self, args: &[NodeId]) -> Result<()> {
-        let is_object = |id| matches!(self.arena.kind(id), Kind::Global(global)
-            if global.module == "builtins" && global.name == "object");
+        let is_object = |id| {
+            matches!(self.arena.kind(id), Kind::Global(global)
+            if global.module == "builtins" && global.name == "object")
+        };
         match *args {
             [class, base, NodeId::NONE]
                 if is_object(base) && matches!(self.arena.kind(class), Kind::Global(_)) =>

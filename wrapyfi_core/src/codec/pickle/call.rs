@@ -4,7 +4,8 @@ use super::arena::CallData;
 use super::error::PickleError;
 use super::globals::Global;
 use super::items::{Items, Pairs};
-use super::node::{Node, Step, View};
+use super::node::{Node, View};
+use super::trail::Step;
 
 /// An object as its pickle describes it.
 ///

@@ -71,6 +71,18 @@ pub enum PickleError {
         /// Byte of the opcode that made it.
         at: usize,
     },
+    /// The object is of the right kind, but its parts make no value.
+    #[error("the {what} at {path} cannot be read: {reason} (byte {at})")]
+    Invalid {
+        /// What it should be.
+        what: &'static str,
+        /// Where in the object.
+        path: String,
+        /// What is wrong, with the numbers.
+        reason: String,
+        /// Byte of the opcode that made it.
+        at: usize,
+    },
 }
 
 fn remedy(what: &str) -> &'static str {

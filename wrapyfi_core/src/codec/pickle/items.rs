@@ -2,7 +2,8 @@
 
 use super::arena::NodeId;
 use super::error::PickleError;
-use super::node::{Node, Step, View};
+use super::node::{Node, View};
+use super::trail::Step;
 
 /// Members in their order: of a `list`, `tuple`, `set`, or the arguments of a call.
 #[derive(Debug, Clone, Copy)]
@@ -111,7 +112,8 @@ impl<'p> Pairs<'p> {
     /// # Errors
     /// When there is none.
     pub fn get(&self, key: &str) -> Result<Node<'p>, PickleError> {
-        self.find(key).ok_or_else(|| self.owner.unexpected(format!("something with the key {key:?}")))
+        self.find(key)
+            .ok_or_else(|| self.owner.unexpected(format!("something with the key {key:?}")))
     }
 
     /// All of them, key and value.

@@ -7,9 +7,8 @@
 //! ```
 
 use bytes::Bytes;
-use num_bigint::BigInt;
 
-use super::arena::{Arena, EDGE, Kind, NodeId, Pickle, Span};
+use super::arena::{Arena, Kind, NodeId, Pickle, Span};
 use super::error::PickleError;
 use super::globals::Allowed;
 use super::scan::Scanner;
@@ -18,27 +17,20 @@ use crate::Limits;
 
 pub(super) type Result<T> = std::result::Result<T, PickleError>;
 
-/// Newest protocol there is.
-const PROTOCOL: u8 = 5;
-/// Digits of the longest integer written as text: Python's own limit.
-const MAX_DIGITS: usize = 4300;
-/// Not in the memo.
-const UNSET: NodeId = NodeId(u32::MAX);
-
 pub(super) struct Machine<'a> {
-    scanner: Scanner<'a>,
-    buffers: &'a [Bytes],
-    allowed: &'a Allowed,
+    pub(super) scanner: Scanner<'a>,
+    pub(super) buffers: &'a [Bytes],
+    pub(super) allowed: &'a Allowed,
     pub(super) arena: Arena,
-    stack: Vec<NodeId>,
+    pub(super) stack: Vec<NodeId>,
     /// Heights of the stack at each mark.
-    marks: Vec<usize>,
-    memo: Vec<NodeId>,
+    pub(super) marks: Vec<usize>,
+    pub(super) memo: Vec<NodeId>,
     /// Objects in the memo, which is the number of the next one.
-    memoised: usize,
-    next_buffer: usize,
+    pub(super) memoised: usize,
+    pub(super) next_buffer: usize,
     /// Code and byte of the instruction at work.
-    code: u8,
+    pub(super) code: u8,
     pub(super) at: usize,
 }
 
@@ -314,7 +306,7 @@ impl<'a> Machine<'a> {
         }
     }
 
-    fn pop(&mut self) -> Result<NodeId> {
+    pub(super) fn pop(&mut self) -> Result<NodeId> {
         let top = self.top()?;
         self.stack.pop();
         Ok(top)
@@ -338,216 +330,4 @@ impl<'a> Machine<'a> {
     pub(super) fn span_bytes(&self, span: Span) -> &'a [u8] {
         self.scanner.get(span)
     }
-
-    // The memo.
-
-    fn put(&mut self, index: u64) -> Result<()> {
-        let top = self.top()?;
-        // A pickler counts, and every object takes a byte at least.
-        let limit = self.scanner.data.len();
-        let place = usize::try_from(index).ok().filter(|&place| place <= limit);
-        let place = place.ok_or(PickleError::TooLarge {
-            what: "memo index",
-            at: self.at,
-            actual: index,
-            limit: limit as u64,
-        })?;
-        if place >= self.memo.len() {
-            self.arena.charge((place + 1 - self.memo.len()) * EDGE, self.at)?;
-            self.memo.resize(place + 1, UNSET);
-        }
-        if let Some(entry) = self.memo.get_mut(place) {
-            self.memoised += usize::from(*entry == UNSET);
-            *entry = top;
-        }
-        Ok(())
-    }
-
-    fn get(&mut self, index: u64) -> Result<()> {
-        let entry = usize::try_from(index).ok().and_then(|index| self.memo.get(index)).copied();
-        match entry.filter(|&id| id != UNSET) {
-            Some(id) => {
-                self.stack.push(id);
-                Ok(())
-            }
-            None => Err(self.fault(format!("the memo has no object number {index}"))),
-        }
-    }
-
-    fn index(&mut self, what: &'static str) -> Result<u64> {
-        let line = self.scanner.line(what)?;
-        self.line_text(line)
-            .and_then(|text| text.parse().ok())
-            .ok_or_else(|| self.fault("the memo's index is no number"))
-    }
-
-    fn line_text(&self, line: Span) -> Option<&'a str> {
-        str::from_utf8(self.scanner.get(line)).ok().map(str::trim)
-    }
-
-    // Headers.
-
-    fn protocol(&mut self) -> Result<()> {
-        let [version] = self.scanner.array("PROTO")?;
-        if version > PROTOCOL {
-            return Err(self.fault(format!("protocol {version}, the newest known is {PROTOCOL}")));
-        }
-        Ok(())
-    }
-
-    /// A frame says only how much may be read ahead; one that is not there is refused.
-    fn frame(&mut self) -> Result<()> {
-        let length = u64::from_le_bytes(self.scanner.array("FRAME")?);
-        let start = self.scanner.at;
-        self.scanner.span("a frame", length)?;
-        self.scanner.at = start;
-        Ok(())
-    }
-
-    // Atoms.
-
-    /// The bytes behind a length of `width` bytes.
-    fn counted_span(&mut self, width: u8) -> Result<Span> {
-        let length = match width {
-            1 => u64::from(u8::from_le_bytes(self.scanner.array("a length")?)),
-            4 => u64::from(u32::from_le_bytes(self.scanner.array("a length")?)),
-            _ => u64::from_le_bytes(self.scanner.array("a length")?),
-        };
-        self.scanner.span("counted bytes", length)
-    }
-
-    fn counted(&mut self, width: u8, kind: fn(Span) -> Kind) -> Result<()> {
-        let span = self.counted_span(width)?;
-        self.push(kind(span))
-    }
-
-    fn unicode(&mut self, width: u8) -> Result<()> {
-        let span = self.counted_span(width)?;
-        let kind = text::utf8(self.scanner.get(span), span);
-        let kind = kind.ok_or_else(|| self.fault("the text is not UTF-8"))?;
-        self.push(kind)
-    }
-
-    fn byte_string(&mut self, width: u8) -> Result<()> {
-        let span = self.counted_span(width)?;
-        self.push(text::latin1(self.scanner.get(span), Some(span)))
-    }
-
-    fn long(&mut self, width: u8) -> Result<()> {
-        let span = self.counted_span(width)?;
-        let value = BigInt::from_signed_bytes_le(self.scanner.get(span));
-        self.push_integer(value)
-    }
-
-    fn push_integer(&mut self, value: BigInt) -> Result<()> {
-        let kind = i64::try_from(&value);
-        self.push(kind.map_or_else(|_| Kind::BigInt(Box::new(value)), Kind::Int))
-    }
-
-    /// `INT`, where `00` and `01` are bools, and `LONG`, which may end in `L`.
-    fn decimal(&mut self) -> Result<()> {
-        let line = self.scanner.line("an integer")?;
-        let bytes = self.scanner.get(line);
-        if let (op::INT, b"00" | b"01") = (self.code, bytes) {
-            self.stack.push(if bytes == b"01" { NodeId::TRUE } else { NodeId::FALSE });
-            return Ok(());
-        }
-        if bytes.len() > MAX_DIGITS + 2 {
-            return Err(self.fault(format!("more than {MAX_DIGITS} digits")));
-        }
-        let digits = self.line_text(line).unwrap_or_default();
-        let value = digits.strip_suffix('L').unwrap_or(digits).parse::<BigInt>();
-        let value = value.ok().ok_or_else(|| self.fault("no integer"))?;
-        self.push_integer(value)
-    }
-
-    fn float(&mut self) -> Result<()> {
-        let line = self.scanner.line("FLOAT")?;
-        let value = self.line_text(line).and_then(|text| text.parse().ok());
-        let value = value.ok_or_else(|| self.fault("no float"))?;
-        self.push(Kind::Float(value))
-    }
-
-    fn buffer(&mut self) -> Result<()> {
-        let index = self.next_buffer;
-        if index >= self.buffers.len() {
-            return Err(PickleError::Buffer {
-                wanted: index + 1,
-                count: self.buffers.len(),
-                at: self.at,
-            });
-        }
-        self.next_buffer += 1;
-        let index = u32::try_from(index).ok().ok_or_else(|| self.fault("too many buffers"))?;
-        self.push(Kind::Buffer { index, readonly: false })
-    }
-
-    fn readonly(&mut self) -> Result<()> {
-        let top = self.top()?;
-        match *self.arena.kind(top) {
-            Kind::Buffer { index, .. } => {
-                self.pop()?;
-                self.push(Kind::Buffer { index, readonly: true })
-            }
-            Kind::ByteArray(span) => {
-                self.pop()?;
-                self.push(Kind::Bytes(span))
-            }
-            Kind::Bytes(_) | Kind::OwnedBytes(_) => Ok(()),
-            ref other => Err(self.fault(format!("{} is no buffer", other.name()))),
-        }
-    }
-
-    // Globals.
-
-    fn find_global(&mut self, module: &str, name: &str) -> Result<NodeId> {
-        match self.allowed.find(module, name) {
-            Some(global) => self.arena.add(Kind::Global(global), self.at),
-            None => Err(PickleError::Refused { global: shorten(module, name), at: self.at }),
-        }
-    }
-
-    fn named_global(&mut self) -> Result<NodeId> {
-        let [module, name] = [self.scanner.line("a module")?, self.scanner.line("a name")?]
-            .map(|line| String::from_utf8_lossy(self.scanner.get(line)));
-        self.find_global(&module, &name)
-    }
-
-    fn stack_global(&mut self) -> Result<()> {
-        let name = self.pop()?;
-        let module = self.pop()?;
-        let text = |id| match self.arena.kind(id) {
-            Kind::Str(span) => str::from_utf8(self.scanner.get(*span)).ok(),
-            _ => None,
-        };
-        // Text that is not plain UTF-8 in the pickle is no name of an entry.
-        let (Some(module), Some(name)) = (text(module), text(name)) else {
-            return Err(self.fault("module and name are not two plain strings"));
-        };
-        let global = self.find_global(module, name)?;
-        self.stack.push(global);
-        Ok(())
-    }
-
-    fn check_persistent(&self) -> Result<()> {
-        if self.allowed.has_persistent_ids() {
-            return Ok(());
-        }
-        Err(self.fault("nothing lies beside this pickle that an id could refer to"))
-    }
-}
-
-/// Characters of a name that are shown: names come from foreign messages.
-const SHOWN: usize = 60;
-
-fn shorten(module: &str, name: &str) -> String {
-    let cut = |text: &str| {
-        let shown: String = text.chars().take(SHOWN).map(printable).collect();
-        if shown.chars().count() < text.chars().count() { shown + "…" } else { shown }
-    };
-    format!("{}.{}", cut(module), cut(name))
-}
-
-fn printable(c: char) -> char {
-    if c.is_control() { '?' } else { c }
 }

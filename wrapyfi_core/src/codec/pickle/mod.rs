@@ -12,25 +12,39 @@
 //! lists.
 
 mod arena;
+mod atoms;
 mod build;
+mod builtin;
 mod call;
+mod dtype;
 mod error;
 mod globals;
 mod items;
 mod machine;
+mod names;
 mod node;
+mod numpy;
 mod opcode;
+mod rewrite;
 mod scan;
 mod text;
+mod trail;
+mod value;
+mod write;
+mod write_numpy;
 
 use bytes::Bytes;
 
 pub use arena::{NodeId, Pickle};
+pub use builtin::Slice;
 pub use call::Call;
+pub use dtype::ArrayDtype;
 pub use error::PickleError;
 pub use globals::{Allowed, Global};
 pub use items::{Items, Pairs};
 pub use node::{Node, View};
+pub use numpy::PickledArray;
+pub use write::{Pickled, Protocol, Writer};
 
 use crate::Limits;
 
