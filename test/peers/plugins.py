@@ -11,6 +11,8 @@ import pathlib
 import shutil
 import tempfile
 
+import payload
+
 CASES = {}
 
 
@@ -50,6 +52,11 @@ def digest(facts):
     return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
 
 
+def plain(found):
+    """Plain JSON of a dict; NaN and what JSON has no form for as text."""
+    return json.loads(json.dumps(found, default=str).replace("NaN", '"NaN"'))
+
+
 # NumPy needs no plug-in: it is here because every library's object must travel in this way.
 
 
@@ -65,6 +72,18 @@ class Numpy:
         return {"dtype": array.dtype.str, "shape": list(array.shape), "values": array.tolist()}
 
 
+@case(plugin=None)
+class Frame:
+    """A camera frame as OpenCV has it."""
+    @staticmethod
+    def make(seq):
+        return payload.image(seq)
+
+    @staticmethod
+    def facts(array):
+        return {"pixels": payload.digest(array)}
+
+
 @case(plugin="pint_quantities")
 class Pint:
     @staticmethod
@@ -75,3 +94,75 @@ class Pint:
     @staticmethod
     def facts(quantity):
         return {"magnitude": float(quantity.magnitude), "units": str(quantity.units)}
+
+
+def pixels(image):
+    """Mode and size of a Pillow image, and the hash of its pixels as OpenCV would have them."""
+    import numpy as np
+    array = np.array(image)
+    if image.mode in ("RGB", "RGBA"):
+        array = array[..., [2, 1, 0, 3][: array.shape[2]]]
+    return {"mode": image.mode, "size": list(image.size), "pixels": payload.digest(array)}
+
+
+@case(plugin="pillow_image")
+class PillowFile:
+    """An image that came from a file travels as that file."""
+    facts = staticmethod(pixels)
+
+    @staticmethod
+    def make(seq):
+        from io import BytesIO
+        from PIL import Image
+        file = BytesIO()
+        Image.fromarray(payload.image(seq)).save(file, "PNG")
+        return Image.open(file)
+
+
+def pillow_case(name, mode):
+    """An image made in memory: Wrapyfi sends its pixels, and reads them wrong."""
+    class Made:
+        facts = staticmethod(pixels)
+
+        @staticmethod
+        def make(seq):
+            from PIL import Image
+            colour = Image.fromarray(payload.image(seq))
+            if mode in ("RGB", "L", "RGBA", "1", "F", "I"):
+                return colour.convert(mode)
+            return Image.fromarray((payload.image(seq, "mono").astype("<u2") << 7) + seq)
+    Made.__name__ = name
+    return case(plugin="pillow_image")(Made)
+
+
+for _name, _mode in [("PillowRgb", "RGB"), ("PillowL", "L"), ("PillowRgba", "RGBA"), ("PillowBits", "1"),
+                     ("PillowF", "F"), ("PillowI", "I"), ("PillowI16", "I;16")]:
+    pillow_case(_name, _mode)
+
+
+@case(plugin="xarray_data")
+class XArray:
+    @staticmethod
+    def make(seq):
+        import numpy as np
+        import xarray
+        days = np.array(["2024-01-01", "2024-01-02"], dtype="datetime64[ns]")
+        return xarray.DataArray(np.array([[0.5, np.nan, 2.0], [3.0, 4.0, 5.0]]) + seq, dims=("time", "x"), name="t",
+                                coords={"time": days, "x": [10, 20, 30], "place": "a"}, attrs={"unit": "K"})
+
+    @staticmethod
+    def facts(array):
+        return plain(array.to_dict()) | {"dtype": str(array.dtype)}
+
+
+@case(plugin="xarray_data")
+class XArraySet:
+    @staticmethod
+    def make(seq):
+        import xarray
+        return xarray.Dataset({"a": ("x", [seq, 2]), "b": (("x", "y"), [[True], [False]]), "s": ("x", ["u", "v"])},
+                              coords={"x": [0.5, 1.5]}, attrs={"made": "here", "list": [1, None]})
+
+    @staticmethod
+    def facts(dataset):
+        return plain(dataset.to_dict())

@@ -27,6 +27,7 @@ parser.add_argument("role", choices=["publish", "listen"])
 parser.add_argument("--type", default="NativeObject", choices=sorted(FLAVOURS))
 parser.add_argument("--flavour")
 parser.add_argument("--case", help="an object of another library, by its name in plugins.py, instead of a flavour")
+parser.add_argument("--bare", action="store_true", help="the case's object itself, not a dict that has it")
 parser.add_argument("--cases", default="plugins", help="the module that has the case")
 parser.add_argument("--topic", required=True)
 parser.add_argument("--pub-port", type=int, required=True, help="XPUB side of the broker: listeners")
@@ -70,7 +71,7 @@ elif args.type == "AudioChunk":
 
 def make(seq):
     if case:
-        return {"object": case.make(seq)}
+        return case.make(seq) if args.bare else {"object": case.make(seq)}
     if args.type == "Image":
         return payload.image(seq, flavour)
     if args.type == "AudioChunk":
@@ -88,7 +89,9 @@ def facts(value):
     """What identifies a message: hash and shape; for a JPEG sent also hashes of file and decoded pixels."""
     found = {}
     if case:
-        found["facts"] = case.facts(value["object"])
+        found["facts"] = case.facts(value if args.bare else value["object"])
+        if "pixels" in found["facts"]:
+            found["pixels"] = found["facts"]["pixels"]
         return {**found, "sha256": cases.digest(found["facts"])}
     if args.type == "AudioChunk":
         value, found["rate"] = value[0], int(value[1])

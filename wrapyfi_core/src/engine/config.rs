@@ -72,6 +72,9 @@ pub struct RouteConfig {
     /// Message type: see [`crate::types::MessageType`].
     #[serde(rename = "type")]
     pub message_type: Spanned<String>,
+    /// Message type at the source, where it is another than at the destination (default: `type`).
+    #[serde(default)]
+    pub from_type: Option<Spanned<String>>,
     /// Name in tables and logs (default `from -> to`).
     #[serde(default)]
     pub name: Option<String>,

@@ -8,6 +8,7 @@ use super::config::{Config, Defaults, OverflowConfig, RouteConfig, Spanned};
 use super::config_devices::DevicesConfig;
 use super::config_error::{ConfigError, Problem, did_you_mean};
 use crate::Limits;
+use crate::codec::is_convertible;
 use crate::endpoint::{EndpointAddress, Overflow, ParseAddressError, Qos, QueueSpec, TopicSpec};
 use crate::plugin::{DeviceMaps, Plugins};
 use crate::types::{DataType, Encoding, MessageType};
@@ -21,8 +22,10 @@ pub struct RouteSpec {
     pub from: EndpointAddress,
     /// Destination.
     pub to: EndpointAddress,
-    /// Type of its messages.
+    /// Type of its messages, at the destination and, unless `from_type` says otherwise, at the source.
     pub message_type: MessageType,
+    /// Type of the messages at the source.
+    pub from_type: MessageType,
     /// Quality of service on middlewares that have one.
     pub qos: Qos,
     /// Queue between source and conversion.
@@ -46,6 +49,7 @@ impl RouteSpec {
             from,
             to,
             message_type,
+            from_type: message_type,
             qos: Qos::default(),
             queue: QueueSpec::default(),
             max_rate_hz: None,
@@ -58,9 +62,10 @@ impl RouteSpec {
     /// What to open at `address`, one of the route's two ends.
     #[must_use]
     pub fn topic_spec(&self, address: &EndpointAddress) -> TopicSpec {
+        let at_source = *address == self.from;
         TopicSpec {
             topic: address.name.clone(),
-            message_type: self.message_type,
+            message_type: if at_source { self.from_type } else { self.message_type },
             qos: self.qos,
             queue: self.queue,
             color_order: self.color_order,
@@ -72,7 +77,11 @@ impl RouteSpec {
 
 impl fmt::Display for RouteSpec {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} -> {}  {}", self.from, self.to, self.message_type.ros_type())?;
+        write!(f, "{} -> {}  ", self.from, self.to)?;
+        if self.from_type != self.message_type {
+            write!(f, "{} as ", self.from_type.ros_type())?;
+        }
+        write!(f, "{}", self.message_type.ros_type())?;
         write!(f, "  queue {} ", self.queue.depth)?;
         match self.queue.overflow {
             Overflow::DropOldest => write!(f, "drop_oldest")?,
@@ -172,12 +181,23 @@ fn route_spec(
     let mut problems = Vec::new();
     let from = address(&config.from, middlewares).map_err(|problem| problems.push(problem)).ok();
     let to = address(&config.to, middlewares).map_err(|problem| problems.push(problem)).ok();
-    let message_type = &config.message_type;
-    let message_type = message_type
-        .value
-        .parse::<MessageType>()
-        .map_err(|error| problems.push(Problem::at(message_type.referenced, error.to_string())))
-        .ok();
+    let mut parse_type = |text: &Spanned<String>| {
+        let parsed = text.value.parse::<MessageType>();
+        parsed.map_err(|error| problems.push(Problem::at(text.referenced, error.to_string()))).ok()
+    };
+    let message_type = parse_type(&config.message_type);
+    let from_type = config.from_type.as_ref().map_or(message_type, parse_type);
+    if let (Some(written), Some(from), Some(to)) = (&config.from_type, from_type, message_type)
+        && !is_convertible(from.data_type(), to.data_type())
+    {
+        let text = format!(
+            "from_type {from} does not become type {to}: {} and {} only become each other through \
+             NativeObject",
+            from.data_type(),
+            to.data_type()
+        );
+        problems.push(Problem::at(written.referenced, text));
+    }
     let color_order = match &config.encoding {
         None => Encoding::Bgr8,
         Some(encoding) => match encoding.value.as_str() {
@@ -214,8 +234,9 @@ fn route_spec(
     };
     let own_devices =
         device_maps(config.devices.as_ref()).map_err(|problem| problems.push(problem));
-    if let (Some(own), Some(message_type)) = (&config.devices, &message_type)
-        && message_type.data_type() != DataType::NativeObject
+    if let (Some(own), Some(message_type), Some(from_type)) =
+        (&config.devices, message_type, from_type)
+        && [message_type, from_type].iter().all(|it| it.data_type() != DataType::NativeObject)
     {
         let text = format!(
             "devices has no effect on {}: only native objects hold tensors with a device",
@@ -223,13 +244,14 @@ fn route_spec(
         );
         problems.push(Problem::at(own.referenced, text));
     }
-    match (from, to, message_type) {
-        (Some(from), Some(to), Some(message_type)) if problems.is_empty() => {
+    match (from, to, message_type.zip(from_type)) {
+        (Some(from), Some(to), Some((message_type, from_type))) if problems.is_empty() => {
             if from == to {
                 let text = format!("route from {from} to itself: it would loop");
                 return Err(vec![Problem::at(entry.referenced, text)]);
             }
             let mut route = RouteSpec::new(from, to, message_type);
+            route.from_type = from_type;
             if let Some(name) = &config.name {
                 route.name.clone_from(name);
             }
@@ -311,6 +333,36 @@ mod tests {
             route.to_string(),
             "zeromq:/a -> ros2:/b  sensor_msgs/msg/Image  queue 3 drop_oldest  at most 15 Hz"
         );
+    }
+
+    #[test]
+    fn a_route_may_carry_another_type_at_its_source() {
+        let plan = plan(
+            "routes:\n  - { from: 'zeromq:/a', to: 'ros2:/b', type: Image, from_type: NativeObject }\n",
+        )
+        .unwrap();
+        let route = &plan.routes[0];
+        assert_eq!(route.topic_spec(&route.from).message_type, MessageType::NativeObject);
+        assert_eq!(route.topic_spec(&route.to).message_type, MessageType::Image);
+        let shown = route.to_string();
+        assert!(
+            shown.contains("  wrapyfi_msgs/msg/NativeObject as sensor_msgs/msg/Image  "),
+            "{shown}"
+        );
+    }
+
+    #[test]
+    fn a_source_type_that_cannot_become_the_other_is_refused() {
+        let route = |from_type: &str| {
+            format!(
+                "routes:\n  - {{ from: 'zeromq:/a', to: 'ros2:/b', type: Image, from_type: {from_type} }}\n"
+            )
+        };
+        let text = plan(&route("AudioChunk")).unwrap_err().to_string();
+        assert!(text.contains("bridge.yaml:2:"), "{text}");
+        assert!(text.contains("from_type AudioChunk does not become type Image"), "{text}");
+        let text = plan(&route("Imge")).unwrap_err().to_string();
+        assert!(text.contains("\"Imge\" is no message type"), "{text}");
     }
 
     #[test]

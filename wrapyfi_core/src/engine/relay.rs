@@ -14,9 +14,11 @@ use std::time::{Duration, Instant};
 use super::backoff::Backoff;
 use super::plan::RouteSpec;
 use super::route::{RouteState, RouteStatus};
+use crate::codec::convert_payload;
 use crate::endpoint::{
-    Context, DropReason, Listener, Middleware, OpenError, Publisher, Registry, Wake,
+    Context, DropReason, Listener, Middleware, OpenError, Publisher, Registry, Sample, Wake,
 };
+use crate::types::Stamp;
 
 /// Messages moved in one step, so that a flooded route lets the others have their turn.
 const BATCH: usize = 16;
@@ -152,10 +154,7 @@ impl Relay {
                     self.context.counters.dropped(DropReason::RateLimit);
                     continue;
                 }
-                Ok(Some(sample)) => publisher
-                    .publish(&sample.payload)
-                    .map(|bytes| (bytes, sample.received_at))
-                    .map_err(|error| (error.drop_reason(), error.to_string())),
+                Ok(Some(sample)) => forward(&self.spec, sample, publisher.as_mut()),
                 Err(error) => Err((error.drop_reason(), error.to_string())),
             };
             moved += 1;
@@ -232,6 +231,22 @@ impl<T: ?Sized> End<T> {
             }
             Err(error) => self.trouble = Some(RouteState::Error(error.to_string())),
         }
+    }
+}
+
+/// Hands a message on in the type that the destination carries; its size there and when it came.
+fn forward(
+    spec: &RouteSpec,
+    sample: Sample,
+    publisher: &mut dyn Publisher,
+) -> Result<(usize, Instant), (DropReason, String)> {
+    let Sample { payload, received_at, .. } = sample;
+    let kind = spec.message_type.data_type();
+    let payload = convert_payload(payload, kind, spec.color_order, &spec.limits, Stamp::now)
+        .map_err(|error| (error.drop_reason(), error.to_string()))?;
+    match publisher.publish(&payload) {
+        Ok(bytes) => Ok((bytes, received_at)),
+        Err(error) => Err((error.drop_reason(), error.to_string())),
     }
 }
 

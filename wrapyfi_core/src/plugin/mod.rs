@@ -45,6 +45,9 @@
 
 mod body;
 mod budget;
+mod dask;
+mod dask_array;
+mod dask_frame;
 mod devices;
 mod error;
 mod framework;
@@ -53,18 +56,22 @@ mod numpy_pickle;
 mod paddle;
 mod pandas;
 mod pickle_text;
+mod pillow;
 mod pint;
 mod pyarrow;
 mod set;
 mod stack;
 mod torch;
 mod trax;
+mod xarray;
+mod zarr;
 
 pub use body::{Body, Part};
 pub use devices::{DeviceMap, DeviceMaps, DeviceOption};
 pub use error::PluginError;
 pub use framework::{DeviceError, Framework};
 pub use set::Plugins;
+pub use zarr::ZarrGroup;
 
 pub(crate) use body::Element;
 
@@ -134,6 +141,13 @@ impl<'a> Context<'a> {
     pub fn left(&self) -> Limits {
         let unpacked = usize::try_from(self.unpacked.get()).unwrap_or(usize::MAX);
         let message_bytes = self.limits.message_bytes.saturating_sub(unpacked);
+        Limits { message_bytes, ..*self.limits }
+    }
+
+    /// Limits for JSON inside a part of `length` bytes: room for as many values as Python's `json`
+    /// can write into it, at three bytes each.
+    pub(crate) fn limits_within(&self, length: usize) -> Limits {
+        let message_bytes = length.saturating_mul(3).min(self.limits.message_bytes);
         Limits { message_bytes, ..*self.limits }
     }
 }

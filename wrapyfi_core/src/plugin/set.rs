@@ -4,13 +4,17 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::{Arc, LazyLock};
 
+use super::dask::Dask;
 use super::npy_tensor::NpyTensor;
 use super::paddle::Paddle;
 use super::pandas::{Pandas, PandasLegacy};
+use super::pillow::Pillow;
 use super::pint::Pint;
 use super::pyarrow::PyArrow;
 use super::torch::Torch;
 use super::trax::Trax;
+use super::xarray::XArray;
+use super::zarr::Zarr;
 use super::{DeviceMaps, Plugin};
 use crate::types::Tensor;
 
@@ -24,13 +28,17 @@ pub struct Plugins {
 
 static STANDARD: LazyLock<Plugins> = LazyLock::new(|| {
     let mut builtins: Vec<Arc<dyn Plugin>> = vec![
+        Arc::new(Dask),
         Arc::new(Paddle),
         Arc::new(Pandas),
         Arc::new(PandasLegacy),
+        Arc::new(Pillow),
         Arc::new(Pint),
         Arc::new(PyArrow),
         Arc::new(Torch),
         Arc::new(Trax),
+        Arc::new(XArray),
+        Arc::new(Zarr),
     ];
     builtins.extend(NpyTensor::ALL.map(|plugin| Arc::new(plugin) as _));
     let by_key = builtins.into_iter().map(|it| (it.key().to_owned(), it)).collect();

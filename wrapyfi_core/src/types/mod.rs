@@ -19,6 +19,7 @@ mod element;
 mod image;
 mod labelled;
 mod map;
+mod nested;
 mod object;
 mod origin;
 mod payload;
@@ -50,4 +51,5 @@ pub use value::{Tagged, Value};
 
 pub(crate) use element::swap_byte_order;
 pub(crate) use map::unique_members;
+pub(crate) use nested::{nested_list, rectangular};
 pub(crate) use shape::element_count;

@@ -13,6 +13,8 @@ mod header;
 mod literal;
 mod transpose;
 
+pub(crate) use transpose::to_row_major;
+
 use std::borrow::Cow;
 
 use bytes::Bytes;
@@ -164,6 +166,11 @@ pub(crate) fn shared_parts(tensor: &Tensor) -> (Vec<u8>, Bytes) {
         (header, Cow::Borrowed(_)) => (header, tensor.data.clone()),
         (header, Cow::Owned(data)) => (header, data.into()),
     }
+}
+
+/// Header of a file of elements `code`, for instance `<i4`, in row-major order.
+pub(crate) fn header_for(code: &str, shape: &[usize]) -> Vec<u8> {
+    header::write(&format!("'{code}'"), shape)
 }
 
 /// Header of a file, for writers that encode the elements on the way.

@@ -4,7 +4,7 @@ use bytes::Bytes;
 
 /// The elements of a column-major array with this shape in row-major order. Shared where both
 /// orders are the same.
-pub(super) fn to_row_major(data: Bytes, shape: &[usize], itemsize: usize) -> Bytes {
+pub(crate) fn to_row_major(data: Bytes, shape: &[usize], itemsize: usize) -> Bytes {
     let long_axes = shape.iter().filter(|&&extent| extent != 1).count();
     if long_axes < 2 || data.is_empty() {
         return data;
