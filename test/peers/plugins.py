@@ -166,3 +166,89 @@ class XArraySet:
     @staticmethod
     def facts(dataset):
         return plain(dataset.to_dict())
+
+
+def frame_facts(frame):
+    """Everything that pandas compares of a frame: labels, types and values."""
+    index = frame.index
+    return plain({"columns": [str(label) for label in frame.columns], "dtypes": [str(dtype) for dtype in frame.dtypes],
+                  "columns_type": f"{type(frame.columns).__name__} {frame.columns.dtype} {frame.columns.name}",
+                  "index": [str(label) for label in index], "index_type": f"{type(index).__name__} {index.dtype} {index.name}",
+                  "values": [[repr(value) for value in frame[label].tolist()] for label in frame.columns]})
+
+
+@case(plugin="pandas_data")
+class PandasFrame:
+    facts = staticmethod(frame_facts)
+
+    @staticmethod
+    def make(seq):
+        import pandas
+        return pandas.DataFrame({"a": [seq, 2], "s": ["x", None], "t": pandas.to_datetime(["2024-01-01", "2024-01-02"])},
+                                index=pandas.Index(["first", "second"], name="row"))
+
+
+@case(plugin="pandas_data")
+class PandasTypes:
+    facts = staticmethod(frame_facts)
+
+    @staticmethod
+    def make(seq):
+        import numpy as np
+        import pandas
+        return pandas.DataFrame({
+            "i8": np.array([seq % 100, -1], "i1"), "u16": np.array([1, 65535], "u2"), "f4": np.array([0.5, np.nan], "f4"),
+            "yes": [True, False], "Int64": pandas.array([1, None], "Int64"), "boolean": pandas.array([True, None], "boolean"),
+            "Float32": pandas.array([0.25, None], "Float32"), "object": np.array(["x", None], object),
+            "category": pandas.Categorical(["b", "a"], categories=["b", "a", "c"], ordered=True),
+            "delta": pandas.to_timedelta([1, None], unit="s"),
+            "zone": pandas.to_datetime(["2024-01-01", "2024-06-01"], utc=True), 7: [1.0, 2.0]},
+            index=pandas.RangeIndex(10, 30, 10))
+
+
+@case(plugin="pandas_data")
+class PandasSeries:
+    @staticmethod
+    def make(seq):
+        import pandas
+        return pandas.Series([0.5, float("nan"), seq], name="speed", index=pandas.DatetimeIndex(["2024-01-01", "2024-01-02", "2024-01-03"]))
+
+    @staticmethod
+    def facts(series):
+        return frame_facts(series.to_frame()) | {"type": type(series).__name__, "name": series.name}
+
+
+@case(plugin="pandas_data")
+class PandasIndex:
+    @staticmethod
+    def make(seq):
+        import pandas
+        return pandas.Index([seq, 5, 7], name="n")
+
+    @staticmethod
+    def facts(index):
+        return {"type": type(index).__name__, "dtype": str(index.dtype), "name": index.name, "values": index.tolist()}
+
+
+def arrow_facts(array):
+    return plain({"type": str(array.type), "values": array.to_pylist()})
+
+
+@case(plugin="pyarrow_array")
+class ArrowArray:
+    facts = staticmethod(arrow_facts)
+
+    @staticmethod
+    def make(seq):
+        import pyarrow
+        return pyarrow.array([seq, 2, None, 4]).slice(1, 3) if seq % 2 else pyarrow.array(["a", None, str(seq)])
+
+
+@case(plugin="pyarrow_array")
+class ArrowStruct:
+    facts = staticmethod(arrow_facts)
+
+    @staticmethod
+    def make(seq):
+        import pyarrow
+        return pyarrow.array([{"x": seq, "list": [1, 2]}, None, {"x": 3, "list": None}])

@@ -103,6 +103,12 @@ travels! {
     pillow_images_of_floats_travel: "PIL", "pillowf" as "picture";
     pillow_images_of_integers_travel: "PIL", "pillowi" as "picture";
     pillow_images_of_16_bits_travel: "PIL", "pillowi16" as "picture";
+    pandas_frames_travel: "pandas", "pandasframe" as "table";
+    pandas_frames_of_every_type_travel: "pandas", "pandastypes" as "table";
+    pandas_series_travel: "pandas", "pandasseries" as "table";
+    pandas_indices_travel: "pandas", "pandasindex" as "table";
+    pyarrow_arrays_travel: "pyarrow", "arrowarray" as "table";
+    pyarrow_structs_travel: "pyarrow", "arrowstruct" as "PyArrowArray";
     xarray_arrays_travel: "xarray", "xarray" as "labelled";
     xarray_data_sets_travel: "xarray", "xarrayset" as "labelled";
 }

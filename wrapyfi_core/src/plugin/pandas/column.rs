@@ -74,7 +74,7 @@ fn backed(node: &Node<'_>, call: &Call<'_>, budget: &Budget) -> Result<Vec<Typed
     let (first, second) = (state.get(0)?, state.get(1)?);
     let (dtype, values) = if first.is_array() { (second, first) } else { (first, second) };
     match class.name {
-        "DatetimeArray" => from_numpy(&values, budget, zone(&dtype)?),
+        "DatetimeArray" => from_numpy(&values, budget, zone(&dtype)?.as_ref()),
         "TimedeltaArray" => from_numpy(&values, budget, None),
         "StringArray" => {
             let found = from_numpy(&values, budget, None)?;
@@ -122,7 +122,7 @@ fn is_utc(zone: &Call<'_>) -> Result<bool> {
     Ok(zone.arg(0)?.timedelta()?.is_zero())
 }
 
-fn from_numpy(node: &Node<'_>, budget: &Budget, zone: Option<Arc<str>>) -> Result<Vec<Typed>> {
+fn from_numpy(node: &Node<'_>, budget: &Budget, zone: Option<&Arc<str>>) -> Result<Vec<Typed>> {
     match node.array()? {
         PickledArray::Tensor(tensor) => {
             let rows = rows(node, tensor.shape(), budget)?;
@@ -130,7 +130,7 @@ fn from_numpy(node: &Node<'_>, budget: &Budget, zone: Option<Arc<str>>) -> Resul
         }
         PickledArray::Array(array) => {
             let rows = rows(node, &array.shape, budget)?;
-            (0..rows.count).map(|row| times(node, &array, &rows, row, zone.as_ref())).collect()
+            (0..rows.count).map(|row| times(node, &array, &rows, row, zone)).collect()
         }
         PickledArray::Objects { shape, items } => {
             let rows = rows(node, &shape, budget)?;

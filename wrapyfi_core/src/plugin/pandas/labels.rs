@@ -8,16 +8,48 @@ use arrow_array::types::{
 use arrow_array::{Array, ArrayRef};
 use arrow_schema::DataType;
 
+use super::super::budget::Budget;
 use super::frame::{Index, range_length};
-use super::read::is_scalar;
-use crate::codec::pickle::{Node, PickleError, View};
+use super::read::{index as read_index, is_scalar};
+use crate::codec::pickle::{Node, PickleError, PickledArray, View};
 use crate::types::Value;
 
 /// Labels that a frame may have.
 const MAX_LABELS: usize = 1 << 20;
 
+/// The row of labels at `node`, and its name. Labels may be of several types, a column may not.
+pub(super) fn axis(node: &Node<'_>, budget: &Budget) -> Result<(Vec<Value>, Value), PickleError> {
+    let call = node.any_call()?;
+    let listed = match call.global().name {
+        "_new_Index" => {
+            let parts = call.arg(1)?.dict()?;
+            let objects = match parts.find("data").filter(Node::is_array).map(|data| data.array()) {
+                Some(Ok(PickledArray::Objects { items, .. })) => Some(items),
+                _ => None,
+            };
+            objects.map(|items| (items, parts.find("name")))
+        }
+        "Index" => match call.arg(0)?.view() {
+            View::List(items) => Some((items, call.args().find(3))),
+            _ => None,
+        },
+        _ => None,
+    };
+    let Some((items, name)) = listed else { return of(&read_index(node, budget)?, node) };
+    if items.len() > MAX_LABELS {
+        return Err(node.unexpected(format!("at most {MAX_LABELS} columns")));
+    }
+    let name = name.map_or(Ok(Value::Null), |name| scalar(&name))?;
+    let labels = items.iter().map(|label| {
+        let label = scalar(&label)?;
+        budget.take(node, label.size_hint())?;
+        Ok(label)
+    });
+    Ok((labels.collect::<Result<_, PickleError>>()?, name))
+}
+
 /// The values of an index, and its name.
-pub(super) fn of(index: &Index, node: &Node<'_>) -> Result<(Vec<Value>, Value), PickleError> {
+fn of(index: &Index, node: &Node<'_>) -> Result<(Vec<Value>, Value), PickleError> {
     if index.len() > MAX_LABELS {
         return Err(node.unexpected(format!("at most {MAX_LABELS} columns")));
     }

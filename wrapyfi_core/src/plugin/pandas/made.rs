@@ -23,7 +23,7 @@ type Result<T> = std::result::Result<T, PickleError>;
 /// `pandas.DataFrame({label: series, …}, index, columns)`.
 pub(super) fn data_frame(node: &Node<'_>, call: &Call<'_>, budget: &Budget) -> Result<Frame> {
     let [content, rows, columns] = call.args().exact()?;
-    let (names, columns_name) = labels::of(&read_index(&columns, budget)?, &columns)?;
+    let (names, columns_name) = labels::axis(&columns, budget)?;
     let index = read_index(&rows, budget)?;
     let content = content.dict()?;
     if content.len() != names.len() {

@@ -42,7 +42,7 @@ fn data_frame(node: &Node<'_>, call: &Call<'_>, budget: &Budget) -> Result<Frame
     check_extras(&state)?;
     let blocks = state.dict()?.get("_mgr")?.call("pandas.core.internals.managers.BlockManager")?;
     let [labels_axis, index_axis] = blocks.arg(1)?.sequence()?.exact()?;
-    let (labels, columns_name) = labels::of(&index(&labels_axis, budget)?, &labels_axis)?;
+    let (labels, columns_name) = labels::axis(&labels_axis, budget)?;
     let index = index(&index_axis, budget)?;
     budget.take(node, labels.len().saturating_mul(size_of::<Column>()))?;
     let mut places: Vec<Option<Typed>> = labels.iter().map(|_| None).collect();

@@ -237,7 +237,7 @@ fn numbers<T: ArrowPrimitiveType>(to: &mut Stack, array: &ArrayRef, descr: &str)
 /// Counts of a unit of time; missing ones are NaT.
 fn times(to: &mut Stack, array: &ArrayRef, descr: &str) {
     let data = array.to_data();
-    let all = data.buffers().first().map(|buffer| buffer.as_slice()).unwrap_or_default();
+    let all = data.buffers().first().map(arrow_buffer::Buffer::as_slice).unwrap_or_default();
     let (counts, _) = all.as_chunks::<8>();
     let counts = counts.iter().skip(data.offset()).take(array.len()).enumerate();
     let missing = i64::MIN.to_le_bytes();
@@ -250,9 +250,9 @@ fn times(to: &mut Stack, array: &ArrayRef, descr: &str) {
 fn objects(to: &mut Stack, column: &Column) -> Result {
     let array = &column.array;
     let missing = |to: &mut Writer| match column.dtype.as_str() {
-        "object(nan)" | "str" => _ = to.float(f64::NAN),
-        "object(NA)" => _ = to.global("pandas", "NA"),
-        _ => _ = to.none(),
+        "object(nan)" | "str" => to.float(f64::NAN),
+        "object(NA)" => to.global("pandas", "NA"),
+        _ => to.none(),
     };
     macro_rules! each {
         ($values:expr, |$to:ident, $value:ident| $write:expr) => {{
@@ -260,7 +260,7 @@ fn objects(to: &mut Stack, column: &Column) -> Result {
             to.objects(array.len(), |$to| {
                 for value in values.iter() {
                     match value {
-                        Some($value) => _ = $write,
+                        Some($value) => $write,
                         None => missing($to),
                     }
                 }

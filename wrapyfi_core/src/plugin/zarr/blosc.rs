@@ -72,7 +72,7 @@ pub(super) fn unpack(buffer: &[u8], expected: usize) -> Result<Vec<u8>, Fault> {
             Fault::Broken(reason) => Fault::Broken(format!("block {index}: {reason}")),
             other => other,
         })?;
-        header.unshuffle(shuffled, &mut unpacked);
+        header.unshuffle(&shuffled, &mut unpacked);
     }
     Ok(unpacked)
 }
@@ -128,7 +128,7 @@ impl Header {
         })
     }
 
-    fn unshuffle(&self, block: Vec<u8>, out: &mut Vec<u8>) {
+    fn unshuffle(&self, block: &[u8], out: &mut Vec<u8>) {
         let elements = block.len() / self.element;
         if self.flags & BYTE_SHUFFLE != 0 && self.element > 1 {
             let (shuffled, rest) = block.split_at(elements * self.element);
@@ -141,7 +141,7 @@ impl Header {
             out.extend_from_slice(rest);
         } else {
             // Blosc leaves blocks alone whose elements do not fill whole bytes of bits.
-            out.extend_from_slice(&block);
+            out.extend_from_slice(block);
         }
     }
 }
