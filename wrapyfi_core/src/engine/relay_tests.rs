@@ -186,3 +186,19 @@ fn an_array_arrives_as_an_image_and_what_is_none_is_counted() {
     assert_eq!(status.counters.dropped_for(DropReason::Mismatch), 1);
     assert!(matches!(&status.state, RouteState::Degraded(text) if text.contains("received str")));
 }
+
+/// What a plug-in refused is no loss, but it is said.
+#[test]
+fn objects_that_stay_unread_are_counted_and_carried() {
+    let mut bench = Bench::new(|_| ());
+    bench.step_after(MS);
+    let (mut source, mut sink) = (bench.source(), bench.sink());
+    let text = r#"[{"__wrapyfi__": ["PandasData", "cos\nsystem\n."]}, 1]"#;
+    let value = crate::codec::json::decode(&text.into(), &crate::Limits::default()).unwrap();
+    let payload = Payload::from(value);
+    source.publish(&payload).unwrap();
+    bench.step_after(MS);
+    assert_eq!(drain(sink.as_mut()), [payload]);
+    let counters = bench.relay.status().counters;
+    assert_eq!((counters.sent, counters.dropped(), counters.unread), (1, 0, 1));
+}
