@@ -75,7 +75,9 @@ impl Store<'_> {
             let Some(index) = name.strip_prefix(path).filter(|name| !name.starts_with('.')) else {
                 continue;
             };
-            let origin = metadata.place(index).map_err(|reason| malformed(format!("zip member {name:?}: {reason}")))?;
+            let origin = metadata
+                .place(index)
+                .map_err(|reason| malformed(format!("zip member {name:?}: {reason}")))?;
             // What is padding counts, too, or much of it could be packed into little.
             let before = unpacked.max(array);
             unpacked = unpacked.saturating_add(chunk);
@@ -152,14 +154,16 @@ impl Metadata {
     fn place(&self, name: &str) -> Result<Vec<usize>, String> {
         if self.shape.is_empty() {
             let found = name == "0";
-            return found.then(Vec::new).ok_or_else(|| "it is no chunk: there is only \"0\"".into());
+            return found
+                .then(Vec::new)
+                .ok_or_else(|| "it is no chunk: there is only \"0\"".into());
         }
         let mut parts = name.split(self.separator);
         let place = self.shape.iter().zip(&self.chunks).map(|(&extent, &chunk)| {
             let part = parts.next()?;
             // As zarr writes it: another spelling would be the same chunk twice.
-            let canonical = part.bytes().all(|c| c.is_ascii_digit())
-                && (part == "0" || !part.starts_with('0'));
+            let canonical =
+                part.bytes().all(|c| c.is_ascii_digit()) && (part == "0" || !part.starts_with('0'));
             let index: usize = part.parse().ok().filter(|_| canonical)?;
             index.checked_mul(chunk).filter(|&first| first < extent)
         });
@@ -235,7 +239,8 @@ fn extents(metadata: &Value, name: &str) -> Result<Vec<usize>, PluginError> {
 /// Bytes of an element and, of numbers, their type and whether they are big-endian.
 fn element(dtype: &str) -> Result<(usize, Option<Dtype>), PluginError> {
     let shown: String = dtype.chars().take(40).collect();
-    let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '<' | '>' | '|' | '=' | '[' | ']');
+    let plain =
+        |c: char| c.is_ascii_alphanumeric() || matches!(c, '<' | '>' | '|' | '=' | '[' | ']');
     if !dtype.chars().all(plain) {
         return Err(malformed(format!("$.dtype {shown:?} is not known")));
     }

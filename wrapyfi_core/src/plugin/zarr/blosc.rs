@@ -33,7 +33,8 @@ struct Header {
 
 /// The `expected` bytes in a buffer. The caller has booked them.
 pub(super) fn unpack(buffer: &[u8], expected: usize) -> Result<Vec<u8>, Fault> {
-    let cut_off = || Fault::Broken(format!("a Blosc header is {HEADER} bytes, {} are there", buffer.len()));
+    let cut_off =
+        || Fault::Broken(format!("a Blosc header is {HEADER} bytes, {} are there", buffer.len()));
     let &[version, _, flags, element, ..] = buffer else { return Err(cut_off()) };
     let number = |at: usize| word(buffer, at).ok_or_else(cut_off);
     let (length, block, packed) = (number(4)?, number(8)?, number(12)?);
@@ -51,7 +52,11 @@ pub(super) fn unpack(buffer: &[u8], expected: usize) -> Result<Vec<u8>, Fault> {
     }
     if flags & COPIED != 0 {
         let data = buffer.get(HEADER..).unwrap_or_default();
-        return if data.len() == expected { Ok(data.to_vec()) } else { Err(wrong_length(data.len(), expected)) };
+        return if data.len() == expected {
+            Ok(data.to_vec())
+        } else {
+            Err(wrong_length(data.len(), expected))
+        };
     }
     if block == 0 {
         return Err(Fault::Broken("its blocks are 0 bytes".into()));
@@ -90,7 +95,8 @@ impl Header {
         let mut block = Vec::new();
         for _ in 0..pieces {
             let packed = word(rest, 0).and_then(|length| rest.get(4..)?.split_at_checked(length));
-            let (packed, after) = packed.ok_or_else(|| Fault::Broken("a piece is cut off".into()))?;
+            let (packed, after) =
+                packed.ok_or_else(|| Fault::Broken("a piece is cut off".into()))?;
             if packed.len() == piece {
                 block.extend_from_slice(packed);
             } else {
@@ -150,11 +156,16 @@ fn unshuffle_bits(shuffled: &[u8], elements: usize, size: usize) -> Vec<u8> {
             value | (shuffled.get(place).map_or(0, |bits| bits >> (element % 8) & 1) << bit)
         })
     };
-    (0..elements).flat_map(|element| (0..size).map(move |at| (element, at))).map(|(element, at)| byte(element, at)).collect()
+    (0..elements)
+        .flat_map(|element| (0..size).map(move |at| (element, at)))
+        .map(|(element, at)| byte(element, at))
+        .collect()
 }
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
 
     /// A buffer of one block that its codec could not make smaller.
@@ -171,7 +182,10 @@ mod tests {
     #[test]
     fn bytes_and_bits_return_to_their_elements() {
         let shuffled = [1, 2, 3, 10, 20, 30, 99];
-        assert_eq!(unpack(&buffer(BYTE_SHUFFLE, 2, &shuffled), 7).unwrap(), [1, 10, 2, 20, 3, 30, 99]);
+        assert_eq!(
+            unpack(&buffer(BYTE_SHUFFLE, 2, &shuffled), 7).unwrap(),
+            [1, 10, 2, 20, 3, 30, 99]
+        );
         // Eight elements of two bytes: only bit 0 of element 0, and bit 8 of element 7.
         let mut bits = [0; 16];
         (bits[0], bits[8]) = (1, 0x80);
@@ -198,7 +212,7 @@ mod tests {
         };
         assert!(broken(4, u32::MAX).contains("holds 4294967295 bytes, its chunk is 4"));
         assert!(broken(8, 0).contains("0 bytes"));
-        assert!(broken(8, 1).contains("block 1"));
+        assert!(broken(8, 1).contains("block 0"));
         assert!(broken(12, 100).contains("should be 100 bytes, 28 are there"));
         assert!(broken(16, 500).contains("block 0 does not lie in it"));
         assert!(broken(20, 500).contains("cut off"));
@@ -213,6 +227,38 @@ mod tests {
             buffer[20] = 3;
             let error = unpack(&buffer, 4).unwrap_err();
             assert!(matches!(&error, Fault::Unknown(what) if what.contains(name)), "{error:?}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn damaged_buffers_do_no_harm(
+            codec in 0_u8..5, shuffle in 0_u8..6, element in 0_u8..20,
+            at in 0_usize..3000, byte: u8, cut in 0_usize..3000,
+        ) {
+            // Two blocks of 1024 bytes in one piece each, packed as well as LZ4 can.
+            let content = vec![7; 1024];
+            let packed = lz4_flex::block::compress(&content);
+            let length = u32::try_from(packed.len()).unwrap();
+            let mut buffer = vec![2, 1, shuffle | WHOLE | codec << 5, element];
+            for number in [2048, 1024, 16 + 8 + 2 * (4 + length), 24, 28 + length] {
+                buffer.extend(number.to_le_bytes());
+            }
+            for _ in 0..2 {
+                buffer.extend(length.to_le_bytes());
+                buffer.extend(&packed);
+            }
+            if codec == 1 && shuffle & COPIED == 0 {
+                prop_assert_eq!(unpack(&buffer, 2048).unwrap().len(), 2048);
+            }
+            let at = at % buffer.len();
+            let cut = cut % buffer.len();
+            buffer[at] = byte;
+            for buffer in [&buffer[..], &buffer[..cut]] {
+                if let Ok(unpacked) = unpack(buffer, 2048) {
+                    prop_assert_eq!(unpacked.len(), 2048);
+                }
+            }
         }
     }
 }

@@ -60,7 +60,8 @@ impl Compressor {
             Self::Gzip => read(flate2::read::GzDecoder::new(&**packed), expected)?.into(),
             Self::Lz4 => {
                 // The length stands before the block.
-                let (length, block) = packed.split_first_chunk::<4>().ok_or("it is cut off".to_owned())?;
+                let (length, block) =
+                    packed.split_first_chunk::<4>().ok_or("it is cut off".to_owned())?;
                 let length = u32::from_le_bytes(*length) as usize;
                 if length != expected {
                     return Err(wrong_length(length, expected));
@@ -69,7 +70,11 @@ impl Compressor {
             }
             Self::Zstd => zstd(packed, expected)?.into(),
         };
-        if unpacked.len() == expected { Ok(unpacked) } else { Err(wrong_length(unpacked.len(), expected)) }
+        if unpacked.len() == expected {
+            Ok(unpacked)
+        } else {
+            Err(wrong_length(unpacked.len(), expected))
+        }
     }
 }
 
@@ -112,8 +117,7 @@ pub(super) fn zstd(frame: &[u8], expected: usize) -> Result<Vec<u8>, String> {
     /// Window that small frames may ask for all the same.
     const WINDOW: u64 = 1 << 20;
     let window = (expected as u64).max(WINDOW);
-    let decoder =
-        ruzstd::decoding::StreamingDecoder::new_with_max_window_size(frame, window)
-            .map_err(|error| error.to_string())?;
+    let decoder = ruzstd::decoding::StreamingDecoder::new_with_max_window_size(frame, window)
+        .map_err(|error| error.to_string())?;
     read(decoder, expected)
 }

@@ -48,8 +48,7 @@ impl Store<'_> {
             let why = if v3 { "; zarr.json is zarr format 3, 2 is read" } else { "" };
             return Err(malformed(format!("the zip lacks {path}.zgroup{why}")));
         }
-        let mut group =
-            ZarrGroup { attributes: self.attributes(path)?, ..ZarrGroup::default() };
+        let mut group = ZarrGroup { attributes: self.attributes(path)?, ..ZarrGroup::default() };
         let members: BTreeSet<&str> = self
             .archive
             .iter()
