@@ -143,3 +143,49 @@ class Paddle:
         return {name: {"paddle": str(tensor.dtype), "place": str(tensor.place), "name": tensor.name,
                        **described(tensor.numpy())}
                 for name, tensor in tensors.items()}
+
+
+@case(plugin="zarr_array")
+class Zarr:
+    @staticmethod
+    def after():
+        """Wrapyfi 0.5.0 deletes the folder before anything of it is read: here it stays until the end."""
+        import tempfile
+
+        class Folder(tempfile.TemporaryDirectory):
+            def __exit__(self, *_):
+                Zarr.folders.append(self)
+
+        module = next(m for name, m in sys.modules.items() if name.endswith(".plugins.zarr_array"))
+        module.tempfile = types.SimpleNamespace(TemporaryDirectory=Folder)
+
+    folders = []
+
+    @staticmethod
+    def make(seq):
+        import numpy as np
+        import zarr
+        from numcodecs import Blosc, Zlib
+        ramp = np.arange(3000, dtype="<i4").reshape(50, 60) + seq
+        return {"lz4": zarr.array(ramp, chunks=(20, 25)), "zlib": zarr.array(ramp.astype("<f8"), compressor=Zlib()),
+                "bits": zarr.array(ramp, compressor=Blosc("zstd", shuffle=Blosc.BITSHUFFLE)),
+                "plain": zarr.array(ramp.astype("<u2"), compressor=None, order="F", chunks=(7, 60)),
+                "single": zarr.array(np.float32(1.5 + seq)), "filled": zarr.full((4, 5), float(seq), chunks=2)}
+
+    @staticmethod
+    def facts(arrays):
+        return {name: described(array[...]) for name, array in arrays.items()}
+
+
+@case(plugin="dask_data")
+class Dask:
+    @staticmethod
+    def make(seq):
+        import dask.array as da
+        ramp = da.arange(12, chunks=5) + seq
+        return {"int64": ramp, "float32": ramp.astype("f4"), "matrix": ramp.reshape(3, 4), "flags": ramp > 5,
+                "complex": ramp.astype("c8"), "empty": da.zeros((0, 3))}
+
+    @staticmethod
+    def facts(arrays):
+        return {name: described(array.compute()) for name, array in arrays.items()}

@@ -71,6 +71,8 @@ travels! {
     trax_arrays_travel: "jax", "trax";
     tensorflow_tensors_travel: "tensorflow", "tensorflow";
     paddle_tensors_travel: "paddle", "paddle";
+    zarr_arrays_travel: "zarr", "zarr";
+    dask_arrays_travel: "dask", "dask";
 }
 
 /// `devices` of a route: what the script has on its CPU is labelled for a GPU in the graph.

@@ -164,6 +164,8 @@ fn unshuffle_bits(shuffled: &[u8], elements: usize, size: usize) -> Vec<u8> {
 
 #[cfg(test)]
 mod tests {
+    use proptest::prelude::*;
+
     use super::*;
 
     /// A buffer of one block that its codec could not make smaller.
@@ -210,7 +212,7 @@ mod tests {
         };
         assert!(broken(4, u32::MAX).contains("holds 4294967295 bytes, its chunk is 4"));
         assert!(broken(8, 0).contains("0 bytes"));
-        assert!(broken(8, 1).contains("block 1"));
+        assert!(broken(8, 1).contains("block 0"));
         assert!(broken(12, 100).contains("should be 100 bytes, 28 are there"));
         assert!(broken(16, 500).contains("block 0 does not lie in it"));
         assert!(broken(20, 500).contains("cut off"));
@@ -225,6 +227,38 @@ mod tests {
             buffer[20] = 3;
             let error = unpack(&buffer, 4).unwrap_err();
             assert!(matches!(&error, Fault::Unknown(what) if what.contains(name)), "{error:?}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn damaged_buffers_do_no_harm(
+            codec in 0_u8..5, shuffle in 0_u8..6, element in 0_u8..20,
+            at in 0_usize..3000, byte: u8, cut in 0_usize..3000,
+        ) {
+            // Two blocks of 1024 bytes in one piece each, packed as well as LZ4 can.
+            let content = vec![7; 1024];
+            let packed = lz4_flex::block::compress(&content);
+            let length = u32::try_from(packed.len()).unwrap();
+            let mut buffer = vec![2, 1, shuffle | WHOLE | codec << 5, element];
+            for number in [2048, 1024, 16 + 8 + 2 * (4 + length), 24, 28 + length] {
+                buffer.extend(number.to_le_bytes());
+            }
+            for _ in 0..2 {
+                buffer.extend(length.to_le_bytes());
+                buffer.extend(&packed);
+            }
+            if codec == 1 && shuffle & COPIED == 0 {
+                prop_assert_eq!(unpack(&buffer, 2048).unwrap().len(), 2048);
+            }
+            let at = at % buffer.len();
+            let cut = cut % buffer.len();
+            buffer[at] = byte;
+            for buffer in [&buffer[..], &buffer[..cut]] {
+                if let Ok(unpacked) = unpack(buffer, 2048) {
+                    prop_assert_eq!(unpacked.len(), 2048);
+                }
+            }
         }
     }
 }
