@@ -5,13 +5,15 @@
 # make fmt     formats the sources
 # make lint    lints only
 # make fuzz    fuzz targets, SECONDS_EACH=60 seconds each; see docs/fuzzing.md
+# make test-frameworks   tensors of the real PyTorch, JAX, TensorFlow, Paddle: 700 MB to download, once
 
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 MAKEFLAGS += --no-print-directory
 # One after the other: every step uses all cores, and each one fails with its own message.
 .NOTPARALLEL:
-.PHONY: demo test bench doc fmt lint fuzz setup-build setup-test test-fmt test-rust test-colcon
+.PHONY: demo test bench doc fmt lint fuzz setup-build setup-test setup-frameworks test-fmt test-rust
+.PHONY: test-frameworks test-colcon
 
 DEMO_ARGS ?= --seconds 20
 BENCH_ARGS ?=
@@ -32,6 +34,9 @@ setup-build:
 
 setup-test:
 	@scripts/setup.sh test
+
+setup-frameworks:
+	@scripts/setup.sh frameworks
 
 test-fmt:
 	@cargo fmt --all --check || { echo "remedy: make fmt" >&2; exit 1; }
@@ -54,6 +59,16 @@ test-rust: | target/COLCON_IGNORE
 	@WRAPYFI_REQUIRE_PEERS=1 scripts/lo-namespace.sh \
 		cargo nextest run --workspace --locked --status-level fail --final-status-level slow
 	@$(CARGO) test --doc --workspace --locked
+
+# Not part of `make test`: the libraries take 3 GB of disk.
+test-frameworks: setup-test setup-frameworks | target/COLCON_IGNORE
+	@$(CARGO) build --locked --package wrapyfi_bridge
+	@$(CARGO) nextest run --locked --package wrapyfi_e2e --test frameworks --no-run
+	@$(CARGO) nextest run --locked --package wrapyfi_core --no-default-features --features candle \
+		--test tensor_candle
+	@WRAPYFI_REQUIRE_PEERS=1 WRAPYFI_PYTHON=$(CURDIR)/.venv-frameworks/bin/python \
+		WRAPYFI_FRAMEWORKS=1 scripts/lo-namespace.sh \
+		cargo nextest run --locked --package wrapyfi_e2e --test frameworks
 
 doc: | target/COLCON_IGNORE
 	@RUSTDOCFLAGS="-D warnings" $(CARGO) doc --workspace --no-deps --locked

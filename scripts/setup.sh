@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Installs what building (`build`) or testing (`test`) needs on Debian 12 or Ubuntu 24.04.
-# Does nothing, quickly, when all is there.
+# Installs what building (`build`), testing (`test`) or testing with the large Python libraries
+# (`frameworks`) needs on Debian 12 or Ubuntu 24.04. Does nothing, quickly, when all is there.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -79,17 +79,28 @@ workspace_tools() {
     fi
 }
 
-python_peers() {
-    local stamp=.venv/.requirements wanted
-    wanted=$(cat scripts/requirements.txt && "$PYTHON" --version)
+# A virtual environment: its folder, its requirements, and what else `venv` shall be told.
+python_venv() {
+    local folder=$1 requirements=$2 stamp=$1/.requirements wanted
+    wanted=$(cat "$requirements" && "$PYTHON" --version)
     [ "$(cat "$stamp" 2>/dev/null)" = "$wanted" ] && return 0
-    echo "setup: Python peers into .venv"
-    "$PYTHON" -m venv --clear .venv
+    echo "setup: Python peers into $folder"
+    "$PYTHON" -m venv --clear "${@:3}" "$folder"
     # colcon reads every folder below the one it starts in.
-    touch .venv/COLCON_IGNORE
-    .venv/bin/python -m pip install --quiet --disable-pip-version-check -r scripts/requirements.txt ||
-        die "pip could not install scripts/requirements.txt; its message is above"
+    touch "$folder/COLCON_IGNORE"
+    "$folder/bin/python" -m pip install --quiet --disable-pip-version-check -r "$requirements" ||
+        die "pip could not install $requirements; its message is above"
     printf '%s\n' "$wanted" >"$stamp"
+}
+
+python_peers() {
+    python_venv .venv scripts/requirements.txt
+}
+
+# PyTorch comes from the distribution: the one of pip brings 5 GB of CUDA along.
+frameworks() {
+    apt_packages python3-venv python3-torch
+    python_venv .venv-frameworks scripts/requirements-frameworks.txt --system-site-packages
 }
 
 rust_tools() {
@@ -116,7 +127,10 @@ test)
     rust_tools
     python_peers
     ;;
+frameworks)
+    frameworks
+    ;;
 *)
-    die "usage: scripts/setup.sh build|test"
+    die "usage: scripts/setup.sh build|test|frameworks"
     ;;
 esac

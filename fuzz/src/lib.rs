@@ -17,10 +17,14 @@
 
 mod codecs;
 mod meter;
+mod pickles;
+mod tensors;
 mod texts;
 
 pub use codecs::{cdr, frames, jpeg, json, npy};
 pub use meter::{bounded, measure};
+pub use pickles::pickle;
+pub use tensors::plugin_tensor;
 pub use texts::{config, msg_parser, ros_args};
 
 use wrapyfi_core::Limits;
@@ -32,7 +36,7 @@ pub const LIMITS: Limits = Limits { message_bytes: 1 << 20, depth: 64 };
 pub type Target = (&'static str, fn(&[u8]));
 
 /// Every target.
-pub const TARGETS: [Target; 8] = [
+pub const TARGETS: [Target; 10] = [
     ("json", json),
     ("npy", npy),
     ("frames", frames),
@@ -41,4 +45,6 @@ pub const TARGETS: [Target; 8] = [
     ("msg_parser", msg_parser),
     ("ros_args", ros_args),
     ("config", config),
+    ("plugin_tensor", plugin_tensor),
+    ("pickle", pickle),
 ];

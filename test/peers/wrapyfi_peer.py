@@ -3,6 +3,7 @@
 
     wrapyfi_peer.py publish --type Image --flavour colour --topic /cam --pub-port P --sub-port S
     wrapyfi_peer.py listen  --type Image --flavour colour --topic /cam --pub-port P --count 3
+    wrapyfi_peer.py publish --case pint --topic /x --pub-port P --sub-port S      an object of plugins.py
 
 Lines on stdout: {"event": "ready"}, {"event": "message", "index", "sha256", ...}, {"event": "done"}.
 A publisher with --count 0 goes on until stdin closes; with a count it stays after the last message
@@ -25,6 +26,9 @@ parser = argparse.ArgumentParser()
 parser.add_argument("role", choices=["publish", "listen"])
 parser.add_argument("--type", default="NativeObject", choices=sorted(FLAVOURS))
 parser.add_argument("--flavour")
+parser.add_argument("--case", help="an object of another library, by its name in plugins.py, instead of a flavour")
+parser.add_argument("--bare", action="store_true", help="the case's object itself, not a dict that has it")
+parser.add_argument("--cases", default="plugins", help="the module that has the case")
 parser.add_argument("--topic", required=True)
 parser.add_argument("--pub-port", type=int, required=True, help="XPUB side of the broker: listeners")
 parser.add_argument("--sub-port", type=int, default=0, help="XSUB side of the broker: publishers")
@@ -38,6 +42,11 @@ if flavour not in FLAVOURS[args.type]:
     parser.error(f"{args.type} has no flavour {flavour!r}; it has {', '.join(FLAVOURS[args.type])}")
 
 logging.basicConfig(stream=sys.stderr, level=logging.WARNING)
+case = None
+if args.case:
+    import importlib
+    cases = importlib.import_module(args.cases)
+    case = cases.load(args.case)
 import cv2  # noqa: E402
 import numpy as np  # noqa: E402
 import wrapyfi  # noqa: E402
@@ -61,6 +70,8 @@ elif args.type == "AudioChunk":
 
 
 def make(seq):
+    if case:
+        return case.make(seq) if args.bare else {"object": case.make(seq)}
     if args.type == "Image":
         return payload.image(seq, flavour)
     if args.type == "AudioChunk":
@@ -77,6 +88,11 @@ class Peer(MiddlewareCommunicator):
 def facts(value):
     """What identifies a message: hash and shape; for a JPEG sent also hashes of file and decoded pixels."""
     found = {}
+    if case:
+        found["facts"] = case.facts(value if args.bare else value["object"])
+        if "pixels" in found["facts"]:
+            found["pixels"] = found["facts"]["pixels"]
+        return {**found, "sha256": cases.digest(found["facts"])}
     if args.type == "AudioChunk":
         value, found["rate"] = value[0], int(value[1])
     if isinstance(value, np.ndarray):

@@ -20,6 +20,8 @@ pub enum Need {
     PoseMirror,
     /// Python with Wrapyfi, pyzmq, cyclonedds and rosbags.
     Python,
+    /// A package that the interpreter must have besides, by the name it is imported under.
+    Package(&'static str),
 }
 
 /// Root of the repository.
@@ -53,6 +55,7 @@ fn check(need: Need) -> Result {
         Need::Node => node().map(drop),
         Need::PoseMirror => pose_mirror().map(drop),
         Need::Python => python().map(drop),
+        Need::Package(name) => package(name),
     }
 }
 
@@ -94,6 +97,16 @@ fn built(name: &str, variable: &str) -> Result<PathBuf> {
 pub(crate) fn python() -> Result<PathBuf> {
     static FOUND: OnceLock<std::result::Result<PathBuf, String>> = OnceLock::new();
     FOUND.get_or_init(find_python).clone().map_err(anyhow::Error::msg)
+}
+
+fn package(name: &str) -> Result {
+    let python = python()?;
+    let probe = format!("import importlib.util as u, sys; sys.exit(not u.find_spec({name:?}))");
+    let ran = Command::new(&python).args(["-c", &probe]).output()?;
+    if !ran.status.success() {
+        bail!("{} lacks the Python package {name}; run `make test`", python.display());
+    }
+    Ok(())
 }
 
 fn find_python() -> std::result::Result<PathBuf, String> {

@@ -8,6 +8,7 @@
 //! | --- | --- |
 //! | tuple, set | `{"@tuple":[…]}`, `{"@set":[…]}` with the items sorted |
 //! | array | `{"@array":{"dtype":"<f4","sha256":"…","shape":[2,3]}}`, hash of its row-major bytes |
+//! | tensor of a library | the same with `"device":"cuda:0"` and `"framework":"PytorchTensor"` |
 //! | datetime | `{"@datetime":"2025-06-07T08:09:10"}`, `{"@datetime64":"…"}` |
 //! | bytes | `{"@bytes":{"sha256":"…","size":3}}` |
 //! | text with lone surrogates | as JSON: `"\\ud800"` |
@@ -56,10 +57,11 @@ fn write(out: &mut String, value: &Value) {
         Value::Tensor(tensor) => {
             let dtype = tensor.dtype();
             let dtype = dtype.npy_descr().unwrap_or_else(|| dtype.name());
-            array(out, dtype, tensor.shape(), tensor.data());
+            let owner = tensor.framework().map(|key| (tensor.device(), key));
+            array(out, dtype, tensor.shape(), tensor.data(), owner);
         }
         Value::Array(numpy) => {
-            array(out, numpy.descr.trim_matches('\''), &numpy.shape, &numpy.data);
+            array(out, numpy.descr.trim_matches('\''), &numpy.shape, &numpy.data, None);
         }
         Value::Bytes(bytes) => {
             let (sha256, size) = (digest(bytes), bytes.len());
@@ -107,10 +109,19 @@ fn tagged(out: &mut String, tag: &str, body: impl FnOnce(&mut String)) {
     out.push('}');
 }
 
-fn array(out: &mut String, dtype: &str, shape: &[usize], data: &[u8]) {
-    let (dtype, sha256) = (scalar(&Value::from(dtype)), digest(data));
+/// An array; `owner` is the device and the library of a tensor.
+fn array(out: &mut String, dtype: &str, shape: &[usize], data: &[u8], owner: Option<(&str, &str)>) {
+    let text = |text: &str| scalar(&Value::from(text));
     tagged(out, "array", |out| {
-        _ = write!(out, r#"{{"dtype":{dtype},"sha256":"{sha256}","shape":"#);
+        out.push('{');
+        if let Some((device, _)) = owner {
+            _ = write!(out, r#""device":{},"#, text(device));
+        }
+        _ = write!(out, r#""dtype":{},"#, text(dtype));
+        if let Some((_, framework)) = owner {
+            _ = write!(out, r#""framework":{},"#, text(framework));
+        }
+        _ = write!(out, r#""sha256":"{}","shape":"#, digest(data));
         list(out, shape.iter().map(usize::to_string));
         out.push('}');
     });
@@ -131,5 +142,17 @@ mod tests {
             canonical(&value),
             r#"{"a":"\u00ef\ud83d\ude80","b":[1,2.0,NaN,1208925819614629174706176],"s":{"@set":[10,9]},"t":{"@tuple":[1]}}"#
         );
+    }
+    #[test]
+    fn a_tensor_says_whose_it_is_and_where() {
+        use wrapyfi_core::types::{Origin, Tensor};
+        let tensor = Tensor::from_elements(&[1], vec![0_u8]).unwrap();
+        let plain = canonical(&tensor.clone().into());
+        assert!(plain.starts_with(r#"{"@array":{"dtype":"|u1","sha256":"6e340b9c"#), "{plain}");
+        let torch = tensor.with_device("cuda:0").with_origin(Origin::new("PytorchTensor"));
+        let torch = canonical(&torch.into());
+        let wanted =
+            r#"{"@array":{"device":"cuda:0","dtype":"|u1","framework":"PytorchTensor","sha256":"#;
+        assert!(torch.starts_with(wanted) && torch.ends_with(r#","shape":[1]}}"#), "{torch}");
     }
 }

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use anyhow::Context as _;
 use wrapyfi_core::endpoint::{Context, Overflow, Qos, QueueSpec, TopicSpec};
-use wrapyfi_core::types::{DataType, MessageType};
+use wrapyfi_core::types::{DataType, MessageType, Payload};
 
 use super::any;
 use crate::cli::{EchoArgs, TypeName};
@@ -60,6 +60,11 @@ pub(super) fn known(
     while !shutdown.requested() && args.count.is_none_or(|count| printed < count) {
         match listener.take() {
             Ok(Some(sample)) => {
+                if let Payload::NativeObject(value) = &sample.payload {
+                    for (_, reason) in value.refusals() {
+                        tracing::warn!("{}: an object stays unread: {reason}", args.endpoint);
+                    }
+                }
                 let line =
                     if args.json { describe(&sample.payload) } else { summary(&sample.payload) };
                 if !print(&mut out, &line.to_string())? {

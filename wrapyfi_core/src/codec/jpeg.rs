@@ -12,7 +12,7 @@ use zune_jpeg::zune_core::bytestream::ZCursor;
 use zune_jpeg::zune_core::colorspace::ColorSpace;
 use zune_jpeg::zune_core::options::DecoderOptions;
 
-use super::{DecodeError, EncodeError, Path};
+use super::{DecodeError, EncodeError, Path, image_file};
 use crate::Limits;
 use crate::types::{CompressedFormat, Encoding, Image, MessageType, Pixels, RawPixels};
 
@@ -37,7 +37,7 @@ pub fn encode(pixels: &RawPixels, quality: u8) -> Result<Bytes, EncodeError> {
         Encoding::Bgr8 => ColorType::Bgr,
         Encoding::Rgba8 => ColorType::Rgba,
         Encoding::Bgra8 => ColorType::Bgra,
-        Encoding::Mono16 | Encoding::F32C1 | Encoding::F32C3 => {
+        Encoding::Mono16 | Encoding::I32C1 | Encoding::F32C1 | Encoding::F32C3 => {
             return Err(refuse("use type Image"));
         }
     };
@@ -129,23 +129,19 @@ fn decompress(
     limits: &Limits,
     color_order: Encoding,
 ) -> Result<RawPixels, EncodeError> {
-    let refuse = |what: String, remedy: &str| EncodeError::Unrepresentable {
-        format: "uncompressed image",
-        what,
-        path: Path::Root.to_string(),
-        remedy: remedy.to_owned(),
+    let decoded = match format {
+        CompressedFormat::Jpeg => decode(file, limits, Some(color_order)),
+        CompressedFormat::Png => image_file::decode(file, limits, Some(color_order)),
     };
-    match format {
-        CompressedFormat::Jpeg => {
-            decode(file, limits, Some(color_order)).map_err(|error| match error {
-                DecodeError::TooLarge { actual, limit, .. } => {
-                    EncodeError::TooLarge { actual, limit }
-                }
-                error => refuse(error.to_string(), "check the sender"),
-            })
-        }
-        CompressedFormat::Png => Err(refuse("a PNG file".into(), "use type CompressedImage")),
-    }
+    decoded.map_err(|error| match error {
+        DecodeError::TooLarge { actual, limit, .. } => EncodeError::TooLarge { actual, limit },
+        error => EncodeError::Unrepresentable {
+            format: "uncompressed image",
+            what: error.to_string(),
+            path: Path::Root.to_string(),
+            remedy: "check the sender".to_owned(),
+        },
+    })
 }
 
 #[cfg(test)]
@@ -227,11 +223,25 @@ mod tests {
         let back = convert(file, MessageType::Image, Encoding::Bgr8, &limits).unwrap();
         let Pixels::Raw(back) = back.pixels else { panic!("pixels") };
         assert!(near(&back, &[200, 90, 9]));
+    }
 
-        let png = Pixels::Compressed { format: CompressedFormat::Png, data: Bytes::new() };
-        let png = Image::new(Stamp::default(), png);
-        let error = convert(png, MessageType::Image, Encoding::Bgr8, &limits).unwrap_err();
-        assert!(error.to_string().ends_with("use type CompressedImage"), "{error}");
+    #[test]
+    fn a_png_file_becomes_pixels() {
+        let limits = Limits::default();
+        let file = image_file::encode(&picture(Encoding::Rgb8, &[9, 90, 200]), false).unwrap();
+        let png = |data| {
+            let pixels = Pixels::Compressed { format: CompressedFormat::Png, data };
+            convert(
+                Image::new(Stamp::default(), pixels),
+                MessageType::Image,
+                Encoding::Bgr8,
+                &limits,
+            )
+        };
+        let Pixels::Raw(raw) = png(file).unwrap().pixels else { panic!("pixels") };
+        assert_eq!(raw, picture(Encoding::Bgr8, &[200, 90, 9]));
+        let error = png(Bytes::new()).unwrap_err().to_string();
+        assert!(error.contains("a file of 0 bytes"), "{error}");
     }
 
     proptest! {

@@ -13,15 +13,24 @@
 //! | [`frames`] | Wrapyfi's ZeroMQ messages | docs/wire/zeromq.md |
 //! | [`ros`] | the ROS messages of the data model | docs/wire/ros2.md |
 //! | [`jpeg`] | JPEG files | |
+//! | [`image_file`] | image files of other formats | |
+//! | [`pickle`] | pickles of plug-in objects, as data | docs/wire/pickle.md |
 
+pub(crate) mod archive;
+mod convert;
 mod error;
 pub mod frames;
+pub mod image_file;
 pub mod jpeg;
 pub mod json;
 pub mod npy;
 mod path;
+pub mod pickle;
+mod picture;
 pub mod ros;
+mod sound;
 
+pub use convert::{ConvertError, convert_payload, is_convertible};
 pub use error::{DecodeError, EncodeError};
 pub use jpeg::convert;
 

@@ -69,6 +69,7 @@ pub struct Counters {
     received_bytes: AtomicU64,
     sent: AtomicU64,
     sent_bytes: AtomicU64,
+    unread: AtomicU64,
     drops: [AtomicU64; DropReason::ALL.len()],
     latency: Latency,
 }
@@ -86,6 +87,11 @@ impl Counters {
         self.sent.fetch_add(1, Relaxed);
         self.sent_bytes.fetch_add(bytes as u64, Relaxed);
         self.latency.record(added);
+    }
+
+    /// Counts one object that was passed on unread, because its plug-in refused it.
+    pub fn unread(&self) {
+        self.unread.fetch_add(1, Relaxed);
     }
 
     /// Counts one dropped message.
@@ -108,6 +114,7 @@ impl Counters {
             received_bytes: self.received_bytes.load(Relaxed),
             sent: self.sent.load(Relaxed),
             sent_bytes: self.sent_bytes.load(Relaxed),
+            unread: self.unread.load(Relaxed),
             drops: DropReason::ALL
                 .iter()
                 .zip(&self.drops)
@@ -130,6 +137,9 @@ pub struct CountersSnapshot {
     pub sent: u64,
     /// Bytes handed to the destination.
     pub sent_bytes: u64,
+    /// Objects inside messages that were passed on as they came, because their plug-in refused to
+    /// read them: a pickle that names a function, a frame that no table holds.
+    pub unread: u64,
     /// Dropped messages by reason; reasons that never happened are left out.
     #[serde(serialize_with = "drops_as_map")]
     pub drops: Vec<(DropReason, u64)>,

@@ -14,6 +14,7 @@ use serde::de::{self, DeserializeOwned, IntoDeserializer, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 pub use serde_saphyr::Spanned;
 
+use super::config_devices::DevicesConfig;
 use super::config_error::ConfigError;
 use crate::endpoint::{Durability, History, Qos, QosPreset, Reliability};
 
@@ -45,11 +46,18 @@ pub struct Defaults {
     pub overflow: OverflowConfig,
     /// Largest message in MiB (default 64).
     pub max_message_mib: usize,
+    /// Where received tensors go (default: they keep their device).
+    pub devices: Option<Spanned<DevicesConfig>>,
 }
 
 impl Default for Defaults {
     fn default() -> Self {
-        Self { queue_depth: 10, overflow: OverflowConfig::DropOldest, max_message_mib: 64 }
+        Self {
+            queue_depth: 10,
+            overflow: OverflowConfig::DropOldest,
+            max_message_mib: 64,
+            devices: None,
+        }
     }
 }
 
@@ -64,6 +72,9 @@ pub struct RouteConfig {
     /// Message type: see [`crate::types::MessageType`].
     #[serde(rename = "type")]
     pub message_type: Spanned<String>,
+    /// Message type at the source, where it is another than at the destination (default: `type`).
+    #[serde(default)]
+    pub from_type: Option<Spanned<String>>,
     /// Name in tables and logs (default `from -> to`).
     #[serde(default)]
     pub name: Option<String>,
@@ -85,6 +96,9 @@ pub struct RouteConfig {
     /// Largest message in MiB.
     #[serde(default)]
     pub max_message_mib: Option<Spanned<usize>>,
+    /// Where received tensors go; a library that stands here is not looked up in the defaults.
+    #[serde(default)]
+    pub devices: Option<Spanned<DevicesConfig>>,
     /// Allows another route to the same destination.
     #[serde(default)]
     pub merge: bool,

@@ -98,7 +98,7 @@ fn in_words(text: &str) -> String {
 }
 
 /// `did you mean ...? ` when one of `known` is near `word`, else nothing.
-pub(super) fn did_you_mean<S: AsRef<str>>(word: &str, known: &[S]) -> String {
+pub(crate) fn did_you_mean<S: AsRef<str>>(word: &str, known: &[S]) -> String {
     known
         .iter()
         .map(|candidate| {

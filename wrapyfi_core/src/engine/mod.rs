@@ -35,6 +35,7 @@
 
 mod backoff;
 mod config;
+mod config_devices;
 mod config_error;
 #[expect(clippy::module_inception, reason = "the engine is this module's one main type")]
 mod engine;
@@ -45,6 +46,8 @@ mod route;
 pub use config::{
     Config, Defaults, MAX_CONFIG_BYTES, OverflowConfig, QosConfig, RouteConfig, Spanned,
 };
+pub use config_devices::{DeviceWord, DevicesConfig};
+pub(crate) use config_error::did_you_mean;
 pub use config_error::{ConfigError, Problem};
 pub use engine::{Engine, Running};
 pub use plan::{Available, Plan, RouteSpec};

@@ -5,11 +5,13 @@ use std::fmt;
 use std::time::Duration;
 
 use super::config::{Config, Defaults, OverflowConfig, RouteConfig, Spanned};
+use super::config_devices::DevicesConfig;
 use super::config_error::{ConfigError, Problem, did_you_mean};
 use crate::Limits;
+use crate::codec::is_convertible;
 use crate::endpoint::{EndpointAddress, Overflow, ParseAddressError, Qos, QueueSpec, TopicSpec};
-use crate::plugin::Plugins;
-use crate::types::{Encoding, MessageType};
+use crate::plugin::{DeviceMaps, Plugins};
+use crate::types::{DataType, Encoding, MessageType};
 
 /// A route as it will be run.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,8 +22,10 @@ pub struct RouteSpec {
     pub from: EndpointAddress,
     /// Destination.
     pub to: EndpointAddress,
-    /// Type of its messages.
+    /// Type of its messages, at the destination and, unless `from_type` says otherwise, at the source.
     pub message_type: MessageType,
+    /// Type of the messages at the source.
+    pub from_type: MessageType,
     /// Quality of service on middlewares that have one.
     pub qos: Qos,
     /// Queue between source and conversion.
@@ -45,6 +49,7 @@ impl RouteSpec {
             from,
             to,
             message_type,
+            from_type: message_type,
             qos: Qos::default(),
             queue: QueueSpec::default(),
             max_rate_hz: None,
@@ -57,9 +62,10 @@ impl RouteSpec {
     /// What to open at `address`, one of the route's two ends.
     #[must_use]
     pub fn topic_spec(&self, address: &EndpointAddress) -> TopicSpec {
+        let at_source = *address == self.from;
         TopicSpec {
             topic: address.name.clone(),
-            message_type: self.message_type,
+            message_type: if at_source { self.from_type } else { self.message_type },
             qos: self.qos,
             queue: self.queue,
             color_order: self.color_order,
@@ -71,7 +77,11 @@ impl RouteSpec {
 
 impl fmt::Display for RouteSpec {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} -> {}  {}", self.from, self.to, self.message_type.ros_type())?;
+        write!(f, "{} -> {}  ", self.from, self.to)?;
+        if self.from_type != self.message_type {
+            write!(f, "{} as ", self.from_type.ros_type())?;
+        }
+        write!(f, "{}", self.message_type.ros_type())?;
         write!(f, "  queue {} ", self.queue.depth)?;
         match self.queue.overflow {
             Overflow::DropOldest => write!(f, "drop_oldest")?,
@@ -80,6 +90,9 @@ impl fmt::Display for RouteSpec {
         }
         if let Some(hz) = self.max_rate_hz {
             write!(f, "  at most {hz} Hz")?;
+        }
+        if let Some(devices) = self.plugins.devices() {
+            write!(f, "  devices {devices}")?;
         }
         Ok(())
     }
@@ -120,9 +133,12 @@ impl Plan {
             problems
                 .push(Problem { position: None, message: "no routes: nothing to do".to_owned() });
         }
+        let default_devices = device_maps(config.defaults.devices.as_ref())
+            .map_err(|problem| problems.push(problem))
+            .unwrap_or_default();
         for entry in &config.routes {
             let line = entry.referenced.line();
-            let route = match route_spec(entry, &config.defaults, middlewares) {
+            let route = match route_spec(entry, &config.defaults, &default_devices, middlewares) {
                 Ok(route) => route,
                 Err(found) => {
                     problems.extend(found);
@@ -158,18 +174,30 @@ impl Plan {
 fn route_spec(
     entry: &Spanned<RouteConfig>,
     defaults: &Defaults,
+    default_devices: &DeviceMaps,
     middlewares: &[Available<'_>],
 ) -> Result<RouteSpec, Vec<Problem>> {
     let config = &entry.value;
     let mut problems = Vec::new();
     let from = address(&config.from, middlewares).map_err(|problem| problems.push(problem)).ok();
     let to = address(&config.to, middlewares).map_err(|problem| problems.push(problem)).ok();
-    let message_type = &config.message_type;
-    let message_type = message_type
-        .value
-        .parse::<MessageType>()
-        .map_err(|error| problems.push(Problem::at(message_type.referenced, error.to_string())))
-        .ok();
+    let mut parse_type = |text: &Spanned<String>| {
+        let parsed = text.value.parse::<MessageType>();
+        parsed.map_err(|error| problems.push(Problem::at(text.referenced, error.to_string()))).ok()
+    };
+    let message_type = parse_type(&config.message_type);
+    let from_type = config.from_type.as_ref().map_or(message_type, parse_type);
+    if let (Some(written), Some(from), Some(to)) = (&config.from_type, from_type, message_type)
+        && !is_convertible(from.data_type(), to.data_type())
+    {
+        let text = format!(
+            "from_type {from} does not become type {to}: {} and {} only become each other through \
+             NativeObject",
+            from.data_type(),
+            to.data_type()
+        );
+        problems.push(Problem::at(written.referenced, text));
+    }
     let color_order = match &config.encoding {
         None => Encoding::Bgr8,
         Some(encoding) => match encoding.value.as_str() {
@@ -204,13 +232,26 @@ fn route_spec(
         OverflowConfig::DropNewest => Overflow::DropNewest,
         OverflowConfig::Block { block_ms } => Overflow::Block(Duration::from_millis(block_ms)),
     };
-    match (from, to, message_type) {
-        (Some(from), Some(to), Some(message_type)) if problems.is_empty() => {
+    let own_devices =
+        device_maps(config.devices.as_ref()).map_err(|problem| problems.push(problem));
+    if let (Some(own), Some(message_type), Some(from_type)) =
+        (&config.devices, message_type, from_type)
+        && [message_type, from_type].iter().all(|it| it.data_type() != DataType::NativeObject)
+    {
+        let text = format!(
+            "devices has no effect on {}: only native objects hold tensors with a device",
+            config.message_type.value
+        );
+        problems.push(Problem::at(own.referenced, text));
+    }
+    match (from, to, message_type.zip(from_type)) {
+        (Some(from), Some(to), Some((message_type, from_type))) if problems.is_empty() => {
             if from == to {
                 let text = format!("route from {from} to itself: it would loop");
                 return Err(vec![Problem::at(entry.referenced, text)]);
             }
             let mut route = RouteSpec::new(from, to, message_type);
+            route.from_type = from_type;
             if let Some(name) = &config.name {
                 route.name.clone_from(name);
             }
@@ -219,10 +260,18 @@ fn route_spec(
             route.max_rate_hz = config.max_rate_hz.as_ref().map(|rate| rate.value);
             route.color_order = color_order;
             route.limits.message_bytes = mib.saturating_mul(Limits::MIB);
+            let maps = own_devices.unwrap_or_default().or_from(default_devices);
+            route.plugins = route.plugins.with_devices(maps);
             Ok(route)
         }
         _ => Err(problems),
     }
+}
+
+/// The device maps that a section `devices` makes.
+fn device_maps(devices: Option<&Spanned<DevicesConfig>>) -> Result<DeviceMaps, Problem> {
+    devices
+        .map_or_else(|| Ok(DeviceMaps::default()), |devices| devices.value.maps(devices.referenced))
 }
 
 fn address(
@@ -284,6 +333,82 @@ mod tests {
             route.to_string(),
             "zeromq:/a -> ros2:/b  sensor_msgs/msg/Image  queue 3 drop_oldest  at most 15 Hz"
         );
+    }
+
+    #[test]
+    fn a_route_may_carry_another_type_at_its_source() {
+        let plan = plan(
+            "routes:\n  - { from: 'zeromq:/a', to: 'ros2:/b', type: Image, from_type: NativeObject }\n",
+        )
+        .unwrap();
+        let route = &plan.routes[0];
+        assert_eq!(route.topic_spec(&route.from).message_type, MessageType::NativeObject);
+        assert_eq!(route.topic_spec(&route.to).message_type, MessageType::Image);
+        let shown = route.to_string();
+        assert!(
+            shown.contains("  wrapyfi_msgs/msg/NativeObject as sensor_msgs/msg/Image  "),
+            "{shown}"
+        );
+    }
+
+    #[test]
+    fn a_source_type_that_cannot_become_the_other_is_refused() {
+        let route = |from_type: &str| {
+            format!(
+                "routes:\n  - {{ from: 'zeromq:/a', to: 'ros2:/b', type: Image, from_type: {from_type} }}\n"
+            )
+        };
+        let text = plan(&route("AudioChunk")).unwrap_err().to_string();
+        assert!(text.contains("bridge.yaml:2:"), "{text}");
+        assert!(text.contains("from_type AudioChunk does not become type Image"), "{text}");
+        let text = plan(&route("Imge")).unwrap_err().to_string();
+        assert!(text.contains("\"Imge\" is no message type"), "{text}");
+    }
+
+    #[test]
+    fn devices_of_a_route_go_before_the_defaults() {
+        let plan = plan(
+            "defaults: { devices: { load_torch_device: cpu, load_cupy_device: 1 } }\nroutes:\n  - { from: 'zeromq:/a', to: 'ros2:/b', type: NativeObject, devices: { map_torch_devices: { cpu: 'cuda:0' } } }\n  - { from: 'zeromq:/c', to: 'ros2:/d', type: NativeObject }\n",
+        )
+        .unwrap();
+        let target = |route: usize, key, device| {
+            plan.routes[route].plugins.devices().unwrap().target(key, device).map(str::to_owned)
+        };
+        assert_eq!(target(0, "PytorchTensor", "cpu").as_deref(), Some("cuda:0"));
+        assert_eq!(target(0, "PytorchTensor", "cuda:0"), None);
+        assert_eq!(target(0, "CuPyArray", "cuda:0").as_deref(), Some("cuda:1"));
+        assert_eq!(target(1, "PytorchTensor", "cuda:0").as_deref(), Some("cpu"));
+        let shown = plan.routes[0].to_string();
+        assert!(shown.ends_with("devices torch cpu->cuda:0, cupy *->cuda:1"), "{shown}");
+    }
+
+    #[test]
+    fn wrong_devices_are_refused_with_their_line() {
+        let route = |devices: &str, message_type: &str| {
+            plan(&format!(
+                "routes:\n  - from: 'zeromq:/a'\n    to: 'ros2:/b'\n    type: {message_type}\n    devices:\n      {devices}\n"
+            ))
+            .unwrap_err()
+            .to_string()
+        };
+        let text = route("load_toch_device: cpu", "NativeObject");
+        assert!(text.starts_with("bridge.yaml:6:"), "{text}");
+        assert!(text.contains("did you mean `load_torch_device`?"), "{text}");
+        let text = route("load_torch_device: cdua:0", "NativeObject");
+        assert!(text.starts_with("bridge.yaml:6:") && text.contains("no device"), "{text}");
+        let text = route(
+            "{ load_torch_device: 'cuda:0', map_torch_devices: { default: cpu } }",
+            "NativeObject",
+        );
+        assert!(text.contains("default goes to cuda:0 and to cpu"), "{text}");
+        let text = route("load_torch_device: cpu", "Image");
+        assert!(text.contains("devices has no effect on Image"), "{text}");
+        let text = plan("defaults:\n  devices: { load_cupy_device: cpu }\nroutes:\n  - { from: 'zeromq:/a', to: 'ros2:/b', type: Image }\n  - { from: 'zeromq:/c', to: 'ros2:/d', type: Image }\n")
+            .unwrap_err()
+            .to_string();
+        assert!(text.starts_with("bridge.yaml:2:") && text.lines().count() == 1, "{text}");
+        let text = route("load_torch_device: [cpu]", "NativeObject");
+        assert!(text.contains("a device, for instance cuda:0"), "{text}");
     }
 
     #[test]

@@ -14,9 +14,11 @@ use std::time::{Duration, Instant};
 use super::backoff::Backoff;
 use super::plan::RouteSpec;
 use super::route::{RouteState, RouteStatus};
+use crate::codec::convert_payload;
 use crate::endpoint::{
-    Context, DropReason, Listener, Middleware, OpenError, Publisher, Registry, Wake,
+    Context, DropReason, Listener, Middleware, OpenError, Publisher, Registry, Sample, Wake,
 };
+use crate::types::{Payload, Stamp};
 
 /// Messages moved in one step, so that a flooded route lets the others have their turn.
 const BATCH: usize = 16;
@@ -38,6 +40,8 @@ pub struct Relay {
     state: RouteState,
     last_loss: Option<(Instant, String)>,
     losses: LossLog,
+    /// Objects passed on as they came.
+    unread: LossLog,
 }
 
 /// One end of a route: what opens it, and what is open.
@@ -71,6 +75,7 @@ impl Relay {
             not_before: None,
             last_loss: None,
             losses: LossLog::default(),
+            unread: LossLog::default(),
             source,
             sink,
             spec,
@@ -152,10 +157,15 @@ impl Relay {
                     self.context.counters.dropped(DropReason::RateLimit);
                     continue;
                 }
-                Ok(Some(sample)) => publisher
-                    .publish(&sample.payload)
-                    .map(|bytes| (bytes, sample.received_at))
-                    .map_err(|error| (error.drop_reason(), error.to_string())),
+                Ok(Some(sample)) => {
+                    if let Payload::NativeObject(value) = &sample.payload {
+                        for (_, reason) in value.refusals() {
+                            self.context.counters.unread();
+                            self.unread.log(now, &self.spec.name, "passed on an object unread", reason);
+                        }
+                    }
+                    forward(&self.spec, sample, publisher.as_mut())
+                }
                 Err(error) => Err((error.drop_reason(), error.to_string())),
             };
             moved += 1;
@@ -166,7 +176,8 @@ impl Relay {
                 Err((reason @ DropReason::NoConsumer, _)) => self.context.counters.dropped(reason),
                 Err((reason, text)) => {
                     self.context.counters.dropped(reason);
-                    self.losses.log(now, &self.spec.name, reason, &text);
+                    let what = format!("dropped a message ({reason})");
+                    self.losses.log(now, &self.spec.name, &what, &text);
                     self.last_loss = Some((now, text));
                 }
             }
@@ -235,6 +246,22 @@ impl<T: ?Sized> End<T> {
     }
 }
 
+/// Hands a message on in the type that the destination carries; its size there and when it came.
+fn forward(
+    spec: &RouteSpec,
+    sample: Sample,
+    publisher: &mut dyn Publisher,
+) -> Result<(usize, Instant), (DropReason, String)> {
+    let Sample { payload, received_at, .. } = sample;
+    let kind = spec.message_type.data_type();
+    let payload = convert_payload(payload, kind, spec.color_order, &spec.limits, Stamp::now)
+        .map_err(|error| (error.drop_reason(), error.to_string()))?;
+    match publisher.publish(&payload) {
+        Ok(bytes) => Ok((bytes, received_at)),
+        Err(error) => Err((error.drop_reason(), error.to_string())),
+    }
+}
+
 /// True when a message may pass at `now`; then books its interval.
 fn rate_allows(max_rate_hz: Option<f64>, not_before: &mut Option<Instant>, now: Instant) -> bool {
     let Some(hz) = max_rate_hz else { return true };
@@ -256,13 +283,13 @@ struct LossLog {
 }
 
 impl LossLog {
-    fn log(&mut self, now: Instant, route: &str, reason: DropReason, text: &str) {
+    fn log(&mut self, now: Instant, route: &str, what: &str, text: &str) {
         if self.last.is_some_and(|at| now.saturating_duration_since(at) < LOG_EVERY) {
             self.silent += 1;
             return;
         }
         let more = std::mem::take(&mut self.silent);
-        tracing::warn!(route, %reason, unlogged_before = more, "dropped a message: {text}");
+        tracing::warn!(route, unlogged_before = more, "{what}: {text}");
         self.last = Some(now);
     }
 }

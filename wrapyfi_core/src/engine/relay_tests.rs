@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::*;
 use crate::endpoint::{Overflow, QueueSpec, TopicSpec};
 use crate::middleware::memory::Memory;
-use crate::types::{MessageType, Payload, Value};
+use crate::types::{MessageType, Payload, Tensor, Value};
 
 struct Bench {
     bus: Arc<Memory>,
@@ -52,6 +52,12 @@ fn number(n: i64) -> Payload {
 
 fn drain(listener: &mut dyn Listener) -> Vec<Payload> {
     std::iter::from_fn(|| listener.take().unwrap().map(|sample| sample.payload)).collect()
+}
+
+/// `in` carries native objects, `out` images.
+fn frames_out(spec: &mut RouteSpec) {
+    spec.from_type = MessageType::NativeObject;
+    spec.message_type = MessageType::Image;
 }
 
 const MS: Duration = Duration::from_millis(1);
@@ -158,4 +164,41 @@ fn an_unknown_middleware_is_an_error_that_lists_the_known() {
     let state = relay.status().state;
     assert_eq!(state.word(), "error");
     assert!(state.reason().unwrap().contains("available: memory"), "{state}");
+}
+
+#[test]
+fn an_array_arrives_as_an_image_and_what_is_none_is_counted() {
+    let mut bench = Bench::new(frames_out);
+    bench.step_after(MS);
+    let images = TopicSpec { message_type: MessageType::Image, ..spec("/out") };
+    let mut sink = bench.bus.open_listener(&images, &Context::default()).unwrap();
+    let mut source = bench.source();
+    bench.step_after(MS);
+    let frame = Tensor::from_elements(&[2, 3], vec![0_u8, 1, 2, 3, 4, 5]).unwrap();
+    for value in [Value::from(frame), "no frame".into()] {
+        source.publish(&value.into()).unwrap();
+    }
+    bench.step_after(MS);
+    let heard = drain(sink.as_mut());
+    let [Payload::Image(image)] = &*heard else { panic!("one image: {heard:?}") };
+    assert!(image.stamp > Stamp::default());
+    let status = bench.relay.status();
+    assert_eq!(status.counters.dropped_for(DropReason::Mismatch), 1);
+    assert!(matches!(&status.state, RouteState::Degraded(text) if text.contains("received str")));
+}
+
+/// What a plug-in refused is no loss, but it is said.
+#[test]
+fn objects_that_stay_unread_are_counted_and_carried() {
+    let mut bench = Bench::new(|_| ());
+    bench.step_after(MS);
+    let (mut source, mut sink) = (bench.source(), bench.sink());
+    let text = r#"[{"__wrapyfi__": ["PandasData", "cos\nsystem\n."]}, 1]"#;
+    let value = crate::codec::json::decode(&text.into(), &crate::Limits::default()).unwrap();
+    let payload = Payload::from(value);
+    source.publish(&payload).unwrap();
+    bench.step_after(MS);
+    assert_eq!(drain(sink.as_mut()), [payload]);
+    let counters = bench.relay.status().counters;
+    assert_eq!((counters.sent, counters.dropped(), counters.unread), (1, 0, 1));
 }

@@ -44,16 +44,38 @@
 //! ```
 
 mod body;
+mod budget;
+mod dask;
+mod dask_array;
+mod dask_frame;
+mod devices;
 mod error;
+mod framework;
 mod npy_tensor;
+mod numpy_pickle;
+mod paddle;
+mod pandas;
+mod pickle_text;
+mod pillow;
 mod pint;
+mod pyarrow;
 mod set;
+mod stack;
+mod torch;
+mod trax;
+mod xarray;
+mod zarr;
 
 pub use body::{Body, Part};
+pub use devices::{DeviceMap, DeviceMaps, DeviceOption};
 pub use error::PluginError;
+pub use framework::{DeviceError, Framework};
 pub use set::Plugins;
+pub use zarr::ZarrGroup;
 
 pub(crate) use body::Element;
+
+use std::cell::Cell;
 
 use crate::Limits;
 use crate::types::Value;
@@ -87,4 +109,45 @@ pub struct Context<'a> {
     pub limits: &'a Limits,
     /// The plug-ins in use, for parts that are native objects themselves.
     pub plugins: &'a Plugins,
+    /// Bytes that the objects of the message have been unpacked to so far.
+    unpacked: &'a Cell<u64>,
+}
+
+impl<'a> Context<'a> {
+    /// The context of all objects of one message. `unpacked` begins at 0.
+    #[must_use]
+    pub fn new(limits: &'a Limits, plugins: &'a Plugins, unpacked: &'a Cell<u64>) -> Self {
+        Self { limits, plugins, unpacked }
+    }
+
+    /// Books `bytes` for something compressed, or only claimed, that is about to be allocated. All
+    /// objects of a message together may take `message_bytes` in this way: without it, a small
+    /// message of many small files could fill the memory.
+    ///
+    /// # Errors
+    /// When the limit is exceeded; `what` names the thing. Nothing is booked then.
+    pub fn unpack(&self, what: impl Into<String>, bytes: u64) -> Result<(), PluginError> {
+        let actual = self.unpacked.get().saturating_add(bytes);
+        let limit = self.limits.message_bytes as u64;
+        if actual > limit {
+            return Err(PluginError::TooLarge { what: what.into(), actual, limit });
+        }
+        self.unpacked.set(actual);
+        Ok(())
+    }
+
+    /// Limits for what is unpacked next: what the objects of the message have left.
+    #[must_use]
+    pub fn left(&self) -> Limits {
+        let unpacked = usize::try_from(self.unpacked.get()).unwrap_or(usize::MAX);
+        let message_bytes = self.limits.message_bytes.saturating_sub(unpacked);
+        Limits { message_bytes, ..*self.limits }
+    }
+
+    /// Limits for JSON inside a part of `length` bytes: room for as many values as Python's `json`
+    /// can write into it, at three bytes each.
+    pub(crate) fn limits_within(&self, length: usize) -> Limits {
+        let message_bytes = length.saturating_mul(3).min(self.limits.message_bytes);
+        Limits { message_bytes, ..*self.limits }
+    }
 }

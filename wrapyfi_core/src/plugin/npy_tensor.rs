@@ -1,20 +1,24 @@
 //! `TensorflowTensor`, `JAXTensor`, `MXNetTensor`, `CuPyArray`: a `.npy` file, and the device where
 //! the plug-in says it.
 //!
+//! JAX and TensorFlow lose the name of `bfloat16` on the way: their files say two bytes of anything
+//! (`V2`), which no other type of theirs does. It is read as `bfloat16`, and written as `float32`,
+//! which holds every value of it: Wrapyfi cannot read back what it wrote itself.
+//!
 //! ```text
 //!   ["MXNetTensor", "k05VTVBZ…", "cpu:0"]  ◀─▶  Tensor { device: "cpu:0", origin: MXNetTensor, … }
 //! ```
 
-use super::{Body, Context, Part, Plugin, PluginError};
+use super::{Body, Context, Framework, Part, Plugin, PluginError};
 use crate::codec::npy::{self, NpyArray};
-use crate::types::{Origin, Value};
+use crate::types::{Dtype, Origin, Tensor, Value};
 
 /// A plug-in whose object is a `.npy` file.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct NpyTensor {
     key: &'static str,
-    /// Device of a tensor without a label; `None` where no device is sent.
-    device: Option<&'static str>,
+    /// Whose devices stand beside the file, and that of a tensor without a label.
+    device: Option<(Framework, &'static str)>,
 }
 
 impl NpyTensor {
@@ -22,8 +26,8 @@ impl NpyTensor {
     pub(super) const ALL: [Self; 4] = [
         Self { key: "TensorflowTensor", device: None },
         Self { key: "JAXTensor", device: None },
-        Self { key: "MXNetTensor", device: Some("cpu:0") },
-        Self { key: "CuPyArray", device: Some("cuda:0") },
+        Self { key: "MXNetTensor", device: Some((Framework::MxNet, "cpu:0")) },
+        Self { key: "CuPyArray", device: Some((Framework::CuPy, "cuda:0")) },
     ];
 }
 
@@ -35,8 +39,22 @@ impl Plugin for NpyTensor {
     fn decode(&self, body: &Body<'_>, _context: &Context<'_>) -> Result<Value, PluginError> {
         let array = npy::read(&body.base64(0)?)
             .map_err(|error| PluginError::Malformed { part: 0, reason: error.to_string() })?;
-        let NpyArray::Tensor(tensor) = array else {
-            return Err(body.expected(0, "an array of numbers"));
+        let tensor = match array {
+            NpyArray::Tensor(tensor) => tensor,
+            NpyArray::Array(array) if self.device.is_none() && is_void(&array.descr, 2) => {
+                Tensor::new(Dtype::BF16, array.shape, array.data).map_err(|error| {
+                    PluginError::Malformed { part: 0, reason: error.to_string() }
+                })?
+            }
+            NpyArray::Array(array) => {
+                return Err(PluginError::Unsupported {
+                    what: format!(
+                        "an array of {}",
+                        array.descr.chars().take(64).collect::<String>()
+                    ),
+                    remedy: "send numbers, for instance float32".into(),
+                });
+            }
         };
         let tensor = tensor.with_origin(Origin::new(self.key));
         Ok(match self.device {
@@ -50,10 +68,15 @@ impl Plugin for NpyTensor {
         let tensor = value.as_tensor().ok_or_else(|| PluginError::not_mine("tensor", value))?;
         let (header, data) = npy::shared_parts(tensor);
         let mut parts = vec![Part::Base64(header.into(), data)];
-        if let Some(default) = self.device {
-            let device = if tensor.device().is_empty() { default } else { tensor.device() };
-            parts.push(Part::Text(device.to_owned()));
+        if let Some((framework, default)) = self.device {
+            parts.push(Part::Text(framework.label(tensor.device(), default)));
         }
         Ok(parts)
     }
+}
+
+/// True for the code of `size` bytes of anything, in whichever order.
+fn is_void(descr: &str, size: usize) -> bool {
+    let code = descr.trim_matches(['\'', '"']).trim_start_matches(['<', '|', '=']);
+    code == format!("V{size}")
 }

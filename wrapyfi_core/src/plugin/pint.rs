@@ -4,7 +4,7 @@
 //!   ["PintData", base64 of {"magnitude": 1.5, "units": "meter"}, "Quantity"]  ◀─▶  Quantity
 //! ```
 
-use super::{Body, Context, Part, Plugin, PluginError};
+use super::{Body, Context, Part, Plugin, PluginError, Plugins};
 use crate::codec::json;
 use crate::types::{Map, Quantity, Value};
 
@@ -25,7 +25,10 @@ impl Plugin for Pint {
             });
         }
         let malformed = |reason: String| PluginError::Malformed { part: 0, reason };
-        let text = json::decode(&body.base64(0)?, context.limits)
+        let text = body.base64(0)?;
+        let limits = context.limits_within(text.len());
+        // No plug-in objects stand in here.
+        let text = json::decode_with(&text, &limits, &Plugins::none())
             .map_err(|error| malformed(error.to_string()))?;
         let magnitude = text.get("magnitude").ok_or_else(|| malformed("no magnitude".into()))?;
         if !matches!(magnitude, Value::Int(_) | Value::BigInt(_) | Value::Float(_)) {

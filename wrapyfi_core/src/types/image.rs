@@ -224,19 +224,21 @@ pub enum Encoding {
     Bgr8,
     Rgba8,
     Bgra8,
+    I32C1,
     F32C1,
     F32C3,
 }
 
 impl Encoding {
     /// Every encoding.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Mono8,
         Self::Mono16,
         Self::Rgb8,
         Self::Bgr8,
         Self::Rgba8,
         Self::Bgra8,
+        Self::I32C1,
         Self::F32C1,
         Self::F32C3,
     ];
@@ -251,6 +253,7 @@ impl Encoding {
             Self::Bgr8 => "bgr8",
             Self::Rgba8 => "rgba8",
             Self::Bgra8 => "bgra8",
+            Self::I32C1 => "32SC1",
             Self::F32C1 => "32FC1",
             Self::F32C3 => "32FC3",
         }
@@ -273,7 +276,7 @@ impl Encoding {
     #[must_use]
     pub fn channels(self) -> usize {
         match self {
-            Self::Mono8 | Self::Mono16 | Self::F32C1 => 1,
+            Self::Mono8 | Self::Mono16 | Self::I32C1 | Self::F32C1 => 1,
             Self::Rgb8 | Self::Bgr8 | Self::F32C3 => 3,
             Self::Rgba8 | Self::Bgra8 => 4,
         }
@@ -286,7 +289,7 @@ impl Encoding {
             * match self {
                 Self::Mono8 | Self::Rgb8 | Self::Bgr8 | Self::Rgba8 | Self::Bgra8 => 1,
                 Self::Mono16 => 2,
-                Self::F32C1 | Self::F32C3 => 4,
+                Self::I32C1 | Self::F32C1 | Self::F32C3 => 4,
             }
     }
 

@@ -11,12 +11,15 @@
 //! Payload bytes are [`bytes::Bytes`]: passing a value on shares them.
 
 mod audio;
+#[cfg(feature = "candle")]
+mod candle;
 mod datetime;
 mod dtype;
 mod element;
 mod image;
 mod labelled;
 mod map;
+mod nested;
 mod object;
 mod origin;
 mod payload;
@@ -27,6 +30,8 @@ mod tensor;
 mod typed;
 mod value;
 
+#[cfg(feature = "candle")]
+pub use self::candle::CandleError;
 pub use audio::{AudioChunk, SampleFormat};
 pub use datetime::{DateTime, ParseDateTimeError};
 pub use dtype::Dtype;
@@ -46,4 +51,5 @@ pub use value::{Tagged, Value};
 
 pub(crate) use element::swap_byte_order;
 pub(crate) use map::unique_members;
+pub(crate) use nested::{nested_list, rectangular};
 pub(crate) use shape::element_count;

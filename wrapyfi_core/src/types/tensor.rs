@@ -8,7 +8,7 @@
 use std::sync::Arc;
 
 use bytes::Bytes;
-use ndarray::{ArrayBase, ArrayD, ArrayViewD, Data, Dimension, IxDyn};
+use ndarray::{Array, ArrayBase, ArrayD, ArrayViewD, Data, Dimension, IxDyn};
 
 use super::Origin;
 use super::dtype::Dtype;
@@ -76,6 +76,28 @@ impl Tensor {
             origin: None,
             data: element::into_bytes(elements),
         }
+    }
+
+    /// An array that takes over the elements of `array`: shared where they lie in row-major order,
+    /// else copied into it. `array.into()` does the same.
+    ///
+    /// ```
+    /// use wrapyfi_core::types::Tensor;
+    /// let array = ndarray::Array2::<f32>::zeros((480, 640));
+    /// let before = array.as_ptr();
+    /// let tensor = Tensor::from_ndarray_owned(array);
+    /// assert_eq!(tensor.view::<f32>().unwrap().as_ptr(), before);
+    /// ```
+    pub fn from_ndarray_owned<T: Element, D: Dimension>(array: Array<T, D>) -> Self {
+        if !array.is_standard_layout() {
+            return Self::from_ndarray(&array);
+        }
+        let (shape, count) = (array.shape().to_vec(), array.len());
+        let (elements, first) = array.into_raw_vec_and_offset();
+        // A part of a larger array keeps the whole of it, but shows no more than itself.
+        let begin = first.unwrap_or_default() * size_of::<T>();
+        let data = element::into_bytes(elements).slice(begin..begin + count * size_of::<T>());
+        Self { dtype: T::DTYPE, shape, device: String::new(), origin: None, data }
     }
 
     /// The same array labelled with the device it came from or shall go to, for instance `cuda:0`.
@@ -163,6 +185,12 @@ impl Tensor {
     }
 }
 
+impl<T: Element, D: Dimension> From<Array<T, D>> for Tensor {
+    fn from(array: Array<T, D>) -> Self {
+        Self::from_ndarray_owned(array)
+    }
+}
+
 /// A NumPy array whose elements are not plain numbers: structured, text, bytes, void,
 /// `datetime64`, `timedelta64`, `longdouble`. Carried with its `descr` so that it can be written
 /// back exactly.
@@ -231,6 +259,39 @@ mod tests {
         assert_eq!(tensor.shape(), [3, 2]);
         assert_eq!(tensor.to_vec::<i16>().unwrap(), [1, 4, 2, 5, 3, 6]);
         assert_eq!(tensor.to_ndarray::<i16>().unwrap(), array.t().into_dyn());
+    }
+
+    #[test]
+    fn an_owned_ndarray_is_taken_over_without_a_copy() {
+        let array = ndarray::Array3::<f32>::from_shape_fn((2, 3, 4), |(i, j, k)| {
+            f32::from(u8::try_from(i * 100 + j * 10 + k).unwrap())
+        });
+        let (before, copy) = (array.as_ptr(), array.clone());
+        let tensor = Tensor::from(array);
+        let view = tensor.view::<f32>().unwrap();
+        assert_eq!(view.as_ptr(), before);
+        assert_eq!(view, copy.view().into_dyn());
+        assert_eq!(tensor.clone().view::<f32>().unwrap().as_ptr(), before);
+
+        // A part of it begins behind its first element.
+        let part = copy.clone().slice_move(ndarray::s![1, 1.., ..]);
+        let before = part.as_ptr();
+        let tensor = Tensor::from(part);
+        assert_eq!((tensor.shape(), tensor.data().len()), (&[2, 4][..], 32));
+        assert_eq!(tensor.view::<f32>().unwrap().as_ptr(), before);
+        assert_eq!(tensor.as_slice::<f32>().unwrap()[0], 110.0);
+
+        // Another order is copied.
+        for moved in
+            [copy.clone().reversed_axes(), copy.clone().slice_move(ndarray::s![..;-1, .., ..])]
+        {
+            let expected = moved.clone().into_dyn();
+            assert_eq!(Tensor::from(moved).to_ndarray::<f32>().unwrap(), expected);
+        }
+        let empty = Tensor::from(ndarray::Array2::<u16>::zeros((0, 3)));
+        assert_eq!((empty.shape(), empty.data().len()), (&[0, 3][..], 0));
+        let single = Tensor::from(ndarray::arr0(7_i64));
+        assert_eq!((single.shape(), single.as_slice::<i64>()), (&[][..], Some(&[7][..])));
     }
 
     #[test]

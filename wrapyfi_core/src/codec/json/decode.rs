@@ -1,5 +1,7 @@
 //! Text to values, in one pass.
 
+use std::cell::Cell;
+
 use bytes::Bytes;
 
 use super::super::{DecodeError, Path};
@@ -19,6 +21,8 @@ pub(super) struct Decoder<'a> {
     pub(super) plugins: &'a Plugins,
     /// Bytes that the values may still take.
     room: usize,
+    /// Bytes that plug-ins have unpacked.
+    pub(super) unpacked: Cell<u64>,
     /// What `tensor` tags refer to; `None` where they are no tags.
     pub(super) tensors: Option<&'a [Tensor]>,
 }
@@ -51,7 +55,9 @@ pub(super) fn run(
             limit: limits.message_bytes as u64,
         });
     }
-    let mut decoder = Decoder { bytes: text, at: 0, limits, plugins, room: room(limits), tensors };
+    let unpacked = Cell::new(0);
+    let room = room(limits);
+    let mut decoder = Decoder { bytes: text, at: 0, limits, plugins, room, unpacked, tensors };
     if text.starts_with(b"\xEF\xBB\xBF") {
         return Err(decoder.malformed(&Path::Root, "a byte order mark begins the text"));
     }

@@ -9,6 +9,9 @@
 //! A node that reads these needs no pickle, no zip and no base64: `docs/wire/ros2.md` lists the
 //! tags. Each is one value, made of the types that every dialect has.
 
+mod picture;
+mod table;
+
 use std::sync::Arc;
 
 use crate::types::{Labelled, LabelledContent, Map, Origin, Quantity, Value, Variable};
@@ -23,6 +26,8 @@ pub(super) fn read(tag: &str, body: &Value) -> Result<Value, String> {
     match tag {
         "quantity" => quantity(body).map(Value::from),
         "labelled" => labelled(body).map(Value::from),
+        "picture" => picture::read(body).map(Value::from),
+        "table" => table::read(body).map(Value::from),
         other => Err(format!("tag {other:?} is not read here")),
     }
 }
@@ -39,6 +44,8 @@ pub(super) fn write(value: &Value) -> Result<Option<(&'static str, Value)>, Stri
             .into(),
         )),
         Value::Labelled(labelled) => Some(("labelled", labelled_body(labelled))),
+        Value::Picture(picture) => Some(("picture", picture::write(picture)?)),
+        Value::Table(table) => table::write(table).map(|body| ("table", body)),
         _ => None,
     })
 }

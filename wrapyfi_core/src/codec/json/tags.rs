@@ -85,8 +85,9 @@ impl Decoder<'_> {
                 _ => Element::Value(self.value(path, depth)?),
             });
         }
-        let context = Context { limits: self.limits, plugins: self.plugins };
+        let context = Context::new(self.limits, self.plugins, &self.unpacked);
         match plugin.decode(&Body { elements }, &context) {
+            Ok(Value::Tensor(tensor)) => Ok(Tagged::Value(self.plugins.place(tensor).into())),
             Ok(value) => Ok(Tagged::Value(value)),
             Err(error) => {
                 let refused = Some(format!("{key} at {path}: {error}"));
@@ -195,7 +196,7 @@ impl Decoder<'_> {
             Some(tensor) => {
                 let origin = neutral::read_origin(&self.value(path, depth)?)
                     .map_err(|reason| self.malformed(path, reason))?;
-                Ok(Value::Tensor(tensor.clone().with_origin(origin)))
+                Ok(self.plugins.place(tensor.clone().with_origin(origin)).into())
             }
             None => {
                 let count = tensors.len();

@@ -28,7 +28,7 @@ pub(super) struct Descr {
 /// Deepest nesting of a structured type.
 const MAX_DEPTH: usize = 16;
 /// Most dimensions an array may have, as in NumPy.
-const MAX_DIMENSIONS: usize = 64;
+pub(super) const MAX_DIMENSIONS: usize = 64;
 
 pub(super) fn parse_header(text: &str) -> Result<Header, String> {
     let mut rest = Literal { text, at: 0 };
@@ -66,6 +66,16 @@ pub(super) fn parse_header(text: &str) -> Result<Header, String> {
         fortran_order: fortran_order.ok_or_else(|| missing("fortran_order"))?,
         shape: shape.ok_or_else(|| missing("shape"))?,
     })
+}
+
+/// A `descr` that stands alone.
+pub(super) fn parse_descr(text: &str) -> Result<Descr, String> {
+    let mut rest = Literal { text, at: 0 };
+    let descr = rest.descr(0)?;
+    match rest.peek() {
+        None => Ok(descr),
+        Some(_) => Err(format!("more text follows the descr {text}")),
+    }
 }
 
 struct Literal<'a> {

@@ -13,12 +13,16 @@ mod header;
 mod literal;
 mod transpose;
 
+pub(crate) use transpose::to_row_major;
+
 use std::borrow::Cow;
 
 use bytes::Bytes;
 
 use super::{DecodeError, Path};
 use crate::types::{Dtype, NumpyArray, Tensor, element_count, swap_byte_order};
+
+pub(crate) use transpose::gather;
 
 /// What a `.npy` file holds.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -51,7 +55,7 @@ pub(super) fn read_at(file: &Bytes, path: &Path<'_>) -> Result<NpyArray, DecodeE
 fn read_file(file: &Bytes) -> Result<NpyArray, String> {
     let (text, offset) = header::split(file)?;
     let header = literal::parse_header(&text)?;
-    let literal::Descr { itemsize, number } = header.descr;
+    let itemsize = header.descr.itemsize;
     let wanted = element_count(&header.shape)
         .and_then(|count| count.checked_mul(itemsize))
         .ok_or_else(|| format!("shape {:?} is larger than memory can be", header.shape))?;
@@ -63,9 +67,61 @@ fn read_file(file: &Bytes) -> Result<NpyArray, String> {
             file.len().saturating_sub(offset)
         )
     })?;
-    let mut data = file.slice(offset..end);
-    if header.fortran_order {
-        data = transpose::to_row_major(data, &header.shape, itemsize);
+    let order = if header.fortran_order { Order::ColumnMajor } else { Order::RowMajor };
+    build(header.descr, header.descr_text, header.shape, &order, file.slice(offset..end))
+}
+
+/// In which order the elements of an array lie.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Order {
+    /// The last index counts fastest.
+    RowMajor,
+    /// The first index counts fastest.
+    ColumnMajor,
+    /// Row-major before the axes were put into another order: axis `i` was axis `axes[i]`.
+    Permuted(Vec<usize>),
+}
+
+/// An array from its `descr`, its shape and its elements, wherever they came from. Shares `data`
+/// unless elements have to be reordered.
+pub(super) fn from_parts(
+    descr: &str,
+    shape: Vec<usize>,
+    order: &Order,
+    data: Bytes,
+) -> Result<NpyArray, String> {
+    if shape.len() > literal::MAX_DIMENSIONS {
+        let limit = literal::MAX_DIMENSIONS;
+        return Err(format!("{} dimensions, the limit is {limit}", shape.len()));
+    }
+    let parsed = literal::parse_descr(descr)?;
+    let wanted = element_count(&shape).and_then(|count| count.checked_mul(parsed.itemsize));
+    if wanted != Some(data.len()) {
+        let wanted =
+            wanted.map_or("more memory than there can be".into(), |w| format!("{w} bytes"));
+        return Err(format!("shape {shape:?} of {descr} needs {wanted}, {} came", data.len()));
+    }
+    build(parsed, descr.to_owned(), shape, order, data)
+}
+
+/// Bytes of one element of this `descr`.
+pub(super) fn itemsize(descr: &str) -> Result<usize, String> {
+    literal::parse_descr(descr).map(|descr| descr.itemsize)
+}
+
+/// `data` is as long as `shape` says.
+fn build(
+    descr: literal::Descr,
+    descr_text: String,
+    shape: Vec<usize>,
+    order: &Order,
+    mut data: Bytes,
+) -> Result<NpyArray, String> {
+    let literal::Descr { itemsize, number } = descr;
+    match order {
+        Order::RowMajor => {}
+        Order::ColumnMajor => data = transpose::to_row_major(data, &shape, itemsize),
+        Order::Permuted(axes) => data = transpose::permute(&data, &shape, axes, itemsize)?,
     }
     let array = if let Some((dtype, big_endian)) = number {
         if big_endian && dtype.scalar_size() > 1 {
@@ -73,9 +129,9 @@ fn read_file(file: &Bytes) -> Result<NpyArray, String> {
             swap_byte_order(&mut swapped, dtype.scalar_size());
             data = swapped.into();
         }
-        Tensor::new(dtype, header.shape, data).map(NpyArray::Tensor)
+        Tensor::new(dtype, shape, data).map(NpyArray::Tensor)
     } else {
-        NumpyArray::new(header.descr_text, itemsize, header.shape, data).map(NpyArray::Array)
+        NumpyArray::new(descr_text, itemsize, shape, data).map(NpyArray::Array)
     };
     array.map_err(|error| error.to_string())
 }
@@ -110,6 +166,11 @@ pub(crate) fn shared_parts(tensor: &Tensor) -> (Vec<u8>, Bytes) {
         (header, Cow::Borrowed(_)) => (header, tensor.data.clone()),
         (header, Cow::Owned(data)) => (header, data.into()),
     }
+}
+
+/// Header of a file of elements `code`, for instance `<i4`, in row-major order.
+pub(crate) fn header_for(code: &str, shape: &[usize]) -> Vec<u8> {
+    header::write(&format!("'{code}'"), shape)
 }
 
 /// Header of a file, for writers that encode the elements on the way.

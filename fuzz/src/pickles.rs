@@ -1,0 +1,97 @@
+//! Target of `wrapyfi_core::codec::pickle`.
+
+use std::collections::HashSet;
+
+use bytes::Bytes;
+use wrapyfi_core::Limits;
+use wrapyfi_core::codec::pickle::{self as codec, Allowed, Node, Pickle, Protocol, View};
+
+use crate::{LIMITS, bounded};
+
+/// Memory for each byte of a pickle: 64, and vectors grow by doubling.
+const OPCODES: usize = 200;
+
+/// For reading back: an older protocol writes more.
+const WIDE: Limits = Limits { message_bytes: 64 * LIMITS.message_bytes, ..LIMITS };
+
+/// A pickle, with four buffers beside it. The first byte chooses the list and the protocol in which
+/// it is written again.
+pub fn pickle(data: &[u8]) {
+    let Some((&choice, body)) = data.split_first() else { return };
+    let lists = [Allowed::PANDAS, Allowed::TORCH, Allowed::JAX, Allowed::BUILTINS];
+    let allowed = lists.get(usize::from(choice & 3)).unwrap_or(&Allowed::PANDAS);
+    let protocols = [Protocol::V5, Protocol::V4, Protocol::V2];
+    let protocol = protocols.get(usize::from(choice >> 2 & 3)).copied().unwrap_or(Protocol::V5);
+    let buffers: Vec<Bytes> = [0, 1, 8, 16].map(|size| Bytes::from(vec![7; size])).into();
+    let body = Bytes::copy_from_slice(body);
+
+    let read = bounded(data.len(), OPCODES, || codec::read(&body, &buffers, allowed, &LIMITS));
+    let read = match read {
+        Ok(read) => read,
+        Err(error) => {
+            assert!(!error.to_string().is_empty());
+            return;
+        }
+    };
+    assert!(read.end() <= body.len());
+    walk(&read);
+    let budget = 4 * LIMITS.message_bytes + data.len();
+    drop(bounded(budget, 4, || read.root().to_value(&LIMITS)));
+
+    // Refused where an older protocol has no form, or a tuple holds itself.
+    let Ok(written) = read.write(protocol) else { return };
+    let again = codec::read(&written.data.clone().into(), &written.buffers, allowed, &WIDE);
+    let again = again.expect("what was written is read");
+    assert!(written == again.write(protocol).expect("as before"), "changed by writing and reading");
+}
+
+/// Asks every object that the root reaches for everything that it might be.
+fn walk(pickle: &Pickle) {
+    let mut seen = HashSet::new();
+    let mut open = vec![pickle.root()];
+    while let Some(node) = open.pop() {
+        if !seen.insert(node.id()) {
+            continue;
+        }
+        ask(&node);
+        match node.view() {
+            View::List(items) | View::Tuple(items) => open.extend(items.iter()),
+            View::Set(items) | View::FrozenSet(items) => open.extend(items.iter()),
+            View::Dict(pairs) => open.extend(pairs.iter().flat_map(|(key, value)| [key, value])),
+            View::Persistent(id) => open.push(id),
+            View::Call(call) => {
+                open.extend(call.args().iter().chain(call.items().iter()));
+                open.extend(call.pairs().iter().flat_map(|(key, value)| [key, value]));
+                open.extend(call.kwargs().into_iter().chain(call.find_state()));
+            }
+            _ => {}
+        }
+    }
+    assert!(seen.len() <= pickle.node_count());
+}
+
+fn ask(node: &Node<'_>) {
+    assert!(node.path().starts_with('$'));
+    let refusals = [
+        node.bool().err(),
+        node.size().err(),
+        node.float().err(),
+        node.str().err(),
+        node.bytes().err(),
+        node.slice().err(),
+        node.range().err(),
+        node.complex().err(),
+        node.decimal().err(),
+        node.datetime().err(),
+        node.date().err(),
+        node.time().err(),
+        node.timedelta().err(),
+        node.dtype().err(),
+        node.array().err(),
+        node.array_state().err(),
+    ];
+    assert!(refusals.iter().flatten().all(|error| !error.to_string().is_empty()));
+    if let Ok(slice) = node.slice() {
+        let _: Option<usize> = slice.indices().map(|indices| indices.take(3).count());
+    }
+}

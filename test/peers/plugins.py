@@ -1,0 +1,254 @@
+"""Objects of other libraries that Wrapyfi's plug-ins carry: one case a library, for wrapyfi_peer.py.
+
+A case says which plug-in of Wrapyfi it needs, makes object number `seq`, and says what identifies
+an object, in plain JSON: a receiver of the same object says the same.
+"""
+import hashlib
+import importlib.util
+import json
+import os
+import pathlib
+import shutil
+import tempfile
+
+import payload
+
+CASES = {}
+
+
+def case(plugin):
+    """Registers a class with `make(seq)` and `facts(object)`; `plugin` is Wrapyfi's file for it."""
+    def register(cls):
+        cls.plugin = plugin
+        CASES[cls.__name__.lower()] = cls
+        return cls
+    return register
+
+
+def load(name):
+    """Makes Wrapyfi load the plug-in of a case, and no other. To be called before Wrapyfi is imported.
+
+    Wrapyfi 0.5.0 looks for its own plug-ins beside a file that has moved, so they are pointed out to
+    it. One alone, because those for classes with a common base take each other's objects.
+    """
+    found = CASES[name]
+    if found.plugin is None:
+        return found
+    source = pathlib.Path(importlib.util.find_spec("wrapyfi").origin).parent / "plugins" / f"{found.plugin}.py"
+    folder = pathlib.Path(tempfile.mkdtemp(prefix="wrapyfi_plugin_"))
+    try:
+        (folder / "plugins").mkdir()
+        shutil.copy(source, folder / "plugins")
+        os.environ["WRAPYFI_PLUGIN_PATHS"] = str(folder)
+        import wrapyfi
+        assert wrapyfi.PluginRegistrar.decoder_registry, f"Wrapyfi did not load {source}"
+    finally:
+        shutil.rmtree(folder)
+    return found
+
+
+def digest(facts):
+    """Hash of what `facts` says, to compare messages by."""
+    return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
+
+
+def plain(found):
+    """Plain JSON of a dict; NaN and what JSON has no form for as text."""
+    return json.loads(json.dumps(found, default=str).replace("NaN", '"NaN"'))
+
+
+# NumPy needs no plug-in: it is here because every library's object must travel in this way.
+
+
+@case(plugin=None)
+class Numpy:
+    @staticmethod
+    def make(seq):
+        import numpy as np
+        return np.arange(6, dtype="<i4").reshape(2, 3) + seq
+
+    @staticmethod
+    def facts(array):
+        return {"dtype": array.dtype.str, "shape": list(array.shape), "values": array.tolist()}
+
+
+@case(plugin=None)
+class Frame:
+    """A camera frame as OpenCV has it."""
+    @staticmethod
+    def make(seq):
+        return payload.image(seq)
+
+    @staticmethod
+    def facts(array):
+        return {"pixels": payload.digest(array)}
+
+
+@case(plugin="pint_quantities")
+class Pint:
+    @staticmethod
+    def make(seq):
+        import pint
+        return pint.Quantity(1.5 + seq, "kilogram * meter / second ** 2")
+
+    @staticmethod
+    def facts(quantity):
+        return {"magnitude": float(quantity.magnitude), "units": str(quantity.units)}
+
+
+def pixels(image):
+    """Mode and size of a Pillow image, and the hash of its pixels as OpenCV would have them."""
+    import numpy as np
+    array = np.array(image)
+    if image.mode in ("RGB", "RGBA"):
+        array = array[..., [2, 1, 0, 3][: array.shape[2]]]
+    return {"mode": image.mode, "size": list(image.size), "pixels": payload.digest(array)}
+
+
+@case(plugin="pillow_image")
+class PillowFile:
+    """An image that came from a file travels as that file."""
+    facts = staticmethod(pixels)
+
+    @staticmethod
+    def make(seq):
+        from io import BytesIO
+        from PIL import Image
+        file = BytesIO()
+        Image.fromarray(payload.image(seq)).save(file, "PNG")
+        return Image.open(file)
+
+
+def pillow_case(name, mode):
+    """An image made in memory: Wrapyfi sends its pixels, and reads them wrong."""
+    class Made:
+        facts = staticmethod(pixels)
+
+        @staticmethod
+        def make(seq):
+            from PIL import Image
+            colour = Image.fromarray(payload.image(seq))
+            if mode in ("RGB", "L", "RGBA", "1", "F", "I"):
+                return colour.convert(mode)
+            return Image.fromarray((payload.image(seq, "mono").astype("<u2") << 7) + seq)
+    Made.__name__ = name
+    return case(plugin="pillow_image")(Made)
+
+
+for _name, _mode in [("PillowRgb", "RGB"), ("PillowL", "L"), ("PillowRgba", "RGBA"), ("PillowBits", "1"),
+                     ("PillowF", "F"), ("PillowI", "I"), ("PillowI16", "I;16")]:
+    pillow_case(_name, _mode)
+
+
+@case(plugin="xarray_data")
+class XArray:
+    @staticmethod
+    def make(seq):
+        import numpy as np
+        import xarray
+        days = np.array(["2024-01-01", "2024-01-02"], dtype="datetime64[ns]")
+        return xarray.DataArray(np.array([[0.5, np.nan, 2.0], [3.0, 4.0, 5.0]]) + seq, dims=("time", "x"), name="t",
+                                coords={"time": days, "x": [10, 20, 30], "place": "a"}, attrs={"unit": "K"})
+
+    @staticmethod
+    def facts(array):
+        return plain(array.to_dict()) | {"dtype": str(array.dtype)}
+
+
+@case(plugin="xarray_data")
+class XArraySet:
+    @staticmethod
+    def make(seq):
+        import xarray
+        return xarray.Dataset({"a": ("x", [seq, 2]), "b": (("x", "y"), [[True], [False]]), "s": ("x", ["u", "v"])},
+                              coords={"x": [0.5, 1.5]}, attrs={"made": "here", "list": [1, None]})
+
+    @staticmethod
+    def facts(dataset):
+        return plain(dataset.to_dict())
+
+
+def frame_facts(frame):
+    """Everything that pandas compares of a frame: labels, types and values."""
+    index = frame.index
+    return plain({"columns": [str(label) for label in frame.columns], "dtypes": [str(dtype) for dtype in frame.dtypes],
+                  "columns_type": f"{type(frame.columns).__name__} {frame.columns.dtype} {frame.columns.name}",
+                  "index": [str(label) for label in index], "index_type": f"{type(index).__name__} {index.dtype} {index.name}",
+                  "values": [[repr(value) for value in frame[label].tolist()] for label in frame.columns]})
+
+
+@case(plugin="pandas_data")
+class PandasFrame:
+    facts = staticmethod(frame_facts)
+
+    @staticmethod
+    def make(seq):
+        import pandas
+        return pandas.DataFrame({"a": [seq, 2], "s": ["x", None], "t": pandas.to_datetime(["2024-01-01", "2024-01-02"])},
+                                index=pandas.Index(["first", "second"], name="row"))
+
+
+@case(plugin="pandas_data")
+class PandasTypes:
+    facts = staticmethod(frame_facts)
+
+    @staticmethod
+    def make(seq):
+        import numpy as np
+        import pandas
+        return pandas.DataFrame({
+            "i8": np.array([seq % 100, -1], "i1"), "u16": np.array([1, 65535], "u2"), "f4": np.array([0.5, np.nan], "f4"),
+            "yes": [True, False], "Int64": pandas.array([1, None], "Int64"), "boolean": pandas.array([True, None], "boolean"),
+            "Float32": pandas.array([0.25, None], "Float32"), "object": np.array(["x", None], object),
+            "category": pandas.Categorical(["b", "a"], categories=["b", "a", "c"], ordered=True),
+            "delta": pandas.to_timedelta([1, None], unit="s"),
+            "zone": pandas.to_datetime(["2024-01-01", "2024-06-01"], utc=True), 7: [1.0, 2.0]},
+            index=pandas.RangeIndex(10, 30, 10))
+
+
+@case(plugin="pandas_data")
+class PandasSeries:
+    @staticmethod
+    def make(seq):
+        import pandas
+        return pandas.Series([0.5, float("nan"), seq], name="speed", index=pandas.DatetimeIndex(["2024-01-01", "2024-01-02", "2024-01-03"]))
+
+    @staticmethod
+    def facts(series):
+        return frame_facts(series.to_frame()) | {"type": type(series).__name__, "name": series.name}
+
+
+@case(plugin="pandas_data")
+class PandasIndex:
+    @staticmethod
+    def make(seq):
+        import pandas
+        return pandas.Index([seq, 5, 7], name="n")
+
+    @staticmethod
+    def facts(index):
+        return {"type": type(index).__name__, "dtype": str(index.dtype), "name": index.name, "values": index.tolist()}
+
+
+def arrow_facts(array):
+    return plain({"type": str(array.type), "values": array.to_pylist()})
+
+
+@case(plugin="pyarrow_array")
+class ArrowArray:
+    facts = staticmethod(arrow_facts)
+
+    @staticmethod
+    def make(seq):
+        import pyarrow
+        return pyarrow.array([seq, 2, None, 4]).slice(1, 3) if seq % 2 else pyarrow.array(["a", None, str(seq)])
+
+
+@case(plugin="pyarrow_array")
+class ArrowStruct:
+    facts = staticmethod(arrow_facts)
+
+    @staticmethod
+    def make(seq):
+        import pyarrow
+        return pyarrow.array([{"x": seq, "list": [1, 2]}, None, {"x": 3, "list": None}])

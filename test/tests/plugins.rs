@@ -1,0 +1,114 @@
+//! Objects of other libraries: sent by the real Wrapyfi with the real library, carried by a bridge,
+//! and what the real Wrapyfi makes of them on the other side.
+//!
+//! ```text
+//!   Wrapyfi ── zeromq:/from ──▶ bridge ── zeromq:/to ──▶ Wrapyfi        the same object again
+//!                                  └───── ros2:/graph ─▶ a ROS program  its readable form
+//! ```
+
+#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
+
+use serde_json::Value;
+use wrapyfi_e2e::{Need, Result, Route, run, texts};
+
+/// `case` of `test/peers/plugins.py` arrives as it was sent, and in the graph as `tag`.
+fn travels(test: &str, package: &'static str, case: &str, tag: &str) -> Result {
+    run(test, &[Need::Program, Need::Python, Need::Package(package)], |world| {
+        let (from, to, graph) = (world.topic("from"), world.topic("to"), world.topic("graph"));
+        let (source, object) = (format!("zeromq:{from}"), "NativeObject");
+        let config = world
+            .embedded()
+            .route(Route::new(&source, &format!("zeromq:{to}"), object))
+            .route(Route::new(&source, &format!("ros2:{graph}"), object));
+        let bridge = world.bridge(&config)?;
+        let ros = world.dds_subscriber(&graph, "wrapyfi_msgs/msg/NativeObject", "--count 2")?;
+        let listener = world.wrapyfi_listener(&to, &format!("--case {case} --count 2"))?;
+        let publisher = world.wrapyfi_publisher(&from, &format!("--case {case} --no-broker"))?;
+
+        let heard = listener.messages(2).map_err(|e| e.context(bridge.tail()))?;
+        publisher.sent_in_order("sha256", &texts(&heard, "sha256"))?;
+        for message in ros.messages(2).map_err(|e| e.context(bridge.tail()))? {
+            let json = message["fields"]["json"].as_str().unwrap_or_default();
+            let wanted = format!(r#"{{"object": {{"__wrapyfi__": ["{tag}", "#);
+            assert!(json.starts_with(&wanted), "not as {tag:?} in the graph: {json}");
+        }
+        Ok(())
+    })
+}
+
+/// A Wrapyfi script that publishes its frames as native objects: ROS gets them as images.
+fn arrives_as_an_image(
+    test: &str,
+    package: &'static str,
+    peer: &str,
+    fields: &[(&str, Value)],
+) -> Result {
+    run(test, &[Need::Program, Need::Python, Need::Package(package)], |world| {
+        let (from, to) = (world.topic("from"), world.topic("to"));
+        let route = Route::new(&format!("zeromq:{from}"), &format!("ros2:{to}"), "Image");
+        let route = route.with("from_type", "NativeObject");
+        let bridge = world.bridge(&world.embedded().route(route))?;
+        let ros = world.dds_subscriber(&to, "sensor_msgs/msg/Image", "--count 2")?;
+        let publisher = world.wrapyfi_publisher(&from, &format!("{peer} --no-broker"))?;
+        let heard = ros.messages(2).map_err(|e| e.context(bridge.tail()))?;
+        publisher.sent_in_order("pixels", &texts(&heard, "sha256"))?;
+        for message in &heard {
+            for (name, value) in fields {
+                assert_eq!(&message["fields"][*name], value, "field {name} of {message}");
+            }
+            assert!(message["stamp"].as_f64().is_some_and(|s| s > 1.7e9), "no time: {message}");
+        }
+        Ok(())
+    })
+}
+
+#[test]
+fn an_array_arrives_as_an_image() -> Result {
+    arrives_as_an_image(
+        "an_array_arrives_as_an_image",
+        "numpy",
+        "--case frame --bare",
+        &[("encoding", "bgr8".into()), ("width", 64.into()), ("height", 48.into())],
+    )
+}
+
+#[test]
+fn a_pillow_image_arrives_as_an_image() -> Result {
+    arrives_as_an_image(
+        "a_pillow_image_arrives_as_an_image",
+        "PIL",
+        "--case pillowfile --bare",
+        // Decompressed to the order of the route; which is which, the encoding says.
+        &[("encoding", "bgr8".into()), ("width", 64.into()), ("height", 48.into())],
+    )
+}
+
+macro_rules! travels {
+    ($($test:ident: $package:literal, $case:literal as $tag:literal;)*) => {
+        $(#[test]
+        fn $test() -> Result {
+            travels(stringify!($test), $package, $case, $tag)
+        })*
+    };
+}
+
+travels! {
+    numpy_arrays_travel: "numpy", "numpy" as "tensor";
+    pint_quantities_travel: "pint", "pint" as "quantity";
+    pillow_files_travel: "PIL", "pillowfile" as "picture";
+    pillow_colour_images_travel: "PIL", "pillowrgb" as "picture";
+    pillow_grey_images_travel: "PIL", "pillowl" as "picture";
+    pillow_images_with_alpha_travel: "PIL", "pillowrgba" as "picture";
+    pillow_images_of_bits_travel: "PIL", "pillowbits" as "picture";
+    pillow_images_of_floats_travel: "PIL", "pillowf" as "picture";
+    pillow_images_of_integers_travel: "PIL", "pillowi" as "picture";
+    pillow_images_of_16_bits_travel: "PIL", "pillowi16" as "picture";
+    pandas_frames_travel: "pandas", "pandasframe" as "table";
+    pandas_frames_of_every_type_travel: "pandas", "pandastypes" as "table";
+    pandas_series_travel: "pandas", "pandasseries" as "table";
+    pandas_indices_travel: "pandas", "pandasindex" as "table";
+    pyarrow_arrays_travel: "pyarrow", "arrowarray" as "table";
+    pyarrow_structs_travel: "pyarrow", "arrowstruct" as "PyArrowArray";
+    xarray_arrays_travel: "xarray", "xarray" as "labelled";
+    xarray_data_sets_travel: "xarray", "xarrayset" as "labelled";
+}

@@ -1,0 +1,152 @@
+//! A payload as another kind, for routes whose ends carry different types.
+//!
+//! ```text
+//!   NativeObject (array, Pillow image) ◀─▶ Image
+//!   NativeObject (array, rate)         ◀─▶ AudioChunk
+//! ```
+
+use super::{DecodeError, EncodeError};
+use crate::Limits;
+use crate::endpoint::DropReason;
+use crate::types::{DataType, Encoding, Payload, Stamp};
+
+/// Why a payload could not become another kind.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ConvertError {
+    /// A native object is no image or no sound.
+    #[error(transparent)]
+    From(#[from] DecodeError),
+    /// An image or a sound has no form as a native object.
+    #[error(transparent)]
+    To(#[from] EncodeError),
+}
+
+impl ConvertError {
+    /// The counter it belongs to.
+    #[must_use]
+    pub fn drop_reason(&self) -> DropReason {
+        match self {
+            Self::From(error) => error.drop_reason(),
+            Self::To(EncodeError::Mismatch { .. }) => DropReason::Mismatch,
+            Self::To(_) => DropReason::Unencodable,
+        }
+    }
+}
+
+/// True where [`convert_payload`] has a way from one kind to the other.
+#[must_use]
+pub fn is_convertible(from: DataType, to: DataType) -> bool {
+    from == to || from == DataType::NativeObject || to == DataType::NativeObject
+}
+
+/// `payload` as the kind `to`; free where it is of that kind already. Colour arrays are in
+/// `color_order`; a native object has no time stamp and takes `now`.
+///
+/// # Errors
+/// A mismatch when the object is none of what [`crate::types::Image::from_value`] or
+/// [`crate::types::AudioChunk::from_value`] reads.
+pub fn convert_payload(
+    payload: Payload,
+    to: DataType,
+    color_order: Encoding,
+    limits: &Limits,
+    now: impl FnOnce() -> Stamp,
+) -> Result<Payload, ConvertError> {
+    use crate::types::{AudioChunk, Image};
+    Ok(match (payload, to) {
+        (payload, to) if payload.data_type() == to => payload,
+        (Payload::NativeObject(value), DataType::Image) => {
+            Image::from_value(&value, color_order, now())?.into()
+        }
+        (Payload::NativeObject(value), DataType::AudioChunk) => {
+            AudioChunk::from_value(&value, now())?.into()
+        }
+        (Payload::Image(image), DataType::NativeObject) => {
+            image.to_value(color_order, limits)?.into()
+        }
+        (Payload::AudioChunk(sound), DataType::NativeObject) => sound.to_value().into(),
+        (other, to) => {
+            let (expected, actual) = (to.to_string(), other.data_type().to_string());
+            return Err(EncodeError::Mismatch { expected, actual }.into());
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::types::{
+        AudioChunk, Image, Picture, Pixels, RawPixels, SampleFormat, Tensor, Value,
+    };
+
+    fn convert(payload: impl Into<Payload>, to: DataType) -> Result<Payload, ConvertError> {
+        let now = Stamp { sec: 7, nanosec: 5 };
+        convert_payload(payload.into(), to, Encoding::Bgr8, &Limits::default(), || now)
+    }
+
+    #[test]
+    fn an_array_becomes_an_image_with_a_time_and_an_image_an_array() {
+        let frame =
+            Value::from(Tensor::from_elements(&[1, 2, 3], vec![1_u8, 2, 3, 4, 5, 6]).unwrap());
+        let Payload::Image(image) = convert(frame.clone(), DataType::Image).unwrap() else {
+            panic!("an image")
+        };
+        assert_eq!(image.stamp, Stamp { sec: 7, nanosec: 5 });
+        let Pixels::Raw(raw) = &image.pixels else { panic!("pixels") };
+        assert_eq!((raw.encoding, raw.width, raw.height), (Encoding::Bgr8, 2, 1));
+        assert_eq!(convert(image, DataType::NativeObject).unwrap(), frame.into());
+    }
+
+    #[test]
+    fn a_pillow_image_becomes_an_image_and_red_stays_red() {
+        let red = RawPixels::dense(1, 1, Encoding::Rgb8, vec![255, 0, 0]).unwrap();
+        let image = Image::new(Stamp::default(), red.clone());
+        let picture = Value::from(Picture { image, mode: None });
+        let Payload::Image(image) = convert(picture, DataType::Image).unwrap() else {
+            panic!("an image")
+        };
+        assert_eq!(image.pixels, Pixels::Raw(red));
+        let bgr = Tensor::from_elements(&[1, 1, 3], vec![0_u8, 0, 255]).unwrap();
+        assert_eq!(convert(image, DataType::NativeObject).unwrap(), Value::from(bgr).into());
+    }
+
+    #[test]
+    fn sound_goes_both_ways() {
+        let sound = AudioChunk::new(
+            Stamp { sec: 7, nanosec: 5 },
+            2,
+            1,
+            8000,
+            SampleFormat::S16Le,
+            vec![1, 0, 2, 0],
+        )
+        .unwrap();
+        let value = convert(sound.clone(), DataType::NativeObject).unwrap();
+        assert_eq!(convert(value, DataType::AudioChunk).unwrap(), sound.into());
+    }
+
+    #[test]
+    fn what_does_not_fit_is_a_mismatch_that_says_what_came() {
+        let refused = crate::types::Tagged {
+            refused: Some("PILImage at $: part 0 is malformed".into()),
+            ..crate::types::Tagged::new("PILImage", "{}")
+        };
+        let flat = Tensor::from_elements(&[4], vec![0_u8; 4]).unwrap();
+        let halves = Value::Tuple(vec![flat.clone().into(), 0.5.into()]);
+        for (value, to, wanted) in [
+            (Value::from("hello"), DataType::Image, "received str"),
+            (flat.into(), DataType::Image, "received uint8 of shape [4]"),
+            (refused.into(), DataType::Image, "PILImage at $: part 0"),
+            (Value::from(5), DataType::AudioChunk, "sound as (array, rate), received int"),
+            (Value::List(vec![1.into()]), DataType::AudioChunk, "received (int)"),
+            (halves, DataType::AudioChunk, "rate is float, not from 1 to 4294967295"),
+        ] {
+            let error = convert(value, to).unwrap_err();
+            assert!(error.to_string().contains(wanted), "{error}");
+            let reasons = [DropReason::Mismatch, DropReason::Malformed];
+            assert!(reasons.contains(&error.drop_reason()), "{error}");
+        }
+        assert!(!is_convertible(DataType::Image, DataType::AudioChunk));
+    }
+}

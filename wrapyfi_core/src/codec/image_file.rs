@@ -1,0 +1,335 @@
+//! Image files: what is in them as pixels, and pixels as files that lose nothing.
+//!
+//! ```text
+//!   JPEG, PNG, BMP, GIF, TIFF, WebP ─ size checked first ─▶ RawPixels
+//!   RawPixels ─▶ PNG; 32-bit grey, which PNG has not ─▶ TIFF
+//! ```
+//!
+//! | pixels in the file | become |
+//! | --- | --- |
+//! | grey of 1 to 8 bits; 16 bits | `mono8`; `mono16` |
+//! | colour, palettes | `rgb8` or `bgr8`, as asked for |
+//! | colour or grey with alpha | `rgba8` or `bgra8` |
+//! | colour of 16 bits | their upper 8 bits |
+//! | 32-bit floats; integers (TIFF) | `32FC1`, `32FC3`; `32SC1` |
+//!
+//! Of a film, the first frame.
+
+use std::io::Cursor;
+
+use bytes::Bytes;
+use image::{ColorType, ImageDecoder, ImageFormat, ImageReader};
+use tiff::decoder::DecodingResult;
+use tiff::encoder::colortype::{Gray32Float, GrayI32};
+
+use super::{DecodeError, EncodeError, Path, jpeg};
+use crate::Limits;
+use crate::types::{CompressedFormat, Encoding, RawPixels};
+
+/// Decompresses a file of any of the formats above, which its first bytes tell. Colour comes as
+/// `rgb8` or `bgr8` as `color_order` says, `bgr8` by default.
+///
+/// # Errors
+/// When the format is another, the file is broken, or its picture would exceed `message_bytes`.
+pub fn decode(
+    file: &Bytes,
+    limits: &Limits,
+    color_order: Option<Encoding>,
+) -> Result<RawPixels, DecodeError> {
+    if CompressedFormat::sniff(file) == Some(CompressedFormat::Jpeg) {
+        return jpeg::decode(file, limits, color_order);
+    }
+    let red_first = matches!(color_order, Some(Encoding::Rgb8 | Encoding::Rgba8));
+    let (format, name) = known_format(file)?;
+    let malformed = |reason: String| malformed(name, reason);
+    if format == ImageFormat::Tiff
+        && let Some(grey) = wide_grey(file, limits, name)?
+    {
+        return Ok(grey);
+    }
+    let mut reader = ImageReader::with_format(Cursor::new(&**file), format);
+    let mut bounds = image::Limits::no_limits();
+    bounds.max_alloc = Some(limits.message_bytes as u64);
+    reader.limits(bounds);
+    let decoder = reader.into_decoder().map_err(|error| malformed(error.to_string()))?;
+    let ((width, height), color) = (decoder.dimensions(), decoder.color_type());
+    check_size(name, width, height, decoder.total_bytes(), limits)?;
+    let mut pixels = vec![0; usize::try_from(decoder.total_bytes()).unwrap_or(usize::MAX)];
+    decoder.read_image(&mut pixels).map_err(|error| malformed(error.to_string()))?;
+    let (encoding, pixels) =
+        encoded(color, pixels).ok_or_else(|| malformed(format!("pixels of type {color:?}")))?;
+    let raw = RawPixels::dense(width, height, encoding, pixels)
+        .map_err(|error| malformed(error.to_string()))?;
+    Ok(if red_first { raw } else { raw.swap_red_blue() })
+}
+
+fn known_format(file: &[u8]) -> Result<(ImageFormat, &'static str), DecodeError> {
+    let known = [
+        (ImageFormat::Png, "PNG"),
+        (ImageFormat::Bmp, "BMP"),
+        (ImageFormat::Gif, "GIF"),
+        (ImageFormat::Tiff, "TIFF"),
+        (ImageFormat::WebP, "WebP"),
+    ];
+    let format = image::guess_format(file).ok();
+    let found = known.into_iter().find(|(known, _)| Some(*known) == format);
+    found.ok_or_else(|| {
+        let begins = file.get(..file.len().min(8)).unwrap_or_default();
+        let begins = begins.escape_ascii();
+        DecodeError::Mismatch {
+            expected: "a JPEG, PNG, BMP, GIF, TIFF or WebP file".into(),
+            actual: format!("a file of {} bytes that begins with \"{begins}\"", file.len()),
+        }
+    })
+}
+
+fn malformed(format: &'static str, reason: String) -> DecodeError {
+    DecodeError::Malformed { format, path: Path::Root.to_string(), reason }
+}
+
+fn check_size(
+    name: &str,
+    width: u32,
+    height: u32,
+    actual: u64,
+    limits: &Limits,
+) -> Result<(), DecodeError> {
+    let limit = limits.message_bytes as u64;
+    if actual <= limit {
+        return Ok(());
+    }
+    let path = format!("{name} of {width}x{height}");
+    Err(DecodeError::TooLarge { what: "message", path, actual, limit })
+}
+
+/// What `image` decoded, in an encoding that ROS has a name for.
+fn encoded(color: ColorType, pixels: Vec<u8>) -> Option<(Encoding, Vec<u8>)> {
+    /// The upper byte of each 16-bit channel, which `image` leaves in the machine's order.
+    fn upper(pixels: &[u8]) -> Vec<u8> {
+        let (channels, _) = pixels.as_chunks::<2>();
+        channels.iter().map(|&channel| (u16::from_ne_bytes(channel) >> 8) as u8).collect()
+    }
+    /// Colour with alpha from grey with alpha.
+    fn spread(pixels: &[u8]) -> Vec<u8> {
+        let (pixels, _) = pixels.as_chunks::<2>();
+        pixels.iter().flat_map(|&[grey, alpha]| [grey, grey, grey, alpha]).collect()
+    }
+    let little_endian = |pixels: Vec<u8>, width: usize| {
+        let mut pixels = pixels;
+        if cfg!(target_endian = "big") {
+            crate::types::swap_byte_order(&mut pixels, width);
+        }
+        pixels
+    };
+    Some(match color {
+        ColorType::L8 => (Encoding::Mono8, pixels),
+        ColorType::Rgb8 => (Encoding::Rgb8, pixels),
+        ColorType::Rgba8 => (Encoding::Rgba8, pixels),
+        ColorType::La8 => (Encoding::Rgba8, spread(&pixels)),
+        ColorType::L16 => (Encoding::Mono16, little_endian(pixels, 2)),
+        ColorType::Rgb16 => (Encoding::Rgb8, upper(&pixels)),
+        ColorType::Rgba16 => (Encoding::Rgba8, upper(&pixels)),
+        ColorType::La16 => (Encoding::Rgba8, spread(&upper(&pixels))),
+        ColorType::Rgb32F => (Encoding::F32C3, little_endian(pixels, 4)),
+        _ => return None,
+    })
+}
+
+/// The picture in a TIFF file of one 32-bit channel; `None` for any other.
+fn wide_grey(
+    file: &[u8],
+    limits: &Limits,
+    name: &'static str,
+) -> Result<Option<RawPixels>, DecodeError> {
+    let fault = |error: tiff::TiffError| malformed(name, error.to_string());
+    let mut bounds = tiff::decoder::Limits::default();
+    bounds.decoding_buffer_size = limits.message_bytes;
+    bounds.intermediate_buffer_size = limits.message_bytes;
+    bounds.ifd_value_size = limits.message_bytes.min(1 << 20);
+    let mut decoder =
+        tiff::decoder::Decoder::new(Cursor::new(file)).map_err(fault)?.with_limits(bounds);
+    if decoder.colortype().map_err(fault)? != tiff::ColorType::Gray(32) {
+        return Ok(None);
+    }
+    let (width, height) = decoder.dimensions().map_err(fault)?;
+    check_size(name, width, height, u64::from(width) * u64::from(height) * 4, limits)?;
+    let (encoding, pixels): (_, Vec<u8>) = match decoder.read_image().map_err(fault)? {
+        DecodingResult::F32(pixels) => {
+            (Encoding::F32C1, pixels.into_iter().flat_map(f32::to_le_bytes).collect())
+        }
+        DecodingResult::I32(pixels) => {
+            (Encoding::I32C1, pixels.into_iter().flat_map(i32::to_le_bytes).collect())
+        }
+        _ => return Err(malformed(name, "unsigned pixels of 32 bits".into())),
+    };
+    RawPixels::dense(width, height, encoding, pixels)
+        .map(Some)
+        .map_err(|error| malformed(name, error.to_string()))
+}
+
+/// Writes pixels as a file from which they are read unchanged: PNG, or TIFF for 32-bit grey.
+/// `bgr8` and `bgra8` become `rgb8` and `rgba8`. With `bits`, `mono8` is written as one bit a pixel:
+/// black for 0, white for everything else.
+///
+/// # Errors
+/// When the picture is empty, or of an encoding that neither format has.
+pub fn encode(pixels: &RawPixels, bits: bool) -> Result<Bytes, EncodeError> {
+    let dense = pixels.to_dense();
+    let dense = match dense.encoding {
+        Encoding::Bgr8 | Encoding::Bgra8 => dense.swap_red_blue(),
+        _ => dense,
+    };
+    let RawPixels { width, height, encoding, .. } = dense;
+    let refuse = |remedy: &str| EncodeError::Unrepresentable {
+        format: "image file",
+        what: format!("a {encoding} image of {width}x{height}"),
+        path: Path::Root.to_string(),
+        remedy: remedy.to_owned(),
+    };
+    if width == 0 || height == 0 {
+        return Err(refuse("send at least one pixel"));
+    }
+    let (color, depth) = match encoding {
+        Encoding::Mono8 if bits => (png::ColorType::Grayscale, png::BitDepth::One),
+        Encoding::Mono8 => (png::ColorType::Grayscale, png::BitDepth::Eight),
+        Encoding::Mono16 => (png::ColorType::Grayscale, png::BitDepth::Sixteen),
+        Encoding::Rgb8 => (png::ColorType::Rgb, png::BitDepth::Eight),
+        Encoding::Rgba8 => (png::ColorType::Rgba, png::BitDepth::Eight),
+        Encoding::F32C1 | Encoding::I32C1 => {
+            return tiff_file(&dense).map_err(|error| refuse(&error.to_string()));
+        }
+        Encoding::F32C3 | Encoding::Bgr8 | Encoding::Bgra8 => {
+            return Err(refuse("send it as an array"));
+        }
+    };
+    let data = match depth {
+        png::BitDepth::One => pack_bits(&dense.data, width as usize).into(),
+        png::BitDepth::Sixteen => {
+            let mut data = dense.data.to_vec();
+            crate::types::swap_byte_order(&mut data, 2);
+            data.into()
+        }
+        _ => dense.data,
+    };
+    let mut file = Vec::with_capacity(data.len() / 2 + 1024);
+    let mut encoder = png::Encoder::new(&mut file, width, height);
+    encoder.set_color(color);
+    encoder.set_depth(depth);
+    encoder.set_compression(png::Compression::Fast);
+    let fault = |error: png::EncodingError| refuse(&error.to_string());
+    let mut writer = encoder.write_header().map_err(fault)?;
+    writer.write_image_data(&data).map_err(fault)?;
+    writer.finish().map_err(fault)?;
+    Ok(file.into())
+}
+
+fn tiff_file(dense: &RawPixels) -> Result<Bytes, tiff::TiffError> {
+    let (values, _) = dense.data.as_chunks::<4>();
+    let mut file = Cursor::new(Vec::with_capacity(dense.data.len() + 1024));
+    let mut encoder = tiff::encoder::TiffEncoder::new(&mut file)?;
+    let (width, height) = (dense.width, dense.height);
+    if dense.encoding == Encoding::F32C1 {
+        let values: Vec<f32> = values.iter().map(|&value| f32::from_le_bytes(value)).collect();
+        encoder.write_image::<Gray32Float>(width, height, &values)?;
+    } else {
+        let values: Vec<i32> = values.iter().map(|&value| i32::from_le_bytes(value)).collect();
+        encoder.write_image::<GrayI32>(width, height, &values)?;
+    }
+    Ok(file.into_inner().into())
+}
+
+/// Rows of bytes as rows of bits, the first pixel in the highest, rows padded to bytes.
+pub(crate) fn pack_bits(pixels: &[u8], width: usize) -> Vec<u8> {
+    let eight = |pixels: &[u8]| {
+        pixels.iter().enumerate().fold(0_u8, |bits, (index, &pixel)| {
+            bits | (u8::from(pixel != 0) << (7_usize.saturating_sub(index)))
+        })
+    };
+    pixels.chunks(width.max(1)).flat_map(|row| row.chunks(8).map(eight)).collect()
+}
+
+/// Undoes [`pack_bits`]: 255 for a set bit.
+pub(crate) fn unpack_bits(bits: &[u8], width: usize) -> Vec<u8> {
+    bits.chunks(width.div_ceil(8).max(1))
+        .flat_map(|row| {
+            let pixels = row.iter().flat_map(|byte| (0..8).rev().map(move |at| byte >> at & 1));
+            pixels.map(|bit| bit * 255).take(width)
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn bits_are_packed_as_they_were() {
+        let bits = [0b1010_0000, 0b1000_0000, 0xFF, 0x80];
+        let pixels = unpack_bits(&bits, 9);
+        assert_eq!(pixels.len(), 18);
+        assert_eq!(pixels[..9], [255, 0, 255, 0, 0, 0, 0, 0, 255]);
+        assert_eq!(pack_bits(&pixels, 9), bits);
+    }
+
+    #[test]
+    fn other_files_are_refused_by_their_first_bytes() {
+        let error = decode(&Bytes::from_static(b"%PDF-1.7\n..."), &Limits::default(), None);
+        let error = error.unwrap_err().to_string();
+        assert!(error.contains("begins with \"%PDF-1.7\""), "{error}");
+    }
+
+    #[test]
+    fn the_size_is_checked_before_the_picture_is_made() {
+        let pixels = RawPixels::dense(200, 100, Encoding::Rgb8, vec![7; 60_000]).unwrap();
+        for (raw, bits) in [
+            (pixels, false),
+            (RawPixels::dense(200, 75, Encoding::F32C1, vec![0; 60_000]).unwrap(), false),
+        ] {
+            let file = encode(&raw, bits).unwrap();
+            let limits = Limits { message_bytes: 59_999, ..Limits::default() };
+            let error = decode(&file, &limits, None).unwrap_err();
+            let (actual, limit) = (60_000, 59_999);
+            assert!(
+                matches!(error, DecodeError::TooLarge { actual: a, limit: l, .. } if (a, l) == (actual, limit)),
+                "{error}"
+            );
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn files_lose_nothing(
+            encoding in proptest::sample::select(vec![
+                Encoding::Mono8, Encoding::Mono16, Encoding::Rgb8, Encoding::Bgr8,
+                Encoding::Rgba8, Encoding::Bgra8, Encoding::I32C1, Encoding::F32C1,
+            ]),
+            width in 1_u32..20,
+            height in 1_u32..20,
+            seed: u64,
+        ) {
+            let size = (width * height) as usize * encoding.bytes_per_pixel();
+            let data: Vec<u8> = (0..size as u64).map(|i| (i.wrapping_mul(seed) >> 7) as u8).collect();
+            let raw = RawPixels::dense(width, height, encoding, data).unwrap();
+            let file = encode(&raw, false).unwrap();
+            prop_assert_eq!(decode(&file, &Limits::default(), Some(encoding)).unwrap(), raw);
+        }
+
+        #[test]
+        fn broken_files_are_refused_or_read(
+            kind in 0_usize..2, at in 0_usize..2000, byte: u8, cut in 0_usize..2000,
+        ) {
+            let encoding = [Encoding::Rgb8, Encoding::F32C1][kind];
+            let size = 9 * 7 * encoding.bytes_per_pixel();
+            let raw = RawPixels::dense(9, 7, encoding, vec![5; size]).unwrap();
+            let file = encode(&raw, false).unwrap();
+            let mut broken = file.to_vec();
+            let at = at % broken.len();
+            broken[at] = byte;
+            let limits = Limits { message_bytes: 1 << 16, ..Limits::default() };
+            drop(decode(&broken.into(), &limits, None));
+            drop(decode(&file.slice(..cut % file.len()), &limits, None));
+        }
+    }
+}

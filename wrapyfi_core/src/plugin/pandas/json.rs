@@ -1,0 +1,234 @@
+//! Frames as pandas's JSON: `PandasLegacyData` and the frames of dask.
+//!
+//! ```text
+//!   split    {"columns": ["a"], "index": [0, 1], "data": [[1], [2]]}     legacy
+//!   records  [{"index": 0, "a": 1}, {"index": 1, "a": 2}]                dask
+//! ```
+//!
+//! JSON has no types of columns: numbers, bools and text are found again, anything else is refused.
+//! Times are written as pandas writes them by default, milliseconds since 1970, and come back as
+//! numbers; missing numbers make a column of floats.
+
+use std::sync::Arc;
+
+use arrow_array::builder::{BooleanBuilder, StringBuilder};
+use arrow_array::{ArrayRef, Float64Array, Int64Array};
+
+use super::super::{Body, Context, Part, PluginError};
+use super::frame::{Column, Frame, Index, Kind};
+use super::labels;
+use crate::codec::json;
+use crate::types::{Map, Value};
+
+type Result<T> = std::result::Result<T, PluginError>;
+
+fn malformed(reason: impl Into<String>) -> PluginError {
+    PluginError::Malformed { part: 0, reason: reason.into() }
+}
+
+fn text(body: &Body<'_>, context: &Context<'_>) -> Result<Value> {
+    json::decode(&body.base64(0)?, context.limits).map_err(|error| malformed(error.to_string()))
+}
+
+/// Reads parts `text, "DataFrame" or "Series"`.
+pub(super) fn read_split(body: &Body<'_>, context: &Context<'_>) -> Result<Frame> {
+    let value = text(body, context)?;
+    let kind = match body.text(1)?.as_str() {
+        "Series" => Kind::Series,
+        "DataFrame" => Kind::Frame,
+        other => return Err(malformed(format!("{other:?} is no DataFrame and no Series"))),
+    };
+    let list = |key: &str| {
+        let found = value.get(key).and_then(Value::as_items);
+        found.ok_or_else(|| malformed(format!("{key} is missing or no list")))
+    };
+    let (names, rows) = (list("columns")?, list("data")?);
+    let mut cells: Vec<Vec<&Value>> = vec![Vec::new(); names.len()];
+    for row in rows {
+        let row = row.as_items().filter(|row| row.len() == names.len());
+        let row = row.ok_or_else(|| malformed("data has a row of another length than columns"))?;
+        for (column, cell) in cells.iter_mut().zip(row) {
+            column.push(cell);
+        }
+    }
+    let columns = names.iter().zip(&cells).map(|(name, cells)| column(name.clone(), cells));
+    let columns = columns.collect::<Result<Vec<_>>>()?;
+    let index = index(list("index")?)?;
+    if index.len() != rows.len() {
+        return Err(malformed(format!("{} labels for {} rows", index.len(), rows.len())));
+    }
+    if kind == Kind::Series && columns.len() != 1 {
+        return Err(malformed(format!("a series of {} columns", columns.len())));
+    }
+    Ok(Frame { kind, index, columns, columns_name: Value::Null })
+}
+
+/// Writes what [`read_split`] reads.
+pub(super) fn write_split(frame: &Frame) -> Result<Vec<Part>> {
+    let columns = cells(&frame.columns)?;
+    let rows = (0..frame.index.len()).map(|row| {
+        Value::from_iter(columns.iter().map(|cells| cells.get(row).cloned().unwrap_or_default()))
+    });
+    let names = frame.columns.iter().map(|column| column.label.clone());
+    let value = Value::Map(Map::from_iter([
+        ("columns", Value::from_iter(names)),
+        ("index", Value::List(index_values(&frame.index)?)),
+        ("data", Value::from_iter(rows)),
+    ]));
+    let kind = match frame.kind {
+        Kind::Series => "Series",
+        Kind::Frame => "DataFrame",
+        Kind::Index => return Err(only_frames()),
+    };
+    Ok(vec![Part::base64(encode(&value)?), Part::Text(kind.into())])
+}
+
+/// Reads records whose first member is the index.
+pub(in crate::plugin) fn read_records(
+    file: &bytes::Bytes,
+    is_series: bool,
+    context: &Context<'_>,
+) -> Result<crate::types::Table> {
+    let value = json::decode(file, context.limits).map_err(|error| malformed(error.to_string()))?;
+    let records = value.as_items().ok_or_else(|| malformed("no list of records"))?;
+    let names: Vec<Value> = match records.first().map(Value::as_map) {
+        Some(Some(first)) => first.iter().map(|(name, _)| name.clone()).collect(),
+        Some(None) => return Err(malformed("a record that is no dict")),
+        None => Vec::new(),
+    };
+    let mut cells: Vec<Vec<&Value>> = vec![Vec::new(); names.len()];
+    for record in records {
+        let record = record.as_map().filter(|record| record.len() == names.len());
+        let record = record.ok_or_else(|| malformed("records with different members"))?;
+        for ((column, name), (key, cell)) in cells.iter_mut().zip(&names).zip(record.iter()) {
+            if key != name {
+                return Err(malformed("records with different members"));
+            }
+            column.push(cell);
+        }
+    }
+    let (index_name, index_cells) = match (names.first(), cells.first()) {
+        (Some(name), Some(cells)) => (name.clone(), cells.clone()),
+        _ => (Value::Null, Vec::new()),
+    };
+    let owned: Vec<Value> = index_cells.into_iter().cloned().collect();
+    let mut index = index(&owned)?;
+    // `index` is what pandas calls an index without a name.
+    let name = if index_name.as_str() == Some("index") { Value::Null } else { index_name };
+    match &mut index {
+        Index::Range { name: unnamed, .. } => *unnamed = name,
+        Index::Column(column) => column.label = name,
+    }
+    let columns = names.iter().zip(&cells).skip(1);
+    let columns = columns.map(|(name, cells)| column(name.clone(), cells));
+    let kind = if is_series { Kind::Series } else { Kind::Frame };
+    let columns = columns.collect::<Result<Vec<_>>>()?;
+    if is_series && columns.len() != 1 {
+        return Err(malformed(format!("a series of {} columns", columns.len())));
+    }
+    Frame { kind, index, columns, columns_name: Value::Null }.into_table("DaskData")
+}
+
+/// Writes what [`read_records`] reads; and whether it is a series.
+pub(in crate::plugin) fn write_records(table: &crate::types::Table) -> Result<(Vec<u8>, bool)> {
+    let frame = Frame::from_table(table)?;
+    if frame.kind == Kind::Index {
+        return Err(only_frames());
+    }
+    let columns = cells(&frame.columns)?;
+    let index = index_values(&frame.index)?;
+    let name = match &frame.index {
+        Index::Range { name, .. } => name.clone(),
+        Index::Column(column) => column.label.clone(),
+    };
+    let name = if name == Value::Null { "index".into() } else { name };
+    let records = index.into_iter().enumerate().map(|(row, label)| {
+        let cells = columns.iter().map(|cells| cells.get(row).cloned().unwrap_or_default());
+        let pairs = frame.columns.iter().map(|column| column.label.clone()).zip(cells);
+        Map::from_iter(std::iter::once((name.clone(), label)).chain(pairs))
+    });
+    Ok((encode(&Value::from_iter(records))?, frame.kind == Kind::Series))
+}
+
+fn only_frames() -> PluginError {
+    PluginError::Unsupported {
+        what: "an index on its own".into(),
+        remedy: "make a series or a data frame of it".into(),
+    }
+}
+
+/// JSON without NaN, which pandas writes as null.
+fn encode(value: &Value) -> Result<Vec<u8>> {
+    json::encode(value).map_err(|error| PluginError::Unsupported {
+        what: "a label or value".into(),
+        remedy: error.to_string(),
+    })
+}
+
+/// The cells of every column.
+fn cells(columns: &[Column]) -> Result<Vec<Vec<Value>>> {
+    columns
+        .iter()
+        .map(|column| {
+            let cells = labels::values(&column.array).ok_or_else(|| PluginError::Unsupported {
+                what: format!("a column of type {} in JSON", column.array.data_type()),
+                remedy: "cast it to numbers, bools or text".into(),
+            })?;
+            let nan_is_null = |cell| match cell {
+                Value::Float(float) if !float.is_finite() => Value::Null,
+                other => other,
+            };
+            Ok(cells.into_iter().map(nan_is_null).collect())
+        })
+        .collect()
+}
+
+fn index_values(index: &Index) -> Result<Vec<Value>> {
+    match index {
+        Index::Range { start, step, .. } => {
+            let count = i64::try_from(index.len()).unwrap_or(0);
+            Ok((0..count).map(|n| Value::Int(start.wrapping_add(n.wrapping_mul(*step)))).collect())
+        }
+        Index::Column(column) => {
+            let only = std::slice::from_ref(&**column);
+            Ok(cells(only)?.pop().unwrap_or_default())
+        }
+    }
+}
+
+/// Labels 0, 1, 2, … are a range, anything else a column.
+fn index(labels: &[Value]) -> Result<Index> {
+    let rows = i64::try_from(labels.len()).unwrap_or(i64::MAX);
+    if labels.iter().zip(0..rows).all(|(label, n)| *label == Value::Int(n)) {
+        return Ok(Index::Range { start: 0, stop: rows, step: 1, name: Value::Null });
+    }
+    let labels: Vec<&Value> = labels.iter().collect();
+    column(Value::Null, &labels).map(|column| Index::Column(Box::new(column)))
+}
+
+/// A column of what its cells are: integers, numbers, bools or text.
+fn column(label: Value, cells: &[&Value]) -> Result<Column> {
+    let all = |fits: fn(&Value) -> bool| cells.iter().all(|cell| fits(cell));
+    let (array, dtype): (ArrayRef, _) = if all(|cell| matches!(cell, Value::Int(_)))
+        && !cells.is_empty()
+    {
+        (Arc::new(cells.iter().filter_map(|cell| cell.as_i64()).collect::<Int64Array>()), "int64")
+    } else if all(|cell| matches!(cell, Value::Int(_) | Value::Float(_) | Value::Null)) {
+        let numbers = cells.iter().map(|cell| cell.as_f64().unwrap_or(f64::NAN));
+        (Arc::new(Float64Array::from_iter_values(numbers)), "float64")
+    } else if all(|cell| matches!(cell, Value::Bool(_))) {
+        let mut builder = BooleanBuilder::new();
+        cells.iter().for_each(|cell| builder.append_option(cell.as_bool()));
+        (Arc::new(builder.finish()), "bool")
+    } else if all(|cell| matches!(cell, Value::Str(_) | Value::Null)) {
+        let mut builder = StringBuilder::new();
+        cells.iter().for_each(|cell| builder.append_option(cell.as_str()));
+        (Arc::new(builder.finish()), "object")
+    } else {
+        return Err(PluginError::Unsupported {
+            what: format!("a column {label:?} of mixed or nested values"),
+            remedy: "send columns of numbers, bools or text".into(),
+        });
+    };
+    Ok(Column { label, dtype: dtype.into(), array })
+}

@@ -1,0 +1,75 @@
+//! `PandasData`: data frames, series and indices of pandas, as pickles with their buffers beside
+//! them.
+//!
+//! ```text
+//!   DataFrame { _mgr: BlockManager([blocks of columns], [labels, index]) } ─ read ─▶ Frame ─▶ Table
+//!   pandas.DataFrame({label: Series(…), …}, index, columns) ◀─ write ─ Frame ◀─ Table
+//! ```
+//!
+//! pandas pickles its insides, which change from release to release: those of pandas 2 and 3 are
+//! read. What is written calls the constructors that every release has, so that any pandas reads it.
+//!
+//! The columns of the [`Table`](crate::types::Table) are Arrow arrays, an index that is no range
+//! before all others. Of each field the metadata `dtype` is pandas's own name of the type. A frame
+//! that this cannot hold in full is refused and travels on as it came: several levels of index or
+//! labels, objects of mixed types, periods, intervals, sparse and complex columns.
+
+mod column;
+mod frame;
+mod json;
+mod labels;
+mod made;
+mod objects;
+mod read;
+mod write;
+
+use super::budget::Budget;
+use super::numpy_pickle::in_pickle;
+use super::pyarrow::pickled;
+use super::stack::Stack;
+use super::{Body, Context, Part, Plugin, PluginError};
+use crate::codec::pickle::Allowed;
+use crate::types::Value;
+use frame::Frame;
+
+pub(super) use json::{read_records, write_records};
+
+/// pandas of release 2 and later.
+pub(super) struct Pandas;
+
+impl Plugin for Pandas {
+    fn key(&self) -> &str {
+        "PandasData"
+    }
+
+    fn decode(&self, body: &Body<'_>, context: &Context<'_>) -> Result<Value, PluginError> {
+        let pickle = pickled(body, &Allowed::PANDAS, context)?;
+        let frame = read::frame(&pickle.root(), &Budget::new(context.limits)).map_err(in_pickle)?;
+        frame.into_table("PandasData").map(Value::from)
+    }
+
+    fn encode(&self, value: &Value) -> Result<Vec<Part>, PluginError> {
+        let table = value.as_table().ok_or_else(|| PluginError::not_mine("table", value))?;
+        let mut to = Stack::new();
+        write::frame(&mut to, &Frame::from_table(table)?)?;
+        to.into_parts()
+    }
+}
+
+/// pandas before release 2: JSON.
+pub(super) struct PandasLegacy;
+
+impl Plugin for PandasLegacy {
+    fn key(&self) -> &str {
+        "PandasLegacyData"
+    }
+
+    fn decode(&self, body: &Body<'_>, context: &Context<'_>) -> Result<Value, PluginError> {
+        json::read_split(body, context)?.into_table("PandasLegacyData").map(Value::from)
+    }
+
+    fn encode(&self, value: &Value) -> Result<Vec<Part>, PluginError> {
+        let table = value.as_table().ok_or_else(|| PluginError::not_mine("table", value))?;
+        json::write_split(&Frame::from_table(table)?)
+    }
+}

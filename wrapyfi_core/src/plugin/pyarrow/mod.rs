@@ -1,0 +1,86 @@
+//! `PyArrowArray`: arrays and tables of PyArrow, as pickles with their buffers beside them.
+//!
+//! ```text
+//!   _restore_array((type, length, null count, offset, [buffers], [children], dictionary))
+//!   _reconstruct_table([chunked_array([…], type)], schema)      ◀─▶  Table
+//!   _reconstruct_record_batch([…], schema)
+//! ```
+//!
+//! | PyArrow | [`Table`] |
+//! | --- | --- |
+//! | `Array` of any kind | one column without a name, `kind` `Array` |
+//! | `ChunkedArray` | the same with its chunks joined, `kind` `ChunkedArray` |
+//! | `RecordBatch`, `Table` | its columns, `kind` `RecordBatch` or `Table`; chunks joined |
+//!
+//! Every buffer is checked against its type before it is used. Wrapyfi registers the key for arrays
+//! and what they inherit from; tables reach it inside frames.
+
+mod read;
+mod types;
+mod write;
+
+use std::sync::Arc;
+
+use arrow_array::{ArrayRef, RecordBatch, RecordBatchOptions};
+use arrow_schema::{ArrowError, Field, Schema};
+
+use super::budget::Budget;
+use super::numpy_pickle::in_pickle;
+use super::stack::Stack;
+use super::{Body, Context, Part, Plugin, PluginError};
+use crate::codec::pickle::{self, Allowed};
+use crate::types::{Origin, Table, Value};
+
+pub(super) use read::array;
+
+/// Key on the wire.
+pub(super) const KEY: &str = "PyArrowArray";
+
+/// PyArrow's arrays and tables.
+pub(super) struct PyArrow;
+
+impl Plugin for PyArrow {
+    fn key(&self) -> &str {
+        KEY
+    }
+
+    fn decode(&self, body: &Body<'_>, context: &Context<'_>) -> Result<Value, PluginError> {
+        let read = pickled(body, &Allowed::PYARROW, context)?;
+        read::table(&read.root(), &Budget::new(context.limits)).map_err(in_pickle).map(Value::from)
+    }
+
+    fn encode(&self, value: &Value) -> Result<Vec<Part>, PluginError> {
+        let table = value.as_table().ok_or_else(|| PluginError::not_mine("table", value))?;
+        let mut to = Stack::new();
+        write::table(&mut to, table)?;
+        to.into_parts()
+    }
+}
+
+/// The pickle in part 0, with its buffers in the parts behind it.
+pub(super) fn pickled(
+    body: &Body<'_>,
+    allowed: &Allowed,
+    context: &Context<'_>,
+) -> Result<pickle::Pickle, PluginError> {
+    let data = body.latin1(0)?;
+    let buffers = (1..body.len()).map(|part| body.base64(part)).collect::<Result<Vec<_>, _>>()?;
+    pickle::read(&data, &buffers, allowed, context.limits).map_err(in_pickle)
+}
+
+/// A table of one column.
+fn single(array: ArrayRef, kind: &str) -> Result<Table, ArrowError> {
+    let schema = Schema::new(vec![Field::new("", array.data_type().clone(), true)]);
+    let batch = RecordBatch::try_new(Arc::new(schema), vec![array])?;
+    Ok(Table { batch, origin: Arc::new(Origin::new(KEY).with("kind", kind)) })
+}
+
+/// Columns as a table, also where there are none.
+pub(super) fn batch(
+    schema: Schema,
+    columns: Vec<ArrayRef>,
+    rows: usize,
+) -> Result<RecordBatch, ArrowError> {
+    let options = RecordBatchOptions::new().with_row_count(Some(rows));
+    RecordBatch::try_new_with_options(Arc::new(schema), columns, &options)
+}

@@ -1,0 +1,315 @@
+//! PyArrow's types by the functions that make them.
+//!
+//! ```text
+//!   type_for_alias('int64') · timestamp('ns', 'UTC') · list_(field) · struct([field, …]) ◀─▶ DataType
+//! ```
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use arrow_schema::{DataType, Field, Fields, Metadata, Schema, TimeUnit};
+
+use super::super::PluginError;
+use super::super::budget::Budget;
+use super::super::stack::Stack;
+use crate::codec::pickle::{Node, PickleError};
+
+/// Deepest nesting of a type.
+const MAX_DEPTH: usize = 64;
+
+/// Types without parameters, by PyArrow's alias.
+const PLAIN: [(&str, DataType); 23] = [
+    ("null", DataType::Null),
+    ("bool", DataType::Boolean),
+    ("int8", DataType::Int8),
+    ("int16", DataType::Int16),
+    ("int32", DataType::Int32),
+    ("int64", DataType::Int64),
+    ("uint8", DataType::UInt8),
+    ("uint16", DataType::UInt16),
+    ("uint32", DataType::UInt32),
+    ("uint64", DataType::UInt64),
+    ("halffloat", DataType::Float16),
+    ("float", DataType::Float32),
+    ("double", DataType::Float64),
+    ("string", DataType::Utf8),
+    ("large_string", DataType::LargeUtf8),
+    ("binary", DataType::Binary),
+    ("large_binary", DataType::LargeBinary),
+    ("date32[day]", DataType::Date32),
+    ("date64[ms]", DataType::Date64),
+    ("time32[s]", DataType::Time32(TimeUnit::Second)),
+    ("time32[ms]", DataType::Time32(TimeUnit::Millisecond)),
+    ("time64[us]", DataType::Time64(TimeUnit::Microsecond)),
+    ("time64[ns]", DataType::Time64(TimeUnit::Nanosecond)),
+];
+
+/// Further spellings of the same.
+const ALIASES: [(&str, &str); 8] = [
+    ("bool_", "bool"),
+    ("boolean", "bool"),
+    ("float16", "halffloat"),
+    ("float32", "float"),
+    ("float64", "double"),
+    ("str", "string"),
+    ("utf8", "string"),
+    ("large_utf8", "large_string"),
+];
+
+type Result<T> = std::result::Result<T, PickleError>;
+
+/// A unit of time by PyArrow's name.
+pub(super) fn unit(name: &str) -> Option<TimeUnit> {
+    Some(match name {
+        "s" => TimeUnit::Second,
+        "ms" => TimeUnit::Millisecond,
+        "us" => TimeUnit::Microsecond,
+        "ns" => TimeUnit::Nanosecond,
+        _ => return None,
+    })
+}
+
+pub(super) fn unit_name(unit: TimeUnit) -> &'static str {
+    match unit {
+        TimeUnit::Second => "s",
+        TimeUnit::Millisecond => "ms",
+        TimeUnit::Microsecond => "us",
+        TimeUnit::Nanosecond => "ns",
+    }
+}
+
+/// Reads a type.
+pub(super) fn data_type(node: &Node<'_>, budget: &Budget) -> Result<DataType> {
+    read_type(node, budget, 0)
+}
+
+fn read_type(node: &Node<'_>, budget: &Budget, depth: usize) -> Result<DataType> {
+    budget.take(node, size_of::<Field>())?;
+    if depth > MAX_DEPTH {
+        return Err(node.unexpected(format!("a type nested at most {MAX_DEPTH} deep")));
+    }
+    let call = node.any_call()?;
+    let time = |index| {
+        let name = call.arg(index)?;
+        unit(name.str()?).ok_or_else(|| name.unexpected("a unit: s, ms, us or ns"))
+    };
+    let inner = |index| -> Result<_> {
+        let part = call.arg(index)?;
+        let is_field = part.any_call().is_ok_and(|call| call.global().is("pyarrow.lib.field"));
+        let field = if is_field {
+            read_field(&part, budget, depth + 1)?
+        } else {
+            Field::new("item", read_type(&part, budget, depth + 1)?, true)
+        };
+        Ok(Arc::new(field))
+    };
+    Ok(match call.global().name {
+        "type_for_alias" => {
+            let name = call.arg(0)?;
+            alias(name.str()?).ok_or_else(|| name.unexpected("a type that is known here"))?
+        }
+        "timestamp" => {
+            let zone = call.args().find(1).and_then(Node::option);
+            let zone = zone.map(|zone| zone.str().map(Arc::from)).transpose()?;
+            DataType::Timestamp(time(0)?, zone)
+        }
+        "duration" => DataType::Duration(time(0)?),
+        "time32" => DataType::Time32(time(0)?),
+        "time64" => DataType::Time64(time(0)?),
+        "binary" => {
+            let length = call.arg(0)?;
+            let length = i32::try_from(length.int()?)
+                .map_err(|_wide| length.unexpected("a size of 32 bits"))?;
+            DataType::FixedSizeBinary(length)
+        }
+        "decimal128" => {
+            let (precision, scale) = (call.arg(0)?, call.arg(1)?);
+            let wrong = |part: &Node<'_>| part.unexpected("a precision and scale of 8 bits");
+            DataType::Decimal128(
+                u8::try_from(precision.int()?).map_err(|_wide| wrong(&precision))?,
+                i8::try_from(scale.int()?).map_err(|_wide| wrong(&scale))?,
+            )
+        }
+        "list_" if call.args().len() > 1 && call.arg(1)?.int()? >= 0 => {
+            let length = call.arg(1)?;
+            let size = i32::try_from(length.int()?)
+                .map_err(|_wide| length.unexpected("a size of 32 bits"))?;
+            DataType::FixedSizeList(inner(0)?, size)
+        }
+        "list_" => DataType::List(inner(0)?),
+        "large_list" => DataType::LargeList(inner(0)?),
+        "struct" => {
+            let fields = call.arg(0)?.sequence()?;
+            let fields = fields.iter().map(|field| read_field(&field, budget, depth + 1));
+            DataType::Struct(fields.collect::<Result<Vec<_>>>()?.into())
+        }
+        "dictionary" => DataType::Dictionary(
+            Box::new(read_type(&call.arg(0)?, budget, depth + 1)?),
+            Box::new(read_type(&call.arg(1)?, budget, depth + 1)?),
+        ),
+        _ => return Err(node.unexpected("a type of PyArrow that is known here")),
+    })
+}
+
+fn alias(name: &str) -> Option<DataType> {
+    let name = ALIASES.iter().find(|(alias, _)| *alias == name).map_or(name, |(_, name)| name);
+    if let Some((_, plain)) = PLAIN.iter().find(|(known, _)| *known == name) {
+        return Some(plain.clone());
+    }
+    let (kind, rest) = name.split_once('[')?;
+    let unit = unit(rest.strip_suffix(']')?)?;
+    match kind {
+        "timestamp" => Some(DataType::Timestamp(unit, None)),
+        "duration" => Some(DataType::Duration(unit)),
+        _ => None,
+    }
+}
+
+/// Reads a field: name, type, nullable, metadata.
+fn read_field(node: &Node<'_>, budget: &Budget, depth: usize) -> Result<Field> {
+    budget.take(node, size_of::<Field>())?;
+    let call = node.call("pyarrow.lib.field")?;
+    let nullable = match call.args().find(2) {
+        Some(nullable) => nullable.bool()?,
+        None => true,
+    };
+    let name = call.arg(0)?.str()?.to_owned();
+    budget.take(node, name.len())?;
+    let field = Field::new(name, read_type(&call.arg(1)?, budget, depth + 1)?, nullable);
+    Ok(match call.args().find(3).and_then(Node::option) {
+        Some(metadata) => field.with_metadata(read_metadata(&metadata, budget)?),
+        None => field,
+    })
+}
+
+/// Reads a schema: fields and metadata.
+pub(super) fn schema(node: &Node<'_>, budget: &Budget) -> Result<Schema> {
+    let call = node.call("pyarrow.lib.schema")?;
+    let fields = call.arg(0)?.sequence()?;
+    let fields =
+        fields.iter().map(|field| read_field(&field, budget, 0)).collect::<Result<Vec<_>>>()?;
+    let metadata = match call.args().find(1).and_then(Node::option) {
+        Some(metadata) => read_metadata(&metadata, budget)?,
+        None => HashMap::new(),
+    };
+    Ok(Schema::new_with_metadata(fields, metadata))
+}
+
+fn read_metadata(node: &Node<'_>, budget: &Budget) -> Result<HashMap<String, String>> {
+    let text = |node: Node<'_>| -> Result<String> {
+        let bytes = node.bytes()?;
+        budget.take(&node, bytes.len().saturating_add(64))?;
+        String::from_utf8(bytes.to_vec()).map_err(|_no_text| node.unexpected("bytes of UTF-8"))
+    };
+    node.dict()?.iter().map(|(key, value)| Ok((text(key)?, text(value)?))).collect()
+}
+
+/// Writes a type.
+pub(super) fn write_type(
+    to: &mut Stack,
+    data_type: &DataType,
+) -> std::result::Result<(), PluginError> {
+    const LIB: &str = "pyarrow.lib";
+    if let Some((name, _)) = PLAIN.iter().find(|(_, plain)| plain == data_type) {
+        to.global(LIB, "type_for_alias").str(name).tuple(1).reduce();
+        return Ok(());
+    }
+    match data_type {
+        DataType::Timestamp(unit, zone) => {
+            to.global(LIB, "timestamp").str(unit_name(*unit));
+            match zone {
+                Some(zone) => to.str(zone),
+                None => to.none(),
+            };
+            to.tuple(2).reduce();
+        }
+        DataType::Duration(unit) => {
+            to.global(LIB, "duration").str(unit_name(*unit)).tuple(1).reduce();
+        }
+        DataType::FixedSizeBinary(size) => {
+            to.global(LIB, "binary").int((*size).into()).tuple(1).reduce();
+        }
+        DataType::Decimal128(precision, scale) => {
+            to.global(LIB, "decimal128").int((*precision).into()).int((*scale).into());
+            to.tuple(2).reduce();
+        }
+        DataType::List(item) => {
+            to.global(LIB, "list_");
+            write_field(to, item)?;
+            to.tuple(1).reduce();
+        }
+        DataType::LargeList(item) => {
+            to.global(LIB, "large_list");
+            write_field(to, item)?;
+            to.tuple(1).reduce();
+        }
+        DataType::FixedSizeList(item, size) => {
+            to.global(LIB, "list_");
+            write_field(to, item)?;
+            to.int((*size).into()).tuple(2).reduce();
+        }
+        DataType::Struct(fields) => {
+            to.global(LIB, "struct");
+            write_fields(to, fields)?;
+            to.tuple(1).reduce();
+        }
+        DataType::Dictionary(index, value) => {
+            to.global(LIB, "dictionary");
+            write_type(to, index)?;
+            write_type(to, value)?;
+            to.bool(false).tuple(3).reduce();
+        }
+        _ => {
+            return Err(PluginError::Unsupported {
+                what: format!("a column of type {data_type}"),
+                remedy: "cast it to a type of numbers, text, time, lists or structs".into(),
+            });
+        }
+    }
+    Ok(())
+}
+
+fn write_fields(to: &mut Stack, fields: &Fields) -> std::result::Result<(), PluginError> {
+    to.mark();
+    for field in fields {
+        write_field(to, field)?;
+    }
+    to.list_since_mark();
+    Ok(())
+}
+
+/// Writes a field.
+fn write_field(to: &mut Stack, field: &Field) -> std::result::Result<(), PluginError> {
+    to.global("pyarrow.lib", "field").mark().str(field.name());
+    write_type(to, field.data_type())?;
+    to.bool(field.is_nullable());
+    write_metadata(to, field.metadata());
+    to.tuple_since_mark().reduce();
+    Ok(())
+}
+
+/// Writes a schema.
+pub(super) fn write_schema(
+    to: &mut Stack,
+    schema: &Schema,
+) -> std::result::Result<(), PluginError> {
+    to.global("pyarrow.lib", "schema");
+    write_fields(to, schema.fields())?;
+    write_metadata(to, schema.metadata());
+    to.tuple(2).reduce();
+    Ok(())
+}
+
+fn write_metadata(to: &mut Stack, metadata: &Metadata) {
+    if metadata.is_empty() {
+        to.none();
+        return;
+    }
+    let mut sorted: Vec<_> = metadata.iter().collect();
+    sorted.sort();
+    to.mark();
+    for (key, value) in sorted {
+        to.bytes(key.as_bytes()).bytes(value.as_bytes());
+    }
+    to.dict_since_mark();
+}

@@ -1,0 +1,114 @@
+//! Arrow arrays as PyArrow pickles them.
+
+use arrow_array::Array;
+use arrow_data::ArrayData;
+use arrow_data::transform::MutableArrayData;
+use arrow_schema::DataType;
+use bytes::Bytes;
+
+use super::super::PluginError;
+use super::super::stack::Stack;
+use super::types;
+use crate::types::Table;
+
+const LIB: &str = "pyarrow.lib";
+
+/// Writes what the table was, by its origin's `kind`.
+pub(super) fn table(to: &mut Stack, table: &Table) -> Result<(), PluginError> {
+    let kind = table.origin.get("kind").unwrap_or("Table");
+    let columns = table.batch.columns();
+    match (kind, columns) {
+        ("Array", [only]) => array(to, &only.to_data()),
+        ("ChunkedArray", [only]) => chunked(to, &only.to_data()),
+        ("RecordBatch", _) => {
+            to.global(LIB, "_reconstruct_record_batch").mark();
+            for column in columns {
+                array(to, &column.to_data())?;
+            }
+            to.list_since_mark();
+            types::write_schema(to, table.batch.schema_ref())?;
+            to.tuple(2).reduce();
+            Ok(())
+        }
+        ("Table", _) => {
+            to.global(LIB, "_reconstruct_table").mark();
+            for column in columns {
+                chunked(to, &column.to_data())?;
+            }
+            to.list_since_mark();
+            types::write_schema(to, table.batch.schema_ref())?;
+            to.tuple(2).reduce();
+            Ok(())
+        }
+        (kind, columns) => Err(PluginError::Unsupported {
+            what: format!("a PyArrow {kind} of {} columns", columns.len()),
+            remedy: "make it an Array of one column, a RecordBatch or a Table".into(),
+        }),
+    }
+}
+
+fn chunked(to: &mut Stack, data: &ArrayData) -> Result<(), PluginError> {
+    to.global(LIB, "chunked_array").mark();
+    array(to, data)?;
+    to.list_since_mark();
+    types::write_type(to, data.data_type())?;
+    to.tuple(2).reduce();
+    Ok(())
+}
+
+fn array(to: &mut Stack, data: &ArrayData) -> Result<(), PluginError> {
+    to.global(LIB, "_restore_array");
+    parts(to, data)?;
+    to.tuple(1).reduce();
+    Ok(())
+}
+
+/// `(type, length, null count, offset, [buffers], [children], dictionary)`, from the first element
+/// on: a part of an array is copied out of it.
+fn parts(to: &mut Stack, data: &ArrayData) -> Result<(), PluginError> {
+    let whole = data.offset() == 0 && data.nulls().is_none_or(|nulls| nulls.offset() == 0);
+    let copied;
+    let data = if whole {
+        data
+    } else {
+        let mut copy = MutableArrayData::new(vec![data], false, data.len());
+        copy.try_extend(0, 0, data.len()).map_err(|error| PluginError::Unsupported {
+            what: format!("a column of type {}: {error}", data.data_type()),
+            remedy: "send fewer rows".into(),
+        })?;
+        copied = copy.freeze();
+        &copied
+    };
+    to.mark();
+    types::write_type(to, data.data_type())?;
+    to.int(count(data.len())).int(count(data.null_count())).int(0);
+    to.mark();
+    match data.nulls() {
+        Some(nulls) => buffer(to, nulls.buffer().as_slice()),
+        None => _ = to.none(),
+    }
+    for content in data.buffers() {
+        buffer(to, content.as_slice());
+    }
+    to.list_since_mark();
+    let dictionary = matches!(data.data_type(), DataType::Dictionary(..));
+    to.mark();
+    for child in data.child_data().iter().filter(|_| !dictionary) {
+        parts(to, child)?;
+    }
+    to.list_since_mark();
+    match data.child_data().first().filter(|_| dictionary) {
+        Some(values) => parts(to, values)?,
+        None => _ = to.none(),
+    }
+    to.tuple_since_mark();
+    Ok(())
+}
+
+fn buffer(to: &mut Stack, content: &[u8]) {
+    to.global(LIB, "py_buffer").buffer(Bytes::copy_from_slice(content)).tuple(1).reduce();
+}
+
+fn count(number: usize) -> i64 {
+    i64::try_from(number).unwrap_or(i64::MAX)
+}
