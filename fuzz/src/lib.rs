@@ -18,12 +18,14 @@
 mod codecs;
 mod meter;
 mod pickles;
+mod tables;
 mod tensors;
 mod texts;
 
 pub use codecs::{cdr, frames, jpeg, json, npy};
 pub use meter::{bounded, measure};
 pub use pickles::pickle;
+pub use tables::plugin_table;
 pub use tensors::plugin_tensor;
 pub use texts::{config, msg_parser, ros_args};
 
@@ -36,7 +38,7 @@ pub const LIMITS: Limits = Limits { message_bytes: 1 << 20, depth: 64 };
 pub type Target = (&'static str, fn(&[u8]));
 
 /// Every target.
-pub const TARGETS: [Target; 10] = [
+pub const TARGETS: [Target; 11] = [
     ("json", json),
     ("npy", npy),
     ("frames", frames),
@@ -47,4 +49,5 @@ pub const TARGETS: [Target; 10] = [
     ("config", config),
     ("plugin_tensor", plugin_tensor),
     ("pickle", pickle),
+    ("plugin_table", plugin_table),
 ];

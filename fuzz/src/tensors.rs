@@ -46,7 +46,7 @@ pub fn plugin_tensor(data: &[u8]) {
     assert!(written == rewritten, "changed by writing and reading");
 }
 
-fn base64(bytes: &[u8]) -> String {
+pub(crate) fn base64(bytes: &[u8]) -> String {
     const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let letter = |group: u32, place: u32| {
         let index = (group >> (18 - 6 * place)) & 63;

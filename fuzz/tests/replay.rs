@@ -51,4 +51,4 @@ macro_rules! replays {
     };
 }
 
-replays! { json npy frames jpeg cdr msg_parser ros_args config plugin_tensor pickle }
+replays! { json npy frames jpeg cdr msg_parser ros_args config plugin_tensor pickle plugin_table }
