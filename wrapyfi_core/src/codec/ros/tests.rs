@@ -131,7 +131,7 @@ fn an_image_must_fit_its_header() {
     let error = image(&msg::Image { encoding: "yuv422".into(), ..good }).unwrap_err();
     assert_eq!(
         error.to_string(),
-        "expected an image encoded as mono8, mono16, rgb8, bgr8, rgba8, bgra8, 32FC1, 32FC3, \
+        "expected an image encoded as mono8, mono16, rgb8, bgr8, rgba8, bgra8, 32SC1, 32FC1, 32FC3, \
          received \"yuv422\""
     );
 }
