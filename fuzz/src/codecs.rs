@@ -16,13 +16,21 @@ const TEXT: usize = 160;
 /// Memory for each byte where bytes are shared or copied, not turned into values.
 const BYTES: usize = 4;
 
+/// Length of a text for [`TEXT`]. Objects that are packed may become as large as a message, however
+/// short they are; with what their decoders need, four times that.
+fn text_of(data: &[u8]) -> usize {
+    const PACKED: [&[u8]; 2] = [b"PILImage", b"ZarrData"];
+    let packed = data.windows(8).any(|window| PACKED.contains(&window));
+    data.len() + if packed { 4 * LIMITS.message_bytes / TEXT } else { 0 }
+}
+
 /// For reading back: what was read may be longer when written, by spaces, escapes and wider floats.
 const WIDE: Limits = Limits { message_bytes: 16 * LIMITS.message_bytes, ..LIMITS };
 
 /// Wrapyfi's JSON, arrays in it included.
 pub fn json(data: &[u8]) {
     let data = Bytes::copy_from_slice(data);
-    let Ok(value) = bounded(data.len(), TEXT, || text::decode(&data, &LIMITS)) else { return };
+    let Ok(value) = bounded(text_of(&data), TEXT, || text::decode(&data, &LIMITS)) else { return };
     let written = text::encode(&value).expect("what was read can be written");
     let again = text::decode(&written.clone().into(), &WIDE).expect("what was written is read");
     // Not the values: one with a NaN inside differs from itself.
@@ -71,7 +79,7 @@ pub fn frames(data: &[u8]) {
         }
     }
     let now = Stamp { sec: 1, nanosec: 2 };
-    let Ok(payload) = bounded(data.len(), TEXT, || zeromq::decode(&message, &spec, now)) else {
+    let Ok(payload) = bounded(text_of(data), TEXT, || zeromq::decode(&message, &spec, now)) else {
         return;
     };
     assert_eq!(payload.data_type(), message_type.data_type());
@@ -114,7 +122,7 @@ pub fn cdr(data: &[u8]) {
         _ => BYTES,
     };
     let body = Bytes::copy_from_slice(body);
-    let read = bounded(data.len(), factor, || ros::decode(&body, message_type, &LIMITS));
+    let read = bounded(text_of(data), factor, || ros::decode(&body, message_type, &LIMITS));
     let Ok(payload) = read else { return };
     assert_eq!(payload.data_type(), message_type.data_type());
     let written = ros::encode(&payload, message_type).expect("what was read can be written");

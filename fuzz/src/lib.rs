@@ -16,6 +16,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::missing_panics_doc)]
 
 mod codecs;
+mod labelled;
 mod meter;
 mod pickles;
 mod tables;
@@ -23,6 +24,7 @@ mod tensors;
 mod texts;
 
 pub use codecs::{cdr, frames, jpeg, json, npy};
+pub use labelled::{plugin_picture, plugin_zarr};
 pub use meter::{bounded, measure};
 pub use pickles::pickle;
 pub use tables::plugin_table;
@@ -38,7 +40,7 @@ pub const LIMITS: Limits = Limits { message_bytes: 1 << 20, depth: 64 };
 pub type Target = (&'static str, fn(&[u8]));
 
 /// Every target.
-pub const TARGETS: [Target; 11] = [
+pub const TARGETS: [Target; 13] = [
     ("json", json),
     ("npy", npy),
     ("frames", frames),
@@ -50,4 +52,6 @@ pub const TARGETS: [Target; 11] = [
     ("plugin_tensor", plugin_tensor),
     ("pickle", pickle),
     ("plugin_table", plugin_table),
+    ("plugin_picture", plugin_picture),
+    ("plugin_zarr", plugin_zarr),
 ];

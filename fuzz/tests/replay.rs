@@ -51,4 +51,7 @@ macro_rules! replays {
     };
 }
 
-replays! { json npy frames jpeg cdr msg_parser ros_args config plugin_tensor pickle plugin_table }
+replays! {
+    json npy frames jpeg cdr msg_parser ros_args config plugin_tensor pickle plugin_table
+    plugin_picture plugin_zarr
+}

@@ -13,7 +13,11 @@
 //! | colour of 16 bits | their upper 8 bits |
 //! | 32-bit floats; integers (TIFF) | `32FC1`, `32FC3`; `32SC1` |
 //!
-//! Of a film, the first frame.
+//! Of a film, the first frame. TIFF goes past `image`, which lets its decoder allocate 128 MiB
+//! whatever the limit is; BigTIFF is not read. WebP is read only where `message_bytes` has room for
+//! 16 MiB beside the picture: that much its decoder may take because a file claims it.
+
+mod claims;
 
 use std::io::Cursor;
 
@@ -42,10 +46,11 @@ pub fn decode(
     let red_first = matches!(color_order, Some(Encoding::Rgb8 | Encoding::Rgba8));
     let (format, name) = known_format(file)?;
     let malformed = |reason: String| malformed(name, reason);
-    if format == ImageFormat::Tiff
-        && let Some(grey) = wide_grey(file, limits, name)?
-    {
-        return Ok(grey);
+    if format == ImageFormat::Bmp {
+        claims::check_bmp(file).map_err(malformed)?;
+    } else if format == ImageFormat::Tiff {
+        let raw = tiff(file, limits, name)?;
+        return Ok(if red_first { raw } else { raw.swap_red_blue() });
     }
     let mut reader = ImageReader::with_format(Cursor::new(&**file), format);
     let mut bounds = image::Limits::no_limits();
@@ -53,7 +58,8 @@ pub fn decode(
     reader.limits(bounds);
     let decoder = reader.into_decoder().map_err(|error| malformed(error.to_string()))?;
     let ((width, height), color) = (decoder.dimensions(), decoder.color_type());
-    check_size(name, width, height, decoder.total_bytes(), limits)?;
+    let work = if format == ImageFormat::WebP { WEBP_WORK } else { 0 };
+    check_size(name, width, height, decoder.total_bytes().saturating_add(work), limits)?;
     let mut pixels = vec![0; usize::try_from(decoder.total_bytes()).unwrap_or(usize::MAX)];
     decoder.read_image(&mut pixels).map_err(|error| malformed(error.to_string()))?;
     let (encoding, pixels) =
@@ -62,6 +68,9 @@ pub fn decode(
         .map_err(|error| malformed(error.to_string()))?;
     Ok(if red_first { raw } else { raw.swap_red_blue() })
 }
+
+/// Most bytes that a WebP decoder takes because three bytes of a file claim them.
+const WEBP_WORK: u64 = 1 << 24;
 
 fn known_format(file: &[u8]) -> Result<(ImageFormat, &'static str), DecodeError> {
     let known = [
@@ -135,12 +144,9 @@ fn encoded(color: ColorType, pixels: Vec<u8>) -> Option<(Encoding, Vec<u8>)> {
     })
 }
 
-/// The picture in a TIFF file of one 32-bit channel; `None` for any other.
-fn wide_grey(
-    file: &[u8],
-    limits: &Limits,
-    name: &'static str,
-) -> Result<Option<RawPixels>, DecodeError> {
+/// The picture in a TIFF file: grey of 1, 8, 16 or 32 bits, colour of 8 bits.
+fn tiff(file: &[u8], limits: &Limits, name: &'static str) -> Result<RawPixels, DecodeError> {
+    claims::check_tiff(file).map_err(|reason| malformed(name, reason))?;
     let fault = |error: tiff::TiffError| malformed(name, error.to_string());
     let mut bounds = tiff::decoder::Limits::default();
     bounds.decoding_buffer_size = limits.message_bytes;
@@ -148,22 +154,35 @@ fn wide_grey(
     bounds.ifd_value_size = limits.message_bytes.min(1 << 20);
     let mut decoder =
         tiff::decoder::Decoder::new(Cursor::new(file)).map_err(fault)?.with_limits(bounds);
-    if decoder.colortype().map_err(fault)? != tiff::ColorType::Gray(32) {
-        return Ok(None);
-    }
+    let color = decoder.colortype().map_err(fault)?;
+    let (encoding, pixel_bytes) = match color {
+        tiff::ColorType::Gray(1 | 8) => (Encoding::Mono8, 1),
+        tiff::ColorType::Gray(16) => (Encoding::Mono16, 2),
+        tiff::ColorType::Gray(32) => (Encoding::F32C1, 4),
+        tiff::ColorType::RGB(8) => (Encoding::Rgb8, 3),
+        tiff::ColorType::RGBA(8) => (Encoding::Rgba8, 4),
+        other => return Err(malformed(name, format!("pixels of type {other:?}"))),
+    };
     let (width, height) = decoder.dimensions().map_err(fault)?;
-    check_size(name, width, height, u64::from(width) * u64::from(height) * 4, limits)?;
+    let size = u64::from(width) * u64::from(height);
+    check_size(name, width, height, size.saturating_mul(pixel_bytes), limits)?;
     let (encoding, pixels): (_, Vec<u8>) = match decoder.read_image().map_err(fault)? {
+        DecodingResult::U8(bits) if color == tiff::ColorType::Gray(1) => {
+            (encoding, unpack_bits(&bits, width as usize))
+        }
+        DecodingResult::U8(pixels) => (encoding, pixels),
+        DecodingResult::U16(pixels) => {
+            (encoding, pixels.into_iter().flat_map(u16::to_le_bytes).collect())
+        }
         DecodingResult::F32(pixels) => {
             (Encoding::F32C1, pixels.into_iter().flat_map(f32::to_le_bytes).collect())
         }
         DecodingResult::I32(pixels) => {
             (Encoding::I32C1, pixels.into_iter().flat_map(i32::to_le_bytes).collect())
         }
-        _ => return Err(malformed(name, "unsigned pixels of 32 bits".into())),
+        _ => return Err(malformed(name, "pixels that are no numbers of 8, 16 or 32 bits".into())),
     };
     RawPixels::dense(width, height, encoding, pixels)
-        .map(Some)
         .map_err(|error| malformed(name, error.to_string()))
 }
 
@@ -278,6 +297,34 @@ mod tests {
         let error = decode(&Bytes::from_static(b"%PDF-1.7\n..."), &Limits::default(), None);
         let error = error.unwrap_err().to_string();
         assert!(error.contains("begins with \"%PDF-1.7\""), "{error}");
+    }
+
+    /// Written by Pillow 13: a TIFF of mode `1`, a WebP without loss.
+    #[test]
+    fn other_writers_files_are_read() {
+        let bits =
+            b"II*\x00\x08\x00\x00\x00\x08\x00\x00\x01\x04\x00\x01\x00\x00\x00\x09\x00\x00\x00\
+            \x01\x01\x04\x00\x01\x00\x00\x00\x02\x00\x00\x00\x03\x01\x03\x00\x01\x00\x00\x00\
+            \x01\x00\x00\x00\x06\x01\x03\x00\x01\x00\x00\x00\x01\x00\x00\x00\x11\x01\x04\x00\
+            \x01\x00\x00\x00n\x00\x00\x00\x16\x01\x04\x00\x01\x00\x00\x00\x02\x00\x00\x00\
+            \x17\x01\x04\x00\x01\x00\x00\x00\x04\x00\x00\x00\x1c\x01\x03\x00\x01\x00\x00\x00\
+            \x01\x00\x00\x00\x00\x00\x00\x00\x80\x00\x00\x80";
+        let grey = decode(&Bytes::from_static(bits), &Limits::default(), None).unwrap();
+        let mut pixels = vec![0; 18];
+        (pixels[0], pixels[17]) = (255, 255);
+        assert_eq!(grey, RawPixels::dense(9, 2, Encoding::Mono8, pixels).unwrap());
+
+        let webp = Bytes::from_static(
+            b"RIFF&\x00\x00\x00WEBPVP8L\x1a\x00\x00\x00/\x02@\x00\x00\x0fp\x0a\xa8+\xf8\x9e\
+            \xc2c\xfe\x83\x07\x04\x92\xb6x\xdb\x1f\xd1\xff\xe0",
+        );
+        let color = decode(&webp, &Limits::default(), None).unwrap();
+        let mut pixels = [30, 20, 10].repeat(6);
+        pixels[15..].copy_from_slice(&[50, 100, 200]);
+        assert_eq!(color, RawPixels::dense(3, 2, Encoding::Bgr8, pixels).unwrap());
+        let limits = Limits { message_bytes: 1 << 24, ..Limits::default() };
+        let error = decode(&webp, &limits, None).unwrap_err().to_string();
+        assert!(error.contains("WebP of 3x2"), "{error}");
     }
 
     #[test]

@@ -161,7 +161,12 @@ impl Relay {
                     if let Payload::NativeObject(value) = &sample.payload {
                         for (_, reason) in value.refusals() {
                             self.context.counters.unread();
-                            self.unread.log(now, &self.spec.name, "passed on an object unread", reason);
+                            self.unread.log(
+                                now,
+                                &self.spec.name,
+                                "passed on an object unread",
+                                reason,
+                            );
                         }
                     }
                     forward(&self.spec, sample, publisher.as_mut())
