@@ -16,8 +16,8 @@ use super::cyclone::{
 use super::discovery_info::{DiscoveryInfo, EndpointKind, Gid};
 use super::domain::{DomainError, DomainLease};
 use super::graph::{
-    CdrReader, CdrSample, CdrWriter, DiscoveredEndpoint, Graph, GraphError, NodeWatch, Notify,
-    TopicDescription,
+    CdrClient, CdrReader, CdrSample, CdrServer, CdrWriter, DiscoveredEndpoint, Graph, GraphError,
+    NodeWatch, Notify, ServiceDescription, TopicDescription,
 };
 use super::names;
 use super::owners::Owners;
@@ -146,6 +146,30 @@ impl Graph for CycloneGraph {
         on_data: Notify,
     ) -> Result<Box<dyn CdrReader>, GraphError> {
         self.subscribe_dds(&to_dds(topic)?, on_data)
+    }
+
+    fn client(
+        &self,
+        service: &ServiceDescription,
+        _on_event: Notify,
+    ) -> Result<Box<dyn CdrClient>, GraphError> {
+        Err(GraphError::Stack {
+            operation: "creating a client",
+            topic: service.name.clone(),
+            reason: "not written yet".into(),
+        })
+    }
+
+    fn server(
+        &self,
+        service: &ServiceDescription,
+        _on_event: Notify,
+    ) -> Result<Box<dyn CdrServer>, GraphError> {
+        Err(GraphError::Stack {
+            operation: "creating a server",
+            topic: service.name.clone(),
+            reason: "not written yet".into(),
+        })
     }
 
     fn endpoints(&self) -> Result<Vec<DiscoveredEndpoint>, GraphError> {

@@ -8,6 +8,8 @@
 //!      cyclone         CycloneDDS; other DDS stacks join here
 //! ```
 
+mod service;
+
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -15,6 +17,11 @@ use bytes::Bytes;
 
 use crate::endpoint::{AnnouncedQos, Qos, Wake};
 use crate::node::NodeName;
+
+pub use service::{
+    CdrClient, CdrReply, CdrRequest, CdrServer, Peers, RequestId, ServiceDescription,
+    ServiceMapping,
+};
 
 /// A topic on the graph.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,6 +63,26 @@ pub trait Graph: Send + Sync {
         topic: &TopicDescription,
         on_data: Notify,
     ) -> Result<Box<dyn CdrReader>, GraphError>;
+
+    /// Creates a client and announces it. `on_event` is called as in [`Graph::subscribe`].
+    ///
+    /// # Errors
+    /// When the DDS stack refuses.
+    fn client(
+        &self,
+        service: &ServiceDescription,
+        on_event: Notify,
+    ) -> Result<Box<dyn CdrClient>, GraphError>;
+
+    /// Creates a server and announces it. `on_event` is called as in [`Graph::subscribe`].
+    ///
+    /// # Errors
+    /// When the DDS stack refuses.
+    fn server(
+        &self,
+        service: &ServiceDescription,
+        on_event: Notify,
+    ) -> Result<Box<dyn CdrServer>, GraphError>;
 
     /// The endpoints that exist now as far as discovery knows, those of this node included.
     ///
@@ -192,6 +219,32 @@ pub enum GraphError {
         topic: String,
         /// Time waited.
         timeout_ms: u64,
+    },
+    /// A request or a reply does not say which request it is.
+    #[error("{what} of {actual} bytes on {service:?} has no identity of at least {least} bytes")]
+    NoIdentity {
+        /// `request` or `reply`.
+        what: &'static str,
+        /// Service.
+        service: String,
+        /// Size in bytes, encapsulation header included.
+        actual: usize,
+        /// Bytes that the identity takes with the encapsulation header.
+        least: usize,
+    },
+    /// A request came from a program whose RMW writes it in another way: its fields would be read
+    /// wrongly, and its client would not understand the reply.
+    #[error(
+        "a request on {service:?} came from {} while this node speaks {}: set RMW_IMPLEMENTATION={} on one of them",
+        theirs.rmw(), ours.rmw(), ours.rmw()
+    )]
+    ForeignMapping {
+        /// Service.
+        service: String,
+        /// What this node speaks.
+        ours: ServiceMapping,
+        /// What the client speaks.
+        theirs: ServiceMapping,
     },
     /// The stack's own error.
     #[error("{operation} failed on {topic:?}: {reason}")]

@@ -1,0 +1,145 @@
+//! Services on the graph: requests and replies as CDR bytes, and what pairs them.
+//!
+//! ```text
+//!   client                                              server
+//!   CdrClient::send ─ request, sequence ─▶ rq/… ─────▶ CdrServer::take ─ request, RequestId
+//!   CdrClient::take ◀─ reply, sequence ── rr/… ◀────── CdrServer::reply(RequestId, …)
+//! ```
+//!
+//! How a reply names its request differs between DDS vendors ([`ServiceMapping`]); here it is a
+//! sequence number for clients and a [`RequestId`] for servers. Bodies have no such header.
+
+use bytes::Bytes;
+
+use super::GraphError;
+
+/// A service on the graph.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ServiceDescription {
+    /// Absolute ROS name, for instance `/add_two_ints`.
+    pub name: String,
+    /// ROS type name, for instance `example_interfaces/srv/AddTwoInts`.
+    pub type_name: String,
+    /// REP-2016 hash of the type's `_Request`, where known: sent in USER_DATA.
+    pub request_hash: Option<String>,
+    /// REP-2016 hash of its `_Response`.
+    pub response_hash: Option<String>,
+    /// Requests and replies kept: 10 for services, 1000 for those of parameters.
+    pub depth: u32,
+    /// Requests and replies larger than this are dropped on reception before they are copied.
+    pub max_bytes: usize,
+}
+
+/// How a DDS vendor's ROS 2 puts the identity of a request on the wire.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum ServiceMapping {
+    /// `rmw_cyclonedds_cpp`: 16 bytes, client and sequence number, in front of the body.
+    Cyclone,
+    /// `rmw_fastrtps_cpp`: the related sample identity in inline QoS.
+    FastDds,
+}
+
+impl ServiceMapping {
+    /// Name of the RMW that speaks it, as in `RMW_IMPLEMENTATION`.
+    #[must_use]
+    pub fn rmw(self) -> &'static str {
+        match self {
+            Self::Cyclone => "rmw_cyclonedds_cpp",
+            Self::FastDds => "rmw_fastrtps_cpp",
+        }
+    }
+}
+
+/// Names a request among all requests to a server.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct RequestId {
+    /// Its client: eight bytes of `rmw_cyclonedds_cpp`, then zeros; or a GUID of `rmw_fastrtps_cpp`.
+    pub client: [u8; 16],
+    /// The client's number for it.
+    pub sequence: i64,
+}
+
+/// A request as its server takes it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CdrRequest {
+    /// What [`CdrServer::reply`] wants to know.
+    pub id: RequestId,
+    /// Encapsulation header and body, as of a message of the type's `_Request`.
+    pub cdr: Bytes,
+    /// Source timestamp in nanoseconds since 1970.
+    pub source_timestamp_ns: i64,
+}
+
+/// A reply as its client takes it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CdrReply {
+    /// What [`CdrClient::send`] returned for its request.
+    pub sequence: i64,
+    /// Encapsulation header and body, as of a message of the type's `_Response`.
+    pub cdr: Bytes,
+    /// Source timestamp in nanoseconds since 1970.
+    pub source_timestamp_ns: i64,
+}
+
+/// Whether a request sent now would be answered.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Peers {
+    /// Nobody has the other end.
+    None,
+    /// Discovery knows one half of the other end: requests or replies, not both yet.
+    Half,
+    /// So many have both halves, and speak our mapping as far as their GUIDs tell.
+    Ready(usize),
+    /// All that have the other end are of another vendor, whose requests and replies are not ours.
+    Foreign(ServiceMapping),
+}
+
+/// Sends requests to one service.
+pub trait CdrClient: Send {
+    /// Sends a request, given in pieces that are concatenated: 4-byte encapsulation header first.
+    /// Its sequence number.
+    ///
+    /// # Errors
+    /// The request was not sent.
+    fn send(&mut self, parts: &[&[u8]]) -> Result<i64, GraphError>;
+
+    /// The next reply to a request of this client, if one waits. Replies to other clients are
+    /// passed over.
+    ///
+    /// # Errors
+    /// The next reply was unusable: [`GraphError::TooLarge`], [`GraphError::NoIdentity`]. It is
+    /// gone, the one after it can be taken.
+    fn take(&mut self) -> Result<Option<CdrReply>, GraphError>;
+
+    /// Servers there are now.
+    fn servers(&self) -> Peers;
+
+    /// Replies lost before they could be taken, since the last call.
+    fn lost(&mut self) -> u64;
+}
+
+/// Answers the requests to one service.
+pub trait CdrServer: Send {
+    /// The next request, if one waits.
+    ///
+    /// # Errors
+    /// The next request was unusable: [`GraphError::TooLarge`], [`GraphError::NoIdentity`],
+    /// [`GraphError::ForeignMapping`]. It is gone, the one after it can be taken.
+    fn take(&mut self) -> Result<Option<CdrRequest>, GraphError>;
+
+    /// Whether the client of this request would hear a reply now. Until it would, a reply is lost.
+    /// True also when that cannot be known.
+    fn hears(&self, id: &RequestId) -> bool;
+
+    /// Answers a request, with the reply in pieces as [`CdrClient::send`] takes them.
+    ///
+    /// # Errors
+    /// The reply was not sent.
+    fn reply(&mut self, id: &RequestId, parts: &[&[u8]]) -> Result<(), GraphError>;
+
+    /// Clients there are now.
+    fn clients(&self) -> Peers;
+
+    /// Requests lost before they could be taken, since the last call.
+    fn lost(&mut self) -> u64;
+}
