@@ -32,6 +32,12 @@ pub enum CdrError {
         /// Bytes that are left.
         available: usize,
     },
+    /// More bytes follow the last field than padding accounts for.
+    #[error("{left} bytes are left behind the last field: it is of another type")]
+    Trailing {
+        /// Bytes behind the last field.
+        left: usize,
+    },
     /// A sequence or a string claims more elements than the message has room for.
     #[error(
         "{path} claims {claimed} elements, which need {needed} bytes, {available} are left: \
@@ -92,7 +98,7 @@ impl CdrError {
     #[must_use]
     pub fn path(&self) -> &str {
         match self {
-            Self::TooLarge { .. } | Self::Encapsulation { .. } => "",
+            Self::TooLarge { .. } | Self::Encapsulation { .. } | Self::Trailing { .. } => "",
             Self::Truncated { path, .. }
             | Self::Length { path, .. }
             | Self::Unterminated { path, .. }
@@ -103,7 +109,7 @@ impl CdrError {
 
     fn map_path(mut self, change: impl FnOnce(&String) -> String) -> Self {
         match &mut self {
-            Self::TooLarge { .. } | Self::Encapsulation { .. } => {}
+            Self::TooLarge { .. } | Self::Encapsulation { .. } | Self::Trailing { .. } => {}
             Self::Truncated { path, .. }
             | Self::Length { path, .. }
             | Self::Unterminated { path, .. }

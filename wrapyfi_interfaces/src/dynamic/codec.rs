@@ -24,6 +24,25 @@ impl Plan {
         read_message(&mut CdrReader::new(cdr)?, &self.shape)
     }
 
+    /// As [`Plan::decode`], for what must be of this type and no other: nothing but the padding of
+    /// DDS may follow the last field.
+    ///
+    /// # Errors
+    /// As [`Plan::decode`], and [`CdrError::Trailing`].
+    pub fn decode_exact(&self, cdr: &Bytes, max_bytes: usize) -> Result<DynamicMessage, CdrError> {
+        /// DDS fills whole words of four bytes.
+        const MOST_PADDING: usize = 3;
+        if cdr.len() > max_bytes {
+            return Err(CdrError::TooLarge { actual: cdr.len(), limit: max_bytes });
+        }
+        let mut reader = CdrReader::new(cdr)?;
+        let message = read_message(&mut reader, &self.shape)?;
+        match reader.remaining() {
+            0..=MOST_PADDING => Ok(message),
+            left => Err(CdrError::Trailing { left }),
+        }
+    }
+
     /// Serialises a message, little-endian.
     ///
     /// # Errors

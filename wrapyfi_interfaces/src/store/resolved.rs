@@ -79,6 +79,21 @@ impl ResolvedType {
         Ok(Self { name: name.clone(), dialect, definitions, description })
     }
 
+    /// A part of a service or an action by the suffix of its name, such as `_Request`, with all that
+    /// it refers to; `None` where there is no such part.
+    #[must_use]
+    pub fn part(&self, suffix: &str) -> Option<Self> {
+        let part = self.name.derived(suffix);
+        Self::collect(self.dialect, &part, |wanted, user| {
+            self.definitions.get(wanted).cloned().ok_or_else(|| ResolveError::NotFound {
+                name: wanted.clone(),
+                user: user.cloned(),
+                looked: Looked::default(),
+            })
+        })
+        .ok()
+    }
+
     /// Name of the type.
     #[must_use]
     pub fn name(&self) -> &TypeName {

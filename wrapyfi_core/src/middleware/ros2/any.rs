@@ -50,6 +50,9 @@ pub enum AnyError {
         /// What is wrong, and where.
         fault: Box<ValueError>,
     },
+    /// A service was asked for, and this is none.
+    #[error("{0} is no service: write it as package/srv/Type")]
+    NoService(String),
     /// DDS refused.
     #[error(transparent)]
     Graph(#[from] GraphError),
@@ -217,7 +220,7 @@ fn prepare(
     Ok((TopicDescription { name, type_name, type_hash, qos, max_bytes }, plan))
 }
 
-fn ringing(wake: &Wake) -> Notify {
+pub(super) fn ringing(wake: &Wake) -> Notify {
     let wake = wake.clone();
     Arc::new(move || wake.ring())
 }

@@ -6,6 +6,7 @@
 //!        CycloneWriter ┘      CycloneReader ┘   each keeps the node alive and is listed in it
 //! ```
 
+use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -13,6 +14,7 @@ use super::config::CycloneConfig;
 use super::cyclone::{
     self, EndpointQos, Entity, Events, RawReader, RawWriter, ReturnCode, Taken, WriteFault,
 };
+use super::cyclone_service::{CycloneClient, CycloneServer, Ends};
 use super::discovery_info::{DiscoveryInfo, EndpointKind, Gid};
 use super::domain::{DomainError, DomainLease};
 use super::graph::{
@@ -21,6 +23,7 @@ use super::graph::{
 };
 use super::names;
 use super::owners::Owners;
+use crate::endpoint::{History, Qos, Reliability};
 use crate::node::NodeName;
 
 /// How long a write waits for reliable readers; only keep-all writers wait, the others overwrite
@@ -51,6 +54,8 @@ struct Node {
     info: Mutex<DiscoveryInfo>,
     participant: Entity,
     gid: Gid,
+    /// Clients and servers created so far, which are numbered.
+    service_ends: AtomicU32,
     _domain: DomainLease,
 }
 
@@ -78,6 +83,7 @@ impl CycloneGraph {
             info: Mutex::new(info),
             participant,
             gid,
+            service_ends: AtomicU32::new(1),
             _domain: domain,
         })))
     }
@@ -110,7 +116,11 @@ impl CycloneGraph {
         Ok(Box::new(CycloneReader { raw, topic, max_bytes, _listed: listed }))
     }
 
-    fn advertise_dds(
+    /// Like [`Graph::advertise`], with the names of DDS.
+    ///
+    /// # Errors
+    /// When Cyclone refuses.
+    pub fn advertise_dds(
         &self,
         topic: &TopicDescription,
         on_match: Notify,
@@ -124,6 +134,53 @@ impl CycloneGraph {
         let gid = raw.guid().map_err(fault)?;
         let listed = Listed::new(&self.0, EndpointKind::Writer, gid);
         Ok(Box::new(CycloneWriter { raw, topic: topic.name.clone(), _listed: listed }))
+    }
+
+    /// The two endpoints of a client (`clientid`) or a server (`serviceid`), the GUID of the writer,
+    /// and their entries in the node.
+    fn ends(
+        &self,
+        service: &ServiceDescription,
+        id_key: &'static str,
+        on_event: Notify,
+    ) -> Result<(Ends, Gid, [Listed; 2]), GraphError> {
+        let fault = |reason: String| GraphError::Stack {
+            operation: "creating a service's endpoints",
+            topic: service.name.clone(),
+            reason,
+        };
+        let code = |code: ReturnCode| fault(code.to_string());
+        let names = names::service_to_dds(&service.name, &service.type_name)
+            .map_err(|error| fault(error.to_string()))?;
+        let node = &self.0;
+        let id = names::end_id(&node.gid, node.service_ends.fetch_add(1, Relaxed));
+        let data = |hash: &Option<String>| {
+            let hash = hash.as_ref().map(|hash| format!("typehash={hash};")).unwrap_or_default();
+            format!("{id_key}= {id};{hash}")
+        };
+        let requests = (names.requests(), data(&service.request_hash));
+        let replies = (names.replies(), data(&service.response_hash));
+        let (written, read) =
+            if id_key == "clientid" { (requests, replies) } else { (replies, requests) };
+        let qos = |user_data| EndpointQos {
+            qos: Qos { history: History::KeepLast(service.depth), ..Qos::default() },
+            max_blocking: MAX_BLOCKING,
+            user_data,
+            // A node may call its own services.
+            ignore_local: false,
+        };
+        let events = || Events::new(&service.name, Reliability::Reliable, Arc::clone(&on_event));
+        // As ROS 2 does: the reader first, so that no reply finds nobody.
+        let reader = RawReader::new(&node.participant, read.0, &qos(&read.1), events());
+        let reader = reader.map_err(code)?;
+        let writer = RawWriter::new(&node.participant, written.0, &qos(&written.1), events());
+        let writer = writer.map_err(code)?;
+        let gid = writer.guid().map_err(code)?;
+        let listed = [
+            Listed::new(node, EndpointKind::Reader, reader.guid().map_err(code)?),
+            Listed::new(node, EndpointKind::Writer, gid),
+        ];
+        Ok((Ends::new(&service.name, writer, reader, service.max_bytes), gid, listed))
     }
 }
 
@@ -151,25 +208,19 @@ impl Graph for CycloneGraph {
     fn client(
         &self,
         service: &ServiceDescription,
-        _on_event: Notify,
+        on_event: Notify,
     ) -> Result<Box<dyn CdrClient>, GraphError> {
-        Err(GraphError::Stack {
-            operation: "creating a client",
-            topic: service.name.clone(),
-            reason: "not written yet".into(),
-        })
+        let (ends, guid, listed) = self.ends(service, "clientid", on_event)?;
+        Ok(Box::new(CycloneClient::new(ends, guid, listed)))
     }
 
     fn server(
         &self,
         service: &ServiceDescription,
-        _on_event: Notify,
+        on_event: Notify,
     ) -> Result<Box<dyn CdrServer>, GraphError> {
-        Err(GraphError::Stack {
-            operation: "creating a server",
-            topic: service.name.clone(),
-            reason: "not written yet".into(),
-        })
+        let (ends, _, listed) = self.ends(service, "serviceid", on_event)?;
+        Ok(Box::new(CycloneServer::new(ends, listed)))
     }
 
     fn endpoints(&self) -> Result<Vec<DiscoveredEndpoint>, GraphError> {
@@ -238,16 +289,7 @@ struct CycloneWriter {
 
 impl CdrWriter for CycloneWriter {
     fn write(&mut self, parts: &[&[u8]]) -> Result<(), GraphError> {
-        self.raw.write(parts).map_err(|fault| match fault {
-            WriteFault::Code(code) if code.is_timeout() => GraphError::Timeout {
-                topic: self.topic.clone(),
-                timeout_ms: u64::try_from(MAX_BLOCKING.as_millis()).unwrap_or(u64::MAX),
-            },
-            WriteFault::Code(code) => stack("writing", &self.topic, code),
-            WriteFault::Message(reason) => {
-                GraphError::Stack { operation: "writing", topic: self.topic.clone(), reason }
-            }
-        })
+        write(&self.raw, &self.topic, parts)
     }
 
     fn matched(&self) -> usize {
@@ -257,6 +299,20 @@ impl CdrWriter for CycloneWriter {
     fn incompatible(&self) -> Option<&'static str> {
         self.raw.events().incompatible()
     }
+}
+
+/// Writes a message to `topic`.
+pub(super) fn write(raw: &RawWriter, topic: &str, parts: &[&[u8]]) -> Result<(), GraphError> {
+    raw.write(parts).map_err(|fault| match fault {
+        WriteFault::Code(code) if code.is_timeout() => GraphError::Timeout {
+            topic: topic.to_owned(),
+            timeout_ms: u64::try_from(MAX_BLOCKING.as_millis()).unwrap_or(u64::MAX),
+        },
+        WriteFault::Code(code) => stack("writing", topic, code),
+        WriteFault::Message(reason) => {
+            GraphError::Stack { operation: "writing", topic: topic.to_owned(), reason }
+        }
+    })
 }
 
 /// Fields drop in this order: the reader, then its entry.
@@ -271,9 +327,10 @@ impl CdrReader for CycloneReader {
     fn take(&mut self) -> Result<Option<CdrSample>, GraphError> {
         match self.raw.take(self.max_bytes) {
             Ok(Taken::Nothing) => Ok(None),
-            Ok(Taken::Message(cdr, source_timestamp_ns)) => {
-                Ok(Some(CdrSample { cdr, source_timestamp_ns }))
-            }
+            Ok(Taken::Message(sample)) => Ok(Some(CdrSample {
+                cdr: sample.cdr,
+                source_timestamp_ns: sample.source_timestamp_ns,
+            })),
             Ok(Taken::TooLarge(actual)) => Err(GraphError::TooLarge {
                 topic: self.topic.clone(),
                 actual,
@@ -321,7 +378,8 @@ fn type_hash(user_data: &[u8]) -> Option<String> {
 }
 
 fn qos<'a>(topic: &TopicDescription, user_data: &'a str) -> EndpointQos<'a> {
-    EndpointQos { qos: topic.qos, max_blocking: MAX_BLOCKING, user_data }
+    // A node does not hear itself: this is what keeps routes from looping.
+    EndpointQos { qos: topic.qos, max_blocking: MAX_BLOCKING, user_data, ignore_local: true }
 }
 
 fn stack(operation: &'static str, topic: &str, code: ReturnCode) -> GraphError {

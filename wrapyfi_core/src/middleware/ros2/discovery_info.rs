@@ -51,6 +51,7 @@ impl DiscoveryInfo {
             },
             max_blocking: Duration::from_millis(100),
             user_data: &user_data,
+            ignore_local: true,
         };
         let events = Events::new(TOPIC, Reliability::Reliable, Arc::new(|| {}));
         let names = (TOPIC, ParticipantEntitiesInfo::DDS_TYPE);

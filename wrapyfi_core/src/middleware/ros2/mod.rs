@@ -33,6 +33,7 @@ mod any;
 mod config;
 mod cyclone;
 mod cyclone_graph;
+mod cyclone_service;
 mod diagnosis;
 mod discovery;
 mod discovery_info;
@@ -44,6 +45,9 @@ mod names;
 mod owners;
 mod payload;
 mod publisher;
+mod service;
+mod service_header;
+mod vendor;
 
 use std::sync::Arc;
 
@@ -51,6 +55,10 @@ pub use any::{AnyError, AnyListener, AnyMessage, AnyPublisher};
 pub use config::CycloneConfig;
 pub use cyclone_graph::{CycloneError, CycloneGraph};
 pub use domain::DomainError;
+pub use service::{
+    AnyClient, AnyRequest, AnyServer, CallError, ServeError, ServerDrops, ServiceOptions,
+    ServiceType, Ticket,
+};
 
 use crate::endpoint::{
     Context, DiscoverError, Discovery, Listener, Middleware, OpenError, Publisher, TopicSpec,

@@ -81,6 +81,45 @@ pub(super) fn type_from_dds(dds: &str) -> Option<String> {
     [package, kind, name].into_iter().all(is_identifier).then(|| format!("{package}/{kind}/{name}"))
 }
 
+/// DDS names of a service's two topics.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct ServiceNames {
+    request: (String, String),
+    reply: (String, String),
+}
+
+impl ServiceNames {
+    /// Topic and type of its requests.
+    pub(super) fn requests(&self) -> (&str, &str) {
+        (&self.request.0, &self.request.1)
+    }
+
+    /// Topic and type of its replies.
+    pub(super) fn replies(&self) -> (&str, &str) {
+        (&self.reply.0, &self.reply.1)
+    }
+}
+
+/// DDS names of a service: `/add` of `example_interfaces/srv/AddTwoInts` is `rq/addRequest` and
+/// `rr/addReply` of `example_interfaces::srv::dds_::AddTwoInts_Request_` and `…_Response_`.
+///
+/// # Errors
+/// When the type is not `package/kind/Type`.
+pub(super) fn service_to_dds(absolute: &str, ros: &str) -> Result<ServiceNames, TypeNameError> {
+    Ok(ServiceNames {
+        request: (format!("rq{absolute}Request"), type_to_dds(&format!("{ros}_Request"))?),
+        reply: (format!("rr{absolute}Reply"), type_to_dds(&format!("{ros}_Response"))?),
+    })
+}
+
+/// The id that `rmw_cyclonedds_cpp` puts into USER_DATA of both endpoints of a client or server:
+/// the participant's bytes and a number, in hexadecimal without leading zeros, joined by dots.
+pub(super) fn end_id(participant: &[u8; 16], number: u32) -> String {
+    let bytes = participant.iter().copied().take(12).chain(number.to_be_bytes());
+    let digits: Vec<String> = bytes.map(|byte| format!("{byte:x}")).collect();
+    digits.join(".")
+}
+
 fn is_identifier(part: &str) -> bool {
     part.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_')
         && part.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'_')
@@ -108,6 +147,19 @@ mod tests {
         let dds = "example_interfaces::srv::dds_::AddTwoInts_Request_";
         let ros = "example_interfaces/srv/AddTwoInts";
         assert_eq!(service_type_from_dds(dds).as_deref(), Some(ros));
+    }
+
+    #[test]
+    fn services_have_two_topics_and_ids() {
+        let names = service_to_dds("/a/add", "example_interfaces/srv/AddTwoInts").unwrap();
+        let request = "example_interfaces::srv::dds_::AddTwoInts_Request_";
+        assert_eq!(names.requests(), ("rq/a/addRequest", request));
+        let reply = "example_interfaces::srv::dds_::AddTwoInts_Response_";
+        assert_eq!(names.replies(), ("rr/a/addReply", reply));
+        assert!(service_to_dds("/a", "AddTwoInts").is_err());
+        let participant =
+            [1, 0x10, 0x35, 0xf7, 0x26, 0xad, 0x60, 0xe, 0xac, 0xf5, 0x3c, 0xe6, 0, 0, 1, 0xc1];
+        assert_eq!(end_id(&participant, 8), "1.10.35.f7.26.ad.60.e.ac.f5.3c.e6.0.0.0.8");
     }
 
     #[test]

@@ -113,9 +113,11 @@ unsafe fn text(name: *const c_char) -> String {
     unsafe { CStr::from_ptr(name) }.to_string_lossy().into_owned()
 }
 
+/// USER_DATA of a QoS object.
+///
 /// # Safety
 /// `qos` is null or a QoS object that is alive.
-unsafe fn user_data(qos: *const cyclors::dds_qos_t) -> Vec<u8> {
+pub(super) unsafe fn user_data(qos: *const cyclors::dds_qos_t) -> Vec<u8> {
     let mut data: *mut c_void = ptr::null_mut();
     let mut bytes = 0;
     // SAFETY: by contract; the call copies the data into memory that we free.

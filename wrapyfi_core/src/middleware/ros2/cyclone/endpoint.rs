@@ -18,6 +18,7 @@ use bytes::Bytes;
 
 use super::entity::{Entity, ReturnCode};
 use super::events::{Events, Listener};
+use super::matched::{self, Peer, Side};
 use super::qos::{EndpointQos, QosObject};
 use super::serdata::Sample;
 
@@ -97,6 +98,11 @@ impl RawWriter {
         Ok(())
     }
 
+    /// The readers it is matched with.
+    pub(crate) fn readers(&self) -> Result<Vec<Peer>, ReturnCode> {
+        matched::peers(&self.0.entity, Side::Writer)
+    }
+
     /// GUID of the writer.
     pub(crate) fn guid(&self) -> Result<[u8; 16], ReturnCode> {
         self.0.entity.guid()
@@ -115,10 +121,20 @@ pub(crate) struct RawReader(Endpoint);
 pub(crate) enum Taken {
     /// Nothing waits.
     Nothing,
-    /// A message and its source time in nanoseconds.
-    Message(Bytes, i64),
+    /// A message.
+    Message(RawSample),
     /// A message of so many bytes was over the limit and is gone.
     TooLarge(usize),
+}
+
+/// A message and what came with it.
+pub(crate) struct RawSample {
+    /// Encapsulation header and body.
+    pub(crate) cdr: Bytes,
+    /// Source timestamp in nanoseconds since 1970.
+    pub(crate) source_timestamp_ns: i64,
+    /// What [`RawReader::writer`] knows its writer by.
+    pub(crate) writer: u64,
 }
 
 impl RawReader {
@@ -176,9 +192,23 @@ impl RawReader {
             return Ok(if bytes > max_bytes {
                 Taken::TooLarge(bytes)
             } else {
-                Taken::Message(sample.into_bytes(), info.source_timestamp)
+                Taken::Message(RawSample {
+                    cdr: sample.into_bytes(),
+                    source_timestamp_ns: info.source_timestamp,
+                    writer: info.publication_handle,
+                })
             });
         }
+    }
+
+    /// The writers it is matched with.
+    pub(crate) fn writers(&self) -> Result<Vec<Peer>, ReturnCode> {
+        matched::peers(&self.0.entity, Side::Reader)
+    }
+
+    /// The writer of a sample, while it is matched.
+    pub(crate) fn writer(&self, handle: u64) -> Option<Peer> {
+        matched::peer(&self.0.entity, Side::Reader, handle)
     }
 
     /// GUID of the reader.

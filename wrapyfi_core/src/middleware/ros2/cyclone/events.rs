@@ -14,7 +14,10 @@ use std::ffi::c_void;
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU32, AtomicU64, AtomicUsize, Ordering::Relaxed};
+use std::sync::atomic::{
+    AtomicU32, AtomicU64, AtomicUsize,
+    Ordering::{Acquire, Relaxed, Release},
+};
 
 use crate::endpoint::Reliability;
 use crate::middleware::ros2::graph::Notify;
@@ -25,6 +28,8 @@ pub(crate) struct Events {
     reliability: Reliability,
     notify: Notify,
     matched: AtomicUsize,
+    /// How often `matched` changed.
+    changes: AtomicU64,
     lost: AtomicU64,
     /// Policy of the last refused peer; 0 when none was refused.
     policy: AtomicU32,
@@ -38,6 +43,7 @@ impl Events {
             reliability,
             notify,
             matched: AtomicUsize::new(0),
+            changes: AtomicU64::new(0),
             lost: AtomicU64::new(0),
             policy: AtomicU32::new(0),
         })
@@ -46,6 +52,11 @@ impl Events {
     /// Peers matched now.
     pub(crate) fn matched(&self) -> usize {
         self.matched.load(Relaxed)
+    }
+
+    /// Grows whenever a peer comes or goes.
+    pub(crate) fn changes(&self) -> u64 {
+        self.changes.load(Acquire)
     }
 
     /// Samples lost since the last call.
@@ -70,6 +81,7 @@ impl Events {
 
     fn set_matched(&self, count: u32) {
         self.matched.store(usize::try_from(count).unwrap_or(usize::MAX), Relaxed);
+        self.changes.fetch_add(1, Release);
         self.ring();
     }
 

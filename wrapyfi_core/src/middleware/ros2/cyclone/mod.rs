@@ -8,6 +8,7 @@
 //!   serdata   pieces ──▶ Cyclone's sample;  Cyclone's sample ──▶ Bytes, without a copy
 //!   endpoint  writer and reader of serialised messages
 //!   builtin   the endpoints that discovery has found
+//!   matched   the peers of an endpoint
 //!   log       Cyclone's log lines ──▶ tracing
 //! ```
 //!
@@ -25,12 +26,14 @@ mod endpoint;
 mod entity;
 mod events;
 mod log;
+mod matched;
 mod qos;
 mod serdata;
 mod topic;
 
 pub(super) use builtin::endpoints;
-pub(super) use endpoint::{RawReader, RawWriter, Taken, WriteFault};
+pub(super) use endpoint::{RawReader, RawSample, RawWriter, Taken, WriteFault};
 pub(super) use entity::{Entity, ReturnCode};
 pub(super) use events::Events;
+pub(super) use matched::Peer;
 pub(super) use qos::EndpointQos;

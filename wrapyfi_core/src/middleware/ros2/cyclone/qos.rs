@@ -24,6 +24,8 @@ pub(crate) struct EndpointQos<'a> {
     pub(crate) max_blocking: Duration,
     /// USER_DATA, for the type hash.
     pub(crate) user_data: &'a str,
+    /// Whether endpoints of the same participant are not heard.
+    pub(crate) ignore_local: bool,
 }
 
 /// Owns a `dds_qos_t`.
@@ -63,11 +65,12 @@ impl QosObject {
             cyclors::dds_qset_reliability(qos.0, reliability, max_blocking);
             cyclors::dds_qset_durability(qos.0, durability);
             cyclors::dds_qset_history(qos.0, kind, depth);
-            // A node does not hear itself: this is what keeps routes from looping.
-            cyclors::dds_qset_ignorelocal(
-                qos.0,
-                cyclors::dds_ignorelocal_kind_DDS_IGNORELOCAL_PARTICIPANT,
-            );
+            if wanted.ignore_local {
+                cyclors::dds_qset_ignorelocal(
+                    qos.0,
+                    cyclors::dds_ignorelocal_kind_DDS_IGNORELOCAL_PARTICIPANT,
+                );
+            }
         }
         qos
     }

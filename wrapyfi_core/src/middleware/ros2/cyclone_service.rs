@@ -1,0 +1,242 @@
+//! Services on CycloneDDS, as `rmw_cyclonedds_cpp` maps them.
+//!
+//! ```text
+//!   CycloneClient   writer rq/…Request ──▶ reader   CycloneServer
+//!                   reader rr/…Reply  ◀── writer
+//!                   identity in front of every body: service_header
+//! ```
+//!
+//! All clients of a service hear all its replies; each keeps its own.
+
+use std::cell::RefCell;
+use std::collections::{HashMap, HashSet};
+
+use super::cyclone::{RawReader, RawSample, RawWriter, Taken};
+use super::graph::{
+    CdrClient, CdrReply, CdrRequest, CdrServer, GraphError, Peers, RequestId, ServiceMapping,
+};
+use super::service_header::{self, HEADER, LEAST};
+use super::vendor::{EndKey, mapping_of, pair};
+
+/// Clients whose endpoints a server remembers.
+const MAX_CLIENTS: usize = 1024;
+/// Writers whose peers are remembered.
+const MAX_WRITERS: usize = 1024;
+/// What this module speaks.
+const OURS: ServiceMapping = ServiceMapping::Cyclone;
+
+/// The two endpoints of a client or a server.
+pub(super) struct Ends {
+    /// Service, for messages.
+    pub(super) service: String,
+    /// Of requests for a client, of replies for a server.
+    pub(super) writer: RawWriter,
+    /// Of replies for a client, of requests for a server.
+    pub(super) reader: RawReader,
+    /// Largest message without its identity.
+    pub(super) max_bytes: usize,
+    /// By the handle of a sample's writer: what its owner has in common, and whether it is foreign.
+    writers: RefCell<HashMap<u64, Option<(EndKey, Option<ServiceMapping>)>>>,
+}
+
+impl Ends {
+    pub(super) fn new(
+        service: &str,
+        writer: RawWriter,
+        reader: RawReader,
+        max_bytes: usize,
+    ) -> Self {
+        let (service, writers) = (service.to_owned(), RefCell::default());
+        Self { service, writer, reader, max_bytes, writers }
+    }
+
+    /// The next sample, the identity still in it.
+    fn take(&self) -> Result<Option<RawSample>, GraphError> {
+        match self.reader.take(self.max_bytes.saturating_add(HEADER)) {
+            Ok(Taken::Nothing) => Ok(None),
+            Ok(Taken::Message(sample)) => Ok(Some(sample)),
+            Ok(Taken::TooLarge(actual)) => Err(GraphError::TooLarge {
+                topic: self.service.clone(),
+                actual: actual.saturating_sub(HEADER),
+                limit: self.max_bytes,
+            }),
+            Err(code) => Err(self.fault("taking", &code.to_string())),
+        }
+    }
+
+    /// Who wrote a sample: its key, and its mapping where that is another than ours. `None` where
+    /// the writer is gone.
+    fn origin(&self, sample: &RawSample) -> Option<(EndKey, Option<ServiceMapping>)> {
+        let mut writers = self.writers.borrow_mut();
+        if writers.len() >= MAX_WRITERS {
+            writers.clear();
+        }
+        let known = writers.entry(sample.writer).or_insert_with(|| {
+            let peer = self.reader.writer(sample.writer)?;
+            let theirs = mapping_of(&peer.guid).filter(|&theirs| theirs != OURS);
+            Some((EndKey::new(&peer.guid, &peer.user_data), theirs))
+        });
+        known.clone()
+    }
+
+    fn send(&self, client: u64, sequence: i64, parts: &[&[u8]]) -> Result<(), GraphError> {
+        let mut room = [0; HEADER];
+        let joined = service_header::join(client, sequence, parts, &mut room)
+            .ok_or_else(|| self.fault("writing", "the message has no encapsulation header"))?;
+        super::cyclone_graph::write(&self.writer, &self.service, &joined)
+    }
+
+    /// The other ends; `requests` says whether the writer is that of requests.
+    fn peers(&self, writer_is_requests: bool) -> Peers {
+        let readers = self.writer.readers().unwrap_or_default();
+        let writers = self.reader.writers().unwrap_or_default();
+        let (requests, replies) =
+            if writer_is_requests { (&readers, &writers) } else { (&writers, &readers) };
+        let keyed = |peer: &super::cyclone::Peer| EndKey::new(&peer.guid, &peer.user_data);
+        pair(
+            requests.iter().map(|peer| (&peer.guid, keyed(peer))),
+            replies.iter().map(|peer| (&peer.guid, keyed(peer))),
+            OURS,
+        )
+    }
+
+    fn no_identity(&self, what: &'static str, actual: usize) -> GraphError {
+        GraphError::NoIdentity { what, service: self.service.clone(), actual, least: LEAST }
+    }
+
+    fn fault(&self, operation: &'static str, reason: &str) -> GraphError {
+        GraphError::Stack { operation, topic: self.service.clone(), reason: reason.to_owned() }
+    }
+}
+
+/// A client. `L` is what lists its endpoints in the node while it lives.
+pub(super) struct CycloneClient<L> {
+    ends: Ends,
+    id: u64,
+    sequence: i64,
+    _listed: L,
+}
+
+impl<L> CycloneClient<L> {
+    /// A client whose identity is made of the GUID of its request writer.
+    pub(super) fn new(ends: Ends, guid: [u8; 16], listed: L) -> Self {
+        // The halves hold the participant's random bytes and the entity's number.
+        let folded = u128::from_le_bytes(guid);
+        let id = (folded as u64) ^ ((folded >> 64) as u64);
+        Self { ends, id, sequence: 0, _listed: listed }
+    }
+}
+
+impl<L: Send> CdrClient for CycloneClient<L> {
+    fn send(&mut self, parts: &[&[u8]]) -> Result<i64, GraphError> {
+        let sequence = self.sequence.saturating_add(1);
+        self.ends.send(self.id, sequence, parts)?;
+        self.sequence = sequence;
+        Ok(sequence)
+    }
+
+    fn take(&mut self) -> Result<Option<CdrReply>, GraphError> {
+        while let Some(sample) = self.ends.take()? {
+            // Replies to clients of the other vendor, which are on the same topic.
+            if self.ends.origin(&sample).is_some_and(|(_, theirs)| theirs.is_some()) {
+                continue;
+            }
+            let reply = service_header::split(&sample.cdr)
+                .ok_or_else(|| self.ends.no_identity("reply", sample.cdr.len()))?;
+            if reply.client == self.id {
+                return Ok(Some(CdrReply {
+                    sequence: reply.sequence,
+                    cdr: reply.cdr,
+                    source_timestamp_ns: sample.source_timestamp_ns,
+                }));
+            }
+        }
+        Ok(None)
+    }
+
+    fn servers(&self) -> Peers {
+        self.ends.peers(true)
+    }
+
+    fn lost(&mut self) -> u64 {
+        self.ends.reader.events().take_lost()
+    }
+}
+
+/// A server. `L` as in [`CycloneClient`].
+pub(super) struct CycloneServer<L> {
+    ends: Ends,
+    /// By client: what its endpoints have in common.
+    clients: HashMap<u64, EndKey>,
+    /// Who hears replies, and at which change of the writer's matches that was so.
+    hearing: RefCell<(u64, HashSet<EndKey>)>,
+    _listed: L,
+}
+
+impl<L> CycloneServer<L> {
+    pub(super) fn new(ends: Ends, listed: L) -> Self {
+        let hearing = RefCell::new((u64::MAX, HashSet::new()));
+        Self { ends, clients: HashMap::new(), hearing, _listed: listed }
+    }
+}
+
+impl<L: Send> CdrServer for CycloneServer<L> {
+    fn take(&mut self) -> Result<Option<CdrRequest>, GraphError> {
+        let Some(sample) = self.ends.take()? else { return Ok(None) };
+        let origin = self.ends.origin(&sample);
+        if let Some((_, Some(theirs))) = origin {
+            let service = self.ends.service.clone();
+            return Err(GraphError::ForeignMapping { service, ours: OURS, theirs });
+        }
+        let request = service_header::split(&sample.cdr)
+            .ok_or_else(|| self.ends.no_identity("request", sample.cdr.len()))?;
+        if let Some((key, _)) = origin {
+            if self.clients.len() >= MAX_CLIENTS && !self.clients.contains_key(&request.client) {
+                self.clients.clear();
+            }
+            self.clients.insert(request.client, key);
+        }
+        Ok(Some(CdrRequest {
+            id: request_id(request.client, request.sequence),
+            cdr: request.cdr,
+            source_timestamp_ns: sample.source_timestamp_ns,
+        }))
+    }
+
+    fn hears(&self, id: &RequestId) -> bool {
+        let Some(key) = self.clients.get(&client(id)) else { return true };
+        let (known, hearing) = &mut *self.hearing.borrow_mut();
+        let changes = self.ends.writer.events().changes();
+        if *known != changes {
+            let Ok(readers) = self.ends.writer.readers() else { return true };
+            *hearing =
+                readers.iter().map(|peer| EndKey::new(&peer.guid, &peer.user_data)).collect();
+            *known = changes;
+        }
+        hearing.contains(key)
+    }
+
+    fn reply(&mut self, id: &RequestId, parts: &[&[u8]]) -> Result<(), GraphError> {
+        self.ends.send(client(id), id.sequence, parts)
+    }
+
+    fn clients(&self) -> Peers {
+        self.ends.peers(false)
+    }
+
+    fn lost(&mut self) -> u64 {
+        self.ends.reader.events().take_lost()
+    }
+}
+
+fn request_id(client: u64, sequence: i64) -> RequestId {
+    let mut id = [0; 16];
+    if let Some(first) = id.first_chunk_mut::<8>() {
+        *first = client.to_le_bytes();
+    }
+    RequestId { client: id, sequence }
+}
+
+fn client(id: &RequestId) -> u64 {
+    id.client.first_chunk::<8>().copied().map(u64::from_le_bytes).unwrap_or_default()
+}

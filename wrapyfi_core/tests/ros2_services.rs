@@ -1,0 +1,332 @@
+//! Services under the mapping of `rmw_cyclonedds_cpp`, between two nodes over loopback.
+#![cfg(feature = "ros2")]
+// In helpers of tests, too, a panic is the right answer.
+#![allow(clippy::unwrap_used, clippy::indexing_slicing, clippy::panic)]
+
+mod ros2_common;
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use wrapyfi_core::endpoint::{Qos, Wake};
+use wrapyfi_core::middleware::ros2::graph::{
+    CdrClient, Graph, GraphError, Peers, ServiceDescription, TopicDescription, wait_until,
+};
+use wrapyfi_core::middleware::ros2::{
+    AnyClient, AnyServer, CallError, CycloneConfig, CycloneGraph, Ros2, ServeError, ServerDrops,
+    ServiceOptions, ServiceType,
+};
+use wrapyfi_interfaces::dynamic::DynamicMessage;
+use wrapyfi_interfaces::parser::{Dialect, TypeName};
+use wrapyfi_interfaces::store::TypeStore;
+
+use ros2_common::{PATIENCE, bell, far_config, near_config};
+
+const ADD: (&str, &str) =
+    ("example_interfaces/srv/AddTwoInts", "int64 a\nint64 b\n---\nint64 sum\n");
+const SET_BOOL: (&str, &str) =
+    ("std_srvs/srv/SetBool", "bool data\n---\nbool success\nstring message\n");
+
+fn service((name, text): (&str, &str)) -> ServiceType {
+    let mut store = TypeStore::empty();
+    let name = TypeName::parse(Dialect::Ros2, name).unwrap();
+    store.add_definition(&name, text).unwrap();
+    ServiceType::new(&store.resolve(&name).unwrap()).unwrap()
+}
+
+fn ros2(config: &CycloneConfig) -> Ros2 {
+    Ros2::new(Arc::new(CycloneGraph::new(config).unwrap()), |name| Ok(name.to_owned()))
+}
+
+fn client(ros2: &Ros2, name: &str, timeout: Duration) -> AnyClient {
+    let options = ServiceOptions { timeout, ..ServiceOptions::default() };
+    AnyClient::open(ros2, name, service(ADD), &options, &Wake::new()).unwrap()
+}
+
+fn request(client: &AnyClient, a: i64, b: i64) -> DynamicMessage {
+    let mut request = client.request();
+    request.set("a", a).unwrap();
+    request.set("b", b).unwrap();
+    request
+}
+
+fn integer(message: &DynamicMessage, name: &str) -> i64 {
+    message.get(name).unwrap().as_integer().unwrap().try_into().unwrap()
+}
+
+fn answer(server: &mut AnyServer, request: &wrapyfi_core::middleware::ros2::AnyRequest) {
+    let mut reply = server.response();
+    let sum = integer(&request.fields, "a") + integer(&request.fields, "b");
+    reply.set("sum", sum).unwrap();
+    server.reply(&request.id, &reply).unwrap();
+}
+
+/// A server of `add` in a thread of its own.
+struct Adder {
+    leave: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Adder {
+    fn start(ros2: &Ros2) -> Self {
+        let wake = Wake::new();
+        let options = ServiceOptions::default();
+        let mut server = AnyServer::open(ros2, "add", service(ADD), &options, &wake).unwrap();
+        let leave = Arc::new(AtomicBool::new(false));
+        let told = Arc::clone(&leave);
+        let thread = std::thread::spawn(move || {
+            while !told.load(Relaxed) {
+                while let Some(request) = server.take().unwrap() {
+                    answer(&mut server, &request);
+                }
+                wake.wait(Duration::from_millis(20));
+            }
+        });
+        Self { leave, thread: Some(thread) }
+    }
+}
+
+impl Drop for Adder {
+    fn drop(&mut self) {
+        self.leave.store(true, Relaxed);
+        self.thread.take().unwrap().join().unwrap();
+    }
+}
+
+#[test]
+fn the_first_call_is_answered_whoever_came_first() {
+    let near = ros2(&near_config("near", 0));
+    for start in 0..20 {
+        let far = ros2(&far_config("far", 0));
+        let mut early = client(&near, "add", PATIENCE);
+        let wait = early.call(&request(&early, start, 1)).unwrap();
+        let server = Adder::start(&far);
+        // Begun when the server was not there.
+        let reply = loop {
+            if let Some((ticket, result)) = early.poll() {
+                assert_eq!(ticket, wait);
+                break result.unwrap();
+            }
+            std::thread::yield_now();
+        };
+        assert_eq!(integer(&reply, "sum"), start + 1);
+        // Begun at once by a client that has discovered nothing yet.
+        let mut late = client(&near, "add", PATIENCE);
+        let reply = late.call_and_wait(&request(&late, start, 2)).unwrap();
+        assert_eq!(integer(&reply, "sum"), start + 2);
+        drop(server);
+    }
+}
+
+#[test]
+fn replies_go_to_the_client_that_asked() {
+    let (near, far) = (ros2(&near_config("near", 1)), ros2(&far_config("far", 1)));
+    let _server = Adder::start(&far);
+    let mut clients: Vec<_> = (0..3).map(|_| client(&near, "add", PATIENCE)).collect();
+    // Also within one node.
+    clients.push(client(&far, "add", PATIENCE));
+    for round in 0..20 {
+        let tickets: Vec<_> = clients
+            .iter_mut()
+            .zip(0..)
+            .map(|(client, n)| client.call(&request(client, 100 * n, round)).unwrap())
+            .collect();
+        for ((client, n), ticket) in clients.iter_mut().zip(0..).zip(tickets) {
+            let mut got = None;
+            assert!(wait_until(&Wake::new(), PATIENCE, || {
+                got = client.poll();
+                got.is_some()
+            }));
+            let (answered, reply) = got.unwrap();
+            assert_eq!((answered, integer(&reply.unwrap(), "sum")), (ticket, 100 * n + round));
+        }
+    }
+    assert!(clients.iter().all(|client| client.late() == 0));
+}
+
+#[test]
+fn what_keeps_a_call_waiting_is_said() {
+    let (near, far) = (ros2(&near_config("near", 2)), ros2(&far_config("far", 2)));
+    let mut lonely = client(&near, "add", Duration::from_millis(50));
+    let error = lonely.call_and_wait(&request(&lonely, 1, 2)).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "\"/robot/add\" was not answered within 50 ms: no node offers it"
+    );
+
+    let wake = Wake::new();
+    let options = ServiceOptions::default();
+    let mut slow = AnyServer::open(&far, "add", service(ADD), &options, &wake).unwrap();
+    assert!(wait_until(&wake, PATIENCE, || lonely.servers() == Peers::Ready(1)));
+    let error = lonely.call_and_wait(&request(&lonely, 1, 2)).unwrap_err();
+    assert!(error.to_string().ends_with("50 ms: its server has not answered"), "{error}");
+    let mut taken = None;
+    assert!(wait_until(&wake, PATIENCE, || {
+        taken = slow.take().unwrap();
+        taken.is_some()
+    }));
+    answer(&mut slow, &taken.unwrap());
+    assert!(wait_until(&wake, PATIENCE, || lonely.poll().is_none() && lonely.late() == 1));
+
+    drop(slow);
+    assert!(wait_until(&wake, PATIENCE, || lonely.servers() == Peers::None));
+}
+
+#[test]
+fn too_many_calls_and_requests_are_refused_by_name() {
+    let (near, far) = (ros2(&near_config("near", 3)), ros2(&far_config("far", 3)));
+    let options = ServiceOptions { pending: 1, ..ServiceOptions::default() };
+    let wake = Wake::new();
+    let mut server = AnyServer::open(&far, "set", service(SET_BOOL), &options, &wake).unwrap();
+    let open = || AnyClient::open(&near, "set", service(SET_BOOL), &options, &Wake::new()).unwrap();
+    let (mut first, mut second) = (open(), open());
+    let request = first.request();
+    first.call(&request).unwrap();
+    let error = first.call(&request).unwrap_err();
+    assert_eq!(error, CallError::TooMany { service: "/robot/set".into(), limit: 1 });
+
+    let mut taken = None;
+    assert!(wait_until(&wake, PATIENCE, || {
+        first.poll();
+        taken = server.take().unwrap();
+        taken.is_some()
+    }));
+    let ticket = second.call(&request).unwrap();
+    let mut refused = None;
+    assert!(wait_until(&wake, PATIENCE, || {
+        assert_eq!(second.poll(), None);
+        refused = server.take().err();
+        refused.is_some()
+    }));
+    let overloaded = ServeError::Overloaded { service: "/robot/set".into(), limit: 1 };
+    assert_eq!(refused, Some(overloaded.clone()));
+    let mut told = None;
+    assert!(wait_until(&wake, PATIENCE, || {
+        drop(server.take());
+        told = second.poll();
+        told.is_some()
+    }));
+    let (ended, reply) = told.unwrap();
+    let reply = reply.unwrap();
+    assert_eq!(ended, ticket);
+    assert_eq!(reply.get("message").unwrap().as_str().unwrap(), overloaded.to_string());
+    assert_eq!(server.drops(), ServerDrops { overloaded: 1, ..ServerDrops::default() });
+    let again = server.reply(&taken.unwrap().id, &server.response());
+    assert_eq!(again, Ok(()));
+}
+
+/// The requests of a service as anybody may write them.
+fn raw_client(graph: &CycloneGraph, name: &str, max_bytes: usize) -> Box<dyn CdrClient> {
+    let description = ServiceDescription {
+        name: name.into(),
+        type_name: ADD.0.into(),
+        request_hash: None,
+        response_hash: None,
+        depth: 10,
+        max_bytes,
+    };
+    graph.client(&description, bell(&Wake::new())).unwrap()
+}
+
+#[test]
+fn requests_of_a_wrong_size_never_reach_the_user() {
+    let graph = CycloneGraph::new(&near_config("near", 4)).unwrap();
+    let far = ros2(&far_config("far", 4));
+    let wake = Wake::new();
+    let options = ServiceOptions { max_bytes: 64, ..ServiceOptions::default() };
+    let mut server = AnyServer::open(&far, "add", service(ADD), &options, &wake).unwrap();
+    let mut raw = raw_client(&graph, "/robot/add", 1 << 20);
+    assert!(wait_until(&wake, PATIENCE, || raw.servers() == Peers::Ready(1)));
+    let mut refused = |parts: &[&[u8]]| {
+        raw.send(parts).unwrap();
+        let mut error = None;
+        assert!(wait_until(&wake, PATIENCE, || {
+            error = server.take().map(|request| assert_eq!(request, None)).err();
+            error.is_some()
+        }));
+        error.unwrap()
+    };
+    // As a request of Fast DDS arrives: its 16 bytes are taken for the identity.
+    let error = refused(&[&[0, 1, 0, 0]]);
+    assert!(
+        matches!(&error, ServeError::Malformed { fault, .. } if fault.starts_with("a needs 8 bytes")),
+        "{error}"
+    );
+    let error = refused(&[&[0, 1, 0, 0], &[0; 12]]);
+    assert!(
+        matches!(&error, ServeError::Malformed { fault, .. } if fault.starts_with("b needs 8")),
+        "{error}"
+    );
+    let error = refused(&[&[0, 1, 0, 0], &[0; 20]]);
+    assert!(
+        matches!(&error, ServeError::Malformed { fault, .. } if fault.starts_with("4 bytes are left")),
+        "{error}"
+    );
+    let error = refused(&[&[0, 3, 0, 0], &[0; 16]]);
+    assert!(error.to_string().contains("is not plain CDR"), "{error}");
+    let error = refused(&[&[0, 1, 0, 0], &[0; 65]]);
+    let too_large =
+        matches!(error, ServeError::Graph(GraphError::TooLarge { actual: 72, limit: 64, .. }));
+    assert!(too_large, "{error}");
+    let drops = ServerDrops { malformed: 4, too_large: 1, ..ServerDrops::default() };
+    assert_eq!(server.drops(), drops);
+}
+
+#[test]
+fn what_has_no_identity_is_counted() {
+    let graph = CycloneGraph::new(&near_config("near", 5)).unwrap();
+    let far = ros2(&far_config("far", 5));
+    let wake = Wake::new();
+    let options = ServiceOptions::default();
+    let mut server = AnyServer::open(&far, "add", service(ADD), &options, &wake).unwrap();
+    // The same DDS topic and type, reached as a topic.
+    let topic = TopicDescription {
+        name: "rq/robot/addRequest".into(),
+        type_name: "example_interfaces::srv::dds_::AddTwoInts_Request_".into(),
+        type_hash: None,
+        qos: Qos::default(),
+        max_bytes: 64,
+    };
+    let mut writer = graph.advertise_dds(&topic, bell(&wake)).unwrap();
+    assert!(wait_until(&wake, PATIENCE, || writer.matched() == 1));
+    writer.write(&[&[0, 1, 0, 0], &[0; 8]]).unwrap();
+    let mut error = None;
+    assert!(wait_until(&wake, PATIENCE, || {
+        error = server.take().err();
+        error.is_some()
+    }));
+    let text = error.unwrap().to_string();
+    assert_eq!(text, "request of 12 bytes on \"/robot/add\" has no identity of at least 20 bytes");
+    assert_eq!(server.drops().malformed, 1);
+    assert_eq!(server.clients(), Peers::Half);
+}
+
+#[test]
+fn both_halves_are_in_the_graph_with_their_hashes() {
+    let graph = CycloneGraph::new(&near_config("near", 6)).unwrap();
+    let far = ros2(&far_config("far", 6));
+    let options = ServiceOptions::default();
+    let wake = Wake::new();
+    let _server = AnyServer::open(&far, "add", service(ADD), &options, &wake).unwrap();
+    let mut nodes = graph.nodes().unwrap();
+    let mut found = Vec::new();
+    assert!(wait_until(&wake, PATIENCE, || {
+        nodes.update();
+        found = graph.endpoints().unwrap();
+        found.retain(|endpoint| nodes.owner(&endpoint.gid) == Some("/robot/far"));
+        found.len() == 2
+    }));
+    found.sort_by(|a, b| a.dds_topic.cmp(&b.dds_topic));
+    let [request, reply] = &found[..] else { panic!("{found:?}") };
+    assert_eq!((request.dds_topic.as_str(), request.is_publisher), ("rq/robot/addRequest", false));
+    assert_eq!(request.dds_type, "example_interfaces::srv::dds_::AddTwoInts_Request_");
+    // As a real node announces them.
+    let hashes = [
+        "RIHS01_000c5fd92d6b2e1a05949348f584d6d652adea1e92d691792011ac2273508302",
+        "RIHS01_de5c030d4af33cba2749310b249737b631594703f9300495f48bffb2b44dcc2f",
+    ];
+    assert_eq!([&request.type_hash, &reply.type_hash].map(Option::as_deref), hashes.map(Some));
+    assert_eq!((reply.dds_topic.as_str(), reply.is_publisher), ("rr/robot/addReply", true));
+}
