@@ -18,6 +18,7 @@ mod needs;
 mod process;
 mod reserve;
 mod ros_node;
+mod ros_service;
 mod world;
 
 use std::time::Duration;
@@ -26,6 +27,8 @@ pub use config::{Config, Route};
 pub use needs::{Need, repository, run};
 pub use process::{Output, Process};
 pub use ros_node::{RosImage, RosNode, Spoken};
+pub use ros_service::{Adder, Asker};
+pub use ros2_client::ServiceMapping;
 pub use world::World;
 
 /// How long anything may take before a test gives up: far beyond what a loaded machine needs.

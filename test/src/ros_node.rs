@@ -9,13 +9,13 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, bail};
 use ros2_client::qos::{Durability, History, WhenFull};
 use ros2_client::{
-    Context, Message, MessageTypeName, Name, Node, NodeName, NodeOptions, QosProfile, Subscription,
-    builtin_interfaces,
+    Context, Message, MessageTypeName, Name, Node, NodeName, NodeOptions, QosProfile,
+    ServiceMapping, Subscription, builtin_interfaces,
 };
 use rustdds::{DomainParticipantBuilder, Topic};
 use serde::{Deserialize, Serialize};
 
-use crate::{PATIENCE, Result};
+use crate::{Adder, Asker, PATIENCE, Result};
 
 /// `std_msgs/msg/Header`, written by hand from its definition.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -130,6 +130,22 @@ impl RosNode {
             }
         });
         Ok(Spoken { leave, thread: Some(thread) })
+    }
+
+    /// Serves `example_interfaces/srv/AddTwoInts` until the result is dropped.
+    ///
+    /// # Errors
+    /// Where DDS refuses it.
+    pub fn serve_sums(&mut self, service: &str, mapping: ServiceMapping) -> Result<Adder> {
+        Adder::new(&mut self.node, service, mapping)
+    }
+
+    /// A client of such a service.
+    ///
+    /// # Errors
+    /// Where DDS refuses it.
+    pub fn ask_for_sums(&mut self, service: &str, mapping: ServiceMapping) -> Result<Asker> {
+        Asker::new(&mut self.node, service, mapping)
     }
 
     fn topic(&self, topic: &str, ros_type: &str) -> Result<Topic> {

@@ -43,6 +43,10 @@ pub enum Command {
     Echo(EchoArgs),
     /// Publish to an endpoint.
     Pub(PubArgs),
+    /// Call a service and print its reply.
+    Call(CallArgs),
+    /// Offer a service and print its requests.
+    Serve(ServeArgs),
     /// Run the ZeroMQ broker that Wrapyfi's publishers and listeners meet at.
     Broker(BrokerArgs),
 }
@@ -148,6 +152,92 @@ pub struct PubArgs {
     pub qos: wrapyfi_core::endpoint::QosPreset,
 }
 
+/// Arguments of `wrapyfi call`.
+#[derive(Debug, Args)]
+pub struct CallArgs {
+    /// Which service, for instance ros2:/add_two_ints.
+    pub endpoint: EndpointAddress,
+    /// Type of the service: NativeObject, Image, AudioChunk or any ROS type. It may be left out: it
+    /// is what the servers announce.
+    #[arg(long = "type", value_name = "T")]
+    pub service_type: Option<ServiceName>,
+    /// Folder of packages with .srv files, searched before AMENT_PREFIX_PATH; may be given more than
+    /// once.
+    #[arg(long, value_name = "DIR")]
+    pub definitions: Vec<PathBuf>,
+    /// Fields of the request, where those that are left out have their default.
+    #[arg(long, value_name = "JSON", conflicts_with_all = ["args", "kwargs"])]
+    pub value: Option<String>,
+    /// Positional arguments of a function of Wrapyfi, as a JSON list in Wrapyfi's dialect.
+    #[arg(long, value_name = "JSON")]
+    pub args: Option<String>,
+    /// Its keyword arguments, as a JSON object.
+    #[arg(long, value_name = "JSON")]
+    pub kwargs: Option<String>,
+    /// Fail with exit code 3 when there is no reply within S seconds.
+    #[arg(long, value_name = "S", default_value = "5", value_parser = seconds)]
+    pub timeout: Duration,
+    /// Print the reply as one JSON object: type, and the value.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `wrapyfi serve`.
+#[derive(Debug, Args)]
+pub struct ServeArgs {
+    /// Which service, for instance ros2:/add_two_ints.
+    pub endpoint: EndpointAddress,
+    /// Type of the service: NativeObject or any ROS type.
+    #[arg(long = "type", value_name = "T")]
+    pub service_type: ServiceName,
+    /// Folder of packages with .srv files, searched before AMENT_PREFIX_PATH; may be given more than
+    /// once.
+    #[arg(long, value_name = "DIR")]
+    pub definitions: Vec<PathBuf>,
+    /// Reply with what was asked: an argument of a function of Wrapyfi (a list of them where there
+    /// are several), or the fields that request and reply both have.
+    #[arg(long, required_unless_present = "value", conflicts_with = "value")]
+    pub echo: bool,
+    /// Fields of every reply, where those that are left out have their default.
+    #[arg(long, value_name = "JSON")]
+    pub value: Option<String>,
+    /// End after this many requests.
+    #[arg(long, value_name = "N")]
+    pub count: Option<u64>,
+    /// Print each request as one JSON object: type, and the value.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Type of a service as `--type` names it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ServiceName(pub String);
+
+impl std::str::FromStr for ServiceName {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let known = [
+            ("NativeObject", "wrapyfi_msgs/srv/NativeObjectService"),
+            ("Image", "wrapyfi_msgs/srv/ImageService"),
+            ("AudioChunk", "wrapyfi_msgs/srv/AudioService"),
+        ];
+        if let Some((_, name)) = known.iter().find(|(short, _)| *short == text) {
+            return Ok(Self((*name).to_owned()));
+        }
+        let expected = "must be NativeObject, Image, AudioChunk, or any ROS type";
+        match text.split('/').collect::<Vec<_>>()[..] {
+            [package, "srv", name] if !package.is_empty() && !name.is_empty() => {
+                Ok(Self(text.to_owned()))
+            }
+            [package, name] if !package.is_empty() && !name.is_empty() => {
+                Err(format!("{expected}: did you mean {package}/srv/{name}?"))
+            }
+            _ => Err(format!("{expected} as package/srv/Name")),
+        }
+    }
+}
+
 /// Arguments of `wrapyfi broker`.
 #[derive(Debug, Args)]
 pub struct BrokerArgs {
@@ -241,6 +331,16 @@ mod tests {
         assert!(error.contains("did you mean geometry_msgs/msg/Twist?"), "{error}");
         assert!("Twist".parse::<TypeName>().is_err());
         assert!("a/srv/B".parse::<TypeName>().is_err());
+    }
+
+    #[test]
+    fn services_have_short_names_too() {
+        let name = |text: &str| text.parse::<ServiceName>().map(|name| name.0);
+        assert_eq!(name("NativeObject").unwrap(), "wrapyfi_msgs/srv/NativeObjectService");
+        assert_eq!(name("std_srvs/srv/SetBool").unwrap(), "std_srvs/srv/SetBool");
+        let error = name("std_srvs/SetBool").unwrap_err();
+        assert!(error.contains("did you mean std_srvs/srv/SetBool?"), "{error}");
+        assert!(name("std_msgs/msg/String").is_err());
     }
 
     #[test]

@@ -18,7 +18,7 @@ fn main() -> ExitCode {
 fn run(cli: &Cli) -> Result<(), Failure> {
     let level = match (&cli.log_level, &cli.command) {
         (Some(level), _) => level,
-        (None, Command::Echo(_) | Command::List(_)) => "warn",
+        (None, Command::Echo(_) | Command::List(_) | Command::Call(_)) => "warn",
         (None, _) => "info",
     };
     logging::start("wrapyfi", level).map_err(Failure::usage)?;
@@ -30,6 +30,8 @@ fn run(cli: &Cli) -> Result<(), Failure> {
         Command::List(args) => command::list::run(args, &shutdown),
         Command::Echo(args) => command::echo::run(args, &shutdown),
         Command::Pub(args) => command::publish::run(args, &shutdown),
+        Command::Call(args) => command::service::call::run(args, &shutdown),
+        Command::Serve(args) => command::service::serve::run(args, &shutdown),
         Command::Broker(args) => command::broker::run(args, &shutdown),
     }
 }

@@ -10,6 +10,7 @@ pub mod demo;
 pub mod echo;
 pub mod list;
 pub mod publish;
+pub mod service;
 
 /// Longest a command waits before it looks at signals and deadlines again.
 const WAIT_SLICE: Duration = Duration::from_millis(50);

@@ -18,7 +18,7 @@ use crate::exit::Failure;
 
 pub mod echo;
 pub mod publish;
-mod yaml;
+pub(super) mod yaml;
 
 /// The one definition that everybody wants, also where no ROS is installed.
 const TEXT: (&str, &str) = ("std_msgs/msg/String", "string data\n");
@@ -27,7 +27,7 @@ const TEXT: (&str, &str) = ("std_msgs/msg/String", "string data\n");
 const LOOK_EVERY: Duration = Duration::from_millis(500);
 
 /// Finds the definition of `name`: in `folders` first, then where `AMENT_PREFIX_PATH` says.
-fn resolve(name: &str, folders: &[PathBuf]) -> Result<ResolvedType, Failure> {
+pub(super) fn resolve(name: &str, folders: &[PathBuf]) -> Result<ResolvedType, Failure> {
     for folder in folders {
         if !folder.is_dir() {
             let text = format!("--definitions {}: there is no such folder", folder.display());

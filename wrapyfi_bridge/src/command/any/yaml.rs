@@ -8,7 +8,7 @@ use wrapyfi_interfaces::dynamic::{DynamicMessage, DynamicValue};
 const SHOWN: usize = 128;
 
 /// The message as YAML, with a line `---` behind it.
-pub(super) fn text(message: &DynamicMessage) -> anyhow::Result<String> {
+pub(crate) fn text(message: &DynamicMessage) -> anyhow::Result<String> {
     let options = serde_saphyr::ser_options! {
         // Else `y` would be quoted, which YAML 1.1 takes for a boolean.
         yaml_12: true,

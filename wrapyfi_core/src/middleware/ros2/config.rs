@@ -14,6 +14,7 @@ use crate::Limits;
 use crate::node::NodeName;
 
 use super::environment::{Discovery, DiscoveryRange, Environment};
+use super::graph::ServiceMapping;
 
 /// Receive buffer asked of the kernel for every socket.
 pub(super) const RECEIVE_BUFFER: u64 = 4 << 20;
@@ -40,6 +41,8 @@ pub struct CycloneConfig {
     /// counted there; what is more than four times over this one is discarded by its header, before
     /// memory is taken for it, with a warning from Cyclone.
     pub max_message_bytes: usize,
+    /// What services speak.
+    pub services: ServiceMapping,
     /// Sources after ours, as in `CYCLONEDDS_URI`: XML or `file://…`, separated by commas.
     pub extra_uri: Option<String>,
 }
@@ -54,6 +57,7 @@ impl CycloneConfig {
             discovery: environment.discovery.clone(),
             interface: None,
             max_message_bytes: Limits::default().message_bytes,
+            services: environment.services,
             extra_uri: environment.cyclonedds_uri.clone(),
         }
     }
@@ -67,6 +71,7 @@ impl CycloneConfig {
             discovery: Discovery { range: DiscoveryRange::Localhost, static_peers: Vec::new() },
             interface: Some("lo".into()),
             max_message_bytes: Limits::default().message_bytes,
+            services: ServiceMapping::Cyclone,
             extra_uri: None,
         }
     }
@@ -160,6 +165,7 @@ mod tests {
             },
             interface: None,
             max_message_bytes: 1000,
+            services: ServiceMapping::Cyclone,
             extra_uri: None,
         }
     }

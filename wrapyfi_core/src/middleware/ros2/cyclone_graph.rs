@@ -19,7 +19,7 @@ use super::discovery_info::{DiscoveryInfo, EndpointKind, Gid};
 use super::domain::{DomainError, DomainLease};
 use super::graph::{
     CdrClient, CdrReader, CdrSample, CdrServer, CdrWriter, DiscoveredEndpoint, Graph, GraphError,
-    NodeWatch, Notify, ServiceDescription, TopicDescription,
+    NodeWatch, Notify, ServiceDescription, ServiceMapping, TopicDescription,
 };
 use super::names;
 use super::owners::Owners;
@@ -142,7 +142,7 @@ impl CycloneGraph {
         &self,
         service: &ServiceDescription,
         id_key: &'static str,
-        on_event: Notify,
+        on_event: &Notify,
     ) -> Result<(Ends, Gid, [Listed; 2]), GraphError> {
         let fault = |reason: String| GraphError::Stack {
             operation: "creating a service's endpoints",
@@ -169,7 +169,7 @@ impl CycloneGraph {
             // A node may call its own services.
             ignore_local: false,
         };
-        let events = || Events::new(&service.name, Reliability::Reliable, Arc::clone(&on_event));
+        let events = || Events::new(&service.name, Reliability::Reliable, Arc::clone(on_event));
         // As ROS 2 does: the reader first, so that no reply finds nobody.
         let reader = RawReader::new(&node.participant, read.0, &qos(&read.1), events());
         let reader = reader.map_err(code)?;
@@ -205,12 +205,16 @@ impl Graph for CycloneGraph {
         self.subscribe_dds(&to_dds(topic)?, on_data)
     }
 
+    fn service_mapping(&self) -> ServiceMapping {
+        ServiceMapping::Cyclone
+    }
+
     fn client(
         &self,
         service: &ServiceDescription,
         on_event: Notify,
     ) -> Result<Box<dyn CdrClient>, GraphError> {
-        let (ends, guid, listed) = self.ends(service, "clientid", on_event)?;
+        let (ends, guid, listed) = self.ends(service, "clientid", &on_event)?;
         Ok(Box::new(CycloneClient::new(ends, guid, listed)))
     }
 
@@ -219,7 +223,7 @@ impl Graph for CycloneGraph {
         service: &ServiceDescription,
         on_event: Notify,
     ) -> Result<Box<dyn CdrServer>, GraphError> {
-        let (ends, _, listed) = self.ends(service, "serviceid", on_event)?;
+        let (ends, _, listed) = self.ends(service, "serviceid", &on_event)?;
         Ok(Box::new(CycloneServer::new(ends, listed)))
     }
 

@@ -25,6 +25,9 @@ const MAX_WRITERS: usize = 1024;
 /// What this module speaks.
 const OURS: ServiceMapping = ServiceMapping::Cyclone;
 
+/// Who wrote a sample: what its endpoints have in common, and its mapping where that is not ours.
+type Origin = (EndKey, Option<ServiceMapping>);
+
 /// The two endpoints of a client or a server.
 pub(super) struct Ends {
     /// Service, for messages.
@@ -35,8 +38,8 @@ pub(super) struct Ends {
     pub(super) reader: RawReader,
     /// Largest message without its identity.
     pub(super) max_bytes: usize,
-    /// By the handle of a sample's writer: what its owner has in common, and whether it is foreign.
-    writers: RefCell<HashMap<u64, Option<(EndKey, Option<ServiceMapping>)>>>,
+    /// By the handle of a sample's writer.
+    writers: RefCell<HashMap<u64, Option<Origin>>>,
 }
 
 impl Ends {
@@ -64,9 +67,8 @@ impl Ends {
         }
     }
 
-    /// Who wrote a sample: its key, and its mapping where that is another than ours. `None` where
-    /// the writer is gone.
-    fn origin(&self, sample: &RawSample) -> Option<(EndKey, Option<ServiceMapping>)> {
+    /// Who wrote a sample; `None` where the writer is gone.
+    fn origin(&self, sample: &RawSample) -> Option<Origin> {
         let mut writers = self.writers.borrow_mut();
         if writers.len() >= MAX_WRITERS {
             writers.clear();

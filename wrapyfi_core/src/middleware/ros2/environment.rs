@@ -5,11 +5,13 @@
 //!   ROS_LOCALHOST_ONLY ──────────────┤            domain id, Discovery,
 //!   ROS_AUTOMATIC_DISCOVERY_RANGE ───┼─ read() ─▶ Cyclone sources,
 //!   ROS_STATIC_PEERS ────────────────┤            why this DDS stack,
-//!   RMW_IMPLEMENTATION, ROS_DISTRO ──┤            warnings to be logged
+//!   RMW_IMPLEMENTATION, ROS_DISTRO ──┤            mapping of services, warnings to be logged
 //!   CYCLONEDDS_URI ──────────────────┘
 //! ```
 //!
 //! [`read`] is pure: it is given a lookup and logs nothing; [`Environment::log`] does.
+
+use super::graph::ServiceMapping;
 
 /// Highest domain id: above it the port numbers of DDS leave their range.
 pub const MAX_DOMAIN_ID: u32 = 232;
@@ -47,7 +49,9 @@ pub struct Environment {
     pub discovery: Discovery,
     /// `CYCLONEDDS_URI`, where set: sources that override our configuration.
     pub cyclonedds_uri: Option<String>,
-    /// Why topics go over CycloneDDS, for the log at start.
+    /// What services speak: topics of all vendors understand each other, services do not.
+    pub services: ServiceMapping,
+    /// Why, for the log at start.
     pub stack_reason: String,
     /// Lines to be logged as warnings.
     pub warnings: Vec<String>,
@@ -59,6 +63,7 @@ impl Environment {
         tracing::info!(
             domain = self.domain_id,
             range = ?self.discovery.range,
+            services = self.services.rmw(),
             reason = self.stack_reason,
             "topics are on CycloneDDS"
         );
@@ -97,14 +102,14 @@ pub enum EnvironmentError {
 pub fn read(lookup: impl Fn(&str) -> Option<String>) -> Result<Environment, EnvironmentError> {
     let set = |name: &str| lookup(name).filter(|value| !value.is_empty());
     let mut warnings = Vec::new();
+    let (services, stack_reason) =
+        services(set("RMW_IMPLEMENTATION").as_deref(), set("ROS_DISTRO").as_deref())?;
     Ok(Environment {
         domain_id: domain_id(set("ROS_DOMAIN_ID"))?,
         discovery: discovery(&set, &mut warnings),
         cyclonedds_uri: set("CYCLONEDDS_URI"),
-        stack_reason: stack_reason(
-            set("RMW_IMPLEMENTATION").as_deref(),
-            set("ROS_DISTRO").as_deref(),
-        )?,
+        services,
+        stack_reason,
         warnings,
     })
 }
@@ -184,19 +189,33 @@ fn discovery(set: &impl Fn(&str) -> Option<String>, warnings: &mut Vec<String>) 
     Discovery { range, static_peers }
 }
 
-fn stack_reason(rmw: Option<&str>, distro: Option<&str>) -> Result<String, EnvironmentError> {
-    match (rmw, distro) {
-        (Some("rmw_cyclonedds_cpp"), _) => Ok("RMW_IMPLEMENTATION=rmw_cyclonedds_cpp".into()),
-        (Some("rmw_fastrtps_cpp" | "rmw_fastrtps_dynamic_cpp"), _) => {
-            Ok("RMW_IMPLEMENTATION asks for Fast DDS; topics interoperate over RTPS".into())
+/// What services speak, as every node of this environment chooses it, and why.
+fn services(
+    rmw: Option<&str>,
+    distro: Option<&str>,
+) -> Result<(ServiceMapping, String), EnvironmentError> {
+    let (mapping, reason) = match (rmw, distro) {
+        (Some("rmw_cyclonedds_cpp"), _) => {
+            (ServiceMapping::Cyclone, "RMW_IMPLEMENTATION=rmw_cyclonedds_cpp".into())
         }
-        (Some("rmw_zenoh_cpp"), _) => Err(EnvironmentError::Zenoh),
-        (Some(other), _) => Err(EnvironmentError::UnknownRmw(other.into())),
-        (None, Some(distro)) => Ok(format!(
-            "RMW_IMPLEMENTATION is not set; topics interoperate over RTPS with the default of {distro}"
-        )),
-        (None, None) => Ok("RMW_IMPLEMENTATION and ROS_DISTRO are not set".into()),
-    }
+        (Some("rmw_fastrtps_cpp" | "rmw_fastrtps_dynamic_cpp"), _) => (
+            ServiceMapping::FastDds,
+            "RMW_IMPLEMENTATION asks for Fast DDS; topics interoperate over RTPS".into(),
+        ),
+        (Some("rmw_zenoh_cpp"), _) => return Err(EnvironmentError::Zenoh),
+        (Some(other), _) => return Err(EnvironmentError::UnknownRmw(other.into())),
+        (None, Some(distro)) => (
+            ServiceMapping::FastDds,
+            format!(
+                "RMW_IMPLEMENTATION is not set; Fast DDS is the default of {distro}, with which \
+                 topics interoperate over RTPS"
+            ),
+        ),
+        (None, None) => {
+            (ServiceMapping::Cyclone, "RMW_IMPLEMENTATION and ROS_DISTRO are not set".into())
+        }
+    };
+    Ok((mapping, reason))
 }
 
 #[cfg(test)]
@@ -275,11 +294,18 @@ mod tests {
 
     #[test]
     fn topics_are_on_cyclone_whatever_dds_is_asked_for() {
-        for rmw in ["", "rmw_cyclonedds_cpp", "rmw_fastrtps_cpp"] {
-            assert!(with(&[("RMW_IMPLEMENTATION", rmw)]).is_ok(), "{rmw}");
+        for (rmw, services) in [
+            ("", ServiceMapping::Cyclone),
+            ("rmw_cyclonedds_cpp", ServiceMapping::Cyclone),
+            ("rmw_fastrtps_cpp", ServiceMapping::FastDds),
+        ] {
+            assert_eq!(with(&[("RMW_IMPLEMENTATION", rmw)]).unwrap().services, services, "{rmw}");
         }
-        let reason = with(&[("ROS_DISTRO", "jazzy")]).unwrap().stack_reason;
-        assert!(reason.contains("jazzy"));
+        let jazzy = with(&[("ROS_DISTRO", "jazzy")]).unwrap();
+        assert_eq!(jazzy.services, ServiceMapping::FastDds);
+        assert!(jazzy.stack_reason.contains("jazzy"));
+        let both = [("ROS_DISTRO", "jazzy"), ("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp")];
+        assert_eq!(with(&both).unwrap().services, ServiceMapping::Cyclone);
         let zenoh = with(&[("RMW_IMPLEMENTATION", "rmw_zenoh_cpp")]).unwrap_err();
         assert_eq!(zenoh, EnvironmentError::Zenoh);
         assert!(zenoh.to_string().contains("rmw_cyclonedds_cpp"));

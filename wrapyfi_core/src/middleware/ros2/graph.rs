@@ -64,6 +64,9 @@ pub trait Graph: Send + Sync {
         on_data: Notify,
     ) -> Result<Box<dyn CdrReader>, GraphError>;
 
+    /// What the services of this node speak.
+    fn service_mapping(&self) -> ServiceMapping;
+
     /// Creates a client and announces it. `on_event` is called as in [`Graph::subscribe`].
     ///
     /// # Errors

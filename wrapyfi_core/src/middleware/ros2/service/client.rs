@@ -43,6 +43,7 @@ pub struct AnyClient {
     cdr: Box<dyn CdrClient>,
     name: String,
     service: ServiceType,
+    mapping: ServiceMapping,
     options: ServiceOptions,
     calls: Calls<Bytes>,
     done: VecDeque<(Ticket, Result<DynamicMessage, CallError>)>,
@@ -68,6 +69,7 @@ impl AnyClient {
             cdr,
             name: description.name,
             service,
+            mapping: ros2.graph().service_mapping(),
             options: options.clone(),
             calls: Calls::new(options.pending),
             done: VecDeque::new(),
@@ -235,7 +237,7 @@ impl AnyClient {
                 "its server is found by half only: requests or replies have no other end".to_owned()
             }
             (Stage::Waiting, Peers::Ready(_)) => "its server takes no requests".to_owned(),
-            (Stage::Waiting, Peers::Foreign(theirs)) => foreign(theirs, self.options.mapping),
+            (Stage::Waiting, Peers::Foreign(theirs)) => foreign(theirs, self.mapping),
         };
         let timeout_ms = u64::try_from(timeout.as_millis()).unwrap_or(u64::MAX);
         CallError::TimedOut { service: self.name.clone(), timeout_ms, why }
@@ -243,7 +245,7 @@ impl AnyClient {
 }
 
 /// What separates the two ends of a service, and what to do.
-pub(super) fn foreign(theirs: ServiceMapping, ours: ServiceMapping) -> String {
+fn foreign(theirs: ServiceMapping, ours: ServiceMapping) -> String {
     format!(
         "the other end runs {}, whose services do not understand those of {}: set \
          RMW_IMPLEMENTATION={} here, or {} there",

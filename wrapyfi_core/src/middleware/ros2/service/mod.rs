@@ -23,7 +23,7 @@ pub use client::AnyClient;
 pub use error::CallError;
 pub use server::{AnyRequest, AnyServer, ServeError, ServerDrops};
 
-use super::graph::{ServiceDescription, ServiceMapping};
+use super::graph::ServiceDescription;
 use super::{AnyError, Ros2};
 use crate::Limits;
 
@@ -38,8 +38,6 @@ pub struct ServiceOptions {
     pub depth: u32,
     /// Largest request or reply in bytes.
     pub max_bytes: usize,
-    /// What this node speaks; only for messages, the graph decides.
-    pub mapping: ServiceMapping,
 }
 
 impl Default for ServiceOptions {
@@ -49,7 +47,6 @@ impl Default for ServiceOptions {
             pending: 64,
             depth: 10,
             max_bytes: Limits::default().message_bytes,
-            mapping: ServiceMapping::Cyclone,
         }
     }
 }

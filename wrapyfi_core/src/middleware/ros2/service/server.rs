@@ -93,6 +93,24 @@ pub struct ServerDrops {
     pub lost: u64,
 }
 
+impl std::fmt::Display for ServerDrops {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { malformed, foreign, too_large, overloaded, expired, unheard, lost } = *self;
+        let reasons = [
+            (malformed, "malformed"),
+            (foreign, "of another vendor's clients"),
+            (too_large, "too large"),
+            (overloaded, "beyond the limit of those under way"),
+            (expired, "not answered in time"),
+            (unheard, "whose clients did not hear the reply"),
+            (lost, "lost by DDS"),
+        ];
+        let some = reasons.iter().filter(|(count, _)| *count > 0);
+        let texts: Vec<_> = some.map(|(count, reason)| format!("{count} {reason}")).collect();
+        if texts.is_empty() { f.write_str("nothing") } else { f.write_str(&texts.join(", ")) }
+    }
+}
+
 struct Reply {
     id: RequestId,
     cdr: Bytes,
@@ -283,6 +301,17 @@ impl AnyServer {
         }
         self.kept.push_back(reply);
         Ok(())
+    }
+
+    /// Replies whose clients do not hear yet.
+    #[must_use]
+    pub fn kept(&self) -> usize {
+        self.kept.len()
+    }
+
+    /// Sends the replies that were kept and whose clients hear now, without taking a request.
+    pub fn flush(&mut self) {
+        self.send_kept();
     }
 
     fn send_kept(&mut self) {

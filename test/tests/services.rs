@@ -1,0 +1,137 @@
+//! Services: `wrapyfi call` and `wrapyfi serve` with each other and with an independent node.
+
+#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
+
+use serde_json::{Value, json};
+use wrapyfi_e2e::{Need, Process, Result, ServiceMapping, World, run};
+
+const NEEDS: &[Need] = &[Need::Program];
+const ADD: &str = "example_interfaces/srv/AddTwoInts";
+
+/// A folder with definitions of packages that are installed nowhere here.
+fn definitions(world: &World) -> Result<String> {
+    for (name, text) in [
+        ("example_interfaces/srv/AddTwoInts", "int64 a\nint64 b\n---\nint64 sum\n"),
+        ("std_srvs/srv/SetBool", "bool data\n---\nbool success\nstring message\n"),
+        ("demo/srv/Say", "string text\nint32[] list\n---\nstring text\nint32[] list\nbool other\n"),
+    ] {
+        let path = format!("interfaces/{name}.srv");
+        // Written once: another process may be reading it.
+        if world.path(&path).exists() {
+            continue;
+        }
+        if let Some((folder, _)) = path.rsplit_once('/') {
+            std::fs::create_dir_all(world.path(folder))?;
+        }
+        world.write(&path, text)?;
+    }
+    Ok(world.path("interfaces").display().to_string())
+}
+
+fn call(world: &World, service: &str, more: &[&str]) -> Result<Process> {
+    let (endpoint, folder) = (format!("ros2:{service}"), definitions(world)?);
+    let mut words = vec!["call", &endpoint, "--definitions", &folder, "--json"];
+    words.extend(more);
+    world.wrapyfi(words)
+}
+
+fn reply(world: &World, service: &str, more: &[&str]) -> Result<Value> {
+    let mut process = call(world, service, &[more, &["--timeout", "60"]].concat())?;
+    process.exits_with(0)?;
+    Ok(process.objects(1)?[0]["value"].clone())
+}
+
+fn serve(world: &World, service: &str, more: &[&str]) -> Result<Process> {
+    let (endpoint, folder) = (format!("ros2:{service}"), definitions(world)?);
+    let mut words = vec!["serve", &endpoint, "--definitions", &folder, "--json"];
+    words.extend(more);
+    world.wrapyfi(words)
+}
+
+#[test]
+fn a_call_comes_back_with_what_the_server_says() -> Result {
+    run("a_call_comes_back_with_what_the_server_says", NEEDS, |world| {
+        let (say, set) = (world.topic("say"), world.topic("set"));
+        // Begun before there is a server.
+        let early = ["--type", "demo/srv/Say", "--value", r#"{"text": "früh", "list": [1, 2]}"#];
+        let mut early = call(world, &say, &[&early[..], &["--timeout", "60"]].concat())?;
+        let mut echo = serve(world, &say, &["--type", "demo/srv/Say", "--echo", "--count", "2"])?;
+        early.exits_with(0)?;
+        let echoed = json!({"text": "früh", "list": [1, 2], "other": false});
+        assert_eq!(early.objects(1)?[0], json!({"type": "demo/srv/Say_Response", "value": echoed}));
+        // The type is what the server announces.
+        let late = reply(world, &say, &["--value", r#"{"text": "late"}"#])?;
+        assert_eq!(late, json!({"text": "late", "list": [], "other": false}));
+        echo.exits_with(0)?;
+        let asked: Vec<Value> =
+            echo.objects(2)?.iter().map(|o| o["value"]["text"].clone()).collect();
+        assert_eq!(asked, ["früh", "late"]);
+
+        let value = r#"{"success": true, "message": "done"}"#;
+        let server = serve(world, &set, &["--type", "std_srvs/srv/SetBool", "--value", value])?;
+        let done = reply(world, &set, &["--value", r#"{"data": true}"#])?;
+        assert_eq!(done, json!({"success": true, "message": "done"}));
+        assert_eq!(server.objects(1)?[0]["value"], json!({"data": true}));
+        server.terminate()
+    })
+}
+
+#[test]
+fn an_independent_server_answers_our_calls() -> Result {
+    run("an_independent_server_answers_our_calls", NEEDS, |world| {
+        let sums = world.topic("sums");
+        let mut node = world.ros_node("adder")?;
+        let _server = node.serve_sums(&sums, ServiceMapping::Cyclone)?;
+        // Each one is the first call of a new process.
+        for a in 0..5 {
+            let value = format!(r#"{{"a": {a}, "b": 1099511627776}}"#);
+            let sum = reply(world, &sums, &["--value", &value])?;
+            assert_eq!(sum, json!({"sum": a + 1_099_511_627_776_i64}));
+        }
+        Ok(())
+    })
+}
+
+#[test]
+fn our_server_answers_an_independent_client() -> Result {
+    run("our_server_answers_an_independent_client", NEEDS, |world| {
+        let sums = world.topic("sums");
+        let server = serve(world, &sums, &["--type", ADD, "--value", r#"{"sum": 42}"#])?;
+        let mut node = world.ros_node("asker")?;
+        let client = node.ask_for_sums(&sums, ServiceMapping::Cyclone)?;
+        assert_eq!(client.first(1, 2)?, 42);
+        for a in 0..50 {
+            assert_eq!(client.next(a, 3)?, 42);
+        }
+        let asked = server.objects(51)?;
+        assert_eq!(asked[asked.len() - 1]["value"], json!({"a": 49, "b": 3}));
+        Ok(())
+    })
+}
+
+#[test]
+fn calls_that_cannot_be_end_with_a_reason() -> Result {
+    run("calls_that_cannot_be_end_with_a_reason", NEEDS, |world| {
+        let none = world.topic("none");
+        for (more, code, words) in [
+            (vec!["--type", ADD, "--timeout", "0.5"], 3, "no node offers it"),
+            (vec!["--timeout", "0.5"], 3, "no node offers it; give --type"),
+            (
+                vec!["--type", ADD, "--value", r#"{"c": 1}"#],
+                2,
+                "is no request of example_interfaces",
+            ),
+            (vec!["--type", ADD, "--value", "{"], 2, "--value: EOF"),
+            (vec!["--type", "nowhere/srv/Nothing"], 2, "nowhere/srv/Nothing"),
+            (vec!["--type", "nowhere/msg/Nothing"], 2, "must be NativeObject, Image, AudioChunk"),
+        ] {
+            let mut process = call(world, &none, &more)?;
+            process.exits_with(code)?;
+            assert!(process.stderr().contains(words), "{more:?}: {}", process.stderr());
+        }
+        let mut zeromq = world.wrapyfi(["call", "zeromq:/x", "--type", ADD])?;
+        zeromq.exits_with(2)?;
+        assert!(zeromq.stderr().contains("services are on ros2 only"), "{}", zeromq.stderr());
+        Ok(())
+    })
+}

@@ -1,0 +1,101 @@
+//! `wrapyfi serve ros2:/service`.
+
+use std::io::{self, Write as _};
+use std::time::{Duration, Instant};
+
+use anyhow::Context as _;
+use wrapyfi_core::Limits;
+use wrapyfi_core::endpoint::Wake;
+use wrapyfi_core::middleware::ros2::graph::GraphError;
+use wrapyfi_core::middleware::ros2::{AnyServer, ServeError, ServiceOptions, ServiceType};
+use wrapyfi_interfaces::dynamic::DynamicMessage;
+
+use super::{check_middleware, shown};
+use crate::cli::ServeArgs;
+use crate::command::{WAIT_SLICE, any, echo};
+use crate::exit::Failure;
+use crate::middlewares::Middlewares;
+use crate::shutdown::Shutdown;
+
+/// Serves until `count` requests were answered or the process is asked to end.
+///
+/// # Errors
+/// Exit code 2 when type, service or reply is wrong.
+pub fn run(args: &ServeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
+    check_middleware(&args.endpoint)?;
+    let name = &args.service_type.0;
+    let resolved = any::resolve(name, &args.definitions)?;
+    let service = ServiceType::new(&resolved).map_err(Failure::usage)?;
+    let ros2 = Middlewares::ros2_of_command()?;
+    let (wake, options) = (Wake::new(), ServiceOptions::default());
+    let mut server = AnyServer::open(&ros2, &args.endpoint.name, service, &options, &wake)
+        .map_err(Failure::usage)?;
+    let constant = args.value.as_deref().map(|text| constant(&server, name, text)).transpose()?;
+    tracing::info!("serving {name} at {}", server.name());
+    let mut out = io::stdout().lock();
+    let mut answered = 0_u64;
+    while !shutdown.requested() && args.count.is_none_or(|count| answered < count) {
+        match server.take() {
+            Ok(Some(request)) => {
+                let reply =
+                    constant.clone().unwrap_or_else(|| echoed(&request.fields, server.response()));
+                let printing = echo::print(&mut out, &shown(&request.fields, args.json)?)?;
+                server.reply(&request.id, &reply).map_err(anyhow::Error::new)?;
+                answered += 1;
+                if !printing {
+                    return Ok(());
+                }
+            }
+            Ok(None) => {
+                let until =
+                    server.deadline().map(|at| at.saturating_duration_since(Instant::now()));
+                wake.wait(until.unwrap_or(WAIT_SLICE).min(WAIT_SLICE));
+            }
+            Err(error @ ServeError::Graph(GraphError::Stack { .. })) => {
+                return Err(anyhow::Error::new(error).into());
+            }
+            Err(error) => tracing::warn!("refused a request: {error}"),
+        }
+    }
+    finish(&mut server, &wake);
+    out.flush().context("cannot print").map_err(Failure::from)
+}
+
+/// Gives kept replies the time to go out, and says what was not served.
+fn finish(server: &mut AnyServer, wake: &Wake) {
+    /// Longer than discovery takes; the process must end within two seconds.
+    const PATIENCE: Duration = Duration::from_secs(1);
+    let end = Instant::now() + PATIENCE;
+    while server.kept() > 0 && Instant::now() < end {
+        wake.wait(WAIT_SLICE);
+        server.flush();
+    }
+    let drops = server.drops();
+    if drops != wrapyfi_core::middleware::ros2::ServerDrops::default() {
+        tracing::warn!("not served: {drops}");
+    }
+}
+
+fn constant(server: &AnyServer, name: &str, text: &str) -> Result<DynamicMessage, Failure> {
+    let json: serde_json::Value =
+        serde_json::from_str(text).map_err(|error| Failure::Usage(format!("--value: {error}")))?;
+    server
+        .response_plan()
+        .from_json(&json, Limits::default().message_bytes)
+        .map_err(|error| Failure::Usage(format!("the value is no reply of {name}: {error}")))
+}
+
+/// The reply with the fields of the request that it has too; `success` where it has that.
+fn echoed(request: &DynamicMessage, mut reply: DynamicMessage) -> DynamicMessage {
+    let own: Vec<String> = reply.fields().map(|(name, _)| name.to_owned()).collect();
+    for name in own {
+        let asked = request.get(&name).cloned();
+        let value = asked.or_else(|| (name == "success").then(|| true.into()));
+        if let Some(value) = value
+            && let Err(error) = reply.set(&name, value)
+        {
+            tracing::debug!("{name} keeps its default: {error}");
+        }
+    }
+    reply
+}
