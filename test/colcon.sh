@@ -98,9 +98,9 @@ for package in $four; do
     [ -e "install/$package/share/ament_index/resource_index/packages/$package" ] ||
         fail "$package is not in the ament index: \`ros2 pkg\` would not find it"
 done
-for message in "$tree"/wrapyfi_msgs/msg/*.msg; do
-    cmp "$message" "install/wrapyfi_msgs/share/wrapyfi_msgs/msg/${message##*/}" >>"$log" 2>&1 ||
-        fail "${message##*/} was not installed as it is"
+for definition in "$tree"/wrapyfi_msgs/{msg/*.msg,srv/*.srv}; do
+    cmp "$definition" "install/wrapyfi_msgs/share/${definition#"$tree"/}" >>"$log" 2>&1 ||
+        fail "${definition##*/} was not installed as it is"
 done
 "$bridge/lib/wrapyfi_bridge/wrapyfi" --help >>"$log" 2>&1 || fail "the installed wrapyfi does not start"
 

@@ -1,8 +1,8 @@
 //! Generates the structs of the interfaces this crate knows.
 //!
 //! ```text
-//!   wrapyfi_msgs/msg/*.msg           our own, the source for rosidl too
-//!   interfaces/<package>/msg/*.msg   those of ROS 2 and of Wrapyfi that we speak
+//!   wrapyfi_msgs/{msg,srv}           our own, the source for rosidl too
+//!   interfaces/<package>/{msg,srv}   those of ROS 2 and of Wrapyfi that we speak
 //!        └─▶ OUT_DIR/interfaces.rs
 //!   tests/data/interfaces/…          odd shapes for the unit tests, where the folder is there
 //!        └─▶ OUT_DIR/golden.rs       with the above
@@ -27,14 +27,19 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::{env, fs};
 
-use parser::{MessageDefinition, ParseError, ParseFault, TypeName};
+use parser::{
+    Dialect, InterfaceKind, MessageDefinition, ParseError, ParseFault, ServiceDefinition, TypeName,
+};
 
 /// Why nothing was generated.
 #[derive(Debug, thiserror::Error)]
 enum BuildError {
     #[error("{}: {source}", path.display())]
     File { path: PathBuf, source: std::io::Error },
-    #[error("{}: {source}; the path must be <package>/msg/<Name>.msg", path.display())]
+    #[error(
+        "{}: {source}; the path must be <package>/msg/<Name>.msg or <package>/srv/<Name>.srv",
+        path.display()
+    )]
     Name { path: PathBuf, source: ParseFault },
     #[error("{}: {source}", path.display())]
     Parse { path: PathBuf, source: Box<ParseError> },
@@ -88,21 +93,48 @@ fn read_packages(folder: &Path, definitions: &mut Definitions) -> Result<(), Bui
     Ok(())
 }
 
-/// Reads `<package>/msg/*.msg`; the folder's name is the package's.
+/// Reads `<package>/msg/*.msg` and `<package>/srv/*.srv`; the folder's name is the package's.
+///
+/// A service comes as its request, response and event, and under its own name as the message
+/// that holds these three, whose hash is that of the service.
 fn read_package(package: &Path, definitions: &mut Definitions) -> Result<(), BuildError> {
-    for path in entries(&package.join("msg"))? {
-        let failed = |source| BuildError::File { path: path.clone(), source };
-        let text = fs::read_to_string(&path).map_err(failed)?;
-        let part = |part: Option<&std::ffi::OsStr>| {
-            part.map(|part| part.to_string_lossy().into_owned()).unwrap_or_default()
-        };
-        let name = TypeName::new(&part(package.file_name()), &part(path.file_stem()))
-            .map_err(|source| BuildError::Name { path: path.clone(), source })?;
-        let definition = parser::parse_message(&name, &text)
-            .map_err(|source| BuildError::Parse { path: path.clone(), source: Box::new(source) })?;
-        definitions.insert(name, definition);
+    println!("cargo::rerun-if-changed={}", package.display());
+    for kind in [InterfaceKind::Message, InterfaceKind::Service] {
+        let folder = package.join(kind.as_str());
+        // Actions are not generated; most packages have one kind only.
+        if !folder.is_dir() {
+            continue;
+        }
+        for path in entries(&folder)? {
+            let failed = |source| BuildError::File { path: path.clone(), source };
+            let text = fs::read_to_string(&path).map_err(failed)?;
+            for definition in parse(package, kind, &path, &text)? {
+                definitions.insert(definition.name.clone(), definition);
+            }
+        }
     }
     Ok(())
+}
+
+fn parse(
+    package: &Path,
+    kind: InterfaceKind,
+    path: &Path,
+    text: &str,
+) -> Result<Vec<MessageDefinition>, BuildError> {
+    let part = |part: Option<&std::ffi::OsStr>| {
+        part.map(|part| part.to_string_lossy().into_owned()).unwrap_or_default()
+    };
+    let (package, stem) = (part(package.file_name()), part(path.file_stem()));
+    let name = TypeName::with_kind(Dialect::Ros2, &package, kind, &stem)
+        .map_err(|source| BuildError::Name { path: path.to_owned(), source })?;
+    match kind {
+        InterfaceKind::Service => {
+            parser::parse_service(Dialect::Ros2, &name, text).map(ServiceDefinition::messages)
+        }
+        _ => parser::parse_message(&name, text).map(|message| vec![message]),
+    }
+    .map_err(|source| BuildError::Parse { path: path.to_owned(), source: Box::new(source) })
 }
 
 /// What a folder holds, sorted, so that the generated file is the same everywhere.

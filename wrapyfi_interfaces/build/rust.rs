@@ -9,8 +9,8 @@ use std::fmt::{self, Write};
 use crate::description::describe;
 use crate::hash::type_hash;
 use crate::parser::{
-    Constant, Container, DefaultValue, Element, Field, Literal, MessageDefinition, Primitive,
-    TypeName,
+    Constant, Container, DefaultValue, Element, Field, InterfaceKind, Literal, MessageDefinition,
+    Primitive, TypeName,
 };
 use crate::{BuildError, Definitions};
 
@@ -33,23 +33,66 @@ pub(crate) fn modules(definitions: &Definitions) -> Result<String, BuildError> {
     for definition in definitions.values() {
         hashes.push(type_hash(&describe(definition, definitions)?));
     }
-    let mut packages: BTreeMap<&str, String> = BTreeMap::new();
+    let mut packages: BTreeMap<&str, BTreeMap<InterfaceKind, String>> = BTreeMap::new();
     for (definition, hash) in definitions.values().zip(&hashes) {
-        let module = packages.entry(definition.name.package()).or_default();
-        message(module, definition, definitions, hash)?;
+        let name = &definition.name;
+        let package = packages.entry(name.package()).or_default();
+        let module = package.entry(name.kind()).or_default();
+        if name.kind() == InterfaceKind::Service && *name == name.interface() {
+            service(module, name, definitions, hash)?;
+        } else {
+            message(module, definition, definitions, hash)?;
+        }
     }
     let mut source = String::new();
-    for (package, messages) in packages {
-        write!(
-            source,
-            "/// Interfaces of the ROS 2 package `{package}`.\n\
-             pub mod {package} {{\n/// Messages.\n\
-             #[allow(clippy::approx_constant, clippy::derivable_impls)]\n\
-             pub mod msg {{\n{messages}}}\n}}\n"
-        )
-        .map_err(GenerateError::from)?;
+    for (package, kinds) in packages {
+        write!(source, "/// Interfaces of the ROS 2 package `{package}`.\npub mod {package} {{\n")
+            .map_err(GenerateError::from)?;
+        for (kind, types) in kinds {
+            let (doc, lints) = match kind {
+                InterfaceKind::Service => {
+                    ("Services, with what a client sends and a server answers.", NAME_LINT)
+                }
+                _ => ("Messages.", ""),
+            };
+            write!(
+                source,
+                "/// {doc}\n{lints}\
+                 #[allow(clippy::approx_constant, clippy::derivable_impls)]\n\
+                 pub mod {} {{\n{types}}}\n",
+                kind.as_str()
+            )
+            .map_err(GenerateError::from)?;
+        }
+        source.push_str("}\n");
     }
     Ok(source)
+}
+
+/// `SetBool_Request` is the name that ROS gives.
+const NAME_LINT: &str = "#[allow(non_camel_case_types)]\n";
+
+/// The type that stands for a service as a whole.
+fn service(
+    out: &mut String,
+    name: &TypeName,
+    definitions: &Definitions,
+    hash: &str,
+) -> Result<(), GenerateError> {
+    let ident = name.name();
+    let request = definitions.get(&name.derived("_Request"));
+    docs(out, request.map_or(&[], |request| &request.doc), &format!("`{name}`"))?;
+    writeln!(
+        out,
+        "#[derive(Debug, Clone, Copy, PartialEq, Eq)]\npub struct {ident};\n\
+         impl crate::Service for {ident} {{\n\
+         type Request = {ident}_Request;\n\
+         type Response = {ident}_Response;\n\
+         type Event = {ident}_Event;\n\
+         const ROS_TYPE: &'static str = \"{name}\";\n\
+         const TYPE_HASH: &'static str = \"{hash}\";\n}}"
+    )?;
+    Ok(())
 }
 
 fn message(
@@ -202,7 +245,9 @@ fn rust_element(element: &Element) -> String {
     match element {
         Element::Primitive(primitive) => rust_primitive(*primitive).to_owned(),
         Element::String { .. } | Element::WString { .. } => "::std::string::String".to_owned(),
-        Element::Nested(name) => format!("super::super::{}::msg::{}", name.package(), name.name()),
+        Element::Nested(name) => {
+            format!("super::super::{}::{}::{}", name.package(), name.kind().as_str(), name.name())
+        }
     }
 }
 

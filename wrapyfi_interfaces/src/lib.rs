@@ -2,7 +2,7 @@
 //! any other type while running.
 //!
 //! ```text
-//!   wrapyfi_msgs/msg/*.msg, interfaces/*/msg/*.msg       ament index, folder, full text
+//!   wrapyfi_msgs/, interfaces/*/  {msg,srv}              ament index, folder, full text
 //!          │ build script: parser ─▶ description ─▶ hash        │ store ─▶ the same
 //!          ▼                                                    ▼
 //!   sensor_msgs::msg::Image { … }  : Message            dynamic::Plan, DynamicMessage ◀─▶ JSON
@@ -14,7 +14,8 @@
 //! * [`cdr`][]: serialisation.
 //! * [`store`]: finds the definition of any type; ROS 1 checksums.
 //! * [`dynamic`]: messages of any type.
-//! * One module a package, laid out as in ROS: [`sensor_msgs::msg::Image`].
+//! * One module a package, laid out as in ROS: [`sensor_msgs::msg::Image`], [`std_srvs::srv::SetBool`]
+//!   with its `SetBool_Request`, `SetBool_Response` and `SetBool_Event`.
 
 pub mod cdr;
 pub mod description;
@@ -24,11 +25,13 @@ mod message;
 pub mod parser;
 pub mod store;
 
-pub use message::Message;
+pub use message::{Message, Service};
 
 include!(concat!(env!("OUT_DIR"), "/interfaces.rs"));
 
 #[cfg(test)]
 mod golden_tests;
+#[cfg(test)]
+mod service_golden_tests;
 #[cfg(test)]
 mod test_data;

@@ -1,4 +1,4 @@
-//! What every generated message can do.
+//! What every generated message can do, and what every service is made of.
 
 use std::fmt::Debug;
 
@@ -51,4 +51,27 @@ pub trait Message: Sized + Clone + Debug + Default + PartialEq {
         }
         Self::read(&mut CdrReader::new(cdr)?)
     }
+}
+
+/// A ROS 2 service: what is asked and what is answered.
+///
+/// ```
+/// use wrapyfi_interfaces::{Message, Service, std_srvs::srv::SetBool};
+/// fn request_type<S: Service>() -> &'static str {
+///     S::Request::ROS_TYPE
+/// }
+/// assert_eq!(request_type::<SetBool>(), "std_srvs/srv/SetBool_Request");
+/// ```
+pub trait Service {
+    /// What a client sends.
+    type Request: Message;
+    /// What the server answers.
+    type Response: Message;
+    /// What a client or server publishes about a call (service introspection).
+    type Event: Message;
+    /// ROS name, for instance `std_srvs/srv/SetBool`.
+    const ROS_TYPE: &'static str;
+    /// REP-2016 hash of the service as a whole. Endpoints announce those of
+    /// [`Request`](Self::Request) and [`Response`](Self::Response) instead.
+    const TYPE_HASH: &'static str;
 }

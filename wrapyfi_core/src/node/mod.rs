@@ -3,20 +3,23 @@
 //! ```text
 //!   defaults: wrapyfi_bridge in /  ─┐
 //!                                   ├─▶ NodeOptions: name, parameters, log level
-//!   command line ─▶ args::RosArgs  ─┘
+//!   command line ─▶ args::RosArgs  ─┘            │
+//!                                                ▼
+//!                              parameters::ParameterStore ◀─▶ the six parameter services
 //! ```
 
 pub mod args;
 mod log_level;
 mod name;
 mod parameter;
+pub mod parameters;
 
 use std::collections::BTreeMap;
 use std::io::{self, Read as _};
 
 pub use log_level::LogLevel;
 pub use name::{NameError, NameFault, NameKind, NodeName};
-pub use parameter::ParameterValue;
+pub use parameter::{ParameterType, ParameterValue};
 
 use args::RosArgs;
 

@@ -1,4 +1,4 @@
-//! Values of node parameters, as the command line and parameter files give them.
+//! Values of node parameters and their types.
 
 use std::fmt;
 
@@ -28,23 +28,147 @@ pub enum ParameterValue {
     StringArray(Vec<String>),
 }
 
+/// Types of parameters; the numbers are those of `rcl_interfaces/msg/ParameterType`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default)]
+pub enum ParameterType {
+    /// No value.
+    #[default]
+    NotSet = 0,
+    /// `true` or `false`.
+    Bool = 1,
+    /// 64-bit integer.
+    Integer = 2,
+    /// Floating point number.
+    Double = 3,
+    /// Text.
+    String = 4,
+    /// Bytes.
+    ByteArray = 5,
+    /// List of `true` and `false`.
+    BoolArray = 6,
+    /// List of integers.
+    IntegerArray = 7,
+    /// List of floating point numbers.
+    DoubleArray = 8,
+    /// List of texts.
+    StringArray = 9,
+}
+
+impl ParameterType {
+    const ALL: [Self; 10] = [
+        Self::NotSet,
+        Self::Bool,
+        Self::Integer,
+        Self::Double,
+        Self::String,
+        Self::ByteArray,
+        Self::BoolArray,
+        Self::IntegerArray,
+        Self::DoubleArray,
+        Self::StringArray,
+    ];
+
+    /// The type of this number.
+    #[must_use]
+    pub fn from_number(number: u8) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.number() == number)
+    }
+
+    /// Number in messages, for instance 7.
+    #[must_use]
+    pub fn number(self) -> u8 {
+        self as u8
+    }
+
+    /// Name in messages, for instance `INTEGER_ARRAY`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::NotSet => "NOT_SET",
+            Self::Bool => "BOOL",
+            Self::Integer => "INTEGER",
+            Self::Double => "DOUBLE",
+            Self::String => "STRING",
+            Self::ByteArray => "BYTE_ARRAY",
+            Self::BoolArray => "BOOL_ARRAY",
+            Self::IntegerArray => "INTEGER_ARRAY",
+            Self::DoubleArray => "DOUBLE_ARRAY",
+            Self::StringArray => "STRING_ARRAY",
+        }
+    }
+}
+
+impl fmt::Display for ParameterType {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
 impl ParameterValue {
+    /// Type of the value.
+    #[must_use]
+    pub fn parameter_type(&self) -> ParameterType {
+        match self {
+            Self::NotSet => ParameterType::NotSet,
+            Self::Bool(_) => ParameterType::Bool,
+            Self::Integer(_) => ParameterType::Integer,
+            Self::Double(_) => ParameterType::Double,
+            Self::String(_) => ParameterType::String,
+            Self::ByteArray(_) => ParameterType::ByteArray,
+            Self::BoolArray(_) => ParameterType::BoolArray,
+            Self::IntegerArray(_) => ParameterType::IntegerArray,
+            Self::DoubleArray(_) => ParameterType::DoubleArray,
+            Self::StringArray(_) => ParameterType::StringArray,
+        }
+    }
+
     /// Name of the type in messages, for instance `INTEGER_ARRAY`.
     #[must_use]
     pub fn type_name(&self) -> &'static str {
+        self.parameter_type().name()
+    }
+
+    /// Bytes that the value takes in a message, about: without padding and empty fields.
+    #[must_use]
+    pub fn size(&self) -> usize {
         match self {
-            Self::NotSet => "NOT_SET",
-            Self::Bool(_) => "BOOL",
-            Self::Integer(_) => "INTEGER",
-            Self::Double(_) => "DOUBLE",
-            Self::String(_) => "STRING",
-            Self::ByteArray(_) => "BYTE_ARRAY",
-            Self::BoolArray(_) => "BOOL_ARRAY",
-            Self::IntegerArray(_) => "INTEGER_ARRAY",
-            Self::DoubleArray(_) => "DOUBLE_ARRAY",
-            Self::StringArray(_) => "STRING_ARRAY",
+            Self::NotSet => 0,
+            Self::Bool(_) => 1,
+            Self::Integer(_) | Self::Double(_) => 8,
+            Self::String(text) => text.len(),
+            Self::ByteArray(values) => values.len(),
+            Self::BoolArray(values) => values.len(),
+            Self::IntegerArray(values) => values.len().saturating_mul(8),
+            Self::DoubleArray(values) => values.len().saturating_mul(8),
+            // Length and terminator of each.
+            Self::StringArray(values) => {
+                values.iter().fold(0, |sum, text| sum.saturating_add(text.len()).saturating_add(5))
+            }
         }
     }
+}
+
+macro_rules! from {
+    ($($from:ty => $variant:ident,)*) => {$(
+        impl From<$from> for ParameterValue {
+            fn from(value: $from) -> Self {
+                Self::$variant(value.into())
+            }
+        }
+    )*};
+}
+
+from! {
+    bool => Bool,
+    i64 => Integer,
+    f64 => Double,
+    &str => String,
+    String => String,
+    Vec<u8> => ByteArray,
+    Vec<bool> => BoolArray,
+    Vec<i64> => IntegerArray,
+    Vec<f64> => DoubleArray,
+    Vec<String> => StringArray,
 }
 
 impl fmt::Display for ParameterValue {

@@ -1,0 +1,211 @@
+//! What a parameter is for and which values it may have.
+
+use std::fmt::Display;
+
+use super::SetError;
+use crate::node::{ParameterType, ParameterValue};
+
+/// Relative difference below which two floating point numbers count as one.
+const TOLERANCE: f64 = 1e-6;
+
+/// What a parameter is for and which values it may have.
+///
+/// ```
+/// use wrapyfi_core::node::parameters::ParameterDescriptor;
+/// let rate = ParameterDescriptor::new("camera.rate")
+///     .with_description("Images per second")
+///     .with_integer_range(1, 120, 1);
+/// assert!(!rate.read_only);
+/// ```
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct ParameterDescriptor {
+    /// Name; groups end with dots, as in `camera.rate`.
+    pub name: String,
+    /// Type; [`ParameterType::NotSet`] takes that of the default value.
+    pub parameter_type: ParameterType,
+    /// What the parameter is for.
+    pub description: String,
+    /// Rules that a range cannot say, in words.
+    pub additional_constraints: String,
+    /// Whether it keeps the value it was declared with.
+    pub read_only: bool,
+    /// Whether its type may change.
+    pub dynamic_typing: bool,
+    /// Range of an `INTEGER` or `DOUBLE`.
+    pub range: Option<ParameterRange>,
+}
+
+/// Values that a number may have. The ends are allowed whatever the step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ParameterRange {
+    /// Range of an `INTEGER`.
+    Integer {
+        /// Least value.
+        from: i64,
+        /// Largest value.
+        to: i64,
+        /// Distance of allowed values, counted from `from`; 0 allows all.
+        step: u64,
+    },
+    /// Range of a `DOUBLE`.
+    Double {
+        /// Least value.
+        from: f64,
+        /// Largest value.
+        to: f64,
+        /// Distance of allowed values, counted from `from`; 0 allows all.
+        step: f64,
+    },
+}
+
+impl ParameterDescriptor {
+    /// A parameter of this name: static type, no range, may be set.
+    #[must_use]
+    pub fn new(name: impl Into<String>) -> Self {
+        Self { name: name.into(), ..Self::default() }
+    }
+
+    /// With a type, for a parameter that has no value until somebody gives one.
+    #[must_use]
+    pub fn with_type(self, parameter_type: ParameterType) -> Self {
+        Self { parameter_type, ..self }
+    }
+
+    /// With words on what it is for.
+    #[must_use]
+    pub fn with_description(self, description: impl Into<String>) -> Self {
+        Self { description: description.into(), ..self }
+    }
+
+    /// With rules in words.
+    #[must_use]
+    pub fn with_constraints(self, constraints: impl Into<String>) -> Self {
+        Self { additional_constraints: constraints.into(), ..self }
+    }
+
+    /// As one that only the start of the node sets.
+    #[must_use]
+    pub fn read_only(self) -> Self {
+        Self { read_only: true, ..self }
+    }
+
+    /// As one whose type may change, and that may be deleted by setting no value.
+    #[must_use]
+    pub fn dynamic(self) -> Self {
+        Self { dynamic_typing: true, ..self }
+    }
+
+    /// With the integers it may be.
+    #[must_use]
+    pub fn with_integer_range(self, from: i64, to: i64, step: u64) -> Self {
+        Self { range: Some(ParameterRange::Integer { from, to, step }), ..self }
+    }
+
+    /// With the floating point numbers it may be.
+    #[must_use]
+    pub fn with_double_range(self, from: f64, to: f64, step: f64) -> Self {
+        Self { range: Some(ParameterRange::Double { from, to, step }), ..self }
+    }
+
+    /// Whether the parameter may have this value, apart from being read-only.
+    pub(super) fn check(&self, value: &ParameterValue) -> Result<(), SetError> {
+        let found = value.parameter_type();
+        if !self.dynamic_typing && found != self.parameter_type {
+            return Err(match found {
+                ParameterType::NotSet => SetError::StaticType { name: self.name.clone() },
+                _ => SetError::WrongType {
+                    name: self.name.clone(),
+                    expected: self.parameter_type,
+                    found,
+                },
+            });
+        }
+        let size = value.size();
+        if size > super::MAX_VALUE_BYTES {
+            let (name, limit) = (self.name.clone(), super::MAX_VALUE_BYTES);
+            return Err(SetError::TooLarge { name, size, limit });
+        }
+        match (self.range, value) {
+            (Some(ParameterRange::Integer { from, to, step }), ParameterValue::Integer(value)) => {
+                self.check_integer(from, to, step, *value)
+            }
+            (Some(ParameterRange::Double { from, to, step }), ParameterValue::Double(value)) => {
+                self.check_double(from, to, step, *value)
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn check_integer(&self, from: i64, to: i64, step: u64, value: i64) -> Result<(), SetError> {
+        let (min, max) = (from.min(to), from.max(to));
+        if value == min || value == max {
+            return Ok(());
+        }
+        if value < min || value > max {
+            return Err(self.out_of_range(min, max, value));
+        }
+        // value > min, so the distance fits.
+        let distance = value.abs_diff(min);
+        if distance.checked_rem(step).unwrap_or(0) != 0 {
+            return Err(self.off_step(min, max, value, step));
+        }
+        Ok(())
+    }
+
+    fn check_double(&self, from: f64, to: f64, step: f64, value: f64) -> Result<(), SetError> {
+        let (min, max) = (from.min(to), from.max(to));
+        if is_close(value, min) || is_close(value, max) {
+            return Ok(());
+        }
+        // Not a number is in no range.
+        if !(min < value && value < max) {
+            return Err(self.out_of_range(Real(min), Real(max), Real(value)));
+        }
+        if step != 0.0 && !is_close(min + ((value - min) / step).round() * step, value) {
+            return Err(self.off_step(Real(min), Real(max), Real(value), Real(step)));
+        }
+        Ok(())
+    }
+
+    fn out_of_range<T: Display>(&self, min: T, max: T, value: T) -> SetError {
+        let (min, max, value) = (boxed(min), boxed(max), boxed(value));
+        SetError::OutOfRange { name: self.name.clone(), min, max, value }
+    }
+
+    fn off_step<T: Display>(&self, min: T, max: T, value: T, step: impl Display) -> SetError {
+        let (min, max, value, step) = (boxed(min), boxed(max), boxed(value), boxed(step));
+        SetError::OffStep { name: self.name.clone(), min, max, value, step }
+    }
+}
+
+/// A number as an error holds it.
+fn boxed(number: impl Display) -> Box<str> {
+    number.to_string().into()
+}
+
+impl ParameterRange {
+    /// Type of the values in the range.
+    #[must_use]
+    pub fn parameter_type(&self) -> ParameterType {
+        match self {
+            Self::Integer { .. } => ParameterType::Integer,
+            Self::Double { .. } => ParameterType::Double,
+        }
+    }
+}
+
+/// A floating point number as Python writes it: `1.0`, not `1`.
+struct Real(f64);
+
+impl Display for Real {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{:?}", self.0)
+    }
+}
+
+fn is_close(a: f64, b: f64) -> bool {
+    // Equal infinities have no difference.
+    #[allow(clippy::float_cmp)]
+    let equal = a == b;
+    equal || (a - b).abs() <= TOLERANCE * a.abs().max(b.abs()) && a.is_finite() && b.is_finite()
+}
