@@ -115,8 +115,15 @@ pub(crate) struct RawReader(Endpoint);
 pub(crate) enum Taken {
     /// Nothing waits.
     Nothing,
-    /// A message and its source time in nanoseconds.
-    Message(Bytes, i64),
+    /// A message.
+    Message {
+        /// Its bytes.
+        cdr: Bytes,
+        /// Its source time in nanoseconds.
+        source_timestamp_ns: i64,
+        /// Number of its writer, as [`super::BuiltinReader::take`] gives it.
+        writer: u64,
+    },
     /// A message of so many bytes was over the limit and is gone.
     TooLarge(usize),
 }
@@ -176,7 +183,11 @@ impl RawReader {
             return Ok(if bytes > max_bytes {
                 Taken::TooLarge(bytes)
             } else {
-                Taken::Message(sample.into_bytes(), info.source_timestamp)
+                Taken::Message {
+                    cdr: sample.into_bytes(),
+                    source_timestamp_ns: info.source_timestamp,
+                    writer: info.publication_handle,
+                }
             });
         }
     }
