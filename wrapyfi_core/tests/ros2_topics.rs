@@ -150,8 +150,14 @@ fn the_link_says_what_it_waits_for() {
     best_effort.qos.reliability = Reliability::BestEffort;
     let refused = a.open_publisher(&best_effort, &context).unwrap();
     let sent = || refused.link();
-    says(&heard, "a publisher of /x whose reliability is compatible (see qos)");
-    says(&sent, "a subscriber of /x whose reliability is compatible (see qos)");
+    says(
+        &heard,
+        "a publisher of /x that fits (/robot/near offers best effort, the route asks for reliable)",
+    );
+    says(
+        &sent,
+        "a subscriber of /x that fits (/robot/far asks for reliable, the route offers best effort)",
+    );
 }
 
 #[test]

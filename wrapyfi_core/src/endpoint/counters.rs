@@ -54,6 +54,55 @@ drop_reasons! {
     LostUpstream => "lost_upstream",
     /// Above the route's `max_rate_hz`.
     RateLimit => "rate_limit",
+    /// Delivered before, and once more when the listener was opened again with another quality of
+    /// service.
+    Duplicate => "duplicate",
+}
+
+/// What happened to an endpoint's quality of service. No message is lost by it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum QosEvent {
+    /// A publisher let its deadline pass: the next message did not come in time.
+    DeadlineMissed,
+    /// We let the deadline pass that our publisher promises.
+    OwnDeadlineMissed,
+    /// A publisher that the listener hears is no longer alive: it went, or was silent for its
+    /// lease.
+    PublisherNotAlive,
+    /// Our publisher did not say in time that it is alive.
+    OwnLivelinessLost,
+    /// An endpoint was opened again with another quality of service, to fit its peers.
+    Changed,
+}
+
+impl QosEvent {
+    /// Every event, in the order in which tables show them.
+    pub const ALL: &'static [Self] = &[
+        Self::DeadlineMissed,
+        Self::OwnDeadlineMissed,
+        Self::PublisherNotAlive,
+        Self::OwnLivelinessLost,
+        Self::Changed,
+    ];
+
+    /// Name in logs, tables and JSON.
+    #[must_use]
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::DeadlineMissed => "deadline_missed",
+            Self::OwnDeadlineMissed => "own_deadline_missed",
+            Self::PublisherNotAlive => "publisher_not_alive",
+            Self::OwnLivelinessLost => "own_liveliness_lost",
+            Self::Changed => "qos_changed",
+        }
+    }
+}
+
+impl std::fmt::Display for QosEvent {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.as_str())
+    }
 }
 
 impl std::fmt::Display for DropReason {
@@ -71,6 +120,7 @@ pub struct Counters {
     sent_bytes: AtomicU64,
     unread: AtomicU64,
     drops: [AtomicU64; DropReason::ALL.len()],
+    qos_events: [AtomicU64; QosEvent::ALL.len()],
     latency: Latency,
 }
 
@@ -106,6 +156,13 @@ impl Counters {
         }
     }
 
+    /// Counts what happened to the quality of service, `count` times.
+    pub fn qos_event(&self, event: QosEvent, count: u64) {
+        if let Some(counter) = self.qos_events.get(event as usize) {
+            counter.fetch_add(count, Relaxed);
+        }
+    }
+
     /// The counters now. Counters move on while they are read: sums may differ by what is in flight.
     #[must_use]
     pub fn snapshot(&self) -> CountersSnapshot {
@@ -119,6 +176,12 @@ impl Counters {
                 .iter()
                 .zip(&self.drops)
                 .map(|(&reason, count)| (reason, count.load(Relaxed)))
+                .filter(|&(_, count)| count > 0)
+                .collect(),
+            qos_events: QosEvent::ALL
+                .iter()
+                .zip(&self.qos_events)
+                .map(|(&event, count)| (event, count.load(Relaxed)))
                 .filter(|&(_, count)| count > 0)
                 .collect(),
             latency: self.latency.summary(),
@@ -143,6 +206,9 @@ pub struct CountersSnapshot {
     /// Dropped messages by reason; reasons that never happened are left out.
     #[serde(serialize_with = "drops_as_map")]
     pub drops: Vec<(DropReason, u64)>,
+    /// What happened to the quality of service; events that never happened are left out.
+    #[serde(serialize_with = "events_as_map")]
+    pub qos_events: Vec<(QosEvent, u64)>,
     /// Time from arrival here to hand-over.
     pub latency: LatencySummary,
 }
@@ -159,6 +225,12 @@ impl CountersSnapshot {
     pub fn dropped_for(&self, reason: DropReason) -> u64 {
         self.drops.iter().filter(|&&(r, _)| r == reason).map(|&(_, count)| count).sum()
     }
+
+    /// How often `event` happened.
+    #[must_use]
+    pub fn qos_events_of(&self, event: QosEvent) -> u64 {
+        self.qos_events.iter().filter(|&&(e, _)| e == event).map(|&(_, count)| count).sum()
+    }
 }
 
 fn drops_as_map<S: serde::Serializer>(
@@ -166,6 +238,13 @@ fn drops_as_map<S: serde::Serializer>(
     serializer: S,
 ) -> Result<S::Ok, S::Error> {
     serializer.collect_map(drops.iter().map(|(reason, count)| (reason.as_str(), count)))
+}
+
+fn events_as_map<S: serde::Serializer>(
+    events: &[(QosEvent, u64)],
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(events.iter().map(|(event, count)| (event.as_str(), count)))
 }
 
 #[cfg(test)]
@@ -190,5 +269,18 @@ mod tests {
         for (index, &reason) in DropReason::ALL.iter().enumerate() {
             assert_eq!(reason as usize, index);
         }
+        for (index, &event) in QosEvent::ALL.iter().enumerate() {
+            assert_eq!(event as usize, index);
+        }
+    }
+
+    #[test]
+    fn an_event_is_no_drop() {
+        let counters = Counters::default();
+        counters.qos_event(QosEvent::DeadlineMissed, 2);
+        let now = counters.snapshot();
+        assert_eq!((now.dropped(), now.qos_events_of(QosEvent::DeadlineMissed)), (0, 2));
+        let json = serde_json::to_value(&now).unwrap();
+        assert_eq!(json["qos_events"], serde_json::json!({ "deadline_missed": 2 }));
     }
 }

@@ -14,7 +14,7 @@ use std::time::Duration;
 
 use serde::Serialize;
 
-use super::{History, Reliability};
+use super::{History, Liveliness, Reliability};
 
 /// Looks for endpoints until it is dropped. It sees more the longer it looks.
 pub trait Discovery: Send {
@@ -98,7 +98,7 @@ pub struct AnnouncedQos {
 }
 
 /// What DDS calls durability; ROS nodes use the first two.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 #[allow(missing_docs)]
 pub enum AnnouncedDurability {
@@ -106,16 +106,6 @@ pub enum AnnouncedDurability {
     TransientLocal,
     Transient,
     Persistent,
-}
-
-/// Who says that a publisher is alive.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-#[allow(missing_docs)]
-pub enum Liveliness {
-    Automatic,
-    ManualByParticipant,
-    ManualByTopic,
 }
 
 impl fmt::Display for AnnouncedQos {

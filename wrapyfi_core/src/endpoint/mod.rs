@@ -20,6 +20,7 @@ mod discovery;
 mod inbox;
 mod latency;
 mod qos;
+mod qos_match;
 mod registry;
 mod wake;
 
@@ -27,14 +28,14 @@ use std::sync::Arc;
 use std::time::Instant;
 
 pub use address::{EndpointAddress, ParseAddressError};
-pub use counters::{Counters, CountersSnapshot, DropReason};
+pub use counters::{Counters, CountersSnapshot, DropReason, QosEvent};
 pub use discovery::{
-    AnnouncedDurability, AnnouncedQos, DiscoverError, Discovered, Discovery, Liveliness, Role,
-    Traffic,
+    AnnouncedDurability, AnnouncedQos, DiscoverError, Discovered, Discovery, Role, Traffic,
 };
 pub use inbox::{Overflow, QueueSpec, Receiver, Sender, inbox};
 pub use latency::{Latency, LatencySummary};
-pub use qos::{Durability, History, Qos, QosPreset, Reliability};
+pub use qos::{Durability, History, Liveliness, Qos, QosPreset, Reliability};
+pub use qos_match::{MatchedQos, QosPolicy, QosWarning, listener_qos, mismatches, publisher_qos};
 pub use registry::{Registry, UnknownMiddleware};
 pub use wake::Wake;
 
@@ -93,6 +94,13 @@ pub trait Listener: Send {
 
     /// What the listener is connected to now.
     fn link(&self) -> Link;
+
+    /// Looks at what its peers announce, and adapts to it where the listener was opened with
+    /// [`TopicSpec::match_peers`]. Cheap while nothing changes. The owner calls it when the bell
+    /// rings and when [`Review::next`] has come.
+    fn review(&mut self, _now: Instant) -> Review {
+        Review::default()
+    }
 }
 
 /// Sends to one topic.
@@ -106,6 +114,35 @@ pub trait Publisher: Send {
     /// What the publisher is connected to now. A publisher without consumer need not be given
     /// anything, except where [`Link::keeps_last`] says that later consumers will want it.
     fn link(&self) -> Link;
+
+    /// As [`Listener::review`].
+    fn review(&mut self, _now: Instant) -> Review {
+        Review::default()
+    }
+}
+
+/// What came of a look at an endpoint's peers.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Review {
+    /// Quality of service in use; `None` where the middleware has none.
+    pub qos: Option<Qos>,
+    /// How it was changed by this look, if it was.
+    pub changed: Option<QosChange>,
+    /// What the owner should tell its user, each once: peers that do not fit, and what to do.
+    pub warnings: Vec<String>,
+    /// When to look again even if nothing rings.
+    pub next: Option<Instant>,
+}
+
+/// An endpoint was opened again with another quality of service.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct QosChange {
+    /// What it was.
+    pub from: Qos,
+    /// What it is now.
+    pub to: Qos,
+    /// The peers that asked for it, in a few words.
+    pub why: String,
 }
 
 /// A received message.
@@ -141,6 +178,9 @@ pub struct TopicSpec {
     pub message_type: MessageType,
     /// Quality of service, where the middleware has one.
     pub qos: Qos,
+    /// Fits the quality of service to the peers that exist and follows them
+    /// ([`Listener::review`]); `qos` is used while there are none, its history always.
+    pub match_peers: bool,
     /// Queue of a listener.
     pub queue: QueueSpec,
     /// Channel order that three-channel frames from Wrapyfi have (`encoding:` of a route);
@@ -160,6 +200,7 @@ impl TopicSpec {
             topic: topic.into(),
             message_type,
             qos: Qos::default(),
+            match_peers: false,
             queue: QueueSpec::default(),
             color_order: Encoding::Bgr8,
             limits: Limits::default(),

@@ -1,6 +1,11 @@
 //! Quality of service, in ROS 2's terms.
 
-use serde::Serialize;
+use std::fmt;
+use std::time::Duration;
+
+use serde::{Serialize, Serializer};
+
+use super::discovery::{AnnouncedDurability, AnnouncedQos};
 
 /// Delivery effort.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -30,7 +35,19 @@ pub enum History {
     KeepAll,
 }
 
-/// Quality of service of one endpoint.
+/// Who says that a publisher is alive.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Liveliness {
+    /// Its process, by being there.
+    Automatic,
+    /// Its process, by a call. ROS 2 has given it up; other DDS programs announce it.
+    ManualByParticipant,
+    /// Itself, by publishing.
+    ManualByTopic,
+}
+
+/// Quality of service of one endpoint. Times are `None` where they are infinite.
 ///
 /// Wrapyfi's own ROS 2 endpoints are reliable, volatile, keep-last 5; the default here is ROS 2's
 /// default profile, keep-last 10.
@@ -42,6 +59,49 @@ pub struct Qos {
     pub durability: Durability,
     /// Samples kept.
     pub history: History,
+    /// Longest time between two messages: promised by a publisher, asked for by a listener.
+    #[serde(rename = "deadline_ms", serialize_with = "milliseconds")]
+    pub deadline: Option<Duration>,
+    /// Age at which a message is no longer delivered; the publisher's alone.
+    #[serde(rename = "lifespan_ms", serialize_with = "milliseconds")]
+    pub lifespan: Option<Duration>,
+    /// Who says that the publisher is alive.
+    pub liveliness: Liveliness,
+    /// Silence after which it counts as dead.
+    #[serde(rename = "lease_ms", serialize_with = "milliseconds")]
+    pub lease: Option<Duration>,
+}
+
+fn milliseconds<S: Serializer>(time: &Option<Duration>, serializer: S) -> Result<S::Ok, S::Error> {
+    match time {
+        Some(time) => serializer.serialize_some(&(time.as_secs_f64() * 1e3)),
+        None => serializer.serialize_none(),
+    }
+}
+
+impl From<Qos> for AnnouncedQos {
+    /// What an endpoint with this quality of service tells the others.
+    fn from(qos: Qos) -> Self {
+        Self {
+            reliability: qos.reliability,
+            durability: match qos.durability {
+                Durability::Volatile => AnnouncedDurability::Volatile,
+                Durability::TransientLocal => AnnouncedDurability::TransientLocal,
+            },
+            history: Some(qos.history),
+            deadline: qos.deadline,
+            lifespan: qos.lifespan,
+            liveliness: qos.liveliness,
+            lease: qos.lease,
+        }
+    }
+}
+
+impl fmt::Display for Qos {
+    /// In a few words: `reliable volatile keep_last(10)`, and the times that are finite.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        AnnouncedQos::from(*self).fmt(f)
+    }
 }
 
 /// A named profile, as `rmw_qos_profiles` names them.
@@ -64,7 +124,15 @@ impl From<QosPreset> for Qos {
             QosPreset::SensorData => (Reliability::BestEffort, Durability::Volatile, 5),
             QosPreset::Latched => (Reliability::Reliable, Durability::TransientLocal, 1),
         };
-        Self { reliability, durability, history: History::KeepLast(depth) }
+        Self {
+            reliability,
+            durability,
+            history: History::KeepLast(depth),
+            deadline: None,
+            lifespan: None,
+            liveliness: Liveliness::Automatic,
+            lease: None,
+        }
     }
 }
 

@@ -16,7 +16,7 @@ pub use serde_saphyr::Spanned;
 
 use super::config_devices::DevicesConfig;
 use super::config_error::ConfigError;
-use crate::endpoint::{Durability, History, Qos, QosPreset, Reliability};
+use super::config_qos::QosConfig;
 
 /// Largest configuration file, in bytes.
 pub const MAX_CONFIG_BYTES: usize = 1 << 20;
@@ -78,7 +78,8 @@ pub struct RouteConfig {
     /// Name in tables and logs (default `from -> to`).
     #[serde(default)]
     pub name: Option<String>,
-    /// Quality of service where a middleware has one (default: reliable, volatile, keep-last 10).
+    /// Quality of service where a middleware has one (default: fitted to the peers, and ROS 2's
+    /// default profile while there are none).
     #[serde(default)]
     pub qos: Option<QosConfig>,
     /// Channel order of three-channel frames on Wrapyfi's side: `bgr8` (default) or `rgb8`.
@@ -113,10 +114,6 @@ pub enum OverflowConfig {
     Block { block_ms: u64 },
 }
 
-/// `default`, `sensor_data`, `latched`, or the policies one by one.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct QosConfig(pub Qos);
-
 impl<E: DeserializeOwned + Default> Config<E> {
     /// Reads a configuration; `file` is its name in errors.
     ///
@@ -146,89 +143,24 @@ impl<'de> Deserialize<'de> for OverflowConfig {
         word_or_map(
             deserializer,
             "drop_oldest, drop_newest or { block_ms: N }",
-            |word: Word| match word {
-                Word::DropOldest => Self::DropOldest,
-                Word::DropNewest => Self::DropNewest,
-            },
-            |Block { block_ms }| Self::Block { block_ms },
-        )
-    }
-}
-
-impl<'de> Deserialize<'de> for QosConfig {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        #[derive(Deserialize)]
-        #[serde(rename_all = "snake_case")]
-        enum Word {
-            Default,
-            SensorData,
-            Latched,
-        }
-        #[derive(Deserialize, Default)]
-        #[serde(deny_unknown_fields, default)]
-        struct Policies {
-            reliability: Option<ReliabilityWord>,
-            durability: Option<DurabilityWord>,
-            history: Option<HistoryWord>,
-            depth: Option<u32>,
-        }
-        #[derive(Deserialize)]
-        #[serde(rename_all = "snake_case")]
-        enum ReliabilityWord {
-            Reliable,
-            BestEffort,
-        }
-        #[derive(Deserialize)]
-        #[serde(rename_all = "snake_case")]
-        enum DurabilityWord {
-            Volatile,
-            TransientLocal,
-        }
-        #[derive(Deserialize)]
-        #[serde(rename_all = "snake_case")]
-        enum HistoryWord {
-            KeepLast,
-            KeepAll,
-        }
-        word_or_map(
-            deserializer,
-            "default, sensor_data, latched or { reliability, durability, history, depth }",
             |word: Word| {
-                Self(Qos::from(match word {
-                    Word::Default => QosPreset::Default,
-                    Word::SensorData => QosPreset::SensorData,
-                    Word::Latched => QosPreset::Latched,
-                }))
-            },
-            |policies: Policies| {
-                let base = Qos::default();
-                Self(Qos {
-                    reliability: match policies.reliability {
-                        Some(ReliabilityWord::BestEffort) => Reliability::BestEffort,
-                        Some(ReliabilityWord::Reliable) | None => base.reliability,
-                    },
-                    durability: match policies.durability {
-                        Some(DurabilityWord::TransientLocal) => Durability::TransientLocal,
-                        Some(DurabilityWord::Volatile) | None => base.durability,
-                    },
-                    history: match (policies.history, policies.depth) {
-                        (Some(HistoryWord::KeepAll), _) => History::KeepAll,
-                        (_, Some(depth)) => History::KeepLast(depth.max(1)),
-                        (_, None) => base.history,
-                    },
+                Ok(match word {
+                    Word::DropOldest => Self::DropOldest,
+                    Word::DropNewest => Self::DropNewest,
                 })
             },
+            |Block { block_ms }| Ok(Self::Block { block_ms }),
         )
     }
 }
 
 /// Reads a value that is either a word of enum `W` or a mapping `M`, with errors that point into
 /// whichever was written (an untagged enum would only say that nothing matched).
-fn word_or_map<'de, D, W, M, T>(
+pub(super) fn word_or_map<'de, D, W, M, T>(
     deserializer: D,
     expected: &'static str,
-    from_word: impl FnOnce(W) -> T,
-    from_map: impl FnOnce(M) -> T,
+    from_word: impl FnOnce(W) -> Result<T, String>,
+    from_map: impl FnOnce(M) -> Result<T, String>,
 ) -> Result<T, D::Error>
 where
     D: Deserializer<'de>,
@@ -241,8 +173,8 @@ where
     where
         W: Deserialize<'de>,
         M: Deserialize<'de>,
-        F: FnOnce(W) -> T,
-        G: FnOnce(M) -> T,
+        F: FnOnce(W) -> Result<T, String>,
+        G: FnOnce(M) -> Result<T, String>,
     {
         type Value = T;
 
@@ -251,11 +183,12 @@ where
         }
 
         fn visit_str<Er: de::Error>(self, word: &str) -> Result<T, Er> {
-            W::deserialize(word.into_deserializer()).map(self.1)
+            (self.1)(W::deserialize(word.into_deserializer())?).map_err(de::Error::custom)
         }
 
         fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<T, A::Error> {
-            M::deserialize(de::value::MapAccessDeserializer::new(map)).map(self.2)
+            let read = M::deserialize(de::value::MapAccessDeserializer::new(map))?;
+            (self.2)(read).map_err(de::Error::custom)
         }
     }
 
@@ -265,6 +198,7 @@ where
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::endpoint::{Durability, History, QosPreset};
 
     #[derive(Debug, Default, Deserialize)]
     #[serde(deny_unknown_fields)]
@@ -281,7 +215,7 @@ mod tests {
                 .unwrap();
         let route = &config.routes[0].value;
         assert_eq!((route.from.value.as_str(), route.to.value.as_str()), ("a:/x", "b:/y"));
-        assert_eq!(route.qos, Some(QosConfig(QosPreset::SensorData.into())));
+        assert_eq!(route.qos, Some(QosConfig::Fixed(QosPreset::SensorData.into())));
         assert_eq!(config.routes[0].referenced.line(), 2);
         assert_eq!(config.defaults.queue_depth, 10);
     }
@@ -292,7 +226,7 @@ mod tests {
         let config = parse(text).unwrap();
         let route = &config.routes[0].value;
         assert_eq!(route.overflow, Some(OverflowConfig::Block { block_ms: 50 }));
-        let qos = route.qos.unwrap().0;
+        let qos = route.qos.unwrap().qos();
         assert_eq!(qos.durability, Durability::TransientLocal);
         assert_eq!(qos.history, History::KeepLast(3));
     }

@@ -37,18 +37,18 @@ mod backoff;
 mod config;
 mod config_devices;
 mod config_error;
+mod config_qos;
 #[expect(clippy::module_inception, reason = "the engine is this module's one main type")]
 mod engine;
 mod plan;
 mod relay;
 mod route;
 
-pub use config::{
-    Config, Defaults, MAX_CONFIG_BYTES, OverflowConfig, QosConfig, RouteConfig, Spanned,
-};
+pub use config::{Config, Defaults, MAX_CONFIG_BYTES, OverflowConfig, RouteConfig, Spanned};
 pub use config_devices::{DeviceWord, DevicesConfig};
 pub(crate) use config_error::did_you_mean;
 pub use config_error::{ConfigError, Problem};
+pub use config_qos::QosConfig;
 pub use engine::{Engine, Running};
 pub use plan::{Available, Plan, RouteSpec};
 pub use relay::{Relay, Step};

@@ -7,9 +7,10 @@ use std::time::Duration;
 use super::config::{Config, Defaults, OverflowConfig, RouteConfig, Spanned};
 use super::config_devices::DevicesConfig;
 use super::config_error::{ConfigError, Problem, did_you_mean};
+use super::config_qos::QosConfig;
 use crate::Limits;
 use crate::codec::is_convertible;
-use crate::endpoint::{EndpointAddress, Overflow, ParseAddressError, Qos, QueueSpec, TopicSpec};
+use crate::endpoint::{EndpointAddress, Overflow, ParseAddressError, QueueSpec, TopicSpec};
 use crate::plugin::{DeviceMaps, Plugins};
 use crate::types::{DataType, Encoding, MessageType};
 
@@ -27,7 +28,7 @@ pub struct RouteSpec {
     /// Type of the messages at the source.
     pub from_type: MessageType,
     /// Quality of service on middlewares that have one.
-    pub qos: Qos,
+    pub qos: QosConfig,
     /// Queue between source and conversion.
     pub queue: QueueSpec,
     /// Highest rate passed on, in messages per second.
@@ -50,7 +51,7 @@ impl RouteSpec {
             to,
             message_type,
             from_type: message_type,
-            qos: Qos::default(),
+            qos: QosConfig::default(),
             queue: QueueSpec::default(),
             max_rate_hz: None,
             color_order: Encoding::Bgr8,
@@ -66,7 +67,8 @@ impl RouteSpec {
         TopicSpec {
             topic: address.name.clone(),
             message_type: if at_source { self.from_type } else { self.message_type },
-            qos: self.qos,
+            qos: self.qos.qos(),
+            match_peers: matches!(self.qos, QosConfig::Match(_)),
             queue: self.queue,
             color_order: self.color_order,
             limits: self.limits,
@@ -87,6 +89,10 @@ impl fmt::Display for RouteSpec {
             Overflow::DropOldest => write!(f, "drop_oldest")?,
             Overflow::DropNewest => write!(f, "drop_newest")?,
             Overflow::Block(deadline) => write!(f, "block {} ms", deadline.as_millis())?,
+        }
+        // Fitting is the rule, and not said.
+        if let QosConfig::Fixed(qos) = self.qos {
+            write!(f, "  qos {qos}")?;
         }
         if let Some(hz) = self.max_rate_hz {
             write!(f, "  at most {hz} Hz")?;
@@ -255,7 +261,7 @@ fn route_spec(
             if let Some(name) = &config.name {
                 route.name.clone_from(name);
             }
-            route.qos = config.qos.map(|qos| qos.0).unwrap_or_default();
+            route.qos = config.qos.unwrap_or_default();
             route.queue = QueueSpec { depth, overflow };
             route.max_rate_hz = config.max_rate_hz.as_ref().map(|rate| rate.value);
             route.color_order = color_order;

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //!   step(now):  reconcile   open what is missing, when its back-off is over
+//!               review      fit quality of service to the peers, say who does not fit
 //!               propagate   listener.take() ──▶ rate ──▶ publisher.publish()
 //!               judge       waiting for … │ active │ degraded: … │ error: …
 //! ```
@@ -16,7 +17,8 @@ use super::plan::RouteSpec;
 use super::route::{RouteState, RouteStatus};
 use crate::codec::convert_payload;
 use crate::endpoint::{
-    Context, DropReason, Listener, Middleware, OpenError, Publisher, Registry, Sample, Wake,
+    Context, DropReason, Listener, Middleware, OpenError, Publisher, Qos, QosChange, Registry,
+    Review, Sample, Wake,
 };
 use crate::types::{Payload, Stamp};
 
@@ -51,6 +53,8 @@ struct End<T: ?Sized> {
     retry_at: Option<Instant>,
     /// Why it is not open.
     trouble: Option<RouteState>,
+    /// Quality of service in use.
+    qos: Option<Qos>,
 }
 
 /// What a step did, and when the next one is due.
@@ -97,6 +101,8 @@ impl Relay {
             to: self.spec.to.to_string(),
             message_type: self.spec.message_type.ros_type(),
             state: self.state.clone(),
+            from_qos: self.source.qos,
+            to_qos: self.sink.qos,
             counters: self.context.counters.snapshot(),
         }
     }
@@ -104,6 +110,7 @@ impl Relay {
     /// Brings the route one step on. Blocks only as long as a reliable destination does.
     pub fn step(&mut self, now: Instant) -> Step {
         self.reconcile(now);
+        let review_at = self.review(now);
         let moved = self.propagate(now);
         let state = self.judge(now);
         if state != self.state {
@@ -115,8 +122,8 @@ impl Relay {
             self.state = state;
         }
         let next = if moved == BATCH { now } else { now + REVIEW_EVERY };
-        let retries = [self.source.retry_at, self.sink.retry_at];
-        Step { moved, next: retries.into_iter().flatten().fold(next, Instant::min).max(now) }
+        let due = [self.source.retry_at, self.sink.retry_at, review_at];
+        Step { moved, next: due.into_iter().flatten().fold(next, Instant::min).max(now) }
     }
 
     /// The destination first: a message must find it open.
@@ -131,6 +138,15 @@ impl Relay {
         if sink.open.is_some() && source.open.is_some() {
             backoff.reset();
         }
+    }
+
+    /// Lets both ends look at their peers; when they want to look again.
+    fn review(&mut self, now: Instant) -> Option<Instant> {
+        let source = self.source.open.as_mut().map(|listener| listener.review(now));
+        let sink = self.sink.open.as_mut().map(|publisher| publisher.review(now));
+        let source = source.and_then(|found| self.source.note(found, &self.spec.name));
+        let sink = sink.and_then(|found| self.sink.note(found, &self.spec.name));
+        source.into_iter().chain(sink).min()
     }
 
     fn propagate(&mut self, now: Instant) -> usize {
@@ -222,7 +238,20 @@ impl<T: ?Sized> End<T> {
             Ok(middleware) => (Some(Arc::clone(middleware)), None),
             Err(unknown) => (None, Some(RouteState::Error(unknown.to_string()))),
         };
-        Self { middleware, open: None, retry_at: None, trouble }
+        Self { middleware, open: None, retry_at: None, trouble, qos: None }
+    }
+
+    /// Keeps what a review found, and logs it.
+    fn note(&mut self, review: Review, route: &str) -> Option<Instant> {
+        let Review { qos, changed, warnings, next } = review;
+        if let Some(QosChange { from, to, why }) = changed {
+            tracing::info!(route, %from, %to, "quality of service changed: {why}");
+        }
+        for warning in warnings {
+            tracing::warn!(route, "{warning}");
+        }
+        self.qos = qos;
+        next
     }
 
     fn open_with(

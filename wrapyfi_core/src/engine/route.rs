@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::Serialize;
 
-use crate::endpoint::CountersSnapshot;
+use crate::endpoint::{CountersSnapshot, Qos};
 
 /// What a route does at the moment. Every state but [`RouteState::Active`] says why.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -68,6 +68,10 @@ pub struct RouteStatus {
     /// What it does, and why.
     #[serde(flatten)]
     pub state: RouteState,
+    /// Quality of service in use at the source, where its middleware has one.
+    pub from_qos: Option<Qos>,
+    /// Quality of service in use at the destination.
+    pub to_qos: Option<Qos>,
     /// What went through and what did not.
     pub counters: CountersSnapshot,
 }

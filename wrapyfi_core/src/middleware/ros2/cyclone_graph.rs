@@ -19,10 +19,11 @@ use super::discovery_info::{DiscoveryInfo, EndpointKind, Gid};
 use super::domain::{DomainError, DomainLease};
 use super::graph::{
     CdrClient, CdrReader, CdrSample, CdrServer, CdrWriter, DiscoveredEndpoint, Graph, GraphError,
-    NodeWatch, Notify, ServiceDescription, ServiceMapping, TopicDescription,
+    NodeWatch, Notify, PeerWatch, QosEvents, ServiceDescription, ServiceMapping, TopicDescription,
 };
 use super::names;
 use super::owners::Owners;
+use super::peer_index::PeerIndex;
 use crate::endpoint::{History, Qos, Reliability};
 use crate::node::NodeName;
 
@@ -48,9 +49,10 @@ pub enum CycloneError {
 #[derive(Clone)]
 pub struct CycloneGraph(Arc<Node>);
 
-/// Fields drop in this order: announcement, participant, domain.
-struct Node {
+/// Fields drop in this order: announcement, what watches discovery, participant, domain.
+pub(super) struct Node {
     name: NodeName,
+    peers: Mutex<Option<Arc<PeerIndex>>>,
     info: Mutex<DiscoveryInfo>,
     participant: Entity,
     gid: Gid,
@@ -80,6 +82,7 @@ impl CycloneGraph {
         );
         Ok(Self(Arc::new(Node {
             name: config.node.clone(),
+            peers: Mutex::new(None),
             info: Mutex::new(info),
             participant,
             gid,
@@ -230,21 +233,18 @@ impl Graph for CycloneGraph {
     fn endpoints(&self) -> Result<Vec<DiscoveredEndpoint>, GraphError> {
         let found = cyclone::endpoints(&self.0.participant)
             .map_err(|code| stack("listing endpoints", &self.0.name.fqn(), code))?;
-        Ok(found
-            .into_iter()
-            .map(|endpoint| DiscoveredEndpoint {
-                is_publisher: endpoint.is_writer,
-                type_hash: type_hash(&endpoint.user_data),
-                gid: endpoint.guid,
-                qos: endpoint.qos,
-                is_own: endpoint.guid.first_chunk::<12>() == self.0.gid.first_chunk::<12>(),
-                type_name: names::type_from_dds(&endpoint.type_name)
-                    .unwrap_or_else(|| endpoint.type_name.clone()),
-                dds_type: endpoint.type_name,
-                topic: names::topic_from_dds(&endpoint.topic).unwrap_or(&endpoint.topic).to_owned(),
-                dds_topic: endpoint.topic,
-            })
-            .collect())
+        Ok(found.into_iter().map(|endpoint| discovered(endpoint, &self.0.gid)).collect())
+    }
+
+    fn watch(
+        &self,
+        topic: &str,
+        publishers: bool,
+        on_change: Notify,
+    ) -> Result<Box<dyn PeerWatch>, GraphError> {
+        let index = self.0.peer_index().map_err(|code| stack("watching", topic, code))?;
+        let topic = names::topic_to_dds(topic);
+        Ok(Box::new(index.watch(Arc::clone(&self.0), topic, publishers, on_change)))
     }
 
     fn nodes(&self) -> Result<Box<dyn NodeWatch>, GraphError> {
@@ -256,11 +256,25 @@ impl Node {
     fn info(&self) -> MutexGuard<'_, DiscoveryInfo> {
         self.info.lock().unwrap_or_else(PoisonError::into_inner)
     }
+
+    /// What discovery has found, by topic: begun with the first one that asks.
+    fn peer_index(&self) -> Result<Arc<PeerIndex>, ReturnCode> {
+        let mut peers = self.peers.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(index) = &*peers {
+            return Ok(Arc::clone(index));
+        }
+        let index = PeerIndex::new(&self.participant, self.gid)?;
+        *peers = Some(Arc::clone(&index));
+        Ok(index)
+    }
 }
 
 impl Drop for Node {
     fn drop(&mut self) {
         self.info().retire();
+        if let Some(index) = self.peers.get_mut().unwrap_or_else(PoisonError::into_inner) {
+            index.close();
+        }
     }
 }
 
@@ -303,6 +317,10 @@ impl CdrWriter for CycloneWriter {
     fn incompatible(&self) -> Option<&'static str> {
         self.raw.events().incompatible()
     }
+
+    fn qos_events(&self) -> QosEvents {
+        qos_events(self.raw.events())
+    }
 }
 
 /// Writes a message to `topic`.
@@ -334,6 +352,7 @@ impl CdrReader for CycloneReader {
             Ok(Taken::Message(sample)) => Ok(Some(CdrSample {
                 cdr: sample.cdr,
                 source_timestamp_ns: sample.source_timestamp_ns,
+                publisher: sample.writer,
             })),
             Ok(Taken::TooLarge(actual)) => Err(GraphError::TooLarge {
                 topic: self.topic.clone(),
@@ -355,6 +374,10 @@ impl CdrReader for CycloneReader {
     fn incompatible(&self) -> Option<&'static str> {
         self.raw.events().incompatible()
     }
+
+    fn qos_events(&self) -> QosEvents {
+        qos_events(self.raw.events())
+    }
 }
 
 fn to_dds(topic: &TopicDescription) -> Result<TopicDescription, GraphError> {
@@ -367,6 +390,29 @@ fn to_dds(topic: &TopicDescription) -> Result<TopicDescription, GraphError> {
     let type_name =
         names::type_to_dds(&topic.type_name).map_err(|error| fault(error.to_string()))?;
     Ok(TopicDescription { name: names::topic_to_dds(&topic.name), type_name, ..topic.clone() })
+}
+
+/// An endpoint in ROS's terms; `own` is the participant's GUID.
+pub(super) fn discovered(endpoint: cyclone::EndpointFound, own: &Gid) -> DiscoveredEndpoint {
+    DiscoveredEndpoint {
+        is_publisher: endpoint.is_writer,
+        type_hash: type_hash(&endpoint.user_data),
+        gid: endpoint.guid,
+        qos: endpoint.qos,
+        is_own: endpoint.guid.first_chunk::<12>() == own.first_chunk::<12>(),
+        type_name: names::type_from_dds(&endpoint.type_name)
+            .unwrap_or_else(|| endpoint.type_name.clone()),
+        dds_type: endpoint.type_name,
+        topic: names::topic_from_dds(&endpoint.topic).unwrap_or(&endpoint.topic).to_owned(),
+        dds_topic: endpoint.topic,
+    }
+}
+
+fn qos_events(events: &Events) -> QosEvents {
+    QosEvents {
+        deadlines_missed: events.take_missed_deadlines(),
+        liveliness_lost: events.take_lost_liveliness(),
+    }
 }
 
 fn user_data(topic: &TopicDescription) -> String {

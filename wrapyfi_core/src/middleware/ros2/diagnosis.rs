@@ -1,97 +1,258 @@
-//! What an endpoint without a peer waits for, in words that fit behind "waiting for".
+//! What an endpoint's peers are, why some do not fit, and what an endpoint without any waits for.
 //!
 //! ```text
 //!   matched > 0 ─────────────────────────────▶ nothing
-//!   refused over quality of service ─────────▶ "… whose reliability is compatible (see qos)"
+//!   those there do not fit ──────────────────▶ "a publisher of /chatter that fits (/talker offers …)"
 //!   the topic exists with another type ──────▶ "… with type A (those there carry B)"
 //!   neither ─────────────────────────────────▶ "a publisher of /chatter"
 //! ```
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use super::graph::Graph;
-use crate::endpoint::Link;
+use super::graph::{DiscoveredEndpoint, Graph, GraphError, NodeWatch, Notify, PeerWatch};
+use super::matching::unmet;
+use crate::endpoint::{AnnouncedQos, Link, Qos, QosPolicy};
 
-/// How long a look at the list of endpoints is good for: links are asked for often.
-const FRESH: Duration = Duration::from_secs(1);
+/// How long the name of a peer's node is waited for before the peer is reported without.
+const NAME_PATIENCE: Duration = Duration::from_secs(1);
 
-/// Knows what an endpoint is waiting for.
-pub(super) struct Diagnosis {
+/// Names of nodes, for all endpoints of one. Begins to listen when the first name is wanted.
+pub(super) struct Names {
     graph: Arc<dyn Graph>,
+    nodes: Mutex<Option<Box<dyn NodeWatch>>>,
+}
+
+impl Names {
+    pub(super) fn new(graph: &Arc<dyn Graph>) -> Arc<Self> {
+        Arc::new(Self { graph: Arc::clone(graph), nodes: Mutex::new(None) })
+    }
+
+    fn listen(&self) -> MutexGuard<'_, Option<Box<dyn NodeWatch>>> {
+        let mut nodes = self.nodes.lock().unwrap_or_else(PoisonError::into_inner);
+        if nodes.is_none() {
+            let listening = self.graph.nodes();
+            *nodes = listening
+                .inspect_err(|error| tracing::debug!(%error, "names of nodes stay unknown"))
+                .ok();
+        }
+        nodes
+    }
+
+    fn owner(&self, gid: &[u8; 16]) -> Option<String> {
+        let mut nodes = self.listen();
+        let nodes = nodes.as_mut()?;
+        nodes.update();
+        nodes.owner(gid).map(str::to_owned)
+    }
+}
+
+/// Knows the other side of an endpoint's topic.
+pub(super) struct Diagnosis {
+    watch: Box<dyn PeerWatch>,
+    names: Arc<Names>,
     topic: String,
     type_name: &'static str,
     /// True where publishers are waited for.
     awaits_publisher: bool,
-    other_type: Mutex<Option<(Instant, Option<String>)>>,
+    /// Follows its peers, so that only what nobody can offer stays unmet.
+    matches: bool,
+    /// Peers that do not fit: since when, and whether that was told.
+    unfit: BTreeMap<[u8; 16], (Instant, bool)>,
 }
 
 impl Diagnosis {
+    /// `on_change` is called from a DDS thread when peers come, change or go.
     pub(super) fn new(
-        graph: Arc<dyn Graph>,
-        topic: String,
-        type_name: &'static str,
+        names: &Arc<Names>,
+        (topic, type_name): (&str, &'static str),
         awaits_publisher: bool,
-    ) -> Self {
-        Self { graph, topic, type_name, awaits_publisher, other_type: Mutex::new(None) }
+        matches: bool,
+        on_change: Notify,
+    ) -> Result<Self, GraphError> {
+        Ok(Self {
+            watch: names.graph.watch(topic, awaits_publisher, on_change)?,
+            names: Arc::clone(names),
+            topic: topic.to_owned(),
+            type_name,
+            awaits_publisher,
+            matches,
+            unfit: BTreeMap::new(),
+        })
     }
 
-    /// The link of an endpoint with `matched` peers.
+    /// Grows when peers come, change or go.
+    pub(super) fn changes(&self) -> u64 {
+        self.watch.changes()
+    }
+
+    /// Peers that carry the endpoint's type.
+    pub(super) fn peers(&self) -> Vec<DiscoveredEndpoint> {
+        let mut peers = self.watch.peers();
+        peers.retain(|peer| peer.type_name == self.type_name);
+        peers
+    }
+
+    /// Begins to listen for the names of nodes: something will be said about a peer soon.
+    pub(super) fn prepare_names(&self) {
+        drop(self.names.listen());
+    }
+
+    /// The link of an endpoint with `matched` peers and quality of service `own`.
     pub(super) fn link(
         &self,
         matched: usize,
         incompatible: Option<&'static str>,
+        own: &Qos,
         keeps_last: bool,
     ) -> Link {
         // A writer that keeps its samples for late readers has something to do without any.
         let idle = matched == 0 && (!keeps_last || incompatible.is_some());
-        let waiting_for = idle.then(|| self.missing(incompatible));
+        let waiting_for = idle.then(|| self.missing(own, incompatible));
         Link { peers: Some(matched), waiting_for, keeps_last }
     }
 
-    fn missing(&self, incompatible: Option<&'static str>) -> String {
+    fn missing(&self, own: &Qos, incompatible: Option<&'static str>) -> String {
         let (peer, topic) = (self.peer(), &self.topic);
-        if let Some(policy) = incompatible {
-            return format!("a {peer} of {topic} whose {policy} is compatible (see qos)");
-        }
-        match self.other_type() {
-            Some(other) => {
-                let wanted = self.type_name;
+        let all = self.watch.peers();
+        let of_type = |wanted: bool| {
+            all.iter().filter(move |peer| (peer.type_name == self.type_name) == wanted)
+        };
+        let unfit = of_type(true).find_map(|peer| {
+            let policies = unmet(self.awaits_publisher, own, &peer.qos);
+            policies.first().map(|&policy| self.values(peer, policy, own))
+        });
+        match (unfit, incompatible, of_type(false).next()) {
+            (Some(values), ..) => format!("a {peer} of {topic} that fits ({values})"),
+            // A policy that is none of ROS's.
+            (None, Some(policy), _) if of_type(true).next().is_some() => {
+                format!("a {peer} of {topic} whose {policy} is compatible (see qos)")
+            }
+            (None, _, Some(other)) => {
+                let (wanted, other) = (self.type_name, &other.type_name);
                 format!("a {peer} of {topic} with type {wanted} (those there carry {other})")
             }
-            None => format!("a {peer} of {topic}"),
+            (None, _, None) => format!("a {peer} of {topic}"),
+        }
+    }
+
+    /// Peers that do not fit and were not told yet, each in a sentence, and when to ask again.
+    pub(super) fn complaints(&mut self, own: &Qos, now: Instant) -> (Vec<String>, Option<Instant>) {
+        let peers = self.peers();
+        let faults: Vec<_> = peers
+            .iter()
+            .filter_map(|peer| {
+                let policies = unmet(self.awaits_publisher, own, &peer.qos);
+                policies.first().map(|&policy| (peer, policy))
+            })
+            .collect();
+        self.unfit.retain(|gid, _| faults.iter().any(|(peer, _)| peer.gid == *gid));
+        let (mut texts, mut next) = (Vec::new(), None::<Instant>);
+        for (peer, policy) in faults {
+            let &mut (since, told) = self.unfit.entry(peer.gid).or_insert((now, false));
+            if told {
+                continue;
+            }
+            let due = since + NAME_PATIENCE;
+            if now < due && self.names.owner(&peer.gid).is_none() {
+                let soon = now + NAME_PATIENCE / 10;
+                next = Some(next.map_or(soon, |next| next.min(soon)));
+                continue;
+            }
+            self.unfit.insert(peer.gid, (since, true));
+            texts.push(self.complaint(peer, policy, own));
+        }
+        (texts, next)
+    }
+
+    fn complaint(&self, peer: &DiscoveredEndpoint, policy: QosPolicy, own: &Qos) -> String {
+        let (role, topic) = (self.peer(), &self.topic);
+        let values = self.values(peer, policy, own);
+        let remedy = remedy(policy, self.awaits_publisher, own);
+        if self.matches {
+            format!("{role} on {topic} does not match: {values}; no route offers that: {remedy}")
+        } else {
+            format!(
+                "{role} on {topic} does not match: {values}; write qos: match on the route, or \
+                 {remedy}"
+            )
+        }
+    }
+
+    /// `/talker offers best effort, the route asks for reliable`.
+    fn values(&self, peer: &DiscoveredEndpoint, policy: QosPolicy, own: &Qos) -> String {
+        let node = self.name(peer);
+        let theirs = policy.value(&peer.qos);
+        let ours = policy.value(&AnnouncedQos::from(*own));
+        if self.awaits_publisher {
+            format!("{node} offers {theirs}, the route asks for {ours}")
+        } else {
+            format!("{node} asks for {theirs}, the route offers {ours}")
+        }
+    }
+
+    /// The node of a peer, or what stands for it.
+    fn name(&self, peer: &DiscoveredEndpoint) -> String {
+        let unnamed = || format!("a {} of an unknown node", self.peer());
+        self.names.owner(&peer.gid).unwrap_or_else(unnamed)
+    }
+
+    /// Why `peers` make the endpoint go from `old` to `new`.
+    pub(super) fn reason(&self, peers: &[DiscoveredEndpoint], old: &Qos, new: &Qos) -> String {
+        let shut_out: Vec<_> = peers
+            .iter()
+            .filter(|peer| unmet(self.awaits_publisher, new, &peer.qos).is_empty())
+            .filter_map(|peer| {
+                let policies = unmet(self.awaits_publisher, old, &peer.qos);
+                policies.first().map(|policy| {
+                    let verb = if self.awaits_publisher { "offers" } else { "asks for" };
+                    format!("{} {verb} {}", self.name(peer), policy.value(&peer.qos))
+                })
+            })
+            .collect();
+        match (shut_out.as_slice(), self.awaits_publisher) {
+            ([one], _) => one.clone(),
+            ([one, more @ ..], _) => format!("{one}, and {} more", more.len()),
+            ([], true) => format!("all {} publishers offer it", peers.len()),
+            ([], false) => format!("none of {} subscribers asks for more", peers.len()),
         }
     }
 
     fn peer(&self) -> &'static str {
         if self.awaits_publisher { "publisher" } else { "subscriber" }
     }
+}
 
-    fn other_type(&self) -> Option<String> {
-        let mut cached = self.other_type.lock().unwrap_or_else(PoisonError::into_inner);
-        match &*cached {
-            Some((at, answer)) if at.elapsed() < FRESH => answer.clone(),
-            _ => {
-                let answer = self.look();
-                *cached = Some((Instant::now(), answer.clone()));
-                answer
-            }
+/// What to change at the other end so that it matches an endpoint with `own`.
+fn remedy(policy: QosPolicy, awaits_publisher: bool, own: &Qos) -> String {
+    let time = |time: Option<Duration>| time.map_or("none".to_owned(), |time| format!("{time:?}"));
+    match (policy, awaits_publisher) {
+        (QosPolicy::Reliability, true) => "make the publisher reliable".to_owned(),
+        (QosPolicy::Reliability, false) => "make the subscriber best effort".to_owned(),
+        (QosPolicy::Durability, true) => "make the publisher transient local".to_owned(),
+        (QosPolicy::Durability, false) if self_keeps(own) => {
+            "make the subscriber transient local or volatile".to_owned()
         }
+        (QosPolicy::Durability, false) => "make the subscriber volatile".to_owned(),
+        (QosPolicy::Deadline, true) => {
+            format!("give the publisher a deadline of at most {}", time(own.deadline))
+        }
+        (QosPolicy::Deadline, false) => match own.deadline {
+            Some(own) => format!("give the subscriber a deadline of at least {own:?}"),
+            None => "take the deadline from the subscriber".to_owned(),
+        },
+        (QosPolicy::Liveliness, true) => format!(
+            "give the publisher at least {}",
+            QosPolicy::Liveliness.value(&AnnouncedQos::from(*own))
+        ),
+        (QosPolicy::Liveliness, false) => format!(
+            "let the subscriber ask for no more than {}",
+            QosPolicy::Liveliness.value(&AnnouncedQos::from(*own))
+        ),
     }
+}
 
-    fn look(&self) -> Option<String> {
-        let endpoints = self
-            .graph
-            .endpoints()
-            .inspect_err(|error| tracing::debug!(%error, "cannot list endpoints"))
-            .ok()?;
-        endpoints
-            .into_iter()
-            .find(|endpoint| {
-                endpoint.is_publisher == self.awaits_publisher
-                    && endpoint.topic == self.topic
-                    && endpoint.type_name != self.type_name
-            })
-            .map(|endpoint| endpoint.type_name)
-    }
+fn self_keeps(own: &Qos) -> bool {
+    own.durability == crate::endpoint::Durability::TransientLocal
 }

@@ -48,6 +48,7 @@ impl DiscoveryInfo {
                 reliability: Reliability::Reliable,
                 durability: Durability::TransientLocal,
                 history: History::KeepLast(1),
+                ..Qos::default()
             },
             max_blocking: Duration::from_millis(100),
             user_data: &user_data,

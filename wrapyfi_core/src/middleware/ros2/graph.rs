@@ -93,6 +93,19 @@ pub trait Graph: Send + Sync {
     /// When the DDS stack refuses.
     fn endpoints(&self) -> Result<Vec<DiscoveredEndpoint>, GraphError>;
 
+    /// Begins to watch the endpoints that other participants have on a topic, given by its ROS name:
+    /// publishers if `publishers`, else subscribers. `on_change` is called from a DDS thread when
+    /// one comes, changes or goes, also for those that exist already, possibly before this returns.
+    ///
+    /// # Errors
+    /// When the DDS stack refuses.
+    fn watch(
+        &self,
+        topic: &str,
+        publishers: bool,
+        on_change: Notify,
+    ) -> Result<Box<dyn PeerWatch>, GraphError>;
+
     /// Begins to listen for what other participants say about their nodes.
     ///
     /// # Errors
@@ -108,6 +121,25 @@ pub trait NodeWatch: Send {
 
     /// Full name of the node that owns the endpoint, for instance `/robot/talker`.
     fn owner(&self, gid: &[u8; 16]) -> Option<&str>;
+}
+
+/// Knows the endpoints that other participants have on one side of a topic.
+pub trait PeerWatch: Send + Sync {
+    /// They, of whatever type, in order of their GUIDs. Costs as much as there are of them.
+    fn peers(&self) -> Vec<DiscoveredEndpoint>;
+
+    /// Grows whenever they change; cheap.
+    fn changes(&self) -> u64;
+}
+
+/// What happened to the quality of service of an endpoint.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct QosEvents {
+    /// Deadlines that passed: those of publishers for a reader, its own for a writer.
+    pub deadlines_missed: u64,
+    /// A reader: publishers that were no longer alive. A writer: how often it was not alive in
+    /// time.
+    pub liveliness_lost: u64,
 }
 
 /// An endpoint somewhere on the graph.
@@ -169,6 +201,11 @@ pub trait CdrWriter: Send {
 
     /// Policy over which the last reader was refused (`reliability`, …), where one was.
     fn incompatible(&self) -> Option<&'static str>;
+
+    /// What happened since the last call; nothing where the stack does not tell.
+    fn qos_events(&self) -> QosEvents {
+        QosEvents::default()
+    }
 }
 
 /// Takes serialised messages of one topic.
@@ -188,6 +225,11 @@ pub trait CdrReader: Send {
 
     /// Policy over which the last writer was refused (`reliability`, …), where one was.
     fn incompatible(&self) -> Option<&'static str>;
+
+    /// What happened since the last call; nothing where the stack does not tell.
+    fn qos_events(&self) -> QosEvents {
+        QosEvents::default()
+    }
 }
 
 /// A received serialised message.
@@ -197,6 +239,9 @@ pub struct CdrSample {
     pub cdr: Bytes,
     /// Source timestamp in nanoseconds since 1970.
     pub source_timestamp_ns: i64,
+    /// Stands for the publisher's GUID while it exists, and is the same for every reader of the
+    /// node; 0 where the stack does not tell.
+    pub publisher: u64,
 }
 
 /// What a DDS stack refused.

@@ -3,10 +3,11 @@
 //! ```text
 //!   Ros2 (Middleware) ─ names ─ listener, publisher: payload <-> CDR; any: any type <-> CDR
 //!     │
+//!     │                 follow, matching, diagnosis, replays: quality of service that fits the peers
 //!   graph               the trait: CDR bytes and discovery facts
 //!     │                 discovery: topics and services of others, owners: whose they are
 //!     │
-//!   cyclone_graph ───── discovery_info, domain, config ◀── environment
+//!   cyclone_graph ───── peer_index, discovery_info, domain, config ◀── environment
 //!     │
 //!   cyclone             the only modules that call C
 //! ```
@@ -39,12 +40,16 @@ mod discovery;
 mod discovery_info;
 mod domain;
 pub mod environment;
+mod follow;
 pub mod graph;
 mod listener;
+mod matching;
 mod names;
 mod owners;
 mod payload;
+mod peer_index;
 mod publisher;
+mod replays;
 mod service;
 mod service_header;
 mod vendor;
@@ -64,6 +69,7 @@ use crate::endpoint::{
     Context, DiscoverError, Discovery, Listener, Middleware, OpenError, Publisher, TopicSpec,
 };
 use crate::node::NodeName;
+use diagnosis::Names;
 use graph::{Graph, GraphError, TopicDescription};
 use listener::Ros2Listener;
 use publisher::Ros2Publisher;
@@ -76,6 +82,7 @@ type Remap = Box<dyn Fn(&str) -> Result<String, String> + Send + Sync>;
 /// The middleware `ros2`: topics of one node.
 pub struct Ros2 {
     graph: Arc<dyn Graph>,
+    names: Arc<Names>,
     remap: Remap,
 }
 
@@ -88,7 +95,7 @@ impl Ros2 {
         graph: Arc<dyn Graph>,
         remap: impl Fn(&str) -> Result<String, String> + Send + Sync + 'static,
     ) -> Self {
-        Self { graph, remap: Box::new(remap) }
+        Self { names: Names::new(&graph), graph, remap: Box::new(remap) }
     }
 
     /// The graph underneath.
@@ -136,7 +143,7 @@ impl Middleware for Ros2 {
         context: &Context,
     ) -> Result<Box<dyn Listener>, OpenError> {
         let topic = self.describe(spec)?;
-        let listener = Ros2Listener::open(&self.graph, &topic, spec, context)
+        let listener = Ros2Listener::open(&self.graph, &self.names, &topic, spec, context)
             .map_err(|error| transport(spec, &error))?;
         Ok(Box::new(listener))
     }
@@ -147,7 +154,7 @@ impl Middleware for Ros2 {
         context: &Context,
     ) -> Result<Box<dyn Publisher>, OpenError> {
         let topic = self.describe(spec)?;
-        let publisher = Ros2Publisher::open(&self.graph, &topic, spec, context)
+        let publisher = Ros2Publisher::open(&self.graph, &self.names, &topic, spec, context)
             .map_err(|error| transport(spec, &error))?;
         Ok(Box::new(publisher))
     }

@@ -38,6 +38,7 @@ impl Owners {
                 reliability: Reliability::Reliable,
                 durability: Durability::TransientLocal,
                 history: History::KeepAll,
+                ..Qos::default()
             },
             max_bytes: MAX_BYTES,
         };

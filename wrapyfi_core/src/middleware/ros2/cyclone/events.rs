@@ -33,6 +33,8 @@ pub(crate) struct Events {
     lost: AtomicU64,
     /// Policy of the last refused peer; 0 when none was refused.
     policy: AtomicU32,
+    deadlines: AtomicU64,
+    livelinesses: AtomicU64,
 }
 
 impl Events {
@@ -46,7 +48,20 @@ impl Events {
             changes: AtomicU64::new(0),
             lost: AtomicU64::new(0),
             policy: AtomicU32::new(0),
+            deadlines: AtomicU64::new(0),
+            livelinesses: AtomicU64::new(0),
         })
+    }
+
+    /// Deadlines that passed since the last call: those of writers for a reader, else our own.
+    pub(crate) fn take_missed_deadlines(&self) -> u64 {
+        self.deadlines.swap(0, Relaxed)
+    }
+
+    /// How often a writer that a reader hears was no longer alive, or a writer of ours not alive
+    /// in time, since the last call.
+    pub(crate) fn take_lost_liveliness(&self) -> u64 {
+        self.livelinesses.swap(0, Relaxed)
     }
 
     /// Peers matched now.
@@ -87,20 +102,27 @@ impl Events {
 
     fn refused(&self, policy: u32, peer: Peer) {
         self.policy.store(policy, Relaxed);
+        // The endpoint's owner tells the user, with names and values.
         _ = catch_unwind(AssertUnwindSafe(|| {
-            tracing::warn!(
+            tracing::debug!(
                 topic = self.topic,
                 policy = policy_name(policy),
-                "{peer} does not match, its quality of service is incompatible: {}",
-                remedy(policy, peer)
+                "{peer} does not match, its quality of service is incompatible"
             );
         }));
         self.ring();
     }
 
     fn add_lost(&self, change: i32) {
-        self.lost.fetch_add(u64::try_from(change).unwrap_or(0), Relaxed);
-        self.ring();
+        self.add(&self.lost, change);
+    }
+
+    fn add(&self, counter: &AtomicU64, change: i32) {
+        // News without a change, such as a publisher that is alive again, wakes nobody.
+        if let Ok(change @ 1..) = u64::try_from(change) {
+            counter.fetch_add(change, Relaxed);
+            self.ring();
+        }
     }
 }
 
@@ -117,28 +139,6 @@ impl fmt::Display for Peer {
             Self::Publisher => "a publisher",
             Self::Subscriber => "a subscriber",
         })
-    }
-}
-
-/// What to change so that a refused peer matches: publishers offer less than the route asks,
-/// subscribers ask more than the route offers.
-fn remedy(policy: u32, peer: Peer) -> &'static str {
-    match (policy, peer) {
-        (cyclors::dds_qos_policy_id_DDS_RELIABILITY_QOS_POLICY_ID, Peer::Publisher) => {
-            "it is best effort; write qos: sensor_data on the route, or make it reliable"
-        }
-        (cyclors::dds_qos_policy_id_DDS_RELIABILITY_QOS_POLICY_ID, Peer::Subscriber) => {
-            "it asks for reliable; write qos: default on the route, or make it best effort"
-        }
-        (cyclors::dds_qos_policy_id_DDS_DURABILITY_QOS_POLICY_ID, Peer::Publisher) => {
-            "it keeps nothing for late subscribers; write qos: default on the route, or make it \
-             transient local"
-        }
-        (cyclors::dds_qos_policy_id_DDS_DURABILITY_QOS_POLICY_ID, Peer::Subscriber) => {
-            "it asks for what was sent before it came; write qos: latched on the route, or make it \
-             volatile"
-        }
-        _ => "routes have no such policy; change it at the other end",
     }
 }
 
@@ -174,6 +174,8 @@ impl Listener {
             cyclors::dds_lset_sample_lost(listener.0, Some(on_lost));
             cyclors::dds_lset_sample_rejected(listener.0, Some(on_rejected));
             cyclors::dds_lset_requested_incompatible_qos(listener.0, Some(on_writer_refused));
+            cyclors::dds_lset_requested_deadline_missed(listener.0, Some(on_writer_late));
+            cyclors::dds_lset_liveliness_changed(listener.0, Some(on_writer_alive_or_not));
         }
         listener
     }
@@ -185,7 +187,17 @@ impl Listener {
         unsafe {
             cyclors::dds_lset_publication_matched(listener.0, Some(on_writer_matched));
             cyclors::dds_lset_offered_incompatible_qos(listener.0, Some(on_reader_refused));
+            cyclors::dds_lset_offered_deadline_missed(listener.0, Some(on_late));
+            cyclors::dds_lset_liveliness_lost(listener.0, Some(on_not_alive));
         }
+        listener
+    }
+
+    /// For a reader of a built-in topic: rings when something waits. `events` must outlive it.
+    pub(super) fn for_news(events: &Arc<Events>) -> Self {
+        let listener = Self::new(events);
+        // SAFETY: as above.
+        unsafe { cyclors::dds_lset_data_available(listener.0, Some(on_data)) };
         listener
     }
 
@@ -278,27 +290,38 @@ unsafe extern "C" fn on_reader_refused(
     unsafe { with(arg, |events| events.refused(status.last_policy_id, Peer::Subscriber)) }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+unsafe extern "C" fn on_writer_late(
+    _: i32,
+    status: cyclors::dds_requested_deadline_missed_status_t,
+    arg: *mut c_void,
+) {
+    // SAFETY: as above.
+    unsafe { with(arg, |events| events.add(&events.deadlines, status.total_count_change)) }
+}
 
-    #[test]
-    fn the_remedy_is_the_profile_that_matches() {
-        let reliability = cyclors::dds_qos_policy_id_DDS_RELIABILITY_QOS_POLICY_ID;
-        let durability = cyclors::dds_qos_policy_id_DDS_DURABILITY_QOS_POLICY_ID;
-        for (policy, peer, words) in [
-            (reliability, Peer::Publisher, "write qos: sensor_data on the route"),
-            (reliability, Peer::Subscriber, "write qos: default on the route"),
-            (durability, Peer::Publisher, "write qos: default on the route"),
-            (durability, Peer::Subscriber, "write qos: latched on the route"),
-            (
-                cyclors::dds_qos_policy_id_DDS_DEADLINE_QOS_POLICY_ID,
-                Peer::Publisher,
-                "at the other end",
-            ),
-        ] {
-            let text = remedy(policy, peer);
-            assert!(text.contains(words), "{text}");
-        }
-    }
+unsafe extern "C" fn on_late(
+    _: i32,
+    status: cyclors::dds_offered_deadline_missed_status_t,
+    arg: *mut c_void,
+) {
+    // SAFETY: as above.
+    unsafe { with(arg, |events| events.add(&events.deadlines, status.total_count_change)) }
+}
+
+unsafe extern "C" fn on_writer_alive_or_not(
+    _: i32,
+    status: cyclors::dds_liveliness_changed_status_t,
+    arg: *mut c_void,
+) {
+    // SAFETY: as above.
+    unsafe { with(arg, |events| events.add(&events.livelinesses, status.not_alive_count_change)) }
+}
+
+unsafe extern "C" fn on_not_alive(
+    _: i32,
+    status: cyclors::dds_liveliness_lost_status_t,
+    arg: *mut c_void,
+) {
+    // SAFETY: as above.
+    unsafe { with(arg, |events| events.add(&events.livelinesses, status.total_count_change)) }
 }

@@ -7,7 +7,7 @@
 //!   events    listener callbacks ──▶ counters and a doorbell
 //!   serdata   pieces ──▶ Cyclone's sample;  Cyclone's sample ──▶ Bytes, without a copy
 //!   endpoint  writer and reader of serialised messages
-//!   builtin   the endpoints that discovery has found
+//!   builtin   the endpoints that discovery has found, at once and as they come and go
 //!   matched   the peers of an endpoint
 //!   log       Cyclone's log lines ──▶ tracing
 //! ```
@@ -31,7 +31,7 @@ mod qos;
 mod serdata;
 mod topic;
 
-pub(super) use builtin::endpoints;
+pub(super) use builtin::{BuiltinReader, EndpointFound, endpoints};
 pub(super) use endpoint::{RawReader, RawSample, RawWriter, Taken, WriteFault};
 pub(super) use entity::{Entity, ReturnCode};
 pub(super) use events::Events;

@@ -18,7 +18,7 @@ use crate::endpoint::{
 /// What an endpoint asks for.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct EndpointQos<'a> {
-    /// Reliability, durability, history.
+    /// The policies that ROS 2 knows.
     pub(crate) qos: Qos,
     /// How long a write waits for reliable readers.
     pub(crate) max_blocking: Duration,
@@ -59,12 +59,24 @@ impl QosObject {
             }
         };
         let (kind, depth) = history(wanted.qos.history);
-        let max_blocking = i64::try_from(wanted.max_blocking.as_nanos()).unwrap_or(i64::MAX);
+        let liveliness = match wanted.qos.liveliness {
+            Liveliness::Automatic => cyclors::dds_liveliness_kind_DDS_LIVELINESS_AUTOMATIC,
+            Liveliness::ManualByParticipant => {
+                cyclors::dds_liveliness_kind_DDS_LIVELINESS_MANUAL_BY_PARTICIPANT
+            }
+            Liveliness::ManualByTopic => {
+                cyclors::dds_liveliness_kind_DDS_LIVELINESS_MANUAL_BY_TOPIC
+            }
+        };
+        let (deadline, lease) = (nanoseconds(wanted.qos.deadline), nanoseconds(wanted.qos.lease));
+        let max_blocking = nanoseconds(Some(wanted.max_blocking));
         // SAFETY: plain values into an object this type owns.
         unsafe {
             cyclors::dds_qset_reliability(qos.0, reliability, max_blocking);
             cyclors::dds_qset_durability(qos.0, durability);
             cyclors::dds_qset_history(qos.0, kind, depth);
+            cyclors::dds_qset_deadline(qos.0, deadline);
+            cyclors::dds_qset_liveliness(qos.0, liveliness, lease);
             if wanted.ignore_local {
                 cyclors::dds_qset_ignorelocal(
                     qos.0,
@@ -84,6 +96,7 @@ impl QosObject {
         unsafe {
             // Disposing has no meaning on topics without keys.
             cyclors::dds_qset_writer_data_lifecycle(qos.0, false);
+            cyclors::dds_qset_lifespan(qos.0, nanoseconds(wanted.qos.lifespan));
             if wanted.qos.durability == Durability::TransientLocal {
                 cyclors::dds_qset_durability_service(qos.0, 0, kind, depth, any, any, any);
             }
@@ -114,6 +127,11 @@ fn history(history: History) -> (cyclors::dds_history_kind_t, i32) {
             (cyclors::dds_history_kind_DDS_HISTORY_KEEP_ALL, cyclors::DDS_LENGTH_UNLIMITED)
         }
     }
+}
+
+/// A time for Cyclone, which calls the largest number infinite; no endpoint can have one of 0.
+fn nanoseconds(time: Option<Duration>) -> i64 {
+    time.map_or(i64::MAX, |time| i64::try_from(time.as_nanos()).unwrap_or(i64::MAX).max(1))
 }
 
 /// The policies that an endpoint announces; what is absent is DDS's default.
