@@ -70,10 +70,10 @@ struct Adder {
 }
 
 impl Adder {
-    fn start(ros2: &Ros2) -> Self {
+    fn start(ros2: &Ros2, name: &str) -> Self {
         let wake = Wake::new();
         let options = ServiceOptions::default();
-        let mut server = AnyServer::open(ros2, "add", service(ADD), &options, &wake).unwrap();
+        let mut server = AnyServer::open(ros2, name, service(ADD), &options, &wake).unwrap();
         let leave = Arc::new(AtomicBool::new(false));
         let told = Arc::clone(&leave);
         let thread = std::thread::spawn(move || {
@@ -81,7 +81,9 @@ impl Adder {
                 while let Some(request) = server.take().unwrap() {
                     answer(&mut server, &request);
                 }
-                wake.wait(Duration::from_millis(20));
+                let now = std::time::Instant::now();
+                let until = server.deadline().map(|at| at.saturating_duration_since(now));
+                wake.wait(until.unwrap_or(PATIENCE).min(Duration::from_millis(20)));
             }
         });
         Self { leave, thread: Some(thread) }
@@ -100,9 +102,11 @@ fn the_first_call_is_answered_whoever_came_first() {
     let near = ros2(&near_config("near", 0));
     for start in 0..20 {
         let far = ros2(&far_config("far", 0));
-        let mut early = client(&near, "add", PATIENCE);
+        // A call may also go to a server that is about to end: each start has its own name.
+        let name = format!("add_{start}");
+        let mut early = client(&near, &name, PATIENCE);
         let wait = early.call(&request(&early, start, 1)).unwrap();
-        let server = Adder::start(&far);
+        let server = Adder::start(&far, &name);
         // Begun when the server was not there.
         let reply = loop {
             if let Some((ticket, result)) = early.poll() {
@@ -113,7 +117,7 @@ fn the_first_call_is_answered_whoever_came_first() {
         };
         assert_eq!(integer(&reply, "sum"), start + 1);
         // Begun at once by a client that has discovered nothing yet.
-        let mut late = client(&near, "add", PATIENCE);
+        let mut late = client(&near, &name, PATIENCE);
         let reply = late.call_and_wait(&request(&late, start, 2)).unwrap();
         assert_eq!(integer(&reply, "sum"), start + 2);
         drop(server);
@@ -123,7 +127,7 @@ fn the_first_call_is_answered_whoever_came_first() {
 #[test]
 fn replies_go_to_the_client_that_asked() {
     let (near, far) = (ros2(&near_config("near", 1)), ros2(&far_config("far", 1)));
-    let _server = Adder::start(&far);
+    let _server = Adder::start(&far, "add");
     let mut clients: Vec<_> = (0..3).map(|_| client(&near, "add", PATIENCE)).collect();
     // Also within one node.
     clients.push(client(&far, "add", PATIENCE));
@@ -160,15 +164,22 @@ fn what_keeps_a_call_waiting_is_said() {
     let options = ServiceOptions::default();
     let mut slow = AnyServer::open(&far, "add", service(ADD), &options, &wake).unwrap();
     assert!(wait_until(&wake, PATIENCE, || lonely.servers() == Peers::Ready(1)));
-    let error = lonely.call_and_wait(&request(&lonely, 1, 2)).unwrap_err();
-    assert!(error.to_string().ends_with("50 ms: its server has not answered"), "{error}");
+    // On a busy machine the first ones may not even be sent in time.
+    let not_answered = |error: &CallError| error.to_string().ends_with("has not answered");
+    assert!(wait_until(&wake, PATIENCE, || {
+        let error = lonely.call_and_wait(&request(&lonely, 1, 2)).unwrap_err();
+        not_answered(&error)
+    }));
     let mut taken = None;
     assert!(wait_until(&wake, PATIENCE, || {
         taken = slow.take().unwrap();
         taken.is_some()
     }));
     answer(&mut slow, &taken.unwrap());
-    assert!(wait_until(&wake, PATIENCE, || lonely.poll().is_none() && lonely.late() == 1));
+    assert!(wait_until(&wake, PATIENCE, || {
+        slow.flush();
+        lonely.poll().is_none() && lonely.late() == 1
+    }));
 
     drop(slow);
     assert!(wait_until(&wake, PATIENCE, || lonely.servers() == Peers::None));

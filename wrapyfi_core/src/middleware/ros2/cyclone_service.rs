@@ -8,8 +8,9 @@
 //!
 //! All clients of a service hear all its replies; each keeps its own.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::collections::{HashMap, HashSet};
+use std::time::{Duration, Instant};
 
 use super::cyclone::{RawReader, RawSample, RawWriter, Taken};
 use super::graph::{
@@ -22,6 +23,8 @@ use super::vendor::{EndKey, mapping_of, pair};
 const MAX_CLIENTS: usize = 1024;
 /// Writers whose peers are remembered.
 const MAX_WRITERS: usize = 1024;
+/// How long the other ends may take to confirm that they hear: then they are taken to.
+const CONFIRM: Duration = Duration::from_secs(1);
 /// What this module speaks.
 const OURS: ServiceMapping = ServiceMapping::Cyclone;
 
@@ -40,6 +43,8 @@ pub(super) struct Ends {
     pub(super) max_bytes: usize,
     /// By the handle of a sample's writer.
     writers: RefCell<HashMap<u64, Option<Origin>>>,
+    /// Which change of the writer's matches was probed last, when, and whether all confirmed it.
+    probed: Cell<(u64, Instant, bool)>,
 }
 
 impl Ends {
@@ -50,7 +55,8 @@ impl Ends {
         max_bytes: usize,
     ) -> Self {
         let (service, writers) = (service.to_owned(), RefCell::default());
-        Self { service, writer, reader, max_bytes, writers }
+        let probed = Cell::new((0, Instant::now(), true));
+        Self { service, writer, reader, max_bytes, writers, probed }
     }
 
     /// The next sample, the identity still in it.
@@ -79,6 +85,21 @@ impl Ends {
             Some((EndKey::new(&peer.guid, &peer.user_data), theirs))
         });
         known.clone()
+    }
+
+    /// Whether the readers matched now would hear what is written now. That they are matched on our
+    /// side is not enough: see [`RawWriter::probe`].
+    fn heard(&self) -> bool {
+        let changes = self.writer.events().changes();
+        let (mut known, mut since, mut confirmed) = self.probed.get();
+        if known != changes {
+            (known, since) = (changes, Instant::now());
+            // Where a probe cannot be written, neither can a message, which will say why.
+            confirmed = self.writer.probe().is_err();
+        }
+        confirmed = confirmed || self.writer.all_acknowledged() || since.elapsed() >= CONFIRM;
+        self.probed.set((known, since, confirmed));
+        confirmed
     }
 
     fn send(&self, client: u64, sequence: i64, parts: &[&[u8]]) -> Result<(), GraphError> {
@@ -157,7 +178,10 @@ impl<L: Send> CdrClient for CycloneClient<L> {
     }
 
     fn servers(&self) -> Peers {
-        self.ends.peers(true)
+        match self.ends.peers(true) {
+            Peers::Ready(_) if !self.ends.heard() => Peers::Half,
+            peers => peers,
+        }
     }
 
     fn lost(&mut self) -> u64 {
@@ -215,7 +239,7 @@ impl<L: Send> CdrServer for CycloneServer<L> {
                 readers.iter().map(|peer| EndKey::new(&peer.guid, &peer.user_data)).collect();
             *known = changes;
         }
-        hearing.contains(key)
+        hearing.contains(key) && self.ends.heard()
     }
 
     fn reply(&mut self, id: &RequestId, parts: &[&[u8]]) -> Result<(), GraphError> {

@@ -89,6 +89,30 @@ impl RawWriter {
         Ok(())
     }
 
+    /// Writes a sample without data, so that [`RawWriter::all_acknowledged`] tells whether the
+    /// readers matched now take part: a volatile reader passes over what was written before it
+    /// heard of its writer, and neither side is told.
+    pub(crate) fn probe(&self) -> Result<(), WriteFault> {
+        let handle = self.0.entity.handle();
+        let mut sertype = ptr::null();
+        // SAFETY: writes one pointer, which stays valid while the writer lives.
+        ReturnCode::check(unsafe { cyclors::dds_get_entity_sertype(handle, &raw mut sertype) })
+            .map_err(WriteFault::Code)?;
+        // SAFETY: the type of a writer that `self` keeps alive.
+        let sample = unsafe { Sample::empty(sertype) }
+            .ok_or_else(|| WriteFault::Message("no memory for a sample".to_owned()))?;
+        // SAFETY: the call consumes the reference, also when it fails; it keeps status and time,
+        // which `dds_writecdr` would reset.
+        ReturnCode::check(unsafe { cyclors::dds_forwardcdr(handle, sample.into_raw()) })
+            .map_err(WriteFault::Code)?;
+        Ok(())
+    }
+
+    /// Whether reliable readers have everything. Never blocks.
+    pub(crate) fn all_acknowledged(&self) -> bool {
+        self.wait_for_acks(0).is_ok()
+    }
+
     /// Waits until reliable readers have everything, at most `timeout_ns`.
     pub(crate) fn wait_for_acks(&self, timeout_ns: i64) -> Result<(), ReturnCode> {
         // SAFETY: plain values.

@@ -73,6 +73,36 @@ impl Sample {
         unsafe { Self::adopt(serdata) }.ok_or_else(|| "no memory for the message".to_owned())
     }
 
+    /// A sample without data, which tells readers that the writer has nothing to say: what real
+    /// applications pass over. It is acknowledged as any other.
+    ///
+    /// # Safety
+    /// `sertype` is the type of a writer that lives through this call.
+    pub(super) unsafe fn empty(sertype: *const cyclors::ddsi_sertype) -> Option<Self> {
+        let header = [0_u8, 1, 0, 0];
+        let iov = cyclors::ddsrt_iovec_t {
+            iov_base: header.as_ptr().cast_mut().cast::<c_void>(),
+            iov_len: header.len(),
+        };
+        // SAFETY: as in `from_parts`; a type without key has nothing behind the header.
+        let serdata = unsafe {
+            cyclors::ddsi_serdata_from_ser_iov(
+                sertype,
+                cyclors::ddsi_serdata_kind_SDK_KEY,
+                1,
+                &raw const iov,
+                header.len(),
+            )
+        };
+        // SAFETY: a new sample with one reference, which nobody else knows yet.
+        unsafe {
+            let sample = Self::adopt(serdata)?;
+            (*serdata).statusinfo = cyclors::DDSI_STATUSINFO_UNREGISTER;
+            (*serdata).timestamp.v = cyclors::dds_time();
+            Some(sample)
+        }
+    }
+
     /// Size in bytes, header included.
     pub(super) fn len(&self) -> usize {
         // SAFETY: the sample is alive; only called for samples with data, whose size is set.

@@ -86,7 +86,8 @@ pub struct CdrReply {
 pub enum Peers {
     /// Nobody has the other end.
     None,
-    /// Discovery knows one half of the other end: requests or replies, not both yet.
+    /// Discovery knows one half of the other end, requests or replies, or the other end has not yet
+    /// confirmed that it hears us. The latter changes within moments, and nobody is notified of it.
     Half,
     /// So many have both halves, and speak our mapping as far as their GUIDs tell.
     Ready(usize),
@@ -128,7 +129,8 @@ pub trait CdrServer: Send {
     fn take(&mut self) -> Result<Option<CdrRequest>, GraphError>;
 
     /// Whether the client of this request would hear a reply now. Until it would, a reply is lost.
-    /// True also when that cannot be known.
+    /// True also when that cannot be known. It changes with matches, which are notified, and within
+    /// moments after them, which are not.
     fn hears(&self, id: &RequestId) -> bool;
 
     /// Answers a request, with the reply in pieces as [`CdrClient::send`] takes them.

@@ -16,7 +16,7 @@ use wrapyfi_interfaces::dynamic::{DynamicMessage, Plan};
 
 use super::calls::{Calls, Stage, Ticket};
 use super::error::CallError;
-use super::{ServiceOptions, ServiceType, encode};
+use super::{LOOK_AGAIN, ServiceOptions, ServiceType, encode};
 use crate::endpoint::Wake;
 use crate::middleware::ros2::any::ringing;
 use crate::middleware::ros2::graph::{CdrClient, GraphError, Peers, ServiceMapping};
@@ -148,10 +148,16 @@ impl AnyClient {
     }
 
     /// When [`AnyClient::poll`] should be called again though nothing rang: a call will have taken
-    /// too long.
+    /// too long, or a server may have confirmed that it hears.
     #[must_use]
     pub fn deadline(&self) -> Option<Instant> {
-        self.calls.deadline()
+        let deadline = self.calls.deadline();
+        let waiting = self.calls.next_to_send().is_some();
+        // Ready it may have become since the last poll.
+        if waiting && matches!(self.cdr.servers(), Peers::Half | Peers::Ready(_)) {
+            return deadline.map(|at| at.min(Instant::now() + LOOK_AGAIN));
+        }
+        deadline
     }
 
     /// Calls and waits for the end, at most as long as the time-out of the options.
@@ -167,7 +173,7 @@ impl AnyClient {
                 Some(other) => others.push_back(other),
                 None => {
                     let now = Instant::now();
-                    let until = self.calls.deadline().unwrap_or(now);
+                    let until = self.deadline().unwrap_or(now);
                     self.wake.wait(until.saturating_duration_since(now));
                 }
             }
@@ -234,9 +240,9 @@ impl AnyClient {
             (Stage::Sent, _) => "its server is gone".to_owned(),
             (Stage::Waiting, Peers::None) => "no node offers it".to_owned(),
             (Stage::Waiting, Peers::Half) => {
-                "its server is found by half only: requests or replies have no other end".to_owned()
+                "its server is found by half only, or has not confirmed that it hears".to_owned()
             }
-            (Stage::Waiting, Peers::Ready(_)) => "its server takes no requests".to_owned(),
+            (Stage::Waiting, Peers::Ready(_)) => "its server was found too late".to_owned(),
             (Stage::Waiting, Peers::Foreign(theirs)) => foreign(theirs, self.mapping),
         };
         let timeout_ms = u64::try_from(timeout.as_millis()).unwrap_or(u64::MAX);

@@ -27,6 +27,9 @@ use super::graph::ServiceDescription;
 use super::{AnyError, Ros2};
 use crate::Limits;
 
+/// How soon to look again for what nobody is notified of: see [`Peers::Half`](super::graph::Peers).
+const LOOK_AGAIN: Duration = Duration::from_millis(1);
+
 /// How calls are treated, by clients and by servers.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ServiceOptions {

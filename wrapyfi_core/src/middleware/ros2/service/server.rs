@@ -14,7 +14,7 @@ use std::time::Instant;
 use bytes::Bytes;
 use wrapyfi_interfaces::dynamic::{DynamicMessage, Plan, ValueError};
 
-use super::{ServiceOptions, ServiceType, encode};
+use super::{LOOK_AGAIN, ServiceOptions, ServiceType, encode};
 use crate::endpoint::Wake;
 use crate::middleware::ros2::any::ringing;
 use crate::middleware::ros2::graph::{CdrServer, GraphError, Peers, RequestId};
@@ -274,8 +274,8 @@ impl AnyServer {
     /// When [`AnyServer::take`] should be called again though nothing rang.
     #[must_use]
     pub fn deadline(&self) -> Option<Instant> {
-        let kept = self.kept.iter().map(|reply| reply.until);
-        self.pending.values().copied().chain(kept).min()
+        let soon = (!self.kept.is_empty()).then(|| Instant::now() + LOOK_AGAIN);
+        self.pending.values().copied().chain(soon).min()
     }
 
     /// Tells a client that its request is not served, where its type has room for it.
