@@ -9,6 +9,8 @@
 //!   cyclone_graph ───── discovery_info, domain, config ◀── environment
 //!     │
 //!   cyclone             the only modules that call C
+//!
+//!   rust_services ───── services as Fast DDS has them, on RustDDS
 //! ```
 //!
 //! A node of its own, and its topics under their ROS names:
@@ -44,6 +46,8 @@ mod names;
 mod owners;
 mod payload;
 mod publisher;
+#[cfg(feature = "ros2-fastdds")]
+mod rust_services;
 
 use std::sync::Arc;
 
@@ -51,6 +55,8 @@ pub use any::{AnyError, AnyListener, AnyMessage, AnyPublisher};
 pub use config::CycloneConfig;
 pub use cyclone_graph::{CycloneError, CycloneGraph};
 pub use domain::DomainError;
+#[cfg(feature = "ros2-fastdds")]
+pub use rust_services::{RustServices, RustServicesError, ServiceEndpoints};
 
 use crate::endpoint::{
     Context, DiscoverError, Discovery, Listener, Middleware, OpenError, Publisher, TopicSpec,
