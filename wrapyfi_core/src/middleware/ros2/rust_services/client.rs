@@ -7,6 +7,7 @@
 
 use super::adapter::Received;
 use super::identity;
+use super::pair::Identity;
 use super::participant::Opened;
 use super::remotes;
 use crate::middleware::ros2::discovery_info::Gid;
@@ -15,8 +16,8 @@ use crate::middleware::ros2::graph::{CdrClient, CdrReply, GraphError, Peers};
 /// Sends requests, takes replies.
 pub(super) struct Client {
     opened: Opened,
-    /// What servers name it by: the reader that its requests carry, or their writer where a server
-    /// looks at that.
+    /// What servers name it by: the reader that its requests carry, or their writer where one
+    /// carries none.
     names: [Gid; 2],
 }
 
@@ -31,7 +32,7 @@ impl Client {
 impl CdrClient for Client {
     fn send(&mut self, parts: &[&[u8]]) -> Result<i64, GraphError> {
         let pair = &self.opened.pair;
-        pair.write(parts, identity::of_request(pair.reader_guid()))
+        pair.write(parts, Identity::IfWhole(identity::of_request(pair.reader_guid())))
     }
 
     fn take(&mut self) -> Result<Option<CdrReply>, GraphError> {

@@ -21,10 +21,11 @@ use rustdds::{
     WriteOptionsBuilder,
 };
 
-use super::adapter::{self, RawCdr, Received, Within};
+use super::adapter::{self, CDR_LE, RawCdr, Received, Within};
 use super::remotes::Remotes;
+use super::settings::WholeSamples;
 use crate::middleware::ros2::discovery_info::Gid;
-use crate::middleware::ros2::graph::{GraphError, Notify, Peers};
+use crate::middleware::ros2::graph::{GraphError, Notify, Peers, ServiceDescription};
 
 /// How long a write waits for reliable peers that do not keep up.
 pub(super) const MAX_BLOCKING: Duration = Duration::from_millis(500);
@@ -45,6 +46,7 @@ pub(super) type Writer = DataWriter<Bytes, RawCdr>;
 pub(super) struct Pair {
     service: String,
     max_bytes: usize,
+    whole: WholeSamples,
     writer: Writer,
     reader: Reader,
     notify: Notify,
@@ -52,6 +54,28 @@ pub(super) struct Pair {
     /// Last number taken from each remote writer.
     numbers: Mutex<BTreeMap<Gid, i64>>,
     lost: AtomicU64,
+}
+
+/// The related sample identity of a message that is to be written.
+///
+/// RustDDS 0.15 puts a byte too many in front of the inline QoS of a sample that it cuts into
+/// fragments: nobody reads it, and a debug build of it panics. So only whole samples carry one.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Identity {
+    /// Left out of what is not sent whole: a request is named by its sample then.
+    IfWhole(SampleIdentity),
+    /// Without it the message is of no use.
+    Always(SampleIdentity),
+}
+
+/// A reply for which there is no way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "a reply of {size} bytes is over the {limit} bytes that fit one datagram to its clients, and RustDDS cannot say of a larger one whose it is: for larger replies set RMW_IMPLEMENTATION=rmw_cyclonedds_cpp on both sides"
+)]
+struct UnsendableReply {
+    size: usize,
+    limit: usize,
 }
 
 /// A message as its reader takes it.
@@ -71,15 +95,15 @@ pub(super) struct Taken {
 
 impl Pair {
     pub(super) fn new(
-        service: &str,
-        max_bytes: usize,
-        writer: Writer,
-        reader: Reader,
+        service: &ServiceDescription,
+        whole: WholeSamples,
+        (writer, reader): (Writer, Reader),
         notify: Notify,
     ) -> Self {
         let pair = Self {
-            service: service.to_owned(),
-            max_bytes,
+            service: service.name.clone(),
+            max_bytes: service.max_bytes,
+            whole,
             writer,
             reader,
             notify,
@@ -128,15 +152,20 @@ impl Pair {
     }
 
     /// Writes one message, given in pieces. Its number.
-    pub(super) fn write(
-        &self,
-        parts: &[&[u8]],
-        identity: SampleIdentity,
-    ) -> Result<i64, GraphError> {
+    pub(super) fn write(&self, parts: &[&[u8]], identity: Identity) -> Result<i64, GraphError> {
         let body = adapter::body(parts).map_err(|error| self.fault("writing", &error))?;
+        let size = body.len().saturating_add(CDR_LE.len());
+        let limit = self.whole_bytes(size);
+        let related = match identity {
+            Identity::IfWhole(identity) => (size <= limit).then_some(identity),
+            Identity::Always(identity) if size <= limit => Some(identity),
+            Identity::Always(_) => {
+                return Err(self.fault("writing", &UnsendableReply { size, limit }));
+            }
+        };
         let options = WriteOptionsBuilder::new()
             .source_timestamp(Timestamp::now())
-            .related_sample_identity(identity)
+            .related_sample_identity_opt(related)
             .build();
         match self.writer.write_with_options(body, options) {
             Ok(sample) => Ok(sample.sequence_number.into()),
@@ -145,6 +174,31 @@ impl Pair {
                 timeout_ms: u64::try_from(MAX_BLOCKING.as_millis()).unwrap_or(u64::MAX),
             }),
             Err(error) => Err(self.fault("writing", &error)),
+        }
+    }
+
+    /// Bytes up to which a sample of `size` bytes is sent to all matched readers in one piece.
+    fn whole_bytes(&self, size: usize) -> usize {
+        if size <= self.whole.anywhere || size > self.whole.loopback {
+            return self.whole.anywhere;
+        }
+        let Some(dds) = self.writer.publisher().participant() else { return self.whole.anywhere };
+        let discovered = dds.discovered_readers();
+        let remotes = self.remotes();
+        let mut near = discovered
+            .iter()
+            .filter(|known| {
+                remotes.has_reader(&known.reader_proxy.remote_reader_guid.to_bytes())
+            })
+            .map(|known| {
+                let addresses = &known.reader_proxy.unicast_locator_list;
+                !addresses.is_empty() && addresses.iter().all(|address| address.is_loopback())
+            })
+            .peekable();
+        if near.peek().is_some() && near.all(|near| near) {
+            self.whole.loopback
+        } else {
+            self.whole.anywhere
         }
     }
 

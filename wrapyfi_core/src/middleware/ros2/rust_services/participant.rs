@@ -16,7 +16,7 @@ use rustdds::{
 
 use super::announce::{Announcement, ServiceEndpoints};
 use super::pair::{MAX_BLOCKING, Pair, Reader, Writer};
-use super::settings::Settings;
+use super::settings::{Settings, WholeSamples};
 use super::watch::{AddError, Watch};
 use crate::middleware::ros2::discovery_info::{Gid, TOPIC};
 use crate::middleware::ros2::graph::{GraphError, Notify, ServiceDescription};
@@ -29,6 +29,7 @@ pub(super) struct Participant {
     watch: Watch,
     announcement: Mutex<Announcement>,
     on_change: Arc<Mutex<OnChange>>,
+    whole: WholeSamples,
     publisher: Publisher,
     subscriber: Subscriber,
     dds: DomainParticipant,
@@ -83,6 +84,7 @@ impl Participant {
             watch,
             announcement: Mutex::new(announcement),
             on_change: Arc::clone(on_change),
+            whole: settings.whole,
             publisher,
             subscriber,
             dds,
@@ -116,9 +118,7 @@ impl Participant {
             .watch
             .add(
                 || self.endpoints_of(topics),
-                |writer, reader| {
-                    Pair::new(&service.name, service.max_bytes, writer, reader, notify)
-                },
+                |ends| Pair::new(service, self.whole, ends, notify),
             )
             .map_err(|error| GraphError::Stack {
                 operation,

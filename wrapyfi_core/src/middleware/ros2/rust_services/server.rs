@@ -10,6 +10,7 @@ use rustdds::GUID;
 
 use super::adapter::Received;
 use super::identity;
+use super::pair::Identity;
 use super::participant::Opened;
 use super::remotes;
 use crate::middleware::ros2::graph::{
@@ -61,7 +62,7 @@ impl CdrServer for Server {
     }
 
     fn reply(&mut self, id: &RequestId, parts: &[&[u8]]) -> Result<(), GraphError> {
-        self.0.pair.write(parts, identity::of_reply(id)).map(|_| ())
+        self.0.pair.write(parts, Identity::Always(identity::of_reply(id))).map(|_| ())
     }
 
     fn clients(&self) -> Peers {

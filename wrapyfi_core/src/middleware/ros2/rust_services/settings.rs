@@ -44,8 +44,50 @@ pub(super) struct Settings {
     pub(super) domain_id: u16,
     /// Addresses of the interfaces to announce itself on; `None` for all.
     pub(super) networks: Option<Vec<IpAddr>>,
+    /// What a sample may weigh to be sent whole.
+    pub(super) whole: WholeSamples,
     /// Settings that have no effect on services, to be logged.
     pub(super) warnings: Vec<String>,
+}
+
+/// Largest samples, encapsulation header included, that RustDDS sends in one piece. It computes the
+/// same from the addresses that a reader announces: the least of what the interfaces towards them
+/// carry, and of what Ethernet carries where it knows none.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct WholeSamples {
+    /// To any reader, in bytes.
+    pub(super) anywhere: usize,
+    /// To readers that announce nothing but addresses of the loopback interface, in bytes.
+    pub(super) loopback: usize,
+}
+
+/// What RustDDS takes off the MTU of an interface: headers of IP, UDP and RTPS, a heartbeat, and
+/// the header of the sample.
+const AROUND_SAMPLE: usize = 48 + 32 + 48;
+/// What fits a UDP datagram (65507 bytes) beside everything that goes with a sample, the identity
+/// with it, which RustDDS does not reckon with.
+const DATAGRAM: usize = 65_507 - (20 + 12 + 16 + 24 + 60 + 32);
+/// MTU of Ethernet: RustDDS assumes it of networks it is not on.
+const ETHERNET: usize = 1500;
+
+impl WholeSamples {
+    fn new(interfaces: &[Interface]) -> Self {
+        let least = |loopback: bool| {
+            let mtus = interfaces.iter().filter(|known| known.loopback == loopback || !loopback);
+            mtus.filter_map(|known| known.mtu).min().unwrap_or(ETHERNET)
+        };
+        let carries = |mtu: usize| mtu.saturating_sub(AROUND_SAMPLE).min(DATAGRAM);
+        Self { anywhere: carries(least(false).min(ETHERNET)), loopback: carries(least(true)) }
+    }
+}
+
+/// A network interface of this host.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Interface {
+    name: String,
+    addresses: Vec<Ipv4Addr>,
+    mtu: Option<usize>,
+    loopback: bool,
 }
 
 impl Settings {
@@ -56,7 +98,7 @@ impl Settings {
 
     fn with_interfaces(
         config: &CycloneConfig,
-        interfaces: &[(String, Vec<Ipv4Addr>)],
+        interfaces: &[Interface],
     ) -> Result<Self, RustServicesError> {
         let domain_id = u16::try_from(config.domain_id)
             .ok()
@@ -71,22 +113,28 @@ impl Settings {
                 Some(addresses_of(name, interfaces)?)
             }
         };
-        Ok(Self { node: config.node.clone(), domain_id, networks, warnings: warnings(config) })
+        Ok(Self {
+            node: config.node.clone(),
+            domain_id,
+            networks,
+            whole: WholeSamples::new(interfaces),
+            warnings: warnings(config),
+        })
     }
 }
 
 fn addresses_of(
     name: &str,
-    interfaces: &[(String, Vec<Ipv4Addr>)],
+    interfaces: &[Interface],
 ) -> Result<Vec<IpAddr>, RustServicesError> {
     let found: Vec<IpAddr> = interfaces
         .iter()
-        .filter(|(known, _)| known == name)
-        .flat_map(|(_, addresses)| addresses.iter().copied().map(IpAddr::V4))
+        .filter(|known| known.name == name)
+        .flat_map(|known| known.addresses.iter().copied().map(IpAddr::V4))
         .collect();
     if found.is_empty() {
-        let with_address = interfaces.iter().filter(|(_, addresses)| !addresses.is_empty());
-        let known: Vec<&str> = with_address.map(|(known, _)| known.as_str()).collect();
+        let with_address = interfaces.iter().filter(|known| !known.addresses.is_empty());
+        let known: Vec<&str> = with_address.map(|known| known.name.as_str()).collect();
         return Err(RustServicesError::NoInterface { name: name.into(), known: known.join(", ") });
     }
     Ok(found)
@@ -118,13 +166,17 @@ fn warnings(config: &CycloneConfig) -> Vec<String> {
     warnings
 }
 
-fn interfaces() -> Vec<(String, Vec<Ipv4Addr>)> {
+fn interfaces() -> Vec<Interface> {
     netdev::get_interfaces()
         .into_iter()
-        .map(|interface| {
-            let addresses = interface.ipv4_addrs();
-            (interface.name, addresses)
+        .map(|interface| Interface {
+            addresses: interface.ipv4_addrs(),
+            mtu: interface.mtu.and_then(|mtu| usize::try_from(mtu).ok()),
+            loopback: interface.is_loopback(),
+            name: interface.name,
         })
+        // RustDDS knows those with an IPv4 address only.
+        .filter(|interface| !interface.addresses.is_empty())
         .collect()
 }
 
@@ -132,6 +184,25 @@ fn interfaces() -> Vec<(String, Vec<Ipv4Addr>)> {
 mod tests {
     use super::*;
     use crate::middleware::ros2::environment::Discovery;
+
+    fn interface(name: &str, addresses: &[Ipv4Addr], mtu: usize) -> Interface {
+        let addresses = addresses.to_vec();
+        Interface { name: name.into(), addresses, mtu: Some(mtu), loopback: name == "lo" }
+    }
+
+    #[test]
+    fn samples_stay_whole_within_the_smallest_network() {
+        let lo = interface("lo", &[Ipv4Addr::LOCALHOST], 65_536);
+        let whole = |others: &[usize]| {
+            let others = others.iter().map(|&mtu| interface("x", &[Ipv4Addr::LOCALHOST], mtu));
+            WholeSamples::new(&others.chain([lo.clone()]).collect::<Vec<_>>())
+        };
+        assert_eq!(whole(&[]), WholeSamples { anywhere: 1372, loopback: 65_343 });
+        assert_eq!(whole(&[9000]).anywhere, 1372);
+        assert_eq!(whole(&[9000, 1420, 1500]), WholeSamples { anywhere: 1292, loopback: 65_343 });
+        assert_eq!(whole(&[100]).anywhere, 0);
+        assert_eq!(WholeSamples::new(&[]), WholeSamples { anywhere: 1372, loopback: 1372 });
+    }
 
     fn settings(
         range: DiscoveryRange,
@@ -143,9 +214,9 @@ mod tests {
         config.discovery = Discovery { range, static_peers };
         config.interface = interface.map(str::to_owned);
         let interfaces = [
-            ("lo".to_owned(), vec![Ipv4Addr::LOCALHOST]),
-            ("eth0".to_owned(), vec![Ipv4Addr::new(10, 0, 0, 2), Ipv4Addr::new(10, 1, 0, 2)]),
-            ("wlan0".to_owned(), Vec::new()),
+            interface("lo", &[Ipv4Addr::LOCALHOST], 65_536),
+            interface("eth0", &[Ipv4Addr::new(10, 0, 0, 2), Ipv4Addr::new(10, 1, 0, 2)], 9000),
+            interface("wlan0", &[], 1500),
         ];
         Settings::with_interfaces(&config, &interfaces)
     }

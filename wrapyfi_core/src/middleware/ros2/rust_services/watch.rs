@@ -75,7 +75,7 @@ impl Watch {
     pub(super) fn add<E>(
         &self,
         create: impl FnOnce() -> Result<(Writer, Reader), E>,
-        join: impl FnOnce(Writer, Reader) -> Pair,
+        join: impl FnOnce((Writer, Reader)) -> Pair,
     ) -> Result<Arc<Pair>, AddError<E>> {
         let mut routes = lock(&self.routes);
         let (mut writer, mut reader) = create().map_err(AddError::Create)?;
@@ -87,7 +87,7 @@ impl Watch {
         register(&mut reader, DATA)?;
         register(reader.as_status_source_mio1(), READER_STATUS)?;
         register(writer.as_status_source_mio1(), WRITER_STATUS)?;
-        let pair = Arc::new(join(writer, reader));
+        let pair = Arc::new(join((writer, reader)));
         routes.last = number;
         routes.pairs.retain(|_, pair| pair.strong_count() > 0);
         routes.pairs.insert(number, Arc::downgrade(&pair));
