@@ -20,6 +20,8 @@
 mod adapter;
 mod announce;
 mod client;
+#[cfg(test)]
+mod foreign_tests;
 mod identity;
 mod pair;
 mod participant;

@@ -185,16 +185,16 @@ mod tests {
     use super::*;
     use crate::middleware::ros2::environment::Discovery;
 
-    fn interface(name: &str, addresses: &[Ipv4Addr], mtu: usize) -> Interface {
+    fn card(name: &str, addresses: &[Ipv4Addr], mtu: usize) -> Interface {
         let addresses = addresses.to_vec();
         Interface { name: name.into(), addresses, mtu: Some(mtu), loopback: name == "lo" }
     }
 
     #[test]
     fn samples_stay_whole_within_the_smallest_network() {
-        let lo = interface("lo", &[Ipv4Addr::LOCALHOST], 65_536);
+        let lo = card("lo", &[Ipv4Addr::LOCALHOST], 65_536);
         let whole = |others: &[usize]| {
-            let others = others.iter().map(|&mtu| interface("x", &[Ipv4Addr::LOCALHOST], mtu));
+            let others = others.iter().map(|&mtu| card("x", &[Ipv4Addr::LOCALHOST], mtu));
             WholeSamples::new(&others.chain([lo.clone()]).collect::<Vec<_>>())
         };
         assert_eq!(whole(&[]), WholeSamples { anywhere: 1372, loopback: 65_343 });
@@ -214,9 +214,9 @@ mod tests {
         config.discovery = Discovery { range, static_peers };
         config.interface = interface.map(str::to_owned);
         let interfaces = [
-            interface("lo", &[Ipv4Addr::LOCALHOST], 65_536),
-            interface("eth0", &[Ipv4Addr::new(10, 0, 0, 2), Ipv4Addr::new(10, 1, 0, 2)], 9000),
-            interface("wlan0", &[], 1500),
+            card("lo", &[Ipv4Addr::LOCALHOST], 65_536),
+            card("eth0", &[Ipv4Addr::new(10, 0, 0, 2), Ipv4Addr::new(10, 1, 0, 2)], 9000),
+            card("wlan0", &[], 1500),
         ];
         Settings::with_interfaces(&config, &interfaces)
     }
