@@ -11,9 +11,11 @@ use std::sync::{Arc, Mutex};
 use rustdds::rpc::SampleIdentity;
 use rustdds::{GUID, RTPSEntity, SequenceNumber, WriteOptions, WriteOptionsBuilder};
 
-use wrapyfi_core::middleware::ros2::graph::{Graph, GraphError, Peers, RequestId};
-use wrapyfi_core::middleware::ros2::{CycloneGraph, RustServices, RustServicesError, ServiceEndpoints};
 use wrapyfi_core::middleware::ros2::environment::DiscoveryRange;
+use wrapyfi_core::middleware::ros2::graph::{Graph, GraphError, Peers, RequestId};
+use wrapyfi_core::middleware::ros2::{
+    CycloneGraph, RustServices, RustServicesError, ServiceEndpoints,
+};
 
 use fast_common::{
     Add, Bare, Sum, add_two_ints, cdr, client, config, next, numbers, server, services, until,
@@ -227,16 +229,13 @@ fn services_are_announced_under_a_hidden_node() {
     drop(a);
     let left = ours.endpoints();
     assert_eq!((left.readers.len(), left.writers.len()), (1, 1));
-    let gone = ServiceEndpoints {
-        readers: vec![there.readers[0]],
-        writers: vec![there.writers[0]],
-    };
+    let gone =
+        ServiceEndpoints { readers: vec![there.readers[0]], writers: vec![there.writers[0]] };
     all_owned(&gone, None);
     all_owned(&left, Some("/robot/_bridge_services"));
     drop(b);
     all_owned(&left, None);
-    let counts: Vec<_> =
-        heard.lock().unwrap().iter().map(|change| change.readers.len()).collect();
+    let counts: Vec<_> = heard.lock().unwrap().iter().map(|change| change.readers.len()).collect();
     assert_eq!(counts, [0, 1, 2, 1, 0]);
 }
 

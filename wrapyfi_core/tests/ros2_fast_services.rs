@@ -52,9 +52,7 @@ fn a_client_of_ros2_client_calls_our_server() {
     for (a, b) in [(2, 3), (-7, 1 << 40), (1, 0)] {
         let id = theirs.send_request(Add { a, b }).unwrap();
         while numbers(&server.answer().cdr) != [a, b] {}
-        until("the reply", || {
-            theirs.receive_response().unwrap() == Some((id, Sum { sum: a + b }))
-        });
+        until("the reply", || theirs.receive_response().unwrap() == Some((id, Sum { sum: a + b })));
     }
     assert_eq!(server.server.lost(), 0);
 }
@@ -163,8 +161,7 @@ fn what_is_too_large_is_dropped_and_said() {
     let (mut server, mut client) = (server(&ours, &narrow), client(&theirs, &narrow));
     client.await_peers(&Peers::Ready(1));
     client.client.send(&[&cdr(&[1, 2, 3])]).unwrap();
-    let too_large =
-        |actual| GraphError::TooLarge { topic: small.name.clone(), actual, limit: 20 };
+    let too_large = |actual| GraphError::TooLarge { topic: small.name.clone(), actual, limit: 20 };
     assert_eq!(server.request().unwrap_err(), too_large(28));
     client.client.send(&[&cdr(&[1, 2])]).unwrap();
     let request = server.request().unwrap();

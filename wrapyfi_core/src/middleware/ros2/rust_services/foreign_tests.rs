@@ -6,9 +6,7 @@ use std::time::Duration;
 use super::RustServices;
 use crate::endpoint::{Durability, History, Qos, Reliability, Wake};
 use crate::middleware::ros2::config::CycloneConfig;
-use crate::middleware::ros2::cyclone::{
-    EndpointQos, Entity, Events, RawReader, RawWriter,
-};
+use crate::middleware::ros2::cyclone::{EndpointQos, Entity, Events, RawReader, RawWriter};
 use crate::middleware::ros2::domain::DomainLease;
 use crate::middleware::ros2::graph::{
     GraphError, Notify, Peers, ServiceDescription, ServiceMapping, wait_until,
@@ -82,7 +80,7 @@ fn a_client_of_cyclones_is_refused_by_name() {
         // A request of rmw_cyclonedds_cpp: its client, its number, then 2 and 3.
         let mut request = vec![0, 1, 0, 0];
         [0x25_8b, 1, 2, 3_i64].iter().for_each(|word| request.extend(word.to_le_bytes()));
-        client.writer.write(&[&request]).map_err(|_| "not written").unwrap();
+        assert!(client.writer.write(&[&request]).is_ok());
         error = server.take().err();
         error.is_some()
     }));
@@ -106,7 +104,7 @@ fn a_server_of_cyclones_is_foreign_and_its_replies_pass_by() {
     let foreign = Peers::Foreign(ServiceMapping::Cyclone);
     assert!(wait_until(&wake, PATIENCE, || client.servers() == foreign));
     for _ in 0..20 {
-        server.writer.write(&[&[0, 1, 0, 0], &[7; 24]]).map_err(|_| "not written").unwrap();
+        assert!(server.writer.write(&[&[0, 1, 0, 0], &[7; 24]]).is_ok());
     }
     server.writer.wait_for_acks(5_000_000_000).unwrap();
     assert_eq!(client.take(), Ok(None));

@@ -187,12 +187,10 @@ impl Pair {
         let remotes = self.remotes();
         let mut near = discovered
             .iter()
-            .filter(|known| {
-                remotes.has_reader(&known.reader_proxy.remote_reader_guid.to_bytes())
-            })
+            .filter(|known| remotes.has_reader(&known.reader_proxy.remote_reader_guid.to_bytes()))
             .map(|known| {
                 let addresses = &known.reader_proxy.unicast_locator_list;
-                !addresses.is_empty() && addresses.iter().all(|address| address.is_loopback())
+                !addresses.is_empty() && !addresses.iter().any(|address| !address.is_loopback())
             })
             .peekable();
         if near.peek().is_some() && near.all(|near| near) {

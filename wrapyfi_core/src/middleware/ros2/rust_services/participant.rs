@@ -116,10 +116,7 @@ impl Participant {
         let service = topics.service;
         let pair = self
             .watch
-            .add(
-                || self.endpoints_of(topics),
-                |ends| Pair::new(service, self.whole, ends, notify),
-            )
+            .add(|| self.endpoints_of(topics), |ends| Pair::new(service, self.whole, ends, notify))
             .map_err(|error| GraphError::Stack {
                 operation,
                 topic: service.name.clone(),

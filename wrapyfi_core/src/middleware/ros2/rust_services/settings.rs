@@ -123,10 +123,7 @@ impl Settings {
     }
 }
 
-fn addresses_of(
-    name: &str,
-    interfaces: &[Interface],
-) -> Result<Vec<IpAddr>, RustServicesError> {
+fn addresses_of(name: &str, interfaces: &[Interface]) -> Result<Vec<IpAddr>, RustServicesError> {
     let found: Vec<IpAddr> = interfaces
         .iter()
         .filter(|known| known.name == name)
