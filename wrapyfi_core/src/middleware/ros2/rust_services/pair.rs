@@ -179,7 +179,7 @@ impl Pair {
 
     /// Bytes up to which a sample of `size` bytes is sent to all matched readers in one piece.
     fn whole_bytes(&self, size: usize) -> usize {
-        if size <= self.whole.anywhere || size > self.whole.loopback {
+        if size <= self.whole.anywhere {
             return self.whole.anywhere;
         }
         let Some(dds) = self.writer.publisher().participant() else { return self.whole.anywhere };
