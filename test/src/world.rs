@@ -86,6 +86,20 @@ impl World {
         Process::start("wrapyfi", self.command(&needs::program()?, args), &self.pillars)
     }
 
+    /// Starts `wrapyfi` with these arguments and another `RMW_IMPLEMENTATION`.
+    ///
+    /// # Errors
+    /// Where it cannot be started.
+    pub fn wrapyfi_as<A: AsRef<OsStr>>(
+        &self,
+        rmw: &str,
+        args: impl IntoIterator<Item = A>,
+    ) -> Result<Process> {
+        let mut command = self.command(&needs::program()?, args);
+        command.env("RMW_IMPLEMENTATION", rmw);
+        Process::start("wrapyfi", command, &self.pillars)
+    }
+
     /// Starts the node executable with these arguments.
     ///
     /// # Errors

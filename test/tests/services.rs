@@ -6,6 +6,8 @@ use serde_json::{Value, json};
 use wrapyfi_e2e::{Need, Process, Result, ServiceMapping, World, run};
 
 const NEEDS: &[Need] = &[Need::Program];
+const FAST: &str = "rmw_fastrtps_cpp";
+const CYCLONE: &str = "rmw_cyclonedds_cpp";
 const ADD: &str = "example_interfaces/srv/AddTwoInts";
 
 /// A folder with definitions of packages that are installed nowhere here.
@@ -28,24 +30,31 @@ fn definitions(world: &World) -> Result<String> {
     Ok(world.path("interfaces").display().to_string())
 }
 
-fn call(world: &World, service: &str, more: &[&str]) -> Result<Process> {
+/// `wrapyfi COMMAND ros2:SERVICE` as a program of this RMW would run it.
+fn start(world: &World, rmw: &str, command: &str, service: &str, more: &[&str]) -> Result<Process> {
     let (endpoint, folder) = (format!("ros2:{service}"), definitions(world)?);
-    let mut words = vec!["call", &endpoint, "--definitions", &folder, "--json"];
+    let mut words = vec![command, &endpoint, "--definitions", &folder, "--json"];
     words.extend(more);
-    world.wrapyfi(words)
+    world.wrapyfi_as(rmw, words)
 }
 
-fn reply(world: &World, service: &str, more: &[&str]) -> Result<Value> {
-    let mut process = call(world, service, &[more, &["--timeout", "60"]].concat())?;
+fn call(world: &World, service: &str, more: &[&str]) -> Result<Process> {
+    start(world, CYCLONE, "call", service, more)
+}
+
+fn reply_as(world: &World, rmw: &str, service: &str, more: &[&str]) -> Result<Value> {
+    let patient = [more, &["--timeout", "60"]].concat();
+    let mut process = start(world, rmw, "call", service, &patient)?;
     process.exits_with(0)?;
     Ok(process.objects(1)?[0]["value"].clone())
 }
 
+fn reply(world: &World, service: &str, more: &[&str]) -> Result<Value> {
+    reply_as(world, CYCLONE, service, more)
+}
+
 fn serve(world: &World, service: &str, more: &[&str]) -> Result<Process> {
-    let (endpoint, folder) = (format!("ros2:{service}"), definitions(world)?);
-    let mut words = vec!["serve", &endpoint, "--definitions", &folder, "--json"];
-    words.extend(more);
-    world.wrapyfi(words)
+    start(world, CYCLONE, "serve", service, more)
 }
 
 #[test]
@@ -76,35 +85,87 @@ fn a_call_comes_back_with_what_the_server_says() -> Result {
     })
 }
 
+/// Each call is the first one of a new process.
+fn calls_of_a_server(world: &World, rmw: &str, mapping: ServiceMapping) -> Result {
+    let sums = world.topic("sums");
+    let mut node = world.ros_node("adder")?;
+    let _server = node.serve_sums(&sums, mapping)?;
+    for a in 0..5 {
+        let value = format!(r#"{{"a": {a}, "b": 1099511627776}}"#);
+        let sum = reply_as(world, rmw, &sums, &["--value", &value])?;
+        assert_eq!(sum, json!({"sum": a + 1_099_511_627_776_i64}));
+    }
+    Ok(())
+}
+
+fn requests_of_a_client(world: &World, rmw: &str, mapping: ServiceMapping) -> Result {
+    let sums = world.topic("sums");
+    let answer = ["--type", ADD, "--value", r#"{"sum": 42}"#];
+    let server = start(world, rmw, "serve", &sums, &answer)?;
+    let mut node = world.ros_node("asker")?;
+    let client = node.ask_for_sums(&sums, mapping)?;
+    assert_eq!(client.first(1, 2)?, 42);
+    for a in 0..50 {
+        assert_eq!(client.next(a, 3)?, 42);
+    }
+    let last = json!({"a": 49, "b": 3});
+    server.wait_until("the last request", |output| {
+        output.objects().any(|asked| asked["value"] == last).then_some(())
+    })
+}
+
 #[test]
 fn an_independent_server_answers_our_calls() -> Result {
     run("an_independent_server_answers_our_calls", NEEDS, |world| {
-        let sums = world.topic("sums");
-        let mut node = world.ros_node("adder")?;
-        let _server = node.serve_sums(&sums, ServiceMapping::Cyclone)?;
-        // Each one is the first call of a new process.
-        for a in 0..5 {
-            let value = format!(r#"{{"a": {a}, "b": 1099511627776}}"#);
-            let sum = reply(world, &sums, &["--value", &value])?;
-            assert_eq!(sum, json!({"sum": a + 1_099_511_627_776_i64}));
-        }
-        Ok(())
+        calls_of_a_server(world, CYCLONE, ServiceMapping::Cyclone)
+    })
+}
+
+#[test]
+fn an_independent_server_of_fast_dds_answers_our_calls() -> Result {
+    run("an_independent_server_of_fast_dds_answers_our_calls", NEEDS, |world| {
+        calls_of_a_server(world, FAST, ServiceMapping::Enhanced)
     })
 }
 
 #[test]
 fn our_server_answers_an_independent_client() -> Result {
     run("our_server_answers_an_independent_client", NEEDS, |world| {
-        let sums = world.topic("sums");
-        let server = serve(world, &sums, &["--type", ADD, "--value", r#"{"sum": 42}"#])?;
-        let mut node = world.ros_node("asker")?;
-        let client = node.ask_for_sums(&sums, ServiceMapping::Cyclone)?;
-        assert_eq!(client.first(1, 2)?, 42);
-        for a in 0..50 {
-            assert_eq!(client.next(a, 3)?, 42);
-        }
-        let asked = server.objects(51)?;
-        assert_eq!(asked[asked.len() - 1]["value"], json!({"a": 49, "b": 3}));
+        requests_of_a_client(world, CYCLONE, ServiceMapping::Cyclone)
+    })
+}
+
+#[test]
+fn our_server_answers_an_independent_client_of_fast_dds() -> Result {
+    run("our_server_answers_an_independent_client_of_fast_dds", NEEDS, |world| {
+        requests_of_a_client(world, FAST, ServiceMapping::Enhanced)
+    })
+}
+
+#[test]
+fn both_mappings_have_the_same_features() -> Result {
+    run("both_mappings_have_the_same_features", NEEDS, |world| {
+        let say = world.topic("say");
+        let early = ["--type", "demo/srv/Say", "--value", r#"{"text": "a"}"#, "--timeout", "60"];
+        let mut early = start(world, FAST, "call", &say, &early)?;
+        let server = start(world, FAST, "serve", &say, &["--type", "demo/srv/Say", "--echo"])?;
+        early.exits_with(0)?;
+        let late = reply_as(world, FAST, &say, &["--value", r#"{"text": "b", "list": [3]}"#])?;
+        assert_eq!(late, json!({"text": "b", "list": [3], "other": false}));
+        // The other mapping is told apart and told so.
+        let foreign = ["--type", "demo/srv/Say", "--timeout", "3"];
+        let mut foreign = call(world, &say, &foreign)?;
+        foreign.exits_with(3)?;
+        server.terminate()?;
+
+        let cyclone = world.topic("cyclone");
+        let _server = serve(world, &cyclone, &["--type", "demo/srv/Say", "--echo"])?;
+        let mut foreign = start(world, FAST, "call", &cyclone, &["--timeout", "10"])?;
+        foreign.exits_with(3)?;
+        let told = foreign.stderr();
+        let words = "the other end runs rmw_cyclonedds_cpp, whose services do not understand those \
+                     of rmw_fastrtps_cpp: set RMW_IMPLEMENTATION=rmw_cyclonedds_cpp here";
+        assert!(told.contains(words), "{told}");
         Ok(())
     })
 }

@@ -24,6 +24,7 @@ use super::graph::{
 use super::names;
 use super::owners::Owners;
 use super::peer_index::PeerIndex;
+use super::services::Services;
 use crate::endpoint::{History, Qos, Reliability};
 use crate::node::NodeName;
 
@@ -58,6 +59,7 @@ pub(super) struct Node {
     gid: Gid,
     /// Clients and servers created so far, which are numbered.
     service_ends: AtomicU32,
+    services: Services,
     _domain: DomainLease,
 }
 
@@ -80,15 +82,18 @@ impl CycloneGraph {
             range = ?config.discovery.range,
             "ROS 2 node on CycloneDDS"
         );
-        Ok(Self(Arc::new(Node {
+        let graph = Self(Arc::new(Node {
             name: config.node.clone(),
             peers: Mutex::new(None),
             info: Mutex::new(info),
             participant,
             gid,
             service_ends: AtomicU32::new(1),
+            services: Services::new(config),
             _domain: domain,
-        })))
+        }));
+        graph.0.services.announce(&graph.0);
+        Ok(graph)
     }
 
     /// GUID of the participant, as `ros_discovery_info` carries it.
@@ -209,7 +214,7 @@ impl Graph for CycloneGraph {
     }
 
     fn service_mapping(&self) -> ServiceMapping {
-        ServiceMapping::Cyclone
+        self.0.services.mapping()
     }
 
     fn client(
@@ -217,6 +222,9 @@ impl Graph for CycloneGraph {
         service: &ServiceDescription,
         on_event: Notify,
     ) -> Result<Box<dyn CdrClient>, GraphError> {
+        if let Some(other) = self.0.services.elsewhere(service)? {
+            return other.client(service, on_event);
+        }
         let (ends, guid, listed) = self.ends(service, "clientid", &on_event)?;
         Ok(Box::new(CycloneClient::new(ends, guid, listed)))
     }
@@ -226,6 +234,9 @@ impl Graph for CycloneGraph {
         service: &ServiceDescription,
         on_event: Notify,
     ) -> Result<Box<dyn CdrServer>, GraphError> {
+        if let Some(other) = self.0.services.elsewhere(service)? {
+            return other.server(service, on_event);
+        }
         let (ends, _, listed) = self.ends(service, "serviceid", &on_event)?;
         Ok(Box::new(CycloneServer::new(ends, listed)))
     }
@@ -233,7 +244,14 @@ impl Graph for CycloneGraph {
     fn endpoints(&self) -> Result<Vec<DiscoveredEndpoint>, GraphError> {
         let found = cyclone::endpoints(&self.0.participant)
             .map_err(|code| stack("listing endpoints", &self.0.name.fqn(), code))?;
-        Ok(found.into_iter().map(|endpoint| discovered(endpoint, &self.0.gid)).collect())
+        Ok(found
+            .into_iter()
+            .map(|endpoint| {
+                let mut endpoint = discovered(endpoint, &self.0.gid);
+                endpoint.is_own |= self.0.services.owns(&endpoint.gid);
+                endpoint
+            })
+            .collect())
     }
 
     fn watch(
@@ -253,7 +271,7 @@ impl Graph for CycloneGraph {
 }
 
 impl Node {
-    fn info(&self) -> MutexGuard<'_, DiscoveryInfo> {
+    pub(super) fn info(&self) -> MutexGuard<'_, DiscoveryInfo> {
         self.info.lock().unwrap_or_else(PoisonError::into_inner)
     }
 

@@ -37,6 +37,8 @@ pub(super) struct DiscoveryInfo {
     writer: RawWriter,
     participant: Gid,
     node: NodeEntitiesInfo,
+    /// Endpoints of the node on another participant: readers, writers.
+    elsewhere: (Vec<Gid>, Vec<Gid>),
 }
 
 impl DiscoveryInfo {
@@ -63,7 +65,7 @@ impl DiscoveryInfo {
             node_name: node.name().to_owned(),
             ..NodeEntitiesInfo::default()
         };
-        Ok(Self { writer, participant, node })
+        Ok(Self { writer, participant, node, elsewhere: Default::default() })
     }
 
     /// Adds an endpoint and announces.
@@ -78,9 +80,22 @@ impl DiscoveryInfo {
         self.publish();
     }
 
+    #[cfg_attr(not(feature = "ros2-fastdds"), allow(dead_code))]
+    /// Replaces what the node has on another participant, and announces.
+    pub(super) fn set_elsewhere(&mut self, readers: &[Gid], writers: &[Gid]) {
+        if (self.elsewhere.0.as_slice(), self.elsewhere.1.as_slice()) != (readers, writers) {
+            self.elsewhere = (readers.to_vec(), writers.to_vec());
+            self.publish();
+        }
+    }
+
     /// Announces the node as it is.
     pub(super) fn publish(&self) {
-        self.write(vec![self.node.clone()]);
+        let mut node = self.node.clone();
+        let gids = |gids: &[Gid]| gids.iter().map(|&data| msg::Gid { data }).collect::<Vec<_>>();
+        node.reader_gid_seq.extend(gids(&self.elsewhere.0));
+        node.writer_gid_seq.extend(gids(&self.elsewhere.1));
+        self.write(vec![node]);
     }
 
     /// Announces that the node is gone and gives readers a moment to hear it.

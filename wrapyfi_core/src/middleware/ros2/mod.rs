@@ -10,6 +10,8 @@
 //!   cyclone_graph ───── peer_index, discovery_info, domain, config ◀── environment
 //!     │
 //!   cyclone             the only modules that call C
+//!
+//!   rust_services ───── services as Fast DDS has them, on RustDDS
 //! ```
 //!
 //! A node of its own, and its topics under their ROS names:
@@ -50,8 +52,11 @@ mod payload;
 mod peer_index;
 mod publisher;
 mod replays;
+#[cfg(feature = "ros2-fastdds")]
+mod rust_services;
 mod service;
 mod service_header;
+mod services;
 mod vendor;
 
 use std::sync::Arc;
@@ -60,6 +65,8 @@ pub use any::{AnyError, AnyListener, AnyMessage, AnyPublisher};
 pub use config::CycloneConfig;
 pub use cyclone_graph::{CycloneError, CycloneGraph};
 pub use domain::DomainError;
+#[cfg(feature = "ros2-fastdds")]
+pub use rust_services::{RustServices, RustServicesError, ServiceEndpoints};
 pub use service::{
     AnyClient, AnyRequest, AnyServer, CallError, ServeError, ServerDrops, ServiceOptions,
     ServiceType, Ticket,

@@ -1,0 +1,357 @@
+//! One end of a service: a writer and a reader, and whom they are matched with.
+//!
+//! ```text
+//!   client   Pair { requests: writer ─▶ rq/…Request,  replies: reader ◀─ rr/…Reply }
+//!   server   Pair { requests: reader ◀─ rq/…Request,  replies: writer ─▶ rr/…Reply }
+//!                     ▲ matches, arrivals: watch
+//! ```
+
+use std::collections::BTreeMap;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use bytes::Bytes;
+use rustdds::dds::{ReadError, WriteError};
+use rustdds::no_key::{DataWriter, DeserializedCacheChange, SimpleDataReader};
+use rustdds::rpc::SampleIdentity;
+use rustdds::{
+    DataReaderStatus, DataWriterStatus, RTPSEntity as _, StatusEvented as _, Timestamp,
+    WriteOptionsBuilder,
+};
+
+use super::adapter::{self, CDR_LE, RawCdr, Received, Within};
+use super::remotes::Remotes;
+use super::settings::WholeSamples;
+use crate::middleware::ros2::discovery_info::Gid;
+use crate::middleware::ros2::graph::{GraphError, Notify, Peers, ServiceDescription};
+
+/// How long a write waits for reliable peers that do not keep up.
+pub(super) const MAX_BLOCKING: Duration = Duration::from_millis(500);
+
+/// Disposals in a row that one call passes over. RustDDS says of a disposal what it says of an
+/// empty reader, so that the sample behind it is looked for by asking again.
+const DISPOSALS: usize = 8;
+
+/// Writers whose last number is remembered, to tell losses.
+const MAX_NUMBERED: usize = 4096;
+
+/// Takes serialised messages.
+pub(super) type Reader = SimpleDataReader<Received, RawCdr>;
+/// Writes serialised messages.
+pub(super) type Writer = DataWriter<Bytes, RawCdr>;
+
+/// A writer and a reader of one service.
+pub(super) struct Pair {
+    service: String,
+    max_bytes: usize,
+    whole: WholeSamples,
+    writer: Writer,
+    reader: Reader,
+    notify: Notify,
+    remotes: Mutex<Remotes>,
+    /// Last number taken from each remote writer.
+    numbers: Mutex<BTreeMap<Gid, i64>>,
+    lost: AtomicU64,
+}
+
+/// The related sample identity of a message that is to be written.
+///
+/// RustDDS 0.15 puts a byte too many in front of the inline QoS of a sample that it cuts into
+/// fragments: nobody reads it, and a debug build of it panics. So only whole samples carry one.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Identity {
+    /// Left out of what is not sent whole: a request is named by its sample then.
+    IfWhole(SampleIdentity),
+    /// Without it the message is of no use.
+    Always(SampleIdentity),
+}
+
+/// A reply for which there is no way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "a reply of {size} bytes is over the {limit} bytes that fit one datagram to its clients, and RustDDS cannot say of a larger one whose it is: for larger replies set RMW_IMPLEMENTATION=rmw_cyclonedds_cpp on both sides"
+)]
+struct UnsendableReply {
+    size: usize,
+    limit: usize,
+}
+
+/// A message as its reader takes it.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Taken {
+    /// Who wrote it.
+    pub(super) writer: Gid,
+    /// Its writer's number for it.
+    pub(super) number: i64,
+    /// Related sample identity, where it has one.
+    pub(super) related: Option<SampleIdentity>,
+    /// The message, or its size.
+    pub(super) received: Received,
+    /// Source timestamp in nanoseconds since 1970; of reception where the writer sent none.
+    pub(super) source_timestamp_ns: i64,
+}
+
+impl Pair {
+    pub(super) fn new(
+        service: &ServiceDescription,
+        whole: WholeSamples,
+        (writer, reader): (Writer, Reader),
+        notify: Notify,
+    ) -> Self {
+        let pair = Self {
+            service: service.name.clone(),
+            max_bytes: service.max_bytes,
+            whole,
+            writer,
+            reader,
+            notify,
+            remotes: Mutex::default(),
+            numbers: Mutex::default(),
+            lost: AtomicU64::new(0),
+        };
+        pair.forget();
+        pair
+    }
+
+    /// RustDDS keeps samples by topic and participant: what an earlier reader of the participant
+    /// was given would be given again.
+    fn forget(&self) {
+        while !matches!(self.reader.try_take_one_with(Within { limit: 0 }), Ok(None)) {}
+    }
+
+    pub(super) fn service(&self) -> &str {
+        &self.service
+    }
+
+    pub(super) fn max_bytes(&self) -> usize {
+        self.max_bytes
+    }
+
+    pub(super) fn writer_guid(&self) -> rustdds::GUID {
+        self.writer.guid()
+    }
+
+    pub(super) fn reader_guid(&self) -> rustdds::GUID {
+        self.reader.guid()
+    }
+
+    /// Whom the two are matched with.
+    pub(super) fn remotes(&self) -> MutexGuard<'_, Remotes> {
+        self.remotes.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(super) fn peers(&self) -> Peers {
+        self.remotes().peers()
+    }
+
+    /// Samples lost since the last call.
+    pub(super) fn take_lost(&self) -> u64 {
+        self.lost.swap(0, Relaxed)
+    }
+
+    /// Writes one message, given in pieces. Its number.
+    pub(super) fn write(&self, parts: &[&[u8]], identity: Identity) -> Result<i64, GraphError> {
+        let body = adapter::body(parts).map_err(|error| self.fault("writing", &error))?;
+        let size = body.len().saturating_add(CDR_LE.len());
+        let limit = self.whole_bytes(size);
+        let related = match identity {
+            Identity::IfWhole(identity) => (size <= limit).then_some(identity),
+            Identity::Always(identity) if size <= limit => Some(identity),
+            Identity::Always(_) => {
+                return Err(self.fault("writing", &UnsendableReply { size, limit }));
+            }
+        };
+        let options = WriteOptionsBuilder::new()
+            .source_timestamp(Timestamp::now())
+            .related_sample_identity_opt(related)
+            .build();
+        match self.writer.write_with_options(body, options) {
+            Ok(sample) => Ok(sample.sequence_number.into()),
+            Err(WriteError::WouldBlock { .. }) => Err(GraphError::Timeout {
+                topic: self.service.clone(),
+                timeout_ms: u64::try_from(MAX_BLOCKING.as_millis()).unwrap_or(u64::MAX),
+            }),
+            Err(error) => Err(self.fault("writing", &error)),
+        }
+    }
+
+    /// Bytes up to which a sample of `size` bytes is sent to all matched readers in one piece.
+    fn whole_bytes(&self, size: usize) -> usize {
+        if size <= self.whole.anywhere {
+            return self.whole.anywhere;
+        }
+        let Some(dds) = self.writer.publisher().participant() else { return self.whole.anywhere };
+        let discovered = dds.discovered_readers();
+        let remotes = self.remotes();
+        let mut near = discovered
+            .iter()
+            .filter(|known| remotes.has_reader(&known.reader_proxy.remote_reader_guid.to_bytes()))
+            .map(|known| {
+                let addresses = &known.reader_proxy.unicast_locator_list;
+                !addresses.is_empty() && !addresses.iter().any(|address| !address.is_loopback())
+            })
+            .peekable();
+        if near.peek().is_some() && near.all(|near| near) {
+            self.whole.loopback
+        } else {
+            self.whole.anywhere
+        }
+    }
+
+    /// The next message, if one waits.
+    pub(super) fn take(&self) -> Result<Option<Taken>, GraphError> {
+        for _ in 0..DISPOSALS {
+            match self.reader.try_take_one_with(Within { limit: self.max_bytes }) {
+                Ok(Some(sample)) => return Ok(Some(self.taken(sample))),
+                Ok(None) => {}
+                Err(error) => return Err(self.unreadable(&error)),
+            }
+        }
+        Ok(None)
+    }
+
+    fn taken(&self, sample: DeserializedCacheChange<Received>) -> Taken {
+        let (writer, number) = (sample.writer_guid().to_bytes(), i64::from(sample.sequence_number));
+        self.count_lost(writer, number);
+        let stamp = sample.source_timestamp().unwrap_or(sample.receive_instant);
+        Taken {
+            writer,
+            number,
+            related: sample.related_sample_identity(),
+            received: sample.into_value(),
+            source_timestamp_ns: nanoseconds(stamp),
+        }
+    }
+
+    /// RustDDS 0.15 reports no losses; a gap in the numbers of a writer is one.
+    fn count_lost(&self, writer: Gid, number: i64) {
+        let mut numbers = self.numbers.lock().unwrap_or_else(PoisonError::into_inner);
+        if numbers.len() >= MAX_NUMBERED && !numbers.contains_key(&writer) {
+            return;
+        }
+        if let Some(before) = numbers.insert(writer, number) {
+            let skipped = number.saturating_sub(before).saturating_sub(1);
+            self.lost.fetch_add(u64::try_from(skipped).unwrap_or(0), Relaxed);
+        }
+    }
+
+    /// Forgets an endpoint that discovery has lost; true when it was matched.
+    pub(super) fn remote_lost(&self, gid: &Gid) -> bool {
+        self.numbers.lock().unwrap_or_else(PoisonError::into_inner).remove(gid);
+        self.remotes().remove(gid)
+    }
+
+    /// Forgets the endpoints of a participant that discovery has lost.
+    pub(super) fn participant_lost(&self, prefix: &[u8]) -> bool {
+        let mut numbers = self.numbers.lock().unwrap_or_else(PoisonError::into_inner);
+        numbers.retain(|gid, _| !gid.starts_with(prefix));
+        drop(numbers);
+        self.remotes().remove_participant(prefix)
+    }
+
+    /// A remote reader has matched our writer.
+    pub(super) fn reader_matched(&self, gid: Gid) {
+        if !self.remotes().add_reader(gid) {
+            tracing::warn!(service = self.service, "too many readers: one is not kept");
+        }
+    }
+
+    /// A remote writer has matched our reader.
+    pub(super) fn writer_matched(&self, gid: Gid) {
+        if !self.remotes().add_writer(gid) {
+            tracing::warn!(service = self.service, "too many writers: one is not kept");
+        }
+    }
+
+    /// Readies the reader to signal what comes next.
+    pub(super) fn on_data(&self) {
+        self.reader.drain_read_notifications();
+    }
+
+    /// Reads what RustDDS has to say about the reader.
+    pub(super) fn on_reader_status(&self) {
+        while let Some(status) = self.reader.try_recv_status() {
+            match status {
+                DataReaderStatus::SubscriptionMatched { writer, current, .. } => {
+                    if current.count_change() > 0 {
+                        self.writer_matched(writer.to_bytes());
+                    } else {
+                        self.remote_lost(&writer.to_bytes());
+                    }
+                }
+                DataReaderStatus::RequestedIncompatibleQos { last_policy_id, .. } => {
+                    self.refused("a writer", &last_policy_id);
+                }
+                DataReaderStatus::SampleLost { .. }
+                | DataReaderStatus::SampleRejected { .. }
+                | DataReaderStatus::LivelinessChanged { .. }
+                | DataReaderStatus::RequestedDeadlineMissed { .. } => {}
+            }
+        }
+    }
+
+    /// Reads what RustDDS has to say about the writer.
+    pub(super) fn on_writer_status(&self) {
+        while let Some(status) = self.writer.try_recv_status() {
+            match status {
+                DataWriterStatus::PublicationMatched { reader, current, .. } => {
+                    if current.count_change() > 0 {
+                        self.reader_matched(reader.to_bytes());
+                    } else {
+                        self.remote_lost(&reader.to_bytes());
+                    }
+                }
+                DataWriterStatus::OfferedIncompatibleQos { last_policy_id, .. } => {
+                    self.refused("a reader", &last_policy_id);
+                }
+                DataWriterStatus::LivelinessLost { .. }
+                | DataWriterStatus::OfferedDeadlineMissed { .. } => {}
+            }
+        }
+    }
+
+    /// Tells the owner to look. No lock is held.
+    pub(super) fn ring(&self) {
+        if catch_unwind(AssertUnwindSafe(|| (self.notify)())).is_err() {
+            tracing::error!(service = self.service, "a callback for events of a service panicked");
+        }
+    }
+
+    fn refused(&self, peer: &str, policy: &impl std::fmt::Debug) {
+        tracing::warn!(
+            service = self.service,
+            ?policy,
+            "{peer} does not match, its quality of service is incompatible: services are reliable \
+             and volatile"
+        );
+    }
+
+    fn unreadable(&self, error: &ReadError) -> GraphError {
+        self.fault("taking", error)
+    }
+
+    fn fault(&self, operation: &'static str, error: &dyn std::fmt::Display) -> GraphError {
+        GraphError::Stack { operation, topic: self.service.clone(), reason: error.to_string() }
+    }
+}
+
+/// RTPS counts seconds and 2^-32 seconds.
+fn nanoseconds(stamp: Timestamp) -> i64 {
+    let ns = (u128::from(stamp.to_ticks()) * 1_000_000_000) >> 32;
+    i64::try_from(ns).unwrap_or(i64::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn timestamps_are_nanoseconds() {
+        let ticks = |seconds: u64, fraction: u64| Timestamp::from_ticks((seconds << 32) + fraction);
+        assert_eq!(nanoseconds(ticks(1, 0)), 1_000_000_000);
+        assert_eq!(nanoseconds(ticks(1_795_215_773, 1 << 31)), 1_795_215_773_500_000_000);
+        assert_eq!(nanoseconds(Timestamp::INVALID), 4_294_967_295_999_999_999);
+    }
+}
