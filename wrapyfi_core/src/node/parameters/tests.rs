@@ -204,6 +204,11 @@ fn ranges_have_ends_steps_and_tolerance() {
     store.declare(all, i64::MIN).unwrap();
     store.set("all", i64::MAX).unwrap();
     assert!(store.set("all", 0).is_err());
+    store.declare(named("third").with_integer_range(0, 9, 3), 3).unwrap();
+    assert_eq!(
+        store.set("third", 4).unwrap_err().to_string(),
+        "The parameter value for third is not a valid step. Min: 0, max: 9, value: 4, step: 3"
+    );
     store.declare(named("d").with_double_range(0.0, 1.0, 0.1), 0.0).unwrap();
     for (value, good) in [
         (0.3, true),
@@ -218,15 +223,19 @@ fn ranges_have_ends_steps_and_tolerance() {
     }
     assert_eq!(
         store.set("d", 2.0).unwrap_err().to_string(),
-        "Parameter d out of range. Min: 0.0, Max: 1.0, value: 2.0"
+        "Parameter d out of range Min: 0.0, Max: 1.0, value: 2.0"
     );
     assert_eq!(
         store.set("d", 0.25).unwrap_err().reason(),
-        "The parameter value for d is not a valid step. Min: 0.0, max: 1.0, value: 0.25, step: 0.1"
+        "The parameter value for d is not close enough to a valid step. Min: 0.0, max: 1.0, value: \
+         0.25, step: 0.1"
     );
     store.declare(named("open").with_double_range(0.0, f64::INFINITY, 0.0), 1.0).unwrap();
     store.set("open", f64::INFINITY).unwrap();
-    assert!(store.set("open", -1.0).is_err());
+    assert_eq!(
+        store.set("open", -1e20).unwrap_err().to_string(),
+        "Parameter open out of range Min: 0.0, Max: inf, value: -1e+20"
+    );
 }
 
 #[test]
