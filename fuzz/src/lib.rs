@@ -19,6 +19,7 @@ mod codecs;
 mod labelled;
 mod meter;
 mod pickles;
+mod services;
 mod tables;
 mod tensors;
 mod texts;
@@ -27,6 +28,7 @@ pub use codecs::{cdr, frames, jpeg, json, npy};
 pub use labelled::{plugin_picture, plugin_zarr};
 pub use meter::{bounded, measure};
 pub use pickles::pickle;
+pub use services::node_services;
 pub use tables::plugin_table;
 pub use tensors::plugin_tensor;
 pub use texts::{config, msg_parser, ros_args};
@@ -40,7 +42,7 @@ pub const LIMITS: Limits = Limits { message_bytes: 1 << 20, depth: 64 };
 pub type Target = (&'static str, fn(&[u8]));
 
 /// Every target.
-pub const TARGETS: [Target; 13] = [
+pub const TARGETS: [Target; 14] = [
     ("json", json),
     ("npy", npy),
     ("frames", frames),
@@ -54,4 +56,5 @@ pub const TARGETS: [Target; 13] = [
     ("plugin_table", plugin_table),
     ("plugin_picture", plugin_picture),
     ("plugin_zarr", plugin_zarr),
+    ("node_services", node_services),
 ];

@@ -3,7 +3,7 @@
 //! ```text
 //!   wrapyfi_msgs/{msg,srv}           our own, the source for rosidl too
 //!   interfaces/<package>/{msg,srv}   those of ROS 2 and of Wrapyfi that we speak
-//!        └─▶ OUT_DIR/interfaces.rs
+//!        └─▶ OUT_DIR/interfaces.rs   and their texts: OUT_DIR/definitions.rs
 //!   tests/data/interfaces/…          odd shapes for the unit tests, where the folder is there
 //!        └─▶ OUT_DIR/golden.rs       with the above
 //! ```
@@ -53,6 +53,9 @@ enum BuildError {
 
 type Definitions = BTreeMap<TypeName, MessageDefinition>;
 
+/// Text of each file by its path below the folder of packages, for instance `std_msgs/msg/Header.msg`.
+type Texts = BTreeMap<String, String>;
+
 fn main() -> ExitCode {
     match run() {
         Ok(()) => ExitCode::SUCCESS,
@@ -74,21 +77,26 @@ fn run() -> Result<(), BuildError> {
     println!("cargo::rerun-if-changed=src/description.rs");
     println!("cargo::rerun-if-changed=src/hash.rs");
 
-    let mut definitions = Definitions::new();
-    read_package(&root.join("wrapyfi_msgs"), &mut definitions)?;
-    read_packages(&root.join("interfaces"), &mut definitions)?;
+    let (mut definitions, mut texts) = (Definitions::new(), Texts::new());
+    read_package(&root.join("wrapyfi_msgs"), &mut definitions, &mut texts)?;
+    read_packages(&root.join("interfaces"), &mut definitions, &mut texts)?;
     write(&out.join("interfaces.rs"), &rust::modules(&definitions)?)?;
+    write(&out.join("definitions.rs"), &format!("&{:#?}", texts.iter().collect::<Vec<_>>()))?;
 
     let golden = root.join("tests/data/interfaces");
     if golden.is_dir() {
-        read_packages(&golden, &mut definitions)?;
+        read_packages(&golden, &mut definitions, &mut Texts::new())?;
     }
     write(&out.join("golden.rs"), &rust::modules(&definitions)?)
 }
 
-fn read_packages(folder: &Path, definitions: &mut Definitions) -> Result<(), BuildError> {
+fn read_packages(
+    folder: &Path,
+    definitions: &mut Definitions,
+    texts: &mut Texts,
+) -> Result<(), BuildError> {
     for package in entries(folder)? {
-        read_package(&package, definitions)?;
+        read_package(&package, definitions, texts)?;
     }
     Ok(())
 }
@@ -97,7 +105,11 @@ fn read_packages(folder: &Path, definitions: &mut Definitions) -> Result<(), Bui
 ///
 /// A service comes as its request, response and event, and under its own name as the message
 /// that holds these three, whose hash is that of the service.
-fn read_package(package: &Path, definitions: &mut Definitions) -> Result<(), BuildError> {
+fn read_package(
+    package: &Path,
+    definitions: &mut Definitions,
+    texts: &mut Texts,
+) -> Result<(), BuildError> {
     println!("cargo::rerun-if-changed={}", package.display());
     for kind in [InterfaceKind::Message, InterfaceKind::Service] {
         let folder = package.join(kind.as_str());
@@ -108,31 +120,28 @@ fn read_package(package: &Path, definitions: &mut Definitions) -> Result<(), Bui
         for path in entries(&folder)? {
             let failed = |source| BuildError::File { path: path.clone(), source };
             let text = fs::read_to_string(&path).map_err(failed)?;
-            for definition in parse(package, kind, &path, &text)? {
+            let (package, stem) = (part(package.file_name()), part(path.file_stem()));
+            let name = TypeName::with_kind(Dialect::Ros2, &package, kind, &stem)
+                .map_err(|source| BuildError::Name { path: path.clone(), source })?;
+            for definition in parse(&name, &path, &text)? {
                 definitions.insert(definition.name.clone(), definition);
             }
+            texts.insert(format!("{name}.{}", kind.as_str()), text);
         }
     }
     Ok(())
 }
 
-fn parse(
-    package: &Path,
-    kind: InterfaceKind,
-    path: &Path,
-    text: &str,
-) -> Result<Vec<MessageDefinition>, BuildError> {
-    let part = |part: Option<&std::ffi::OsStr>| {
-        part.map(|part| part.to_string_lossy().into_owned()).unwrap_or_default()
-    };
-    let (package, stem) = (part(package.file_name()), part(path.file_stem()));
-    let name = TypeName::with_kind(Dialect::Ros2, &package, kind, &stem)
-        .map_err(|source| BuildError::Name { path: path.to_owned(), source })?;
-    match kind {
+fn part(part: Option<&std::ffi::OsStr>) -> String {
+    part.map(|part| part.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
+fn parse(name: &TypeName, path: &Path, text: &str) -> Result<Vec<MessageDefinition>, BuildError> {
+    match name.kind() {
         InterfaceKind::Service => {
-            parser::parse_service(Dialect::Ros2, &name, text).map(ServiceDefinition::messages)
+            parser::parse_service(Dialect::Ros2, name, text).map(ServiceDefinition::messages)
         }
-        _ => parser::parse_message(&name, text).map(|message| vec![message]),
+        _ => parser::parse_message(name, text).map(|message| vec![message]),
     }
     .map_err(|source| BuildError::Parse { path: path.to_owned(), source: Box::new(source) })
 }

@@ -24,6 +24,7 @@ pub mod hash;
 mod message;
 pub mod parser;
 pub mod store;
+mod type_description;
 
 pub use message::{Message, Service};
 

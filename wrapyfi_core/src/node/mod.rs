@@ -6,21 +6,35 @@
 //!   command line ─▶ args::RosArgs  ─┘            │
 //!                                                ▼
 //!                              parameters::ParameterStore ◀─▶ the six parameter services
+//!                              type_description           ◀── ~/get_type_description
+//!                              LogLine ─▶ /rosout    RosTime ◀── /clock
 //! ```
+//!
+//! None of these has a socket or a clock: bytes, messages and the time come from whoever serves the
+//! node.
 
 pub mod args;
+mod log;
 mod log_level;
 mod name;
 mod parameter;
 pub mod parameters;
+mod ros_time;
+#[cfg(test)]
+mod test_data;
+pub mod type_description;
 
 use std::collections::BTreeMap;
 use std::io::{self, Read as _};
 
+pub use log::LogLine;
 pub use log_level::LogLevel;
 pub use name::{NameError, NameFault, NameKind, NodeName};
 pub use parameter::{ParameterType, ParameterValue};
+pub use ros_time::{ClockError, RosTime, TimeJump};
+use wrapyfi_interfaces::builtin_interfaces::msg::Time;
 
+use crate::types::Stamp;
 use args::RosArgs;
 
 /// Parameters that every node has and that are true or false.
@@ -112,6 +126,11 @@ pub fn read_params_file(path: &str) -> io::Result<Vec<u8>> {
     let most = u64::try_from(args::MAX_FILE_BYTES).unwrap_or(u64::MAX).saturating_add(1);
     std::fs::File::open(path)?.take(most).read_to_end(&mut content)?;
     Ok(content)
+}
+
+/// A stamp as messages carry it.
+fn time(stamp: Stamp) -> Time {
+    Time { sec: stamp.sec, nanosec: stamp.nanosec }
 }
 
 #[cfg(test)]

@@ -31,6 +31,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::parser::{Dialect, InterfaceKind, MessageDefinition, TypeName};
+use crate::type_description_interfaces::msg::TypeSource;
 
 /// Largest definition in bytes: a file, or a full definition text.
 pub const MAX_DEFINITION_SIZE: usize = 1 << 20;
@@ -94,6 +95,18 @@ impl TypeStore {
     #[must_use]
     pub fn empty() -> Self {
         Self::new(Dialect::Ros2, Disk)
+    }
+
+    /// A store of the types that this crate has structs for. It reads no files, and knows the same
+    /// on a machine without ROS.
+    #[must_use]
+    pub fn generated() -> Self {
+        const TEXTS: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/definitions.rs"));
+        let files: BTreeMap<PathBuf, String> =
+            TEXTS.iter().map(|(path, text)| (PathBuf::from(path), (*text).to_owned())).collect();
+        let mut store = Self::new(Dialect::Ros2, files);
+        store.add_folder(Path::new(""));
+        store
     }
 
     /// A store of ROS 2 definitions that looks where `AMENT_PREFIX_PATH` says.
@@ -176,6 +189,36 @@ impl TypeStore {
         })?;
         self.known.extend(messages.into_iter().map(|message| (message.name.clone(), message)));
         Ok(())
+    }
+
+    /// Texts that define a type and all it refers to, for those whose file is found: of the type
+    /// first, then of the others by name. Types that are made from an interface, such as
+    /// `SetBool_Request`, have none of their own (encoding `implicit`).
+    ///
+    /// # Errors
+    /// When a file is there and cannot be read.
+    pub fn sources(&self, resolved: &ResolvedType) -> Result<Vec<TypeSource>, ResolveError> {
+        let others = resolved.definitions().keys().filter(|name| *name != resolved.name());
+        // ROS sorts by the name as text.
+        let mut others: Vec<(String, &TypeName)> =
+            others.map(|name| (name.to_string(), name)).collect();
+        others.sort();
+        let own = (resolved.name().to_string(), resolved.name());
+        let mut sources = Vec::new();
+        for (type_name, name) in std::iter::once(own).chain(others) {
+            let (encoding, raw_file_contents) = if name.file_stem() != name.name() {
+                ("implicit", String::new())
+            } else {
+                let Some((text, _)) = self.read(name, &mut Vec::new())? else { continue };
+                (name.kind().as_str(), text)
+            };
+            sources.push(TypeSource {
+                type_name,
+                encoding: encoding.to_owned(),
+                raw_file_contents,
+            });
+        }
+        Ok(sources)
     }
 
     /// Text of the first definition file there is; the others go into `looked`.

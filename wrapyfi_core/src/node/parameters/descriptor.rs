@@ -1,6 +1,6 @@
 //! What a parameter is for and which values it may have.
 
-use std::fmt::Display;
+use wrapyfi_interfaces::parser::{DefaultValue, Literal};
 
 use super::SetError;
 use crate::node::{ParameterType, ParameterValue};
@@ -159,28 +159,29 @@ impl ParameterDescriptor {
         }
         // Not a number is in no range.
         if !(min < value && value < max) {
-            return Err(self.out_of_range(Real(min), Real(max), Real(value)));
+            return Err(self.out_of_range(min, max, value));
         }
         if step != 0.0 && !is_close(min + ((value - min) / step).round() * step, value) {
-            return Err(self.off_step(Real(min), Real(max), Real(value), Real(step)));
+            return Err(self.off_step(min, max, value, step));
         }
         Ok(())
     }
 
-    fn out_of_range<T: Display>(&self, min: T, max: T, value: T) -> SetError {
-        let (min, max, value) = (boxed(min), boxed(max), boxed(value));
-        SetError::OutOfRange { name: self.name.clone(), min, max, value }
+    fn out_of_range<T: Number>(&self, min: T, max: T, value: T) -> SetError {
+        let (name, kind) = (self.name.clone(), T::TYPE);
+        SetError::OutOfRange { name, kind, min: min.text(), max: max.text(), value: value.text() }
     }
 
-    fn off_step<T: Display>(&self, min: T, max: T, value: T, step: impl Display) -> SetError {
-        let (min, max, value, step) = (boxed(min), boxed(max), boxed(value), boxed(step));
-        SetError::OffStep { name: self.name.clone(), min, max, value, step }
+    fn off_step<T: Number>(&self, min: T, max: T, value: T, step: impl Number) -> SetError {
+        SetError::OffStep {
+            name: self.name.clone(),
+            kind: T::TYPE,
+            min: min.text(),
+            max: max.text(),
+            value: value.text(),
+            step: step.text(),
+        }
     }
-}
-
-/// A number as an error holds it.
-fn boxed(number: impl Display) -> Box<str> {
-    number.to_string().into()
 }
 
 impl ParameterRange {
@@ -194,12 +195,30 @@ impl ParameterRange {
     }
 }
 
-/// A floating point number as Python writes it: `1.0`, not `1`.
-struct Real(f64);
+/// A number in an error, written as Python does: `1.0`, `1e+16`, `inf`.
+trait Number {
+    const TYPE: ParameterType;
+    fn text(self) -> Box<str>;
+}
 
-impl Display for Real {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{:?}", self.0)
+impl Number for i64 {
+    const TYPE: ParameterType = ParameterType::Integer;
+    fn text(self) -> Box<str> {
+        self.to_string().into()
+    }
+}
+
+impl Number for u64 {
+    const TYPE: ParameterType = ParameterType::Integer;
+    fn text(self) -> Box<str> {
+        self.to_string().into()
+    }
+}
+
+impl Number for f64 {
+    const TYPE: ParameterType = ParameterType::Double;
+    fn text(self) -> Box<str> {
+        DefaultValue::One(Literal::Float(self)).to_python().into()
     }
 }
 

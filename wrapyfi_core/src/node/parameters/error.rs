@@ -172,10 +172,12 @@ pub enum SetError {
         name: String,
     },
     /// The value is outside the range.
-    #[error("Parameter {name} out of range. Min: {min}, Max: {max}, value: {value}")]
+    #[error("Parameter {name} out of range{} Min: {min}, Max: {max}, value: {value}", dot(*.kind))]
     OutOfRange {
         /// The name.
         name: String,
+        /// `INTEGER` or `DOUBLE`.
+        kind: ParameterType,
         /// Least value.
         min: Box<str>,
         /// Largest value.
@@ -185,12 +187,15 @@ pub enum SetError {
     },
     /// The value is between the steps of the range.
     #[error(
-        "The parameter value for {name} is not a valid step. Min: {min}, max: {max}, value: \
-         {value}, step: {step}"
+        "The parameter value for {name} is not {}a valid step. Min: {min}, max: {max}, value: \
+         {value}, step: {step}",
+        close(*.kind)
     )]
     OffStep {
         /// The name.
         name: String,
+        /// `INTEGER` or `DOUBLE`.
+        kind: ParameterType,
         /// Least value.
         min: Box<str>,
         /// Largest value.
@@ -248,6 +253,15 @@ const STATIC_TYPE: &str = "Static parameter cannot be undeclared";
 
 fn wrong_type(expected: ParameterType, found: ParameterType) -> String {
     format!("Wrong parameter type, expected 'Type.{expected}' got 'Type.{found}'")
+}
+
+/// rclpy has a full stop here for integers only.
+fn dot(kind: ParameterType) -> &'static str {
+    if kind == ParameterType::Integer { "." } else { "" }
+}
+
+fn close(kind: ParameterType) -> &'static str {
+    if kind == ParameterType::Integer { "" } else { "close enough to " }
 }
 
 impl SetError {

@@ -2,10 +2,11 @@
 
 use std::collections::VecDeque;
 
-use wrapyfi_interfaces::builtin_interfaces::msg::Time;
 use wrapyfi_interfaces::rcl_interfaces::msg::{self, ParameterEvent};
 
 use super::{MAX_EVENTS, MAX_REPLY_BYTES, Parameter};
+use crate::node::time;
+use crate::types::Stamp;
 
 /// What one declaration or one accepted request changed.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -48,7 +49,7 @@ impl PendingEvents {
         }
     }
 
-    pub(super) fn take(&mut self, node: &str, stamp: &Time) -> Vec<ParameterEvent> {
+    pub(super) fn take(&mut self, node: &str, stamp: Stamp) -> Vec<ParameterEvent> {
         self.size = 0;
         let messages = |parameters: Vec<Parameter>| -> Vec<msg::Parameter> {
             parameters.into_iter().map(msg::Parameter::from).collect()
@@ -56,7 +57,7 @@ impl PendingEvents {
         self.changes
             .drain(..)
             .map(|changes| ParameterEvent {
-                stamp: stamp.clone(),
+                stamp: time(stamp),
                 node: node.to_owned(),
                 new_parameters: messages(changes.new),
                 changed_parameters: messages(changes.changed),

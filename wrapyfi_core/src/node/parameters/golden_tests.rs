@@ -2,10 +2,7 @@
 //! (`tests/data/node/wire.json`).
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
-use bytes::Bytes;
-use serde_json::Value;
 use wrapyfi_interfaces::Message;
 use wrapyfi_interfaces::rcl_interfaces::msg::ParameterEvent;
 use wrapyfi_interfaces::rcl_interfaces::srv::{
@@ -15,35 +12,10 @@ use wrapyfi_interfaces::rcl_interfaces::srv::{
 };
 
 use super::{Parameter, ParameterDescriptor, ParameterService, ParameterStore};
+use crate::node::test_data::{RMWS, clean, group, padded};
 use crate::node::{NodeName, ParameterType, ParameterValue};
 
 const LIMIT: usize = 1 << 20;
-const RMWS: [&str; 2] = ["rmw_cyclonedds_cpp", "rmw_fastrtps_cpp"];
-
-fn wire() -> Value {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/node/wire.json");
-    serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
-}
-
-fn unhex(text: &str) -> Vec<u8> {
-    let digit = |c: &u8| char::from(*c).to_digit(16).unwrap() as u8;
-    text.as_bytes().chunks(2).map(|pair| digit(&pair[0]) << 4 | digit(&pair[1])).collect()
-}
-
-/// Topics and payloads of a group, without the header that Cyclone's requests and replies have.
-fn group(rmw: &str, name: &str) -> Vec<(String, Bytes)> {
-    let wire = wire();
-    let entries = wire[rmw][name].as_array().unwrap();
-    let entry = |entry: &Value| {
-        let topic = entry[0].as_str().unwrap().to_owned();
-        let mut payload = unhex(entry[1].as_str().unwrap());
-        if rmw == "rmw_cyclonedds_cpp" && !topic.starts_with("rt/") {
-            payload.drain(4..20);
-        }
-        (topic, payload.into())
-    };
-    entries.iter().map(entry).collect()
-}
 
 /// The node that was recorded.
 fn recorded_node() -> ParameterStore {
@@ -72,13 +44,6 @@ fn recorded_node() -> ParameterStore {
     store
 }
 
-/// The same message without what Fast DDS leaves in its padding and behind it.
-fn clean<M: Message>(cdr: &Bytes) -> Bytes {
-    let mut clean = M::decode(cdr, LIMIT).unwrap().encode().to_bytes().to_vec();
-    clean.resize(clean.len().next_multiple_of(4), 0);
-    clean.into()
-}
-
 #[test]
 fn every_request_gets_the_recorded_reply() {
     for rmw in RMWS {
@@ -90,21 +55,18 @@ fn every_request_gets_the_recorded_reply() {
                 .into_iter()
                 .find(|service| *topic == format!("rq/params/{}Request", service.name()))
                 .unwrap();
-            let mut reply = store.answer(service, request, LIMIT).unwrap().to_bytes().to_vec();
-            // DDS pads the payload.
-            reply.resize(reply.len().next_multiple_of(4), 0);
+            let reply = store.answer(service, request, LIMIT).unwrap().to_bytes();
             let recorded = match service {
-                _ if rmw == "rmw_cyclonedds_cpp" => recorded.clone(),
-                ParameterService::Describe => clean::<DescribeParameters_Response>(recorded),
-                ParameterService::Get => clean::<GetParameters_Response>(recorded),
-                ParameterService::GetTypes => clean::<GetParameterTypes_Response>(recorded),
-                ParameterService::List => clean::<ListParameters_Response>(recorded),
-                ParameterService::Set => clean::<SetParameters_Response>(recorded),
+                ParameterService::Describe => clean::<DescribeParameters_Response>(rmw, recorded),
+                ParameterService::Get => clean::<GetParameters_Response>(rmw, recorded),
+                ParameterService::GetTypes => clean::<GetParameterTypes_Response>(rmw, recorded),
+                ParameterService::List => clean::<ListParameters_Response>(rmw, recorded),
+                ParameterService::Set => clean::<SetParameters_Response>(rmw, recorded),
                 ParameterService::SetAtomically => {
-                    clean::<SetParametersAtomically_Response>(recorded)
+                    clean::<SetParametersAtomically_Response>(rmw, recorded)
                 }
             };
-            assert_eq!(Bytes::from(reply), recorded, "{rmw} {topic} {request:?}");
+            assert_eq!(padded(&reply), recorded, "{rmw} {topic} {request:?}");
             asked += 1;
         }
         assert_eq!(asked, 12);
@@ -122,18 +84,13 @@ fn declarations_make_the_recorded_events() {
         let recorded = group(rmw, "parameter_events");
         assert_eq!(recorded.len(), 6);
         // The first event, of use_sim_time, was sent before anybody listened.
-        let events = store.take_events(&Default::default()).into_iter().skip(1);
+        let events = store.take_events(Default::default()).into_iter().skip(1);
         for ((_, recorded), mut event) in recorded.into_iter().zip(events) {
             event.stamp = ParameterEvent::decode(&recorded, LIMIT).unwrap().stamp;
-            let mut cdr = event.encode().to_bytes().to_vec();
-            cdr.resize(cdr.len().next_multiple_of(4), 0);
-            let recorded = match rmw {
-                "rmw_cyclonedds_cpp" => recorded,
-                _ => clean::<ParameterEvent>(&recorded),
-            };
-            assert_eq!(Bytes::from(cdr), recorded, "{rmw} {event:?}");
+            let cdr = padded(&event.encode().to_bytes());
+            assert_eq!(cdr, clean::<ParameterEvent>(rmw, &recorded), "{rmw} {event:?}");
         }
-        assert!(store.take_events(&Default::default()).is_empty());
+        assert!(store.take_events(Default::default()).is_empty());
     }
 }
 

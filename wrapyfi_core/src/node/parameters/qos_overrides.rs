@@ -111,7 +111,7 @@ pub struct QosOverrides {
     pub durability: Option<DurabilityOverride>,
     /// Which samples are kept.
     pub history: Option<HistoryOverride>,
-    /// How long a message is worth delivering, in nanoseconds; 0 is for ever.
+    /// How long a message is worth delivering, in nanoseconds; 0 is for ever. Of publishers only.
     pub lifespan_ns: Option<u64>,
     /// Who says that a writer lives.
     pub liveliness: Option<LivelinessOverride>,
@@ -295,7 +295,10 @@ impl ParameterStore {
     ) -> Result<QosOverrides, QosOverrideError> {
         let id = id.map(|id| format!("_{id}")).unwrap_or_default();
         let prefix = format!("qos_overrides.{topic}.{role}{id}.");
-        let may_change = || Policy::ALL.into_iter().filter(|one| profile.get(*one).is_some());
+        // A subscription has no lifespan.
+        let has = |one: Policy| one != Policy::Lifespan || role == EndpointRole::Publisher;
+        let may_change =
+            || Policy::ALL.into_iter().filter(|one| has(*one) && profile.get(*one).is_some());
         let mut changed = QosOverrides::default();
         // Everything is looked at before anything is declared.
         for (parameter, value) in self.overrides() {

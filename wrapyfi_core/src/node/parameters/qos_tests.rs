@@ -53,6 +53,7 @@ fn a_wrong_qos_override_names_topic_policy_and_values() {
         depth: Some(10),
         reliability: Some(ReliabilityOverride::Reliable),
         lifespan_ns: Some(0),
+        deadline_ns: Some(0),
         ..QosOverrides::default()
     };
     let error = |policy: &str, value: ParameterValue| {
@@ -72,11 +73,12 @@ fn a_wrong_qos_override_names_topic_policy_and_values() {
     assert_eq!(
         error("durability", "volatile".into()),
         "parameter qos_overrides./chatter.subscription.durability: the subscription of /chatter has \
-         no policy \"durability\" to override; it has depth, lifespan, reliability"
+         no policy \"durability\" to override; it has deadline, depth, reliability"
     );
     assert!(error("deepth", 1.into()).contains("no policy \"deepth\""));
     for depth in [ParameterValue::from(-1), (1_i64 << 31).into(), 1.5.into(), "10".into()] {
         assert!(error("depth", depth).contains("an integer from 0 to 2147483647"));
     }
-    assert!(error("lifespan", (-1).into()).contains("nanoseconds"));
+    assert!(error("deadline", (-1).into()).contains("nanoseconds"));
+    assert!(error("lifespan", 1.into()).contains("no policy \"lifespan\""));
 }

@@ -3,7 +3,6 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
-use wrapyfi_interfaces::builtin_interfaces::msg::Time;
 use wrapyfi_interfaces::rcl_interfaces::msg::{ListParametersResult, ParameterEvent};
 
 use super::event::{Changes, PendingEvents};
@@ -15,6 +14,7 @@ use super::{
 };
 use crate::endpoint::Wake;
 use crate::node::{NODE_SWITCHES, NodeName, ParameterType, ParameterValue};
+use crate::types::Stamp;
 
 /// A parameter with a value.
 #[derive(Debug, Clone, PartialEq)]
@@ -369,7 +369,7 @@ impl ParameterStore {
 
     /// What is to be published on `/parameter_events` since the last call, oldest first.
     #[must_use]
-    pub fn take_events(&mut self, stamp: &Time) -> Vec<ParameterEvent> {
+    pub fn take_events(&mut self, stamp: Stamp) -> Vec<ParameterEvent> {
         self.events.take(&self.node, stamp)
     }
 

@@ -6,7 +6,6 @@ use std::time::Duration;
 use bytes::Bytes;
 use proptest::prelude::*;
 use wrapyfi_interfaces::Message;
-use wrapyfi_interfaces::builtin_interfaces::msg::Time;
 use wrapyfi_interfaces::rcl_interfaces::msg;
 use wrapyfi_interfaces::rcl_interfaces::srv::{
     GetParameterTypes_Request, GetParameters_Request, ListParameters_Request,
@@ -16,6 +15,7 @@ use wrapyfi_interfaces::rcl_interfaces::srv::{
 use super::*;
 use crate::endpoint::Wake;
 use crate::node::{NodeName, ParameterType, ParameterValue};
+use crate::types::Stamp;
 
 fn node() -> NodeName {
     NodeName::new("node", "/ns").unwrap()
@@ -158,13 +158,13 @@ fn a_typed_parameter_waits_for_its_value() {
     let types = store.get_parameter_types(&GetParameterTypes_Request { names });
     assert_eq!(types.types, Bytes::from_static(&[0]));
     assert!(matches!(store.set("p", 1).unwrap_err(), SetError::WrongType { .. }));
-    _ = store.take_events(&Time::default());
+    _ = store.take_events(Stamp::default());
     store.set("p", 1.5).unwrap();
-    let events = store.take_events(&Time { sec: 3, nanosec: 4 });
+    let events = store.take_events(Stamp { sec: 3, nanosec: 4 });
     assert_eq!((events.len(), events[0].new_parameters.len()), (1, 1));
     assert_eq!((events[0].stamp.sec, events[0].node.as_str()), (3, "/ns/node"));
     store.set("p", 2.5).unwrap();
-    assert_eq!(store.take_events(&Time::default())[0].changed_parameters.len(), 1);
+    assert_eq!(store.take_events(Stamp::default())[0].changed_parameters.len(), 1);
     assert!(matches!(store.get("q"), Err(GetError::NotDeclared { .. })));
 }
 
@@ -177,10 +177,10 @@ fn dynamic_parameters_change_their_type_and_go() {
     assert_eq!(store.describe("p").unwrap().parameter_type, ParameterType::String);
     let wake = Wake::new();
     let watch = store.watch(&[], &wake);
-    _ = store.take_events(&Time::default());
+    _ = store.take_events(Stamp::default());
     store.set("p", ParameterValue::NotSet).unwrap();
     assert!(store.describe("p").is_none());
-    assert_eq!(store.take_events(&Time::default())[0].deleted_parameters[0].name, "p");
+    assert_eq!(store.take_events(Stamp::default())[0].deleted_parameters[0].name, "p");
     assert_eq!(watch.take(), [Parameter::new("p", ParameterValue::NotSet)]);
     // It can be declared again, and stands at the end then.
     store.declare(named("p"), 1).unwrap();
@@ -204,6 +204,11 @@ fn ranges_have_ends_steps_and_tolerance() {
     store.declare(all, i64::MIN).unwrap();
     store.set("all", i64::MAX).unwrap();
     assert!(store.set("all", 0).is_err());
+    store.declare(named("third").with_integer_range(0, 9, 3), 3).unwrap();
+    assert_eq!(
+        store.set("third", 4).unwrap_err().to_string(),
+        "The parameter value for third is not a valid step. Min: 0, max: 9, value: 4, step: 3"
+    );
     store.declare(named("d").with_double_range(0.0, 1.0, 0.1), 0.0).unwrap();
     for (value, good) in [
         (0.3, true),
@@ -218,15 +223,19 @@ fn ranges_have_ends_steps_and_tolerance() {
     }
     assert_eq!(
         store.set("d", 2.0).unwrap_err().to_string(),
-        "Parameter d out of range. Min: 0.0, Max: 1.0, value: 2.0"
+        "Parameter d out of range Min: 0.0, Max: 1.0, value: 2.0"
     );
     assert_eq!(
         store.set("d", 0.25).unwrap_err().reason(),
-        "The parameter value for d is not a valid step. Min: 0.0, max: 1.0, value: 0.25, step: 0.1"
+        "The parameter value for d is not close enough to a valid step. Min: 0.0, max: 1.0, value: \
+         0.25, step: 0.1"
     );
     store.declare(named("open").with_double_range(0.0, f64::INFINITY, 0.0), 1.0).unwrap();
     store.set("open", f64::INFINITY).unwrap();
-    assert!(store.set("open", -1.0).is_err());
+    assert_eq!(
+        store.set("open", -1e20).unwrap_err().to_string(),
+        "Parameter open out of range Min: 0.0, Max: inf, value: -1e+20"
+    );
 }
 
 #[test]
@@ -254,19 +263,19 @@ fn an_atomic_request_sets_all_or_none() {
     let mut store = store();
     store.declare(named("a"), 1).unwrap();
     store.declare(named("b"), 2).unwrap();
-    _ = store.take_events(&Time::default());
+    _ = store.take_events(Stamp::default());
     let both =
         |a: ParameterValue, b: ParameterValue| vec![Parameter::new("a", a), Parameter::new("b", b)];
     store.set_atomically(both(5.into(), "x".into())).unwrap_err();
     assert_eq!(store.get("a").unwrap(), &ParameterValue::Integer(1));
     let twice = vec![Parameter::new("a", 5), Parameter::new("a", 6)];
     assert_eq!(store.set_atomically(twice), Err(SetError::Twice { name: "a".into() }));
-    assert!(store.take_events(&Time::default()).is_empty());
+    assert!(store.take_events(Stamp::default()).is_empty());
     store.set_atomically(both(5.into(), 6.into())).unwrap();
-    let events = store.take_events(&Time::default());
+    let events = store.take_events(Stamp::default());
     assert_eq!((events.len(), events[0].changed_parameters.len()), (1, 2));
     store.set_atomically(vec![]).unwrap();
-    assert!(store.take_events(&Time::default()).is_empty());
+    assert!(store.take_events(Stamp::default()).is_empty());
 }
 
 #[test]
@@ -366,13 +375,13 @@ fn requests_are_bounded() {
     // Nobody took the events.
     let lost = store.lost_events();
     assert!(lost > 0);
-    let events = store.take_events(&Time::default());
+    let events = store.take_events(Stamp::default());
     assert_eq!((events.len(), lost), (MAX_EVENTS, (MAX_PARAMETERS - MAX_EVENTS) as u64));
     assert_eq!(events.last().unwrap().new_parameters[0].name, "p4095");
     for _ in 0..20 {
         store.set("big", "x".repeat(MAX_VALUE_BYTES)).unwrap();
     }
-    assert!(store.take_events(&Time::default()).len() < 20);
+    assert!(store.take_events(Stamp::default()).len() < 20);
 }
 
 #[test]
