@@ -44,9 +44,7 @@ mod plan;
 mod relay;
 mod route;
 
-pub use config::{
-    Config, Defaults, MAX_CONFIG_BYTES, OverflowConfig, RouteConfig, Spanned,
-};
+pub use config::{Config, Defaults, MAX_CONFIG_BYTES, OverflowConfig, RouteConfig, Spanned};
 pub use config_devices::{DeviceWord, DevicesConfig};
 pub(crate) use config_error::did_you_mean;
 pub use config_error::{ConfigError, Problem};
