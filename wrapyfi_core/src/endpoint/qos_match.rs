@@ -11,9 +11,7 @@
 use std::fmt;
 use std::time::Duration;
 
-use super::{
-    AnnouncedDurability, AnnouncedQos, Durability, Liveliness, Qos, Reliability, Role,
-};
+use super::{AnnouncedDurability, AnnouncedQos, Durability, Liveliness, Qos, Reliability, Role};
 
 /// Shortest deadline and lease that are taken over from a peer: shorter ones would let a stranger
 /// keep this machine busy with timers.
@@ -138,7 +136,7 @@ impl fmt::Display for QosWarning {
 }
 
 /// What a listener asks for so that it hears all of `publishers`: `base` where there are none, and
-/// for history always.
+/// for history and lifespan always.
 ///
 /// Reliable and transient local only where all of them are; the longest deadline and lease, none
 /// where one of them has none; manual liveliness only where all of them have it.
@@ -158,16 +156,12 @@ pub fn listener_qos(publishers: &[AnnouncedQos], base: &Qos) -> MatchedQos {
         .collect();
     let by_topic = publishers.iter().all(|p| p.liveliness == Liveliness::ManualByTopic);
     let qos = Qos {
-        reliability: if best_effort == 0 {
-            Reliability::Reliable
-        } else {
-            Reliability::BestEffort
-        },
+        reliability: if best_effort == 0 { Reliability::Reliable } else { Reliability::BestEffort },
         durability: if volatile == 0 { Durability::TransientLocal } else { Durability::Volatile },
         history: base.history,
         deadline: longest(publishers.iter().map(|p| p.deadline)),
         // Messages grow old at their publisher; listeners have no say in it.
-        lifespan: None,
+        lifespan: base.lifespan,
         liveliness: if by_topic { Liveliness::ManualByTopic } else { Liveliness::Automatic },
         lease: longest(publishers.iter().map(|p| p.lease)),
     };
@@ -196,19 +190,15 @@ pub fn publisher_qos(listeners: &[AnnouncedQos], base: &Qos) -> MatchedQos {
     }
     let offered = AnnouncedQos::from(qos);
     let of = listeners.len();
-    let warnings = [
-        QosPolicy::Reliability,
-        QosPolicy::Durability,
-        QosPolicy::Deadline,
-        QosPolicy::Liveliness,
-    ]
-    .into_iter()
-    .filter_map(|policy| {
-        let unmet = |asked: &&AnnouncedQos| mismatches(&offered, asked).contains(&policy);
-        let count = listeners.iter().filter(unmet).count();
-        (count > 0).then_some(QosWarning { policy, peers: Role::Listener, count, of })
-    })
-    .collect();
+    let warnings =
+        [QosPolicy::Reliability, QosPolicy::Durability, QosPolicy::Deadline, QosPolicy::Liveliness]
+            .into_iter()
+            .filter_map(|policy| {
+                let unmet = |asked: &&AnnouncedQos| mismatches(&offered, asked).contains(&policy);
+                let count = listeners.iter().filter(unmet).count();
+                (count > 0).then_some(QosWarning { policy, peers: Role::Listener, count, of })
+            })
+            .collect();
     MatchedQos { qos, warnings }
 }
 
