@@ -108,3 +108,28 @@ fn policies_of_a_route_are_announced_and_misfits_reported() -> Result {
         Ok(())
     })
 }
+
+#[test]
+fn a_route_offers_what_a_node_of_another_make_asks_for() -> Result {
+    run("a_route_offers_what_a_node_of_another_make_asks_for", NEEDS, |world| {
+        let (from, to) = (world.topic("from"), world.topic("to"));
+        let graph = world.graph()?;
+        let bridge = world.bridge(&world.embedded().route(Route::new(
+            &zeromq(&from),
+            &ros2(&to),
+            STRING,
+        )))?;
+        endpoint(&graph, "writer", &to, |e| e["durability"] == "Volatile")?;
+        let mut node = world.ros_node("asks")?;
+        let heard = node.subscribe_kept::<String>(&to, STRING)?;
+        endpoint(&graph, "writer", &to, |e| e["durability"] == "TransientLocal")?;
+        let _publisher = world.wrapyfi_publisher(&from, "--no-broker")?;
+        let text: String = heard.next().map_err(|e| e.context(bridge.tail()))?;
+        assert!(text.contains("\"greeting\""), "{text}");
+        bridge.wait_until("the announcement", |output| {
+            let words = "quality of service changed: /asks asks for transient local";
+            has_logged(output, words).then_some(())
+        })?;
+        Ok(())
+    })
+}
