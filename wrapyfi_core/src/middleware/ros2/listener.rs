@@ -103,16 +103,13 @@ impl Ros2Listener {
     fn reopen(&mut self, qos: Qos, now: Instant) -> Result<(), GraphError> {
         let topic = TopicDescription { qos, ..self.topic.clone() };
         let reader = self.graph.subscribe(&topic, Arc::clone(&self.on_data))?;
-        let oldest = {
+        {
             let mut state = self.inlet.lock();
             if let Some(replays) = &mut state.replays {
                 replays.begin(now);
             }
-            let old = state.reader.replace(reader).map(|old| (old, now));
-            std::mem::replace(&mut state.old, old)
-        };
-        // Out of the lock, as in `drop`. There were two already: it has had its time.
-        drop(oldest);
+            state.old = state.reader.replace(reader).map(|old| (old, now));
+        }
         self.inlet.drain();
         self.topic = topic;
         Ok(())
@@ -168,7 +165,11 @@ impl Listener for Ros2Listener {
     }
 
     fn review(&mut self, now: Instant) -> Review {
-        let overlap_ends = self.close_old(now);
+        // One change at a time: a third reader would cost the first before the second is known.
+        if let Some(overlap_ends) = self.close_old(now) {
+            let qos = Some(self.topic.qos);
+            return Review { qos, next: Some(overlap_ends), ..Review::default() };
+        }
         let look = self.follower.look(&self.topic.qos, now);
         let mut review = Review { warnings: look.complaints, next: look.next, ..Review::default() };
         if let Some((to, why)) = look.switch {
@@ -176,6 +177,7 @@ impl Listener for Ros2Listener {
             match self.reopen(to, now) {
                 Ok(()) => {
                     self.inlet.counters.qos_event(QosEvent::Changed, 1);
+                    review.next = Some(now + OVERLAP);
                     review.changed = Some(QosChange { from, to, why });
                 }
                 Err(error) => {
@@ -184,7 +186,6 @@ impl Listener for Ros2Listener {
                 }
             }
         }
-        review.next = review.next.into_iter().chain(overlap_ends).min();
         review.qos = Some(self.topic.qos);
         review
     }
