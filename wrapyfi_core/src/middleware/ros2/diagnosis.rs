@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 
 use super::graph::{DiscoveredEndpoint, Graph, GraphError, NodeWatch, Notify, PeerWatch};
 use super::matching::unmet;
-use crate::endpoint::{AnnouncedQos, Link, Qos, QosPolicy};
+use crate::endpoint::{AnnouncedQos, Durability, Link, Qos, QosPolicy};
 
 /// How long the name of a peer's node is waited for before the peer is reported without.
 const NAME_PATIENCE: Duration = Duration::from_secs(1);
@@ -231,10 +231,12 @@ fn remedy(policy: QosPolicy, awaits_publisher: bool, own: &Qos) -> String {
         (QosPolicy::Reliability, true) => "make the publisher reliable".to_owned(),
         (QosPolicy::Reliability, false) => "make the subscriber best effort".to_owned(),
         (QosPolicy::Durability, true) => "make the publisher transient local".to_owned(),
-        (QosPolicy::Durability, false) if self_keeps(own) => {
-            "make the subscriber transient local or volatile".to_owned()
-        }
-        (QosPolicy::Durability, false) => "make the subscriber volatile".to_owned(),
+        (QosPolicy::Durability, false) => match own.durability {
+            Durability::TransientLocal => {
+                "make the subscriber transient local or volatile".to_owned()
+            }
+            Durability::Volatile => "make the subscriber volatile".to_owned(),
+        },
         (QosPolicy::Deadline, true) => {
             format!("give the publisher a deadline of at most {}", time(own.deadline))
         }
@@ -253,6 +255,42 @@ fn remedy(policy: QosPolicy, awaits_publisher: bool, own: &Qos) -> String {
     }
 }
 
-fn self_keeps(own: &Qos) -> bool {
-    own.durability == crate::endpoint::Durability::TransientLocal
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::endpoint::QosPreset;
+
+    #[test]
+    fn the_remedy_is_what_would_fit() {
+        let own = Qos { deadline: Some(Duration::from_millis(100)), ..Qos::default() };
+        for (policy, awaits_publisher, words) in [
+            (QosPolicy::Reliability, true, "make the publisher reliable"),
+            (QosPolicy::Reliability, false, "make the subscriber best effort"),
+            (QosPolicy::Durability, true, "make the publisher transient local"),
+            (QosPolicy::Durability, false, "make the subscriber volatile"),
+            (QosPolicy::Deadline, true, "give the publisher a deadline of at most 100ms"),
+            (QosPolicy::Deadline, false, "give the subscriber a deadline of at least 100ms"),
+            (
+                QosPolicy::Liveliness,
+                true,
+                "give the publisher at least automatic liveliness with no lease",
+            ),
+            (
+                QosPolicy::Liveliness,
+                false,
+                "let the subscriber ask for no more than automatic liveliness with no lease",
+            ),
+        ] {
+            assert_eq!(remedy(policy, awaits_publisher, &own), words);
+        }
+        let latched = Qos::from(QosPreset::Latched);
+        assert_eq!(
+            remedy(QosPolicy::Durability, false, &latched),
+            "make the subscriber transient local or volatile"
+        );
+        assert_eq!(
+            remedy(QosPolicy::Deadline, false, &latched),
+            "take the deadline from the subscriber"
+        );
+    }
 }
