@@ -358,3 +358,34 @@ fn who_does_not_fit_is_named_with_both_values() {
         (1, 0)
     );
 }
+
+#[test]
+fn of_many_who_do_not_fit_a_few_are_named() {
+    let (a, b) = pair(7);
+    let spec = fixed("/crowd", best_effort());
+    let open = || b.open_publisher(&spec, &Context::default()).unwrap();
+    let _crowd: Vec<_> = (0..20).map(|_| open()).collect();
+    let first = Context::default();
+    let bell = first.wake.clone();
+    let seen = || {
+        let all = a.graph().endpoints().unwrap().into_iter();
+        all.filter(|e| e.is_publisher && e.topic == "/crowd").count()
+    };
+    assert!(wait_until(&bell, PATIENCE, || seen() == 20));
+    let mut hearing = Hearing::open(&a, &fixed("/crowd", Qos::default()));
+    hearing.until("complaints", |hearing| !hearing.warnings.is_empty());
+    // One that comes later is told of with the others that came while it was quiet.
+    let _late = open();
+    assert!(wait_until(&bell, PATIENCE, || seen() == 21));
+    hearing.long_until("the rest", |hearing| {
+        let more: usize = hearing
+            .warnings
+            .iter()
+            .filter_map(|text| text.strip_suffix(" more publishers on /crowd do not match"))
+            .map(|count| count.parse::<usize>().unwrap())
+            .sum();
+        let named = hearing.warnings.iter().filter(|text| text.contains("/robot/far offers"));
+        named.count() + more == 21
+    });
+    assert!(hearing.warnings.len() < 21, "{:?}", hearing.warnings);
+}
