@@ -290,6 +290,17 @@ def publish(participant):
     leaving.wait()
 
 
+def times(found):
+    """Deadline, lifespan, liveliness and lease of an endpoint; times that are infinite or absent as None."""
+    def ms(policy, field):
+        value = getattr(found[policy], field) if policy in found else None
+        return None if value is None or value >= duration(infinite=True) else value / 1e6
+
+    return {"deadline_ms": ms(Policy.Deadline, "deadline"), "lifespan_ms": ms(Policy.Lifespan, "lifespan"),
+            "lease_ms": ms(Policy.Liveliness, "lease_duration"),
+            "liveliness": type(found[Policy.Liveliness]).__name__.split(".")[-1] if Policy.Liveliness in found else None}
+
+
 def graph(participant):
     """Nodes from ros_discovery_info, endpoints with their type hash from DDS discovery."""
     kind = "rmw_dds_common/msg/ParticipantEntitiesInfo"
@@ -317,7 +328,7 @@ def graph(participant):
                         type=found.type_name, user_data=user_data.decode("latin-1"),
                         hash=hashes[0].decode() if hashes else None,
                         reliable=isinstance(found.qos[Policy.Reliability], Policy.Reliability.Reliable),
-                        durability=str(found.qos[Policy.Durability]).split(".")[-1])
+                        durability=str(found.qos[Policy.Durability]).split(".")[-1], **times(found.qos))
         leaving.wait(0.02)
 
 

@@ -96,7 +96,28 @@ impl RosNode {
         topic: &str,
         ros_type: &str,
     ) -> Result<Heard<M>> {
-        let topic = self.topic(topic, ros_type)?;
+        self.subscribe_with(topic, ros_type, Durability::Volatile)
+    }
+
+    /// Subscribes to a topic, reliably, and asks for what was sent before.
+    ///
+    /// # Errors
+    /// Where DDS refuses it.
+    pub fn subscribe_kept<M: Message + 'static>(
+        &mut self,
+        topic: &str,
+        ros_type: &str,
+    ) -> Result<Heard<M>> {
+        self.subscribe_with(topic, ros_type, Durability::TransientLocal)
+    }
+
+    fn subscribe_with<M: Message + 'static>(
+        &mut self,
+        topic: &str,
+        ros_type: &str,
+        durability: Durability,
+    ) -> Result<Heard<M>> {
+        let topic = self.topic(topic, ros_type, durability)?;
         let subscription = self
             .node
             .create_subscription(&topic, None)
@@ -114,7 +135,7 @@ impl RosNode {
         ros_type: &str,
         make: impl Fn(u64) -> M + Send + 'static,
     ) -> Result<Spoken> {
-        let topic = self.topic(topic, ros_type)?;
+        let topic = self.topic(topic, ros_type, Durability::Volatile)?;
         let publisher = self
             .node
             .create_publisher::<M>(&topic, None)
@@ -148,7 +169,7 @@ impl RosNode {
         Asker::new(&mut self.node, service, mapping)
     }
 
-    fn topic(&self, topic: &str, ros_type: &str) -> Result<Topic> {
+    fn topic(&self, topic: &str, ros_type: &str, durability: Durability) -> Result<Topic> {
         let (package, name) = ros_type
             .split_once("/msg/")
             .with_context(|| format!("{ros_type} is no message type"))?;
@@ -156,7 +177,7 @@ impl RosNode {
             Name::parse(topic).map_err(|e| anyhow::anyhow!("topic name {topic}: {e:?}"))?;
         let qos = QosProfile::subscription_default()
             .reliability_reliable(WhenFull::DEFAULT)
-            .durability(Durability::Volatile)
+            .durability(durability)
             .history(History::KeepLast { depth: 10 });
         self.node
             .create_topic(&parsed, MessageTypeName::new(package, name), &qos)

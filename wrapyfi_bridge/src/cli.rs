@@ -113,8 +113,8 @@ pub struct EchoArgs {
     /// native objects and of ROS types that are not ours.
     #[arg(long)]
     pub json: bool,
-    /// Quality of service on ROS 2: default, sensor_data or latched. Where the type is left out, by
-    /// default what the publishers offer.
+    /// Quality of service on ROS 2: default, sensor_data or latched. By default what the publishers
+    /// offer.
     #[arg(long, value_name = "PRESET", value_parser = qos)]
     pub qos: Option<wrapyfi_core::endpoint::QosPreset>,
 }

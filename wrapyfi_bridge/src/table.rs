@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 use std::time::Duration;
 
 use serde_json::{Value, json};
+use wrapyfi_core::endpoint::QosEvent;
 use wrapyfi_core::engine::RouteStatus;
 
 /// Routes as a table, with rates over the time since `before` was taken.
@@ -11,6 +12,7 @@ use wrapyfi_core::engine::RouteStatus;
 /// ```text
 /// route        state        in    out     Hz   MB/s p50 ms p99 ms  dropped
 /// left camera  active      150    150   30.0  27.65   0.22   0.58  -
+///                quality of service: deadline_missed 3
 /// ```
 #[must_use]
 pub fn table(before: &[RouteStatus], now: &[RouteStatus], elapsed: Duration) -> String {
@@ -47,12 +49,55 @@ pub fn table(before: &[RouteStatus], now: &[RouteStatus], elapsed: Duration) -> 
         if let Some(reason) = route.state.reason() {
             let _infallible = writeln!(out, "{:width$}    {}", "", reason);
         }
+        if let Some(events) = qos_events(route) {
+            let _infallible = writeln!(out, "{:width$}    quality of service: {events}", "");
+        }
     }
     out
+}
+
+/// What happened to the quality of service of a route, and what it is now where it was changed.
+fn qos_events(route: &RouteStatus) -> Option<String> {
+    let events = &route.counters.qos_events;
+    let mut texts: Vec<_> =
+        events.iter().map(|(event, count)| format!("{event} {count}")).collect();
+    if route.counters.qos_events_of(QosEvent::Changed) > 0 {
+        let ends = [("from", route.from_qos), ("to", route.to_qos)];
+        texts.extend(ends.iter().filter_map(|(end, qos)| Some(format!("{end}: {}", (*qos)?))));
+    }
+    (!texts.is_empty()).then(|| texts.join(", "))
 }
 
 /// Routes as one JSON object: `{"routes": [...]}`.
 #[must_use]
 pub fn json(now: &[RouteStatus]) -> Value {
     json!({ "routes": now })
+}
+
+#[cfg(test)]
+mod tests {
+    use wrapyfi_core::endpoint::{Qos, QosPreset};
+    use wrapyfi_core::engine::RouteState;
+
+    use super::*;
+
+    #[test]
+    fn quality_of_service_is_told_where_something_happened_to_it() {
+        let mut route = RouteStatus {
+            name: "chatter".to_owned(),
+            from: "ros2:/chatter".to_owned(),
+            to: "zeromq:/chatter".to_owned(),
+            message_type: "std_msgs/msg/String",
+            state: RouteState::Active,
+            from_qos: Some(Qos::from(QosPreset::SensorData)),
+            to_qos: None,
+            counters: Default::default(),
+        };
+        let print = |route: &RouteStatus| table(&[], std::slice::from_ref(route), Duration::ZERO);
+        assert!(!print(&route).contains("quality of service"), "{}", print(&route));
+        route.counters.qos_events = vec![(QosEvent::DeadlineMissed, 3), (QosEvent::Changed, 1)];
+        let words = "quality of service: deadline_missed 3, qos_changed 1, from: best_effort \
+                     volatile keep_last(5)\n";
+        assert!(print(&route).ends_with(words), "{}", print(&route));
+    }
 }

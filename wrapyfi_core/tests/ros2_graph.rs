@@ -187,3 +187,34 @@ fn messages_outlive_everything_they_came_through() {
     drop((ends, a, b));
     assert!(std::thread::spawn(move || text(&kept)).join().unwrap() == sent);
 }
+
+#[test]
+fn a_watch_hears_of_its_own_side_of_its_own_topic() {
+    let (a, b) = (near("a", 13), far("b", 13));
+    let wake = Wake::new();
+    let watch = a.watch("/watched", true, bell(&wake)).unwrap();
+    let before = watch.changes();
+    let ignored = Wake::new();
+    let others: Vec<_> = (0..100)
+        .map(|n| b.advertise(&topic(&format!("/other{n}")), bell(&ignored)).unwrap())
+        .collect();
+    let _own = a.advertise(&topic("/watched"), bell(&ignored)).unwrap();
+    let _other_side = b.subscribe(&topic("/watched"), bell(&ignored)).unwrap();
+    // Discovery of a participant keeps its order: when this one is known, all are.
+    let mut strict = topic("/watched");
+    strict.qos.deadline = Some(std::time::Duration::from_millis(250));
+    let writer = b.advertise(&strict, bell(&ignored)).unwrap();
+    assert!(wait_until(&wake, PATIENCE, || !watch.peers().is_empty()));
+    assert_eq!(watch.changes(), before + 1);
+    let peers = watch.peers();
+    assert_eq!((peers.len(), peers[0].topic.as_str()), (1, "/watched"));
+    assert_eq!(peers[0].qos.deadline, strict.qos.deadline);
+    assert_eq!(peers[0].gid[..12], b.gid()[..12]);
+    // What was there before the watch is known at once.
+    let late = a.watch("/watched", true, bell(&ignored)).unwrap();
+    assert_eq!(late.peers(), peers);
+    drop(others);
+    drop(writer);
+    assert!(wait_until(&wake, PATIENCE, || watch.peers().is_empty()));
+    assert_eq!((watch.changes(), late.changes()), (before + 2, before + 1));
+}

@@ -22,8 +22,7 @@ pub fn run(args: &EchoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     match (&args.message_type, args.endpoint.middleware.as_str()) {
         (Some(TypeName::Known(message_type)), _) => {
             let middlewares = Middlewares::for_endpoint(&args.endpoint, Role::Listener)?;
-            let qos = args.qos.map(Qos::from).unwrap_or_default();
-            known(args, *message_type, qos, &middlewares, shutdown)
+            known(args, *message_type, Qos::default(), &middlewares, shutdown)
         }
         (named, "ros2") => any::echo::run(args, named.as_ref(), shutdown),
         (Some(TypeName::Ros(name)), other) => Err(Failure::Usage(format!(
@@ -37,17 +36,19 @@ pub fn run(args: &EchoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     }
 }
 
-/// Prints the messages of a type that routes carry.
+/// Prints the messages of a type that routes carry. Without `--qos` the publishers' quality of
+/// service is followed, beginning with `start`.
 pub(super) fn known(
     args: &EchoArgs,
     message_type: MessageType,
-    qos: Qos,
+    start: Qos,
     middlewares: &Middlewares,
     shutdown: &Shutdown,
 ) -> Result<(), Failure> {
     let context = Context::default();
     let spec = TopicSpec {
-        qos,
+        qos: args.qos.map_or(start, Qos::from),
+        match_peers: args.qos.is_none(),
         queue: QueueSpec { depth: 100, overflow: Overflow::DropOldest },
         ..TopicSpec::new(&args.endpoint.name, message_type)
     };
@@ -58,6 +59,9 @@ pub(super) fn known(
     let mut printed = 0;
     let mut deadline = args.timeout.map(|timeout| Instant::now() + timeout);
     while !shutdown.requested() && args.count.is_none_or(|count| printed < count) {
+        for warning in listener.review(Instant::now()).warnings {
+            tracing::warn!("{}: {warning}", args.endpoint);
+        }
         match listener.take() {
             Ok(Some(sample)) => {
                 if let Payload::NativeObject(value) = &sample.payload {

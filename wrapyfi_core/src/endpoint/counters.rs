@@ -67,8 +67,8 @@ pub enum QosEvent {
     DeadlineMissed,
     /// We let the deadline pass that our publisher promises.
     OwnDeadlineMissed,
-    /// A publisher that the listener hears is no longer alive: it went, or was silent for its
-    /// lease.
+    /// A publisher that the listener hears did not say within its lease that it is alive. One that
+    /// leaves in good order is not counted.
     PublisherNotAlive,
     /// Our publisher did not say in time that it is alive.
     OwnLivelinessLost,

@@ -179,7 +179,7 @@ pub struct TopicSpec {
     /// Quality of service, where the middleware has one.
     pub qos: Qos,
     /// Fits the quality of service to the peers that exist and follows them
-    /// ([`Listener::review`]); `qos` is used while there are none, its history always.
+    /// ([`Listener::review`]); `qos` is used while there are none, its history and lifespan always.
     pub match_peers: bool,
     /// Queue of a listener.
     pub queue: QueueSpec,

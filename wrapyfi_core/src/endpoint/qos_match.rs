@@ -136,7 +136,7 @@ impl fmt::Display for QosWarning {
 }
 
 /// What a listener asks for so that it hears all of `publishers`: `base` where there are none, and
-/// for history always.
+/// for history and lifespan always.
 ///
 /// Reliable and transient local only where all of them are; the longest deadline and lease, none
 /// where one of them has none; manual liveliness only where all of them have it.
@@ -161,7 +161,7 @@ pub fn listener_qos(publishers: &[AnnouncedQos], base: &Qos) -> MatchedQos {
         history: base.history,
         deadline: longest(publishers.iter().map(|p| p.deadline)),
         // Messages grow old at their publisher; listeners have no say in it.
-        lifespan: None,
+        lifespan: base.lifespan,
         liveliness: if by_topic { Liveliness::ManualByTopic } else { Liveliness::Automatic },
         lease: longest(publishers.iter().map(|p| p.lease)),
     };

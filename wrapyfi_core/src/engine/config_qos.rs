@@ -7,12 +7,12 @@
 //!   qos: { match: true, depth: 50 }  fitted, with what peers cannot tell
 //! ```
 
+use std::time::Duration;
+
 use serde::{Deserialize, Deserializer, de};
 
 use super::config::word_or_map;
 use crate::endpoint::{Durability, History, Liveliness, Qos, QosPreset, Reliability};
-
-use std::time::Duration;
 
 /// Quality of service of a route's ends, where their middleware has one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -339,6 +339,19 @@ mod tests {
             route.to_string(),
             "zeromq:/a -> ros2:/b  sensor_msgs/msg/Image  queue 3 drop_oldest  at most 15 Hz"
         );
+        assert!(route.topic_spec(&route.to).match_peers);
+    }
+
+    #[test]
+    fn a_fixed_quality_of_service_is_said_and_follows_nobody() {
+        let plan = plan(
+            "routes:\n  - { from: 'zeromq:/a', to: 'ros2:/b', type: Image, qos: { depth: 3, deadline_ms: 40 } }\n",
+        )
+        .unwrap();
+        let route = &plan.routes[0];
+        assert!(!route.topic_spec(&route.to).match_peers);
+        let shown = route.to_string();
+        assert!(shown.ends_with("  qos reliable volatile keep_last(3) deadline 40ms"), "{shown}");
     }
 
     #[test]

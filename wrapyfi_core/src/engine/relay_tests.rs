@@ -202,3 +202,62 @@ fn objects_that_stay_unread_are_counted_and_carried() {
     let counters = bench.relay.status().counters;
     assert_eq!((counters.sent, counters.dropped(), counters.unread), (1, 0, 1));
 }
+
+/// A source whose reviews are written down beforehand.
+struct Scripted(std::sync::Mutex<Vec<Review>>);
+
+struct ScriptedListener(Vec<Review>);
+
+impl Middleware for Scripted {
+    fn name(&self) -> &str {
+        "scripted"
+    }
+
+    fn open_listener(&self, _: &TopicSpec, _: &Context) -> Result<Box<dyn Listener>, OpenError> {
+        Ok(Box::new(ScriptedListener(std::mem::take(&mut *self.0.lock().unwrap()))))
+    }
+
+    fn open_publisher(&self, _: &TopicSpec, _: &Context) -> Result<Box<dyn Publisher>, OpenError> {
+        panic!("only a source")
+    }
+}
+
+impl Listener for ScriptedListener {
+    fn take(&mut self) -> Result<Option<Sample>, crate::endpoint::TakeError> {
+        Ok(None)
+    }
+
+    fn link(&self) -> crate::endpoint::Link {
+        crate::endpoint::Link::default()
+    }
+
+    fn review(&mut self, _: Instant) -> Review {
+        self.0.pop().unwrap_or_default()
+    }
+}
+
+#[test]
+fn ends_look_at_their_peers_when_they_want_to_and_the_status_shows_what_is_in_use() {
+    let now = Instant::now();
+    let soon = now + Duration::from_millis(20);
+    let fitted = Qos { deadline: Some(Duration::from_millis(7)), ..Qos::default() };
+    let change = QosChange { from: Qos::default(), to: fitted, why: "a test".to_owned() };
+    let reviews = vec![
+        Review { qos: Some(fitted), changed: Some(change), ..Review::default() },
+        Review { qos: Some(Qos::default()), next: Some(soon), ..Review::default() },
+    ];
+    let mut registry = Registry::new();
+    registry.register(Arc::new(Memory::new("memory")));
+    registry.register(Arc::new(Scripted(reviews.into())));
+    let ends = ("scripted:/in".parse().unwrap(), "memory:/out".parse().unwrap());
+    let spec = RouteSpec::new(ends.0, ends.1, MessageType::NativeObject);
+    let mut relay = Relay::new(spec, &registry, 1);
+    assert_eq!(relay.step(now).next, soon);
+    let status = relay.status();
+    assert_eq!((status.from_qos, status.to_qos), (Some(Qos::default()), None));
+    relay.step(soon);
+    let json = serde_json::to_value(relay.status()).unwrap();
+    assert_eq!(json["from_qos"]["deadline_ms"], 7.0);
+    assert_eq!(json["from_qos"]["lease_ms"], serde_json::Value::Null);
+    assert_eq!(json["to_qos"], serde_json::Value::Null);
+}

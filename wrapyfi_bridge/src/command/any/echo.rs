@@ -7,9 +7,7 @@ use std::time::Instant;
 use anyhow::Context as _;
 use serde_json::json;
 use wrapyfi_core::Limits;
-use wrapyfi_core::endpoint::{
-    AnnouncedDurability, Discovered, Durability, Middleware as _, Qos, Reliability, Role, Wake,
-};
+use wrapyfi_core::endpoint::{Discovered, Middleware as _, Qos, Role, Wake, listener_qos};
 use wrapyfi_core::middleware::ros2::graph::GraphError;
 use wrapyfi_core::middleware::ros2::{AnyError, AnyListener, AnyMessage, Ros2};
 use wrapyfi_core::types::MessageType;
@@ -89,19 +87,11 @@ fn discover(
     Ok(None)
 }
 
-/// As `ros2 topic echo` chooses: best effort where a publisher is, transient local where all are.
+/// What hears all publishers of the topic.
 fn offered(found: &[Discovered], topic: &str) -> Qos {
     let publishers = found.iter().filter(|e| e.name == topic && e.role == Role::Publisher);
     let all: Vec<_> = publishers.filter_map(|endpoint| endpoint.qos).collect();
-    let mut qos = Qos::default();
-    if all.iter().any(|offer| offer.reliability == Reliability::BestEffort) {
-        qos.reliability = Reliability::BestEffort;
-    }
-    if !all.is_empty() && all.iter().all(|offer| offer.durability != AnnouncedDurability::Volatile)
-    {
-        qos.durability = Durability::TransientLocal;
-    }
-    qos
+    listener_qos(&all, &Qos::default()).qos
 }
 
 fn print_all(

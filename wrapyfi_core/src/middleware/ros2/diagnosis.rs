@@ -7,16 +7,20 @@
 //!   neither ─────────────────────────────────▶ "a publisher of /chatter"
 //! ```
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use super::follow::LOG_EVERY;
 use super::graph::{DiscoveredEndpoint, Graph, GraphError, NodeWatch, Notify, PeerWatch};
 use super::matching::unmet;
-use crate::endpoint::{AnnouncedQos, Link, Qos, QosPolicy};
+use crate::endpoint::{AnnouncedQos, Durability, Link, Qos, QosPolicy};
 
 /// How long the name of a peer's node is waited for before the peer is reported without.
 const NAME_PATIENCE: Duration = Duration::from_secs(1);
+
+/// Peers that are told of at once, each in a sentence; of the others their number.
+const AT_ONCE: usize = 5;
 
 /// Names of nodes, for all endpoints of one. Begins to listen when the first name is wanted.
 pub(super) struct Names {
@@ -60,6 +64,8 @@ pub(super) struct Diagnosis {
     matches: bool,
     /// Peers that do not fit: since when, and whether that was told.
     unfit: BTreeMap<[u8; 16], (Instant, bool)>,
+    /// Nothing is told before.
+    quiet_until: Option<Instant>,
 }
 
 impl Diagnosis {
@@ -79,6 +85,7 @@ impl Diagnosis {
             awaits_publisher,
             matches,
             unfit: BTreeMap::new(),
+            quiet_until: None,
         })
     }
 
@@ -137,7 +144,8 @@ impl Diagnosis {
         }
     }
 
-    /// Peers that do not fit and were not told yet, each in a sentence, and when to ask again.
+    /// Peers that do not fit and were not told yet, each in a sentence, and when to ask again. A few
+    /// at once, and then nothing for a while, whatever strangers do.
     pub(super) fn complaints(&mut self, own: &Qos, now: Instant) -> (Vec<String>, Option<Instant>) {
         let peers = self.peers();
         let faults: Vec<_> = peers
@@ -147,21 +155,38 @@ impl Diagnosis {
                 policies.first().map(|&policy| (peer, policy))
             })
             .collect();
-        self.unfit.retain(|gid, _| faults.iter().any(|(peer, _)| peer.gid == *gid));
-        let (mut texts, mut next) = (Vec::new(), None::<Instant>);
+        let gids: BTreeSet<_> = faults.iter().map(|(peer, _)| peer.gid).collect();
+        self.unfit.retain(|gid, _| gids.contains(gid));
+        for gid in gids {
+            self.unfit.entry(gid).or_insert((now, false));
+        }
+        if self.quiet_until.is_some_and(|until| now < until) {
+            return (Vec::new(), self.quiet_until);
+        }
+        let (mut due, mut next) = (Vec::new(), None);
         for (peer, policy) in faults {
-            let &mut (since, told) = self.unfit.entry(peer.gid).or_insert((now, false));
-            if told {
+            let Some((since, told)) = self.unfit.get_mut(&peer.gid) else { continue };
+            if *told {
                 continue;
             }
-            let due = since + NAME_PATIENCE;
-            if now < due && self.names.owner(&peer.gid).is_none() {
-                let soon = now + NAME_PATIENCE / 10;
-                next = Some(next.map_or(soon, |next| next.min(soon)));
+            if now < *since + NAME_PATIENCE && self.names.owner(&peer.gid).is_none() {
+                next = Some(now + NAME_PATIENCE / 10);
                 continue;
             }
-            self.unfit.insert(peer.gid, (since, true));
-            texts.push(self.complaint(peer, policy, own));
+            *told = true;
+            due.push((peer, policy));
+        }
+        let mut texts: Vec<_> = due
+            .iter()
+            .take(AT_ONCE)
+            .map(|&(peer, policy)| self.complaint(peer, policy, own))
+            .collect();
+        if due.len() > AT_ONCE {
+            let more = due.len() - AT_ONCE;
+            texts.push(format!("{more} more {}s on {} do not match", self.peer(), self.topic));
+        }
+        if !texts.is_empty() {
+            self.quiet_until = Some(now + LOG_EVERY);
         }
         (texts, next)
     }
@@ -231,10 +256,12 @@ fn remedy(policy: QosPolicy, awaits_publisher: bool, own: &Qos) -> String {
         (QosPolicy::Reliability, true) => "make the publisher reliable".to_owned(),
         (QosPolicy::Reliability, false) => "make the subscriber best effort".to_owned(),
         (QosPolicy::Durability, true) => "make the publisher transient local".to_owned(),
-        (QosPolicy::Durability, false) if self_keeps(own) => {
-            "make the subscriber transient local or volatile".to_owned()
-        }
-        (QosPolicy::Durability, false) => "make the subscriber volatile".to_owned(),
+        (QosPolicy::Durability, false) => match own.durability {
+            Durability::TransientLocal => {
+                "make the subscriber transient local or volatile".to_owned()
+            }
+            Durability::Volatile => "make the subscriber volatile".to_owned(),
+        },
         (QosPolicy::Deadline, true) => {
             format!("give the publisher a deadline of at most {}", time(own.deadline))
         }
@@ -253,6 +280,42 @@ fn remedy(policy: QosPolicy, awaits_publisher: bool, own: &Qos) -> String {
     }
 }
 
-fn self_keeps(own: &Qos) -> bool {
-    own.durability == crate::endpoint::Durability::TransientLocal
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::endpoint::QosPreset;
+
+    #[test]
+    fn the_remedy_is_what_would_fit() {
+        let own = Qos { deadline: Some(Duration::from_millis(100)), ..Qos::default() };
+        for (policy, awaits_publisher, words) in [
+            (QosPolicy::Reliability, true, "make the publisher reliable"),
+            (QosPolicy::Reliability, false, "make the subscriber best effort"),
+            (QosPolicy::Durability, true, "make the publisher transient local"),
+            (QosPolicy::Durability, false, "make the subscriber volatile"),
+            (QosPolicy::Deadline, true, "give the publisher a deadline of at most 100ms"),
+            (QosPolicy::Deadline, false, "give the subscriber a deadline of at least 100ms"),
+            (
+                QosPolicy::Liveliness,
+                true,
+                "give the publisher at least automatic liveliness with no lease",
+            ),
+            (
+                QosPolicy::Liveliness,
+                false,
+                "let the subscriber ask for no more than automatic liveliness with no lease",
+            ),
+        ] {
+            assert_eq!(remedy(policy, awaits_publisher, &own), words);
+        }
+        let latched = Qos::from(QosPreset::Latched);
+        assert_eq!(
+            remedy(QosPolicy::Durability, false, &latched),
+            "make the subscriber transient local or volatile"
+        );
+        assert_eq!(
+            remedy(QosPolicy::Deadline, false, &latched),
+            "take the deadline from the subscriber"
+        );
+    }
 }

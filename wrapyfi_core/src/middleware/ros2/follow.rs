@@ -16,7 +16,7 @@ use super::matching::{Decision, Matching};
 use crate::endpoint::{Counters, Link, Qos, QosEvent};
 
 /// Events of an endpoint are logged at most this often; all are counted.
-const LOG_EVERY: Duration = Duration::from_secs(5);
+pub(super) const LOG_EVERY: Duration = Duration::from_secs(5);
 
 /// One endpoint's view of its peers.
 pub(super) struct Follower {

@@ -13,7 +13,9 @@
 
 use std::time::{Duration, Instant};
 
-use crate::endpoint::{AnnouncedQos, MatchedQos, Qos, listener_qos, mismatches, publisher_qos};
+use crate::endpoint::{
+    AnnouncedQos, MatchedQos, Qos, QosPolicy, listener_qos, mismatches, publisher_qos,
+};
 
 /// Peers of one program are discovered one after the other: so long without news is the end of it.
 pub(super) const SETTLE: Duration = Duration::from_millis(100);
@@ -101,11 +103,7 @@ impl Matching {
 }
 
 /// The policies over which an endpoint with `own` and a peer do not come together.
-pub(super) fn unmet(
-    listens: bool,
-    own: &Qos,
-    peer: &AnnouncedQos,
-) -> Vec<crate::endpoint::QosPolicy> {
+pub(super) fn unmet(listens: bool, own: &Qos, peer: &AnnouncedQos) -> Vec<QosPolicy> {
     let own = (*own).into();
     if listens { mismatches(peer, &own) } else { mismatches(&own, peer) }
 }

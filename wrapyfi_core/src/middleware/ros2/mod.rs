@@ -1,7 +1,7 @@
 //! ROS 2 topics over CycloneDDS.
 //!
 //! ```text
-//!   Ros2 (Middleware) ─ names ─ listener, publisher: payload <-> CDR; any: any type <-> CDR
+//!   Ros2 (Middleware) ─ names ─ listener (inlet), publisher: payload <-> CDR; any: any type <-> CDR
 //!     │
 //!     │                 follow, matching, diagnosis, replays: quality of service that fits the peers
 //!   graph               the trait: CDR bytes and discovery facts
@@ -44,6 +44,7 @@ mod domain;
 pub mod environment;
 mod follow;
 pub mod graph;
+mod inlet;
 mod listener;
 mod matching;
 mod names;

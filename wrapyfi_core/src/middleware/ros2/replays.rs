@@ -7,8 +7,9 @@
 //!
 //! Two readers overlap for a while so that nothing is missed, and a transient-local publisher
 //! replays what it keeps to every new one. A publisher's samples reach a reader in order, so one
-//! number for a publisher is enough. Outside of such times nothing is looked at: a publisher whose
-//! clock is set back is not silenced by it.
+//! position for a publisher is enough: the source time, and a number where several samples have the
+//! same. Outside of such times nothing is refused: a publisher whose clock is set back is not
+//! silenced by it. One that sends no times is heard through the old reader while there are two.
 
 use std::collections::HashMap;
 use std::time::{Duration, Instant};
@@ -17,6 +18,20 @@ use std::time::{Duration, Instant};
 const MAX_PUBLISHERS: usize = 4096;
 /// A replay that has not ended by then is none: its publisher's clock was set back.
 const LONGEST_REPLAY: Duration = Duration::from_secs(60);
+
+/// Which of two readers a sample came to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Through {
+    /// The one that stays, or the only one.
+    New,
+    /// The one that goes.
+    Old,
+}
+
+/// Source time in nanoseconds, and the how-manieth sample in a row with it.
+type Position = (i64, u32);
+
+const NOWHERE: Position = (i64::MIN, 0);
 
 /// What was delivered, by publisher.
 #[derive(Debug, Default)]
@@ -28,8 +43,11 @@ pub(super) struct Replays {
 
 #[derive(Debug)]
 struct Delivered {
-    newest_ns: i64,
-    /// The new reader has not shown anything newer yet.
+    newest: Position,
+    /// Where the readers are.
+    new: Position,
+    old: Position,
+    /// Was known before the new reader, which has not shown anything newer yet.
     replaying: bool,
 }
 
@@ -38,7 +56,10 @@ impl Replays {
     pub(super) fn begin(&mut self, now: Instant) {
         self.overlapping = true;
         self.ends = Some(now + LONGEST_REPLAY);
-        self.publishers.values_mut().for_each(|delivered| delivered.replaying = true);
+        self.publishers.values_mut().for_each(|delivered| {
+            delivered.old = std::mem::replace(&mut delivered.new, NOWHERE);
+            delivered.replaying = true;
+        });
     }
 
     /// The first reader is closed.
@@ -47,7 +68,13 @@ impl Replays {
     }
 
     /// Notes a sample; false when it was delivered before.
-    pub(super) fn passes(&mut self, publisher: u64, timestamp_ns: i64, now: Instant) -> bool {
+    pub(super) fn passes(
+        &mut self,
+        through: Through,
+        publisher: u64,
+        timestamp_ns: i64,
+        now: Instant,
+    ) -> bool {
         let watching = self.ends.is_some_and(|ends| now < ends);
         if !watching {
             self.ends = None;
@@ -56,20 +83,37 @@ impl Replays {
         if self.publishers.len() >= MAX_PUBLISHERS && !self.publishers.contains_key(&publisher) {
             self.forget_oldest();
         }
-        let delivered = self
-            .publishers
-            .entry(publisher)
-            .or_insert(Delivered { newest_ns: i64::MIN, replaying: overlapping });
-        if watching && (overlapping || delivered.replaying) && timestamp_ns <= delivered.newest_ns {
-            return false;
+        let delivered = self.publishers.entry(publisher).or_insert(Delivered {
+            newest: NOWHERE,
+            new: NOWHERE,
+            old: NOWHERE,
+            replaying: false,
+        });
+        let reader = match through {
+            Through::New => &mut delivered.new,
+            Through::Old => &mut delivered.old,
+        };
+        let same = if reader.0 == timestamp_ns { reader.1 } else { 0 };
+        *reader = (timestamp_ns, same.saturating_add(1));
+        let position = *reader;
+        let stamped = timestamp_ns > 0;
+        if watching && (overlapping || delivered.replaying) {
+            let before = if stamped {
+                position <= delivered.newest
+            } else {
+                overlapping && delivered.replaying && through == Through::New
+            };
+            if before {
+                return false;
+            }
         }
         delivered.replaying &= overlapping;
-        delivered.newest_ns = timestamp_ns;
+        delivered.newest = position;
         true
     }
 
     fn forget_oldest(&mut self) {
-        let oldest = self.publishers.iter().min_by_key(|(_, delivered)| delivered.newest_ns);
+        let oldest = self.publishers.iter().min_by_key(|(_, delivered)| delivered.newest);
         if let Some((&publisher, _)) = oldest {
             self.publishers.remove(&publisher);
         }
@@ -78,6 +122,7 @@ impl Replays {
 
 #[cfg(test)]
 mod tests {
+    use super::Through::{New, Old};
     use super::*;
 
     const A: u64 = 1;
@@ -86,46 +131,88 @@ mod tests {
     #[test]
     fn while_readers_overlap_every_sample_passes_once() {
         let (mut replays, now) = (Replays::default(), Instant::now());
-        assert!(replays.passes(A, 1, now));
-        assert!(replays.passes(A, 2, now));
+        assert!(replays.passes(New, A, 1, now));
+        assert!(replays.passes(New, A, 2, now));
         replays.begin(now);
-        let both = [(A, 1), (A, 2), (A, 3), (B, 1), (A, 3), (B, 1), (B, 2), (A, 4), (B, 2)];
-        let passed: Vec<_> =
-            both.into_iter().filter(|&(from, at)| replays.passes(from, at, now)).collect();
-        assert_eq!(passed, [(A, 3), (B, 1), (B, 2), (A, 4)]);
+        let both = [
+            (New, A, 1),
+            (New, A, 2),
+            (Old, A, 3),
+            (New, B, 1),
+            (New, A, 3),
+            (Old, B, 1),
+            (New, B, 2),
+            (New, A, 4),
+            (Old, A, 4),
+            (Old, B, 2),
+        ];
+        let passed: Vec<_> = both
+            .into_iter()
+            .filter(|&(through, from, at)| replays.passes(through, from, at, now))
+            .collect();
+        assert_eq!(passed, [(Old, A, 3), (New, B, 1), (New, B, 2), (New, A, 4)]);
     }
 
     #[test]
     fn a_replay_ends_with_the_first_new_sample() {
         let (mut replays, now) = (Replays::default(), Instant::now());
-        assert!(replays.passes(A, 10, now));
+        assert!(replays.passes(New, A, 10, now));
         replays.begin(now);
         replays.overlap_ended();
-        assert!(!replays.passes(A, 9, now));
-        assert!(!replays.passes(A, 10, now));
-        assert!(replays.passes(A, 11, now));
+        assert!(!replays.passes(New, A, 9, now));
+        assert!(!replays.passes(New, A, 10, now));
+        assert!(replays.passes(New, A, 11, now));
         // Its clock was set back.
-        assert!(replays.passes(A, 5, now));
+        assert!(replays.passes(New, A, 5, now));
         // One that was not known has nothing to replay.
-        assert!(replays.passes(B, 3, now) && replays.passes(B, 2, now));
+        assert!(replays.passes(New, B, 3, now) && replays.passes(New, B, 2, now));
+    }
+
+    #[test]
+    fn samples_of_one_moment_are_told_apart() {
+        let (mut replays, now) = (Replays::default(), Instant::now());
+        assert!(replays.passes(New, A, 10, now) && replays.passes(New, A, 10, now));
+        replays.begin(now);
+        assert!(replays.passes(Old, A, 10, now));
+        for _ in 0..3 {
+            assert!(!replays.passes(New, A, 10, now));
+        }
+        assert!(replays.passes(New, A, 10, now));
+        assert!(!replays.passes(Old, A, 10, now));
+    }
+
+    #[test]
+    fn a_publisher_without_a_clock_is_heard_once() {
+        let (mut replays, now) = (Replays::default(), Instant::now());
+        assert!(replays.passes(New, A, 0, now));
+        replays.begin(now);
+        for _ in 0..3 {
+            assert!(replays.passes(Old, A, 0, now));
+            assert!(!replays.passes(New, A, 0, now));
+        }
+        // Only the new reader matches this one.
+        assert!(replays.passes(New, B, 0, now) && replays.passes(New, B, 0, now));
+        replays.overlap_ended();
+        assert!(replays.passes(New, A, 0, now) && replays.passes(New, B, 0, now));
     }
 
     #[test]
     fn nobody_is_silenced_for_long() {
         let (mut replays, now) = (Replays::default(), Instant::now());
-        assert!(replays.passes(A, 10, now));
-        assert!(replays.passes(A, 5, now));
+        assert!(replays.passes(New, A, 10, now));
+        assert!(replays.passes(New, A, 5, now));
         replays.begin(now);
         replays.overlap_ended();
-        assert!(!replays.passes(A, 4, now));
-        assert!(replays.passes(A, 4, now + LONGEST_REPLAY));
+        assert!(!replays.passes(New, A, 4, now));
+        assert!(replays.passes(New, A, 4, now + LONGEST_REPLAY));
     }
 
     #[test]
     fn what_is_remembered_is_bounded() {
         let (mut replays, now) = (Replays::default(), Instant::now());
         for publisher in 0..2 * MAX_PUBLISHERS as u64 {
-            assert!(replays.passes(publisher, i64::try_from(publisher).unwrap(), now));
+            let timestamp = i64::try_from(publisher + 1).unwrap();
+            assert!(replays.passes(New, publisher, timestamp, now));
         }
         assert_eq!(replays.publishers.len(), MAX_PUBLISHERS);
         assert!(!replays.publishers.contains_key(&0));

@@ -1,0 +1,135 @@
+//! Routes that follow the quality of service of other programs' endpoints.
+
+#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
+
+use serde_json::Value;
+use wrapyfi_e2e::{Need, Output, Process, Result, Route, run, texts};
+
+const NEEDS: &[Need] = &[Need::Program, Need::Python];
+const STRING: &str = "std_msgs/msg/String";
+
+fn zeromq(topic: &str) -> String {
+    format!("zeromq:{topic}")
+}
+
+fn ros2(topic: &str) -> String {
+    format!("ros2:{topic}")
+}
+
+/// Waits until the bridge has an endpoint on the topic that fulfils `condition`.
+fn endpoint(
+    graph: &Process,
+    role: &str,
+    topic: &str,
+    condition: impl Fn(&Value) -> bool,
+) -> Result<Value> {
+    let dds_topic = format!("rt{topic}");
+    graph.wait_until(&format!("the {role} on {dds_topic}"), |output| {
+        let mut all = output.events("endpoint").into_iter();
+        all.find(|e| e["topic"] == *dds_topic && e["role"] == role && condition(e))
+    })
+}
+
+fn has_logged(output: &Output, words: &str) -> bool {
+    output.err.iter().any(|line| line.contains(words))
+}
+
+#[test]
+fn a_route_hears_a_best_effort_publisher_and_then_a_reliable_one_too() -> Result {
+    run("a_route_hears_a_best_effort_publisher_and_then_a_reliable_one_too", NEEDS, |world| {
+        let (from, to) = (world.topic("from"), world.topic("to"));
+        let graph = world.graph()?;
+        let bridge = world.bridge(&world.embedded().route(Route::new(
+            &ros2(&from),
+            &zeromq(&to),
+            STRING,
+        )))?;
+        // Nobody is there: ROS 2's default profile.
+        let first = endpoint(&graph, "reader", &from, |_| true)?;
+        assert_eq!((&first["reliable"], &first["durability"]), (&true.into(), &"Volatile".into()));
+        let listener = world.wrapyfi_listener(&to, "")?;
+        let loose = world.dds_publisher(&from, STRING, "--flavour small --best-effort")?;
+        listener.messages(1).map_err(|e| e.context(bridge.tail()))?;
+        endpoint(&graph, "reader", &from, |e| e["reliable"] == false)?;
+        bridge.wait_until("the announcement", |output| {
+            has_logged(output, "quality of service changed").then_some(())
+        })?;
+        drop(loose);
+        let reliable = world.dds_publisher(&from, STRING, "--flavour rich")?;
+        let sent = reliable.messages(1)?;
+        let wanted = texts(&sent, "sha256")[0].to_owned();
+        listener.wait_until("the reliable publisher's messages", |output| {
+            output.events("message").into_iter().find(|m| m["sha256"] == *wanted)
+        })?;
+        Ok(())
+    })
+}
+
+#[test]
+fn a_route_asks_for_what_was_sent_before_it_where_publishers_keep_it() -> Result {
+    run("a_route_asks_for_what_was_sent_before_it_where_publishers_keep_it", NEEDS, |world| {
+        let (from, to) = (world.topic("from"), world.topic("to"));
+        let graph = world.graph()?;
+        let _publisher = world.dds_publisher(&from, STRING, "--transient-local")?;
+        let bridge = world.bridge(&world.embedded().route(Route::new(
+            &ros2(&from),
+            &zeromq(&to),
+            STRING,
+        )))?;
+        let listener = world.wrapyfi_listener(&to, "")?;
+        endpoint(&graph, "reader", &from, |e| e["durability"] == "TransientLocal")?;
+        listener.messages(2).map_err(|e| e.context(bridge.tail()))?;
+        Ok(())
+    })
+}
+
+#[test]
+fn policies_of_a_route_are_announced_and_misfits_reported() -> Result {
+    run("policies_of_a_route_are_announced_and_misfits_reported", NEEDS, |world| {
+        let (from, to) = (world.topic("from"), world.topic("to"));
+        let strict = "{ deadline_ms: 100, lease_ms: 1500, liveliness: manual_by_topic, \
+                      lifespan_ms: 2000, depth: 7 }";
+        let config = world
+            .embedded()
+            .route(Route::new(&zeromq("/in"), &ros2(&to), STRING).with("qos", strict))
+            .route(Route::new(&ros2(&from), &zeromq("/out"), STRING).with("qos", "default"));
+        let graph = world.graph()?;
+        let bridge = world.bridge(&config)?;
+        let writer = endpoint(&graph, "writer", &to, |_| true)?;
+        assert_eq!(writer["deadline_ms"], 100.0, "{writer}");
+        assert_eq!(writer["lifespan_ms"], 2000.0, "{writer}");
+        assert_eq!(writer["lease_ms"], 1500.0, "{writer}");
+        assert_eq!(writer["liveliness"], "ManualByTopic", "{writer}");
+        let _loose = world.dds_publisher(&from, STRING, "--flavour small --best-effort")?;
+        bridge.wait_until("the report", |output| {
+            let words = "offers best effort, the route asks for reliable; write qos: match";
+            has_logged(output, words).then_some(())
+        })?;
+        Ok(())
+    })
+}
+
+#[test]
+fn a_route_offers_what_a_node_of_another_make_asks_for() -> Result {
+    run("a_route_offers_what_a_node_of_another_make_asks_for", NEEDS, |world| {
+        let (from, to) = (world.topic("from"), world.topic("to"));
+        let graph = world.graph()?;
+        let bridge = world.bridge(&world.embedded().route(Route::new(
+            &zeromq(&from),
+            &ros2(&to),
+            STRING,
+        )))?;
+        endpoint(&graph, "writer", &to, |e| e["durability"] == "Volatile")?;
+        let mut node = world.ros_node("asks")?;
+        let heard = node.subscribe_kept::<String>(&to, STRING)?;
+        endpoint(&graph, "writer", &to, |e| e["durability"] == "TransientLocal")?;
+        let _publisher = world.wrapyfi_publisher(&from, "--no-broker")?;
+        let text: String = heard.next().map_err(|e| e.context(bridge.tail()))?;
+        assert!(text.contains("\"greeting\""), "{text}");
+        bridge.wait_until("the announcement", |output| {
+            let words = "quality of service changed: /asks asks for transient local";
+            has_logged(output, words).then_some(())
+        })?;
+        Ok(())
+    })
+}

@@ -1,0 +1,284 @@
+//! What flows into a listener: from DDS readers into its queue.
+//!
+//! ```text
+//!   DDS thread:  notify ─▶ Inlet::drain ── take all ──▶ queue
+//!                                  └─ block: full ─▶ held ──┘
+//! ```
+//!
+//! Under policy `block` messages that find the queue full are held beside it, as many again as it
+//! has room for, each for the deadline at most. The publisher is not held back: Cyclone does that
+//! by stopping the thread that delivers every topic of the process, discovery in its wake, so that
+//! a bounded reader would let one slow consumer stop all of them.
+
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use bytes::Bytes;
+
+use super::follow::EventLog;
+use super::graph::{CdrReader, GraphError};
+use super::replays::{Replays, Through};
+use crate::endpoint::{
+    Context, Counters, DropReason, Overflow, QueueSpec, Receiver, Sender, Wake, inbox,
+};
+
+/// A message as it arrived.
+pub(super) struct Arrived {
+    pub(super) cdr: Bytes,
+    pub(super) at: Instant,
+}
+
+/// The reader and what it flows into; shared with the callback.
+pub(super) struct Inlet {
+    state: Mutex<InletState>,
+    sender: Sender<Arrived>,
+    pub(super) counters: Arc<Counters>,
+    pub(super) wake: Wake,
+    topic: String,
+}
+
+pub(super) struct InletState {
+    /// None before it was created and after the listener is gone.
+    pub(super) reader: Option<Box<dyn CdrReader>>,
+    /// The one before it, for a while, and since when there are two.
+    pub(super) old: Option<(Box<dyn CdrReader>, Instant)>,
+    /// None where there is never a second reader.
+    pub(super) replays: Option<Replays>,
+    events: EventLog,
+    /// Under policy `block`: arrived when the queue was full, oldest first.
+    held: VecDeque<Arrived>,
+    warned_oversize: bool,
+}
+
+impl Inlet {
+    /// Without a reader yet.
+    pub(super) fn new(
+        topic: &str,
+        queue: QueueSpec,
+        matches: bool,
+        context: &Context,
+    ) -> (Arc<Self>, Receiver<Arrived>) {
+        let (sender, receiver) = inbox(queue, Arc::clone(&context.counters), context.wake.clone());
+        let inlet = Self {
+            state: Mutex::new(InletState {
+                reader: None,
+                old: None,
+                replays: matches.then(Replays::default),
+                events: EventLog::new(&context.counters, topic, true),
+                held: VecDeque::new(),
+                warned_oversize: false,
+            }),
+            sender,
+            counters: Arc::clone(&context.counters),
+            wake: context.wake.clone(),
+            topic: topic.to_owned(),
+        };
+        (Arc::new(inlet), receiver)
+    }
+
+    pub(super) fn lock(&self) -> MutexGuard<'_, InletState> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Moves what waits into the queue, as far as the policy goes.
+    pub(super) fn drain(&self) {
+        let mut guard = self.lock();
+        self.refill(&mut guard.held);
+        let InletState { reader, old, replays, events, held, warned_oversize } = &mut *guard;
+        let Some(reader) = reader else { return };
+        events.note(reader.qos_events(), Instant::now());
+        // What an old reader loses beside it is not lost.
+        let lost = reader.lost();
+        if lost > 0 {
+            self.counters.dropped_many(DropReason::LostUpstream, lost);
+        }
+        let old = old.as_mut().map(|(old, _)| (old, Through::Old));
+        for (reader, through) in old.into_iter().chain([(reader, Through::New)]) {
+            self.empty((reader.as_mut(), through), replays.as_mut(), held, warned_oversize);
+        }
+    }
+
+    /// Takes all that waits in one reader.
+    fn empty(
+        &self,
+        (reader, through): (&mut dyn CdrReader, Through),
+        mut replays: Option<&mut Replays>,
+        held: &mut VecDeque<Arrived>,
+        warned_oversize: &mut bool,
+    ) {
+        loop {
+            match reader.take() {
+                Ok(Some(sample)) => {
+                    self.counters.received(sample.cdr.len());
+                    let at = Instant::now();
+                    let (publisher, sent) = (sample.publisher, sample.source_timestamp_ns);
+                    let passes =
+                        |seen: &mut &mut Replays| seen.passes(through, publisher, sent, at);
+                    if !replays.as_mut().is_none_or(passes) {
+                        self.counters.dropped(DropReason::Duplicate);
+                        continue;
+                    }
+                    self.place(Arrived { cdr: sample.cdr, at }, held);
+                }
+                Ok(None) => return,
+                Err(GraphError::TooLarge { actual, limit, .. }) => {
+                    self.counters.received(actual);
+                    self.counters.dropped(DropReason::Oversize);
+                    if !std::mem::replace(warned_oversize, true) {
+                        tracing::warn!(
+                            topic = self.topic,
+                            actual,
+                            limit,
+                            "message dropped: over max_message_mib; further ones are only counted"
+                        );
+                    }
+                }
+                Err(error) => {
+                    tracing::warn!(%error, "cannot take messages");
+                    return;
+                }
+            }
+        }
+    }
+
+    /// Moves held messages into the queue; those that waited too long are dropped.
+    fn refill(&self, held: &mut VecDeque<Arrived>) {
+        while let Some(oldest) = held.pop_front() {
+            if let Err(oldest) = self.sender.push(oldest) {
+                if oldest.at.elapsed() < self.patience() {
+                    held.push_front(oldest);
+                    return;
+                }
+                self.sender.give_up(oldest);
+            }
+        }
+    }
+
+    /// Queues a message behind those that are held, or holds it.
+    fn place(&self, message: Arrived, held: &mut VecDeque<Arrived>) {
+        let message = if held.is_empty() {
+            match self.sender.push(message) {
+                Ok(()) => return,
+                Err(message) => message,
+            }
+        } else {
+            message
+        };
+        if held.len() < self.sender.spec().depth.max(1) && !self.patience().is_zero() {
+            held.push_back(message);
+        } else {
+            self.sender.give_up(message);
+        }
+    }
+
+    /// How long a message may wait beside a full queue.
+    fn patience(&self) -> Duration {
+        match self.sender.spec().overflow {
+            Overflow::Block(deadline) => deadline,
+            _ => Duration::ZERO,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::middleware::ros2::graph::CdrSample;
+
+    /// What a reader holds: sizes of messages, those over the limit as errors.
+    #[derive(Clone, Default)]
+    struct Waiting(Arc<Mutex<VecDeque<Result<usize, usize>>>>);
+
+    impl Waiting {
+        fn put(&self, message: Result<usize, usize>) {
+            self.0.lock().unwrap().push_back(message);
+        }
+    }
+
+    struct FakeReader(Waiting, u64);
+
+    impl CdrReader for FakeReader {
+        fn take(&mut self) -> Result<Option<CdrSample>, GraphError> {
+            match self.0.0.lock().unwrap().pop_front() {
+                None => Ok(None),
+                Some(Ok(size)) => Ok(Some(CdrSample {
+                    cdr: vec![0; size].into(),
+                    source_timestamp_ns: 0,
+                    publisher: 0,
+                })),
+                Some(Err(actual)) => {
+                    Err(GraphError::TooLarge { topic: "/t".into(), actual, limit: 100 })
+                }
+            }
+        }
+
+        fn matched(&self) -> usize {
+            1
+        }
+
+        fn lost(&mut self) -> u64 {
+            std::mem::take(&mut self.1)
+        }
+
+        fn incompatible(&self) -> Option<&'static str> {
+            None
+        }
+    }
+
+    fn open(overflow: Overflow, lost: u64) -> (Arc<Inlet>, Receiver<Arrived>, Waiting, Context) {
+        let context = Context::default();
+        let (inlet, receiver) = Inlet::new("/t", QueueSpec { depth: 2, overflow }, false, &context);
+        let waiting = Waiting::default();
+        inlet.lock().reader = Some(Box::new(FakeReader(waiting.clone(), lost)));
+        (inlet, receiver, waiting, context)
+    }
+
+    #[test]
+    fn everything_that_arrives_is_counted_once() {
+        let (inlet, receiver, waiting, context) = open(Overflow::DropOldest, 7);
+        for message in [Ok(10), Err(1000), Ok(20), Ok(30)] {
+            waiting.put(message);
+        }
+        inlet.drain();
+        let now = context.counters.snapshot();
+        assert_eq!((now.received, now.received_bytes), (4, 1060));
+        assert_eq!(now.dropped_for(DropReason::LostUpstream), 7);
+        assert_eq!(now.dropped_for(DropReason::Oversize), 1);
+        assert_eq!(now.dropped_for(DropReason::QueueFull), 1);
+        let sizes: Vec<_> = std::iter::from_fn(|| receiver.pop()).map(|m| m.cdr.len()).collect();
+        assert_eq!(sizes, [20, 30]);
+    }
+
+    #[test]
+    fn under_block_as_many_again_wait_in_order() {
+        let (inlet, receiver, waiting, context) = open(Overflow::Block(Duration::from_secs(60)), 0);
+        for size in 1..=5 {
+            waiting.put(Ok(size));
+        }
+        inlet.drain();
+        assert_eq!((receiver.len(), inlet.lock().held.len()), (2, 2));
+        assert_eq!(context.counters.snapshot().dropped_for(DropReason::BlockDeadline), 1);
+        let mut sizes = vec![receiver.pop().unwrap().cdr.len()];
+        waiting.put(Ok(6));
+        inlet.drain();
+        while let Some(message) = receiver.pop() {
+            sizes.push(message.cdr.len());
+            inlet.drain();
+        }
+        assert_eq!(sizes, [1, 2, 3, 4, 6]);
+        assert_eq!(context.counters.snapshot().dropped(), 1);
+    }
+
+    #[test]
+    fn after_the_deadline_the_newest_are_dropped() {
+        let (inlet, receiver, waiting, context) = open(Overflow::Block(Duration::ZERO), 0);
+        for size in 1..=5 {
+            waiting.put(Ok(size));
+        }
+        inlet.drain();
+        assert_eq!(context.counters.snapshot().dropped_for(DropReason::BlockDeadline), 3);
+        let sizes: Vec<_> = std::iter::from_fn(|| receiver.pop()).map(|m| m.cdr.len()).collect();
+        assert_eq!(sizes, [1, 2]);
+    }
+}
