@@ -48,6 +48,8 @@ mod inlet;
 mod listener;
 mod matching;
 mod names;
+mod node_endpoints;
+mod node_handle;
 mod owners;
 mod payload;
 mod peer_index;
@@ -66,6 +68,8 @@ pub use any::{AnyError, AnyListener, AnyMessage, AnyPublisher};
 pub use config::CycloneConfig;
 pub use cyclone_graph::{CycloneError, CycloneGraph};
 pub use domain::DomainError;
+pub use node_endpoints::NodeEndpoints;
+pub use node_handle::NodeHandle;
 #[cfg(feature = "ros2-fastdds")]
 pub use rust_services::{RustServices, RustServicesError, ServiceEndpoints};
 pub use service::{

@@ -10,6 +10,7 @@
 mod calls;
 mod client;
 mod error;
+pub(super) mod replies;
 mod server;
 
 use std::time::Duration;
@@ -28,7 +29,7 @@ use super::{AnyError, Ros2};
 use crate::Limits;
 
 /// How soon to look again for what nobody is notified of: see [`Peers::Half`](super::graph::Peers).
-const LOOK_AGAIN: Duration = Duration::from_millis(1);
+pub(super) const LOOK_AGAIN: Duration = Duration::from_millis(1);
 
 /// How calls are treated, by clients and by servers.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -8,16 +8,16 @@
 //! A reply is not sent before its client's half of the match is there: discovery may bring a request
 //! first, and a reply that nobody hears is lost.
 
-use std::collections::{HashMap, VecDeque};
+use std::collections::HashMap;
 use std::time::Instant;
 
-use bytes::Bytes;
 use wrapyfi_interfaces::dynamic::{DynamicMessage, Plan, ValueError};
 
+use super::replies::{Replies, Reply};
 use super::{LOOK_AGAIN, ServiceOptions, ServiceType, encode};
 use crate::endpoint::Wake;
 use crate::middleware::ros2::any::ringing;
-use crate::middleware::ros2::graph::{CdrServer, GraphError, Peers, RequestId};
+use crate::middleware::ros2::graph::{GraphError, Peers, RequestId};
 use crate::middleware::ros2::{AnyError, Ros2};
 
 /// A request as it is taken.
@@ -111,12 +111,6 @@ impl std::fmt::Display for ServerDrops {
     }
 }
 
-struct Reply {
-    id: RequestId,
-    cdr: Bytes,
-    until: Instant,
-}
-
 /// Serves one service.
 ///
 /// ```no_run
@@ -139,14 +133,12 @@ struct Reply {
 /// # }
 /// ```
 pub struct AnyServer {
-    cdr: Box<dyn CdrServer>,
+    replies: Replies,
     name: String,
     service: ServiceType,
     options: ServiceOptions,
     /// Requests with the user, and until when.
     pending: HashMap<RequestId, Instant>,
-    /// Replies whose clients do not hear yet.
-    kept: VecDeque<Reply>,
     drops: ServerDrops,
 }
 
@@ -166,12 +158,11 @@ impl AnyServer {
         let description = service.describe(ros2, name, options)?;
         let cdr = ros2.graph().server(&description, ringing(wake))?;
         Ok(Self {
-            cdr,
+            replies: Replies::new(cdr, &description.name, options.pending),
             name: description.name,
             service,
             options: options.clone(),
             pending: HashMap::new(),
-            kept: VecDeque::new(),
             drops: ServerDrops::default(),
         })
     }
@@ -197,12 +188,13 @@ impl AnyServer {
     /// Clients there are now.
     #[must_use]
     pub fn clients(&self) -> Peers {
-        self.cdr.clients()
+        self.replies.clients()
     }
 
     /// What was not served so far.
     pub fn drops(&mut self) -> ServerDrops {
-        self.drops.lost += self.cdr.lost();
+        self.drops.lost += self.replies.lost();
+        self.drops.unheard = self.replies.unheard();
         self.drops
     }
 
@@ -213,9 +205,9 @@ impl AnyServer {
     /// The next request was unusable, and why. It is gone and counted; where its type has room for
     /// it, its client was told. The one after it can be taken.
     pub fn take(&mut self) -> Result<Option<AnyRequest>, ServeError> {
-        self.send_kept();
+        self.replies.flush();
         self.end_expired();
-        let request = match self.cdr.take() {
+        let request = match self.replies.take() {
             Ok(None) => return Ok(None),
             Ok(Some(request)) => request,
             Err(error) => {
@@ -268,13 +260,13 @@ impl AnyServer {
             service: self.name.clone(),
             timeout_ms: u64::try_from(self.options.timeout.as_millis()).unwrap_or(u64::MAX),
         })?;
-        self.send(Reply { id: *id, cdr, until }).map_err(ServeError::from)
+        self.replies.send(Reply { id: *id, cdr, until }).map_err(ServeError::from)
     }
 
     /// When [`AnyServer::take`] should be called again though nothing rang.
     #[must_use]
     pub fn deadline(&self) -> Option<Instant> {
-        let soon = (!self.kept.is_empty()).then(|| Instant::now() + LOOK_AGAIN);
+        let soon = (self.replies.kept() > 0).then(|| Instant::now() + LOOK_AGAIN);
         self.pending.values().copied().chain(soon).min()
     }
 
@@ -283,52 +275,20 @@ impl AnyServer {
         let Some(reply) = self.service.error_reply(text) else { return };
         let Ok(cdr) = encode(self.service.response(), &reply) else { return };
         let until = Instant::now() + self.options.timeout;
-        if let Err(error) = self.send(Reply { id: *id, cdr, until }) {
+        if let Err(error) = self.replies.send(Reply { id: *id, cdr, until }) {
             tracing::debug!(service = self.name, %error, "a refusal was not sent");
         }
-    }
-
-    fn send(&mut self, reply: Reply) -> Result<(), GraphError> {
-        if self.cdr.hears(&reply.id) {
-            let sent = self.cdr.reply(&reply.id, &[&reply.cdr]);
-            self.drops.unheard += u64::from(sent.is_err());
-            return sent;
-        }
-        // As many as may be under way: more are replies to clients that will never hear.
-        if self.kept.len() >= self.options.pending.max(1) {
-            self.kept.pop_front();
-            self.drops.unheard += 1;
-        }
-        self.kept.push_back(reply);
-        Ok(())
     }
 
     /// Replies whose clients do not hear yet.
     #[must_use]
     pub fn kept(&self) -> usize {
-        self.kept.len()
+        self.replies.kept()
     }
 
     /// Sends the replies that were kept and whose clients hear now, without taking a request.
     pub fn flush(&mut self) {
-        self.send_kept();
-    }
-
-    fn send_kept(&mut self) {
-        let now = Instant::now();
-        for reply in std::mem::take(&mut self.kept) {
-            if self.cdr.hears(&reply.id) {
-                if let Err(error) = self.cdr.reply(&reply.id, &[&reply.cdr]) {
-                    self.drops.unheard += 1;
-                    tracing::warn!(service = self.name, %error, "a reply was not sent");
-                }
-            } else if reply.until > now {
-                self.kept.push_back(reply);
-            } else {
-                self.drops.unheard += 1;
-                tracing::warn!(service = self.name, "a client never heard its reply");
-            }
-        }
+        self.replies.flush();
     }
 
     fn end_expired(&mut self) {
