@@ -203,7 +203,7 @@ impl Work {
     /// Publishes what changed and what was logged.
     fn publish(&mut self) {
         let stamp = self.shared.now();
-        let changed = self.shared.store().take_events(&crate::node::time(stamp));
+        let changed = self.shared.store().take_events(stamp);
         for event in changed {
             send(self.events.as_mut(), &event.encode());
         }
