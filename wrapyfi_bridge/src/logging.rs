@@ -1,6 +1,12 @@
-//! Log lines on stderr, in the form ROS 2 nodes print theirs.
+//! Log lines on stderr, in the form ROS 2 nodes print theirs, and on `/rosout`.
+//!
+//! ```text
+//!   tracing event ─ filter ─┬─▶ stderr: [INFO] [stamp] [logger]: text
+//!                           └─▶ the node, once there is one ─▶ /rosout
+//! ```
 
 use std::fmt;
+use std::sync::{OnceLock, PoisonError, RwLock};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use tracing::{Event, Level, Subscriber, field};
@@ -8,25 +14,79 @@ use tracing_subscriber::EnvFilter;
 use tracing_subscriber::filter::LevelFilter;
 use tracing_subscriber::fmt::format::Writer;
 use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields};
+use tracing_subscriber::layer::{Context, Layer, SubscriberExt as _};
 use tracing_subscriber::registry::LookupSpan;
+use tracing_subscriber::util::SubscriberInitExt as _;
+use wrapyfi_core::middleware::ros2::NodeHandle;
+use wrapyfi_core::node::{LogLevel, LogLine};
+
+/// The node on whose `/rosout` lines go.
+static NODE: OnceLock<RwLock<Option<NodeHandle>>> = OnceLock::new();
 
 /// Starts logging to stderr. `RUST_LOG` overrides `level`, for one module or all.
 ///
 /// # Errors
 /// When `level` is none of error, warn, info, debug and trace.
 pub fn start(logger: &str, level: &str) -> Result<(), String> {
+    start_as(logger, level, true)
+}
+
+/// As [`start`]; without `stdout` nothing is printed, and only `/rosout` has the lines.
+///
+/// # Errors
+/// As [`start`].
+pub fn start_as(logger: &str, level: &str, stdout: bool) -> Result<(), String> {
     let level: LevelFilter = level.parse().map_err(|_unparsed| {
         format!("log level {level:?} is not known; use error, warn, info, debug, trace or off")
     })?;
     let filter = EnvFilter::builder().with_default_directive(level.into()).from_env_lossy();
     let format = RosFormat { logger: logger.to_owned() };
-    // Fails only where a subscriber is set already: then its owner decides, as it should.
-    let _already_set = tracing_subscriber::fmt()
-        .with_env_filter(filter)
+    let printed = tracing_subscriber::fmt::layer()
         .with_writer(std::io::stderr)
         .event_format(format)
+        .with_filter(if stdout { LevelFilter::TRACE } else { LevelFilter::OFF });
+    // Fails only where a subscriber is set already: then its owner decides, as it should.
+    let _already_set = tracing_subscriber::registry()
+        .with(filter)
+        .with(printed)
+        .with(Rosout { logger: logger.to_owned() })
         .try_init();
     Ok(())
+}
+
+/// Sends lines to the `/rosout` of this node from now on, or nowhere with `None`.
+pub fn publish_to(node: Option<NodeHandle>) {
+    let place = NODE.get_or_init(RwLock::default);
+    *place.write().unwrap_or_else(PoisonError::into_inner) = node;
+}
+
+/// Lines to `/rosout`.
+struct Rosout {
+    logger: String,
+}
+
+impl<S: Subscriber> Layer<S> for Rosout {
+    fn on_event(&self, event: &Event<'_>, _: Context<'_, S>) {
+        let Some(place) = NODE.get() else { return };
+        let node = place.read().unwrap_or_else(PoisonError::into_inner);
+        let Some(node) = node.as_ref() else { return };
+        let mut line = Line::default();
+        event.record(&mut line);
+        let metadata = event.metadata();
+        node.log(LogLine {
+            level: match *metadata.level() {
+                Level::ERROR => LogLevel::Error,
+                Level::WARN => LogLevel::Warn,
+                Level::INFO => LogLevel::Info,
+                Level::DEBUG | Level::TRACE => LogLevel::Debug,
+            },
+            logger: line.logger(&self.logger),
+            text: format!("{}{}", line.message, line.fields),
+            file: metadata.file().unwrap_or_default().to_owned(),
+            function: metadata.target().to_owned(),
+            line: metadata.line().unwrap_or_default(),
+        });
+    }
 }
 
 /// `[INFO] [1795214428.963405000] [bridge]: text key=value`.
@@ -54,10 +114,8 @@ where
         };
         let mut line = Line::default();
         event.record(&mut line);
-        write!(out, "[{level}] [{}.{:09}] [{}", now.as_secs(), now.subsec_nanos(), self.logger)?;
-        if let Some(route) = &line.route {
-            write!(out, ".{route}")?;
-        }
+        let logger = line.logger(&self.logger);
+        write!(out, "[{level}] [{}.{:09}] [{logger}", now.as_secs(), now.subsec_nanos())?;
         writeln!(out, "]: {}{}", line.message, line.fields)
     }
 }
@@ -70,6 +128,16 @@ struct Line {
     fields: String,
 }
 
+impl Line {
+    /// The logger: a child of the program's for a route, as ROS 2 names them.
+    fn logger(&self, program: &str) -> String {
+        match &self.route {
+            Some(route) => format!("{program}.{route}"),
+            None => program.to_owned(),
+        }
+    }
+}
+
 impl field::Visit for Line {
     fn record_str(&mut self, field: &field::Field, value: &str) {
         self.record_debug(field, &format_args!("{value}"));
@@ -78,7 +146,6 @@ impl field::Visit for Line {
     fn record_debug(&mut self, field: &field::Field, value: &dyn fmt::Debug) {
         match field.name() {
             "message" => self.message = format!("{value:?}"),
-            // A child logger per route, as ROS 2 names them.
             "route" => self.route = Some(format!("{value:?}")),
             name => self.fields.push_str(&format!(" {name}={value:?}")),
         }

@@ -7,6 +7,7 @@
 //!
 //! The only place that knows which middlewares exist. Those that no route uses are not started.
 
+use std::collections::BTreeSet;
 use std::net::IpAddr;
 use std::path::Path;
 use std::sync::Arc;
@@ -18,10 +19,16 @@ use wrapyfi_core::endpoint::{EndpointAddress, Middleware, Registry};
 use wrapyfi_core::engine::{
     Available, Config, ConfigError, MAX_CONFIG_BYTES, Plan, Problem, Spanned,
 };
-use wrapyfi_core::middleware::ros2::{self, CycloneConfig, CycloneGraph, Ros2};
+use wrapyfi_core::middleware::ros2::graph::Graph;
+use wrapyfi_core::middleware::ros2::{
+    self, CycloneConfig, CycloneGraph, NodeEndpoints, NodeHandle, Ros2,
+};
 use wrapyfi_core::middleware::zeromq::{self, BrokerMode, ZeroMq, ZeroMqConfig};
+use wrapyfi_core::node::parameters::ParameterStore;
+use wrapyfi_interfaces::store::TypeStore;
 
 use crate::exit::Failure;
+use crate::logging;
 use crate::node::Node;
 
 /// Names under which routes and commands address the middlewares, with their rules for topics.
@@ -130,9 +137,11 @@ pub enum Role {
 }
 
 /// Middlewares at work.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub struct Middlewares {
     registry: Registry,
+    /// The graph of the ROS 2 node, where there is one.
+    graph: Option<Arc<dyn Graph>>,
 }
 
 impl Middlewares {
@@ -152,9 +161,38 @@ impl Middlewares {
             middlewares.add(Arc::new(start_zeromq(&endpoints.zeromq, None, largest)?));
         }
         if used("ros2") {
-            middlewares.add(Arc::new(start_ros2(&endpoints.ros2, node, largest)?));
+            let ros2 = start_ros2(&endpoints.ros2, node, largest)?;
+            middlewares.graph = Some(Arc::clone(ros2.graph()));
+            middlewares.add(Arc::new(ros2));
         }
         Ok(middlewares)
+    }
+
+    /// What the node has beside its topics: parameters, type descriptions of `types`, log, clock.
+    /// It ends with the result; nothing where no route is on ROS 2.
+    ///
+    /// # Errors
+    /// Exit code 1 when the DDS stack refuses.
+    pub fn offer_node(
+        &self,
+        node: &Node,
+        parameters: ParameterStore,
+        types: &BTreeSet<&'static str>,
+    ) -> Result<Option<OfferedNode>, Failure> {
+        let Some(graph) = &self.graph else { return Ok(None) };
+        let offered = NodeEndpoints::start(graph, parameters).context("ros2")?;
+        let mut store = TypeStore::generated();
+        offered.handle().types(|described| {
+            for name in types {
+                if let Err(error) = described.add_named(&mut store, name) {
+                    tracing::warn!("{name} is not described: {error}");
+                }
+            }
+        });
+        if node.logs_to_rosout() {
+            logging::publish_to(Some(offered.handle().clone()));
+        }
+        Ok(Some(OfferedNode(offered)))
     }
 
     /// The one middleware that `address` names, for a command.
@@ -214,6 +252,23 @@ impl Middlewares {
 
     fn add(&mut self, middleware: Arc<dyn Middleware>) {
         self.registry.register(middleware);
+    }
+}
+
+/// The node's own endpoints; they end with it.
+pub struct OfferedNode(NodeEndpoints);
+
+impl OfferedNode {
+    /// The node as the rest of the program uses it.
+    #[must_use]
+    pub fn handle(&self) -> &NodeHandle {
+        self.0.handle()
+    }
+}
+
+impl Drop for OfferedNode {
+    fn drop(&mut self) {
+        logging::publish_to(None);
     }
 }
 

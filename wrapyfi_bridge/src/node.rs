@@ -6,6 +6,7 @@
 //!                    └─▶ Node::resolve_topic: "ros2:chatter" in a route -> /lab/chatter
 //! ```
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -13,8 +14,9 @@ use std::time::Duration;
 
 use anyhow::Context as _;
 use wrapyfi_core::node::args::RosArgs;
+use wrapyfi_core::node::parameters::{DeclareError, ParameterDescriptor, ParameterStore};
 use wrapyfi_core::node::{
-    LogLevel, NameError, NodeName, NodeOptions, ParameterValue, read_params_file,
+    LogLevel, NameError, NodeName, NodeOptions, ParameterType, ParameterValue, read_params_file,
 };
 
 use crate::command::bridge::{self, Options};
@@ -25,11 +27,12 @@ use crate::shutdown::Shutdown;
 /// Name of the bridge's node unless it is remapped.
 const DEFAULT_NAME: &str = "wrapyfi_bridge";
 
-/// A node's name and the remap rules that apply to its topics.
+/// A node's name, the remap rules that apply to its topics, and its parameters' overrides.
 #[derive(Debug, Clone)]
 pub struct Node {
     name: NodeName,
     args: Arc<RosArgs>,
+    overrides: BTreeMap<String, ParameterValue>,
 }
 
 impl Node {
@@ -38,7 +41,8 @@ impl Node {
     /// # Errors
     /// When the name breaks the rules of the graph.
     pub fn named(name: &str) -> Result<Self, NameError> {
-        Ok(Self { name: NodeName::new(name, "/")?, args: Arc::default() })
+        let (args, overrides) = (Arc::default(), BTreeMap::new());
+        Ok(Self { name: NodeName::new(name, "/")?, args, overrides })
     }
 
     /// A node of a command: hidden from `ros2 node list`, with a name no other process has.
@@ -63,6 +67,20 @@ impl Node {
         &self.name
     }
 
+    /// Whether its log lines go to `/rosout`.
+    #[must_use]
+    pub fn logs_to_rosout(&self) -> bool {
+        self.args.rosout_logs
+    }
+
+    /// The parameters that every node has, with the values that the command line gives them.
+    ///
+    /// # Errors
+    /// When one of them is given another type.
+    pub fn parameters(&self) -> Result<ParameterStore, DeclareError> {
+        ParameterStore::new(&self.name, self.overrides.clone())
+    }
+
     /// The absolute name of a topic as this node sees it: expanded in its namespace, remapped.
     ///
     /// # Errors
@@ -83,13 +101,13 @@ fn run(argv: impl Iterator<Item = String>) -> Result<(), Failure> {
         .map_err(|error| Failure::usage(format!("failed to initialize: {error}")))?;
     let options = NodeOptions::resolve(DEFAULT_NAME, "/", &args).map_err(Failure::usage)?;
     let level = match options.log_level {
-        _ if !args.stdout_logs => "off",
         LogLevel::Unset | LogLevel::Info => "info",
         LogLevel::Debug => "debug",
         LogLevel::Warn => "warn",
         LogLevel::Error | LogLevel::Fatal => "error",
     };
-    logging::start(&options.name.logger_name(), level).map_err(Failure::usage)?;
+    logging::start_as(&options.name.logger_name(), level, args.stdout_logs)
+        .map_err(Failure::usage)?;
     for warning in &args.warnings {
         tracing::warn!("{warning}");
     }
@@ -99,10 +117,17 @@ fn run(argv: impl Iterator<Item = String>) -> Result<(), Failure> {
         );
         return Err(Failure::Usage(text));
     }
-    let parameters = Parameters::read(&options)?;
+    let node = Node { name: options.name, args: Arc::new(args), overrides: options.parameters };
+    let mut store = node.parameters().map_err(Failure::usage)?;
+    let parameters = Parameters::declare(&mut store)?;
+    for (name, _) in store.unused_overrides() {
+        tracing::warn!(
+            "parameter {name} is not one of this node's: {}",
+            store.names().collect::<Vec<_>>().join(", ")
+        );
+    }
     let shutdown = Shutdown::on_signals().context("cannot catch signals")?;
-    let node = Node { name: options.name, args: Arc::new(args) };
-    bridge::run_node(&parameters.config_file, &node, parameters.options, &shutdown)
+    bridge::run_node(&parameters.config_file, &node, store, parameters.options, &shutdown)
 }
 
 /// The parameters of the bridge node.
@@ -113,40 +138,40 @@ struct Parameters {
 }
 
 impl Parameters {
-    fn read(given: &NodeOptions) -> Result<Self, Failure> {
-        let mut config_file = None;
-        let mut options = Options::default();
-        for (name, value) in &given.parameters {
-            let wrong = |expected: &str| {
-                let text = format!(
-                    "parameter {name} is {value}, a {}; it must be {expected}",
-                    value.type_name()
-                );
-                Err(Failure::Usage(text))
-            };
-            match (name.as_str(), value) {
-                ("config_file", ParameterValue::String(path)) => {
-                    config_file = Some(PathBuf::from(path));
-                }
-                ("config_file", _) => return wrong("the path of a file"),
-                ("seconds", &ParameterValue::Double(seconds)) => {
-                    options.seconds = Duration::try_from_secs_f64(seconds).ok();
-                }
-                ("seconds", &ParameterValue::Integer(seconds)) => {
-                    options.seconds = u64::try_from(seconds).ok().map(Duration::from_secs);
-                }
-                ("seconds", _) => return wrong("a number"),
-                ("status_json", &ParameterValue::Bool(json)) => options.json = json,
-                ("status_json", _) => return wrong("true or false"),
-                ("use_sim_time" | "start_type_description_service", _) => (),
-                _ => tracing::warn!(
-                    "parameter {name} is not one of this node's: config_file, seconds, status_json"
-                ),
+    /// Declares them; they are fixed from the start on.
+    fn declare(store: &mut ParameterStore) -> Result<Self, Failure> {
+        let fixed = |name: &str, text: &str| {
+            ParameterDescriptor::new(name).with_description(text).read_only()
+        };
+        let config_file = fixed("config_file", "Path of the file with the routes.")
+            .with_type(ParameterType::String);
+        let config_file =
+            store.declare(config_file, ParameterValue::NotSet).map_err(Failure::usage)?;
+        // `seconds:=20` is an integer, `seconds:=0.5` is not: both are meant.
+        let seconds = fixed("seconds", "How long to run; without it, until interrupted.").dynamic();
+        let seconds = store.declare(seconds, ParameterValue::NotSet).map_err(Failure::usage)?;
+        let json = fixed("status_json", "Print the routes' status as JSON once a second.");
+        let json = store.declare(json, false).map_err(Failure::usage)?;
+        let ParameterValue::String(config_file) = config_file else {
+            return Err(Failure::usage(
+                "no configuration: give --ros-args -p config_file:=/path/to/bridge.yaml",
+            ));
+        };
+        let seconds = match seconds {
+            ParameterValue::NotSet => None,
+            ParameterValue::Double(seconds) => Duration::try_from_secs_f64(seconds).ok(),
+            ParameterValue::Integer(seconds) => {
+                u64::try_from(seconds).ok().map(Duration::from_secs)
             }
-        }
-        let config_file = config_file.ok_or_else(|| {
-            Failure::usage("no configuration: give --ros-args -p config_file:=/path/to/bridge.yaml")
-        })?;
-        Ok(Self { config_file, options })
+            other => {
+                let text = format!(
+                    "parameter seconds is {other}, a {}; it must be a number",
+                    other.type_name()
+                );
+                return Err(Failure::Usage(text));
+            }
+        };
+        let options = Options { seconds, json: json == ParameterValue::Bool(true) };
+        Ok(Self { config_file: PathBuf::from(config_file), options })
     }
 }

@@ -1,11 +1,13 @@
 //! `wrapyfi bridge` and the node executable `bridge`: runs the routes of a configuration.
 
+use std::collections::BTreeSet;
 use std::io::{self, Write as _};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use wrapyfi_core::engine::{Engine, RouteStatus};
+use wrapyfi_core::engine::{Engine, Plan, RouteStatus};
+use wrapyfi_core::node::parameters::ParameterStore;
 
 use crate::cli::BridgeArgs;
 use crate::exit::Failure;
@@ -30,7 +32,8 @@ pub struct Options {
 pub fn run(args: &BridgeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let options = Options { seconds: args.seconds, json: args.json };
     let node = Node::bridge().map_err(Failure::usage)?;
-    run_node(&args.config, &node, options, shutdown)
+    let parameters = node.parameters().map_err(Failure::usage)?;
+    run_node(&args.config, &node, parameters, options, shutdown)
 }
 
 /// As [`run`], as the ROS 2 node `node`.
@@ -40,11 +43,15 @@ pub fn run(args: &BridgeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
 pub fn run_node(
     config: &Path,
     node: &Node,
+    parameters: ParameterStore,
     options: Options,
     shutdown: &Shutdown,
 ) -> Result<(), Failure> {
     let (endpoints, plan) = middlewares::load(config)?;
     let middlewares = Middlewares::for_plan(&endpoints, &plan, node)?;
+    let types = ros2_types(&plan);
+    // Dropped last: what the routes say at their end is logged too.
+    let _node = middlewares.offer_node(node, parameters, &types)?;
     tracing::info!("{} routes from {}", plan.routes.len(), config.display());
     let running =
         Engine::new(plan, middlewares.registry()).start().context("cannot start the routes")?;
@@ -76,6 +83,18 @@ pub fn run_node(
         tracing::info!(route = %route.name, "ends: {received} in, {sent} out, dropped: {drops}");
     }
     Ok(())
+}
+
+/// ROS types of the endpoints that routes have on ROS 2.
+fn ros2_types(plan: &Plan) -> BTreeSet<&'static str> {
+    plan.routes
+        .iter()
+        .flat_map(|route| {
+            [(&route.from, route.from_type.ros_type()), (&route.to, route.message_type.ros_type())]
+        })
+        .filter(|(address, _)| address.middleware == "ros2")
+        .map(|(_, ros_type)| ros_type)
+        .collect()
 }
 
 fn print_json(status: &[RouteStatus]) -> Result<(), Failure> {

@@ -11,7 +11,6 @@ use std::time::{Duration, Instant};
 
 use wrapyfi_core::endpoint::{Discovered, Discovery, Role};
 use wrapyfi_core::middleware::ros2::graph::TopicDescription;
-use wrapyfi_interfaces::parser::{Dialect, TypeName};
 use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
 
 use crate::exit::Failure;
@@ -19,9 +18,6 @@ use crate::exit::Failure;
 pub mod echo;
 pub mod publish;
 pub(super) mod yaml;
-
-/// The one definition that everybody wants, also where no ROS is installed.
-const TEXT: (&str, &str) = ("std_msgs/msg/String", "string data\n");
 
 /// How often discovery is looked at while messages go on.
 const LOOK_EVERY: Duration = Duration::from_millis(500);
@@ -35,13 +31,16 @@ pub(super) fn resolve(name: &str, folders: &[PathBuf]) -> Result<ResolvedType, F
         }
     }
     let mut store = TypeStore::empty();
-    if name == TEXT.0 {
-        let text = TypeName::parse(Dialect::Ros2, TEXT.0).map_err(Failure::usage)?;
-        store.add_definition(&text, TEXT.1).map_err(Failure::usage)?;
-    }
     folders.iter().for_each(|folder| store.add_folder(folder));
     store.add_ament_path(&std::env::var_os("AMENT_PREFIX_PATH").unwrap_or_default());
-    store.resolve_name(name).map_err(|error| Failure::Usage(format!("{error} (--definitions DIR)")))
+    let fault = match store.resolve_name(name) {
+        Ok(resolved) => return Ok(resolved),
+        Err(fault) => fault,
+    };
+    // Those that are known where no ROS is installed.
+    TypeStore::generated()
+        .resolve_name(name)
+        .map_err(|_unknown| Failure::Usage(format!("{fault} (--definitions DIR)")))
 }
 
 /// Tells in words who announces another type on our topic; each endpoint once.
