@@ -76,6 +76,55 @@ fn relative_topics_are_in_the_nodes_namespace() -> Result {
     })
 }
 
+/// The value of the reply to a call of one of the node's own services.
+fn asked(world: &World, service: &str, kind: &str, request: &str) -> Result<Value> {
+    let endpoint = format!("ros2:{service}");
+    let words = ["call", &endpoint, "--type", kind, "--value", request, "--json"];
+    let mut call = world.wrapyfi([&words[..], &["--timeout", "60"]].concat())?;
+    call.exits_with(0)?;
+    Ok(call.objects(1)?[0]["value"].clone())
+}
+
+#[test]
+fn parameters_types_and_log_are_on_the_graph() -> Result {
+    run("parameters_types_and_log_are_on_the_graph", &[Need::Node, Need::Program], |world| {
+        let namespace = world.topic("lab");
+        let route = Route::new("zeromq:/a", "ros2:cam", "Image");
+        let ns = format!("__ns:={namespace}");
+        let mut node = start(world, vec![route], &["-r", &ns, "-r", "__node:=eye"])?;
+        let own = |service: &str| format!("{namespace}/eye/{service}");
+        let request = r#"{"names": ["status_json", "config_file"]}"#;
+        let kind = "rcl_interfaces/srv/GetParameters";
+        let got = asked(world, &own("get_parameters"), kind, request)
+            .map_err(|e| e.context(node.tail()))?;
+        assert_eq!(got["values"][0]["bool_value"], false);
+        let file = got["values"][1]["string_value"].as_str().unwrap_or_default();
+        assert!(file.ends_with("bridge.yaml"), "{got}");
+
+        let request = r#"{"parameters": [{"name": "config_file", "value": {"type": 4}}]}"#;
+        let kind = "rcl_interfaces/srv/SetParameters";
+        let set = asked(world, &own("set_parameters"), kind, request)?;
+        let refused = "Trying to set a read-only parameter: config_file.";
+        assert_eq!(set["results"][0]["reason"], refused);
+
+        let hash = "RIHS01_d31d41a9a4c4bc8eae9be757b0beed306564f7526c88ea6a4588fb9582527d47";
+        let request = format!(r#"{{"type_name": "sensor_msgs/msg/Image", "type_hash": "{hash}"}}"#);
+        let kind = "type_description_interfaces/srv/GetTypeDescription";
+        let described = asked(world, &own("get_type_description"), kind, &request)?;
+        assert_eq!(described["successful"], true, "{described}");
+
+        // Said before anybody listened.
+        let mut log = world.wrapyfi(["echo", "ros2:/rosout", "--count", "1", "--json"])?;
+        log.exits_with(0)?;
+        let line = log.objects(1)?[0]["value"].clone();
+        let logger = format!("{}.eye", namespace.trim_start_matches('/').replace('/', "."));
+        assert!(line["name"].as_str().unwrap_or_default().starts_with(&logger), "{line}");
+        assert_eq!(line["level"], 20, "{line}");
+        node.terminate()?;
+        node.exits_with(0)
+    })
+}
+
 #[test]
 fn bad_ros_arguments_are_refused() -> Result {
     run("bad_ros_arguments_are_refused", &[Need::Node], |world| {
