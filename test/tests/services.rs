@@ -85,6 +85,31 @@ fn a_call_comes_back_with_what_the_server_says() -> Result {
     })
 }
 
+#[test]
+fn functions_of_wrapyfi_are_services() -> Result {
+    run("functions_of_wrapyfi_are_services", NEEDS, |world| {
+        for (name, reply_of) in [
+            (
+                "NativeObject",
+                (|reply: &Value| reply["response"]["json"].clone()) as fn(&Value) -> _,
+            ),
+            ("wrapyfi_ros2_interfaces/srv/ROS2NativeObjectService", |reply| {
+                reply["response"].clone()
+            }),
+        ] {
+            let function = world.topic(if name == "NativeObject" { "ours" } else { "upstream" });
+            let server = serve(world, &function, &["--type", name, "--echo"])?;
+            let words = ["--args", r#"[{"pose": [0.5, 1], "name": "arm"}]"#, "--kwargs", "{}"];
+            let returned = reply(world, &function, &words)?;
+            let text = reply_of(&returned);
+            let object: Value = serde_json::from_str(text.as_str().unwrap_or_default())?;
+            assert_eq!(object, json!({"pose": [0.5, 1], "name": "arm"}), "{returned}");
+            server.terminate()?;
+        }
+        Ok(())
+    })
+}
+
 /// Each call is the first one of a new process.
 fn calls_of_a_server(world: &World, rmw: &str, mapping: ServiceMapping) -> Result {
     let sums = world.topic("sums");

@@ -8,6 +8,7 @@ use wrapyfi_core::Limits;
 use wrapyfi_core::endpoint::{Middleware as _, Role, Wake};
 use wrapyfi_core::middleware::ros2::{AnyClient, CallError, Ros2, ServiceOptions, ServiceType};
 
+use super::native::Convention;
 use super::{check_middleware, shown};
 use crate::cli::CallArgs;
 use crate::command::{WAIT_SLICE, any};
@@ -40,10 +41,20 @@ pub fn run(args: &CallArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let json = args.value.as_deref().unwrap_or("{}");
     let json: serde_json::Value =
         serde_json::from_str(json).map_err(|error| Failure::Usage(format!("--value: {error}")))?;
-    let request = client
+    let mut request = client
         .request_plan()
         .from_json(&json, Limits::default().message_bytes)
         .map_err(|error| Failure::Usage(format!("the value is no request of {name}: {error}")))?;
+    match Convention::of(&name) {
+        Some(convention) if args.value.is_none() => {
+            convention.fill(&mut request, args.args.as_deref(), args.kwargs.as_deref())?;
+        }
+        None if args.args.is_some() || args.kwargs.is_some() => {
+            let text = format!("{name} is no function of Wrapyfi: give its fields with --value");
+            return Err(Failure::Usage(text));
+        }
+        _ => {}
+    }
     let ticket = client.call(&request).map_err(Failure::usage)?;
     while !shutdown.requested() {
         let Some((ended, result)) = client.poll() else {

@@ -10,6 +10,7 @@ use super::any::yaml;
 use crate::exit::Failure;
 
 pub mod call;
+mod native;
 pub mod serve;
 
 /// A request or a reply as `--json` shows it, or as `ros2 topic echo` would.

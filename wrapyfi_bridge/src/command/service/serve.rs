@@ -10,6 +10,7 @@ use wrapyfi_core::middleware::ros2::graph::GraphError;
 use wrapyfi_core::middleware::ros2::{AnyServer, ServeError, ServiceOptions, ServiceType};
 use wrapyfi_interfaces::dynamic::DynamicMessage;
 
+use super::native::Convention;
 use super::{check_middleware, shown};
 use crate::cli::ServeArgs;
 use crate::command::{WAIT_SLICE, any, echo};
@@ -37,8 +38,11 @@ pub fn run(args: &ServeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     while !shutdown.requested() && args.count.is_none_or(|count| answered < count) {
         match server.take() {
             Ok(Some(request)) => {
-                let reply =
-                    constant.clone().unwrap_or_else(|| echoed(&request.fields, server.response()));
+                let reply = match (&constant, Convention::of(name)) {
+                    (Some(constant), _) => constant.clone(),
+                    (None, None) => echoed(&request.fields, server.response()),
+                    (None, Some(convention)) => returned(convention, &request.fields, &mut server),
+                };
                 let printing = echo::print(&mut out, &shown(&request.fields, args.json)?)?;
                 server.reply(&request.id, &reply).map_err(anyhow::Error::new)?;
                 answered += 1;
@@ -83,6 +87,20 @@ fn constant(server: &AnyServer, name: &str, text: &str) -> Result<DynamicMessage
         .response_plan()
         .from_json(&json, Limits::default().message_bytes)
         .map_err(|error| Failure::Usage(format!("the value is no reply of {name}: {error}")))
+}
+
+/// The reply that returns the argument of a function, or says why it does not.
+fn returned(
+    convention: Convention,
+    request: &DynamicMessage,
+    server: &mut AnyServer,
+) -> DynamicMessage {
+    let mut reply = server.response();
+    if let Err(reason) = convention.echo(request, &mut reply) {
+        tracing::warn!("{reason}");
+        return server.error_reply(&reason).unwrap_or_else(|| server.response());
+    }
+    reply
 }
 
 /// The reply with the fields of the request that it has too; `success` where it has that.

@@ -185,6 +185,13 @@ impl AnyServer {
         self.service.response()
     }
 
+    /// A reply that says what went wrong, where the type has room for it: see
+    /// [`ServiceType::error_reply`].
+    #[must_use]
+    pub fn error_reply(&self, text: &str) -> Option<DynamicMessage> {
+        self.service.error_reply(text)
+    }
+
     /// Clients there are now.
     #[must_use]
     pub fn clients(&self) -> Peers {
