@@ -15,6 +15,7 @@ use super::cyclone::{
     self, EndpointQos, Entity, Events, RawReader, RawWriter, ReturnCode, Taken, WriteFault,
 };
 use super::cyclone_service::{CycloneClient, CycloneServer, Ends};
+use super::dds_terms::{discovered, to_dds, user_data};
 use super::discovery_info::{DiscoveryInfo, EndpointKind, Gid};
 use super::domain::{DomainError, DomainLease};
 use super::graph::{
@@ -398,51 +399,11 @@ impl CdrReader for CycloneReader {
     }
 }
 
-fn to_dds(topic: &TopicDescription) -> Result<TopicDescription, GraphError> {
-    let fault = |reason: String| GraphError::Stack {
-        operation: "naming",
-        topic: topic.name.clone(),
-        reason,
-    };
-    NodeName::check_topic(&topic.name).map_err(|error| fault(error.to_string()))?;
-    let type_name =
-        names::type_to_dds(&topic.type_name).map_err(|error| fault(error.to_string()))?;
-    Ok(TopicDescription { name: names::topic_to_dds(&topic.name), type_name, ..topic.clone() })
-}
-
-/// An endpoint in ROS's terms; `own` is the participant's GUID.
-pub(super) fn discovered(endpoint: cyclone::EndpointFound, own: &Gid) -> DiscoveredEndpoint {
-    DiscoveredEndpoint {
-        is_publisher: endpoint.is_writer,
-        type_hash: type_hash(&endpoint.user_data),
-        gid: endpoint.guid,
-        qos: endpoint.qos,
-        is_own: endpoint.guid.first_chunk::<12>() == own.first_chunk::<12>(),
-        type_name: names::type_from_dds(&endpoint.type_name)
-            .unwrap_or_else(|| endpoint.type_name.clone()),
-        dds_type: endpoint.type_name,
-        topic: names::topic_from_dds(&endpoint.topic).unwrap_or(&endpoint.topic).to_owned(),
-        dds_topic: endpoint.topic,
-    }
-}
-
 fn qos_events(events: &Events) -> QosEvents {
     QosEvents {
         deadlines_missed: events.take_missed_deadlines(),
         liveliness_lost: events.take_lost_liveliness(),
     }
-}
-
-fn user_data(topic: &TopicDescription) -> String {
-    topic.type_hash.as_ref().map(|hash| format!("typehash={hash};")).unwrap_or_default()
-}
-
-fn type_hash(user_data: &[u8]) -> Option<String> {
-    let text = std::str::from_utf8(user_data).ok()?;
-    text.trim_end_matches('\0')
-        .split(';')
-        .find_map(|pair| pair.strip_prefix("typehash="))
-        .map(ToOwned::to_owned)
 }
 
 fn qos<'a>(topic: &TopicDescription, user_data: &'a str) -> EndpointQos<'a> {

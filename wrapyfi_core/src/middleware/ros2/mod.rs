@@ -37,6 +37,7 @@ mod config;
 mod cyclone;
 mod cyclone_graph;
 mod cyclone_service;
+mod dds_terms;
 mod diagnosis;
 mod discovery;
 mod discovery_info;

@@ -13,7 +13,8 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use super::cyclone::{BuiltinReader, EndpointFound, Entity, ReturnCode};
-use super::cyclone_graph::{Node, discovered};
+use super::cyclone_graph::Node;
+use super::dds_terms::discovered;
 use super::discovery_info::Gid;
 use super::graph::{DiscoveredEndpoint, Notify, PeerWatch};
 

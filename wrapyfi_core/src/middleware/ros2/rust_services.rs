@@ -174,15 +174,10 @@ fn dds_names(service: &ServiceDescription) -> Result<(Named, Named), GraphError>
         reason,
     };
     NodeName::check_topic(&service.name).map_err(|error| fault(error.to_string()))?;
-    let type_of = |half: &str| {
-        names::type_to_dds(&format!("{}_{half}", service.type_name))
-            .map_err(|error| fault(error.to_string()))
-    };
-    let name = &service.name;
-    Ok((
-        (format!("rq{name}Request"), type_of("Request")?),
-        (format!("rr{name}Reply"), type_of("Response")?),
-    ))
+    let names = names::service_to_dds(&service.name, &service.type_name)
+        .map_err(|error| fault(error.to_string()))?;
+    let owned = |(topic, type_name): (&str, &str)| (topic.to_owned(), type_name.to_owned());
+    Ok((owned(names.requests()), owned(names.replies())))
 }
 
 #[cfg(test)]

@@ -1,0 +1,54 @@
+//! Topics and endpoints in ROS's terms and in DDS's.
+//!
+//! ```text
+//!   TopicDescription /chatter ── to_dds, user_data ──▶ rt/chatter, typehash=RIHS01_…;
+//!   EndpointFound rt/chatter ── discovered ──▶ DiscoveredEndpoint /chatter, type, hash
+//! ```
+
+use super::cyclone;
+use super::discovery_info::Gid;
+use super::graph::{DiscoveredEndpoint, GraphError, TopicDescription};
+use super::names;
+use crate::node::NodeName;
+
+/// A topic with the names that DDS has for it and its type.
+pub(super) fn to_dds(topic: &TopicDescription) -> Result<TopicDescription, GraphError> {
+    let fault = |reason: String| GraphError::Stack {
+        operation: "naming",
+        topic: topic.name.clone(),
+        reason,
+    };
+    NodeName::check_topic(&topic.name).map_err(|error| fault(error.to_string()))?;
+    let type_name =
+        names::type_to_dds(&topic.type_name).map_err(|error| fault(error.to_string()))?;
+    Ok(TopicDescription { name: names::topic_to_dds(&topic.name), type_name, ..topic.clone() })
+}
+
+/// An endpoint in ROS's terms; `own` is the participant's GUID.
+pub(super) fn discovered(endpoint: cyclone::EndpointFound, own: &Gid) -> DiscoveredEndpoint {
+    DiscoveredEndpoint {
+        is_publisher: endpoint.is_writer,
+        type_hash: type_hash(&endpoint.user_data),
+        gid: endpoint.guid,
+        qos: endpoint.qos,
+        is_own: endpoint.guid.first_chunk::<12>() == own.first_chunk::<12>(),
+        type_name: names::type_from_dds(&endpoint.type_name)
+            .unwrap_or_else(|| endpoint.type_name.clone()),
+        dds_type: endpoint.type_name,
+        topic: names::topic_from_dds(&endpoint.topic).unwrap_or(&endpoint.topic).to_owned(),
+        dds_topic: endpoint.topic,
+    }
+}
+
+/// USER_DATA of an endpoint: its type hash.
+pub(super) fn user_data(topic: &TopicDescription) -> String {
+    topic.type_hash.as_ref().map(|hash| format!("typehash={hash};")).unwrap_or_default()
+}
+
+fn type_hash(user_data: &[u8]) -> Option<String> {
+    let text = std::str::from_utf8(user_data).ok()?;
+    text.trim_end_matches('\0')
+        .split(';')
+        .find_map(|pair| pair.strip_prefix("typehash="))
+        .map(ToOwned::to_owned)
+}
