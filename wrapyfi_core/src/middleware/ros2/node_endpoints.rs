@@ -18,6 +18,7 @@ use bytes::Bytes;
 use wrapyfi_interfaces::cdr::{CdrError, CdrParts};
 use wrapyfi_interfaces::rcl_interfaces::msg::{Log, ParameterEvent};
 use wrapyfi_interfaces::rosgraph_msgs::msg::Clock;
+use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_interfaces::type_description_interfaces::srv::GetTypeDescription;
 use wrapyfi_interfaces::{Message, Service};
 
@@ -94,6 +95,9 @@ impl NodeEndpoints {
             clock: None,
             watch,
         };
+        if describes {
+            work.describe_own_types();
+        }
         work.follow_clock();
         let told = Arc::clone(&leave);
         let thread = std::thread::Builder::new()
@@ -212,6 +216,19 @@ impl Work {
         }
     }
 
+    /// As nodes of ROS 2 do, also for the types of what every node has.
+    fn describe_own_types(&self) {
+        let mut store = TypeStore::generated();
+        let mut types = self.shared.types();
+        let services = ParameterService::ALL.map(ParameterService::type_name);
+        let others = [Log::ROS_TYPE, ParameterEvent::ROS_TYPE, GetTypeDescription::ROS_TYPE];
+        for name in others.iter().chain(&services) {
+            if let Err(error) = types.add_named(&mut store, name) {
+                tracing::error!(%error, "a type of the node is not described");
+            }
+        }
+    }
+
     /// Listens to `/clock` exactly while `use_sim_time` is true.
     fn follow_clock(&mut self) {
         let value = self.shared.store().get("use_sim_time").ok().cloned();
@@ -238,7 +255,10 @@ impl Work {
                 Ok(None) => return,
                 Err(error) => {
                     tracing::warn!(%error, "{}", RosTime::TOPIC);
-                    return;
+                    // What is too large is gone, and nothing rings again for what is behind it.
+                    if !matches!(error, GraphError::TooLarge { .. }) {
+                        return;
+                    }
                 }
             }
         }
