@@ -152,9 +152,7 @@ impl Work {
         super::node_handle::in_node_thread();
         while !leave.load(Relaxed) {
             let more = self.answer();
-            if !self.watch.take().is_empty() {
-                self.follow_clock();
-            }
+            self.follow_changes();
             self.read_clock();
             self.publish();
             if !more {
@@ -168,7 +166,8 @@ impl Work {
     /// Answers what has arrived; true when more may wait.
     fn answer(&mut self) -> bool {
         let mut more = false;
-        for (answers, replies) in &mut self.servers {
+        let mut servers = std::mem::take(&mut self.servers);
+        for (answers, replies) in &mut servers {
             replies.flush();
             let mut left = BATCH;
             while left > 0 {
@@ -187,6 +186,8 @@ impl Work {
                 };
                 match answers.answer(&self.shared, &request.cdr) {
                     Ok(parts) => {
+                        // Who set use_sim_time finds it in force when the reply is there.
+                        self.follow_changes();
                         let until = Instant::now() + PATIENCE;
                         let reply = Reply { id: request.id, cdr: parts.to_bytes(), until };
                         if let Err(error) = replies.send(reply) {
@@ -201,6 +202,7 @@ impl Work {
             }
             more |= left == 0;
         }
+        self.servers = servers;
         more
     }
 
@@ -226,6 +228,12 @@ impl Work {
             if let Err(error) = types.add_named(&mut store, name) {
                 tracing::error!(%error, "a type of the node is not described");
             }
+        }
+    }
+
+    fn follow_changes(&mut self) {
+        if !self.watch.take().is_empty() {
+            self.follow_clock();
         }
     }
 
