@@ -18,6 +18,7 @@ use bytes::Bytes;
 use wrapyfi_interfaces::cdr::{CdrError, CdrParts};
 use wrapyfi_interfaces::rcl_interfaces::msg::{Log, ParameterEvent};
 use wrapyfi_interfaces::rosgraph_msgs::msg::Clock;
+use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_interfaces::type_description_interfaces::srv::GetTypeDescription;
 use wrapyfi_interfaces::{Message, Service};
 
@@ -94,6 +95,9 @@ impl NodeEndpoints {
             clock: None,
             watch,
         };
+        if describes {
+            work.describe_own_types();
+        }
         work.follow_clock();
         let told = Arc::clone(&leave);
         let thread = std::thread::Builder::new()
@@ -148,9 +152,7 @@ impl Work {
         super::node_handle::in_node_thread();
         while !leave.load(Relaxed) {
             let more = self.answer();
-            if !self.watch.take().is_empty() {
-                self.follow_clock();
-            }
+            self.follow_changes();
             self.read_clock();
             self.publish();
             if !more {
@@ -164,7 +166,8 @@ impl Work {
     /// Answers what has arrived; true when more may wait.
     fn answer(&mut self) -> bool {
         let mut more = false;
-        for (answers, replies) in &mut self.servers {
+        let mut servers = std::mem::take(&mut self.servers);
+        for (answers, replies) in &mut servers {
             replies.flush();
             let mut left = BATCH;
             while left > 0 {
@@ -183,6 +186,8 @@ impl Work {
                 };
                 match answers.answer(&self.shared, &request.cdr) {
                     Ok(parts) => {
+                        // Who set use_sim_time finds it in force when the reply is there.
+                        self.follow_changes();
                         let until = Instant::now() + PATIENCE;
                         let reply = Reply { id: request.id, cdr: parts.to_bytes(), until };
                         if let Err(error) = replies.send(reply) {
@@ -197,6 +202,7 @@ impl Work {
             }
             more |= left == 0;
         }
+        self.servers = servers;
         more
     }
 
@@ -209,6 +215,25 @@ impl Work {
         }
         for (stamp, line) in self.shared.take_lines() {
             send(self.rosout.as_mut(), &line.to_message(stamp).encode());
+        }
+    }
+
+    /// As nodes of ROS 2 do, also for the types of what every node has.
+    fn describe_own_types(&self) {
+        let mut store = TypeStore::generated();
+        let mut types = self.shared.types();
+        let services = ParameterService::ALL.map(ParameterService::type_name);
+        let others = [Log::ROS_TYPE, ParameterEvent::ROS_TYPE, GetTypeDescription::ROS_TYPE];
+        for name in others.iter().chain(&services) {
+            if let Err(error) = types.add_named(&mut store, name) {
+                tracing::error!(%error, "a type of the node is not described");
+            }
+        }
+    }
+
+    fn follow_changes(&mut self) {
+        if !self.watch.take().is_empty() {
+            self.follow_clock();
         }
     }
 
@@ -238,7 +263,10 @@ impl Work {
                 Ok(None) => return,
                 Err(error) => {
                     tracing::warn!(%error, "{}", RosTime::TOPIC);
-                    return;
+                    // What is too large is gone, and nothing rings again for what is behind it.
+                    if !matches!(error, GraphError::TooLarge { .. }) {
+                        return;
+                    }
                 }
             }
         }

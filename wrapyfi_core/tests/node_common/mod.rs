@@ -1,0 +1,151 @@
+//! A node with parameters and everything else that nodes have, and another that asks it.
+//!
+//! ```text
+//!   Offering { NodeEndpoints } ◀── loopback, a domain of the test ──▶ Asking { AnyClient, … }
+//! ```
+// Each test file uses a part; in tests a panic is the right answer.
+#![allow(dead_code, unreachable_pub, clippy::unwrap_used, clippy::indexing_slicing)]
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use serde_json::{Value, json};
+use wrapyfi_core::endpoint::{Qos, Wake};
+use wrapyfi_core::middleware::ros2::graph::{DiscoveredEndpoint, Graph, wait_until};
+use wrapyfi_core::middleware::ros2::{
+    AnyClient, AnyListener, CycloneConfig, CycloneGraph, NodeEndpoints, Ros2, ServiceOptions,
+    ServiceType,
+};
+use wrapyfi_core::node::parameters::{ParameterDescriptor, ParameterStore};
+use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
+
+use crate::ros2_common::{PATIENCE, far_config, near_config};
+
+pub const MAX_BYTES: usize = 1 << 20;
+/// No system's time is as early.
+pub const LONG_AGO: i32 = 1_500_000_000;
+
+/// A node and what it offers.
+pub struct Offering {
+    pub graph: CycloneGraph,
+    pub node: NodeEndpoints,
+}
+
+impl Offering {
+    pub fn new(config: &CycloneConfig) -> Self {
+        let graph = CycloneGraph::new(config).unwrap();
+        let mut store = ParameterStore::new(graph.node(), BTreeMap::new()).unwrap();
+        let rate = ParameterDescriptor::new("rate")
+            .with_description("Images per second")
+            .with_integer_range(1, 60, 1);
+        store.declare(rate, 10).unwrap();
+        store.declare(ParameterDescriptor::new("serial").read_only(), "A1").unwrap();
+        store.declare(ParameterDescriptor::new("lens.label"), "left").unwrap();
+        let shared: Arc<dyn Graph> = Arc::new(graph.clone());
+        let node = NodeEndpoints::start(&shared, store).unwrap();
+        Self { graph, node }
+    }
+}
+
+/// Another node, which knows the types that ours knows.
+pub struct Asking {
+    pub graph: CycloneGraph,
+    pub ros2: Ros2,
+    pub types: TypeStore,
+    pub asked: String,
+}
+
+impl Asking {
+    pub fn new(config: &CycloneConfig, asked: &Offering) -> Self {
+        let graph = CycloneGraph::new(config).unwrap();
+        let ros2 = Ros2::new(Arc::new(graph.clone()), |name| Ok(name.to_owned()));
+        let asked = asked.graph.node().fqn();
+        Self { graph, ros2, types: TypeStore::generated(), asked }
+    }
+
+    pub fn resolved(&mut self, name: &str) -> ResolvedType {
+        self.types.resolve_name(name).unwrap()
+    }
+
+    /// The reply of one of the node's services.
+    pub fn ask(&mut self, service: &str, type_name: &str, request: &Value) -> Value {
+        let kind = ServiceType::new(&self.resolved(type_name)).unwrap();
+        let options = ServiceOptions { timeout: PATIENCE, ..ServiceOptions::default() };
+        let name = format!("{}/{service}", self.asked);
+        let mut client = AnyClient::open(&self.ros2, &name, kind, &options, &Wake::new()).unwrap();
+        let request = client.request_plan().from_json(request, MAX_BYTES).unwrap();
+        client.call_and_wait(&request).unwrap().to_json()
+    }
+
+    pub fn list(&mut self, prefixes: &[&str], depth: u64) -> Value {
+        let request = json!({"prefixes": prefixes, "depth": depth});
+        self.ask("list_parameters", "rcl_interfaces/srv/ListParameters", &request)["result"].take()
+    }
+
+    pub fn get(&mut self, names: &[&str]) -> Value {
+        let request = json!({"names": names});
+        self.ask("get_parameters", "rcl_interfaces/srv/GetParameters", &request)["values"].take()
+    }
+
+    /// Whether each was set, or why not.
+    pub fn set(&mut self, parameters: &[Value]) -> Value {
+        let request = json!({"parameters": parameters});
+        self.ask("set_parameters", "rcl_interfaces/srv/SetParameters", &request)["results"].take()
+    }
+
+    pub fn listen(&mut self, topic: &str, type_name: &str, qos: Qos) -> (AnyListener, Wake) {
+        let wake = Wake::new();
+        let kind = self.resolved(type_name);
+        let listener = AnyListener::open(&self.ros2, topic, &kind, qos, MAX_BYTES, &wake).unwrap();
+        (listener, wake)
+    }
+
+    /// What the other participant has beside what announces its nodes.
+    pub fn endpoints_of(&self, other: &Offering) -> Vec<DiscoveredEndpoint> {
+        let mut found = self.graph.endpoints().unwrap();
+        found.retain(|endpoint| {
+            endpoint.gid[..12] == other.graph.gid()[..12]
+                && endpoint.dds_topic != "ros_discovery_info"
+        });
+        found
+    }
+}
+
+pub fn pair(test: u32) -> (Offering, Asking) {
+    let offering = Offering::new(&near_config("camera", test));
+    let asking = Asking::new(&far_config("tool", test), &offering);
+    (offering, asking)
+}
+
+pub fn next(listener: &mut AnyListener, wake: &Wake) -> Value {
+    let mut taken = None;
+    assert!(wait_until(wake, PATIENCE, || {
+        taken = listener.take().unwrap();
+        taken.is_some()
+    }));
+    taken.unwrap().fields.to_json()
+}
+
+pub fn until(what: &str, condition: impl FnMut() -> bool) {
+    assert!(wait_until(&Wake::new(), PATIENCE, condition), "{what}");
+}
+
+pub fn boolean(name: &str, value: bool) -> Value {
+    json!({"name": name, "value": {"type": 1, "bool_value": value}})
+}
+
+pub fn integer(name: &str, value: i64) -> Value {
+    json!({"name": name, "value": {"type": 2, "integer_value": value}})
+}
+
+pub fn text(name: &str, value: &str) -> Value {
+    json!({"name": name, "value": {"type": 4, "string_value": value}})
+}
+
+pub fn ok() -> Value {
+    json!({"successful": true, "reason": ""})
+}
+
+pub fn refused(reason: &str) -> Value {
+    json!({"successful": false, "reason": reason})
+}
