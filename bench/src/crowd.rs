@@ -48,6 +48,8 @@ pub(crate) struct Rest {
     pub(crate) among: f64,
     /// CPU milliseconds that the bridge took while it got to know them.
     pub(crate) meeting_ms: f64,
+    /// Resident memory of the bridge that came with them, in MiB: it knows them.
+    pub(crate) grown_mib: f64,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -63,7 +65,7 @@ pub(crate) fn run(bench: &Bench, seconds: u32) -> Result<Rest> {
     let bridge = line.middle.get(1).context("a line without bridge")?.id();
     std::thread::sleep(SETTLE);
     let alone = share(bridge, seconds);
-    let before = proc::cpu_of(bridge);
+    let (before, rss) = (proc::cpu_of(bridge), proc::rss_mib(bridge));
     let domain = line.domain.to_string();
     let start = |role: &str| {
         let mut command = bench.command(&bench.own);
@@ -78,9 +80,10 @@ pub(crate) fn run(bench: &Bench, seconds: u32) -> Result<Rest> {
     std::thread::sleep(SETTLE);
     #[allow(clippy::cast_precision_loss)]
     let meeting_ms = proc::cpu_of(bridge).saturating_sub(before) as f64 / 1e6;
+    let grown_mib = proc::rss_mib(bridge) - rss;
     let among = share(bridge, seconds);
     ensure!(crowd.runs() && line.middle.iter_mut().all(Child::runs), "a process ended");
-    Ok(Rest { seconds, endpoints, alone, among, meeting_ms })
+    Ok(Rest { seconds, endpoints, alone, among, meeting_ms, grown_mib })
 }
 
 /// Percent of one core that a process takes now.

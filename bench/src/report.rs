@@ -295,12 +295,13 @@ fn trip_table(text: &mut String, results: &Results) {
 }
 
 fn rest(text: &mut String, rest: &Rest) {
-    let Rest { seconds, endpoints, alone, among, meeting_ms } = rest;
+    let Rest { seconds, endpoints, alone, among, meeting_ms, grown_mib } = rest;
     _ = writeln!(
         text,
         "\n## A bridge at rest among {endpoints} foreign endpoints\n\n\
          One route, open and silent. Share of a core over {seconds} s: {alone:.2} % before they came, \
-         {among:.2} % with them there. Getting to know them took the bridge {meeting_ms:.0} ms of CPU."
+         {among:.2} % with them there. Getting to know them took the bridge {meeting_ms:.0} ms of CPU and \
+         {grown_mib:.2} MiB of memory."
     );
 }
 

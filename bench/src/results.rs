@@ -130,6 +130,7 @@ impl Results {
             ("percent_of_core_alone", rest.alone),
             ("percent_of_core_among", rest.among),
             ("meeting_cpu_ms", rest.meeting_ms),
+            ("meeting_rss_mib", rest.grown_mib),
         ] {
             self.row(0, "endpoints", "rest", measure, value);
         }
