@@ -6,6 +6,8 @@ mod case;
 mod child;
 mod clock;
 mod coding;
+mod crowd;
+mod dynamic;
 mod estimate;
 mod machine;
 mod micro;
@@ -19,6 +21,7 @@ mod results;
 mod soak;
 mod stats;
 mod targets;
+mod trip;
 mod turn;
 mod wire;
 mod worker;
@@ -33,6 +36,7 @@ use case::Case;
 use payload::Kind;
 use python::Python;
 use results::Results;
+use trip::Trip;
 use turn::Bench;
 use wire::{Place, Wire};
 
@@ -48,8 +52,8 @@ struct Cli {
     /// Full-HD stream for 10 seconds instead of 60.
     #[arg(long)]
     quick: bool,
-    /// Only cases whose name (`way/payload`) contains this, in every round, and neither stream nor
-    /// coding; `coding`: only that.
+    /// Only cases whose name (`way/payload`, `call-way/load`) contains this, in every round, and
+    /// neither stream, coding nor foreign endpoints; `coding`, `endpoints`: only that.
     #[arg(long)]
     only: Option<String>,
     /// Folder for the results; default: this program's own in the repository.
@@ -93,6 +97,30 @@ enum Role {
         #[arg(long)]
         file: PathBuf,
     },
+    /// Asks, and waits for the answer.
+    #[command(hide = true)]
+    Near {
+        #[command(flatten)]
+        place: trip::Place,
+    },
+    /// Answers.
+    #[command(hide = true)]
+    Far {
+        #[command(flatten)]
+        place: trip::Place,
+    },
+    /// Has many endpoints.
+    #[command(hide = true)]
+    Crowd {
+        #[arg(long)]
+        domain: u32,
+    },
+    /// Counts them.
+    #[command(hide = true)]
+    Onlooker {
+        #[arg(long)]
+        domain: u32,
+    },
     /// Receives.
     #[command(hide = true)]
     Sink {
@@ -113,6 +141,16 @@ fn main() -> Result<()> {
         Some(Role::RelayToRos { place }) => relay::run(true, place),
         Some(Role::RelayToZmq { place }) => relay::run(false, place),
         Some(Role::Large { what, file }) => coding::large(*what, file),
+        Some(Role::Near { place }) => {
+            log_warnings();
+            trip::near(place)
+        }
+        Some(Role::Far { place }) => {
+            log_warnings();
+            trip::far(place)
+        }
+        Some(Role::Crowd { domain }) => crowd::crowd(*domain),
+        Some(Role::Onlooker { domain }) => crowd::onlooker(*domain),
         Some(Role::Source { wire, place }) => {
             log_warnings();
             worker::source(*wire, place)
@@ -145,8 +183,9 @@ fn run(cli: &Cli) -> Result<()> {
     let mut bench = Bench::new(folder.path())?;
     bench.cyclonedds_uri.clone_from(&cli.cyclonedds_uri);
     let mut results = Results::new(cli.rounds);
-    let wanted = |case: &Case| cli.only.as_ref().is_none_or(|only| case.name().contains(only));
-    let cases: Vec<Case> = Case::all().into_iter().filter(wanted).collect();
+    let wanted = |name: &str| cli.only.as_ref().is_none_or(|only| name.contains(only));
+    let cases: Vec<Case> = Case::all().into_iter().filter(|case| wanted(&case.name())).collect();
+    let trips: Vec<Trip> = Trip::ALL.into_iter().filter(|trip| wanted(&trip.name())).collect();
 
     let coded = cli.only.as_deref().is_none_or(|only| only == "coding");
     let mut python = None;
@@ -189,6 +228,7 @@ fn run(cli: &Cli) -> Result<()> {
                 }
             }
         }
+        calls(&bench, &trips, round, &mut results);
         note(&format!("round {round} of {}: {:.0} s", cli.rounds, begin.elapsed().as_secs_f64()));
     }
     drop(python);
@@ -199,6 +239,12 @@ fn run(cli: &Cli) -> Result<()> {
             Err(error) => results.failures.push(format!("stream: {error:#}")),
         }
     }
+    if cli.only.as_deref().is_none_or(|only| only == "endpoints") {
+        match crowd::run(&bench, if cli.quick { 5 } else { 15 }) {
+            Ok(rest) => results.rest(rest),
+            Err(error) => results.failures.push(format!("foreign endpoints: {error:#}")),
+        }
+    }
     let targets = targets::check(&results);
     std::fs::create_dir_all(&out)?;
     std::fs::write(out.join("results.csv"), results.csv())?;
@@ -207,6 +253,24 @@ fn run(cli: &Cli) -> Result<()> {
     note(&format!("{:.0} s; results in {}", begin.elapsed().as_secs_f64(), out.display()));
     writeln!(std::io::stdout(), "{}", report::target_table(&targets))?;
     Ok(())
+}
+
+/// Round trips, all of them in each round and backwards in every other one.
+fn calls(bench: &Bench, trips: &[Trip], round: u32, results: &mut Results) {
+    let mut trips = trips.to_vec();
+    if round.is_multiple_of(2) {
+        trips.reverse();
+    }
+    for trip in trips {
+        match trip.turn(bench) {
+            Ok(leg) => results.trip(round, trip, leg),
+            Err(error) => {
+                let failure = format!("round {round}, {}: {error:#}", trip.name());
+                note(&failure);
+                results.failures.push(failure);
+            }
+        }
+    }
 }
 
 /// The cases of a round. Every other one runs backwards, of the rounds with all cases as of those

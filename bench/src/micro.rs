@@ -13,6 +13,7 @@ use wrapyfi_core::codec::{frames, ros};
 use wrapyfi_core::types::Payload;
 
 use crate::coding::Native;
+use crate::dynamic::JointState;
 use crate::payload::{Kind, Maker, compress, decode_frames, decompress};
 use crate::stats::median;
 
@@ -25,7 +26,7 @@ const BUDGET: Duration = Duration::from_millis(40);
 const RUNS: usize = 7;
 
 /// Median time of `work`, in microseconds.
-fn time(mut work: impl FnMut()) -> f64 {
+pub(crate) fn time(mut work: impl FnMut()) -> f64 {
     work();
     let begin = Instant::now();
     let mut times = Vec::new();
@@ -44,6 +45,7 @@ pub(crate) struct Bodies {
     full_hd: Vec<u8>,
     kinds: Vec<(Kind, Maker)>,
     native: Native,
+    joint_state: JointState,
 }
 
 impl Bodies {
@@ -67,6 +69,7 @@ impl Bodies {
             full_hd: text(1920 * 1080 * 3 + 128),
             kinds: makers.collect::<Result<_>>()?,
             native: Native::new()?,
+            joint_state: JointState::new()?,
         })
     }
 
@@ -102,6 +105,7 @@ impl Bodies {
         for (kind, maker) in &self.kinds {
             Self::codecs(*kind, maker, &mut figures)?;
         }
+        figures.push(self.joint_state.round());
         figures.extend(tcp()?);
         Ok(figures)
     }

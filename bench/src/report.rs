@@ -5,13 +5,15 @@ use std::fmt::Write as _;
 use anyhow::Result;
 
 use crate::case::Way;
+use crate::crowd::Rest;
 use crate::estimate::Verdict;
 use crate::machine;
 use crate::payload::Kind;
 use crate::results::{Results, Summary};
 use crate::soak::Soak;
-use crate::stats::{FEWEST, RESAMPLES};
+use crate::stats::{FEWEST, RESAMPLES, median, quantile};
 use crate::targets::{Outcome, Target, bridged, over_relay, relay_of};
+use crate::trip::Trip;
 use crate::turn::sizes;
 
 const KINDS: [Kind; 7] = [
@@ -47,8 +49,12 @@ pub(crate) fn write(results: &Results, targets: &[Target]) -> Result<String> {
     library_tables(&mut text, results);
     latency_table(&mut text, results);
     cost_table(&mut text, results);
+    trip_table(&mut text, results);
     if let Some(soak) = &results.soak {
         stream(&mut text, soak);
+    }
+    if let Some(found) = &results.rest {
+        rest(&mut text, found);
     }
     limits(&mut text, results);
     size_table(&mut text)?;
@@ -248,6 +254,55 @@ fn cost_table(text: &mut String, results: &Results) {
             s.middle_rss_mib
         );
     }
+}
+
+fn trip_table(text: &mut String, results: &Results) {
+    text.push_str(
+        "\n## Calls of services\n\n\
+         Round trips one after the other, one under way at a time; who waits sleeps. Raw ways carry as many\n\
+         bytes as the service puts on the wire. p50: median of the rounds' medians, with their range; p99: of\n\
+         all calls. CPU microseconds a call, both processes. Opening: start to first answer.\n\n\
+         | way | load | p50 | range of rounds | p99 | rounds | calls | CPU | opening ms |\n\
+         | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
+    );
+    for trip in Trip::ALL {
+        let (Some(legs), Some(halves)) = (results.legs(trip), results.trip_halves(trip)) else {
+            continue;
+        };
+        let halves: Vec<f64> = halves.into_values().collect();
+        let all: Vec<f64> =
+            legs.values().flat_map(|leg| leg.calls.report.latency_us.clone()).collect();
+        let cpu: Vec<f64> = legs.values().map(|leg| leg.calls.cpu_us).collect();
+        #[allow(clippy::cast_precision_loss)]
+        let opening: Vec<f64> = legs.values().map(|leg| leg.warm.opening_ns as f64 / 1e6).collect();
+        let of = |values: &[f64], fraction| quantile(values, fraction).unwrap_or(f64::NAN);
+        let middle = |values: &[f64]| median(values).unwrap_or(f64::NAN);
+        _ = writeln!(
+            text,
+            "| {} | {} | {:.0} | {:.0} to {:.0} | {:.0} | {} | {} | {:.0} | {:.0} |",
+            trip.way.title(),
+            trip.load.title(),
+            middle(&halves),
+            of(&halves, 0.0),
+            of(&halves, 1.0),
+            of(&all, 0.99),
+            halves.len(),
+            all.len(),
+            middle(&cpu),
+            middle(&opening)
+        );
+    }
+}
+
+fn rest(text: &mut String, rest: &Rest) {
+    let Rest { seconds, endpoints, alone, among, meeting_ms, grown_mib } = rest;
+    _ = writeln!(
+        text,
+        "\n## A bridge at rest among {endpoints} foreign endpoints\n\n\
+         One route, open and silent. Share of a core over {seconds} s: {alone:.2} % before they came, \
+         {among:.2} % with them there. Getting to know them took the bridge {meeting_ms:.0} ms of CPU and \
+         {grown_mib:.2} MiB of memory."
+    );
 }
 
 fn stream(text: &mut String, soak: &Soak) {

@@ -4,12 +4,14 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use crate::case::{Case, Way};
+use crate::crowd::Rest;
 use crate::estimate::Series;
 use crate::micro::Figure;
 use crate::payload::Kind;
 use crate::python::Coding;
 use crate::soak::Soak;
 use crate::stats::{median, quantile};
+use crate::trip::{Leg, Trip};
 use crate::turn::{Phase, Turn};
 use crate::worker::Report;
 
@@ -22,7 +24,9 @@ pub(crate) struct Results {
     /// In the order in which they were first measured.
     micro: Vec<(String, Series)>,
     coding: BTreeMap<Kind, BTreeMap<u32, Coding>>,
+    trips: BTreeMap<Trip, BTreeMap<u32, Leg>>,
     pub(crate) soak: Option<Soak>,
+    pub(crate) rest: Option<Rest>,
     /// Turns that failed, with the reason.
     pub(crate) failures: Vec<String>,
     /// Why there are no figures of Python Wrapyfi.
@@ -99,6 +103,50 @@ impl Results {
         self.row(round, &name, "end", "rss_mib", turn.rss_mib);
         self.row(round, &name, "end", "middle_rss_mib", turn.middle_rss_mib);
         self.turns.entry(case).or_default().insert(round, turn);
+    }
+
+    /// Adds a turn of round trips.
+    pub(crate) fn trip(&mut self, round: u32, trip: Trip, leg: Leg) {
+        let q = |fraction| quantile(&leg.calls.report.latency_us, fraction).unwrap_or(f64::NAN);
+        #[allow(clippy::cast_precision_loss)]
+        let opening_ms = leg.warm.opening_ns as f64 / 1e6;
+        for (measure, value) in [
+            ("p50_us", q(0.5)),
+            ("p99_us", q(0.99)),
+            ("max_us", q(1.0)),
+            ("min_us", q(0.0)),
+            ("calls", leg.calls.report.received.into()),
+            ("cpu_us_per_call", leg.calls.cpu_us),
+            ("opening_ms", opening_ms),
+        ] {
+            self.row(round, &trip.name(), "calls", measure, value);
+        }
+        self.trips.entry(trip).or_default().insert(round, leg);
+    }
+
+    /// Adds what a bridge at rest takes.
+    pub(crate) fn rest(&mut self, rest: Rest) {
+        for (measure, value) in [
+            ("percent_of_core_alone", rest.alone),
+            ("percent_of_core_among", rest.among),
+            ("meeting_cpu_ms", rest.meeting_ms),
+            ("meeting_rss_mib", rest.grown_mib),
+        ] {
+            self.row(0, "endpoints", "rest", measure, value);
+        }
+        self.rest = Some(rest);
+    }
+
+    /// Turns of round trips by round; `None` where none succeeded.
+    pub(crate) fn legs(&self, trip: Trip) -> Option<&BTreeMap<u32, Leg>> {
+        self.trips.get(&trip)
+    }
+
+    /// Median round trip in each round.
+    pub(crate) fn trip_halves(&self, trip: Trip) -> Option<Series> {
+        let half =
+            |(round, leg): (&u32, &Leg)| Some((*round, median(&leg.calls.report.latency_us)?));
+        Some(self.legs(trip)?.iter().filter_map(half).collect())
     }
 
     /// Adds figures of the machine and of coding.

@@ -11,9 +11,12 @@ use crate::case::Way::{
 use crate::coding::{
     ARRAY_TEXT, DECODE, DECODE_ALONE, DECODE_MEMORY, ENCODE, ENCODE_ALONE, ENCODE_MEMORY, MEMCPY,
 };
+use crate::crowd::Rest;
+use crate::dynamic;
 use crate::estimate::{Estimate, Limit, Series, Verdict};
 use crate::payload::Kind::{self, F32Mib, U8Rgb200, VgaJpeg, VgaRgb};
 use crate::results::Results;
+use crate::trip::{Load, Trip, Way as TripWay};
 
 /// What became of a promise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -118,7 +121,10 @@ pub(crate) fn check(results: &Results) -> Vec<Target> {
         hops.and_then(|(python, ours)| Estimate::of([&python, &ours], |[p, o]| p / o)),
         |[python, ours]| format!("{python:.0} / {ours:.0} us"),
     ));
+    trips(results, &mut targets);
+    joint_state(results, &mut targets);
     stream(results, &mut targets);
+    rest(results, &mut targets);
     targets
 }
 
@@ -205,6 +211,51 @@ fn coding(results: &Results, targets: &mut Vec<Target>) {
             |[grown, text]| format!("{grown:.0} / {text:.0} MiB"),
         ));
     }
+}
+
+/// Calls of services over bare round trips.
+fn trips(results: &Results, targets: &mut Vec<Target>) {
+    for (service, raw, load) in [
+        (TripWay::Cyclone, TripWay::RawCyclone, Load::AddTwoInts),
+        (TripWay::Cyclone, TripWay::RawCyclone, Load::Text64k),
+        (TripWay::Fastdds, TripWay::RawRustdds, Load::AddTwoInts),
+    ] {
+        let halves = |way| results.trip_halves(Trip { load, way });
+        targets.push(Target::ratio(
+            format!("{}, {}, p50 against {}", service.title(), load.title(), raw.title()),
+            Some(Limit::AtMost(2.0)),
+            halves(service)
+                .zip(halves(raw))
+                .and_then(|(whole, raw)| Estimate::of([&whole, &raw], |[whole, raw]| whole / raw)),
+            |[whole, raw]| format!("{whole:.0} / {raw:.0} us"),
+        ));
+    }
+}
+
+/// Messages of a type known at run time.
+fn joint_state(results: &Results, targets: &mut Vec<Target>) {
+    let share = |[micros]: [f64; 1]| micros * dynamic::RATE / 1e6 * 100.0;
+    targets.push(Target::ratio(
+        "10 000 dynamic decodes a second of a JointState (12 joints, 628 bytes): percent of a core"
+            .to_owned(),
+        Some(Limit::AtMost(5.0)),
+        results.figure_rounds(dynamic::DECODE).and_then(|decode| Estimate::of([decode], share)),
+        |[decode]| format!("{decode:.2} us each"),
+    ));
+}
+
+/// A bridge among foreign endpoints.
+fn rest(results: &Results, targets: &mut Vec<Target>) {
+    targets.push(Target::counted(
+        "bridge with one open route, at rest among 500 foreign endpoints: share of a core",
+        "less than 5 %",
+        results.rest.map(|rest| {
+            let Rest { seconds, endpoints, alone, among, .. } = rest;
+            let found =
+                format!("{among:.2} % with {endpoints}, {alone:.2} % without, {seconds} s each");
+            (found, among < 5.0)
+        }),
+    ));
 }
 
 /// The stream: losses, and growth of memory.

@@ -55,6 +55,8 @@ pub(crate) struct Line {
     pub(crate) source: Child,
     pub(crate) sink: Child,
     pub(crate) middle: Vec<Child>,
+    /// DDS domain of all of them.
+    pub(crate) domain: u32,
 }
 
 #[derive(Deserialize)]
@@ -83,14 +85,14 @@ impl Bench {
     }
 
     /// A DDS domain from 1 to 100 that the last turns did not use.
-    fn domain(&self) -> u32 {
+    pub(crate) fn domain(&self) -> u32 {
         let domain = self.domain.get() % 100 + 1;
         self.domain.set(domain);
         domain
     }
 
     /// A program, confined to this host.
-    fn command(&self, program: &Path) -> Command {
+    pub(crate) fn command(&self, program: &Path) -> Command {
         let mut command = Command::new(program);
         command.env("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST");
         for name in ["CYCLONEDDS_URI", "ROS_DOMAIN_ID", "ROS_DISTRO", "RMW_IMPLEMENTATION"] {
@@ -191,7 +193,7 @@ impl Bench {
         let mut command = self.worker("sink", to, &place(if forwarded { "/out" } else { "/in" }));
         command.args(["--acks", &acks.to_string()]);
         let sink = Child::start("sink", command, &self.folder)?;
-        Ok(Line { source, sink, middle })
+        Ok(Line { source, sink, middle, domain })
     }
 
     /// Measures a case on our programs once.

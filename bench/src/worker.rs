@@ -84,7 +84,8 @@ pub(crate) fn source(wire: Wire, place: &Place) -> Result<()> {
     Ok(())
 }
 
-fn say(value: &serde_json::Value) -> Result<()> {
+/// Prints one JSON object.
+pub(crate) fn say(value: &serde_json::Value) -> Result<()> {
     let mut out = std::io::stdout().lock();
     writeln!(out, "{value}")?;
     Ok(out.flush()?)
@@ -144,8 +145,9 @@ impl Ledger {
     }
 }
 
+/// Nanoseconds in microseconds.
 #[allow(clippy::cast_precision_loss)]
-fn micros(nanos: u64) -> f64 {
+pub(crate) fn micros(nanos: u64) -> f64 {
     nanos as f64 / 1e3
 }
 

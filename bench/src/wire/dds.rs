@@ -7,7 +7,7 @@ use anyhow::Result;
 use wrapyfi_core::codec::ros;
 use wrapyfi_core::endpoint::{Qos, Wake};
 use wrapyfi_core::middleware::ros2::graph::{
-    CdrReader, CdrWriter, Graph, Notify, TopicDescription,
+    CdrReader, CdrWriter, Graph, Notify, ServiceMapping, TopicDescription,
 };
 use wrapyfi_core::middleware::ros2::{CycloneConfig, CycloneGraph};
 use wrapyfi_core::node::NodeName;
@@ -16,9 +16,10 @@ use super::{Incoming, Outgoing, Place};
 use crate::clock;
 use crate::payload::{Kind, Maker, Numbered, number_in_cdr};
 
-fn graph(name: &str, place: &Place) -> Result<CycloneGraph> {
+/// A node of its own on this host.
+pub(crate) fn graph(name: &str, domain: u32, services: ServiceMapping) -> Result<CycloneGraph> {
     let node = NodeName::new(name, "/bench")?;
-    let mut config = CycloneConfig::loopback(node, place.domain);
+    let mut config = CycloneConfig { services, ..CycloneConfig::loopback(node, domain) };
     // Set by `--cyclonedds-uri`, for the bridge and the bare ends alike.
     config.extra_uri = std::env::var("CYCLONEDDS_URI").ok();
     Ok(CycloneGraph::new(&config)?)
@@ -37,7 +38,8 @@ fn topic(name: &str, place: &Place) -> TopicDescription {
 
 /// A writer of a node of its own.
 pub(crate) fn writer(name: &str, place: &Place) -> Result<Box<dyn CdrWriter>> {
-    Ok(graph("source", place)?.advertise(&topic(name, place), Arc::new(|| {}))?)
+    Ok(graph("source", place.domain, ServiceMapping::Cyclone)?
+        .advertise(&topic(name, place), Arc::new(|| {}))?)
 }
 
 /// A reader of a node of its own, and what rings when there is something to take.
@@ -45,7 +47,8 @@ pub(crate) fn reader(name: &str, place: &Place) -> Result<(Box<dyn CdrReader>, W
     let wake = Wake::new();
     let bell = wake.clone();
     let notify: Notify = Arc::new(move || bell.ring());
-    Ok((graph("sink", place)?.subscribe(&topic(name, place), notify)?, wake))
+    let graph = graph("sink", place.domain, ServiceMapping::Cyclone)?;
+    Ok((graph.subscribe(&topic(name, place), notify)?, wake))
 }
 
 pub(super) struct Out {
