@@ -166,14 +166,8 @@ pub struct CallArgs {
     #[arg(long, value_name = "DIR")]
     pub definitions: Vec<PathBuf>,
     /// Fields of the request, where those that are left out have their default.
-    #[arg(long, value_name = "JSON", conflicts_with_all = ["args", "kwargs"])]
+    #[arg(long, value_name = "JSON")]
     pub value: Option<String>,
-    /// Positional arguments of a function of Wrapyfi, as a JSON list in Wrapyfi's dialect.
-    #[arg(long, value_name = "JSON")]
-    pub args: Option<String>,
-    /// Its keyword arguments, as a JSON object.
-    #[arg(long, value_name = "JSON")]
-    pub kwargs: Option<String>,
     /// Fail with exit code 3 when there is no reply within S seconds.
     #[arg(long, value_name = "S", default_value = "5", value_parser = seconds)]
     pub timeout: Duration,
@@ -187,15 +181,14 @@ pub struct CallArgs {
 pub struct ServeArgs {
     /// Which service, for instance ros2:/add_two_ints.
     pub endpoint: EndpointAddress,
-    /// Type of the service: NativeObject or any ROS type.
+    /// Type of the service: NativeObject, Image, AudioChunk or any ROS type.
     #[arg(long = "type", value_name = "T")]
     pub service_type: ServiceName,
     /// Folder of packages with .srv files, searched before AMENT_PREFIX_PATH; may be given more than
     /// once.
     #[arg(long, value_name = "DIR")]
     pub definitions: Vec<PathBuf>,
-    /// Reply with what was asked: an argument of a function of Wrapyfi (a list of them where there
-    /// are several), or the fields that request and reply both have.
+    /// Reply with what was asked: the fields that request and reply both have, and success.
     #[arg(long, required_unless_present = "value", conflicts_with = "value")]
     pub echo: bool,
     /// Fields of every reply, where those that are left out have their default.

@@ -1,7 +1,7 @@
 //! `echo` and `pub` of any ROS type whose definition is found.
 //!
 //! ```text
-//!   --definitions DIR, AMENT_PREFIX_PATH ─▶ TypeStore ─▶ ResolvedType ─▶ AnyListener, AnyPublisher
+//!   --definitions DIR, AMENT_PREFIX_PATH, built in ─▶ TypeStore ─▶ ResolvedType ─▶ AnyListener, AnyPublisher
 //!   discovery ─▶ the type of a topic, and who announces another one ─▶ a warning in words
 //! ```
 
@@ -11,8 +11,7 @@ use std::time::{Duration, Instant};
 
 use wrapyfi_core::endpoint::{Discovered, Discovery, Role};
 use wrapyfi_core::middleware::ros2::graph::TopicDescription;
-use wrapyfi_interfaces::parser::{Dialect, TypeName};
-use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
+use wrapyfi_interfaces::store::{ResolveError, ResolvedType, TypeStore};
 
 use crate::exit::Failure;
 
@@ -20,13 +19,11 @@ pub mod echo;
 pub mod publish;
 pub(super) mod yaml;
 
-/// The one definition that everybody wants, also where no ROS is installed.
-const TEXT: (&str, &str) = ("std_msgs/msg/String", "string data\n");
-
 /// How often discovery is looked at while messages go on.
 const LOOK_EVERY: Duration = Duration::from_millis(500);
 
-/// Finds the definition of `name`: in `folders` first, then where `AMENT_PREFIX_PATH` says.
+/// Finds the definition of `name`: in `folders` first, then where `AMENT_PREFIX_PATH` says, then
+/// among those this program is built with, so that the common ones need no ROS.
 pub(super) fn resolve(name: &str, folders: &[PathBuf]) -> Result<ResolvedType, Failure> {
     for folder in folders {
         if !folder.is_dir() {
@@ -35,13 +32,16 @@ pub(super) fn resolve(name: &str, folders: &[PathBuf]) -> Result<ResolvedType, F
         }
     }
     let mut store = TypeStore::empty();
-    if name == TEXT.0 {
-        let text = TypeName::parse(Dialect::Ros2, TEXT.0).map_err(Failure::usage)?;
-        store.add_definition(&text, TEXT.1).map_err(Failure::usage)?;
-    }
     folders.iter().for_each(|folder| store.add_folder(folder));
     store.add_ament_path(&std::env::var_os("AMENT_PREFIX_PATH").unwrap_or_default());
-    store.resolve_name(name).map_err(|error| Failure::Usage(format!("{error} (--definitions DIR)")))
+    let own = |error: &ResolveError| match error {
+        // A definition that is there and wrong is not to be passed over.
+        ResolveError::NotFound { .. } => TypeStore::generated().resolve_name(name).ok(),
+        _ => None,
+    };
+    store.resolve_name(name).or_else(|error| {
+        own(&error).ok_or_else(|| Failure::Usage(format!("{error} (--definitions DIR)")))
+    })
 }
 
 /// Tells in words who announces another type on our topic; each endpoint once.

@@ -40,7 +40,10 @@ pub fn run(args: &ServeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
                 let reply =
                     constant.clone().unwrap_or_else(|| echoed(&request.fields, server.response()));
                 let printing = echo::print(&mut out, &shown(&request.fields, args.json)?)?;
-                server.reply(&request.id, &reply).map_err(anyhow::Error::new)?;
+                // One client that cannot be answered does not end the others' service.
+                if let Err(error) = server.reply(&request.id, &reply) {
+                    tracing::warn!("a reply was not sent: {error}");
+                }
                 answered += 1;
                 if !printing {
                     return Ok(());
