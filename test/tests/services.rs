@@ -200,7 +200,7 @@ fn a_reply_that_cannot_be_sent_does_not_end_its_server() -> Result {
             let told = reply_as(world, FAST, &set, &["--type", "std_srvs/srv/SetBool"])?;
             assert_eq!(told["success"], json!(false));
             let reason = told["message"].as_str().unwrap_or_default();
-            assert!(reason.contains("a reply of 70020 bytes is over the"), "{reason}");
+            assert!(reason.contains("a reply of 70016 bytes is over the"), "{reason}");
         }
         server.exits_with(0)?;
         assert!(server.stderr().contains("a reply was not sent: writing failed"));
