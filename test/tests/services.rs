@@ -208,6 +208,22 @@ fn a_reply_that_cannot_be_sent_does_not_end_its_server() -> Result {
     })
 }
 
+/// The last reply arrives though its server ends at once.
+#[test]
+fn a_server_that_ends_has_answered() -> Result {
+    run("a_server_that_ends_has_answered", NEEDS, |world| {
+        for (n, rmw) in [FAST, CYCLONE].into_iter().cycle().take(16).enumerate() {
+            let set = world.topic(&format!("set_{n}"));
+            let once = ["--type", "std_srvs/srv/SetBool", "--echo", "--count", "1"];
+            let mut server = start(world, rmw, "serve", &set, &once)?;
+            let reply = reply_as(world, rmw, &set, &["--type", "std_srvs/srv/SetBool"])?;
+            assert_eq!(reply["success"], json!(true));
+            server.exits_with(0)?;
+        }
+        Ok(())
+    })
+}
+
 #[test]
 fn calls_that_cannot_be_end_with_a_reason() -> Result {
     run("calls_that_cannot_be_end_with_a_reason", NEEDS, |world| {

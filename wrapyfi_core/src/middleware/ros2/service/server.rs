@@ -262,7 +262,10 @@ impl AnyServer {
             timeout_ms: u64::try_from(self.options.timeout.as_millis()).unwrap_or(u64::MAX),
         })?;
         self.replies.send(Reply { id: *id, cdr, until }).map_err(|error| {
-            self.refuse(id, &error.to_string());
+            // One that does not keep up would hold up the refusal as well.
+            if !matches!(error, GraphError::Timeout { .. }) {
+                self.refuse(id, &error.to_string());
+            }
             error.into()
         })
     }
