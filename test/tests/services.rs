@@ -110,6 +110,23 @@ fn functions_of_wrapyfi_are_services() -> Result {
     })
 }
 
+#[test]
+fn the_common_types_need_no_definitions() -> Result {
+    run("the_common_types_need_no_definitions", NEEDS, |world| {
+        for (name, kind) in [("set", "std_srvs/srv/SetBool"), ("object", "NativeObject")] {
+            let endpoint = format!("ros2:{}", world.topic(name));
+            let words = ["serve", &endpoint, "--type", kind, "--echo", "--count", "1"];
+            let mut server = world.wrapyfi_as(CYCLONE, words)?;
+            let words = ["call", &endpoint, "--type", kind, "--json", "--timeout", "60"];
+            let mut call = world.wrapyfi_as(CYCLONE, words)?;
+            call.exits_with(0)?;
+            assert_eq!(call.objects(1)?[0]["value"]["success"], json!(true));
+            server.exits_with(0)?;
+        }
+        Ok(())
+    })
+}
+
 /// Each call is the first one of a new process.
 fn calls_of_a_server(world: &World, rmw: &str, mapping: ServiceMapping) -> Result {
     let sums = world.topic("sums");
@@ -195,6 +212,43 @@ fn both_mappings_have_the_same_features() -> Result {
     })
 }
 
+/// Under Fast DDS's mapping a reply has to fit one datagram. Its client is told, and the next one
+/// is served.
+#[test]
+fn a_reply_that_cannot_be_sent_does_not_end_its_server() -> Result {
+    run("a_reply_that_cannot_be_sent_does_not_end_its_server", NEEDS, |world| {
+        let set = world.topic("set");
+        let value = format!(r#"{{"success": true, "message": "{}"}}"#, "x".repeat(70_000));
+        let words = ["--type", "std_srvs/srv/SetBool", "--value", &value, "--count", "2"];
+        let mut server = start(world, FAST, "serve", &set, &words)?;
+        for _ in 0..2 {
+            let told = reply_as(world, FAST, &set, &["--type", "std_srvs/srv/SetBool"])?;
+            assert_eq!(told["success"], json!(false));
+            let reason = told["message"].as_str().unwrap_or_default();
+            assert!(reason.contains("a reply of 70016 bytes is over the"), "{reason}");
+        }
+        server.exits_with(0)?;
+        assert!(server.stderr().contains("a reply was not sent: writing failed"));
+        Ok(())
+    })
+}
+
+/// The last reply arrives though its server ends at once.
+#[test]
+fn a_server_that_ends_has_answered() -> Result {
+    run("a_server_that_ends_has_answered", NEEDS, |world| {
+        for (n, rmw) in [FAST, CYCLONE].into_iter().cycle().take(16).enumerate() {
+            let set = world.topic(&format!("set_{n}"));
+            let once = ["--type", "std_srvs/srv/SetBool", "--echo", "--count", "1"];
+            let mut server = start(world, rmw, "serve", &set, &once)?;
+            let reply = reply_as(world, rmw, &set, &["--type", "std_srvs/srv/SetBool"])?;
+            assert_eq!(reply["success"], json!(true));
+            server.exits_with(0)?;
+        }
+        Ok(())
+    })
+}
+
 #[test]
 fn calls_that_cannot_be_end_with_a_reason() -> Result {
     run("calls_that_cannot_be_end_with_a_reason", NEEDS, |world| {
@@ -209,6 +263,7 @@ fn calls_that_cannot_be_end_with_a_reason() -> Result {
             ),
             (vec!["--type", ADD, "--value", "{"], 2, "--value: EOF"),
             (vec!["--type", "nowhere/srv/Nothing"], 2, "nowhere/srv/Nothing"),
+            (vec!["--type", ADD, "--args", "[1]"], 2, "is no function of Wrapyfi: give its fields"),
             (vec!["--type", "nowhere/msg/Nothing"], 2, "must be NativeObject, Image, AudioChunk"),
         ] {
             let mut process = call(world, &none, &more)?;

@@ -187,15 +187,15 @@ pub struct CallArgs {
 pub struct ServeArgs {
     /// Which service, for instance ros2:/add_two_ints.
     pub endpoint: EndpointAddress,
-    /// Type of the service: NativeObject or any ROS type.
+    /// Type of the service: NativeObject, Image, AudioChunk or any ROS type.
     #[arg(long = "type", value_name = "T")]
     pub service_type: ServiceName,
     /// Folder of packages with .srv files, searched before AMENT_PREFIX_PATH; may be given more than
     /// once.
     #[arg(long, value_name = "DIR")]
     pub definitions: Vec<PathBuf>,
-    /// Reply with what was asked: an argument of a function of Wrapyfi (a list of them where there
-    /// are several), or the fields that request and reply both have.
+    /// Reply with what was asked: the argument of a function of Wrapyfi (a list of them where there
+    /// is not one); else the fields that request and reply both have, and success.
     #[arg(long, required_unless_present = "value", conflicts_with = "value")]
     pub echo: bool,
     /// Fields of every reply, where those that are left out have their default.

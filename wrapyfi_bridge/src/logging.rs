@@ -39,7 +39,7 @@ pub fn start_as(logger: &str, level: &str, stdout: bool) -> Result<(), String> {
     let level: LevelFilter = level.parse().map_err(|_unparsed| {
         format!("log level {level:?} is not known; use error, warn, info, debug, trace or off")
     })?;
-    let filter = EnvFilter::builder().with_default_directive(level.into()).from_env_lossy();
+    let filter = filter(level, &std::env::var(EnvFilter::DEFAULT_ENV).unwrap_or_default());
     let format = RosFormat { logger: logger.to_owned() };
     let printed = tracing_subscriber::fmt::layer()
         .with_writer(std::io::stderr)
@@ -86,6 +86,22 @@ impl<S: Subscriber> Layer<S> for Rosout {
             function: metadata.target().to_owned(),
             line: metadata.line().unwrap_or_default(),
         });
+    }
+}
+
+/// What is logged at `level`, with what `RUST_LOG` says beside it.
+///
+/// RustDDS tells in hundreds of lines what it does, at levels where a node says what matters to its
+/// user: of it only warnings are shown, unless `RUST_LOG` names it.
+fn filter(level: LevelFilter, rust_log: &str) -> EnvFilter {
+    const TALKATIVE: &str = "rustdds";
+    let filter = EnvFilter::builder().with_default_directive(level.into()).parse_lossy(rust_log);
+    if rust_log.contains(TALKATIVE) {
+        return filter;
+    }
+    match format!("{TALKATIVE}={}", level.min(LevelFilter::WARN)).parse() {
+        Ok(quiet) => filter.add_directive(quiet),
+        Err(_) => filter,
     }
 }
 
@@ -147,7 +163,30 @@ impl field::Visit for Line {
         match field.name() {
             "message" => self.message = format!("{value:?}"),
             "route" => self.route = Some(format!("{value:?}")),
+            // Files and lines of libraries that log by other means: nothing for a user.
+            name if name.starts_with("log.") => {}
             name => self.fields.push_str(&format!(" {name}={value:?}")),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rustdds_is_quiet_unless_it_is_asked_for() {
+        let words = |level, rust_log: &str| {
+            let filter = filter(level, rust_log).to_string();
+            let mut words: Vec<_> = filter.split(',').map(ToOwned::to_owned).collect();
+            words.sort();
+            words
+        };
+        assert_eq!(words(LevelFilter::INFO, ""), ["info", "rustdds=warn"]);
+        assert_eq!(words(LevelFilter::TRACE, ""), ["rustdds=warn", "trace"]);
+        assert_eq!(words(LevelFilter::ERROR, ""), ["error", "rustdds=error"]);
+        assert_eq!(words(LevelFilter::OFF, ""), ["off", "rustdds=off"]);
+        assert_eq!(words(LevelFilter::INFO, "debug"), ["debug", "rustdds=warn"]);
+        assert_eq!(words(LevelFilter::INFO, "rustdds=info,warn"), ["rustdds=info", "warn"]);
     }
 }

@@ -1,7 +1,7 @@
 //! `echo` and `pub` of any ROS type whose definition is found.
 //!
 //! ```text
-//!   --definitions DIR, AMENT_PREFIX_PATH ─▶ TypeStore ─▶ ResolvedType ─▶ AnyListener, AnyPublisher
+//!   --definitions DIR, AMENT_PREFIX_PATH, built in ─▶ TypeStore ─▶ ResolvedType ─▶ AnyListener, AnyPublisher
 //!   discovery ─▶ the type of a topic, and who announces another one ─▶ a warning in words
 //! ```
 
@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use wrapyfi_core::endpoint::{Discovered, Discovery, Role};
 use wrapyfi_core::middleware::ros2::graph::TopicDescription;
-use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
+use wrapyfi_interfaces::store::{ResolveError, ResolvedType, TypeStore};
 
 use crate::exit::Failure;
 
@@ -22,7 +22,8 @@ pub(super) mod yaml;
 /// How often discovery is looked at while messages go on.
 const LOOK_EVERY: Duration = Duration::from_millis(500);
 
-/// Finds the definition of `name`: in `folders` first, then where `AMENT_PREFIX_PATH` says.
+/// Finds the definition of `name`: in `folders` first, then where `AMENT_PREFIX_PATH` says, then
+/// among those this program is built with, so that the common ones need no ROS.
 pub(super) fn resolve(name: &str, folders: &[PathBuf]) -> Result<ResolvedType, Failure> {
     for folder in folders {
         if !folder.is_dir() {
@@ -33,14 +34,14 @@ pub(super) fn resolve(name: &str, folders: &[PathBuf]) -> Result<ResolvedType, F
     let mut store = TypeStore::empty();
     folders.iter().for_each(|folder| store.add_folder(folder));
     store.add_ament_path(&std::env::var_os("AMENT_PREFIX_PATH").unwrap_or_default());
-    let fault = match store.resolve_name(name) {
-        Ok(resolved) => return Ok(resolved),
-        Err(fault) => fault,
+    let own = |error: &ResolveError| match error {
+        // A definition that is there and wrong is not to be passed over.
+        ResolveError::NotFound { .. } => TypeStore::generated().resolve_name(name).ok(),
+        _ => None,
     };
-    // Those that are known where no ROS is installed.
-    TypeStore::generated()
-        .resolve_name(name)
-        .map_err(|_unknown| Failure::Usage(format!("{fault} (--definitions DIR)")))
+    store.resolve_name(name).or_else(|error| {
+        own(&error).ok_or_else(|| Failure::Usage(format!("{error} (--definitions DIR)")))
+    })
 }
 
 /// Tells in words who announces another type on our topic; each endpoint once.

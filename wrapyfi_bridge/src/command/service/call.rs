@@ -95,6 +95,7 @@ fn announced(args: &CallArgs, ros2: &Ros2, shutdown: &Shutdown) -> Result<Option
             .filter(|endpoint| endpoint.name == name && endpoint.role == Role::Server)
             .filter_map(|endpoint| endpoint.type_name)
             .collect();
+        types.sort();
         types.dedup();
         match types.as_slice() {
             [] => {}

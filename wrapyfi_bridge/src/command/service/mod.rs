@@ -1,7 +1,7 @@
 //! `call` and `serve`: requests and replies of any service whose definition is found.
 //!
 //! ```text
-//!   --value, --args, --kwargs ─▶ request ─▶ AnyClient ══▶ AnyServer ─▶ --echo, --value ─▶ reply
+//!   --value ─▶ request ─▶ AnyClient ══▶ AnyServer ─▶ --echo, --value ─▶ reply
 //! ```
 
 use wrapyfi_interfaces::dynamic::DynamicMessage;

@@ -44,9 +44,13 @@ pub fn run(args: &ServeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
                     (None, Some(convention)) => returned(convention, &request.fields, &mut server),
                 };
                 let printing = echo::print(&mut out, &shown(&request.fields, args.json)?)?;
-                server.reply(&request.id, &reply).map_err(anyhow::Error::new)?;
+                // One client that cannot be answered does not end the others' service.
+                if let Err(error) = server.reply(&request.id, &reply) {
+                    tracing::warn!("a reply was not sent: {error}");
+                }
                 answered += 1;
                 if !printing {
+                    finish(&mut server, &wake);
                     return Ok(());
                 }
             }

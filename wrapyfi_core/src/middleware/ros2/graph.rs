@@ -283,8 +283,8 @@ pub enum GraphError {
     /// A request came from a program whose RMW writes it in another way: its fields would be read
     /// wrongly, and its client would not understand the reply.
     #[error(
-        "a request on {service:?} came from {} while this node speaks {}: set RMW_IMPLEMENTATION={} on one of them",
-        theirs.rmw(), ours.rmw(), ours.rmw()
+        "a request on {service:?} came from {} while this node speaks {}: set RMW_IMPLEMENTATION={} there, or {} here",
+        theirs.rmw(), ours.rmw(), ours.rmw(), theirs.rmw()
     )]
     ForeignMapping {
         /// Service.

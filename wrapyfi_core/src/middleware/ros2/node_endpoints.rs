@@ -23,7 +23,9 @@ use wrapyfi_interfaces::type_description_interfaces::srv::GetTypeDescription;
 use wrapyfi_interfaces::{Message, Service};
 
 use super::any::ringing;
-use super::graph::{CdrReader, CdrWriter, Graph, GraphError, ServiceDescription, TopicDescription};
+use super::graph::{
+    CdrReader, CdrWriter, Graph, GraphError, Notify, ServiceDescription, TopicDescription,
+};
 use super::node_handle::{NodeHandle, Shared};
 use super::service::LOOK_AGAIN;
 use super::service::replies::{Replies, Reply};
@@ -53,8 +55,11 @@ pub struct NodeEndpoints {
 impl NodeEndpoints {
     /// Offers them on `graph`, in the order in which `rclpy` does.
     ///
+    /// A service that the DDS stack refuses is missing, which is logged: the node has its topics all
+    /// the same.
+    ///
     /// # Errors
-    /// When the DDS stack refuses one of them, or there can be no thread.
+    /// When the DDS stack refuses one of the topics, or there can be no thread.
     pub fn start(graph: &Arc<dyn Graph>, mut store: ParameterStore) -> Result<Self, GraphError> {
         let node = graph.node().fqn();
         let simulated = store.get("use_sim_time").ok() == Some(&ParameterValue::Bool(true));
@@ -74,16 +79,15 @@ impl NodeEndpoints {
             let name = format!("{node}/{}", service.name());
             let depth = ParameterService::DEPTH;
             let described = description(&name, service.type_name(), (request, response), depth);
-            let server = graph.server(&described, bell())?;
-            servers.push((Answers::Parameters(service), Replies::new(server, &name, MAX_KEPT)));
+            let answers = Answers::Parameters(service);
+            servers.extend(serve(graph.as_ref(), &described, answers, bell()));
         }
         if describes {
             type S = GetTypeDescription;
             let name = format!("{node}/{}", TypeDescriptions::SERVICE);
             let hashes = (<S as Service>::Request::TYPE_HASH, <S as Service>::Response::TYPE_HASH);
             let described = description(&name, S::ROS_TYPE, hashes, TypeDescriptions::DEPTH);
-            let server = graph.server(&described, bell())?;
-            servers.push((Answers::Types, Replies::new(server, &name, MAX_KEPT)));
+            servers.extend(serve(graph.as_ref(), &described, Answers::Types, bell()));
         }
         let leave = Arc::new(AtomicBool::new(false));
         let mut work = Work {
@@ -287,6 +291,22 @@ fn send(writer: &mut dyn CdrWriter, message: &CdrParts) {
     // What is told here is for whoever listens; nothing of the node depends on it.
     if let Err(error) = writer.write(&parts) {
         tracing::debug!(%error, "the node's message was not sent");
+    }
+}
+
+/// One service of the node, where the DDS stack does not refuse it.
+fn serve(
+    graph: &dyn Graph,
+    described: &ServiceDescription,
+    answers: Answers,
+    bell: Notify,
+) -> Option<(Answers, Replies)> {
+    match graph.server(described, bell) {
+        Ok(server) => Some((answers, Replies::new(server, &described.name, MAX_KEPT))),
+        Err(error) => {
+            tracing::error!(%error, "the node has no {}", described.name);
+            None
+        }
     }
 }
 

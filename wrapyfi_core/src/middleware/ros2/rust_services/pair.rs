@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 use rustdds::dds::{ReadError, WriteError};
@@ -29,6 +29,12 @@ use crate::middleware::ros2::graph::{GraphError, Notify, Peers, ServiceDescripti
 
 /// How long a write waits for reliable peers that do not keep up.
 pub(super) const MAX_BLOCKING: Duration = Duration::from_millis(500);
+
+/// How long an end that leaves waits for what it wrote to arrive.
+const FAREWELL: Duration = Duration::from_millis(100);
+/// RustDDS tells of a match before it counts the new reader among those that are to acknowledge: so
+/// long after a write its answer to whether all have done so means nothing.
+const SETTLE: Duration = Duration::from_millis(20);
 
 /// Disposals in a row that one call passes over. RustDDS says of a disposal what it says of an
 /// empty reader, so that the sample behind it is looked for by asking again.
@@ -54,6 +60,8 @@ pub(super) struct Pair {
     /// Last number taken from each remote writer.
     numbers: Mutex<BTreeMap<Gid, i64>>,
     lost: AtomicU64,
+    /// When something was written last.
+    wrote: Mutex<Option<Instant>>,
 }
 
 /// The related sample identity of a message that is to be written.
@@ -110,6 +118,7 @@ impl Pair {
             remotes: Mutex::default(),
             numbers: Mutex::default(),
             lost: AtomicU64::new(0),
+            wrote: Mutex::default(),
         };
         pair.forget();
         pair
@@ -168,12 +177,31 @@ impl Pair {
             .related_sample_identity_opt(related)
             .build();
         match self.writer.write_with_options(body, options) {
-            Ok(sample) => Ok(sample.sequence_number.into()),
+            Ok(sample) => {
+                let mut wrote = self.wrote.lock().unwrap_or_else(PoisonError::into_inner);
+                *wrote = Some(Instant::now());
+                Ok(sample.sequence_number.into())
+            }
             Err(WriteError::WouldBlock { .. }) => Err(GraphError::Timeout {
                 topic: self.service.clone(),
                 timeout_ms: u64::try_from(MAX_BLOCKING.as_millis()).unwrap_or(u64::MAX),
             }),
             Err(error) => Err(self.fault("writing", &error)),
+        }
+    }
+
+    /// Waits a moment for what was written to arrive. RustDDS hands messages to a thread of its own,
+    /// and ends a writer without sending what waits there.
+    pub(super) fn farewell(&self) {
+        let wrote = *self.wrote.lock().unwrap_or_else(PoisonError::into_inner);
+        let Some(wrote) = wrote else { return };
+        std::thread::sleep(SETTLE.saturating_sub(wrote.elapsed()));
+        match self.writer.wait_for_acknowledgments(FAREWELL) {
+            Ok(true) => {}
+            Ok(false) => tracing::debug!(service = self.service, "the last was not acknowledged"),
+            Err(error) => {
+                tracing::debug!(service = self.service, %error, "waiting for acknowledgements");
+            }
         }
     }
 

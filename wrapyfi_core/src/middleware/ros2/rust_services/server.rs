@@ -26,6 +26,13 @@ impl Server {
     }
 }
 
+impl Drop for Server {
+    fn drop(&mut self) {
+        // A program that ends after its last reply must not take it along.
+        self.0.pair.farewell();
+    }
+}
+
 impl CdrServer for Server {
     fn take(&mut self) -> Result<Option<CdrRequest>, GraphError> {
         let pair = &self.0.pair;

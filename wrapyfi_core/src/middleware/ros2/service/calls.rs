@@ -10,6 +10,8 @@
 use std::collections::{HashMap, VecDeque};
 use std::time::{Duration, Instant};
 
+use super::ends;
+
 /// Names a call of one client.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Ticket(u64);
@@ -69,8 +71,7 @@ impl<T> Calls<T> {
         }
         let ticket = Ticket(self.next);
         self.next += 1;
-        // A time that no clock reaches is as good as none.
-        let deadline = now.checked_add(timeout).unwrap_or(now + Duration::from_secs(1 << 30));
+        let deadline = ends(now, timeout);
         self.waiting.push_back(Call { ticket, deadline, timeout, request });
         Some(ticket)
     }
@@ -178,6 +179,13 @@ mod tests {
         let waited = Expired { ticket: lonely, stage: Stage::Waiting, timeout: 2 * SECOND };
         assert_eq!(calls.expire(now + 3 * SECOND), Some(waited));
         assert_eq!(calls.late(), 1);
+    }
+
+    #[test]
+    fn a_time_that_no_clock_reaches_is_decades() {
+        let now = Instant::now();
+        assert_eq!(ends(now, SECOND), now + SECOND);
+        assert!(ends(now, Duration::MAX) > now + SECOND * (1 << 29));
     }
 
     proptest! {

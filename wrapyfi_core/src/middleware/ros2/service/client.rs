@@ -131,7 +131,8 @@ impl AnyClient {
         }
     }
 
-    /// A call that has ended, if one has. Never blocks.
+    /// A call that has ended, if one has. Does not wait for it; where a request is to be sent and
+    /// its readers do not keep up, DDS may hold it up for half a second.
     pub fn poll(&mut self) -> Option<(Ticket, Result<DynamicMessage, CallError>)> {
         self.send_waiting();
         if self.done.is_empty() {

@@ -13,7 +13,7 @@ mod error;
 pub(super) mod replies;
 mod server;
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 use wrapyfi_interfaces::dynamic::{DynamicMessage, Plan, ValueError};
@@ -134,6 +134,12 @@ impl ServiceType {
             max_bytes: options.max_bytes,
         })
     }
+}
+
+/// When a time that begins now is over. One that no clock reaches is as good as none: its end is
+/// decades away.
+fn ends(now: Instant, after: Duration) -> Instant {
+    now.checked_add(after).unwrap_or(now + Duration::from_secs(1 << 30))
 }
 
 /// A message in one piece; a large one is refused here, where it can still be told.

@@ -14,7 +14,7 @@ use std::time::Instant;
 use wrapyfi_interfaces::dynamic::{DynamicMessage, Plan, ValueError};
 
 use super::replies::{Replies, Reply};
-use super::{LOOK_AGAIN, ServiceOptions, ServiceType, encode};
+use super::{LOOK_AGAIN, ServiceOptions, ServiceType, encode, ends};
 use crate::endpoint::Wake;
 use crate::middleware::ros2::any::ringing;
 use crate::middleware::ros2::graph::{GraphError, Peers, RequestId};
@@ -248,7 +248,7 @@ impl AnyServer {
             self.refuse(&request.id, &error.to_string());
             return Err(error);
         }
-        self.pending.insert(request.id, Instant::now() + self.options.timeout);
+        self.pending.insert(request.id, ends(Instant::now(), self.options.timeout));
         let source_timestamp_ns = request.source_timestamp_ns;
         Ok(Some(AnyRequest { id: request.id, fields, source_timestamp_ns }))
     }
@@ -257,7 +257,8 @@ impl AnyServer {
     /// until the request has taken too long.
     ///
     /// # Errors
-    /// When the reply is none of this service, the request is not waiting any more, or DDS refuses.
+    /// When the reply is none of this service, the request is not waiting any more, or DDS refuses:
+    /// then the client is told, where its type has room for it.
     pub fn reply(&mut self, id: &RequestId, reply: &DynamicMessage) -> Result<(), ServeError> {
         let cdr = encode(self.service.response(), reply).map_err(|fault| ServeError::Reply {
             service: self.name.clone(),
@@ -267,7 +268,13 @@ impl AnyServer {
             service: self.name.clone(),
             timeout_ms: u64::try_from(self.options.timeout.as_millis()).unwrap_or(u64::MAX),
         })?;
-        self.replies.send(Reply { id: *id, cdr, until }).map_err(ServeError::from)
+        self.replies.send(Reply { id: *id, cdr, until }).map_err(|error| {
+            // One that does not keep up would hold up the refusal as well.
+            if !matches!(error, GraphError::Timeout { .. }) {
+                self.refuse(id, &error.to_string());
+            }
+            error.into()
+        })
     }
 
     /// When [`AnyServer::take`] should be called again though nothing rang.
@@ -281,7 +288,7 @@ impl AnyServer {
     fn refuse(&mut self, id: &RequestId, text: &str) {
         let Some(reply) = self.service.error_reply(text) else { return };
         let Ok(cdr) = encode(self.service.response(), &reply) else { return };
-        let until = Instant::now() + self.options.timeout;
+        let until = ends(Instant::now(), self.options.timeout);
         if let Err(error) = self.replies.send(Reply { id: *id, cdr, until }) {
             tracing::debug!(service = self.name, %error, "a refusal was not sent");
         }
