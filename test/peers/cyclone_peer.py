@@ -30,6 +30,8 @@ parser.add_argument("--frame-id", default="")
 parser.add_argument("--best-effort", action="store_true")
 parser.add_argument("--transient-local", action="store_true")
 parser.add_argument("--depth", type=int, default=50)
+parser.add_argument("--hash", help="type hash to announce instead of the right one")
+parser.add_argument("--humble-node", help="announce the endpoint as this node's, as ROS 2 Humble does")
 parser.add_argument("--cdr", action="store_true", help="print the payload as received, in hex")
 args = parser.parse_args()
 if args.role != "graph" and not (args.topic and args.type):
@@ -244,8 +246,25 @@ def take(reader):
 
 
 def endpoint_setup(participant):
-    user_data = f"typehash={STORE.hash_rihs01(args.type)};".encode()
+    user_data = f"typehash={args.hash or STORE.hash_rihs01(args.type)};".encode()
     return Topic(participant, "rt" + args.topic, struct(args.type)), qos(user_data)
+
+
+def announce_as_humble(participant, writer):
+    """ros_discovery_info with GIDs of 24 bytes, the layout before Iron."""
+    prefix = "rmw_dds_common.msg.dds_"
+    gid = make_idl_struct("Gid_", f"{prefix}.Gid_", {"data": idl.array[idl.uint8, 24]})
+    node = make_idl_struct("NodeEntitiesInfo_", f"{prefix}.NodeEntitiesInfo_", {
+        "node_namespace": str, "node_name": str, "reader_gid_seq": idl.sequence[gid], "writer_gid_seq": idl.sequence[gid]})
+    kind = make_idl_struct("ParticipantEntitiesInfo_", f"{prefix}.ParticipantEntitiesInfo_", {
+        "gid": gid, "node_entities_info_seq": idl.sequence[node]})
+    how = Qos(Policy.Reliability.Reliable(duration(infinite=True)), Policy.Durability.TransientLocal, Policy.History.KeepLast(1),
+              Policy.DataRepresentation(use_cdrv0_representation=True))
+    announcer = DataWriter(participant, Topic(participant, "ros_discovery_info", kind), qos=how)
+    padded = [gid(data=list(entity.guid.bytes) + [0] * 8) for entity in (participant, writer)]
+    announcer.write(kind(gid=padded[0], node_entities_info_seq=[
+        node(node_namespace="/", node_name=args.humble_node, reader_gid_seq=[], writer_gid_seq=[padded[1]])]))
+    return announcer
 
 
 def subscribe(participant):
@@ -273,6 +292,7 @@ def subscribe(participant):
 def publish(participant):
     topic, how = endpoint_setup(participant)
     writer = DataWriter(participant, topic, qos=how)
+    announcer = announce_as_humble(participant, writer) if args.humble_node else None  # kept while publishing
     say("ready", role="publish")
     while not leaving.is_set() and not writer.get_matched_subscriptions():
         leaving.wait(0.02)

@@ -133,3 +133,33 @@ fn a_route_offers_what_a_node_of_another_make_asks_for() -> Result {
         Ok(())
     })
 }
+
+#[test]
+fn a_node_with_another_definition_or_distribution_is_named() -> Result {
+    run("a_node_with_another_definition_or_distribution_is_named", NEEDS, |world| {
+        let (from, to) = (world.topic("from"), world.topic("to"));
+        let bridge = world.bridge(&world.embedded().route(Route::new(
+            &ros2(&from),
+            &zeromq(&to),
+            STRING,
+        )))?;
+        let other = format!("RIHS01_{}", "0".repeat(64));
+        let options = format!("--flavour small --humble-node elder --hash {other}");
+        let _publisher = world.dds_publisher(&from, STRING, &options)?;
+        bridge.wait_until("the report of the definition", |output| {
+            let words = format!(
+                "publisher on {from} of node /elder has another definition of {STRING}: its hash \
+                 is {other}, here it is RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
+            );
+            has_logged(output, &words).then_some(())
+        })?;
+        bridge.wait_until("the report of the distribution", |output| {
+            let words = "node /elder is of a ROS 2 distribution before Iron";
+            has_logged(output, words).then_some(())
+        })?;
+        // It is told, and nothing is held back: here both definitions are the same after all.
+        let listener = world.wrapyfi_listener(&to, "")?;
+        listener.messages(1).map_err(|e| e.context(bridge.tail()))?;
+        Ok(())
+    })
+}

@@ -12,7 +12,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::follow::LOG_EVERY;
-use super::graph::{DiscoveredEndpoint, Graph, GraphError, NodeWatch, Notify, PeerWatch};
+use super::graph::{
+    DiscoveredEndpoint, Graph, GraphError, NodeWatch, Notify, PeerWatch, TopicDescription,
+};
 use super::matching::unmet;
 use crate::endpoint::{AnnouncedQos, Durability, Link, Qos, QosPolicy};
 
@@ -21,6 +23,9 @@ const NAME_PATIENCE: Duration = Duration::from_secs(1);
 
 /// Peers that are told of at once, each in a sentence; of the others their number.
 const AT_ONCE: usize = 5;
+
+/// `RIHS01_` and 64 digits.
+const HASH_CHARS: usize = 71;
 
 /// Names of nodes, for all endpoints of one. Begins to listen when the first name is wanted.
 pub(super) struct Names {
@@ -58,6 +63,8 @@ pub(super) struct Diagnosis {
     names: Arc<Names>,
     topic: String,
     type_name: &'static str,
+    /// Of the definition that is used here.
+    type_hash: Option<String>,
     /// True where publishers are waited for.
     awaits_publisher: bool,
     /// Follows its peers, so that only what nobody can offer stays unmet.
@@ -72,16 +79,18 @@ impl Diagnosis {
     /// `on_change` is called from a DDS thread when peers come, change or go.
     pub(super) fn new(
         names: &Arc<Names>,
-        (topic, type_name): (&str, &'static str),
+        topic: &TopicDescription,
+        type_name: &'static str,
         awaits_publisher: bool,
         matches: bool,
         on_change: Notify,
     ) -> Result<Self, GraphError> {
         Ok(Self {
-            watch: names.graph.watch(topic, awaits_publisher, on_change)?,
+            watch: names.graph.watch(&topic.name, awaits_publisher, on_change)?,
             names: Arc::clone(names),
-            topic: topic.to_owned(),
+            topic: topic.name.clone(),
             type_name,
+            type_hash: topic.type_hash.clone(),
             awaits_publisher,
             matches,
             unfit: BTreeMap::new(),
@@ -150,10 +159,7 @@ impl Diagnosis {
         let peers = self.peers();
         let faults: Vec<_> = peers
             .iter()
-            .filter_map(|peer| {
-                let policies = unmet(self.awaits_publisher, own, &peer.qos);
-                policies.first().map(|&policy| (peer, policy))
-            })
+            .filter_map(|peer| self.fault(peer, own).map(|fault| (peer, fault)))
             .collect();
         let gids: BTreeSet<_> = faults.iter().map(|(peer, _)| peer.gid).collect();
         self.unfit.retain(|gid, _| gids.contains(gid));
@@ -164,7 +170,7 @@ impl Diagnosis {
             return (Vec::new(), self.quiet_until);
         }
         let (mut due, mut next) = (Vec::new(), None);
-        for (peer, policy) in faults {
+        for (peer, fault) in faults {
             let Some((since, told)) = self.unfit.get_mut(&peer.gid) else { continue };
             if *told {
                 continue;
@@ -174,12 +180,12 @@ impl Diagnosis {
                 continue;
             }
             *told = true;
-            due.push((peer, policy));
+            due.push((peer, fault));
         }
         let mut texts: Vec<_> = due
             .iter()
             .take(AT_ONCE)
-            .map(|&(peer, policy)| self.complaint(peer, policy, own))
+            .map(|&(peer, fault)| self.complaint(peer, fault, own))
             .collect();
         if due.len() > AT_ONCE {
             let more = due.len() - AT_ONCE;
@@ -191,8 +197,22 @@ impl Diagnosis {
         (texts, next)
     }
 
-    fn complaint(&self, peer: &DiscoveredEndpoint, policy: QosPolicy, own: &Qos) -> String {
+    /// What keeps a peer of the right type apart, if anything does.
+    fn fault(&self, peer: &DiscoveredEndpoint, own: &Qos) -> Option<Fault> {
+        let policies = unmet(self.awaits_publisher, own, &peer.qos);
+        match (policies.first(), &peer.type_hash, &self.type_hash) {
+            (Some(&policy), ..) => Some(Fault::Policy(policy)),
+            (None, Some(theirs), Some(ours)) if theirs != ours => Some(Fault::Definition),
+            _ => None,
+        }
+    }
+
+    fn complaint(&self, peer: &DiscoveredEndpoint, fault: Fault, own: &Qos) -> String {
         let (role, topic) = (self.peer(), &self.topic);
+        let policy = match fault {
+            Fault::Policy(policy) => policy,
+            Fault::Definition => return self.other_definition(peer),
+        };
         let values = self.values(peer, policy, own);
         let remedy = remedy(policy, self.awaits_publisher, own);
         if self.matches {
@@ -203,6 +223,21 @@ impl Diagnosis {
                  {remedy}"
             )
         }
+    }
+
+    /// DDS matches by the type's name alone: messages are exchanged, and read by another definition.
+    fn other_definition(&self, peer: &DiscoveredEndpoint) -> String {
+        let hash = |hash: &Option<String>| shown(hash.as_deref().unwrap_or_default());
+        format!(
+            "{} on {} of node {} has another definition of {}: its hash is {}, here it is {}. \
+             Messages are misread or refused until both sides use the same version of the package",
+            self.peer(),
+            self.topic,
+            self.name(peer),
+            self.type_name,
+            hash(&peer.type_hash),
+            hash(&self.type_hash)
+        )
     }
 
     /// `/talker offers best effort, the route asks for reliable`.
@@ -247,6 +282,20 @@ impl Diagnosis {
     fn peer(&self) -> &'static str {
         if self.awaits_publisher { "publisher" } else { "subscriber" }
     }
+}
+
+/// Why a peer of the right type is told of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Fault {
+    /// Its quality of service does not fit.
+    Policy(QosPolicy),
+    /// Its type was made from another definition.
+    Definition,
+}
+
+/// A hash as strangers announce it, cut to the length that hashes have.
+fn shown(hash: &str) -> String {
+    hash.chars().take(HASH_CHARS).collect()
 }
 
 /// What to change at the other end so that it matches an endpoint with `own`.

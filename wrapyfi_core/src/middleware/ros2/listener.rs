@@ -65,7 +65,8 @@ impl Ros2Listener {
         let wake = context.wake.clone();
         let diagnosis = Diagnosis::new(
             names,
-            (&topic.name, message_type.ros_type()),
+            topic,
+            message_type.ros_type(),
             true,
             spec.match_peers,
             Arc::new(move || wake.ring()),

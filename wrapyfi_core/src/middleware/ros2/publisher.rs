@@ -66,7 +66,8 @@ impl Ros2Publisher {
         let message_type = spec.message_type;
         let diagnosis = Diagnosis::new(
             names,
-            (&topic.name, message_type.ros_type()),
+            topic,
+            message_type.ros_type(),
             false,
             spec.match_peers,
             Arc::clone(&on_match),
