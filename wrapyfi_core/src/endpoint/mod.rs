@@ -21,6 +21,7 @@ mod inbox;
 mod latency;
 mod qos;
 mod qos_match;
+mod qos_pinned;
 mod registry;
 mod wake;
 
@@ -36,6 +37,7 @@ pub use inbox::{Overflow, QueueSpec, Receiver, Sender, inbox};
 pub use latency::{Latency, LatencySummary};
 pub use qos::{Durability, History, Liveliness, Qos, QosPreset, Reliability};
 pub use qos_match::{MatchedQos, QosPolicy, QosWarning, listener_qos, mismatches, publisher_qos};
+pub use qos_pinned::PinnedQos;
 pub use registry::{Registry, UnknownMiddleware};
 pub use wake::Wake;
 
@@ -181,6 +183,8 @@ pub struct TopicSpec {
     /// Fits the quality of service to the peers that exist and follows them
     /// ([`Listener::review`]); `qos` is used while there are none, its history and lifespan always.
     pub match_peers: bool,
+    /// Policies that hold whatever `qos` and the peers say.
+    pub pinned: PinnedQos,
     /// Queue of a listener.
     pub queue: QueueSpec,
     /// Channel order that three-channel frames from Wrapyfi have (`encoding:` of a route);
@@ -201,6 +205,7 @@ impl TopicSpec {
             message_type,
             qos: Qos::default(),
             match_peers: false,
+            pinned: PinnedQos::default(),
             queue: QueueSpec::default(),
             color_order: Encoding::Bgr8,
             limits: Limits::default(),

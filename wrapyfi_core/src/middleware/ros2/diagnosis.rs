@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use super::follow::LOG_EVERY;
 use super::graph::{DiscoveredEndpoint, Graph, GraphError, NodeWatch, Notify, PeerWatch};
 use super::matching::unmet;
-use crate::endpoint::{AnnouncedQos, Durability, Link, Qos, QosPolicy};
+use crate::endpoint::{AnnouncedQos, Durability, Link, PinnedQos, Qos, QosPolicy};
 
 /// How long the name of a peer's node is waited for before the peer is reported without.
 const NAME_PATIENCE: Duration = Duration::from_secs(1);
@@ -62,6 +62,8 @@ pub(super) struct Diagnosis {
     awaits_publisher: bool,
     /// Follows its peers, so that only what nobody can offer stays unmet.
     matches: bool,
+    /// What it has from elsewhere, whatever its peers say.
+    pinned: PinnedQos,
     /// Peers that do not fit: since when, and whether that was told.
     unfit: BTreeMap<[u8; 16], (Instant, bool)>,
     /// Nothing is told before.
@@ -74,7 +76,7 @@ impl Diagnosis {
         names: &Arc<Names>,
         (topic, type_name): (&str, &'static str),
         awaits_publisher: bool,
-        matches: bool,
+        (matches, pinned): (bool, PinnedQos),
         on_change: Notify,
     ) -> Result<Self, GraphError> {
         Ok(Self {
@@ -84,6 +86,7 @@ impl Diagnosis {
             type_name,
             awaits_publisher,
             matches,
+            pinned,
             unfit: BTreeMap::new(),
             quiet_until: None,
         })
@@ -195,7 +198,12 @@ impl Diagnosis {
         let (role, topic) = (self.peer(), &self.topic);
         let values = self.values(peer, policy, own);
         let remedy = remedy(policy, self.awaits_publisher, own);
-        if self.matches {
+        if self.pinned.holds(policy) {
+            format!(
+                "{role} on {topic} does not match: {values}; the parameters qos_overrides lay that \
+                 down: change them, or {remedy}"
+            )
+        } else if self.matches {
             format!("{role} on {topic} does not match: {values}; no route offers that: {remedy}")
         } else {
             format!(

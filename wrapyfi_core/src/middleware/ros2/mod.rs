@@ -139,7 +139,7 @@ impl Ros2 {
             name: self.resolve(&spec.topic)?,
             type_name: spec.message_type.ros_type().to_owned(),
             type_hash: Some(payload::type_hash(spec.message_type)),
-            qos: spec.qos,
+            qos: spec.pinned.apply(spec.qos),
             max_bytes: spec.limits.message_bytes,
         })
     }
