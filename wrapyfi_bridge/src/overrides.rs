@@ -6,11 +6,11 @@
 //!     └───── what they change ───────────┘
 //! ```
 
-use wrapyfi_core::endpoint::EndpointAddress;
 use wrapyfi_core::engine::{Plan, QosConfig, QosOverride, RouteSpec};
 use wrapyfi_core::node::parameters::{
     EndpointRole, MAX_PARAMETERS, ParameterStore, QosOverrideError, QosOverrides,
 };
+use wrapyfi_core::types::MessageType;
 
 use crate::node::Node;
 
@@ -73,11 +73,13 @@ pub fn apply(
 
 /// The topic at one end of a route, where that end is one on ROS 2.
 fn topic(route: &RouteSpec, role: EndpointRole, node: &Node) -> Option<String> {
-    let EndpointAddress { middleware, name } = match role {
-        EndpointRole::Publisher => &route.to,
-        EndpointRole::Subscription => &route.from,
+    let (address, message_type) = match role {
+        EndpointRole::Publisher => (&route.to, route.message_type),
+        EndpointRole::Subscription => (&route.from, route.from_type),
     };
-    (middleware == "ros2").then(|| node.resolve_topic(name).ok()).flatten()
+    // Properties are the parameters of a node: no topic.
+    let is_topic = address.middleware == "ros2" && message_type != MessageType::Properties;
+    is_topic.then(|| node.resolve_topic(&address.name).ok()).flatten()
 }
 
 #[cfg(test)]
@@ -85,11 +87,9 @@ mod tests {
     use std::collections::BTreeMap;
     use std::time::Duration;
 
+    use super::*;
     use wrapyfi_core::endpoint::{Durability, PinnedQos, QosPreset, Reliability, TopicSpec};
     use wrapyfi_core::node::ParameterValue;
-    use wrapyfi_core::types::MessageType;
-
-    use super::*;
 
     fn route(from: &str, to: &str, qos: QosConfig) -> RouteSpec {
         let address = |text: &str| text.parse().unwrap();

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use wrapyfi_core::engine::{Engine, Plan, RouteStatus};
 use wrapyfi_core::node::parameters::ParameterStore;
+use wrapyfi_core::types::MessageType;
 
 use crate::cli::BridgeArgs;
 use crate::exit::Failure;
@@ -108,11 +109,11 @@ fn warn_of_unused(store: &ParameterStore) {
 fn ros2_types(plan: &Plan) -> BTreeSet<&'static str> {
     plan.routes
         .iter()
-        .flat_map(|route| {
-            [(&route.from, route.from_type.ros_type()), (&route.to, route.message_type.ros_type())]
-        })
+        .flat_map(|route| [(&route.from, route.from_type), (&route.to, route.message_type)])
         .filter(|(address, _)| address.middleware == "ros2")
-        .map(|(_, ros_type)| ros_type)
+        // Properties are on no topic of ours.
+        .filter(|(_, message_type)| *message_type != MessageType::Properties)
+        .map(|(_, message_type)| message_type.ros_type())
         .collect()
 }
 

@@ -310,6 +310,14 @@ pub enum PublishError {
         /// Messages the queue holds.
         depth: usize,
     },
+    /// Who was to take the message did not accept all that it says.
+    #[error("{reason}")]
+    Refused {
+        /// Name published to.
+        topic: String,
+        /// What was refused, by whom and why.
+        reason: String,
+    },
     /// The transport failed.
     #[error("could not send to {topic:?}: {reason}")]
     Transport {
@@ -328,6 +336,7 @@ impl PublishError {
             Self::Encode(_) => DropReason::Unencodable,
             Self::NoConsumer { .. } => DropReason::NoConsumer,
             Self::QueueFull { .. } => DropReason::SendQueueFull,
+            Self::Refused { .. } => DropReason::Refused,
             Self::Transport { .. } => DropReason::SendFailed,
         }
     }

@@ -44,7 +44,7 @@ impl Names {
         nodes
     }
 
-    fn owner(&self, gid: &[u8; 16]) -> Option<String> {
+    pub(super) fn owner(&self, gid: &[u8; 16]) -> Option<String> {
         let mut nodes = self.listen();
         let nodes = nodes.as_mut()?;
         nodes.update();

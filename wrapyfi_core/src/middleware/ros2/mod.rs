@@ -3,6 +3,7 @@
 //! ```text
 //!   Ros2 (Middleware) ─ names ─ listener (inlet), publisher: payload <-> CDR; any: any type <-> CDR
 //!     │
+//!     │                 parameters: those of other nodes
 //!     │                 follow, matching, diagnosis, replays: quality of service that fits the peers
 //!   graph               the trait: CDR bytes and discovery facts
 //!     │                 discovery: topics and services of others, owners: whose they are
@@ -52,6 +53,7 @@ mod names;
 mod node_endpoints;
 mod node_handle;
 mod owners;
+mod parameters;
 mod payload;
 mod peer_index;
 mod publisher;
@@ -71,6 +73,7 @@ pub use cyclone_graph::{CycloneError, CycloneGraph};
 pub use domain::DomainError;
 pub use node_endpoints::NodeEndpoints;
 pub use node_handle::NodeHandle;
+pub use parameters::{ParameterClient, ParameterClientError, RefusedParameter, RemoteParameters};
 #[cfg(feature = "ros2-fastdds")]
 pub use rust_services::{RustServices, RustServicesError, ServiceEndpoints};
 pub use service::{
@@ -82,17 +85,21 @@ use crate::endpoint::{
     Context, DiscoverError, Discovery, Listener, Middleware, OpenError, Publisher, TopicSpec,
 };
 use crate::node::NodeName;
+use crate::types::MessageType;
 use diagnosis::Names;
 use graph::{Graph, GraphError, TopicDescription};
 use listener::Ros2Listener;
+use parameters::{PropertiesListener, PropertiesPublisher};
 use publisher::Ros2Publisher;
 
 /// Name of this middleware in addresses.
 const NAME: &str = "ros2";
 
-type Remap = Box<dyn Fn(&str) -> Result<String, String> + Send + Sync>;
+type Remap = Arc<dyn Fn(&str) -> Result<String, String> + Send + Sync>;
 
-/// The middleware `ros2`: topics of one node.
+/// The middleware `ros2`: topics of one node, and with [`MessageType::Properties`] the parameters of
+/// others. Copies are the same node.
+#[derive(Clone)]
 pub struct Ros2 {
     graph: Arc<dyn Graph>,
     names: Arc<Names>,
@@ -108,7 +115,7 @@ impl Ros2 {
         graph: Arc<dyn Graph>,
         remap: impl Fn(&str) -> Result<String, String> + Send + Sync + 'static,
     ) -> Self {
-        Self { names: Names::new(&graph), graph, remap: Box::new(remap) }
+        Self { names: Names::new(&graph), graph, remap: Arc::new(remap) }
     }
 
     /// The graph underneath.
@@ -155,6 +162,10 @@ impl Middleware for Ros2 {
         spec: &TopicSpec,
         context: &Context,
     ) -> Result<Box<dyn Listener>, OpenError> {
+        if spec.message_type == MessageType::Properties {
+            let opened = PropertiesListener::open(self, spec, context);
+            return Ok(Box::new(opened.map_err(|error| unopened(spec, error))?));
+        }
         let topic = self.describe(spec)?;
         let listener = Ros2Listener::open(&self.graph, &self.names, &topic, spec, context)
             .map_err(|error| transport(spec, &error))?;
@@ -166,6 +177,10 @@ impl Middleware for Ros2 {
         spec: &TopicSpec,
         context: &Context,
     ) -> Result<Box<dyn Publisher>, OpenError> {
+        if spec.message_type == MessageType::Properties {
+            let opened = PropertiesPublisher::open(self, spec, context);
+            return Ok(Box::new(opened.map_err(|error| unopened(spec, error))?));
+        }
         let topic = self.describe(spec)?;
         let publisher = Ros2Publisher::open(&self.graph, &self.names, &topic, spec, context)
             .map_err(|error| transport(spec, &error))?;
@@ -174,6 +189,16 @@ impl Middleware for Ros2 {
 
     fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
         Ok(Box::new(discovery::Ros2Discovery::new(&self.graph)?))
+    }
+}
+
+fn unopened(spec: &TopicSpec, error: ParameterClientError) -> OpenError {
+    let topic = spec.topic.clone();
+    match error {
+        ParameterClientError::Name { reason, .. } => {
+            OpenError::InvalidName { middleware: NAME, topic, reason }
+        }
+        other => OpenError::Transport { middleware: NAME, topic, reason: other.to_string() },
     }
 }
 
