@@ -133,6 +133,6 @@ pub fn cdr(data: &[u8]) {
 }
 
 fn message_type(choice: u8) -> MessageType {
-    let all = MessageType::ALL;
+    let all = MessageType::TOPICS;
     all.get(usize::from(choice & 0x7f) % all.len()).copied().unwrap_or(MessageType::NativeObject)
 }

@@ -6,7 +6,7 @@ A receiver never needs to see the sender: it can rebuild what message `seq` must
     red(seq)      pure red in OpenCV's order: blue 0, green 0, red 255
     audio(seq)    ((13*frame + 5*channel + seq) mod 1000) / 1000 - 0.5 as float32
     native(seq)   dictionaries: `small` (JSON only), `rich` (tuple, set, date, arrays, Unicode),
-                  `array` (one float32 array)
+                  `array` (one float32 array), `settings` (of a node: gain, lens.label)
 """
 import datetime
 import hashlib
@@ -53,6 +53,8 @@ def native(seq, flavour="small"):
                 "deep": {"list": [{"tuple": (1, 2)}]}}
     if flavour == "array":
         return {"seq": seq, "ramp": np.arange(5000, dtype="<f4") / np.float32(8) + np.float32(seq)}
+    if flavour == "settings":
+        return {"gain": seq + 0.5, "lens": {"label": f"take {seq}"}}
     raise ValueError(f"no native flavour {flavour!r}")
 
 

@@ -17,7 +17,7 @@ import threading
 import traceback
 
 FLAVOURS = {
-    "NativeObject": ["small", "rich", "array"],
+    "NativeObject": ["small", "rich", "array", "settings"],
     "Image": ["colour", "mono", "float", "float_mono", "jpg", "jpg_mono", "red"],
     "AudioChunk": ["mono", "stereo"],
 }
@@ -99,8 +99,9 @@ def facts(value):
         found.update(dtype=value.dtype.str, shape=list(value.shape), mean=float(value.mean()))
         if value.ndim == 3:
             found["channel_means"] = [float(value[..., c].mean()) for c in range(value.shape[2])]
-    elif isinstance(value, dict) and "seq" in value:
-        found["seq"] = value["seq"]
+    elif isinstance(value, dict):
+        if "seq" in value:
+            found["seq"] = value["seq"]
         found["value"] = payload.neutral(value)
     found["sha256"] = payload.digest(value)
     if flavour.startswith("jpg") and args.role == "publish":

@@ -3,7 +3,7 @@
 #![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
 
 use serde_json::Value;
-use wrapyfi_e2e::{Need, Output, Process, Result, Route, run, texts};
+use wrapyfi_e2e::{Need, Output, Process, Result, Route, World, run, texts};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Python];
 const STRING: &str = "std_msgs/msg/String";
@@ -160,6 +160,87 @@ fn a_node_with_another_definition_or_distribution_is_named() -> Result {
         // It is told, and nothing is held back: here both definitions are the same after all.
         let listener = world.wrapyfi_listener(&to, "")?;
         listener.messages(1).map_err(|e| e.context(bridge.tail()))?;
+        Ok(())
+    })
+}
+
+/// Starts the node executable with these routes and more ROS arguments.
+fn node(world: &World, routes: Vec<Route>, ros_args: &[&str]) -> Result<Process> {
+    let config = routes.into_iter().fold(world.embedded(), wrapyfi_e2e::Config::route);
+    let file = world.write("bridge.yaml", config.yaml())?;
+    let parameter = format!("config_file:={}", file.display());
+    let mut args = vec!["--ros-args", "-p", &parameter];
+    args.extend(ros_args);
+    world.node(args)
+}
+
+#[test]
+fn parameters_lay_down_what_peers_do_not_change() -> Result {
+    let needs = &[Need::Node, Need::Program, Need::Python];
+    run("parameters_lay_down_what_peers_do_not_change", needs, |world| {
+        let (from, cam, front) = (world.topic("from"), world.topic("cam"), world.topic("front"));
+        let graph = world.graph()?;
+        // Asks for reliable and gets nothing; a route that follows its peers would give in.
+        let _strict = world.dds_subscriber(&front, STRING, "--transient-local")?;
+        let routes = vec![
+            Route::new(&zeromq("/in"), &ros2(&cam), STRING),
+            Route::new(&ros2(&from), &zeromq("/out"), STRING).with("qos", "latched"),
+        ];
+        // By the name that the topic has after remapping.
+        let publisher = format!("qos_overrides.{front}.publisher");
+        let reliability = format!("{publisher}.reliability:=best_effort");
+        let deadline = format!("{publisher}.deadline:=250000000");
+        let depth = format!("qos_overrides.{from}.subscription.depth:=3");
+        let durability = format!("qos_overrides.{from}.subscription.durability:=volatile");
+        let remap = format!("{cam}:={front}");
+        let node = node(
+            world,
+            routes,
+            &["-r", &remap, "-p", &reliability, "-p", &deadline, "-p", &depth, "-p", &durability],
+        )?;
+        let has = |e: &Value| e["reliable"] == false && e["deadline_ms"] == 250.0;
+        let writer = endpoint(&graph, "writer", &front, has).map_err(|e| e.context(node.tail()))?;
+        // The rest follows the subscriber.
+        endpoint(&graph, "writer", &front, |e| has(e) && e["durability"] == "TransientLocal")
+            .map_err(|e| e.context(format!("{writer}\n{}", node.tail())))?;
+        endpoint(&graph, "reader", &from, |e| {
+            e["durability"] == "Volatile" && e["reliable"] == true
+        })?;
+        node.wait_until("the report", |output| {
+            let words = "the parameters qos_overrides lay that down";
+            has_logged(output, words).then_some(())
+        })?;
+        let request = format!(r#"{{"names": ["{publisher}.reliability", "{publisher}.depth"]}}"#);
+        let endpoint = "ros2:/wrapyfi_bridge/get_parameters";
+        let mut call =
+            world.wrapyfi(["call", endpoint, "--value", &request, "--json", "--timeout", "60"])?;
+        call.exits_with(0)?;
+        let values = call.objects(1)?[0]["value"]["values"].clone();
+        assert_eq!(values[0]["string_value"], "best_effort", "{values}");
+        assert_eq!(values[1]["integer_value"], 10, "{values}");
+        Ok(())
+    })
+}
+
+#[test]
+fn a_policy_that_there_is_not_ends_the_start() -> Result {
+    run("a_policy_that_there_is_not_ends_the_start", &[Need::Node], |world| {
+        let topic = world.topic("to");
+        for (policy, value, said) in [
+            ("reliabilty", "best_effort", "no policy \"reliabilty\" to override; it has"),
+            ("reliability", "best", "policy reliability of the publisher of"),
+            ("reliability", "best", "it can be system_default, reliable, best_effort"),
+            ("depth", "-1", "an integer from 0"),
+        ] {
+            let parameter = format!("qos_overrides.{topic}.publisher.{policy}:={value}");
+            let routes = vec![Route::new(&zeromq("/in"), &ros2(&topic), STRING)];
+            let mut node = node(world, routes, &["-p", &parameter])?;
+            node.exits_with(2)?;
+            let text = node.stderr();
+            assert!(text.contains(said) && text.contains(&topic), "{text}");
+            let (name, _) = parameter.split_once(":=").unwrap_or_default();
+            assert!(text.contains(name), "{text}");
+        }
         Ok(())
     })
 }

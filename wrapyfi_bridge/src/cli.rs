@@ -95,8 +95,9 @@ pub struct ListArgs {
 pub struct EchoArgs {
     /// Where to listen.
     pub endpoint: EndpointAddress,
-    /// Type of the messages: NativeObject, Image, CompressedImage, AudioChunk or any ROS type. On
-    /// ROS 2 it may be left out: it is what the topic's endpoints announce.
+    /// Type of the messages: NativeObject, Image, CompressedImage, AudioChunk, Properties or any ROS
+    /// type. On ROS 2 it may be left out: it is what the topic's endpoints announce. Properties there
+    /// are the parameters of the node that the endpoint names.
     #[arg(long = "type", value_name = "T")]
     pub message_type: Option<TypeName>,
     /// Folder of packages with .msg files, searched before AMENT_PREFIX_PATH; may be given more
@@ -120,11 +121,12 @@ pub struct EchoArgs {
 }
 
 /// Arguments of `wrapyfi pub`.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub struct PubArgs {
     /// Where to publish.
     pub endpoint: EndpointAddress,
-    /// Type of the messages: NativeObject, Image, CompressedImage, AudioChunk or any ROS type.
+    /// Type of the messages: NativeObject, Image, CompressedImage, AudioChunk, Properties or any ROS
+    /// type. Properties on ROS 2 are the parameters of the node that the endpoint names: they are set.
     #[arg(long = "type", value_name = "T")]
     pub message_type: TypeName,
     /// Folder of packages with .msg files, searched before AMENT_PREFIX_PATH; may be given more
@@ -141,10 +143,11 @@ pub struct PubArgs {
     /// Messages per second.
     #[arg(long, value_name = "HZ", default_value_t = 1.0, value_parser = rate)]
     pub rate: f64,
-    /// End after this many messages; without it, until interrupted.
+    /// End after this many messages; without it, until interrupted; parameters of a node are set once.
     #[arg(long, value_name = "N")]
     pub count: Option<u64>,
-    /// Fail with exit code 3 when no listener comes within S seconds; without it, wait for ever.
+    /// Fail with exit code 3 when no listener comes within S seconds; without it, wait for ever, for a
+    /// node whose parameters are set 5 seconds.
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub timeout: Option<Duration>,
     /// Quality of service on ROS 2: default, sensor_data or latched.

@@ -2,14 +2,16 @@
 //!
 //! | payload | `sha256` is of | also |
 //! | --- | --- | --- |
-//! | native object | the text of `value` | `value` |
+//! | native object, properties | the text of `value` | `value` |
 //! | image, raw | the rows without padding, in the order received | `shape`, `encoding` |
 //! | image, compressed | the file | `format`, `size` |
 //! | sound | the samples | `shape`, `dtype`, `sample_rate` |
 
 use serde_json::{Value as Json, json};
 use sha2::{Digest, Sha256};
-use wrapyfi_core::types::{AudioChunk, Image, Payload, Pixels, RawPixels, SampleFormat, Stamp};
+use wrapyfi_core::types::{
+    AudioChunk, Image, Payload, Pixels, RawPixels, SampleFormat, Stamp, Value,
+};
 
 use crate::canonical::canonical;
 
@@ -17,19 +19,20 @@ use crate::canonical::canonical;
 #[must_use]
 pub fn describe(payload: &Payload) -> String {
     let object = match payload {
-        Payload::NativeObject(value) => {
-            let text = canonical(value);
-            let sha256 = digest(text.as_bytes());
-            // Written as text: JSON numbers have no bound, `serde_json`'s do.
-            return format!(
-                r#"{{"type":"NativeObject","stamp":null,"sha256":"{sha256}","value":{text}}}"#
-            );
-        }
+        Payload::NativeObject(value) => return with_value("NativeObject", value),
+        Payload::Properties(properties) => return with_value("Properties", &properties.to_value()),
         Payload::Image(image) => describe_image(image),
         Payload::AudioChunk(chunk) => describe_audio(chunk),
         _ => json!({ "type": "unknown" }),
     };
     object.to_string()
+}
+
+fn with_value(kind: &str, value: &Value) -> String {
+    let text = canonical(value);
+    let sha256 = digest(text.as_bytes());
+    // Written as text: JSON numbers have no bound, `serde_json`'s do.
+    format!(r#"{{"type":"{kind}","stamp":null,"sha256":"{sha256}","value":{text}}}"#)
 }
 
 fn describe_image(image: &Image) -> Json {
@@ -107,6 +110,7 @@ fn hex(bytes: &[u8]) -> String {
 pub fn summary(payload: &Payload) -> String {
     match payload {
         Payload::NativeObject(value) => canonical(value),
+        Payload::Properties(properties) => canonical(&properties.to_value()),
         Payload::Image(image) => match &image.pixels {
             Pixels::Raw(raw) => format!(
                 "image {}x{} {} {} bytes at {:.6}",

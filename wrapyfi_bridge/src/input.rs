@@ -2,7 +2,7 @@
 //!
 //! | file | becomes |
 //! | --- | --- |
-//! | `.json` | native object |
+//! | `.json` | native object, or properties |
 //! | `.npy` | array: a native object, or the pixels of an image |
 //! | `.png` | image, decoded |
 //! | `.jpg`, `.jpeg` | image, compressed as it is |
@@ -18,19 +18,20 @@ use wrapyfi_core::Limits;
 use wrapyfi_core::codec::{self, npy::NpyArray};
 use wrapyfi_core::endpoint::TopicSpec;
 use wrapyfi_core::types::{
-    AudioChunk, CompressedFormat, DataType, Encoding, Image, Payload, Pixels, RawPixels,
-    SampleFormat, Stamp, Value,
+    AudioChunk, CompressedFormat, DataType, Encoding, Image, Payload, Pixels, Properties,
+    RawPixels, SampleFormat, Stamp, Value,
 };
 
 /// The payload that `text`, JSON in Wrapyfi's dialect, describes.
 ///
 /// # Errors
-/// When the text is no JSON, or the type is not a native object.
+/// When the text is no JSON, or no object of the type.
 pub fn from_json(text: &str, spec: &TopicSpec) -> anyhow::Result<Payload> {
     let value = codec::json::decode(&Bytes::copy_from_slice(text.as_bytes()), &spec.limits)
         .context("--value")?;
     match (spec.message_type.data_type(), value) {
         (DataType::NativeObject, value) => Ok(Payload::NativeObject(Box::new(value))),
+        (DataType::Properties, value) => Ok(Properties::from_value(&value)?.into()),
         (kind, _) => bail!("--value gives a native object, not {kind}: give --file"),
     }
 }
@@ -49,6 +50,10 @@ pub fn from_file(path: &Path, spec: &TopicSpec) -> anyhow::Result<Payload> {
             &read(path, &spec.limits)?,
             &spec.limits,
         )?)),
+        ("json", DataType::Properties) => {
+            let value = codec::json::decode(&read(path, &spec.limits)?, &spec.limits)?;
+            Properties::from_value(&value)?.into()
+        }
         ("npy", DataType::NativeObject) => Payload::NativeObject(Box::new(array(path, spec)?)),
         ("npy", DataType::Image) => {
             // As Wrapyfi would send the array, so that the same shapes are images here and there.

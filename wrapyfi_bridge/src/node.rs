@@ -120,12 +120,6 @@ fn run(argv: impl Iterator<Item = String>) -> Result<(), Failure> {
     let node = Node { name: options.name, args: Arc::new(args), overrides: options.parameters };
     let mut store = node.parameters().map_err(Failure::usage)?;
     let parameters = Parameters::declare(&mut store)?;
-    for (name, _) in store.unused_overrides() {
-        tracing::warn!(
-            "parameter {name} is not one of this node's: {}",
-            store.names().collect::<Vec<_>>().join(", ")
-        );
-    }
     let shutdown = Shutdown::on_signals().context("cannot catch signals")?;
     bridge::run_node(&parameters.config_file, &node, store, parameters.options, &shutdown)
 }

@@ -8,11 +8,13 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use wrapyfi_core::engine::{Engine, Plan, RouteStatus};
 use wrapyfi_core::node::parameters::ParameterStore;
+use wrapyfi_core::types::MessageType;
 
 use crate::cli::BridgeArgs;
 use crate::exit::Failure;
 use crate::middlewares::{self, Middlewares};
 use crate::node::Node;
+use crate::overrides;
 use crate::shutdown::Shutdown;
 use crate::table;
 
@@ -43,11 +45,13 @@ pub fn run(args: &BridgeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
 pub fn run_node(
     config: &Path,
     node: &Node,
-    parameters: ParameterStore,
+    mut parameters: ParameterStore,
     options: Options,
     shutdown: &Shutdown,
 ) -> Result<(), Failure> {
-    let (endpoints, plan) = middlewares::load(config)?;
+    let (endpoints, mut plan) = middlewares::load(config)?;
+    overrides::apply(&mut plan, node, &mut parameters).map_err(Failure::usage)?;
+    warn_of_unused(&parameters);
     let middlewares = Middlewares::for_plan(&endpoints, &plan, node)?;
     let types = ros2_types(&plan);
     // Dropped last: what the routes say at their end is logged too.
@@ -85,15 +89,31 @@ pub fn run_node(
     Ok(())
 }
 
+/// What the command line gives that is not declared: perhaps misspelt.
+fn warn_of_unused(store: &ParameterStore) {
+    let known = || {
+        // Those of the topics are many, and their names are told where one of them is wrong.
+        let own = store.names().filter(|name| !name.starts_with("qos_overrides."));
+        own.collect::<Vec<_>>().join(", ")
+    };
+    for (name, _) in store.unused_overrides() {
+        if name.starts_with("qos_overrides.") {
+            tracing::warn!("parameter {name} is for no topic that a route has here at that end");
+        } else {
+            tracing::warn!("parameter {name} is not one of this node's: {}", known());
+        }
+    }
+}
+
 /// ROS types of the endpoints that routes have on ROS 2.
 fn ros2_types(plan: &Plan) -> BTreeSet<&'static str> {
     plan.routes
         .iter()
-        .flat_map(|route| {
-            [(&route.from, route.from_type.ros_type()), (&route.to, route.message_type.ros_type())]
-        })
+        .flat_map(|route| [(&route.from, route.from_type), (&route.to, route.message_type)])
         .filter(|(address, _)| address.middleware == "ros2")
-        .map(|(_, ros_type)| ros_type)
+        // Properties are on no topic of ours.
+        .filter(|(_, message_type)| *message_type != MessageType::Properties)
+        .map(|(_, message_type)| message_type.ros_type())
         .collect()
 }
 

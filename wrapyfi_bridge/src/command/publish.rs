@@ -4,7 +4,8 @@ use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
 use wrapyfi_core::endpoint::{Context, PublishError, Publisher, TopicSpec};
-use wrapyfi_core::types::{DataType, Payload};
+use wrapyfi_core::middleware::ros2::ServiceOptions;
+use wrapyfi_core::types::{DataType, MessageType, Payload};
 
 use super::any;
 use crate::cli::{PubArgs, TypeName};
@@ -18,6 +19,7 @@ use crate::{describe, input};
 /// # Errors
 /// Exit code 3 when no listener came in time, 2 when endpoint or input is wrong.
 pub fn run(args: &PubArgs, shutdown: &Shutdown) -> Result<(), Failure> {
+    let args = &with_defaults(args);
     let message_type = match (&args.message_type, args.endpoint.middleware.as_str()) {
         (TypeName::Known(message_type), _) => *message_type,
         (TypeName::Ros(name), "ros2") => return any::publish::run(args, name, shutdown),
@@ -48,6 +50,17 @@ pub fn run(args: &PubArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     tracing::info!("published {sent} to {}: {}", args.endpoint, describe::summary(&payload));
     drop(publisher); // hands over what is queued before the transport goes
     Ok(())
+}
+
+/// Parameters of a node are set once, and a node that is not there is not waited for for ever.
+fn with_defaults(args: &PubArgs) -> PubArgs {
+    let mut args = args.clone();
+    let properties = args.message_type == TypeName::Known(MessageType::Properties);
+    if properties && args.endpoint.middleware == "ros2" {
+        args.count = args.count.or(Some(1));
+        args.timeout = args.timeout.or(Some(ServiceOptions::default().timeout));
+    }
+    args
 }
 
 /// False when asked to end.

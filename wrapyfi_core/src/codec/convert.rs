@@ -3,18 +3,19 @@
 //! ```text
 //!   NativeObject (array, Pillow image) ◀─▶ Image
 //!   NativeObject (array, rate)         ◀─▶ AudioChunk
+//!   NativeObject (dict)                ◀─▶ Properties
 //! ```
 
 use super::{DecodeError, EncodeError};
 use crate::Limits;
 use crate::endpoint::DropReason;
-use crate::types::{DataType, Encoding, Payload, Stamp};
+use crate::types::{DataType, Encoding, Payload, Properties, Stamp, Value};
 
 /// Why a payload could not become another kind.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ConvertError {
-    /// A native object is no image or no sound.
+    /// A native object is no image, no sound or no set of properties.
     #[error(transparent)]
     From(#[from] DecodeError),
     /// An image or a sound has no form as a native object.
@@ -34,6 +35,14 @@ impl ConvertError {
     }
 }
 
+/// The properties that a native object is.
+pub(super) fn properties(value: &Value) -> Result<Properties, DecodeError> {
+    Properties::from_value(value).map_err(|error| DecodeError::Mismatch {
+        expected: "properties".to_owned(),
+        actual: format!("a {}: {error}", value.kind()),
+    })
+}
+
 /// True where [`convert_payload`] has a way from one kind to the other.
 #[must_use]
 pub fn is_convertible(from: DataType, to: DataType) -> bool {
@@ -44,8 +53,8 @@ pub fn is_convertible(from: DataType, to: DataType) -> bool {
 /// `color_order`; a native object has no time stamp and takes `now`.
 ///
 /// # Errors
-/// A mismatch when the object is none of what [`crate::types::Image::from_value`] or
-/// [`crate::types::AudioChunk::from_value`] reads.
+/// A mismatch when the object is none of what [`crate::types::Image::from_value`],
+/// [`crate::types::AudioChunk::from_value`] or [`crate::types::Properties::from_value`] reads.
 pub fn convert_payload(
     payload: Payload,
     to: DataType,
@@ -62,6 +71,8 @@ pub fn convert_payload(
         (Payload::NativeObject(value), DataType::AudioChunk) => {
             AudioChunk::from_value(&value, now())?.into()
         }
+        (Payload::NativeObject(value), DataType::Properties) => properties(&value)?.into(),
+        (Payload::Properties(properties), DataType::NativeObject) => properties.to_value().into(),
         (Payload::Image(image), DataType::NativeObject) => {
             image.to_value(color_order, limits)?.into()
         }
@@ -76,9 +87,7 @@ pub fn convert_payload(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::types::{
-        AudioChunk, Image, Picture, Pixels, RawPixels, SampleFormat, Tensor, Value,
-    };
+    use crate::types::{AudioChunk, Image, Map, Picture, Pixels, RawPixels, SampleFormat, Tensor};
 
     fn convert(payload: impl Into<Payload>, to: DataType) -> Result<Payload, ConvertError> {
         let now = Stamp { sec: 7, nanosec: 5 };
@@ -127,6 +136,16 @@ mod tests {
     }
 
     #[test]
+    fn properties_are_a_dict() {
+        let rate = Value::from(Map::from([("camera", Map::from([("rate", 30)]))]));
+        let read = convert(rate, DataType::Properties).unwrap();
+        assert_eq!(read, Properties::from([("camera.rate", 30_i64)]).into());
+        let flat = Value::from(Map::from([("camera.rate", 30)]));
+        assert_eq!(convert(read, DataType::NativeObject).unwrap(), flat.into());
+        assert!(!is_convertible(DataType::Properties, DataType::Image));
+    }
+
+    #[test]
     fn what_does_not_fit_is_a_mismatch_that_says_what_came() {
         let refused = crate::types::Tagged {
             refused: Some("PILImage at $: part 0 is malformed".into()),
@@ -140,6 +159,7 @@ mod tests {
             (refused.into(), DataType::Image, "PILImage at $: part 0"),
             (Value::from(5), DataType::AudioChunk, "sound as (array, rate), received int"),
             (Value::List(vec![1.into()]), DataType::AudioChunk, "received (int)"),
+            (Value::from(5), DataType::Properties, "properties are a dict"),
             (halves, DataType::AudioChunk, "rate is float, not from 1 to 4294967295"),
         ] {
             let error = convert(value, to).unwrap_err();

@@ -48,6 +48,8 @@ drop_reasons! {
     SendQueueFull => "send_queue_full",
     /// The destination failed to send.
     SendFailed => "send_failed",
+    /// The destination did not accept what the message says: a node would not set a parameter.
+    Refused => "refused",
     /// Nobody listens at the destination.
     NoConsumer => "no_consumer",
     /// The middleware reported that it lost the message before we saw it.

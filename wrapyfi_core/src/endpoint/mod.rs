@@ -21,6 +21,7 @@ mod inbox;
 mod latency;
 mod qos;
 mod qos_match;
+mod qos_pinned;
 mod registry;
 mod wake;
 
@@ -36,6 +37,7 @@ pub use inbox::{Overflow, QueueSpec, Receiver, Sender, inbox};
 pub use latency::{Latency, LatencySummary};
 pub use qos::{Durability, History, Liveliness, Qos, QosPreset, Reliability};
 pub use qos_match::{MatchedQos, QosPolicy, QosWarning, listener_qos, mismatches, publisher_qos};
+pub use qos_pinned::PinnedQos;
 pub use registry::{Registry, UnknownMiddleware};
 pub use wake::Wake;
 
@@ -181,6 +183,8 @@ pub struct TopicSpec {
     /// Fits the quality of service to the peers that exist and follows them
     /// ([`Listener::review`]); `qos` is used while there are none, its history and lifespan always.
     pub match_peers: bool,
+    /// Policies that hold whatever `qos` and the peers say.
+    pub pinned: PinnedQos,
     /// Queue of a listener.
     pub queue: QueueSpec,
     /// Channel order that three-channel frames from Wrapyfi have (`encoding:` of a route);
@@ -201,6 +205,7 @@ impl TopicSpec {
             message_type,
             qos: Qos::default(),
             match_peers: false,
+            pinned: PinnedQos::default(),
             queue: QueueSpec::default(),
             color_order: Encoding::Bgr8,
             limits: Limits::default(),
@@ -305,6 +310,14 @@ pub enum PublishError {
         /// Messages the queue holds.
         depth: usize,
     },
+    /// Who was to take the message did not accept all that it says.
+    #[error("{reason}")]
+    Refused {
+        /// Name published to.
+        topic: String,
+        /// What was refused, by whom and why.
+        reason: String,
+    },
     /// The transport failed.
     #[error("could not send to {topic:?}: {reason}")]
     Transport {
@@ -323,6 +336,7 @@ impl PublishError {
             Self::Encode(_) => DropReason::Unencodable,
             Self::NoConsumer { .. } => DropReason::NoConsumer,
             Self::QueueFull { .. } => DropReason::SendQueueFull,
+            Self::Refused { .. } => DropReason::Refused,
             Self::Transport { .. } => DropReason::SendFailed,
         }
     }

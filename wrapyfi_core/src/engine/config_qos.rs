@@ -12,7 +12,7 @@ use std::time::Duration;
 use serde::{Deserialize, Deserializer, de};
 
 use super::config::word_or_map;
-use crate::endpoint::{Durability, History, Liveliness, Qos, QosPreset, Reliability};
+use crate::endpoint::{Durability, History, Liveliness, PinnedQos, Qos, QosPreset, Reliability};
 
 /// Quality of service of a route's ends, where their middleware has one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -38,6 +38,16 @@ impl QosConfig {
             Self::Match(qos) | Self::Fixed(qos) => qos,
         }
     }
+}
+
+/// What one end of a route has of its quality of service from elsewhere than the configuration, for
+/// instance from the parameters `qos_overrides` of a ROS 2 node.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct QosOverride {
+    /// Policies that hold, whatever the route and its peers say.
+    pub pinned: PinnedQos,
+    /// Follows the peers in the rest, also where the route's quality of service is written.
+    pub follows: bool,
 }
 
 #[derive(Deserialize)]

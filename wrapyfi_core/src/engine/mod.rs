@@ -48,7 +48,7 @@ pub use config::{Config, Defaults, MAX_CONFIG_BYTES, OverflowConfig, RouteConfig
 pub use config_devices::{DeviceWord, DevicesConfig};
 pub(crate) use config_error::did_you_mean;
 pub use config_error::{ConfigError, Problem};
-pub use config_qos::QosConfig;
+pub use config_qos::{QosConfig, QosOverride};
 pub use engine::{Engine, Running};
 pub use plan::{Available, Plan, RouteSpec};
 pub use relay::{Relay, Step};

@@ -7,7 +7,7 @@ use std::time::Duration;
 use super::config::{Config, Defaults, OverflowConfig, RouteConfig, Spanned};
 use super::config_devices::DevicesConfig;
 use super::config_error::{ConfigError, Problem, did_you_mean};
-use super::config_qos::QosConfig;
+use super::config_qos::{QosConfig, QosOverride};
 use crate::Limits;
 use crate::codec::is_convertible;
 use crate::endpoint::{EndpointAddress, Overflow, ParseAddressError, QueueSpec, TopicSpec};
@@ -29,6 +29,10 @@ pub struct RouteSpec {
     pub from_type: MessageType,
     /// Quality of service on middlewares that have one.
     pub qos: QosConfig,
+    /// What the start of the program changed of it, at the source.
+    pub from_override: QosOverride,
+    /// What the start of the program changed of it, at the destination.
+    pub to_override: QosOverride,
     /// Queue between source and conversion.
     pub queue: QueueSpec,
     /// Highest rate passed on, in messages per second.
@@ -52,6 +56,8 @@ impl RouteSpec {
             message_type,
             from_type: message_type,
             qos: QosConfig::default(),
+            from_override: QosOverride::default(),
+            to_override: QosOverride::default(),
             queue: QueueSpec::default(),
             max_rate_hz: None,
             color_order: Encoding::Bgr8,
@@ -64,11 +70,13 @@ impl RouteSpec {
     #[must_use]
     pub fn topic_spec(&self, address: &EndpointAddress) -> TopicSpec {
         let at_source = *address == self.from;
+        let changed = if at_source { self.from_override } else { self.to_override };
         TopicSpec {
             topic: address.name.clone(),
             message_type: if at_source { self.from_type } else { self.message_type },
             qos: self.qos.qos(),
-            match_peers: matches!(self.qos, QosConfig::Match(_)),
+            match_peers: changed.follows || matches!(self.qos, QosConfig::Match(_)),
+            pinned: changed.pinned,
             queue: self.queue,
             color_order: self.color_order,
             limits: self.limits,

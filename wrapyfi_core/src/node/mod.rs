@@ -17,7 +17,6 @@ pub mod args;
 mod log;
 mod log_level;
 mod name;
-mod parameter;
 pub mod parameters;
 mod ros_time;
 #[cfg(test)]
@@ -30,11 +29,11 @@ use std::io::{self, Read as _};
 pub use log::LogLine;
 pub use log_level::LogLevel;
 pub use name::{NameError, NameFault, NameKind, NodeName};
-pub use parameter::{ParameterType, ParameterValue};
 pub use ros_time::{ClockError, RosTime, TimeJump};
 use wrapyfi_interfaces::builtin_interfaces::msg::Time;
 
 use crate::types::Stamp;
+pub use crate::types::{ParameterType, ParameterValue};
 use args::RosArgs;
 
 /// Parameters that every node has and that are true or false.

@@ -7,6 +7,7 @@
 //! | [`Table`] | a data frame as Arrow columns | `wrapyfi_msgs/msg/NativeObject` |
 //! | [`Image`] | a camera frame | `sensor_msgs/msg/Image`, `CompressedImage` |
 //! | [`AudioChunk`] | sound | `wrapyfi_msgs/msg/AudioChunk` |
+//! | [`Properties`] | named parameters | the parameters of a node |
 //!
 //! Payload bytes are [`bytes::Bytes`]: passing a value on shares them.
 
@@ -22,7 +23,9 @@ mod map;
 mod nested;
 mod object;
 mod origin;
+mod parameter;
 mod payload;
+mod properties;
 mod shape;
 mod stamp;
 mod table;
@@ -41,7 +44,9 @@ pub use labelled::{Labelled, LabelledContent, Picture, Quantity, Variable};
 pub use map::Map;
 pub use object::{ForeignObject, PluginObject};
 pub use origin::Origin;
+pub use parameter::{ParameterType, ParameterValue};
 pub use payload::{DataType, MessageType, ParseTypeError, Payload};
+pub use properties::{Properties, PropertiesError};
 pub use shape::ShapeError;
 pub use stamp::Stamp;
 pub use table::Table;

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use super::{AudioChunk, Image, Value};
+use super::{AudioChunk, Image, Properties, Value};
 
 /// The content of one message, independent of the middleware that carries it.
 #[derive(Debug, Clone, PartialEq)]
@@ -15,6 +15,8 @@ pub enum Payload {
     Image(Image),
     /// A chunk of sound.
     AudioChunk(AudioChunk),
+    /// Named parameters, or changes of them: one without a value is deleted.
+    Properties(Properties),
 }
 
 impl Payload {
@@ -25,6 +27,7 @@ impl Payload {
             Self::NativeObject(_) => DataType::NativeObject,
             Self::Image(_) => DataType::Image,
             Self::AudioChunk(_) => DataType::AudioChunk,
+            Self::Properties(_) => DataType::Properties,
         }
     }
 }
@@ -38,6 +41,12 @@ impl From<Value> for Payload {
 impl From<Image> for Payload {
     fn from(image: Image) -> Self {
         Self::Image(image)
+    }
+}
+
+impl From<Properties> for Payload {
+    fn from(properties: Properties) -> Self {
+        Self::Properties(properties)
     }
 }
 
@@ -55,19 +64,22 @@ pub enum DataType {
     NativeObject,
     Image,
     AudioChunk,
+    Properties,
 }
 
 impl DataType {
     /// Every kind.
-    pub const ALL: [Self; 3] = [Self::NativeObject, Self::Image, Self::AudioChunk];
+    pub const ALL: [Self; 4] =
+        [Self::NativeObject, Self::Image, Self::AudioChunk, Self::Properties];
 
-    /// Wrapyfi's name: `NativeObject`, `Image`, `AudioChunk`.
+    /// Wrapyfi's name: `NativeObject`, `Image`, `AudioChunk`, `Properties`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::NativeObject => "NativeObject",
             Self::Image => "Image",
             Self::AudioChunk => "AudioChunk",
+            Self::Properties => "Properties",
         }
     }
 }
@@ -108,6 +120,7 @@ impl FromStr for DataType {
 /// | `CompressedImage`, `sensor_msgs/msg/CompressedImage` | image | `sensor_msgs/msg/CompressedImage` | JPEG file, `jpg=True` |
 /// | `AudioChunk`, `wrapyfi_msgs/msg/AudioChunk` | sound | `wrapyfi_msgs/msg/AudioChunk` | array |
 /// | `wrapyfi_ros2_interfaces/msg/ROS2AudioMessage` | sound | upstream's message, with its label | array |
+/// | `Properties` | named parameters | the parameters of the node that the address names | JSON |
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum MessageType {
@@ -123,11 +136,24 @@ pub enum MessageType {
     AudioChunk,
     /// `wrapyfi_ros2_interfaces/msg/ROS2AudioMessage`.
     UpstreamAudio,
+    /// The parameters of a ROS 2 node; no type of a topic there.
+    Properties,
 }
 
 impl MessageType {
     /// Every type, for messages that list what may be written.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
+        Self::NativeObject,
+        Self::StringJson,
+        Self::Image,
+        Self::CompressedImage,
+        Self::AudioChunk,
+        Self::UpstreamAudio,
+        Self::Properties,
+    ];
+
+    /// The types that are carried by topics on every middleware.
+    pub const TOPICS: [Self; 6] = [
         Self::NativeObject,
         Self::StringJson,
         Self::Image,
@@ -143,10 +169,11 @@ impl MessageType {
             Self::NativeObject | Self::StringJson => DataType::NativeObject,
             Self::Image | Self::CompressedImage => DataType::Image,
             Self::AudioChunk | Self::UpstreamAudio => DataType::AudioChunk,
+            Self::Properties => DataType::Properties,
         }
     }
 
-    /// Name of the ROS 2 type, for instance `sensor_msgs/msg/Image`.
+    /// Name of the ROS 2 type, for instance `sensor_msgs/msg/Image`; of properties that of one of them.
     #[must_use]
     pub fn ros_type(self) -> &'static str {
         match self {
@@ -156,12 +183,14 @@ impl MessageType {
             Self::CompressedImage => "sensor_msgs/msg/CompressedImage",
             Self::AudioChunk => "wrapyfi_msgs/msg/AudioChunk",
             Self::UpstreamAudio => "wrapyfi_ros2_interfaces/msg/ROS2AudioMessage",
+            Self::Properties => "rcl_interfaces/msg/Parameter",
         }
     }
 }
 
 impl MessageType {
-    /// Short spelling, where it has one: `NativeObject`, `Image`, `CompressedImage`, `AudioChunk`.
+    /// Short spelling, where it has one: `NativeObject`, `Image`, `CompressedImage`, `AudioChunk`,
+    /// `Properties`.
     #[must_use]
     pub fn short_name(self) -> Option<&'static str> {
         match self {
@@ -169,6 +198,7 @@ impl MessageType {
             Self::Image => Some("Image"),
             Self::CompressedImage => Some("CompressedImage"),
             Self::AudioChunk => Some("AudioChunk"),
+            Self::Properties => Some("Properties"),
             Self::StringJson | Self::UpstreamAudio => None,
         }
     }
@@ -185,17 +215,16 @@ impl FromStr for MessageType {
     type Err = ParseTypeError;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
-        Self::ALL
-            .into_iter()
-            .find(|kind| kind.short_name() == Some(text) || kind.ros_type() == text)
-            .ok_or_else(|| ParseTypeError {
-                text: text.into(),
-                accepted: Self::ALL
-                    .into_iter()
-                    .flat_map(|kind| kind.short_name().into_iter().chain([kind.ros_type()]))
-                    .collect::<Vec<_>>()
-                    .join(", "),
-            })
+        // A topic of single parameters is not the parameters of a node.
+        let spellings = |kind: Self| {
+            let topic = Self::TOPICS.contains(&kind).then(|| kind.ros_type());
+            kind.short_name().into_iter().chain(topic)
+        };
+        let mut all = Self::ALL.into_iter();
+        all.find(|&kind| spellings(kind).any(|spelling| spelling == text)).ok_or_else(|| {
+            let accepted = Self::ALL.into_iter().flat_map(spellings).collect::<Vec<_>>().join(", ");
+            ParseTypeError { text: text.into(), accepted }
+        })
     }
 }
 
@@ -207,8 +236,11 @@ mod tests {
     fn every_spelling_is_read() {
         for kind in MessageType::ALL {
             assert_eq!(kind.to_string().parse(), Ok(kind));
+        }
+        for kind in MessageType::TOPICS {
             assert_eq!(kind.ros_type().parse(), Ok(kind));
         }
+        assert!(MessageType::Properties.ros_type().parse::<MessageType>().is_err());
         for kind in DataType::ALL {
             assert_eq!(kind.to_string().parse(), Ok(kind));
         }

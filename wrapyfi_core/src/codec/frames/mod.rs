@@ -2,11 +2,12 @@
 //!
 //! ```text
 //!   NativeObject  │ topic │ JSON                   │
+//!   Properties    │ topic │ JSON of a dict         │
 //!   Image         │ topic │ {timestamp:1795…} │ JSON array, or JPEG file   │
 //!   AudioChunk    │ topic │ {timestamp:1795…} │ JSON (chunk, channels, rate, array) │
 //! ```
 //!
-//! Which of the three it is, only the topic's settings say. The topic frame itself is checked by
+//! Which of them it is, only the topic's settings say. The topic frame itself is checked by
 //! whoever subscribed: nothing here looks at it.
 
 mod audio;
@@ -15,6 +16,7 @@ mod image;
 
 use bytes::Bytes;
 
+use super::convert::properties;
 use super::{DecodeError, EncodeError, json};
 use crate::endpoint::TopicSpec;
 use crate::types::{DataType, Payload, Stamp};
@@ -38,6 +40,10 @@ pub fn decode(frames: &[Bytes], spec: &TopicSpec, received: Stamp) -> Result<Pay
         (DataType::NativeObject, [_, body]) => {
             json::decode_with(body, &spec.limits, &spec.plugins).map(Payload::from)
         }
+        (DataType::Properties, [_, body]) => {
+            let value = json::decode_with(body, &spec.limits, &spec.plugins)?;
+            Ok(properties(&value)?.into())
+        }
         (DataType::Image, [_, header, body]) => {
             image::decode(body, header::stamp(header).unwrap_or(received), spec).map(Payload::Image)
         }
@@ -46,7 +52,10 @@ pub fn decode(frames: &[Bytes], spec: &TopicSpec, received: Stamp) -> Result<Pay
                 .map(Payload::AudioChunk)
         }
         (data_type, _) => {
-            let wanted = if data_type == DataType::NativeObject { 2 } else { 3 };
+            let wanted = match data_type {
+                DataType::NativeObject | DataType::Properties => 2,
+                DataType::Image | DataType::AudioChunk => 3,
+            };
             Err(DecodeError::Mismatch {
                 expected: format!("{data_type} in {wanted} frames"),
                 actual: format!("{} frames of {size} bytes together", frames.len()),
@@ -66,6 +75,9 @@ pub fn encode(payload: &Payload, spec: &TopicSpec) -> Result<Vec<Vec<u8>>, Encod
     let frames = match (wanted, payload) {
         (DataType::NativeObject, Payload::NativeObject(value)) => {
             vec![topic, json::encode_with(value, &spec.plugins)?]
+        }
+        (DataType::Properties, Payload::Properties(properties)) => {
+            vec![topic, json::encode_with(&properties.to_value(), &spec.plugins)?]
         }
         (DataType::Image, Payload::Image(image)) => {
             vec![topic, header::write(image.stamp), image::encode(image, spec)?]

@@ -6,7 +6,8 @@
 //!   Payload::NativeObject ◀──▶ wrapyfi_msgs/msg/NativeObject, std_msgs/msg/String
 //! ```
 //!
-//! Pixels, samples and the elements of arrays are shared with the CDR bytes in both directions.
+//! Properties have no message: they are the parameters of a node, behind its services. Pixels, samples
+//! and the elements of arrays are shared with the CDR bytes in both directions.
 //! Conversions that cost time, such as JPEG, belong to whoever calls: here a payload of another
 //! form is a mismatch.
 
@@ -18,6 +19,7 @@ use bytes::Bytes;
 use wrapyfi_interfaces::Message;
 use wrapyfi_interfaces::builtin_interfaces::msg::Time;
 use wrapyfi_interfaces::cdr::{CdrError, CdrParts};
+use wrapyfi_interfaces::rcl_interfaces::msg::Parameter;
 use wrapyfi_interfaces::sensor_msgs::msg::{CompressedImage, Image};
 use wrapyfi_interfaces::std_msgs::msg::{Header, String as Text};
 use wrapyfi_interfaces::wrapyfi_msgs::msg::{AudioChunk, NativeObject};
@@ -99,6 +101,11 @@ pub fn decode_with(
             native::decode(read(cdr, limits)?, limits, plugins).map(Payload::from)
         }
         MessageType::StringJson => native::decode_text(cdr, limits, plugins).map(Payload::from),
+        // They are behind services of their node, on no topic.
+        MessageType::Properties => Err(DecodeError::Mismatch {
+            expected: "the parameters of a node".to_owned(),
+            actual: format!("a message of {} bytes", cdr.len()),
+        }),
     }
 }
 
@@ -125,6 +132,7 @@ fn names(message_type: MessageType) -> (&'static str, &'static str) {
         MessageType::CompressedImage => of::<CompressedImage>(),
         MessageType::AudioChunk => of::<AudioChunk>(),
         MessageType::UpstreamAudio => of::<ROS2AudioMessage>(),
+        MessageType::Properties => of::<Parameter>(),
     }
 }
 
@@ -182,6 +190,7 @@ fn describe(payload: &Payload) -> String {
         Payload::Image(image) => describe_pixels(&image.pixels),
         Payload::AudioChunk(sound) => format!("{} sound", sound.format),
         Payload::NativeObject(_) => "a native object".to_owned(),
+        Payload::Properties(properties) => format!("{} properties", properties.len()),
     }
 }
 

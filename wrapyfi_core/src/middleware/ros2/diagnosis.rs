@@ -16,7 +16,7 @@ use super::graph::{
     DiscoveredEndpoint, Graph, GraphError, NodeWatch, Notify, PeerWatch, TopicDescription,
 };
 use super::matching::unmet;
-use crate::endpoint::{AnnouncedQos, Durability, Link, Qos, QosPolicy};
+use crate::endpoint::{AnnouncedQos, Durability, Link, PinnedQos, Qos, QosPolicy};
 
 /// How long the name of a peer's node is waited for before the peer is reported without.
 const NAME_PATIENCE: Duration = Duration::from_secs(1);
@@ -49,7 +49,7 @@ impl Names {
         nodes
     }
 
-    fn owner(&self, gid: &[u8; 16]) -> Option<String> {
+    pub(super) fn owner(&self, gid: &[u8; 16]) -> Option<String> {
         let mut nodes = self.listen();
         let nodes = nodes.as_mut()?;
         nodes.update();
@@ -69,6 +69,8 @@ pub(super) struct Diagnosis {
     awaits_publisher: bool,
     /// Follows its peers, so that only what nobody can offer stays unmet.
     matches: bool,
+    /// What it has from elsewhere, whatever its peers say.
+    pinned: PinnedQos,
     /// Peers that do not fit: since when, and whether that was told.
     unfit: BTreeMap<[u8; 16], (Instant, bool)>,
     /// Nothing is told before.
@@ -82,7 +84,7 @@ impl Diagnosis {
         topic: &TopicDescription,
         type_name: &'static str,
         awaits_publisher: bool,
-        matches: bool,
+        (matches, pinned): (bool, PinnedQos),
         on_change: Notify,
     ) -> Result<Self, GraphError> {
         Ok(Self {
@@ -93,6 +95,7 @@ impl Diagnosis {
             type_hash: topic.type_hash.clone(),
             awaits_publisher,
             matches,
+            pinned,
             unfit: BTreeMap::new(),
             quiet_until: None,
         })
@@ -215,7 +218,12 @@ impl Diagnosis {
         };
         let values = self.values(peer, policy, own);
         let remedy = remedy(policy, self.awaits_publisher, own);
-        if self.matches {
+        if self.pinned.holds(policy) {
+            format!(
+                "{role} on {topic} does not match: {values}; the parameters qos_overrides lay that \
+                 down: change them, or {remedy}"
+            )
+        } else if self.matches {
             format!("{role} on {topic} does not match: {values}; no route offers that: {remedy}")
         } else {
             format!(

@@ -68,10 +68,10 @@ impl Ros2Listener {
             topic,
             message_type.ros_type(),
             true,
-            spec.match_peers,
+            (spec.match_peers, spec.pinned),
             Arc::new(move || wake.ring()),
         )?;
-        let matching = spec.match_peers.then(|| Matching::new(true, topic.qos));
+        let matching = spec.match_peers.then(|| Matching::new(true, topic.qos, spec.pinned));
         let reader = graph.subscribe(topic, Arc::clone(&on_data))?;
         inlet.lock().reader = Some(reader);
         // What came before the reader was in its place.

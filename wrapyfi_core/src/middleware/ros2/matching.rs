@@ -14,7 +14,7 @@
 use std::time::{Duration, Instant};
 
 use crate::endpoint::{
-    AnnouncedQos, MatchedQos, Qos, QosPolicy, listener_qos, mismatches, publisher_qos,
+    AnnouncedQos, MatchedQos, PinnedQos, Qos, QosPolicy, listener_qos, mismatches, publisher_qos,
 };
 
 /// Peers of one program are discovered one after the other: so long without news is the end of it.
@@ -28,6 +28,8 @@ pub(super) struct Matching {
     listens: bool,
     /// What is used without peers; its history and lifespan always.
     base: Qos,
+    /// What peers have no say in.
+    pinned: PinnedQos,
     /// What would fit, since when.
     wanted: Option<(Qos, Instant)>,
     /// True when it has once been fitted to somebody.
@@ -46,9 +48,9 @@ pub(super) enum Decision {
 }
 
 impl Matching {
-    /// For a listener if `listens`, else for a publisher.
-    pub(super) fn new(listens: bool, base: Qos) -> Self {
-        Self { listens, base, wanted: None, fitted: false }
+    /// For a listener if `listens`, else for a publisher. What is `pinned` stays so.
+    pub(super) fn new(listens: bool, base: Qos, pinned: PinnedQos) -> Self {
+        Self { listens, base, pinned, wanted: None, fitted: false }
     }
 
     /// Looks at what `peers` announce to an endpoint that has `current`.
@@ -63,7 +65,7 @@ impl Matching {
             self.wanted = None;
             return Decision::Keep;
         }
-        let found = if self.listens {
+        let mut found = if self.listens {
             listener_qos(peers, &self.base)
         } else {
             // An offer once made is kept: who relies on it may come back.
@@ -74,6 +76,8 @@ impl Matching {
             };
             publisher_qos(peers, &base)
         };
+        found.qos = self.pinned.apply(found.qos);
+        found.warnings.retain(|warning| !self.pinned.holds(warning.policy));
         if found.qos == *current {
             self.wanted = None;
             self.fitted = true;
@@ -133,7 +137,8 @@ mod tests {
         fn new(listens: bool) -> Self {
             let qos = Qos::default();
             let start = Instant::now();
-            Self { matching: Matching::new(listens, qos), qos, start, switches: 0 }
+            let matching = Matching::new(listens, qos, PinnedQos::default());
+            Self { matching, qos, start, switches: 0 }
         }
 
         fn look(&mut self, peers: &[AnnouncedQos], after: Duration) -> Decision {
@@ -189,6 +194,21 @@ mod tests {
             listener.look(&peers, at + SETTLE);
         }
         assert_eq!(listener.switches, 1);
+    }
+
+    #[test]
+    fn what_is_pinned_stays_and_the_rest_follows() {
+        let mut listener = Endpoint::new(true);
+        let reliability = Some(Reliability::Reliable);
+        listener.matching.pinned = PinnedQos { reliability, ..PinnedQos::default() };
+        let peers =
+            [AnnouncedQos { reliability: Reliability::BestEffort, ..offer(QosPreset::Latched) }];
+        listener.look(&peers, ms(0));
+        let Decision::Switch(found) = listener.look(&peers, SETTLE) else { panic!("no switch") };
+        assert_eq!(found.warnings, []);
+        let durability = Durability::TransientLocal;
+        assert_eq!(listener.qos, Qos { durability, ..Qos::default() });
+        assert_eq!(listener.look(&peers, ms(60_000)), Decision::Keep);
     }
 
     #[test]

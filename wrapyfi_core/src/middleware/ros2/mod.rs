@@ -3,6 +3,7 @@
 //! ```text
 //!   Ros2 (Middleware) ─ names ─ listener (inlet), publisher: payload <-> CDR; any: any type <-> CDR
 //!     │
+//!     │                 parameters: those of other nodes
 //!     │                 follow, matching, diagnosis, replays: quality of service that fits the peers
 //!   graph               the trait: CDR bytes and discovery facts
 //!     │                 discovery: topics and services of others, owners: whose they are
@@ -53,6 +54,7 @@ mod names;
 mod node_endpoints;
 mod node_handle;
 mod owners;
+mod parameters;
 mod payload;
 mod peer_index;
 mod publisher;
@@ -72,6 +74,7 @@ pub use cyclone_graph::{CycloneError, CycloneGraph};
 pub use domain::DomainError;
 pub use node_endpoints::NodeEndpoints;
 pub use node_handle::NodeHandle;
+pub use parameters::{ParameterClient, ParameterClientError, RefusedParameter, RemoteParameters};
 #[cfg(feature = "ros2-fastdds")]
 pub use rust_services::{RustServices, RustServicesError, ServiceEndpoints};
 pub use service::{
@@ -83,17 +86,21 @@ use crate::endpoint::{
     Context, DiscoverError, Discovery, Listener, Middleware, OpenError, Publisher, TopicSpec,
 };
 use crate::node::NodeName;
+use crate::types::MessageType;
 use diagnosis::Names;
 use graph::{Graph, GraphError, TopicDescription};
 use listener::Ros2Listener;
+use parameters::{PropertiesListener, PropertiesPublisher};
 use publisher::Ros2Publisher;
 
 /// Name of this middleware in addresses.
 const NAME: &str = "ros2";
 
-type Remap = Box<dyn Fn(&str) -> Result<String, String> + Send + Sync>;
+type Remap = Arc<dyn Fn(&str) -> Result<String, String> + Send + Sync>;
 
-/// The middleware `ros2`: topics of one node.
+/// The middleware `ros2`: topics of one node, and with [`MessageType::Properties`] the parameters of
+/// others. Copies are the same node.
+#[derive(Clone)]
 pub struct Ros2 {
     graph: Arc<dyn Graph>,
     names: Arc<Names>,
@@ -109,7 +116,7 @@ impl Ros2 {
         graph: Arc<dyn Graph>,
         remap: impl Fn(&str) -> Result<String, String> + Send + Sync + 'static,
     ) -> Self {
-        Self { names: Names::new(&graph), graph, remap: Box::new(remap) }
+        Self { names: Names::new(&graph), graph, remap: Arc::new(remap) }
     }
 
     /// The graph underneath.
@@ -140,7 +147,7 @@ impl Ros2 {
             name: self.resolve(&spec.topic)?,
             type_name: spec.message_type.ros_type().to_owned(),
             type_hash: Some(payload::type_hash(spec.message_type)),
-            qos: spec.qos,
+            qos: spec.pinned.apply(spec.qos),
             max_bytes: spec.limits.message_bytes,
         })
     }
@@ -156,6 +163,10 @@ impl Middleware for Ros2 {
         spec: &TopicSpec,
         context: &Context,
     ) -> Result<Box<dyn Listener>, OpenError> {
+        if spec.message_type == MessageType::Properties {
+            let opened = PropertiesListener::open(self, spec, context);
+            return Ok(Box::new(opened.map_err(|error| unopened(spec, error))?));
+        }
         let topic = self.describe(spec)?;
         let listener = Ros2Listener::open(&self.graph, &self.names, &topic, spec, context)
             .map_err(|error| transport(spec, &error))?;
@@ -167,6 +178,10 @@ impl Middleware for Ros2 {
         spec: &TopicSpec,
         context: &Context,
     ) -> Result<Box<dyn Publisher>, OpenError> {
+        if spec.message_type == MessageType::Properties {
+            let opened = PropertiesPublisher::open(self, spec, context);
+            return Ok(Box::new(opened.map_err(|error| unopened(spec, error))?));
+        }
         let topic = self.describe(spec)?;
         let publisher = Ros2Publisher::open(&self.graph, &self.names, &topic, spec, context)
             .map_err(|error| transport(spec, &error))?;
@@ -175,6 +190,16 @@ impl Middleware for Ros2 {
 
     fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
         Ok(Box::new(discovery::Ros2Discovery::new(&self.graph)?))
+    }
+}
+
+fn unopened(spec: &TopicSpec, error: ParameterClientError) -> OpenError {
+    let topic = spec.topic.clone();
+    match error {
+        ParameterClientError::Name { reason, .. } => {
+            OpenError::InvalidName { middleware: NAME, topic, reason }
+        }
+        other => OpenError::Transport { middleware: NAME, topic, reason: other.to_string() },
     }
 }
 

@@ -69,10 +69,10 @@ impl Ros2Publisher {
             topic,
             message_type.ros_type(),
             false,
-            spec.match_peers,
+            (spec.match_peers, spec.pinned),
             Arc::clone(&on_match),
         )?;
-        let matching = spec.match_peers.then(|| Matching::new(false, topic.qos));
+        let matching = spec.match_peers.then(|| Matching::new(false, topic.qos, spec.pinned));
         Ok(Self {
             graph: Arc::clone(graph),
             writer: graph.advertise(topic, Arc::clone(&on_match))?,

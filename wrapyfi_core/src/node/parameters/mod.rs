@@ -19,6 +19,7 @@ mod from_outside;
 mod list;
 mod message;
 mod qos_overrides;
+mod qos_profile;
 mod services;
 mod store;
 mod watch;

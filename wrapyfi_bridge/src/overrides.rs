@@ -1,0 +1,200 @@
+//! Quality of service of routes from the command line: `-p qos_overrides./topic.publisher.depth:=20`.
+//!
+//! ```text
+//!   Plan ─ ROS 2 ends, remapped ─▶ read-only parameters, before anything opens
+//!     ▲                                  │
+//!     └───── what they change ───────────┘
+//! ```
+
+use wrapyfi_core::engine::{Plan, QosConfig, QosOverride, RouteSpec};
+use wrapyfi_core::node::parameters::{
+    EndpointRole, MAX_PARAMETERS, ParameterStore, QosOverrideError, QosOverrides,
+};
+use wrapyfi_core::types::MessageType;
+
+use crate::node::Node;
+
+/// Policies that an endpoint declares, at most.
+const POLICIES: usize = 8;
+
+/// Declares the policies of every topic that routes have on ROS 2, and changes the routes by what the
+/// command line gives them. Routes that meet in one end of one topic share its parameters: these
+/// change all of them, and otherwise show what the first of them has.
+///
+/// # Errors
+/// When the command line names a policy that there is not, or a value that it cannot have.
+pub fn apply(
+    plan: &mut Plan,
+    node: &Node,
+    store: &mut ParameterStore,
+) -> Result<(), QosOverrideError> {
+    // Those that are changed first: they must have their place.
+    let mut ends: Vec<(bool, String, usize, EndpointRole)> = Vec::new();
+    for (index, route) in plan.routes.iter().enumerate() {
+        for role in [EndpointRole::Subscription, EndpointRole::Publisher] {
+            // A name that the rules make invalid is the route's own fault, and said there.
+            let Some(topic) = topic(route, role, node) else { continue };
+            let prefix = format!("qos_overrides.{topic}.{role}.");
+            let changed = store.overrides().keys().any(|name| name.starts_with(&prefix));
+            ends.push((!changed, topic, index, role));
+        }
+    }
+    ends.sort_by_key(|&(unchanged, ..)| unchanged);
+    let mut left = MAX_PARAMETERS.saturating_sub(store.names().count());
+    for (position, (unchanged, topic, index, role)) in ends.iter().enumerate() {
+        if *unchanged && left < POLICIES {
+            tracing::warn!(
+                "the quality of service of {} more ends of routes is not among the parameters, of \
+                 which a node has {MAX_PARAMETERS}",
+                ends.len() - position
+            );
+            break;
+        }
+        let Some(route) = plan.routes.get_mut(*index) else { continue };
+        let (base, follows) = (route.qos.qos(), matches!(route.qos, QosConfig::Match(_)));
+        let profile = QosOverrides::of(&base, follows);
+        let changed = store.declare_qos_overrides(topic, *role, None, &profile)?;
+        left = left.saturating_sub(POLICIES);
+        if changed == QosOverrides::default() {
+            continue;
+        }
+        let (pinned, follows) = changed.pin(&base, follows);
+        let end = match role {
+            EndpointRole::Publisher => &mut route.to_override,
+            EndpointRole::Subscription => &mut route.from_override,
+        };
+        *end = QosOverride { pinned, follows };
+        let qos = pinned.apply(base);
+        let rest = if follows { ", and follows its peers in the rest" } else { "" };
+        tracing::info!(route = %route.name, "the {role} of {topic} begins as {qos}{rest}");
+    }
+    Ok(())
+}
+
+/// The topic at one end of a route, where that end is one on ROS 2.
+fn topic(route: &RouteSpec, role: EndpointRole, node: &Node) -> Option<String> {
+    let (address, message_type) = match role {
+        EndpointRole::Publisher => (&route.to, route.message_type),
+        EndpointRole::Subscription => (&route.from, route.from_type),
+    };
+    // Properties are the parameters of a node: no topic.
+    let is_topic = address.middleware == "ros2" && message_type != MessageType::Properties;
+    is_topic.then(|| node.resolve_topic(&address.name).ok()).flatten()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+    use std::time::Duration;
+
+    use super::*;
+    use wrapyfi_core::endpoint::{Durability, PinnedQos, QosPreset, Reliability, TopicSpec};
+    use wrapyfi_core::node::ParameterValue;
+
+    fn route(from: &str, to: &str, qos: QosConfig) -> RouteSpec {
+        let address = |text: &str| text.parse().unwrap();
+        RouteSpec { qos, ..RouteSpec::new(address(from), address(to), MessageType::Image) }
+    }
+
+    fn applied(
+        routes: Vec<RouteSpec>,
+        given: &[(&str, ParameterValue)],
+    ) -> Result<(Vec<RouteSpec>, ParameterStore), QosOverrideError> {
+        let node = Node::bridge().unwrap();
+        let given: BTreeMap<_, _> =
+            given.iter().map(|(name, value)| ((*name).to_owned(), value.clone())).collect();
+        let mut store = ParameterStore::new(node.name(), given).unwrap();
+        let mut plan = Plan { routes };
+        apply(&mut plan, &node, &mut store)?;
+        Ok((plan.routes, store))
+    }
+
+    fn ends(route: &RouteSpec) -> [TopicSpec; 2] {
+        [&route.from, &route.to].map(|address| route.topic_spec(address))
+    }
+
+    #[test]
+    fn each_end_has_its_own() {
+        let fixed = QosConfig::Fixed(QosPreset::Latched.into());
+        let routes = vec![
+            route("ros2:/in", "ros2:/out", QosConfig::default()),
+            route("zeromq:/in", "ros2:/kept", fixed),
+        ];
+        let (routes, store) = applied(
+            routes,
+            &[
+                ("qos_overrides./out.publisher.reliability", "best_effort".into()),
+                ("qos_overrides./in.subscription.deadline", 250_000_000.into()),
+                ("qos_overrides./kept.publisher.depth", 7.into()),
+                ("qos_overrides./in.publisher.depth", 1.into()),
+            ],
+        )
+        .unwrap();
+        let [from, to] = ends(&routes[0]);
+        assert_eq!(to.pinned.reliability, Some(Reliability::BestEffort));
+        assert_eq!((to.pinned.durability, to.match_peers), (None, true));
+        assert_eq!(from.pinned.deadline, Some(Some(Duration::from_millis(250))));
+        assert_eq!((from.pinned.reliability, from.match_peers), (None, true));
+        let [zeromq, kept] = ends(&routes[1]);
+        assert_eq!(zeromq.pinned, PinnedQos::default());
+        let qos = kept.pinned.apply(kept.qos);
+        assert_eq!(qos.to_string(), "reliable transient_local keep_last(7)");
+        assert!(!kept.match_peers);
+        // Nothing publishes there.
+        let unused: Vec<_> = store.unused_overrides().map(|(name, _)| name).collect();
+        assert_eq!(unused, ["qos_overrides./in.publisher.depth"]);
+        let value = |name: &str| store.get(&format!("qos_overrides.{name}")).unwrap().to_string();
+        assert_eq!(value("/out.publisher.durability"), "best_available");
+        assert_eq!(value("/kept.publisher.durability"), "transient_local");
+        assert!(store.describe("qos_overrides./in.subscription.lifespan").is_none());
+    }
+
+    #[test]
+    fn routes_that_meet_share_the_parameters() {
+        let fixed = |preset: QosPreset| QosConfig::Fixed(preset.into());
+        let routes = vec![
+            route("ros2:/cam", "zeromq:/a", fixed(QosPreset::SensorData)),
+            route("ros2:/cam", "zeromq:/b", fixed(QosPreset::Latched)),
+        ];
+        let name = "qos_overrides./cam.subscription.reliability";
+        let (routes, store) = applied(routes, &[(name, "best_available".into())]).unwrap();
+        for (route, durability) in
+            routes.iter().zip([Durability::Volatile, Durability::TransientLocal])
+        {
+            let [from, _] = ends(route);
+            assert!(from.match_peers);
+            assert_eq!(from.pinned.reliability, None);
+            assert_eq!(from.pinned.apply(from.qos).durability, durability);
+        }
+        assert_eq!(store.get(name).unwrap().to_string(), "best_available");
+        let depth = store.get("qos_overrides./cam.subscription.depth").unwrap();
+        assert_eq!(depth, &ParameterValue::Integer(5));
+    }
+
+    #[test]
+    fn what_is_wrong_names_topic_policy_and_values() {
+        let error = |name: &str, value: ParameterValue| {
+            let name = format!("qos_overrides./out.publisher.{name}");
+            let routes = vec![route("zeromq:/in", "ros2:/out", QosConfig::default())];
+            applied(routes, &[(&name, value)]).map(drop).unwrap_err().to_string()
+        };
+        let text = error("reliabilty", "best_effort".into());
+        assert!(text.contains("qos_overrides./out.publisher.reliabilty"), "{text}");
+        assert!(text.contains("/out has no policy") && text.contains("reliability"), "{text}");
+        let text = error("reliability", "best".into());
+        assert!(text.contains("cannot be best") && text.contains("best_effort"), "{text}");
+        let text = error("avoid_ros_namespace_conventions", true.into());
+        assert!(text.contains("has no policy"), "{text}");
+    }
+
+    #[test]
+    fn more_routes_than_parameters_still_run() {
+        let many = (0..600).map(|n| format!("ros2:/out{n}"));
+        let routes = many.map(|to| route("zeromq:/in", &to, QosConfig::default())).collect();
+        let name = "qos_overrides./out599.publisher.depth";
+        let (routes, store) = applied(routes, &[(name, 3.into())]).unwrap();
+        assert!(store.names().count() <= MAX_PARAMETERS);
+        let [_, to] = ends(&routes[599]);
+        assert_eq!(to.pinned.apply(to.qos).to_string(), "reliable volatile keep_last(3)");
+    }
+}

@@ -1,0 +1,129 @@
+//! An endpoint that yields the parameters of a node: all of them as it first finds them, then each
+//! change.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::{ParameterClientError, RemoteParameters};
+use crate::endpoint::{
+    Context, Counters, DropReason, Link, Listener, Review, Sample, TakeError, TopicSpec, Wake,
+};
+use crate::middleware::ros2::graph::{Peers, ServiceMapping};
+use crate::middleware::ros2::{Ros2, ServiceOptions};
+
+/// Listens to the parameters of one node.
+pub(in crate::middleware::ros2) struct PropertiesListener {
+    remote: RemoteParameters,
+    mapping: ServiceMapping,
+    counters: Arc<Counters>,
+    wake: Wake,
+    /// The next message is all that is known: nobody was told what led there.
+    whole: bool,
+    /// Why the parameters are not known, and whether that was told.
+    trouble: Option<(String, bool)>,
+}
+
+impl PropertiesListener {
+    pub(in crate::middleware::ros2) fn open(
+        ros2: &Ros2,
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> Result<Self, ParameterClientError> {
+        let options =
+            ServiceOptions { max_bytes: spec.limits.message_bytes, ..ServiceOptions::default() };
+        Ok(Self {
+            remote: RemoteParameters::watch(ros2, &spec.topic, &options, &context.wake)?,
+            mapping: ros2.graph().service_mapping(),
+            counters: Arc::clone(&context.counters),
+            wake: context.wake.clone(),
+            whole: true,
+            trouble: None,
+        })
+    }
+
+    /// What changed, if something did.
+    fn next(&mut self) -> Option<crate::types::Properties> {
+        let taken = self.remote.take(Instant::now());
+        self.counters.dropped_many(DropReason::LostUpstream, self.remote.lost());
+        match taken {
+            Ok(changes) => {
+                if self.remote.follows() {
+                    self.trouble = None;
+                }
+                changes
+            }
+            Err(error) => {
+                self.counters.dropped(match error {
+                    ParameterClientError::TooMuch { .. } => DropReason::Oversize,
+                    ParameterClientError::Reply { .. } => DropReason::Malformed,
+                    _ => DropReason::LostUpstream,
+                });
+                self.trouble = Some((error.to_string(), false));
+                // To be asked about it, and about when to look again.
+                self.wake.ring();
+                None
+            }
+        }
+    }
+}
+
+impl Listener for PropertiesListener {
+    fn take(&mut self) -> Result<Option<Sample>, TakeError> {
+        let changes = self.next();
+        let told = match changes {
+            Some(_) if self.whole => self.remote.known().clone(),
+            Some(changes) => changes,
+            None if self.whole && self.remote.follows() => self.remote.known().clone(),
+            None => return Ok(None),
+        };
+        self.whole = false;
+        let wire_bytes = told.size();
+        self.counters.received(wire_bytes);
+        Ok(Some(Sample { payload: told.into(), wire_bytes, received_at: Instant::now() }))
+    }
+
+    fn discard(&mut self) -> bool {
+        // Whoever comes later begins with all of them.
+        self.whole = true;
+        let Some(changes) = self.next() else { return false };
+        self.counters.received(changes.size());
+        true
+    }
+
+    fn link(&self) -> Link {
+        let trouble = self.trouble.as_ref().map(|(text, _)| text.clone());
+        link(self.remote.node(), &self.remote.servers(), self.mapping, trouble)
+    }
+
+    fn review(&mut self, now: Instant) -> Review {
+        let mut review = Review { next: self.remote.deadline(now), ..Review::default() };
+        if let Some((text, told)) = &mut self.trouble
+            && !std::mem::replace(told, true)
+        {
+            review.warnings.push(text.clone());
+        }
+        review
+    }
+}
+
+/// The link to a node with so many servers of its parameters.
+pub(super) fn link(
+    node: &str,
+    servers: &Peers,
+    ours: ServiceMapping,
+    trouble: Option<String>,
+) -> Link {
+    let (peers, waiting_for) = match servers {
+        Peers::Ready(servers) => (*servers, trouble),
+        Peers::Foreign(theirs) => {
+            let (theirs, ours) = (theirs.rmw(), ours.rmw());
+            let what = format!(
+                "node {node} to speak {ours}: it runs {theirs}; set RMW_IMPLEMENTATION={theirs} \
+                 here, or {ours} there"
+            );
+            (0, Some(what))
+        }
+        Peers::None | Peers::Half => (0, Some(format!("node {node}"))),
+    };
+    Link { peers: Some(peers), waiting_for, keeps_last: false }
+}
