@@ -21,6 +21,7 @@ mod message;
 mod qos_overrides;
 mod services;
 mod store;
+mod validators;
 mod watch;
 
 pub use descriptor::{ParameterDescriptor, ParameterRange};
