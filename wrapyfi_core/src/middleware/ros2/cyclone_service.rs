@@ -16,6 +16,7 @@ use super::cyclone::{RawReader, RawSample, RawWriter, Taken};
 use super::graph::{
     CdrClient, CdrReply, CdrRequest, CdrServer, GraphError, Peers, RequestId, ServiceMapping,
 };
+use super::service::LOOK_AGAIN;
 use super::service_header::{self, HEADER, LEAST};
 use super::vendor::{EndKey, mapping_of, pair};
 
@@ -102,6 +103,16 @@ impl Ends {
         confirmed
     }
 
+    /// When to ask [`Ends::heard`] again: nobody is told of acknowledgements. Soon after a match, then
+    /// ever less often, until [`CONFIRM`] is over.
+    fn look_again(&self) -> Option<Duration> {
+        if self.heard() {
+            return None;
+        }
+        let (_, since, _) = self.probed.get();
+        Some((since.elapsed() / 4).max(LOOK_AGAIN))
+    }
+
     fn send(&self, client: u64, sequence: i64, parts: &[&[u8]]) -> Result<(), GraphError> {
         let mut room = [0; HEADER];
         let joined = service_header::join(client, sequence, parts, &mut room)
@@ -184,6 +195,10 @@ impl<L: Send> CdrClient for CycloneClient<L> {
         }
     }
 
+    fn look_again(&self) -> Option<Duration> {
+        self.ends.look_again()
+    }
+
     fn lost(&mut self) -> u64 {
         self.ends.reader.events().take_lost()
     }
@@ -263,6 +278,10 @@ impl<L: Send> CdrServer for CycloneServer<L> {
             *known = changes;
         }
         hearing.contains(key) && self.ends.heard()
+    }
+
+    fn look_again(&self) -> Option<Duration> {
+        self.ends.look_again()
     }
 
     fn reply(&mut self, id: &RequestId, parts: &[&[u8]]) -> Result<(), GraphError> {
