@@ -158,11 +158,9 @@ impl Relay {
         while moved < BATCH {
             if unwanted {
                 // No consumer, no work: the message is not even decoded.
-                if !listener.discard() {
-                    break;
-                }
+                let Some(lost) = listener.set_aside() else { break };
                 moved += 1;
-                self.context.counters.dropped(DropReason::NoConsumer);
+                self.context.counters.dropped_many(DropReason::NoConsumer, lost);
                 continue;
             }
             let outcome = match listener.take() {

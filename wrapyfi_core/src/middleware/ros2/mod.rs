@@ -33,6 +33,7 @@
 //! ```
 
 mod any;
+mod aside;
 mod config;
 mod cyclone;
 mod cyclone_graph;
