@@ -75,7 +75,9 @@ mod limits;
 pub mod middleware;
 pub mod node;
 pub mod plugin;
+mod throttle;
 pub mod types;
 
 pub use codec::{DecodeError, EncodeError};
 pub use limits::Limits;
+pub use throttle::Throttle;

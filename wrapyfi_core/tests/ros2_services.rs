@@ -228,6 +228,30 @@ fn too_many_calls_and_requests_are_refused_by_name() {
     assert_eq!(again, Ok(()));
 }
 
+/// Half a server says nothing more by itself: its other half would ring.
+#[test]
+fn nobody_polls_for_the_other_half() {
+    let graph = CycloneGraph::new(&near_config("near", 7)).unwrap();
+    let far = ros2(&far_config("far", 7));
+    let mut half = client(&far, "add", PATIENCE);
+    let topic = TopicDescription {
+        name: "rq/robot/addRequest".into(),
+        type_name: "example_interfaces::srv::dds_::AddTwoInts_Request_".into(),
+        type_hash: None,
+        qos: Qos::default(),
+        max_bytes: 64,
+    };
+    let _reader = graph.subscribe_dds(&topic, bell(&Wake::new())).unwrap();
+    assert!(wait_until(&Wake::new(), PATIENCE, || half.servers() == Peers::Half));
+    let begun = std::time::Instant::now();
+    half.call(&request(&half, 1, 2)).unwrap();
+    // Once the reader has confirmed that it hears.
+    assert!(wait_until(&Wake::new(), PATIENCE, || {
+        assert!(half.poll().is_none());
+        half.deadline().unwrap() >= begun + PATIENCE
+    }));
+}
+
 /// The requests of a service as anybody may write them.
 fn raw_client(graph: &CycloneGraph, name: &str, max_bytes: usize) -> Box<dyn CdrClient> {
     let description = ServiceDescription {

@@ -53,6 +53,16 @@ fn connect(from: &Ros2, to: &Ros2, spec: &TopicSpec) -> Route {
 }
 
 impl Route {
+    /// Sets aside the next message; how many were lost.
+    fn set_aside(&mut self) -> u64 {
+        let mut lost = None;
+        assert!(wait_until(&self.context.wake, PATIENCE, || {
+            lost = self.listener.set_aside();
+            lost.is_some()
+        }));
+        lost.unwrap()
+    }
+
     fn next(&mut self) -> Result<Sample, TakeError> {
         let mut got = None;
         assert!(wait_until(&self.context.wake, PATIENCE, || {
@@ -173,6 +183,35 @@ fn the_last_message_is_kept_for_later_listeners() {
     let listener = b.open_listener(&spec, &context).unwrap();
     let mut route = Route { publisher, listener, context };
     assert_eq!(route.next().unwrap().payload, number(2));
+}
+
+/// What comes while nobody wants it is there when somebody does: the last of each publisher.
+#[test]
+fn what_publishers_keep_can_be_set_aside() {
+    let (a, b) = pair(10);
+    let mut spec = TopicSpec::new("/map", MessageType::StringJson);
+    spec.qos = QosPreset::Latched.into();
+    let open = || a.open_publisher(&spec, &Context::default()).unwrap();
+    let (mut one, mut other) = (open(), open());
+    one.publish(&number(1)).unwrap();
+    other.publish(&number(7)).unwrap();
+    let context = Context::default();
+    let listener = b.open_listener(&spec, &context).unwrap();
+    let mut route = Route { publisher: open(), listener, context };
+    assert_eq!([route.set_aside(), route.set_aside()], [0, 0], "one of each publisher");
+    for n in [2, 3] {
+        one.publish(&number(n)).unwrap();
+        assert_eq!(route.set_aside(), 1, "instead of the one before");
+    }
+    let taken = [route.next(), route.next()].map(|sample| sample.unwrap().payload);
+    assert_eq!(taken, [number(7), number(3)]);
+    // Of others nothing is kept.
+    spec.qos = QosPreset::Default.into();
+    spec.topic = "/chatter".to_owned();
+    let mut route = connect(&a, &b, &spec);
+    route.publisher.publish(&number(1)).unwrap();
+    assert_eq!(route.set_aside(), 1);
+    assert!(route.listener.take().unwrap().is_none());
 }
 
 #[test]

@@ -94,6 +94,14 @@ pub trait Listener: Send {
         !matches!(self.take(), Ok(None))
     }
 
+    /// Passes over the next message without looking into it, because nobody wants it yet; how many
+    /// were lost by that, `None` when none waits. Where publishers keep their last message for
+    /// whoever comes later (transient local), the listener keeps it likewise: the newest of each
+    /// publisher is taken first when somebody wants it.
+    fn set_aside(&mut self) -> Option<u64> {
+        self.discard().then_some(1)
+    }
+
     /// What the listener is connected to now.
     fn link(&self) -> Link;
 

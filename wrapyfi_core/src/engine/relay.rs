@@ -15,6 +15,7 @@ use std::time::{Duration, Instant};
 use super::backoff::Backoff;
 use super::plan::RouteSpec;
 use super::route::{RouteState, RouteStatus};
+use crate::Throttle;
 use crate::codec::convert_payload;
 use crate::endpoint::{
     Context, DropReason, Listener, Middleware, OpenError, Publisher, Qos, QosChange, Registry,
@@ -28,8 +29,6 @@ const BATCH: usize = 16;
 const DEGRADED_FOR: Duration = Duration::from_secs(5);
 /// How often links are looked at when nothing rings.
 const REVIEW_EVERY: Duration = Duration::from_millis(500);
-/// Losses are logged at most this often for a route; all of them are counted.
-const LOG_EVERY: Duration = Duration::from_secs(5);
 
 /// One route at work.
 pub struct Relay {
@@ -41,9 +40,9 @@ pub struct Relay {
     not_before: Option<Instant>,
     state: RouteState,
     last_loss: Option<(Instant, String)>,
-    losses: LossLog,
-    /// Objects passed on as they came.
-    unread: LossLog,
+    /// Losses, and objects passed on as they came: all are counted, few are logged.
+    losses: Throttle,
+    unread: Throttle,
 }
 
 /// One end of a route: what opens it, and what is open.
@@ -78,8 +77,8 @@ impl Relay {
             backoff: Backoff::new(seed),
             not_before: None,
             last_loss: None,
-            losses: LossLog::default(),
-            unread: LossLog::default(),
+            losses: Throttle::default(),
+            unread: Throttle::default(),
             source,
             sink,
             spec,
@@ -159,11 +158,9 @@ impl Relay {
         while moved < BATCH {
             if unwanted {
                 // No consumer, no work: the message is not even decoded.
-                if !listener.discard() {
-                    break;
-                }
+                let Some(lost) = listener.set_aside() else { break };
                 moved += 1;
-                self.context.counters.dropped(DropReason::NoConsumer);
+                self.context.counters.dropped_many(DropReason::NoConsumer, lost);
                 continue;
             }
             let outcome = match listener.take() {
@@ -177,12 +174,10 @@ impl Relay {
                     if let Payload::NativeObject(value) = &sample.payload {
                         for (_, reason) in value.refusals() {
                             self.context.counters.unread();
-                            self.unread.log(
-                                now,
-                                &self.spec.name,
-                                "passed on an object unread",
-                                reason,
-                            );
+                            if let Some(before) = self.unread.pass(now) {
+                                let what = "passed on an object unread";
+                                log(&self.spec.name, before, what, reason);
+                            }
                         }
                     }
                     forward(&self.spec, sample, publisher.as_mut())
@@ -197,8 +192,10 @@ impl Relay {
                 Err((reason @ DropReason::NoConsumer, _)) => self.context.counters.dropped(reason),
                 Err((reason, text)) => {
                     self.context.counters.dropped(reason);
-                    let what = format!("dropped a message ({reason})");
-                    self.losses.log(now, &self.spec.name, &what, &text);
+                    if let Some(before) = self.losses.pass(now) {
+                        let what = format!("dropped a message ({reason})");
+                        log(&self.spec.name, before, &what, &text);
+                    }
                     self.last_loss = Some((now, text));
                 }
             }
@@ -309,23 +306,8 @@ fn rate_allows(max_rate_hz: Option<f64>, not_before: &mut Option<Instant>, now: 
     true
 }
 
-/// Logs losses without flooding the log: the first at once, then a sum every [`LOG_EVERY`].
-#[derive(Debug, Default)]
-struct LossLog {
-    last: Option<Instant>,
-    silent: u64,
-}
-
-impl LossLog {
-    fn log(&mut self, now: Instant, route: &str, what: &str, text: &str) {
-        if self.last.is_some_and(|at| now.saturating_duration_since(at) < LOG_EVERY) {
-            self.silent += 1;
-            return;
-        }
-        let more = std::mem::take(&mut self.silent);
-        tracing::warn!(route, unlogged_before = more, "{what}: {text}");
-        self.last = Some(now);
-    }
+fn log(route: &str, unlogged_before: u64, what: &str, text: &str) {
+    tracing::warn!(route, unlogged_before, "{what}: {text}");
 }
 
 #[cfg(test)]

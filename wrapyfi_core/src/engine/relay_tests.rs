@@ -261,3 +261,66 @@ fn ends_look_at_their_peers_when_they_want_to_and_the_status_shows_what_is_in_us
     assert_eq!(json["from_qos"]["lease_ms"], serde_json::Value::Null);
     assert_eq!(json["to_qos"], serde_json::Value::Null);
 }
+
+/// A source whose publisher keeps its last message for who comes later.
+struct Latched(std::sync::Mutex<Vec<i64>>);
+
+struct LatchedListener {
+    waiting: Vec<i64>,
+    aside: Option<i64>,
+}
+
+impl Middleware for Latched {
+    fn name(&self) -> &str {
+        "latched"
+    }
+
+    fn open_listener(&self, _: &TopicSpec, _: &Context) -> Result<Box<dyn Listener>, OpenError> {
+        let waiting = std::mem::take(&mut *self.0.lock().unwrap());
+        Ok(Box::new(LatchedListener { waiting, aside: None }))
+    }
+
+    fn open_publisher(&self, _: &TopicSpec, _: &Context) -> Result<Box<dyn Publisher>, OpenError> {
+        panic!("only a source")
+    }
+}
+
+impl Listener for LatchedListener {
+    fn take(&mut self) -> Result<Option<Sample>, crate::endpoint::TakeError> {
+        let next = self.aside.take().or_else(|| self.waiting.pop());
+        Ok(next.map(|n| Sample { payload: number(n), wire_bytes: 0, received_at: Instant::now() }))
+    }
+
+    fn set_aside(&mut self) -> Option<u64> {
+        let next = self.waiting.pop()?;
+        Some(self.aside.replace(next).into_iter().count() as u64)
+    }
+
+    fn link(&self) -> crate::endpoint::Link {
+        crate::endpoint::Link { peers: Some(1), ..Default::default() }
+    }
+}
+
+#[test]
+fn what_a_publisher_keeps_waits_for_the_first_consumer() {
+    let bus = Arc::new(Memory::new("memory"));
+    let mut registry = Registry::new();
+    registry.register(bus.clone());
+    registry.register(Arc::new(Latched(vec![3, 2, 1].into())));
+    let ends = ("latched:/map".parse().unwrap(), "memory:/out".parse().unwrap());
+    let mut relay =
+        Relay::new(RouteSpec::new(ends.0, ends.1, MessageType::NativeObject), &registry, 1);
+    let now = Instant::now();
+    for _ in 0..3 {
+        relay.step(now);
+    }
+    let dropped = |relay: &Relay| relay.status().counters.dropped_for(DropReason::NoConsumer);
+    assert_eq!(dropped(&relay), 2, "the third is kept");
+    assert_eq!(relay.status().state.to_string(), "waiting for a listener on memory:/out");
+    let mut sink = bus.open_listener(&spec("/out"), &Context::default()).unwrap();
+    relay.step(now);
+    relay.step(now);
+    assert_eq!(drain(sink.as_mut()), [number(3)]);
+    let counters = relay.status().counters;
+    assert_eq!((counters.sent, counters.dropped()), (1, 2));
+}

@@ -62,7 +62,7 @@ pub fn run(args: &CallArgs, shutdown: &Shutdown) -> Result<(), Failure> {
             continue;
         };
         debug_assert_eq!(ended, ticket);
-        let reply = result.map_err(failed)?;
+        let reply = result.map_err(|error| failed(error, args.timeout))?;
         let mut out = io::stdout().lock();
         writeln!(out, "{}", shown(&reply, args.json)?).context("cannot print")?;
         return out.flush().context("cannot print").map_err(Failure::from);
@@ -75,9 +75,13 @@ fn wait(client: &AnyClient) -> Duration {
     until.unwrap_or(WAIT_SLICE).min(WAIT_SLICE)
 }
 
-fn failed(error: CallError) -> Failure {
+/// The failure of a call for which the user gave `timeout`; discovery had its part of it before.
+fn failed(error: CallError, timeout: Duration) -> Failure {
     match error {
-        CallError::TimedOut { .. } => Failure::TimedOut(error.to_string()),
+        CallError::TimedOut { service, why, .. } => {
+            let timeout_ms = u64::try_from(timeout.as_millis()).unwrap_or(u64::MAX);
+            Failure::TimedOut(CallError::TimedOut { service, timeout_ms, why }.to_string())
+        }
         _ => Failure::Failed(anyhow::Error::new(error)),
     }
 }
@@ -118,4 +122,22 @@ fn announced(args: &CallArgs, ros2: &Ros2, shutdown: &Shutdown) -> Result<Option
         wake.wait(WAIT_SLICE);
     }
     Ok(None)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_time_that_the_user_gave_is_told() {
+        let error = CallError::TimedOut {
+            service: "/nobody".into(),
+            timeout_ms: 998,
+            why: "no node offers it".into(),
+        };
+        let Failure::TimedOut(text) = failed(error, Duration::from_secs(1)) else {
+            panic!("a time-out")
+        };
+        assert_eq!(text, "\"/nobody\" was not answered within 1000 ms: no node offers it");
+    }
 }

@@ -4,10 +4,10 @@ use std::io::{self, Write as _};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use wrapyfi_core::Limits;
 use wrapyfi_core::endpoint::Wake;
 use wrapyfi_core::middleware::ros2::graph::GraphError;
 use wrapyfi_core::middleware::ros2::{AnyServer, ServeError, ServiceOptions, ServiceType};
+use wrapyfi_core::{Limits, Throttle};
 use wrapyfi_interfaces::dynamic::DynamicMessage;
 
 use super::native::Convention;
@@ -35,6 +35,7 @@ pub fn run(args: &ServeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     tracing::info!("serving {name} at {}", server.name());
     let mut out = io::stdout().lock();
     let mut answered = 0_u64;
+    let mut refusals = Throttle::default();
     while !shutdown.requested() && args.count.is_none_or(|count| answered < count) {
         match server.take() {
             Ok(Some(request)) => {
@@ -43,15 +44,15 @@ pub fn run(args: &ServeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
                     (None, None) => echoed(&request.fields, server.response()),
                     (None, Some(convention)) => returned(convention, &request.fields, &mut server),
                 };
-                let printing = echo::print(&mut out, &shown(&request.fields, args.json)?)?;
-                // One client that cannot be answered does not end the others' service.
-                if let Err(error) = server.reply(&request.id, &reply) {
-                    tracing::warn!("a reply was not sent: {error}");
-                }
                 answered += 1;
-                if !printing {
+                let told = answer_first(
+                    || server.reply(&request.id, &reply),
+                    answered,
+                    || echo::print(&mut out, &shown(&request.fields, args.json)?),
+                );
+                if !matches!(told, Ok(true)) {
                     finish(&mut server, &wake);
-                    return Ok(());
+                    return told.map(|_| ());
                 }
             }
             Ok(None) => {
@@ -62,11 +63,29 @@ pub fn run(args: &ServeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
             Err(error @ ServeError::Graph(GraphError::Stack { .. })) => {
                 return Err(anyhow::Error::new(error).into());
             }
-            Err(error) => tracing::warn!("refused a request: {error}"),
+            Err(error) => {
+                if let Some(unlogged_before) = refusals.pass(Instant::now()) {
+                    tracing::warn!(unlogged_before, "refused a request: {error}");
+                }
+            }
         }
     }
     finish(&mut server, &wake);
     out.flush().context("cannot print").map_err(Failure::from)
+}
+
+/// Replies, then prints the request: a client does not wait for whoever reads our output. What
+/// `print` returns.
+fn answer_first(
+    reply: impl FnOnce() -> Result<(), ServeError>,
+    request: u64,
+    print: impl FnOnce() -> Result<bool, Failure>,
+) -> Result<bool, Failure> {
+    // One client that cannot be answered does not end the others' service.
+    if let Err(error) = reply() {
+        tracing::warn!("request {request} got no reply: {error}");
+    }
+    print()
 }
 
 /// Gives kept replies the time to go out, and says what was not served.
@@ -120,4 +139,32 @@ fn echoed(request: &DynamicMessage, mut reply: DynamicMessage) -> DynamicMessage
         }
     }
     reply
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::RefCell;
+
+    use super::*;
+
+    #[test]
+    fn the_reply_goes_before_the_request_is_printed() {
+        let too_late = ServeError::NotWaiting { service: "/add".into(), timeout_ms: 5 };
+        for replied in [Ok(()), Err(too_late)] {
+            let done = RefCell::new(Vec::new());
+            let told = answer_first(
+                || {
+                    done.borrow_mut().push("replied");
+                    replied
+                },
+                1,
+                || {
+                    done.borrow_mut().push("printed");
+                    Ok(false)
+                },
+            );
+            assert!(matches!(told, Ok(false)));
+            assert_eq!(*done.borrow(), ["replied", "printed"]);
+        }
+    }
 }

@@ -16,6 +16,7 @@ use super::cyclone::{RawReader, RawSample, RawWriter, Taken};
 use super::graph::{
     CdrClient, CdrReply, CdrRequest, CdrServer, GraphError, Peers, RequestId, ServiceMapping,
 };
+use super::service::LOOK_AGAIN;
 use super::service_header::{self, HEADER, LEAST};
 use super::vendor::{EndKey, mapping_of, pair};
 
@@ -102,6 +103,16 @@ impl Ends {
         confirmed
     }
 
+    /// When to ask [`Ends::heard`] again: nobody is told of acknowledgements. Soon after a match, then
+    /// ever less often, until [`CONFIRM`] is over.
+    fn look_again(&self) -> Option<Duration> {
+        if self.heard() {
+            return None;
+        }
+        let (_, since, _) = self.probed.get();
+        Some((since.elapsed() / 4).max(LOOK_AGAIN))
+    }
+
     fn send(&self, client: u64, sequence: i64, parts: &[&[u8]]) -> Result<(), GraphError> {
         let mut room = [0; HEADER];
         let joined = service_header::join(client, sequence, parts, &mut room)
@@ -184,16 +195,46 @@ impl<L: Send> CdrClient for CycloneClient<L> {
         }
     }
 
+    fn look_again(&self) -> Option<Duration> {
+        self.ends.look_again()
+    }
+
     fn lost(&mut self) -> u64 {
         self.ends.reader.events().take_lost()
+    }
+}
+
+/// What the endpoints of the clients of a server have in common: of those whose requests came last.
+#[derive(Default)]
+struct Clients {
+    /// By client, with the number of its last request.
+    known: HashMap<u64, (EndKey, u64)>,
+    requests: u64,
+}
+
+impl Clients {
+    /// A request of a client whose endpoints are those of `key`. Where there is no room, the client
+    /// that was silent for longest is forgotten: its replies are sent without waiting.
+    fn note(&mut self, client: u64, key: EndKey) {
+        if self.known.len() >= MAX_CLIENTS && !self.known.contains_key(&client) {
+            let oldest = self.known.iter().min_by_key(|(_, (_, request))| *request);
+            if let Some((&oldest, _)) = oldest {
+                self.known.remove(&oldest);
+            }
+        }
+        self.requests = self.requests.saturating_add(1);
+        self.known.insert(client, (key, self.requests));
+    }
+
+    fn key(&self, client: u64) -> Option<&EndKey> {
+        self.known.get(&client).map(|(key, _)| key)
     }
 }
 
 /// A server. `L` as in [`CycloneClient`].
 pub(super) struct CycloneServer<L> {
     ends: Ends,
-    /// By client: what its endpoints have in common.
-    clients: HashMap<u64, EndKey>,
+    clients: Clients,
     /// Who hears replies, and at which change of the writer's matches that was so.
     hearing: RefCell<(u64, HashSet<EndKey>)>,
     _listed: L,
@@ -202,7 +243,7 @@ pub(super) struct CycloneServer<L> {
 impl<L> CycloneServer<L> {
     pub(super) fn new(ends: Ends, listed: L) -> Self {
         let hearing = RefCell::new((u64::MAX, HashSet::new()));
-        Self { ends, clients: HashMap::new(), hearing, _listed: listed }
+        Self { ends, clients: Clients::default(), hearing, _listed: listed }
     }
 }
 
@@ -217,10 +258,7 @@ impl<L: Send> CdrServer for CycloneServer<L> {
         let request = service_header::split(&sample.cdr)
             .ok_or_else(|| self.ends.no_identity("request", sample.cdr.len()))?;
         if let Some((key, _)) = origin {
-            if self.clients.len() >= MAX_CLIENTS && !self.clients.contains_key(&request.client) {
-                self.clients.clear();
-            }
-            self.clients.insert(request.client, key);
+            self.clients.note(request.client, key);
         }
         Ok(Some(CdrRequest {
             id: request_id(request.client, request.sequence),
@@ -230,7 +268,7 @@ impl<L: Send> CdrServer for CycloneServer<L> {
     }
 
     fn hears(&self, id: &RequestId) -> bool {
-        let Some(key) = self.clients.get(&client(id)) else { return true };
+        let Some(key) = self.clients.key(client(id)) else { return true };
         let (known, hearing) = &mut *self.hearing.borrow_mut();
         let changes = self.ends.writer.events().changes();
         if *known != changes {
@@ -240,6 +278,10 @@ impl<L: Send> CdrServer for CycloneServer<L> {
             *known = changes;
         }
         hearing.contains(key) && self.ends.heard()
+    }
+
+    fn look_again(&self) -> Option<Duration> {
+        self.ends.look_again()
     }
 
     fn reply(&mut self, id: &RequestId, parts: &[&[u8]]) -> Result<(), GraphError> {
@@ -265,4 +307,24 @@ fn request_id(client: u64, sequence: i64) -> RequestId {
 
 fn client(id: &RequestId) -> u64 {
     id.client.first_chunk::<8>().copied().map(u64::from_le_bytes).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_the_client_that_was_silent_for_longest_is_forgotten() {
+        let key = |client: u64| EndKey::new(&[0; 16], format!("clientid= {client};").as_bytes());
+        let mut clients = Clients::default();
+        let many = MAX_CLIENTS as u64;
+        (0..many).for_each(|client| clients.note(client, key(client)));
+        clients.note(0, key(0));
+        clients.note(many, key(many));
+        assert_eq!(clients.known.len(), MAX_CLIENTS);
+        assert_eq!(clients.key(1), None);
+        for client in [0].into_iter().chain(2..=many) {
+            assert_eq!(clients.key(client), Some(&key(client)));
+        }
+    }
 }

@@ -24,9 +24,12 @@ use crate::endpoint::{
 };
 
 /// A message as it arrived.
+#[derive(Debug)]
 pub(super) struct Arrived {
     pub(super) cdr: Bytes,
     pub(super) at: Instant,
+    /// As [`CdrSample::publisher`](super::graph::CdrSample::publisher).
+    pub(super) publisher: u64,
 }
 
 /// The reader and what it flows into; shared with the callback.
@@ -119,7 +122,7 @@ impl Inlet {
                         self.counters.dropped(DropReason::Duplicate);
                         continue;
                     }
-                    self.place(Arrived { cdr: sample.cdr, at }, held);
+                    self.place(Arrived { cdr: sample.cdr, at, publisher }, held);
                 }
                 Ok(None) => return,
                 Err(GraphError::TooLarge { actual, limit, .. }) => {

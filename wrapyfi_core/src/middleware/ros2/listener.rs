@@ -2,6 +2,7 @@
 //!
 //! ```text
 //!   DDS thread:  Inlet ──▶ inbox ──▶ take ─▶ decode   owner's thread
+//!                            └─ set_aside ─▶ Aside ─┘
 //! ```
 //!
 //! A listener that follows its publishers' quality of service is opened again when they change: the
@@ -10,6 +11,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use super::aside::Aside;
 use super::diagnosis::{Diagnosis, Names};
 use super::follow::Follower;
 use super::graph::{Graph, GraphError, Notify, TopicDescription};
@@ -18,8 +20,8 @@ use super::matching::{CALM, Matching};
 use super::payload;
 use crate::Limits;
 use crate::endpoint::{
-    Context, Link, Listener, Overflow, Qos, QosChange, QosEvent, Receiver, Review, Sample,
-    TakeError, TopicSpec,
+    Context, DropReason, Durability, Link, Listener, Overflow, Qos, QosChange, QosEvent, Receiver,
+    Review, Sample, TakeError, TopicSpec,
 };
 use crate::plugin::Plugins;
 use crate::types::MessageType;
@@ -42,6 +44,7 @@ pub(super) struct Ros2Listener {
     limits: Limits,
     plugins: Plugins,
     follower: Follower,
+    aside: Aside,
 }
 
 impl Ros2Listener {
@@ -88,6 +91,7 @@ impl Ros2Listener {
             limits: spec.limits,
             plugins: spec.plugins.clone(),
             follower: Follower::new(diagnosis, matching),
+            aside: Aside::new(spec.limits.message_bytes),
         })
     }
 
@@ -143,14 +147,23 @@ impl Ros2Listener {
 
 impl Listener for Ros2Listener {
     fn take(&mut self) -> Result<Option<Sample>, TakeError> {
-        let Some(Arrived { cdr, at }) = self.next() else { return Ok(None) };
+        let next = self.aside.pop().or_else(|| self.next());
+        let Some(Arrived { cdr, at, .. }) = next else { return Ok(None) };
         let wire_bytes = cdr.len();
         let payload = payload::decode(&cdr, self.message_type, &self.limits, &self.plugins)?;
         Ok(Some(Sample { payload, wire_bytes, received_at: at }))
     }
 
     fn discard(&mut self) -> bool {
-        self.next().is_some()
+        self.aside.pop().or_else(|| self.next()).is_some()
+    }
+
+    fn set_aside(&mut self) -> Option<u64> {
+        let message = self.next()?;
+        Some(match self.topic.qos.durability {
+            Durability::Volatile => 1,
+            Durability::TransientLocal => self.aside.keep(message),
+        })
     }
 
     fn link(&self) -> Link {
@@ -194,6 +207,8 @@ impl Listener for Ros2Listener {
 
 impl Drop for Ros2Listener {
     fn drop(&mut self) {
+        let aside = u64::try_from(self.aside.len()).unwrap_or(u64::MAX);
+        self.inlet.counters.dropped_many(DropReason::NoConsumer, aside);
         // Out of the lock before they go: deleting one waits for a callback that may want the lock.
         // Here, and never in a callback that held the last share of the inlet.
         let readers = {

@@ -35,6 +35,7 @@
 
 mod announcement;
 mod any;
+mod aside;
 mod config;
 mod cyclone;
 mod cyclone_graph;

@@ -37,6 +37,7 @@ pub(super) struct Shared {
     lines: Mutex<VecDeque<(Stamp, LogLine)>>,
     lost_lines: AtomicU64,
     refused_requests: AtomicU64,
+    unheard_replies: AtomicU64,
     pub(super) wake: Wake,
 }
 
@@ -53,6 +54,7 @@ impl Shared {
             lines: Mutex::default(),
             lost_lines: AtomicU64::new(0),
             refused_requests: AtomicU64::new(0),
+            unheard_replies: AtomicU64::new(0),
             wake,
         }
     }
@@ -75,6 +77,10 @@ impl Shared {
 
     pub(super) fn count_refused(&self) {
         self.refused_requests.fetch_add(1, Relaxed);
+    }
+
+    pub(super) fn set_unheard(&self, replies: u64) {
+        self.unheard_replies.store(replies, Relaxed);
     }
 
     pub(super) fn set_simulated(&self, simulated: bool) {
@@ -146,9 +152,15 @@ impl NodeHandle {
     }
 
     /// Requests to the node that were refused unanswered: malformed, too large, or of another
-    /// vendor's clients.
+    /// vendor's clients. A DDS stack that fails counts once until it says something else.
     #[must_use]
     pub fn refused_requests(&self) -> u64 {
         self.0.refused_requests.load(Relaxed)
+    }
+
+    /// Replies of the node that their clients did not hear in time, or that DDS refused.
+    #[must_use]
+    pub fn unheard_replies(&self) -> u64 {
+        self.0.unheard_replies.load(Relaxed)
     }
 }

@@ -19,10 +19,12 @@
 
 mod adapter;
 mod announce;
+mod changes;
 mod client;
 #[cfg(test)]
 mod foreign_tests;
 mod identity;
+mod numbers;
 mod pair;
 mod participant;
 mod remotes;
@@ -35,8 +37,9 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 pub use announce::ServiceEndpoints;
 pub use settings::RustServicesError;
 
+use self::changes::Changes;
 use self::client::Client;
-use self::participant::{OnChange, Participant, Topics};
+use self::participant::{Participant, Topics};
 use self::server::Server;
 use self::settings::Settings;
 use super::config::CycloneConfig;
@@ -54,7 +57,7 @@ pub struct RustServices(Arc<Shared>);
 struct Shared {
     settings: Settings,
     participant: Mutex<Weak<Participant>>,
-    on_change: Arc<Mutex<OnChange>>,
+    changes: Arc<Changes>,
 }
 
 impl RustServices {
@@ -68,11 +71,10 @@ impl RustServices {
         for warning in &settings.warnings {
             tracing::warn!("{warning}");
         }
-        let nobody: OnChange = Box::new(|_| {});
         Ok(Self(Arc::new(Shared {
             settings,
             participant: Mutex::default(),
-            on_change: Arc::new(Mutex::new(nobody)),
+            changes: Arc::default(),
         })))
     }
 
@@ -97,23 +99,14 @@ impl RustServices {
     /// Readers and writers that exist now, for the announcement of the node under its own name.
     #[must_use]
     pub fn endpoints(&self) -> ServiceEndpoints {
-        self.existing().map(|participant| participant.endpoints()).unwrap_or_default()
+        self.0.changes.endpoints()
     }
 
     /// Calls `on_change` now and after every service that comes or goes, in order, with what exists
-    /// then. It must not block, and must not create or drop services.
+    /// then; of changes at the same time with the last. It may use these services in any way, but
+    /// whoever creates or drops one waits for it.
     pub fn on_change(&self, on_change: impl Fn(&ServiceEndpoints) + Send + 'static) {
-        // No participant comes before it is set.
-        let known = self.0.participant.lock().unwrap_or_else(PoisonError::into_inner);
-        let participant = known.upgrade();
-        let set = |endpoints: &ServiceEndpoints| {
-            on_change(endpoints);
-            *self.0.on_change.lock().unwrap_or_else(PoisonError::into_inner) = Box::new(on_change);
-        };
-        match &participant {
-            Some(participant) => participant.while_unchanged(set),
-            None => set(&ServiceEndpoints::default()),
-        }
+        self.0.changes.tell_to(Box::new(on_change));
     }
 
     /// Creates a client and announces it. `on_event` is called from a thread of the services when
@@ -157,7 +150,7 @@ impl RustServices {
         if let Some(participant) = known.upgrade() {
             return Ok(participant);
         }
-        let participant = Participant::new(&self.0.settings, &self.0.on_change)?;
+        let participant = Participant::new(&self.0.settings, &self.0.changes)?;
         *known = Arc::downgrade(&participant);
         Ok(participant)
     }

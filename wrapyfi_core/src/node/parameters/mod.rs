@@ -22,6 +22,7 @@ mod qos_overrides;
 mod qos_profile;
 mod services;
 mod store;
+mod validators;
 mod watch;
 
 pub use descriptor::{ParameterDescriptor, ParameterRange};

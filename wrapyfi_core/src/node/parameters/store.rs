@@ -7,6 +7,7 @@ use wrapyfi_interfaces::rcl_interfaces::msg::{ListParametersResult, ParameterEve
 
 use super::event::{Changes, PendingEvents};
 use super::from_outside::override_for;
+use super::validators::Validators;
 use super::watch::Watches;
 use super::{
     DeclareError, GetError, MAX_NAME_BYTES, MAX_PARAMETERS, ParameterDescriptor, ParameterWatch,
@@ -37,9 +38,6 @@ impl Parameter {
     }
 }
 
-/// Looks at values before they are set; says why not.
-type Validator = Box<dyn FnMut(&[Parameter]) -> Result<(), String> + Send>;
-
 /// The parameters of one node, as `ros2 param` sees them.
 ///
 /// ```
@@ -69,7 +67,7 @@ pub struct ParameterStore {
     declared: BTreeMap<String, Declared>,
     /// How many were ever declared.
     ordinal: u64,
-    validators: Vec<Validator>,
+    validators: Validators,
     watches: Watches,
     events: PendingEvents,
     pub(super) refused_requests: u64,
@@ -99,7 +97,7 @@ impl ParameterStore {
             overrides,
             declared: BTreeMap::new(),
             ordinal: 0,
-            validators: Vec::new(),
+            validators: Validators::default(),
             watches: Watches::default(),
             events: PendingEvents::default(),
             refused_requests: 0,
@@ -151,7 +149,7 @@ impl ParameterStore {
         // A typed parameter may wait for its value.
         if value != ParameterValue::NotSet {
             let parameter = Parameter { name: name.clone(), value: value.clone() };
-            descriptor.check(&value).and_then(|()| self.validate(&[parameter])).map_err(
+            descriptor.check(&value).and_then(|()| self.validators.ask(&[parameter])).map_err(
                 |source| match overridden {
                     true => DeclareError::Override { source },
                     false => DeclareError::Default { source },
@@ -310,7 +308,7 @@ impl ParameterStore {
             descriptor.check(value)?;
         }
         if !parameters.is_empty() {
-            self.validate(&parameters)?;
+            self.validators.ask(&parameters)?;
         }
         let mut changes = Changes::default();
         for parameter in parameters {
@@ -333,23 +331,13 @@ impl ParameterStore {
     }
 
     /// Asks `validator` before any value is declared or set, with all of one request at once, when
-    /// type and range are right. What it returns as an error is told whoever wanted to set them.
-    /// Validators added later are asked first.
+    /// type and range are right. What it returns as an error is told whoever wanted to set them; one
+    /// that panics refuses them. Validators added later are asked first.
     pub fn add_validator(
         &mut self,
         validator: impl FnMut(&[Parameter]) -> Result<(), String> + Send + 'static,
     ) {
-        self.validators.push(Box::new(validator));
-    }
-
-    fn validate(&mut self, parameters: &[Parameter]) -> Result<(), SetError> {
-        for validator in self.validators.iter_mut().rev() {
-            validator(parameters).map_err(|reason| SetError::Refused {
-                name: parameters.first().map(|one| one.name.clone()).unwrap_or_default(),
-                reason,
-            })?;
-        }
-        Ok(())
+        self.validators.add(Box::new(validator));
     }
 
     /// Watches parameters and groups by name, all where none is given. `wake` is rung after each

@@ -259,6 +259,26 @@ fn validators_see_a_request_as_a_whole() {
 }
 
 #[test]
+fn a_validator_that_panics_refuses_and_is_asked_again() {
+    let mut store = store();
+    store.declare(named("rate"), 1).unwrap();
+    store.add_validator(|parameters| match parameters {
+        [one] if one.value == 13.into() => panic!("a fault of the user"),
+        _ => Ok(()),
+    });
+    let value = |number: i64| msg::Parameter::from(Parameter::new("rate", number));
+    let request = SetParameters_Request { parameters: [13, 5, 13].map(value).to_vec() };
+    let results = store.set_parameters(request).results;
+    let told: Vec<_> =
+        results.iter().map(|result| (result.successful, result.reason.as_str())).collect();
+    let refused = (false, "its validator panicked: nothing was set");
+    assert_eq!(told, [refused, (true, ""), refused]);
+    assert_eq!(store.get("rate").unwrap(), &ParameterValue::Integer(5));
+    assert!(store.declare(named("other"), 13).is_err());
+    assert!(store.describe("other").is_none());
+}
+
+#[test]
 fn an_atomic_request_sets_all_or_none() {
     let mut store = store();
     store.declare(named("a"), 1).unwrap();

@@ -9,6 +9,8 @@
 //! How a reply names its request differs between DDS vendors ([`ServiceMapping`]); here it is a
 //! sequence number for clients and a [`RequestId`] for servers. Bodies have no such header.
 
+use std::time::Duration;
+
 use bytes::Bytes;
 
 use super::GraphError;
@@ -87,7 +89,8 @@ pub enum Peers {
     /// Nobody has the other end.
     None,
     /// Discovery knows one half of the other end, requests or replies, or the other end has not yet
-    /// confirmed that it hears us. The latter changes within moments, and nobody is notified of it.
+    /// confirmed that it hears us. The latter changes within moments, and nobody is notified of it:
+    /// see [`CdrClient::look_again`].
     Half,
     /// So many have both halves, and speak our mapping as far as their GUIDs tell.
     Ready(usize),
@@ -115,6 +118,13 @@ pub trait CdrClient: Send {
     /// Servers there are now.
     fn servers(&self) -> Peers;
 
+    /// When to look at [`CdrClient::servers`] again though nothing is notified: what is matched now
+    /// has not confirmed yet that it hears. `None` while only a match, which is notified, can change
+    /// it.
+    fn look_again(&self) -> Option<Duration> {
+        None
+    }
+
     /// Replies lost before they could be taken, since the last call.
     fn lost(&mut self) -> u64;
 }
@@ -130,8 +140,13 @@ pub trait CdrServer: Send {
 
     /// Whether the client of this request would hear a reply now. Until it would, a reply is lost.
     /// True also when that cannot be known. It changes with matches, which are notified, and within
-    /// moments after them, which are not.
+    /// moments after them: see [`CdrServer::look_again`].
     fn hears(&self, id: &RequestId) -> bool;
+
+    /// As [`CdrClient::look_again`], for [`CdrServer::hears`].
+    fn look_again(&self) -> Option<Duration> {
+        None
+    }
 
     /// Answers a request, with the reply in pieces as [`CdrClient::send`] takes them.
     ///

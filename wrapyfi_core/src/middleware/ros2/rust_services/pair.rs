@@ -6,7 +6,7 @@
 //!                     ▲ matches, arrivals: watch
 //! ```
 
-use std::collections::BTreeMap;
+use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -22,7 +22,8 @@ use rustdds::{
 };
 
 use super::adapter::{self, CDR_LE, RawCdr, Received, Within};
-use super::remotes::Remotes;
+use super::numbers::Numbers;
+use super::remotes::{PREFIX, Remotes};
 use super::settings::WholeSamples;
 use crate::middleware::ros2::discovery_info::Gid;
 use crate::middleware::ros2::graph::{GraphError, Notify, Peers, ServiceDescription};
@@ -40,9 +41,6 @@ const SETTLE: Duration = Duration::from_millis(20);
 /// empty reader, so that the sample behind it is looked for by asking again.
 const DISPOSALS: usize = 8;
 
-/// Writers whose last number is remembered, to tell losses.
-const MAX_NUMBERED: usize = 4096;
-
 /// Takes serialised messages.
 pub(super) type Reader = SimpleDataReader<Received, RawCdr>;
 /// Writes serialised messages.
@@ -57,8 +55,7 @@ pub(super) struct Pair {
     reader: Reader,
     notify: Notify,
     remotes: Mutex<Remotes>,
-    /// Last number taken from each remote writer.
-    numbers: Mutex<BTreeMap<Gid, i64>>,
+    numbers: Mutex<Numbers>,
     lost: AtomicU64,
     /// When something was written last.
     wrote: Mutex<Option<Instant>>,
@@ -242,7 +239,7 @@ impl Pair {
 
     fn taken(&self, sample: DeserializedCacheChange<Received>) -> Taken {
         let (writer, number) = (sample.writer_guid().to_bytes(), i64::from(sample.sequence_number));
-        self.count_lost(writer, number);
+        self.lost.fetch_add(self.numbers().note(writer, number), Relaxed);
         let stamp = sample.source_timestamp().unwrap_or(sample.receive_instant);
         Taken {
             writer,
@@ -253,30 +250,43 @@ impl Pair {
         }
     }
 
-    /// RustDDS 0.15 reports no losses; a gap in the numbers of a writer is one.
-    fn count_lost(&self, writer: Gid, number: i64) {
-        let mut numbers = self.numbers.lock().unwrap_or_else(PoisonError::into_inner);
-        if numbers.len() >= MAX_NUMBERED && !numbers.contains_key(&writer) {
-            return;
-        }
-        if let Some(before) = numbers.insert(writer, number) {
-            let skipped = number.saturating_sub(before).saturating_sub(1);
-            self.lost.fetch_add(u64::try_from(skipped).unwrap_or(0), Relaxed);
-        }
-    }
-
     /// Forgets an endpoint that discovery has lost; true when it was matched.
     pub(super) fn remote_lost(&self, gid: &Gid) -> bool {
-        self.numbers.lock().unwrap_or_else(PoisonError::into_inner).remove(gid);
+        self.numbers().retain(|known| known != gid);
         self.remotes().remove(gid)
     }
 
     /// Forgets the endpoints of a participant that discovery has lost.
     pub(super) fn participant_lost(&self, prefix: &[u8]) -> bool {
-        let mut numbers = self.numbers.lock().unwrap_or_else(PoisonError::into_inner);
-        numbers.retain(|gid, _| !gid.starts_with(prefix));
-        drop(numbers);
-        self.remotes().remove_participant(prefix)
+        self.numbers().retain(|gid| !gid.starts_with(prefix));
+        self.remotes().retain(|gid| !gid.starts_with(prefix))
+    }
+
+    /// Forgets the endpoints of others that discovery does not know any more; true when there were
+    /// some. What discovery says is read after the events were: it forgets an endpoint before it
+    /// says that it is lost.
+    pub(super) fn forget_ghosts(&self, discovered: &BTreeSet<Gid>) -> bool {
+        // Those of our own participant are not discovered.
+        let own = self.writer_guid().to_bytes();
+        let stays = |gid: &Gid| {
+            gid.first_chunk::<PREFIX>() == own.first_chunk::<PREFIX>() || discovered.contains(gid)
+        };
+        self.numbers().retain(stays);
+        self.remotes().retain(stays)
+    }
+
+    /// The readers and writers of others that discovery knows now.
+    pub(super) fn discovered(&self) -> Option<BTreeSet<Gid>> {
+        let dds = self.writer.publisher().participant()?;
+        let readers = dds.discovered_readers();
+        let readers = readers.iter().map(|known| known.reader_proxy.remote_reader_guid);
+        let writers = dds.discovered_writers();
+        let writers = writers.iter().map(|known| known.writer_proxy.remote_writer_guid);
+        Some(readers.chain(writers).map(|guid| guid.to_bytes()).collect())
+    }
+
+    fn numbers(&self) -> MutexGuard<'_, Numbers> {
+        self.numbers.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// A remote reader has matched our writer.

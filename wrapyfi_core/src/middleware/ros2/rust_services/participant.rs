@@ -14,21 +14,19 @@ use rustdds::{
     RTPSEntity as _, Subscriber, Topic, TopicKind,
 };
 
-use super::announce::{Announcement, ServiceEndpoints};
+use super::announce::Announcement;
+use super::changes::Changes;
 use super::pair::{MAX_BLOCKING, Pair, Reader, Writer};
 use super::settings::{Settings, WholeSamples};
 use super::watch::{AddError, Watch};
 use crate::middleware::ros2::discovery_info::{Gid, TOPIC};
 use crate::middleware::ros2::graph::{GraphError, Notify, ServiceDescription};
 
-/// Called with what exists after every change, and with nothing at the end.
-pub(super) type OnChange = Box<dyn Fn(&ServiceEndpoints) + Send>;
-
 /// Fields drop in this order, after the announcement's end.
 pub(super) struct Participant {
     watch: Watch,
     announcement: Mutex<Announcement>,
-    on_change: Arc<Mutex<OnChange>>,
+    changes: Arc<Changes>,
     whole: WholeSamples,
     publisher: Publisher,
     subscriber: Subscriber,
@@ -49,7 +47,7 @@ impl Participant {
     /// Joins the domain.
     pub(super) fn new(
         settings: &Settings,
-        on_change: &Arc<Mutex<OnChange>>,
+        changes: &Arc<Changes>,
     ) -> Result<Arc<Self>, GraphError> {
         let node = settings.node.fqn();
         let fault = |error: &dyn std::fmt::Display| GraphError::Stack {
@@ -83,7 +81,7 @@ impl Participant {
         Ok(Arc::new(Self {
             watch,
             announcement: Mutex::new(announcement),
-            on_change: Arc::clone(on_change),
+            changes: Arc::clone(changes),
             whole: settings.whole,
             publisher,
             subscriber,
@@ -94,16 +92,6 @@ impl Participant {
     /// GUID of the participant.
     pub(super) fn gid(&self) -> Gid {
         self.announcement().gid()
-    }
-
-    /// What is announced now.
-    pub(super) fn endpoints(&self) -> ServiceEndpoints {
-        self.announcement().endpoints().clone()
-    }
-
-    /// Shows what is announced while nobody can change it.
-    pub(super) fn while_unchanged(&self, look: impl FnOnce(&ServiceEndpoints)) {
-        look(self.announcement().endpoints());
     }
 
     /// Creates one end of a service and announces it.
@@ -142,12 +130,14 @@ impl Participant {
         Ok((writer, reader))
     }
 
-    /// Changes the announcement and tells the owner, in the same order everywhere.
+    /// Changes the announcement, then tells the owner without a lock.
     fn change(&self, change: impl FnOnce(&mut Announcement)) {
-        let mut announcement = self.announcement();
-        change(&mut announcement);
-        let on_change = self.on_change.lock().unwrap_or_else(PoisonError::into_inner);
-        on_change(announcement.endpoints());
+        {
+            let mut announcement = self.announcement();
+            change(&mut announcement);
+            self.changes.set(announcement.endpoints());
+        }
+        self.changes.tell();
     }
 
     fn announcement(&self) -> MutexGuard<'_, Announcement> {

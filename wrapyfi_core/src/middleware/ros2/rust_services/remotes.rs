@@ -17,7 +17,7 @@ const MAX_REMOTES: usize = 4096;
 /// How GUIDs of Cyclone DDS begin: its vendor id.
 const CYCLONE: [u8; 2] = [0x01, 0x10];
 /// Bytes of a GUID that name the participant.
-const PREFIX: usize = 12;
+pub(super) const PREFIX: usize = 12;
 
 /// Remote endpoints of one service.
 #[derive(Debug, Default)]
@@ -43,11 +43,11 @@ impl Remotes {
         self.readers.remove(gid) | self.writers.remove(gid)
     }
 
-    /// All endpoints of a participant are gone; true when some were known.
-    pub(super) fn remove_participant(&mut self, prefix: &[u8]) -> bool {
+    /// Forgets those that `stays` does not name; true when there were some.
+    pub(super) fn retain(&mut self, stays: impl Fn(&Gid) -> bool) -> bool {
         let before = self.readers.len() + self.writers.len();
-        self.readers.retain(|gid| !gid.starts_with(prefix));
-        self.writers.retain(|gid| !gid.starts_with(prefix));
+        self.readers.retain(&stays);
+        self.writers.retain(&stays);
         before != self.readers.len() + self.writers.len()
     }
 
@@ -139,8 +139,23 @@ mod tests {
         assert!(remotes.remove(&gid(FAST, 1, 3)));
         assert!(!remotes.remove(&gid(FAST, 1, 3)));
         assert_eq!(remotes.peers(), Peers::Ready(1));
-        assert!(remotes.remove_participant(&gid(FAST, 2, 0)[..12]));
+        assert!(remotes.retain(|known| !known.starts_with(&gid(FAST, 2, 0)[..12])));
         assert_eq!(remotes.peers(), Peers::Half);
+    }
+
+    #[test]
+    fn a_beginning_that_is_heard_after_its_end_leaves_no_ghost() {
+        let mut remotes = Remotes::default();
+        let (reader, writer) = (gid(FAST, 1, 4), gid(FAST, 1, 3));
+        let discovered = [writer];
+        assert!(!remotes.remove(&reader), "its end comes first");
+        remotes.add_reader(reader);
+        remotes.add_writer(writer);
+        assert_eq!(remotes.peers(), Peers::Ready(1));
+        assert!(remotes.retain(|known| discovered.contains(known)));
+        assert!(!remotes.retain(|known| discovered.contains(known)), "nothing more");
+        assert_eq!(remotes.peers(), Peers::Half);
+        assert!(!remotes.has_reader(&reader));
     }
 
     #[test]

@@ -8,7 +8,8 @@
 //!
 //! Matches are heard twice. The participant's events come from two threads of RustDDS, so that the
 //! end of a match may be heard before its beginning; those of an endpoint are in order, but only
-//! four of them are kept.
+//! four of them are kept. So after news of matches whoever discovery does not know any more is
+//! forgotten: a peer that left leaves no ghost.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -146,13 +147,16 @@ impl Watched {
                     return;
                 }
             }
-            let mut changed = BTreeMap::new();
+            let (mut changed, mut matches) = (BTreeMap::new(), false);
             for event in &events {
                 match event.token() {
                     WAKER => {}
-                    PARTICIPANT => self.participant_events(&mut changed),
-                    token => self.pair_event(token, &mut changed),
+                    PARTICIPANT => matches |= self.participant_events(&mut changed),
+                    token => matches |= self.pair_event(token, &mut changed),
                 }
+            }
+            if matches {
+                self.forget_ghosts(&mut changed);
             }
             // Outside the lock: a callback may create and drop services.
             for pair in changed.values() {
@@ -161,20 +165,36 @@ impl Watched {
         }
     }
 
-    fn pair_event(&self, token: Token, changed: &mut BTreeMap<usize, Arc<Pair>>) {
+    /// True when it is about matches.
+    fn pair_event(&self, token: Token, changed: &mut BTreeMap<usize, Arc<Pair>>) -> bool {
         let number = token.0 / TOKENS_EACH;
         let Some(pair) = lock(&self.routes).pairs.get(&number).and_then(Weak::upgrade) else {
-            return;
+            return false;
         };
-        match token.0 % TOKENS_EACH {
+        let what = token.0 % TOKENS_EACH;
+        match what {
             DATA => pair.on_data(),
             READER_STATUS => pair.on_reader_status(),
             _ => pair.on_writer_status(),
         }
         changed.insert(number, pair);
+        what != DATA
     }
 
-    fn participant_events(&self, changed: &mut BTreeMap<usize, Arc<Pair>>) {
+    fn forget_ghosts(&self, changed: &mut BTreeMap<usize, Arc<Pair>>) {
+        let mut discovered = None;
+        self.each(changed, |pair| {
+            // The same for all pairs, as they are on one participant.
+            if discovered.is_none() {
+                discovered = pair.discovered();
+            }
+            discovered.as_ref().is_some_and(|discovered| pair.forget_ghosts(discovered))
+        });
+    }
+
+    /// True when one is about matches.
+    fn participant_events(&self, changed: &mut BTreeMap<usize, Arc<Pair>>) -> bool {
+        let mut matches = false;
         while let Some(event) = self.listener.try_recv_status() {
             match event {
                 DomainParticipantStatusEvent::RemoteReaderMatched {
@@ -202,9 +222,11 @@ impl Watched {
                 DomainParticipantStatusEvent::ParticipantLost { id, .. } => {
                     self.each(changed, |pair| pair.participant_lost(id.as_ref()));
                 }
-                _ => {}
+                _ => continue,
             }
+            matches = true;
         }
+        matches
     }
 
     fn lost(&self, guid: GUID, changed: &mut BTreeMap<usize, Arc<Pair>>) {
@@ -213,7 +235,7 @@ impl Watched {
     }
 
     /// Shows every pair to `look`, which says whether anything changed there.
-    fn each(&self, changed: &mut BTreeMap<usize, Arc<Pair>>, look: impl Fn(&Pair) -> bool) {
+    fn each(&self, changed: &mut BTreeMap<usize, Arc<Pair>>, mut look: impl FnMut(&Pair) -> bool) {
         let pairs: Vec<_> = {
             let routes = lock(&self.routes);
             let alive = routes.pairs.iter();

@@ -17,6 +17,7 @@ use wrapyfi_interfaces::dynamic::{DynamicMessage, Plan};
 use super::calls::{Calls, Stage, Ticket};
 use super::error::CallError;
 use super::{LOOK_AGAIN, ServiceOptions, ServiceType, encode};
+use crate::Throttle;
 use crate::endpoint::Wake;
 use crate::middleware::ros2::any::ringing;
 use crate::middleware::ros2::graph::{CdrClient, GraphError, Peers, ServiceMapping};
@@ -48,6 +49,7 @@ pub struct AnyClient {
     calls: Calls<Bytes>,
     done: VecDeque<(Ticket, Result<DynamicMessage, CallError>)>,
     wake: Wake,
+    dropped: Throttle,
 }
 
 impl AnyClient {
@@ -74,6 +76,7 @@ impl AnyClient {
             calls: Calls::new(options.pending),
             done: VecDeque::new(),
             wake: wake.clone(),
+            dropped: Throttle::default(),
         })
     }
 
@@ -152,13 +155,17 @@ impl AnyClient {
     /// too long, or a server may have confirmed that it hears.
     #[must_use]
     pub fn deadline(&self) -> Option<Instant> {
-        let deadline = self.calls.deadline();
-        let waiting = self.calls.next_to_send().is_some();
-        // Ready it may have become since the last poll.
-        if waiting && matches!(self.cdr.servers(), Peers::Half | Peers::Ready(_)) {
-            return deadline.map(|at| at.min(Instant::now() + LOOK_AGAIN));
+        let deadline = self.calls.deadline()?;
+        if self.calls.next_to_send().is_none() {
+            return Some(deadline);
         }
-        deadline
+        let look_again = match self.cdr.servers() {
+            // Since the last poll, or its readers do not keep up.
+            Peers::Ready(_) => Some(LOOK_AGAIN),
+            _ => self.cdr.look_again(),
+        };
+        let soon = look_again.map(|wait| Instant::now() + wait);
+        Some(soon.map_or(deadline, |soon| soon.min(deadline)))
     }
 
     /// Calls and waits for the end, at most as long as the time-out of the options.
@@ -212,7 +219,13 @@ impl AnyClient {
                 Ok(None) => return,
                 // A reply that cannot be read names no call: its call will say that it waited.
                 Err(error) => {
-                    tracing::warn!(service = self.name, %error, "dropped a reply");
+                    if let Some(unlogged_before) = self.dropped.pass(Instant::now()) {
+                        tracing::warn!(
+                            service = self.name,
+                            unlogged_before,
+                            "dropped a reply: {error}"
+                        );
+                    }
                     if matches!(error, GraphError::Stack { .. }) {
                         return;
                     }

@@ -28,7 +28,8 @@ use super::graph::ServiceDescription;
 use super::{AnyError, Ros2};
 use crate::Limits;
 
-/// How soon to look again for what nobody is notified of: see [`Peers::Half`](super::graph::Peers).
+/// How soon to look again, at the earliest, for what nobody is notified of: see
+/// [`CdrClient::look_again`](super::graph::CdrClient::look_again).
 pub(super) const LOOK_AGAIN: Duration = Duration::from_millis(1);
 
 /// How calls are treated, by clients and by servers.

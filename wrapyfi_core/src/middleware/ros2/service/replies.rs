@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   send ─ the client hears ─▶ CdrServer
-//!     └─ not yet ─▶ kept ─ flush, the client hears ─▶ CdrServer
+//!     └─ not yet ─▶ kept ─ flush, the client hears ─▶ CdrServer ─ refused ─▶ Unsent, counted
 //!                     └─ too long, too many ─▶ unheard, counted
 //! ```
 //!
@@ -14,6 +14,7 @@ use std::time::Instant;
 
 use bytes::Bytes;
 
+use crate::Throttle;
 use crate::middleware::ros2::graph::{CdrRequest, CdrServer, GraphError, Peers, RequestId};
 
 /// A reply on its way.
@@ -26,6 +27,15 @@ pub(in super::super) struct Reply {
     pub(in super::super) until: Instant,
 }
 
+/// A kept reply that could not be sent when its client heard at last.
+#[derive(Debug, Clone, PartialEq)]
+pub(in super::super) struct Unsent {
+    /// Which request it answered.
+    pub(in super::super) id: RequestId,
+    /// Why not.
+    pub(in super::super) error: GraphError,
+}
+
 /// A server and the replies that are kept.
 pub(in super::super) struct Replies {
     server: Box<dyn CdrServer>,
@@ -33,13 +43,15 @@ pub(in super::super) struct Replies {
     kept: VecDeque<Reply>,
     limit: usize,
     unheard: u64,
+    complaints: Throttle,
 }
 
 impl Replies {
     /// Nothing is kept yet, and never more than `limit`.
     pub(in super::super) fn new(server: Box<dyn CdrServer>, name: &str, limit: usize) -> Self {
         let (name, kept) = (name.to_owned(), VecDeque::new());
-        Self { server, name, kept, limit: limit.max(1), unheard: 0 }
+        let complaints = Throttle::default();
+        Self { server, name, kept, limit: limit.max(1), unheard: 0, complaints }
     }
 
     /// As [`CdrServer::take`].
@@ -57,27 +69,45 @@ impl Replies {
         // Those beyond are replies to clients that will never hear.
         if self.kept.len() >= self.limit {
             self.kept.pop_front();
-            self.unheard += 1;
+            self.lose(&"too many are kept for clients that do not hear yet");
         }
         self.kept.push_back(reply);
         Ok(())
     }
 
-    /// Sends what was kept and is heard now.
-    pub(in super::super) fn flush(&mut self) {
+    /// Sends what was kept and is heard now. What could not be sent is counted and logged, and
+    /// returned, so that its client can be told.
+    pub(in super::super) fn flush(&mut self) -> Vec<Unsent> {
         let now = Instant::now();
+        let mut unsent = Vec::new();
         for reply in std::mem::take(&mut self.kept) {
             if self.server.hears(&reply.id) {
                 if let Err(error) = self.server.reply(&reply.id, &[&reply.cdr]) {
-                    self.unheard += 1;
-                    tracing::warn!(service = self.name, %error, "a reply was not sent");
+                    self.lose(&error);
+                    unsent.push(Unsent { id: reply.id, error });
                 }
             } else if reply.until > now {
                 self.kept.push_back(reply);
             } else {
-                self.unheard += 1;
-                tracing::warn!(service = self.name, "a client never heard its reply");
+                self.lose(&"its client never heard it");
             }
+        }
+        unsent
+    }
+
+    /// When to flush again though nothing rang: the time of a kept reply will be over, or its client
+    /// may have confirmed that it hears.
+    pub(in super::super) fn deadline(&self) -> Option<Instant> {
+        let over = self.kept.iter().map(|reply| reply.until).min()?;
+        let soon = self.server.look_again().map(|wait| Instant::now() + wait);
+        Some(soon.map_or(over, |soon| soon.min(over)))
+    }
+
+    /// Counts a kept reply that is lost, and says why.
+    fn lose(&mut self, why: &dyn std::fmt::Display) {
+        self.unheard += 1;
+        if let Some(unlogged_before) = self.complaints.pass(Instant::now()) {
+            tracing::warn!(service = self.name, unlogged_before, "a reply was not sent: {why}");
         }
     }
 
@@ -114,6 +144,8 @@ mod tests {
     #[derive(Clone, Default)]
     struct Scripted {
         hears: Arc<AtomicBool>,
+        refuses: Arc<AtomicBool>,
+        look_again: Option<Duration>,
         sent: Arc<Mutex<Vec<i64>>>,
         lost: Arc<AtomicU64>,
     }
@@ -127,7 +159,14 @@ mod tests {
             self.hears.load(Relaxed)
         }
 
+        fn look_again(&self) -> Option<Duration> {
+            self.look_again
+        }
+
         fn reply(&mut self, id: &RequestId, _: &[&[u8]]) -> Result<(), GraphError> {
+            if self.refuses.load(Relaxed) {
+                return Err(refusal());
+            }
             self.sent.lock().unwrap().push(id.sequence);
             Ok(())
         }
@@ -139,6 +178,10 @@ mod tests {
         fn lost(&mut self) -> u64 {
             self.lost.load(Relaxed)
         }
+    }
+
+    fn refusal() -> GraphError {
+        GraphError::Timeout { topic: "/add".into(), timeout_ms: 500 }
     }
 
     fn reply(sequence: i64, until: Instant) -> Reply {
@@ -164,5 +207,37 @@ mod tests {
         replies.send(reply(5, Instant::now())).unwrap();
         replies.flush();
         assert_eq!((replies.kept(), replies.unheard()), (0, 2), "its time was over");
+    }
+
+    #[test]
+    fn a_kept_reply_that_is_refused_is_told_once() {
+        let graph = Scripted::default();
+        let mut replies = Replies::new(Box::new(graph.clone()), "/add", 2);
+        let later = Instant::now() + Duration::from_secs(1000);
+        replies.send(reply(1, later)).unwrap();
+        graph.hears.store(true, Relaxed);
+        graph.refuses.store(true, Relaxed);
+        let id = reply(1, later).id;
+        assert_eq!(replies.flush(), [Unsent { id, error: refusal() }]);
+        assert_eq!((replies.kept(), replies.unheard()), (0, 1));
+        assert_eq!(replies.flush(), []);
+        assert_eq!(replies.unheard(), 1);
+    }
+
+    #[test]
+    fn nobody_looks_before_there_is_news() {
+        let later = Instant::now() + Duration::from_secs(1000);
+        let sooner = later - Duration::from_secs(1);
+        let mut replies = Replies::new(Box::new(Scripted::default()), "/add", 2);
+        assert_eq!(replies.deadline(), None);
+        replies.send(reply(1, later)).unwrap();
+        replies.send(reply(2, sooner)).unwrap();
+        assert_eq!(replies.deadline(), Some(sooner), "a match would ring");
+        let unconfirmed =
+            Scripted { look_again: Some(Duration::from_millis(7)), ..Scripted::default() };
+        let mut replies = Replies::new(Box::new(unconfirmed), "/add", 2);
+        assert_eq!(replies.deadline(), None, "nothing waits for it");
+        replies.send(reply(1, later)).unwrap();
+        assert!(replies.deadline().unwrap() < sooner);
     }
 }

@@ -13,8 +13,8 @@ use std::time::Instant;
 
 use wrapyfi_interfaces::dynamic::{DynamicMessage, Plan, ValueError};
 
-use super::replies::{Replies, Reply};
-use super::{LOOK_AGAIN, ServiceOptions, ServiceType, encode, ends};
+use super::replies::{Replies, Reply, Unsent};
+use super::{ServiceOptions, ServiceType, encode, ends};
 use crate::endpoint::Wake;
 use crate::middleware::ros2::any::ringing;
 use crate::middleware::ros2::graph::{GraphError, Peers, RequestId};
@@ -212,7 +212,7 @@ impl AnyServer {
     /// The next request was unusable, and why. It is gone and counted; where its type has room for
     /// it, its client was told. The one after it can be taken.
     pub fn take(&mut self) -> Result<Option<AnyRequest>, ServeError> {
-        self.replies.flush();
+        self.flush();
         self.end_expired();
         let request = match self.replies.take() {
             Ok(None) => return Ok(None),
@@ -269,10 +269,7 @@ impl AnyServer {
             timeout_ms: u64::try_from(self.options.timeout.as_millis()).unwrap_or(u64::MAX),
         })?;
         self.replies.send(Reply { id: *id, cdr, until }).map_err(|error| {
-            // One that does not keep up would hold up the refusal as well.
-            if !matches!(error, GraphError::Timeout { .. }) {
-                self.refuse(id, &error.to_string());
-            }
+            self.tell(id, &error);
             error.into()
         })
     }
@@ -280,8 +277,15 @@ impl AnyServer {
     /// When [`AnyServer::take`] should be called again though nothing rang.
     #[must_use]
     pub fn deadline(&self) -> Option<Instant> {
-        let soon = (self.replies.kept() > 0).then(|| Instant::now() + LOOK_AGAIN);
-        self.pending.values().copied().chain(soon).min()
+        self.pending.values().copied().chain(self.replies.deadline()).min()
+    }
+
+    /// Tells a client why it does not get its reply.
+    fn tell(&mut self, id: &RequestId, error: &GraphError) {
+        // One that does not keep up would hold up the refusal as well.
+        if !matches!(error, GraphError::Timeout { .. }) {
+            self.refuse(id, &error.to_string());
+        }
     }
 
     /// Tells a client that its request is not served, where its type has room for it.
@@ -300,9 +304,12 @@ impl AnyServer {
         self.replies.kept()
     }
 
-    /// Sends the replies that were kept and whose clients hear now, without taking a request.
+    /// Sends the replies that were kept and whose clients hear now, without taking a request. A
+    /// client whose reply DDS refuses is told, where its type has room for it.
     pub fn flush(&mut self) {
-        self.replies.flush();
+        for Unsent { id, error } in self.replies.flush() {
+            self.tell(&id, &error);
+        }
     }
 
     fn end_expired(&mut self) {

@@ -1,0 +1,82 @@
+//! Complaints that repeat, told without flooding the log.
+//!
+//! ```text
+//!   complaint ─▶ pass ─ first, or the last is long ago ─▶ log it, and how many were not
+//!                  └─ too soon ─▶ counted ── rest ─▶ the sum, when its time has come
+//! ```
+
+use std::time::{Duration, Instant};
+
+/// Lets the first of many complaints through at once, then one every [`Throttle::EVERY`], and says
+/// how many were kept back.
+///
+/// ```
+/// use std::time::Instant;
+/// use wrapyfi_core::Throttle;
+/// let (mut refused, now) = (Throttle::default(), Instant::now());
+/// assert_eq!(refused.pass(now), Some(0));
+/// assert_eq!(refused.pass(now), None);
+/// assert_eq!(refused.rest(now), None);
+/// assert_eq!(refused.rest(now + Throttle::EVERY), Some(1));
+/// ```
+#[derive(Debug, Clone, Default)]
+pub struct Throttle {
+    last: Option<Instant>,
+    silent: u64,
+}
+
+impl Throttle {
+    /// Least time between two lines.
+    pub const EVERY: Duration = Duration::from_secs(5);
+
+    /// Notes a complaint. It is to be logged where this is `Some`: after so many that were not.
+    pub fn pass(&mut self, now: Instant) -> Option<u64> {
+        if self.due().is_some_and(|at| now < at) {
+            self.silent = self.silent.saturating_add(1);
+            return None;
+        }
+        self.last = Some(now);
+        Some(std::mem::take(&mut self.silent))
+    }
+
+    /// How many were not logged, where there are some and it is time to say so: for the end of a
+    /// flood, which no further complaint tells.
+    pub fn rest(&mut self, now: Instant) -> Option<u64> {
+        if self.silent == 0 || self.due().is_some_and(|at| now < at) {
+            return None;
+        }
+        self.last = Some(now);
+        Some(std::mem::take(&mut self.silent))
+    }
+
+    /// As [`Throttle::rest`] without waiting for its time: for an end.
+    pub fn finish(&mut self) -> Option<u64> {
+        let silent = std::mem::take(&mut self.silent);
+        (silent > 0).then_some(silent)
+    }
+
+    fn due(&self) -> Option<Instant> {
+        self.last.map(|at| at + Self::EVERY)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_flood_is_one_line_and_its_sum() {
+        let (mut throttle, start) = (Throttle::default(), Instant::now());
+        let passed: Vec<_> =
+            (0..1000).filter_map(|ms| throttle.pass(start + Duration::from_millis(ms))).collect();
+        assert_eq!(passed, [0]);
+        assert_eq!(throttle.rest(start + Duration::from_secs(1)), None, "too soon");
+        assert_eq!(throttle.pass(start + Throttle::EVERY), Some(999));
+        assert_eq!(throttle.pass(start + Throttle::EVERY), None);
+        assert_eq!(throttle.rest(start + 2 * Throttle::EVERY), Some(1));
+        assert_eq!(throttle.rest(start + 3 * Throttle::EVERY), None, "told already");
+        assert_eq!(throttle.pass(start + 4 * Throttle::EVERY), Some(0));
+        assert_eq!(throttle.pass(start + 4 * Throttle::EVERY), None);
+        assert_eq!((throttle.finish(), throttle.finish()), (Some(1), None));
+    }
+}
