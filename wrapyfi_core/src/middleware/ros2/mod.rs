@@ -13,6 +13,8 @@
 //!   cyclone             the only modules that call C
 //!
 //!   rust_services ───── services as Fast DDS has them, on RustDDS
+//!
+//!   function: calls of Wrapyfi's functions <-> service, which carries any service type
 //! ```
 //!
 //! A node of its own, and its topics under their ROS names:
@@ -47,6 +49,7 @@ mod discovery_info;
 mod domain;
 pub mod environment;
 mod follow;
+mod function;
 pub mod graph;
 mod inlet;
 mod listener;
@@ -84,7 +87,8 @@ pub use service::{
 };
 
 use crate::endpoint::{
-    Context, DiscoverError, Discovery, Listener, Middleware, OpenError, Publisher, TopicSpec,
+    Client, Context, DiscoverError, Discovery, Listener, Middleware, OpenError, Publisher, Server,
+    ServiceSpec, TopicSpec,
 };
 use crate::node::NodeName;
 use crate::types::MessageType;
@@ -187,6 +191,22 @@ impl Middleware for Ros2 {
         let publisher = Ros2Publisher::open(&self.graph, &self.names, &topic, spec, context)
             .map_err(|error| transport(spec, &error))?;
         Ok(Box::new(publisher))
+    }
+
+    fn open_client(
+        &self,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Client>, OpenError> {
+        Ok(Box::new(function::FunctionClient::open(self, spec, context)?))
+    }
+
+    fn open_server(
+        &self,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Server>, OpenError> {
+        Ok(Box::new(function::FunctionServer::open(self, spec, context)?))
     }
 
     fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
