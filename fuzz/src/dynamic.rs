@@ -24,7 +24,8 @@ const WIDE: usize = 64 * LIMITS.message_bytes;
 /// its encapsulation header.
 pub fn dynamic(data: &[u8]) {
     let Some(at) = data.windows(THEN.len()).position(|window| window == THEN) else { return };
-    let (text, message) = (&data[..at], &data[at + THEN.len()..]);
+    let (text, rest) = data.split_at(at);
+    let (_, message) = rest.split_at(THEN.len());
     let Ok(text) = std::str::from_utf8(text) else { return };
     let name = TypeName::new("fuzz_msgs", "Fuzzed").expect("a valid name");
     let (plan, peak) = measure(|| {
