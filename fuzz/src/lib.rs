@@ -16,6 +16,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::missing_panics_doc)]
 
 mod codecs;
+mod dynamic;
 mod labelled;
 mod meter;
 mod pickles;
@@ -25,6 +26,7 @@ mod tensors;
 mod texts;
 
 pub use codecs::{cdr, frames, jpeg, json, npy};
+pub use dynamic::dynamic;
 pub use labelled::{plugin_picture, plugin_zarr};
 pub use meter::{bounded, measure};
 pub use pickles::pickle;
@@ -42,7 +44,7 @@ pub const LIMITS: Limits = Limits { message_bytes: 1 << 20, depth: 64 };
 pub type Target = (&'static str, fn(&[u8]));
 
 /// Every target.
-pub const TARGETS: [Target; 14] = [
+pub const TARGETS: [Target; 15] = [
     ("json", json),
     ("npy", npy),
     ("frames", frames),
@@ -57,4 +59,5 @@ pub const TARGETS: [Target; 14] = [
     ("plugin_picture", plugin_picture),
     ("plugin_zarr", plugin_zarr),
     ("node_services", node_services),
+    ("dynamic", dynamic),
 ];

@@ -2,8 +2,7 @@
 //!
 //! ```text
 //!   CycloneGraph ──▶ Node { discovery info, participant, domain lease }
-//!                      ▲                    ▲
-//!        CycloneWriter ┘      CycloneReader ┘   each keeps the node alive and is listed in it
+//!                      ▲ kept alive by its endpoints: cyclone_endpoints, cyclone_service
 //! ```
 
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
@@ -11,16 +10,15 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use super::config::CycloneConfig;
-use super::cyclone::{
-    self, EndpointQos, Entity, Events, RawReader, RawWriter, ReturnCode, Taken, WriteFault,
-};
+use super::cyclone::{self, EndpointQos, Entity, Events, RawReader, RawWriter, ReturnCode};
+use super::cyclone_endpoints::{CycloneReader, CycloneWriter, Listed, stack};
 use super::cyclone_service::{CycloneClient, CycloneServer, Ends};
 use super::dds_terms::{discovered, to_dds, user_data};
 use super::discovery_info::{DiscoveryInfo, EndpointKind, Gid};
 use super::domain::{DomainError, DomainLease};
 use super::graph::{
-    CdrClient, CdrReader, CdrSample, CdrServer, CdrWriter, DiscoveredEndpoint, Graph, GraphError,
-    NodeWatch, Notify, PeerWatch, QosEvents, ServiceDescription, ServiceMapping, TopicDescription,
+    CdrClient, CdrReader, CdrServer, CdrWriter, DiscoveredEndpoint, Graph, GraphError, NodeWatch,
+    Notify, PeerWatch, ServiceDescription, ServiceMapping, TopicDescription,
 };
 use super::names;
 use super::owners::Owners;
@@ -33,7 +31,7 @@ use crate::node::NodeName;
 /// their oldest. A lost acknowledgement is repeated with the next
 /// heartbeat, 100 ms later, so less would drop messages that were about to go; much more would let
 /// one stopped subscriber hold up everything that the same thread propagates.
-const MAX_BLOCKING: Duration = Duration::from_millis(500);
+pub(super) const MAX_BLOCKING: Duration = Duration::from_millis(500);
 
 /// Why a node could not be created.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -121,8 +119,7 @@ impl CycloneGraph {
             .map_err(fault)?;
         let gid = raw.guid().map_err(fault)?;
         let listed = Listed::new(&self.0, EndpointKind::Reader, gid);
-        let (topic, max_bytes) = (topic.name.clone(), topic.max_bytes);
-        Ok(Box::new(CycloneReader { raw, topic, max_bytes, _listed: listed }))
+        Ok(Box::new(CycloneReader::new(raw, topic, listed)))
     }
 
     /// Like [`Graph::advertise`], with the names of DDS.
@@ -142,7 +139,7 @@ impl CycloneGraph {
             .map_err(fault)?;
         let gid = raw.guid().map_err(fault)?;
         let listed = Listed::new(&self.0, EndpointKind::Writer, gid);
-        Ok(Box::new(CycloneWriter { raw, topic: topic.name.clone(), _listed: listed }))
+        Ok(Box::new(CycloneWriter::new(raw, &topic.name, listed)))
     }
 
     /// The two endpoints of a client (`clientid`) or a server (`serviceid`), the GUID of the writer,
@@ -297,120 +294,7 @@ impl Drop for Node {
     }
 }
 
-/// An endpoint's entry in its node, removed on drop.
-struct Listed {
-    node: Arc<Node>,
-    kind: EndpointKind,
-    gid: Gid,
-}
-
-impl Listed {
-    fn new(node: &Arc<Node>, kind: EndpointKind, gid: Gid) -> Self {
-        node.info().add(kind, gid);
-        Self { node: Arc::clone(node), kind, gid }
-    }
-}
-
-impl Drop for Listed {
-    fn drop(&mut self) {
-        self.node.info().remove(self.kind, &self.gid);
-    }
-}
-
-/// Fields drop in this order: the writer, then its entry.
-struct CycloneWriter {
-    raw: RawWriter,
-    topic: String,
-    _listed: Listed,
-}
-
-impl CdrWriter for CycloneWriter {
-    fn write(&mut self, parts: &[&[u8]]) -> Result<(), GraphError> {
-        write(&self.raw, &self.topic, parts)
-    }
-
-    fn matched(&self) -> usize {
-        self.raw.events().matched()
-    }
-
-    fn incompatible(&self) -> Option<&'static str> {
-        self.raw.events().incompatible()
-    }
-
-    fn qos_events(&self) -> QosEvents {
-        qos_events(self.raw.events())
-    }
-}
-
-/// Writes a message to `topic`.
-pub(super) fn write(raw: &RawWriter, topic: &str, parts: &[&[u8]]) -> Result<(), GraphError> {
-    raw.write(parts).map_err(|fault| match fault {
-        WriteFault::Code(code) if code.is_timeout() => GraphError::Timeout {
-            topic: topic.to_owned(),
-            timeout_ms: u64::try_from(MAX_BLOCKING.as_millis()).unwrap_or(u64::MAX),
-        },
-        WriteFault::Code(code) => stack("writing", topic, code),
-        WriteFault::Message(reason) => {
-            GraphError::Stack { operation: "writing", topic: topic.to_owned(), reason }
-        }
-    })
-}
-
-/// Fields drop in this order: the reader, then its entry.
-struct CycloneReader {
-    raw: RawReader,
-    topic: String,
-    max_bytes: usize,
-    _listed: Listed,
-}
-
-impl CdrReader for CycloneReader {
-    fn take(&mut self) -> Result<Option<CdrSample>, GraphError> {
-        match self.raw.take(self.max_bytes) {
-            Ok(Taken::Nothing) => Ok(None),
-            Ok(Taken::Message(sample)) => Ok(Some(CdrSample {
-                cdr: sample.cdr,
-                source_timestamp_ns: sample.source_timestamp_ns,
-                publisher: sample.writer,
-            })),
-            Ok(Taken::TooLarge(actual)) => Err(GraphError::TooLarge {
-                topic: self.topic.clone(),
-                actual,
-                limit: self.max_bytes,
-            }),
-            Err(code) => Err(stack("taking", &self.topic, code)),
-        }
-    }
-
-    fn matched(&self) -> usize {
-        self.raw.events().matched()
-    }
-
-    fn lost(&mut self) -> u64 {
-        self.raw.events().take_lost()
-    }
-
-    fn incompatible(&self) -> Option<&'static str> {
-        self.raw.events().incompatible()
-    }
-
-    fn qos_events(&self) -> QosEvents {
-        qos_events(self.raw.events())
-    }
-}
-
-fn qos_events(events: &Events) -> QosEvents {
-    QosEvents {
-        deadlines_missed: events.take_missed_deadlines(),
-        liveliness_lost: events.take_lost_liveliness(),
-    }
-}
-
 fn qos<'a>(topic: &TopicDescription, user_data: &'a str) -> EndpointQos<'a> {
     // A node does not hear itself: this is what keeps routes from looping.
     EndpointQos { qos: topic.qos, max_blocking: MAX_BLOCKING, user_data, ignore_local: true }
-}
-
-fn stack(operation: &'static str, topic: &str, code: ReturnCode) -> GraphError {
-    GraphError::Stack { operation, topic: topic.to_owned(), reason: code.to_string() }
 }

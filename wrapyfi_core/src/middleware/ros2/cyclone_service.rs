@@ -117,7 +117,7 @@ impl Ends {
         let mut room = [0; HEADER];
         let joined = service_header::join(client, sequence, parts, &mut room)
             .ok_or_else(|| self.fault("writing", "the message has no encapsulation header"))?;
-        super::cyclone_graph::write(&self.writer, &self.service, &joined)
+        super::cyclone_endpoints::write(&self.writer, &self.service, &joined)
     }
 
     /// The other ends; `requests` says whether the writer is that of requests.

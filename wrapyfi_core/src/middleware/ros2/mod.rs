@@ -40,6 +40,7 @@ mod any;
 mod aside;
 mod config;
 mod cyclone;
+mod cyclone_endpoints;
 mod cyclone_graph;
 mod cyclone_service;
 mod dds_terms;

@@ -6,6 +6,7 @@
 //!     participant  RustDDS, its announcement (announce), its thread (watch)
 //!     client, server  the traits, on a Pair of endpoints
 //!     pair         writer, reader, remotes: whom they are matched with
+//!     outgoing     what is written; large: replies in fragments, which RustDDS cannot identify
 //!     identity     which request; adapter: CDR bytes
 //! ```
 //!
@@ -23,8 +24,11 @@ mod changes;
 mod client;
 #[cfg(test)]
 mod foreign_tests;
+mod fragments;
 mod identity;
+mod large;
 mod numbers;
+mod outgoing;
 mod pair;
 mod participant;
 mod remotes;

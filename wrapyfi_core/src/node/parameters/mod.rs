@@ -54,4 +54,6 @@ mod golden_tests;
 #[cfg(test)]
 mod qos_tests;
 #[cfg(test)]
+mod request_tests;
+#[cfg(test)]
 mod tests;

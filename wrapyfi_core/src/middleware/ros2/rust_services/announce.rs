@@ -16,7 +16,7 @@ use wrapyfi_interfaces::Message;
 use wrapyfi_interfaces::rmw_dds_common::msg::{self, NodeEntitiesInfo, ParticipantEntitiesInfo};
 
 use super::adapter;
-use super::pair::Writer;
+use super::outgoing::Writer;
 use crate::middleware::ros2::discovery_info::{Gid, TOPIC};
 use crate::node::NodeName;
 

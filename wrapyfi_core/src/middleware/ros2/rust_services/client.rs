@@ -7,7 +7,7 @@
 
 use super::adapter::Received;
 use super::identity;
-use super::pair::Identity;
+use super::outgoing::Identity;
 use super::participant::Opened;
 use super::remotes;
 use crate::middleware::ros2::discovery_info::Gid;

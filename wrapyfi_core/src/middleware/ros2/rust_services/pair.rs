@@ -10,32 +10,19 @@ use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
 
-use bytes::Bytes;
-use rustdds::dds::{ReadError, WriteError};
-use rustdds::no_key::{DataWriter, DeserializedCacheChange, SimpleDataReader};
+use rustdds::dds::ReadError;
+use rustdds::no_key::{DeserializedCacheChange, SimpleDataReader};
 use rustdds::rpc::SampleIdentity;
-use rustdds::{
-    DataReaderStatus, DataWriterStatus, RTPSEntity as _, StatusEvented as _, Timestamp,
-    WriteOptionsBuilder,
-};
+use rustdds::{DataReaderStatus, DataWriterStatus, RTPSEntity as _, StatusEvented as _, Timestamp};
 
-use super::adapter::{self, CDR_LE, RawCdr, Received, Within};
+use super::adapter::{RawCdr, Received, Within};
 use super::numbers::Numbers;
+use super::outgoing::{Identity, Outgoing, Writer, fault};
 use super::remotes::{PREFIX, Remotes};
 use super::settings::WholeSamples;
 use crate::middleware::ros2::discovery_info::Gid;
 use crate::middleware::ros2::graph::{GraphError, Notify, Peers, ServiceDescription};
-
-/// How long a write waits for reliable peers that do not keep up.
-pub(super) const MAX_BLOCKING: Duration = Duration::from_millis(500);
-
-/// How long an end that leaves waits for what it wrote to arrive.
-const FAREWELL: Duration = Duration::from_millis(100);
-/// RustDDS tells of a match before it counts the new reader among those that are to acknowledge: so
-/// long after a write its answer to whether all have done so means nothing.
-const SETTLE: Duration = Duration::from_millis(20);
 
 /// Disposals in a row that one call passes over. RustDDS says of a disposal what it says of an
 /// empty reader, so that the sample behind it is looked for by asking again.
@@ -43,44 +30,17 @@ const DISPOSALS: usize = 8;
 
 /// Takes serialised messages.
 pub(super) type Reader = SimpleDataReader<Received, RawCdr>;
-/// Writes serialised messages.
-pub(super) type Writer = DataWriter<Bytes, RawCdr>;
 
 /// A writer and a reader of one service.
 pub(super) struct Pair {
     service: String,
     max_bytes: usize,
-    whole: WholeSamples,
-    writer: Writer,
+    outgoing: Outgoing,
     reader: Reader,
     notify: Notify,
     remotes: Mutex<Remotes>,
     numbers: Mutex<Numbers>,
     lost: AtomicU64,
-    /// When something was written last.
-    wrote: Mutex<Option<Instant>>,
-}
-
-/// The related sample identity of a message that is to be written.
-///
-/// RustDDS 0.15 puts a byte too many in front of the inline QoS of a sample that it cuts into
-/// fragments: nobody reads it, and a debug build of it panics. So only whole samples carry one.
-#[derive(Debug, Clone, Copy)]
-pub(super) enum Identity {
-    /// Left out of what is not sent whole: a request is named by its sample then.
-    IfWhole(SampleIdentity),
-    /// Without it the message is of no use.
-    Always(SampleIdentity),
-}
-
-/// A reply for which there is no way.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "a reply of {size} bytes is over the {limit} bytes that fit one datagram to its clients, and RustDDS cannot say of a larger one whose it is: for larger replies set RMW_IMPLEMENTATION=rmw_cyclonedds_cpp on both sides"
-)]
-struct UnsendableReply {
-    size: usize,
-    limit: usize,
 }
 
 /// A message as its reader takes it.
@@ -108,14 +68,12 @@ impl Pair {
         let pair = Self {
             service: service.name.clone(),
             max_bytes: service.max_bytes,
-            whole,
-            writer,
+            outgoing: Outgoing::new(&service.name, whole, writer),
             reader,
             notify,
             remotes: Mutex::default(),
             numbers: Mutex::default(),
             lost: AtomicU64::new(0),
-            wrote: Mutex::default(),
         };
         pair.forget();
         pair
@@ -136,7 +94,7 @@ impl Pair {
     }
 
     pub(super) fn writer_guid(&self) -> rustdds::GUID {
-        self.writer.guid()
+        self.outgoing.writer().guid()
     }
 
     pub(super) fn reader_guid(&self) -> rustdds::GUID {
@@ -159,70 +117,12 @@ impl Pair {
 
     /// Writes one message, given in pieces. Its number.
     pub(super) fn write(&self, parts: &[&[u8]], identity: Identity) -> Result<i64, GraphError> {
-        let body = adapter::body(parts).map_err(|error| self.fault("writing", &error))?;
-        let size = body.len().saturating_add(CDR_LE.len());
-        let limit = self.whole_bytes(size);
-        let related = match identity {
-            Identity::IfWhole(identity) => (size <= limit).then_some(identity),
-            Identity::Always(identity) if size <= limit => Some(identity),
-            Identity::Always(_) => {
-                return Err(self.fault("writing", &UnsendableReply { size, limit }));
-            }
-        };
-        let options = WriteOptionsBuilder::new()
-            .source_timestamp(Timestamp::now())
-            .related_sample_identity_opt(related)
-            .build();
-        match self.writer.write_with_options(body, options) {
-            Ok(sample) => {
-                let mut wrote = self.wrote.lock().unwrap_or_else(PoisonError::into_inner);
-                *wrote = Some(Instant::now());
-                Ok(sample.sequence_number.into())
-            }
-            Err(WriteError::WouldBlock { .. }) => Err(GraphError::Timeout {
-                topic: self.service.clone(),
-                timeout_ms: u64::try_from(MAX_BLOCKING.as_millis()).unwrap_or(u64::MAX),
-            }),
-            Err(error) => Err(self.fault("writing", &error)),
-        }
+        self.outgoing.write(parts, identity, &self.remotes)
     }
 
-    /// Waits a moment for what was written to arrive. RustDDS hands messages to a thread of its own,
-    /// and ends a writer without sending what waits there.
+    /// Waits a moment for what was written to arrive.
     pub(super) fn farewell(&self) {
-        let wrote = *self.wrote.lock().unwrap_or_else(PoisonError::into_inner);
-        let Some(wrote) = wrote else { return };
-        std::thread::sleep(SETTLE.saturating_sub(wrote.elapsed()));
-        match self.writer.wait_for_acknowledgments(FAREWELL) {
-            Ok(true) => {}
-            Ok(false) => tracing::debug!(service = self.service, "the last was not acknowledged"),
-            Err(error) => {
-                tracing::debug!(service = self.service, %error, "waiting for acknowledgements");
-            }
-        }
-    }
-
-    /// Bytes up to which a sample of `size` bytes is sent to all matched readers in one piece.
-    fn whole_bytes(&self, size: usize) -> usize {
-        if size <= self.whole.anywhere {
-            return self.whole.anywhere;
-        }
-        let Some(dds) = self.writer.publisher().participant() else { return self.whole.anywhere };
-        let discovered = dds.discovered_readers();
-        let remotes = self.remotes();
-        let mut near = discovered
-            .iter()
-            .filter(|known| remotes.has_reader(&known.reader_proxy.remote_reader_guid.to_bytes()))
-            .map(|known| {
-                let addresses = &known.reader_proxy.unicast_locator_list;
-                !addresses.is_empty() && !addresses.iter().any(|address| !address.is_loopback())
-            })
-            .peekable();
-        if near.peek().is_some() && near.all(|near| near) {
-            self.whole.loopback
-        } else {
-            self.whole.anywhere
-        }
+        self.outgoing.farewell();
     }
 
     /// The next message, if one waits.
@@ -277,7 +177,7 @@ impl Pair {
 
     /// The readers and writers of others that discovery knows now.
     pub(super) fn discovered(&self) -> Option<BTreeSet<Gid>> {
-        let dds = self.writer.publisher().participant()?;
+        let dds = self.outgoing.writer().publisher().participant()?;
         let readers = dds.discovered_readers();
         let readers = readers.iter().map(|known| known.reader_proxy.remote_reader_guid);
         let writers = dds.discovered_writers();
@@ -332,7 +232,7 @@ impl Pair {
 
     /// Reads what RustDDS has to say about the writer.
     pub(super) fn on_writer_status(&self) {
-        while let Some(status) = self.writer.try_recv_status() {
+        while let Some(status) = self.outgoing.writer().try_recv_status() {
             match status {
                 DataWriterStatus::PublicationMatched { reader, current, .. } => {
                     if current.count_change() > 0 {
@@ -367,11 +267,7 @@ impl Pair {
     }
 
     fn unreadable(&self, error: &ReadError) -> GraphError {
-        self.fault("taking", error)
-    }
-
-    fn fault(&self, operation: &'static str, error: &dyn std::fmt::Display) -> GraphError {
-        GraphError::Stack { operation, topic: self.service.clone(), reason: error.to_string() }
+        fault(&self.service, "taking", error)
     }
 }
 

@@ -16,7 +16,8 @@ use rustdds::{
 
 use super::announce::Announcement;
 use super::changes::Changes;
-use super::pair::{MAX_BLOCKING, Pair, Reader, Writer};
+use super::outgoing::{MAX_BLOCKING, Writer};
+use super::pair::{Pair, Reader};
 use super::settings::{Settings, WholeSamples};
 use super::watch::{AddError, Watch};
 use crate::middleware::ros2::discovery_info::{Gid, TOPIC};

@@ -10,7 +10,7 @@ use rustdds::GUID;
 
 use super::adapter::Received;
 use super::identity;
-use super::pair::Identity;
+use super::outgoing::Identity;
 use super::participant::Opened;
 use super::remotes;
 use crate::middleware::ros2::graph::{

@@ -79,6 +79,13 @@ impl WholeSamples {
         let carries = |mtu: usize| mtu.saturating_sub(AROUND_SAMPLE).min(DATAGRAM);
         Self { anywhere: carries(least(false).min(ETHERNET)), loopback: carries(least(true)) }
     }
+
+    /// Bytes of the largest datagram to a reader, `near` if only the loopback interface leads to it.
+    pub(super) fn datagram(self, near: bool) -> usize {
+        /// What samples are smaller by, but for the headers of IP and UDP.
+        const AROUND: usize = AROUND_SAMPLE - (20 + 8);
+        if near { self.loopback + AROUND } else { self.anywhere + AROUND }
+    }
 }
 
 /// A network interface of this host.

@@ -25,7 +25,8 @@ use rustdds::{
     StatusEvented as _,
 };
 
-use super::pair::{Pair, Reader, Writer};
+use super::outgoing::Writer;
+use super::pair::{Pair, Reader};
 
 const WAKER: Token = Token(0);
 const PARTICIPANT: Token = Token(1);
