@@ -19,6 +19,8 @@
 
 mod adapter;
 mod announce;
+#[cfg(test)]
+mod captured_tests;
 mod client;
 #[cfg(test)]
 mod foreign_tests;
