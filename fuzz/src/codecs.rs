@@ -6,7 +6,7 @@ use wrapyfi_core::codec::npy::NpyArray;
 use wrapyfi_core::codec::{frames as zeromq, jpeg as jpeg_file, json as text, npy as file, ros};
 use wrapyfi_core::endpoint::TopicSpec;
 use wrapyfi_core::plugin::Plugins;
-use wrapyfi_core::types::{Encoding, MessageType, Stamp};
+use wrapyfi_core::types::{Encoding, MessageType, Properties, Stamp};
 
 use crate::{LIMITS, bounded};
 
@@ -36,6 +36,11 @@ pub fn json(data: &[u8]) {
     // Not the values: one with a NaN inside differs from itself.
     let rewritten = text::encode(&again).expect("what was read can be written");
     assert!(written == rewritten, "changed by writing and reading");
+
+    if let Ok(properties) = Properties::from_value(&value) {
+        let again = Properties::from_value(&properties.to_value()).expect("properties are a dict");
+        assert!(properties.names().eq(again.names()), "names changed");
+    }
 
     // Refused where a plug-in has taken the name by which arrays are meant there.
     let Ok((beside, tensors)) = text::encode_with_tensors(&value, &Plugins::standard()) else {

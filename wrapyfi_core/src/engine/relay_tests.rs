@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::*;
 use crate::endpoint::{Overflow, QueueSpec, TopicSpec};
 use crate::middleware::memory::Memory;
-use crate::types::{MessageType, Payload, Tensor, Value};
+use crate::types::{Map, MessageType, Payload, Properties, Tensor, Value};
 
 struct Bench {
     bus: Arc<Memory>,
@@ -185,6 +185,30 @@ fn an_array_arrives_as_an_image_and_what_is_none_is_counted() {
     let status = bench.relay.status();
     assert_eq!(status.counters.dropped_for(DropReason::Mismatch), 1);
     assert!(matches!(&status.state, RouteState::Degraded(text) if text.contains("received str")));
+}
+
+#[test]
+fn a_dict_arrives_as_properties_and_what_is_none_is_counted() {
+    let mut bench = Bench::new(|spec| {
+        spec.from_type = MessageType::NativeObject;
+        spec.message_type = MessageType::Properties;
+    });
+    bench.step_after(MS);
+    let properties = TopicSpec { message_type: MessageType::Properties, ..spec("/out") };
+    let mut sink = bench.bus.open_listener(&properties, &Context::default()).unwrap();
+    let mut source = bench.source();
+    bench.step_after(MS);
+    let nested = Map::from([("lens", Map::from([("label", "left")]))]);
+    for value in [Value::from(nested), "no dict".into()] {
+        source.publish(&value.into()).unwrap();
+    }
+    bench.step_after(MS);
+    let expected = Properties::from([("lens.label", "left")]);
+    assert_eq!(drain(sink.as_mut()), [Payload::from(expected)]);
+    let status = bench.relay.status();
+    assert_eq!(status.counters.dropped_for(DropReason::Mismatch), 1);
+    let words = "properties are a dict of names and values, not str";
+    assert!(matches!(&status.state, RouteState::Degraded(text) if text.contains(words)));
 }
 
 /// What a plug-in refused is no loss, but it is said.

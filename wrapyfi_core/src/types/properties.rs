@@ -382,7 +382,8 @@ fn array(name: &str, tensor: &Tensor) -> Result<ParameterValue, PropertiesError>
         Dtype::I64 => ParameterValue::IntegerArray(each!(i64).collect()),
         Dtype::U64 => {
             let numbers: Result<Vec<i64>, _> = each!(u64).map(i64::try_from).collect();
-            let numbers = numbers.map_err(|_| refuse("with a number of more than 63 bits"))?;
+            let numbers =
+                numbers.map_err(|_beyond| refuse("with a number of more than 63 bits"))?;
             ParameterValue::IntegerArray(numbers)
         }
         Dtype::F32 => ParameterValue::DoubleArray(each!(f32).map(f64::from).collect()),

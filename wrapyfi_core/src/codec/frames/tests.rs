@@ -1,8 +1,8 @@
 use super::*;
 use crate::Limits;
 use crate::types::{
-    AudioChunk, CompressedFormat, Dtype, Encoding, Image, MessageType, Pixels, RawPixels,
-    SampleFormat, Tensor, Value,
+    AudioChunk, CompressedFormat, Dtype, Encoding, Image, MessageType, ParameterValue, Pixels,
+    Properties, RawPixels, SampleFormat, Tensor, Value,
 };
 
 const RECEIVED: Stamp = Stamp { sec: 7, nanosec: 8 };
@@ -27,6 +27,30 @@ fn json_of(dtype: Dtype, shape: &[usize], data: Vec<u8>) -> Vec<u8> {
 
 fn frames_of(payload: &Payload, spec: &TopicSpec) -> Vec<Bytes> {
     encode(payload, spec).unwrap().into_iter().map(Bytes::from).collect()
+}
+
+#[test]
+fn properties_are_the_dict_of_a_native_object() {
+    let properties = Properties::from_iter([
+        ("gain", ParameterValue::from(2.5)),
+        ("raw", vec![1_u8, 255].into()),
+        ("gone", ParameterValue::NotSet),
+    ]);
+    let frames = frames_of(&properties.clone().into(), &spec(MessageType::Properties));
+    assert_eq!(frames.len(), 2);
+    let read = |message_type| decode(&frames, &spec(message_type), RECEIVED).unwrap();
+    assert_eq!(read(MessageType::NativeObject), properties.to_value().into());
+    assert_eq!(read(MessageType::Properties), properties.into());
+    let frames = [Bytes::from("/t"), Bytes::from(r#"{"gain": {"low": 1}}"#)];
+    let nested = decode(&frames, &spec(MessageType::Properties), RECEIVED).unwrap();
+    assert_eq!(nested, Properties::from([("gain.low", 1_i64)]).into());
+    for wrong in ["[1]", r#"{"a": {"__wrapyfi__": ["set", [1]]}}"#] {
+        let frames = [Bytes::from("/t"), Bytes::from(wrong)];
+        let error = decode(&frames, &spec(MessageType::Properties), RECEIVED).unwrap_err();
+        assert!(error.to_string().starts_with("expected properties"), "{error}");
+    }
+    let frames = vec![Bytes::from("{}"); 3];
+    assert!(decode(&frames, &spec(MessageType::Properties), RECEIVED).is_err());
 }
 
 #[test]

@@ -13,7 +13,7 @@ use super::config::CycloneConfig;
 use super::cyclone::{self, EndpointQos, Entity, Events, RawReader, RawWriter, ReturnCode};
 use super::cyclone_endpoints::{CycloneReader, CycloneWriter, Listed, stack};
 use super::cyclone_service::{CycloneClient, CycloneServer, Ends};
-use super::dds_terms::{discovered, to_dds, user_data};
+use super::dds_terms::{ENCLAVE, discovered, end_user_data, to_dds, user_data};
 use super::discovery_info::{DiscoveryInfo, EndpointKind, Gid};
 use super::domain::{DomainError, DomainLease};
 use super::graph::{
@@ -71,7 +71,7 @@ impl CycloneGraph {
     pub fn new(config: &CycloneConfig) -> Result<Self, CycloneError> {
         let domain = DomainLease::acquire(config.domain_id, &config.sources())?;
         let fault = |code: ReturnCode| CycloneError::Participant(code.to_string());
-        let participant = Entity::participant(config.domain_id, "enclave=/;").map_err(fault)?;
+        let participant = Entity::participant(config.domain_id, ENCLAVE).map_err(fault)?;
         let gid = participant.guid().map_err(fault)?;
         let info = DiscoveryInfo::new(&participant, &config.node).map_err(fault)?;
         info.publish();
@@ -160,10 +160,7 @@ impl CycloneGraph {
             .map_err(|error| fault(error.to_string()))?;
         let node = &self.0;
         let id = names::end_id(&node.gid, node.service_ends.fetch_add(1, Relaxed));
-        let data = |hash: &Option<String>| {
-            let hash = hash.as_ref().map(|hash| format!("typehash={hash};")).unwrap_or_default();
-            format!("{id_key}= {id};{hash}")
-        };
+        let data = |hash: &Option<String>| end_user_data(id_key, &id, hash.as_deref());
         let requests = (names.requests(), data(&service.request_hash));
         let replies = (names.replies(), data(&service.response_hash));
         let (written, read) =

@@ -40,12 +40,23 @@ pub(super) fn discovered(endpoint: cyclone::EndpointFound, own: &Gid) -> Discove
     }
 }
 
+/// USER_DATA of a participant: where its security settings would lie.
+pub(super) const ENCLAVE: &str = "enclave=/;";
+
+/// USER_DATA of an end of a service, as `rmw_cyclonedds_cpp` has it: `serviceid` or `clientid`, which
+/// both endpoints of the end share, and the type hash.
+pub(super) fn end_user_data(key: &str, id: &str, type_hash: Option<&str>) -> String {
+    let hash = type_hash.map(|hash| format!("typehash={hash};")).unwrap_or_default();
+    format!("{key}= {id};{hash}")
+}
+
 /// USER_DATA of an endpoint: its type hash.
 pub(super) fn user_data(topic: &TopicDescription) -> String {
     topic.type_hash.as_ref().map(|hash| format!("typehash={hash};")).unwrap_or_default()
 }
 
-fn type_hash(user_data: &[u8]) -> Option<String> {
+/// The type hash in USER_DATA, where there is one.
+pub(super) fn type_hash(user_data: &[u8]) -> Option<String> {
     let text = std::str::from_utf8(user_data).ok()?;
     text.trim_end_matches('\0')
         .split(';')

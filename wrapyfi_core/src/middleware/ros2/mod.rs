@@ -70,6 +70,8 @@ mod service;
 mod service_header;
 mod services;
 mod vendor;
+#[cfg(test)]
+mod wire_tests;
 
 use std::sync::Arc;
 

@@ -20,6 +20,8 @@
 
 mod adapter;
 mod announce;
+#[cfg(test)]
+mod captured_tests;
 mod changes;
 mod client;
 #[cfg(test)]

@@ -261,7 +261,7 @@ impl RemoteParameters {
                         self.stage = Stage::Listing(ticket);
                         continue;
                     }
-                    if let Some(changes) = self.listed(result?.result.names)? {
+                    if let Some(changes) = self.listed(&result?.result.names)? {
                         return Ok(Some(changes));
                     }
                 }
@@ -286,7 +286,7 @@ impl RemoteParameters {
         }
     }
 
-    fn listed(&mut self, names: Vec<String>) -> Result<Option<Properties>, ParameterClientError> {
+    fn listed(&mut self, names: &[String]) -> Result<Option<Properties>, ParameterClientError> {
         if names.len() > MAX_NAMES {
             return Err(too_many(&self.node, names.len()));
         }
