@@ -54,7 +54,8 @@ pub use service_ends::{Caller, Clerk, call_and_serve};
 
 /// One `#[test]` for every case of the suite, run against a [`Rig`].
 ///
-/// Every test starts a rig of its own, so they may run side by side.
+/// Every test starts a rig of its own, so they may run side by side. `services of Rig` leaves out
+/// what is about topics.
 #[macro_export]
 macro_rules! conformance_tests {
     ($rig:ty) => {
@@ -97,7 +98,11 @@ macro_rules! conformance_tests {
             an_arrival_rings,
             // discovery
             what_exists_is_found_and_what_went_is_not,
-            // services
+        }
+        $crate::conformance_tests!(services of $rig);
+    };
+    (services of $rig:ty) => {
+        $crate::conformance_tests! { @cases $rig:
             a_call_is_answered,
             arguments_arrive_unchanged,
             every_kind_is_returned,

@@ -20,7 +20,8 @@ struct Brokered {
 
 fn side([pub_port, sub_port, rep_port, req_port]: [u16; 4], broker: BrokerMode) -> ZeroMq {
     let default = ZeroMqConfig::default();
-    let config = ZeroMqConfig { pub_port, sub_port, rep_port, req_port, broker, ..default };
+    let ports = ZeroMqConfig { pub_port, sub_port, rep_port, req_port, ..default };
+    let config = ZeroMqConfig { broker, service_broker: broker, ..ports };
     ZeroMq::start(&config).unwrap()
 }
 
