@@ -42,6 +42,8 @@ pub struct ZeroMqConfig {
     pub monitor: bool,
     /// Who runs the broker (`WRAPYFI_ZEROMQ_START_PROXY_BROKER`: `False` is foreign).
     pub broker: BrokerMode,
+    /// Who runs the broker of requests and replies; ours starts with the first server.
+    pub service_broker: BrokerMode,
     /// Messages a socket holds for a peer that is slower, in publishers and in the broker; 0 means
     /// without limit.
     pub send_hwm: u16,
@@ -64,6 +66,7 @@ impl Default for ZeroMqConfig {
             monitor_topic: "ZEROMQ/CONNECTIONS".to_owned(),
             monitor: true,
             broker: BrokerMode::Embedded,
+            service_broker: BrokerMode::Embedded,
             // libzmq's own default, and so Wrapyfi's.
             send_hwm: 1000,
             max_frame_bytes: crate::Limits::default().message_bytes + FRAME_SLACK,
@@ -156,6 +159,11 @@ impl ZeroMqConfig {
             },
         };
         let default = Self::default();
+        let broker = if switch("WRAPYFI_ZEROMQ_START_PROXY_BROKER")? {
+            BrokerMode::Embedded
+        } else {
+            BrokerMode::Foreign
+        };
         Ok(Self {
             ip: text("WRAPYFI_ZEROMQ_SOCKET_IP")?.unwrap_or(default.ip),
             pub_port: port("WRAPYFI_ZEROMQ_SOCKET_PUB_PORT", default.pub_port)?,
@@ -165,11 +173,8 @@ impl ZeroMqConfig {
             monitor_topic: text("WRAPYFI_ZEROMQ_PUBSUB_MONITOR_TOPIC")?
                 .unwrap_or(default.monitor_topic),
             monitor: switch("WRAPYFI_ZEROMQ_START_PUBSUB_MONITOR")?,
-            broker: if switch("WRAPYFI_ZEROMQ_START_PROXY_BROKER")? {
-                BrokerMode::Embedded
-            } else {
-                BrokerMode::Foreign
-            },
+            broker,
+            service_broker: broker,
             ..default
         })
     }

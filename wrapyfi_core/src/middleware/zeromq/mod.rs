@@ -226,7 +226,7 @@ impl ZeroMq {
                 let ip = config::resolve(&self.config.ip)
                     .map_err(|reason| BrokerError::Host { ip: self.config.ip.clone(), reason })?;
                 let config = self.config.service_broker_config();
-                none.insert(keeper::Keeper::start(&config, self.config.broker, ip)?)
+                none.insert(keeper::Keeper::start(&config, self.config.service_broker, ip)?)
             }
         };
         let own = keeper.own(|broker| (broker.rep_port(), broker.req_port()));

@@ -13,7 +13,7 @@ mod client;
 mod server;
 
 use bytes::Bytes;
-use wrapyfi_interfaces::dynamic::{DynamicMessage, Plan, ValueError};
+use wrapyfi_interfaces::dynamic::{DynamicMessage, DynamicValue, Plan, ValueError};
 use wrapyfi_interfaces::store::TypeStore;
 
 pub(super) use client::FunctionClient;
@@ -62,7 +62,8 @@ impl Function {
             timeout: self.spec.timeout,
             pending: self.spec.pending,
             max_bytes: self.spec.limits.message_bytes,
-            ..ServiceOptions::default()
+            // All that may be under way at once: DDS overwrites what exceeds its depth.
+            depth: u32::try_from(self.spec.pending).unwrap_or(u32::MAX).max(10),
         }
     }
 
@@ -126,8 +127,8 @@ impl Function {
         &self,
         message: &DynamicMessage,
     ) -> Result<(Result<Payload, String>, usize), DecodeError> {
-        let success = message.get("success").and_then(|value| value.as_integer());
-        if !self.spec.kind.is_upstream() && success == Some(0) {
+        let failed = matches!(message.get("success"), Some(DynamicValue::Bool(false)));
+        if !self.spec.kind.is_upstream() && failed {
             let reason = message.get("message").and_then(|text| text.as_str()).unwrap_or_default();
             return Ok((Err(reason.to_owned()), reason.len()));
         }
