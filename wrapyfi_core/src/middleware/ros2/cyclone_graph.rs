@@ -26,6 +26,7 @@ use super::names;
 use super::owners::Owners;
 use super::peer_index::PeerIndex;
 use super::services::Services;
+use super::small_bursts::{SmallBursts, Ways};
 use crate::endpoint::{History, Qos, Reliability};
 use crate::node::NodeName;
 
@@ -33,7 +34,7 @@ use crate::node::NodeName;
 /// their oldest. A lost acknowledgement is repeated with the next
 /// heartbeat, 100 ms later, so less would drop messages that were about to go; much more would let
 /// one stopped subscriber hold up everything that the same thread propagates.
-const MAX_BLOCKING: Duration = Duration::from_millis(500);
+pub(super) const MAX_BLOCKING: Duration = Duration::from_millis(500);
 
 /// Why a node could not be created.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -61,6 +62,7 @@ pub(super) struct Node {
     /// Clients and servers created so far, which are numbered.
     service_ends: AtomicU32,
     services: Services,
+    small_bursts: SmallBursts,
     _domain: DomainLease,
 }
 
@@ -91,10 +93,15 @@ impl CycloneGraph {
             gid,
             service_ends: AtomicU32::new(1),
             services: Services::new(config),
+            small_bursts: SmallBursts::new(config),
             _domain: domain,
         }));
         graph.0.services.announce(&graph.0);
         Ok(graph)
+    }
+
+    pub(super) fn of(node: &Arc<Node>) -> Self {
+        Self(Arc::clone(node))
     }
 
     /// GUID of the participant, as `ros_discovery_info` carries it.
@@ -122,7 +129,7 @@ impl CycloneGraph {
         let gid = raw.guid().map_err(fault)?;
         let listed = Listed::new(&self.0, EndpointKind::Reader, gid);
         let (topic, max_bytes) = (topic.name.clone(), topic.max_bytes);
-        Ok(Box::new(CycloneReader { raw, topic, max_bytes, _listed: listed }))
+        Ok(Box::new(CycloneReader { raw, topic, max_bytes, listed }))
     }
 
     /// Like [`Graph::advertise`], with the names of DDS.
@@ -142,7 +149,8 @@ impl CycloneGraph {
             .map_err(fault)?;
         let gid = raw.guid().map_err(fault)?;
         let listed = Listed::new(&self.0, EndpointKind::Writer, gid);
-        Ok(Box::new(CycloneWriter { raw, topic: topic.name.clone(), _listed: listed }))
+        let ways = Ways::new(&self.0, topic);
+        Ok(Box::new(CycloneWriter { ways, raw, topic: topic.name.clone(), _listed: listed }))
     }
 
     /// The two endpoints of a client (`clientid`) or a server (`serviceid`), the GUID of the writer,
@@ -250,6 +258,7 @@ impl Graph for CycloneGraph {
             .map(|endpoint| {
                 let mut endpoint = discovered(endpoint, &self.0.gid);
                 endpoint.is_own |= self.0.services.owns(&endpoint.gid);
+                endpoint.is_own |= self.0.small_bursts.owns(&endpoint.gid);
                 endpoint
             })
             .collect())
@@ -276,13 +285,18 @@ impl Node {
         self.info.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    pub(super) fn small_bursts(&self) -> &SmallBursts {
+        &self.small_bursts
+    }
+
     /// What discovery has found, by topic: begun with the first one that asks.
     fn peer_index(&self) -> Result<Arc<PeerIndex>, ReturnCode> {
         let mut peers = self.peers.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(index) = &*peers {
             return Ok(Arc::clone(index));
         }
-        let index = PeerIndex::new(&self.participant, self.gid)?;
+        let second = Arc::clone(self.small_bursts.gid());
+        let index = PeerIndex::new(&self.participant, (self.gid, second))?;
         *peers = Some(Arc::clone(&index));
         Ok(index)
     }
@@ -298,14 +312,14 @@ impl Drop for Node {
 }
 
 /// An endpoint's entry in its node, removed on drop.
-struct Listed {
+pub(super) struct Listed {
     node: Arc<Node>,
     kind: EndpointKind,
     gid: Gid,
 }
 
 impl Listed {
-    fn new(node: &Arc<Node>, kind: EndpointKind, gid: Gid) -> Self {
+    pub(super) fn new(node: &Arc<Node>, kind: EndpointKind, gid: Gid) -> Self {
         node.info().add(kind, gid);
         Self { node: Arc::clone(node), kind, gid }
     }
@@ -317,8 +331,9 @@ impl Drop for Listed {
     }
 }
 
-/// Fields drop in this order: the writer, then its entry.
+/// Fields drop in this order: the second writer, the writer, then its entry.
 struct CycloneWriter {
+    ways: Ways,
     raw: RawWriter,
     topic: String,
     _listed: Listed,
@@ -326,7 +341,9 @@ struct CycloneWriter {
 
 impl CdrWriter for CycloneWriter {
     fn write(&mut self, parts: &[&[u8]]) -> Result<(), GraphError> {
-        write(&self.raw, &self.topic, parts)
+        let bytes = parts.iter().map(|part| part.len()).sum();
+        let raw = self.ways.second(&self.raw, bytes).unwrap_or(&self.raw);
+        write(raw, &self.topic, parts)
     }
 
     fn matched(&self) -> usize {
@@ -361,24 +378,35 @@ struct CycloneReader {
     raw: RawReader,
     topic: String,
     max_bytes: usize,
-    _listed: Listed,
+    listed: Listed,
+}
+
+impl CycloneReader {
+    /// Whether a sample comes from this node's second participant: its own topics are not for it.
+    fn is_own(&self, writer: u64) -> bool {
+        let second = &self.listed.node.small_bursts;
+        second.is_open() && self.raw.writer(writer).is_some_and(|peer| second.owns(&peer.guid))
+    }
 }
 
 impl CdrReader for CycloneReader {
     fn take(&mut self) -> Result<Option<CdrSample>, GraphError> {
-        match self.raw.take(self.max_bytes) {
-            Ok(Taken::Nothing) => Ok(None),
-            Ok(Taken::Message(sample)) => Ok(Some(CdrSample {
-                cdr: sample.cdr,
-                source_timestamp_ns: sample.source_timestamp_ns,
-                publisher: sample.writer,
-            })),
-            Ok(Taken::TooLarge(actual)) => Err(GraphError::TooLarge {
-                topic: self.topic.clone(),
-                actual,
-                limit: self.max_bytes,
-            }),
-            Err(code) => Err(stack("taking", &self.topic, code)),
+        loop {
+            return match self.raw.take(self.max_bytes) {
+                Ok(Taken::Nothing) => Ok(None),
+                Ok(Taken::Message(sample)) if self.is_own(sample.writer) => continue,
+                Ok(Taken::Message(sample)) => Ok(Some(CdrSample {
+                    cdr: sample.cdr,
+                    source_timestamp_ns: sample.source_timestamp_ns,
+                    publisher: sample.writer,
+                })),
+                Ok(Taken::TooLarge(actual)) => Err(GraphError::TooLarge {
+                    topic: self.topic.clone(),
+                    actual,
+                    limit: self.max_bytes,
+                }),
+                Err(code) => Err(stack("taking", &self.topic, code)),
+            };
         }
     }
 
