@@ -11,9 +11,11 @@
 //! | `WRAPYFI_BRIDGE_BIN` | the node executable `bridge`; default: beside `wrapyfi` |
 //! | `WRAPYFI_POSE_MIRROR_BIN` | the example `pose_mirror`; default: beside `wrapyfi` |
 //! | `WRAPYFI_PYTHON` | interpreter with the Python peers; default: `.venv/bin/python` in the repository |
-//! | `WRAPYFI_REQUIRE_PEERS=1` | a missing peer fails the test instead of skipping it |
+//! | `WRAPYFI_REQUIRE_PEERS=1` | a missing peer fails the test instead of skipping it; not Fast DDS, which some systems lack |
+//! | `CXX` | compiler of the peer on Fast DDS; default: `c++` |
 
 mod config;
+mod fast;
 mod needs;
 mod process;
 mod reserve;

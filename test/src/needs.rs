@@ -7,6 +7,7 @@ use std::sync::OnceLock;
 
 use anyhow::{Context as _, bail};
 
+use crate::fast::{self, Absent};
 use crate::{Result, World};
 
 /// Something a test cannot do without.
@@ -22,6 +23,9 @@ pub enum Need {
     Python,
     /// A package that the interpreter must have besides, by the name it is imported under.
     Package(&'static str),
+    /// Fast DDS 2 for C++. Some systems have none: tests that need it are skipped there, whatever
+    /// `WRAPYFI_REQUIRE_PEERS` says.
+    FastDds,
 }
 
 /// Root of the repository.
@@ -38,7 +42,9 @@ pub fn repository() -> PathBuf {
 pub fn run(test: &str, needs: &[Need], body: impl FnOnce(&World) -> Result) -> Result {
     for need in needs {
         if let Err(reason) = check(*need) {
-            if std::env::var("WRAPYFI_REQUIRE_PEERS").is_ok_and(|v| v == "1") {
+            let is_required =
+                *need != Need::FastDds || !matches!(fast::program(), Err(Absent::Library(_)));
+            if is_required && std::env::var("WRAPYFI_REQUIRE_PEERS").is_ok_and(|v| v == "1") {
                 return Err(reason).with_context(|| format!("{test} needs a peer that is missing"));
             }
             // Written directly: the test runner hides what `println!` says when a test passes.
@@ -56,6 +62,12 @@ fn check(need: Need) -> Result {
         Need::PoseMirror => pose_mirror().map(drop),
         Need::Python => python().map(drop),
         Need::Package(name) => package(name),
+        Need::FastDds => match fast::program() {
+            Ok(_) => Ok(()),
+            Err(Absent::Library(reason) | Absent::Program(reason)) => {
+                Err(anyhow::Error::msg(reason))
+            }
+        },
     }
 }
 

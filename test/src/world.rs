@@ -7,6 +7,7 @@ use std::process::Command;
 use anyhow::Context as _;
 use tempfile::TempDir;
 
+use crate::fast::{self, Absent};
 use crate::process::Pillars;
 use crate::reserve::{self, Reserved};
 use crate::{Config, Process, Result, RosNode, needs, repository};
@@ -108,6 +109,20 @@ impl World {
         Ok(Process::start("bridge", self.command(&needs::node()?, args), &self.pillars)?.pillar())
     }
 
+    /// Starts the node executable with these arguments and another `RMW_IMPLEMENTATION`.
+    ///
+    /// # Errors
+    /// Where it cannot be started.
+    pub fn node_as<A: AsRef<OsStr>>(
+        &self,
+        rmw: &str,
+        args: impl IntoIterator<Item = A>,
+    ) -> Result<Process> {
+        let mut command = self.command(&needs::node()?, args);
+        command.env("RMW_IMPLEMENTATION", rmw);
+        Ok(Process::start("bridge", command, &self.pillars)?.pillar())
+    }
+
     /// Starts the example `pose_mirror` with these topics.
     ///
     /// # Errors
@@ -173,6 +188,18 @@ impl World {
         // Python decides by locale otherwise; and a .pyc beside the source would show up in git.
         command.env("PYTHONUTF8", "1").env("PYTHONDONTWRITEBYTECODE", "1");
         Process::start(script, command, &self.pillars)
+    }
+
+    /// Starts the peer on Fast DDS; `args` are split at blanks.
+    ///
+    /// # Errors
+    /// Where there is none, or it cannot be started.
+    pub fn fast_peer(&self, args: &str) -> Result<Process> {
+        let program = fast::program().map_err(|absent| match absent {
+            Absent::Library(reason) | Absent::Program(reason) => anyhow::Error::msg(reason),
+        })?;
+        let command = self.command(&program, args.split_whitespace());
+        Process::start("fast_peer", command, &self.pillars)
     }
 
     /// Starts the Python script of the example of a plug-in.

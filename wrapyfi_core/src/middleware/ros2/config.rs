@@ -21,6 +21,10 @@ pub(super) const RECEIVE_BUFFER: u64 = 4 << 20;
 /// Participants on one host that unicast discovery reaches, as `rmw_cyclonedds_cpp` sets it.
 const PARTICIPANTS: u32 = 32;
 
+/// Bytes sent at once to readers with small sockets: two fragments, so that those of two messages
+/// under way fit.
+const SMALL_BURST: u32 = 120_000;
+
 /// How far over the limit a message may be to be received and counted rather than discarded.
 const SLACK: usize = 4;
 /// Cyclone's own limit for a sample.
@@ -78,7 +82,25 @@ impl CycloneConfig {
 
     /// The list of sources handed to Cyclone.
     pub(super) fn sources(&self) -> String {
+        self.with_extra(self.xml(std::process::id()))
+    }
+
+    /// The same for a domain beside it in this process that sends in small bursts.
+    pub(super) fn sources_for_small_bursts(&self) -> String {
         let mut sources = self.xml(std::process::id());
+        // A source of its own: elements are merged, and what comes later wins.
+        _ = write!(
+            sources,
+            ",<CycloneDDS><Domain Id=\"any\">\
+             <Discovery><ExternalDomainId>{}</ExternalDomainId></Discovery>\
+             <Internal><BurstSize><MaxRexmit>{SMALL_BURST}B</MaxRexmit>\
+             <MaxInitTransmit>1</MaxInitTransmit></BurstSize></Internal></Domain></CycloneDDS>",
+            self.domain_id
+        );
+        self.with_extra(sources)
+    }
+
+    fn with_extra(&self, mut sources: String) -> String {
         if let Some(extra) = &self.extra_uri {
             sources.push(',');
             sources.push_str(extra);
@@ -193,6 +215,18 @@ mod tests {
         config.extra_uri = Some("file:///etc/cyclone.xml".into());
         let sources = config.sources();
         assert!(sources.ends_with("</CycloneDDS>,file:///etc/cyclone.xml"), "{sources}");
+    }
+
+    #[test]
+    fn small_bursts_are_on_the_same_domain_of_the_network() {
+        let mut config = config(DiscoveryRange::Subnet, &[]);
+        config.domain_id = 7;
+        config.extra_uri = Some("file:///etc/cyclone.xml".into());
+        let sources = config.sources_for_small_bursts();
+        assert!(sources.starts_with(&config.xml(std::process::id())), "{sources}");
+        assert!(sources.contains("<ExternalDomainId>7</ExternalDomainId>"), "{sources}");
+        assert!(sources.contains("<MaxRexmit>120000B</MaxRexmit>"), "{sources}");
+        assert!(sources.ends_with(",file:///etc/cyclone.xml"), "{sources}");
     }
 
     #[test]

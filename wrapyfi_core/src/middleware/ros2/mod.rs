@@ -9,6 +9,7 @@
 //!     │                 discovery: topics and services of others, owners: whose they are
 //!     │
 //!   cyclone_graph ───── peer_index, discovery_info, domain, config ◀── environment
+//!     │                 small_bursts: large messages to Fast DDS nodes
 //!     │
 //!   cyclone             the only modules that call C
 //!
@@ -69,6 +70,7 @@ mod rust_services;
 mod service;
 mod service_header;
 mod services;
+mod small_bursts;
 mod vendor;
 #[cfg(test)]
 mod wire_tests;

@@ -1,0 +1,418 @@
+//! Our programs with a real Fast DDS at the other end: topics, services, the graph.
+
+#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
+
+use std::fmt::Write as _;
+
+use serde_json::{Value, json};
+use wrapyfi_e2e::{Need, Process, Result, Route, World, run, sha256, texts};
+
+const NEEDS: &[Need] = &[Need::Program, Need::FastDds];
+const FAST: &str = "rmw_fastrtps_cpp";
+const CYCLONE: &str = "rmw_cyclonedds_cpp";
+const ADD: &str = "example_interfaces/srv/AddTwoInts";
+const STRING: &str = "std_msgs/msg/String";
+const STRING_HASH: &str = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18";
+const IMAGE: &str = "sensor_msgs/msg/Image";
+const IMAGE_HASH: &str = "RIHS01_d31d41a9a4c4bc8eae9be757b0beed306564f7526c88ea6a4588fb9582527d47";
+
+/// CDR by hand, little endian: what is written begins at a multiple of its size after the header.
+struct Cdr(Vec<u8>);
+
+impl Cdr {
+    fn new() -> Self {
+        Self(vec![0, 1, 0, 0])
+    }
+
+    fn put(mut self, bytes: &[u8]) -> Self {
+        while !(self.0.len() - 4).is_multiple_of(bytes.len()) {
+            self.0.push(0);
+        }
+        self.0.extend(bytes);
+        self
+    }
+
+    fn number(self, number: u32) -> Self {
+        self.put(&number.to_le_bytes())
+    }
+
+    fn long(self, number: i64) -> Self {
+        self.put(&number.to_le_bytes())
+    }
+
+    fn bytes(mut self, bytes: &[u8]) -> Self {
+        self.0.extend(bytes);
+        self
+    }
+
+    fn text(self, text: &str) -> Self {
+        let bytes = [text.as_bytes(), &[0]].concat();
+        self.number(u32::try_from(bytes.len()).unwrap_or(0)).bytes(&bytes)
+    }
+
+    fn hex(&self) -> String {
+        self.0.iter().fold(String::new(), |mut text, byte| {
+            // Writing to a String cannot fail.
+            _ = write!(text, "{byte:02x}");
+            text
+        })
+    }
+}
+
+fn unhex(text: &Value) -> Vec<u8> {
+    let text = text.as_str().unwrap_or_default();
+    (0..text.len() / 2)
+        .filter_map(|i| u8::from_str_radix(&text[2 * i..2 * i + 2], 16).ok())
+        .collect()
+}
+
+/// A red frame, three bytes a pixel.
+fn red(encoding: &str) -> Cdr {
+    let data = if encoding == "rgb8" { [255, 0, 0] } else { [0, 0, 255] }.repeat(64 * 48);
+    Cdr::new()
+        .number(7)
+        .number(8)
+        .text("camera")
+        .number(48)
+        .number(64)
+        .text(encoding)
+        .bytes(&[0])
+        .number(64 * 3)
+        .number(64 * 48 * 3)
+        .bytes(&data)
+}
+
+/// A folder with definitions of packages that are installed nowhere here.
+fn definitions(world: &World) -> Result<String> {
+    for (name, text) in [
+        ("example_interfaces/srv/AddTwoInts.srv", "int64 a\nint64 b\n---\nint64 sum\n"),
+        ("demo/msg/Pair.msg", "float64 a\nstring b\n"),
+    ] {
+        let path = format!("interfaces/{name}");
+        // Written once: another process may be reading it.
+        if world.path(&path).exists() {
+            continue;
+        }
+        if let Some((folder, _)) = path.rsplit_once('/') {
+            std::fs::create_dir_all(world.path(folder))?;
+        }
+        world.write(&path, text)?;
+    }
+    Ok(world.path("interfaces").display().to_string())
+}
+
+fn ros2(topic: &str) -> String {
+    format!("ros2:{topic}")
+}
+
+fn zeromq(topic: &str) -> String {
+    format!("zeromq:{topic}")
+}
+
+// Topics ----------------------------------------------------------------------------------------
+
+#[test]
+fn fast_dds_hears_what_we_publish() -> Result {
+    run("fast_dds_hears_what_we_publish", NEEDS, |world| {
+        let topic = world.topic("text");
+        let subscriber = world.fast_peer(&format!(
+            "subscribe --topic {topic} --type demo/msg/Pair --cdr --count 3"
+        ))?;
+        let folder = definitions(world)?;
+        let words = ["pub", &ros2(&topic), "--type", "demo/msg/Pair", "--definitions", &folder];
+        let value = ["--value", r#"{"a": -1.25, "b": "grüß"}"#, "--rate", "20"];
+        let publisher = world.wrapyfi([&words[..], &value].concat())?;
+        let expected = Cdr::new().put(&(-1.25_f64).to_le_bytes()).text("grüß").hex();
+        let heard = subscriber.messages(3).map_err(|e| e.context(publisher.tail()))?;
+        // Cyclone fills the last word with zeros.
+        for found in texts(&heard, "cdr") {
+            assert_eq!(found.strip_prefix(&expected).map(|rest| rest.trim_matches('0')), Some(""));
+        }
+        Ok(())
+    })
+}
+
+#[test]
+fn we_hear_what_fast_dds_publishes() -> Result {
+    run("we_hear_what_fast_dds_publishes", NEEDS, |world| {
+        let topic = world.topic("text");
+        let words = ["echo", &ros2(&topic), "--type", STRING, "--json", "--count", "2"];
+        let mut echo = world.wrapyfi(words)?;
+        let mut publisher = world
+            .fast_peer(&format!("publish --topic {topic} --type {STRING} --hash {STRING_HASH}"))?;
+        publisher.event("matched")?;
+        // Text that is JSON, as Wrapyfi's is.
+        for text in ["[1]", "\"два\""] {
+            publisher.tell(&Cdr::new().text(text).hex())?;
+        }
+        echo.exits_with(0).map_err(|e| e.context(publisher.tail()))?;
+        let heard: Vec<Value> = echo.objects(2)?.iter().map(|o| o["value"].clone()).collect();
+        assert_eq!(heard, [json!([1]), json!("два")]);
+        assert!(!echo.stderr().contains("another definition"), "{}", echo.stderr());
+        Ok(())
+    })
+}
+
+#[test]
+fn images_of_wrapyfi_reach_fast_dds_through_the_bridge() -> Result {
+    let needs = [NEEDS, &[Need::Python]].concat();
+    run("images_of_wrapyfi_reach_fast_dds_through_the_bridge", &needs, |world| {
+        let (from, to) = (world.topic("from"), world.topic("to"));
+        let bridge = world.bridge(&world.embedded().route(Route::new(
+            &zeromq(&from),
+            &ros2(&to),
+            "Image",
+        )))?;
+        let subscriber =
+            world.fast_peer(&format!("subscribe --topic {to} --type {IMAGE} --cdr --count 2"))?;
+        let publisher =
+            world.wrapyfi_publisher(&from, "--type Image --flavour colour --no-broker")?;
+        let heard = subscriber.messages(2).map_err(|e| e.context(bridge.tail()))?;
+        // The pixels are the last bytes.
+        let pixels = |message: &Value| {
+            let cdr = unhex(&message["cdr"]);
+            sha256(&cdr[cdr.len() - 64 * 48 * 3..])
+        };
+        publisher.sent_in_a_row("sha256", &heard.iter().map(pixels).collect::<Vec<_>>())
+    })
+}
+
+#[test]
+fn images_of_fast_dds_reach_wrapyfi_through_the_bridge() -> Result {
+    let needs = [NEEDS, &[Need::Python]].concat();
+    run("images_of_fast_dds_reach_wrapyfi_through_the_bridge", &needs, |world| {
+        let (from, to) = (world.topic("from"), world.topic("to"));
+        let bridge = world.bridge(&world.embedded().route(Route::new(
+            &ros2(&from),
+            &zeromq(&to),
+            "Image",
+        )))?;
+        let listener = world.wrapyfi_listener(&to, "--type Image --flavour red --count 1")?;
+        let mut publisher = world.fast_peer(&format!("publish --topic {from} --type {IMAGE}"))?;
+        publisher.event("matched").map_err(|e| e.context(bridge.tail()))?;
+        // A PUB socket drops what comes before its listener does.
+        let frame = red("rgb8").hex();
+        let heard = loop {
+            publisher.tell(&frame)?;
+            let came = listener.wait_until("a message or nothing", |output| {
+                Some(output.events("message").into_iter().next())
+            })?;
+            if let Some(message) = came {
+                break message;
+            }
+            publisher
+                .wait_until("it to be sent", |o| (!o.events("sent").is_empty()).then_some(()))?;
+            std::thread::sleep(std::time::Duration::from_millis(20)); // the rate
+        };
+        let pixels = sha256(&[0, 0, 255].repeat(64 * 48));
+        assert_eq!(heard["sha256"], pixels, "{heard}");
+        Ok(())
+    })
+}
+
+// Services --------------------------------------------------------------------------------------
+
+/// `wrapyfi COMMAND ros2:SERVICE` as a program of this RMW would run it.
+fn start(world: &World, rmw: &str, command: &str, service: &str, more: &[&str]) -> Result<Process> {
+    let (endpoint, folder) = (ros2(service), definitions(world)?);
+    let words = [command, &endpoint, "--type", ADD, "--definitions", &folder, "--json"];
+    world.wrapyfi_as(rmw, [&words[..], more].concat())
+}
+
+#[test]
+fn a_server_on_fast_dds_answers_the_first_call_of_ours() -> Result {
+    run("a_server_on_fast_dds_answers_the_first_call_of_ours", NEEDS, |world| {
+        let service = world.topic("sums");
+        let server = world.fast_peer(&format!("server --topic {service} --type {ADD}"))?;
+        server.event("ready")?;
+        for a in 0..4 {
+            let value = format!(r#"{{"a": {a}, "b": 1099511627776}}"#);
+            let more = ["--value", &value, "--timeout", "60"];
+            let mut call = start(world, FAST, "call", &service, &more)?;
+            call.exits_with(0).map_err(|e| e.context(server.tail()))?;
+            let sum = call.objects(1)?[0]["value"]["sum"].clone();
+            assert_eq!(sum, json!(a + 1_099_511_627_776_i64));
+        }
+        // One request each, named as rmw_fastrtps names its own.
+        let asked = server.wait_until("four requests", |output| {
+            let asked = output.events("request");
+            (asked.len() >= 4).then_some(asked)
+        })?;
+        let expected: Vec<_> =
+            (0..4).map(|a| Cdr::new().long(a).long(1_099_511_627_776).hex()).collect();
+        assert_eq!(texts(&asked, "cdr"), expected);
+        assert!(asked.iter().all(|one| one["named"] == true), "{asked:?}");
+        Ok(())
+    })
+}
+
+#[test]
+fn our_server_answers_the_first_call_of_a_client_on_fast_dds() -> Result {
+    run("our_server_answers_the_first_call_of_a_client_on_fast_dds", NEEDS, |world| {
+        let service = world.topic("sums");
+        let server = start(world, FAST, "serve", &service, &["--value", r#"{"sum": 42}"#])?;
+        let mut client = world.fast_peer(&format!("client --topic {service} --type {ADD}"))?;
+        // As `wait_for_service`: both endpoints.
+        client.wait_until("both matches", |output| {
+            let mut with = texts(&output.events("matched"), "with");
+            with.dedup();
+            (with.len() >= 2).then_some(())
+        })?;
+        for a in 0..20 {
+            client.tell(&Cdr::new().long(a).long(3).hex())?;
+        }
+        let replies = client
+            .wait_until("twenty replies", |output| {
+                let replies = output.events("reply");
+                (replies.len() >= 20).then_some(replies)
+            })
+            .map_err(|e| e.context(server.tail()))?;
+        let expected = Cdr::new().long(42).hex();
+        for (index, reply) in (1..).zip(&replies) {
+            let found = (&reply["cdr"], &reply["mine"], &reply["number"]);
+            assert_eq!(found, (&json!(expected), &json!(true), &json!(index)));
+        }
+        let last = json!({"a": 19, "b": 3});
+        server.wait_until("the last request", |output| {
+            output.objects().any(|asked| asked["value"] == last).then_some(())
+        })
+    })
+}
+
+#[test]
+fn a_call_in_the_wrong_mapping_says_what_to_set() -> Result {
+    run("a_call_in_the_wrong_mapping_says_what_to_set", NEEDS, |world| {
+        let service = world.topic("sums");
+        let server = world.fast_peer(&format!("server --topic {service} --type {ADD}"))?;
+        server.event("ready")?;
+        let mut call = start(world, CYCLONE, "call", &service, &["--timeout", "10"])?;
+        call.exits_with(3)?;
+        let told = call.stderr();
+        let words = "the other end runs rmw_fastrtps_cpp, whose services do not understand those \
+                     of rmw_cyclonedds_cpp: set RMW_IMPLEMENTATION=rmw_fastrtps_cpp here";
+        assert!(told.contains(words), "{told}");
+        Ok(())
+    })
+}
+
+#[test]
+fn a_client_on_fast_dds_reads_the_parameters_of_the_node() -> Result {
+    let needs = [NEEDS, &[Need::Node]].concat();
+    run("a_client_on_fast_dds_reads_the_parameters_of_the_node", &needs, |world| {
+        let namespace = world.topic("lab");
+        let route = Route::new("zeromq:/a", "ros2:cam", "Image");
+        let file = world.write("bridge.yaml", world.embedded().route(route).yaml())?;
+        let (parameter, ns) =
+            (format!("config_file:={}", file.display()), format!("__ns:={namespace}"));
+        let args = ["--ros-args", "-p", &parameter, "-r", &ns, "-r", "__node:=eye"];
+        let node = world.node_as(FAST, args)?;
+        let mut client = world.fast_peer(&format!(
+            "client --topic {namespace}/eye/get_parameters --type rcl_interfaces/srv/GetParameters"
+        ))?;
+        client
+            .wait_until("both matches", |output| {
+                let mut with = texts(&output.events("matched"), "with");
+                with.dedup();
+                (with.len() >= 2).then_some(())
+            })
+            .map_err(|e| e.context(node.tail()))?;
+        client.tell(&Cdr::new().number(1).text("config_file").hex())?;
+        let reply = unhex(&client.event("reply").map_err(|e| e.context(node.tail()))?["cdr"]);
+        // One value, its type a text, the numbers before it zero, and the path.
+        let expected =
+            Cdr::new().number(1).bytes(&[4, 0]).long(0).long(0).text(&file.display().to_string());
+        assert!(reply.starts_with(&expected.0), "{reply:?}\n{:?}", expected.0);
+        Ok(())
+    })
+}
+
+// The graph -------------------------------------------------------------------------------------
+
+#[test]
+fn fast_dds_sees_our_node_its_types_and_its_end() -> Result {
+    run("fast_dds_sees_our_node_its_types_and_its_end", NEEDS, |world| {
+        let (there, back) = (world.topic("there"), world.topic("back"));
+        let graph = world.fast_peer("graph")?;
+        graph.event("ready")?;
+        let config = world
+            .embedded()
+            .route(Route::new("zeromq:/a", &ros2(&there), "Image"))
+            .route(Route::new(&ros2(&back), "zeromq:/b", STRING));
+        let mut bridge = world.bridge(&config)?;
+        let mut guids = Vec::new();
+        for (role, list, topic, kind, hash) in [
+            ("writer", "writers", &there, "sensor_msgs::msg::dds_::Image_", IMAGE_HASH),
+            ("reader", "readers", &back, "std_msgs::msg::dds_::String_", STRING_HASH),
+        ] {
+            let name = format!("rt{topic}");
+            let (found, node) = graph
+                .wait_until(&format!("the {role} and its node"), |output| {
+                    let mut all = output.events("endpoint").into_iter();
+                    let found = all.find(|e| e["topic"] == *name && e["role"] == role)?;
+                    let told = output.events("nodes");
+                    let mut nodes =
+                        told.iter().flat_map(|t| t["nodes"].as_array().into_iter().flatten());
+                    let owns = |node: &&Value| {
+                        node[list].as_array().is_some_and(|l| l.contains(&found["guid"]))
+                    };
+                    let node = nodes.find(owns)?.clone();
+                    Some((found, node))
+                })
+                .map_err(|e| e.context(bridge.tail()))?;
+            assert_eq!(found["type"], kind, "{found}");
+            assert_eq!(found["hash"], hash, "{found}");
+            assert_eq!(found["reliable"], true, "{found}");
+            assert_eq!(node["name"], "/wrapyfi_bridge", "{node}");
+            guids.push(found["guid"].clone());
+        }
+        let participant = graph.wait_until("the participant", |output| {
+            output.events("participant").into_iter().next()
+        })?;
+        assert_eq!(participant["user_data"], "enclave=/;");
+        bridge.terminate()?;
+        bridge.exits_with(0)?;
+        // What goes is gone, and the last word of its process names no node.
+        graph.wait_until("the end of both", |output| {
+            let gone = output.events("gone");
+            let all = guids.iter().all(|guid| gone.iter().any(|one| one["guid"] == *guid));
+            let last = output.events("nodes").pop()?;
+            (all && last["nodes"] == json!([])).then_some(())
+        })
+    })
+}
+
+/// Lists until `wanted` is satisfied: discovery takes as long as it takes.
+fn list(world: &World, wanted: impl Fn(&[Value]) -> bool) -> Result<Vec<Value>> {
+    let mut last = Vec::new();
+    for _ in 0..20 {
+        let mut list = world.wrapyfi(["list", "ros2", "--json", "--wait", "3"])?;
+        list.exits_with(0)?;
+        last = list.wait_until("its output", |output| Some(output.objects().collect()))?;
+        if wanted(&last) {
+            return Ok(last);
+        }
+    }
+    anyhow::bail!("what was wanted is not among {last:#?}")
+}
+
+#[test]
+fn list_shows_a_node_on_fast_dds_until_it_goes() -> Result {
+    run("list_shows_a_node_on_fast_dds_until_it_goes", NEEDS, |world| {
+        let topic = world.topic("cam");
+        let mut peer = world.fast_peer(&format!(
+            "subscribe --topic {topic} --type {IMAGE} --hash {IMAGE_HASH} --best-effort \
+             --node /lab/viewer"
+        ))?;
+        peer.event("ready")?;
+        let find = |found: &[Value]| found.iter().find(|one| one["name"] == *topic).cloned();
+        let named = |found: &[Value]| find(found).is_some_and(|one| one["node"] == "/lab/viewer");
+        let found = find(&list(world, named)?).unwrap_or_default();
+        assert_eq!((&found["role"], &found["type"]), (&json!("listener"), &json!(IMAGE)));
+        assert_eq!(found["type_hash"], IMAGE_HASH);
+        assert_eq!(found["qos"]["reliability"], "best_effort");
+        assert_eq!(found["qos"]["durability"], "volatile");
+        peer.close_stdin();
+        peer.exits_with(0)?;
+        list(world, |found| find(found).is_none()).map(drop)
+    })
+}
