@@ -1,0 +1,194 @@
+//! The way out of one value: a publisher, shared by all callers.
+//!
+//! ```text
+//!   call ── does anybody listen? an atomic, kept by the runtime ──▶ no: counted, that is all
+//!             └─ yes ─▶ payload ─▶ publisher, on the caller's thread
+//! ```
+
+use std::future::poll_fn;
+use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::task::Poll;
+use std::time::{Duration, Instant};
+
+use super::error::CallError;
+use super::inlet::{Manners, Timer};
+use super::rules::Rules;
+use super::runtime::Runtime;
+use super::wait::Patience;
+use crate::endpoint::{
+    Counters, DropReason, EndpointAddress, Link, PublishError, Publisher, Wake,
+};
+use crate::types::Payload;
+
+/// Longest time between two looks of one who waits.
+const LOOK_EVERY: Duration = Duration::from_millis(500);
+/// Shortest time between two lines about messages that were not sent.
+const SAY_EVERY: Duration = Duration::from_secs(5);
+
+pub(super) struct Outlet {
+    pub(super) endpoint: EndpointAddress,
+    pub(super) rules: Rules,
+    pub(super) counters: Arc<Counters>,
+    pub(super) timeout: Option<Duration>,
+    /// Nothing need be sent: nobody listens, and nothing is kept for later.
+    is_idle: AtomicBool,
+    /// The first listener was there, or nobody waits for it.
+    is_established: AtomicBool,
+    /// Rung when the link changes.
+    changed: Wake,
+    state: Mutex<State>,
+}
+
+struct State {
+    publisher: Box<dyn Publisher>,
+    say_at: Instant,
+}
+
+impl Outlet {
+    pub(super) fn new(
+        endpoint: EndpointAddress,
+        publisher: Box<dyn Publisher>,
+        counters: Arc<Counters>,
+        manners: Manners,
+    ) -> Self {
+        let outlet = Self {
+            endpoint,
+            rules: manners.rules,
+            counters,
+            timeout: manners.timeout,
+            is_idle: AtomicBool::new(false),
+            is_established: AtomicBool::new(!manners.should_wait),
+            changed: Wake::new(),
+            state: Mutex::new(State { publisher, say_at: Instant::now() }),
+        };
+        outlet.look(Instant::now());
+        outlet
+    }
+
+    /// True where a message would go nowhere. Costs one load.
+    pub(super) fn is_idle(&self) -> bool {
+        self.is_idle.load(SeqCst)
+    }
+
+    /// Counts what was not sent because nobody listens.
+    pub(super) fn skip(&self) {
+        self.counters.dropped(DropReason::NoConsumer);
+    }
+
+    /// Sends, or counts why not. What the transport does not take is no fault of the caller.
+    ///
+    /// # Errors
+    /// When the payload has no form on the wire.
+    pub(super) fn send(&self, payload: &Payload) -> Result<(), PublishError> {
+        let started = Instant::now();
+        let mut state = self.lock();
+        match state.publisher.publish(payload) {
+            Ok(bytes) => {
+                self.counters.sent(bytes, started.elapsed());
+                Ok(())
+            }
+            Err(error @ PublishError::Encode(_)) => {
+                self.counters.dropped(error.drop_reason());
+                Err(error)
+            }
+            Err(error) => {
+                self.counters.dropped(error.drop_reason());
+                let is_news = !matches!(error, PublishError::NoConsumer { .. });
+                if is_news && started >= state.say_at {
+                    tracing::warn!("a message to {} was not sent: {error}", self.endpoint);
+                    state.say_at = started + SAY_EVERY;
+                }
+                Ok(())
+            }
+        }
+    }
+
+    /// Takes note of who listens; when to do it again.
+    pub(super) fn look(&self, now: Instant) -> Option<Instant> {
+        let (review, link) = {
+            let mut state = self.lock();
+            let review = state.publisher.review(now);
+            (review, state.publisher.link())
+        };
+        for warning in &review.warnings {
+            tracing::warn!("{}: {warning}", self.endpoint);
+        }
+        let has_nobody = match link.peers {
+            Some(peers) => peers == 0,
+            None => link.waiting_for.is_some(),
+        };
+        self.is_idle.store(has_nobody && !link.keeps_last, SeqCst);
+        if is_open(&link) {
+            self.is_established.store(true, SeqCst);
+        }
+        self.changed.ring();
+        review.next
+    }
+
+    /// Waits for the first listener, where it is to be waited for.
+    pub(super) fn await_listener(&self, patience: &mut Patience<'_>) -> Result<(), CallError> {
+        while !self.is_established.load(SeqCst) {
+            let step = patience.check(|| self.waited_for())?;
+            self.changed.wait(step.min(LOOK_EVERY));
+        }
+        Ok(())
+    }
+
+    /// The same for a task.
+    pub(super) async fn await_listener_async(
+        &self,
+        patience: &mut Patience<'_>,
+        runtime: &Runtime,
+    ) -> Result<(), CallError> {
+        let mut timer = Timer::default();
+        poll_fn(|task| {
+            self.changed.notify(task.waker());
+            if self.is_established.load(SeqCst) {
+                return Poll::Ready(Ok(()));
+            }
+            match patience.check(|| self.waited_for()) {
+                Err(error) => Poll::Ready(Err(error)),
+                Ok(step) => {
+                    timer.set(runtime, step.min(LOOK_EVERY), task.waker());
+                    Poll::Pending
+                }
+            }
+        })
+        .await
+    }
+
+    /// True where the first call may go on at once.
+    pub(super) fn is_established(&self) -> bool {
+        self.is_established.load(SeqCst)
+    }
+
+    /// Has those who wait look.
+    pub(super) fn ring(&self) {
+        self.changed.ring();
+    }
+
+    pub(super) fn link(&self) -> Link {
+        self.lock().publisher.link()
+    }
+
+    fn waited_for(&self) -> String {
+        let what = format!("a listener of {}", self.endpoint);
+        match self.link().waiting_for {
+            Some(reason) => format!("{what} ({reason})"),
+            None => what,
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// True when what is sent now arrives somewhere, as far as the transport knows.
+fn is_open(link: &Link) -> bool {
+    match link.peers {
+        Some(peers) => peers > 0,
+        None => link.waiting_for.is_none(),
+    }
+}
