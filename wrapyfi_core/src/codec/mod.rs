@@ -11,6 +11,7 @@
 //! | [`json`] | Wrapyfi's native objects | docs/wire/native-object.md |
 //! | [`npy`] | NumPy's array file | docs/wire/native-object.md |
 //! | [`frames`] | Wrapyfi's ZeroMQ messages | docs/wire/zeromq.md |
+//! | [`requests`] | requests and replies on ZeroMQ | docs/wire/zeromq-requests.md |
 //! | [`ros`] | the ROS messages of the data model | docs/wire/ros2.md |
 //! | [`jpeg`] | JPEG files | |
 //! | [`image_file`] | image files of other formats | |
@@ -27,6 +28,7 @@ pub mod npy;
 mod path;
 pub mod pickle;
 mod picture;
+pub mod requests;
 pub mod ros;
 mod sound;
 

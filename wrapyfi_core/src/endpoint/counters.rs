@@ -57,6 +57,12 @@ drop_reasons! {
     /// Delivered before, and once more when the listener was opened again with another quality of
     /// service.
     Duplicate => "duplicate",
+    /// A reply that came when its call had ended already.
+    Late => "late",
+    /// A request beyond those that may be under way at once.
+    Overloaded => "overloaded",
+    /// A request that was not answered in time.
+    Expired => "expired",
 }
 
 /// What happened to an endpoint's quality of service. No message is lost by it.

@@ -11,10 +11,12 @@
 //! ```
 //!
 //! A middleware implements [`Middleware`] and is entered under its name in a [`Registry`]; nothing
-//! above knows its type. Requests and replies will join as `Client` and `Server` beside
-//! [`Publisher`] and [`Listener`].
+//! above knows its type. [`Client`] and [`Server`] do for requests and replies what [`Publisher`] and
+//! [`Listener`] do for messages.
 
 mod address;
+pub(crate) mod book;
+pub(crate) mod calls;
 mod counters;
 mod discovery;
 mod inbox;
@@ -22,12 +24,15 @@ mod latency;
 mod qos;
 mod qos_match;
 mod registry;
+mod service;
+mod service_error;
 mod wake;
 
 use std::sync::Arc;
 use std::time::Instant;
 
 pub use address::{EndpointAddress, ParseAddressError};
+pub use calls::Ticket;
 pub use counters::{Counters, CountersSnapshot, DropReason, QosEvent};
 pub use discovery::{
     AnnouncedDurability, AnnouncedQos, DiscoverError, Discovered, Discovery, Role, Traffic,
@@ -37,6 +42,8 @@ pub use latency::{Latency, LatencySummary};
 pub use qos::{Durability, History, Liveliness, Qos, QosPreset, Reliability};
 pub use qos_match::{MatchedQos, QosPolicy, QosWarning, listener_qos, mismatches, publisher_qos};
 pub use registry::{Registry, UnknownMiddleware};
+pub use service::{Client, IncomingRequest, Reply, Request, RequestId, Server, ServiceSpec};
+pub use service_error::{CallError, ServeError};
 pub use wake::Wake;
 
 use crate::codec::DecodeError;
@@ -68,6 +75,37 @@ pub trait Middleware: Send + Sync {
         spec: &TopicSpec,
         context: &Context,
     ) -> Result<Box<dyn Publisher>, OpenError>;
+
+    /// Prepares calling a service. Returns at once: a server that is not there yet is waited for.
+    ///
+    /// # Errors
+    /// When the service can never be called as asked, or the middleware has no services.
+    fn open_client(
+        &self,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Client>, OpenError> {
+        _ = context;
+        Err(self.no_services(spec))
+    }
+
+    /// Starts offering a service. Returns at once.
+    ///
+    /// # Errors
+    /// When the service can never be offered as asked, or the middleware has no services.
+    fn open_server(
+        &self,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Server>, OpenError> {
+        _ = context;
+        Err(self.no_services(spec))
+    }
+
+    /// What a middleware without services says when one is asked for.
+    fn no_services(&self, spec: &ServiceSpec) -> OpenError {
+        OpenError::NoServices { middleware: self.name().to_owned(), service: spec.service.clone() }
+    }
 
     /// Begins to look for the endpoints of other programs. Returns at once, with nothing found yet.
     ///
@@ -242,6 +280,17 @@ pub enum OpenError {
         message_type: MessageType,
         /// What can be asked for instead.
         remedy: String,
+    },
+    /// The middleware has topics only.
+    #[error(
+        "{middleware} has no services, so {service:?} cannot be called or offered there: use \
+         zeromq or ros2"
+    )]
+    NoServices {
+        /// Middleware asked.
+        middleware: String,
+        /// Service as given.
+        service: String,
     },
     /// The transport refused; opening again later may succeed.
     #[error("{middleware} could not open {topic:?}: {reason}")]

@@ -3,15 +3,19 @@
 //!
 //! ```text
 //!   publisher ──▶ topic "/x" ──▶ inbox of every listener
+//!   client ────▶ service "/x" ──▶ one of its servers
 //! ```
+
+mod services;
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use crate::endpoint::{
-    Context, DiscoverError, Discovered, Discovery, Link, Listener, Middleware, OpenError,
-    PublishError, Publisher, Receiver, Role, Sample, Sender, TakeError, TopicSpec, Wake, inbox,
+    Client, Context, DiscoverError, Discovered, Discovery, Link, Listener, Middleware, OpenError,
+    PublishError, Publisher, Receiver, Role, Sample, Sender, Server, ServiceSpec, TakeError,
+    TopicSpec, Wake, inbox,
 };
 use crate::types::Payload;
 
@@ -37,6 +41,7 @@ pub struct Memory {
 #[derive(Debug, Default)]
 struct Bus {
     topics: BTreeMap<String, Topic>,
+    services: BTreeMap<String, services::Service>,
     refusal: Option<String>,
 }
 
@@ -67,20 +72,20 @@ impl Memory {
         lock(&self.bus).refusal = refusal.map(str::to_owned);
     }
 
+    fn refusal(&self, name: &str) -> Result<(), OpenError> {
+        lock(&self.bus).refusal.clone().map_or(Ok(()), |reason| {
+            Err(OpenError::Transport { middleware: "memory", topic: name.to_owned(), reason })
+        })
+    }
+
     fn topic<R>(
         &self,
         spec: &TopicSpec,
         context: &Context,
         enter: impl FnOnce(&mut Topic) -> R,
     ) -> Result<R, OpenError> {
+        self.refusal(&spec.topic)?;
         let mut bus = lock(&self.bus);
-        if let Some(reason) = bus.refusal.clone() {
-            return Err(OpenError::Transport {
-                middleware: "memory",
-                topic: spec.topic.clone(),
-                reason,
-            });
-        }
         let topic = bus.topics.entry(spec.topic.clone()).or_default();
         let entered = enter(topic);
         topic.watchers.push(context.wake.clone());
@@ -120,6 +125,24 @@ impl Middleware for Memory {
     ) -> Result<Box<dyn Publisher>, OpenError> {
         self.topic(spec, context, |topic| topic.publishers += 1)?;
         Ok(Box::new(MemoryPublisher { bus: Arc::clone(&self.bus), topic: spec.topic.clone() }))
+    }
+
+    fn open_client(
+        &self,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Client>, OpenError> {
+        self.refusal(&spec.service)?;
+        Ok(Box::new(services::MemoryClient::open(&self.bus, spec, context)))
+    }
+
+    fn open_server(
+        &self,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Server>, OpenError> {
+        self.refusal(&spec.service)?;
+        Ok(Box::new(services::MemoryServer::open(&self.bus, spec, context)))
     }
 
     fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {

@@ -14,10 +14,10 @@ use std::time::{Duration, Instant};
 use bytes::Bytes;
 use wrapyfi_interfaces::dynamic::{DynamicMessage, Plan};
 
-use super::calls::{Calls, Stage, Ticket};
 use super::error::CallError;
 use super::{LOOK_AGAIN, ServiceOptions, ServiceType, encode};
 use crate::endpoint::Wake;
+use crate::endpoint::calls::{Calls, Stage, Ticket};
 use crate::middleware::ros2::any::ringing;
 use crate::middleware::ros2::graph::{CdrClient, GraphError, Peers, ServiceMapping};
 use crate::middleware::ros2::{AnyError, Ros2};
@@ -112,13 +112,26 @@ impl AnyClient {
     /// # Errors
     /// When the request is none of this service, or too many calls are under way.
     pub fn call(&mut self, request: &DynamicMessage) -> Result<Ticket, CallError> {
+        self.call_within(request, self.options.timeout)
+    }
+
+    /// [`AnyClient::call`] with a time of its own.
+    ///
+    /// # Errors
+    /// As [`AnyClient::call`].
+    pub fn call_within(
+        &mut self,
+        request: &DynamicMessage,
+        timeout: Duration,
+    ) -> Result<Ticket, CallError> {
         let cdr = encode(self.service.request(), request).map_err(|fault| CallError::Request {
             service: self.name.clone(),
             fault: Box::new(fault),
         })?;
         let now = Instant::now();
-        let ticket = self.calls.begin(cdr, now, self.options.timeout).ok_or_else(|| {
-            CallError::TooMany { service: self.name.clone(), limit: self.options.pending }
+        let ticket = self.calls.begin(cdr, now, timeout).ok_or_else(|| CallError::TooMany {
+            service: self.name.clone(),
+            limit: self.options.pending,
         })?;
         self.send_waiting();
         Ok(ticket)
@@ -190,7 +203,7 @@ impl AnyClient {
                 return;
             }
             match self.cdr.send(&[request]) {
-                Ok(sequence) => self.calls.sent(sequence),
+                Ok(sequence) => drop(self.calls.sent(sequence)),
                 // Its readers do not keep up: it stays first in the row.
                 Err(GraphError::Timeout { .. }) => return,
                 Err(error) => {

@@ -7,19 +7,18 @@
 //!   calls: time-outs, late replies, how many at once      replies: kept until the client hears
 //! ```
 
-mod calls;
 mod client;
 mod error;
 pub(super) mod replies;
 mod server;
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use bytes::Bytes;
 use wrapyfi_interfaces::dynamic::{DynamicMessage, Plan, ValueError};
 use wrapyfi_interfaces::store::ResolvedType;
 
-pub use calls::Ticket;
+pub use crate::endpoint::Ticket;
 pub use client::AnyClient;
 pub use error::CallError;
 pub use server::{AnyRequest, AnyServer, ServeError, ServerDrops};
@@ -27,6 +26,7 @@ pub use server::{AnyRequest, AnyServer, ServeError, ServerDrops};
 use super::graph::ServiceDescription;
 use super::{AnyError, Ros2};
 use crate::Limits;
+use crate::endpoint::calls::ends;
 
 /// How soon to look again for what nobody is notified of: see [`Peers::Half`](super::graph::Peers).
 pub(super) const LOOK_AGAIN: Duration = Duration::from_millis(1);
@@ -134,12 +134,6 @@ impl ServiceType {
             max_bytes: options.max_bytes,
         })
     }
-}
-
-/// When a time that begins now is over. One that no clock reaches is as good as none: its end is
-/// decades away.
-fn ends(now: Instant, after: Duration) -> Instant {
-    now.checked_add(after).unwrap_or(now + Duration::from_secs(1 << 30))
 }
 
 /// A message in one piece; a large one is refused here, where it can still be told.

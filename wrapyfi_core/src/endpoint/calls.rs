@@ -10,28 +10,32 @@
 use std::collections::{HashMap, VecDeque};
 use std::time::{Duration, Instant};
 
-use super::ends;
-
 /// Names a call of one client.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Ticket(u64);
 
 /// How far a call had come.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Stage {
+pub(crate) enum Stage {
     /// No server was there for it.
     Waiting,
     /// It was sent.
     Sent,
 }
 
+/// When a time that begins now is over. One that no clock reaches is as good as none: its end is
+/// decades away.
+pub(crate) fn ends(now: Instant, after: Duration) -> Instant {
+    now.checked_add(after).unwrap_or(now + Duration::from_secs(1 << 30))
+}
+
 /// A call that took too long.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Expired {
-    pub(super) ticket: Ticket,
-    pub(super) stage: Stage,
+pub(crate) struct Expired {
+    pub(crate) ticket: Ticket,
+    pub(crate) stage: Stage,
     /// Time it was given.
-    pub(super) timeout: Duration,
+    pub(crate) timeout: Duration,
 }
 
 #[derive(Debug)]
@@ -45,7 +49,7 @@ struct Call<T> {
 
 /// The calls under way. `T` is a serialised request.
 #[derive(Debug)]
-pub(super) struct Calls<T> {
+pub(crate) struct Calls<T> {
     limit: usize,
     next: u64,
     waiting: VecDeque<Call<T>>,
@@ -55,17 +59,17 @@ pub(super) struct Calls<T> {
 
 impl<T> Calls<T> {
     /// None, and never more than `limit`.
-    pub(super) fn new(limit: usize) -> Self {
+    pub(crate) fn new(limit: usize) -> Self {
         Self { limit, next: 0, waiting: VecDeque::new(), sent: HashMap::new(), late: 0 }
     }
 
     /// Calls under way.
-    pub(super) fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.waiting.len() + self.sent.len()
     }
 
     /// A new call, or `None` where there are too many already.
-    pub(super) fn begin(&mut self, request: T, now: Instant, timeout: Duration) -> Option<Ticket> {
+    pub(crate) fn begin(&mut self, request: T, now: Instant, timeout: Duration) -> Option<Ticket> {
         if self.len() >= self.limit {
             return None;
         }
@@ -77,24 +81,24 @@ impl<T> Calls<T> {
     }
 
     /// The request that is to go next, once a server is there.
-    pub(super) fn next_to_send(&self) -> Option<&T> {
+    pub(crate) fn next_to_send(&self) -> Option<&T> {
         self.waiting.front().map(|call| &call.request)
     }
 
-    /// That request went out under this number.
-    pub(super) fn sent(&mut self, sequence: i64) {
-        if let Some(Call { ticket, deadline, timeout, .. }) = self.waiting.pop_front() {
-            self.sent.insert(sequence, Call { ticket, deadline, timeout, request: () });
-        }
+    /// That request goes out under this number; it is handed over.
+    pub(crate) fn sent(&mut self, sequence: i64) -> Option<T> {
+        let Call { ticket, deadline, timeout, request } = self.waiting.pop_front()?;
+        self.sent.insert(sequence, Call { ticket, deadline, timeout, request: () });
+        Some(request)
     }
 
     /// That request can never go out.
-    pub(super) fn refused(&mut self) -> Option<Ticket> {
+    pub(crate) fn refused(&mut self) -> Option<Ticket> {
         self.waiting.pop_front().map(|call| call.ticket)
     }
 
     /// The call that a reply is for; `None`, counted, where nobody waits for it any more.
-    pub(super) fn reply(&mut self, sequence: i64) -> Option<Ticket> {
+    pub(crate) fn reply(&mut self, sequence: i64) -> Option<Ticket> {
         let call = self.sent.remove(&sequence);
         if call.is_none() {
             self.late += 1;
@@ -103,7 +107,7 @@ impl<T> Calls<T> {
     }
 
     /// Takes one call whose time is over.
-    pub(super) fn expire(&mut self, now: Instant) -> Option<Expired> {
+    pub(crate) fn expire(&mut self, now: Instant) -> Option<Expired> {
         let over = |deadline: Instant| deadline <= now;
         if let Some(at) = self.waiting.iter().position(|call| over(call.deadline)) {
             let call = self.waiting.remove(at)?;
@@ -120,7 +124,7 @@ impl<T> Calls<T> {
     }
 
     /// Forgets a call; its reply will be late. False where there is no such call.
-    pub(super) fn forget(&mut self, ticket: Ticket) -> bool {
+    pub(crate) fn forget(&mut self, ticket: Ticket) -> bool {
         let before = self.len();
         self.waiting.retain(|call| call.ticket != ticket);
         self.sent.retain(|_, call| call.ticket != ticket);
@@ -128,13 +132,13 @@ impl<T> Calls<T> {
     }
 
     /// When the next call will have taken too long.
-    pub(super) fn deadline(&self) -> Option<Instant> {
+    pub(crate) fn deadline(&self) -> Option<Instant> {
         let waiting = self.waiting.iter().map(|call| call.deadline);
         waiting.chain(self.sent.values().map(|call| call.deadline)).min()
     }
 
     /// Replies that came when nobody waited for them any more, so far.
-    pub(super) fn late(&self) -> u64 {
+    pub(crate) fn late(&self) -> u64 {
         self.late
     }
 }
@@ -155,7 +159,7 @@ mod tests {
         assert_eq!(calls.begin("d", now, SECOND), None);
         for (sequence, text) in [(7, "a"), (8, "b"), (9, "c")] {
             assert_eq!(calls.next_to_send(), Some(&text));
-            calls.sent(sequence);
+            assert_eq!(calls.sent(sequence), Some(text));
         }
         assert_eq!(calls.next_to_send(), None);
         assert_eq!([9, 7, 8].map(|sequence| calls.reply(sequence)), [Some(c), Some(a), Some(b)]);

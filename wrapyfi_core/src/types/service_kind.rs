@@ -1,0 +1,147 @@
+//! What a function returns, and the names under which services are asked for.
+
+use std::fmt;
+use std::str::FromStr;
+
+use super::{DataType, MessageType};
+
+/// What `--type` of `call` and `serve` asks for: the kind of payload that a function of Wrapyfi
+/// returns, and the ROS service that carries it on the ROS 2 side.
+///
+/// | written | returns | on ROS 2 | on ZeroMQ |
+/// | --- | --- | --- | --- |
+/// | `NativeObject`, `wrapyfi_msgs/srv/NativeObjectService` | native object | that service | JSON |
+/// | `Image`, `wrapyfi_msgs/srv/ImageService` | image | that service | lists of numbers |
+/// | `AudioChunk`, `wrapyfi_msgs/srv/AudioService` | sound | that service | lists of numbers |
+/// | `wrapyfi_ros2_interfaces/srv/ROS2NativeObjectService` | native object | as Python Wrapyfi serves it | JSON |
+/// | `wrapyfi_ros2_interfaces/srv/ROS2ImageService` | image | as Python Wrapyfi serves it | lists of numbers |
+/// | `CompressedImage`, `wrapyfi_ros2_interfaces/srv/ROS2CompressedImageService` | image | as Python Wrapyfi serves it | JPEG file, `jpg=True` |
+/// | `wrapyfi_ros2_interfaces/srv/ROS2AudioService` | sound | as Python Wrapyfi serves it | lists of numbers |
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum ServiceKind {
+    /// `wrapyfi_msgs/srv/NativeObjectService`.
+    NativeObject,
+    /// `wrapyfi_msgs/srv/ImageService`.
+    Image,
+    /// `wrapyfi_ros2_interfaces/srv/ROS2CompressedImageService`.
+    CompressedImage,
+    /// `wrapyfi_msgs/srv/AudioService`.
+    AudioChunk,
+    /// `wrapyfi_ros2_interfaces/srv/ROS2NativeObjectService`.
+    UpstreamNativeObject,
+    /// `wrapyfi_ros2_interfaces/srv/ROS2ImageService`.
+    UpstreamImage,
+    /// `wrapyfi_ros2_interfaces/srv/ROS2AudioService`.
+    UpstreamAudio,
+}
+
+impl ServiceKind {
+    /// Every kind, for messages that list what may be written.
+    pub const ALL: [Self; 7] = [
+        Self::NativeObject,
+        Self::Image,
+        Self::CompressedImage,
+        Self::AudioChunk,
+        Self::UpstreamNativeObject,
+        Self::UpstreamImage,
+        Self::UpstreamAudio,
+    ];
+
+    /// Name of the ROS 2 service type, for instance `wrapyfi_msgs/srv/ImageService`.
+    #[must_use]
+    pub fn ros_type(self) -> &'static str {
+        match self {
+            Self::NativeObject => "wrapyfi_msgs/srv/NativeObjectService",
+            Self::Image => "wrapyfi_msgs/srv/ImageService",
+            Self::CompressedImage => "wrapyfi_ros2_interfaces/srv/ROS2CompressedImageService",
+            Self::AudioChunk => "wrapyfi_msgs/srv/AudioService",
+            Self::UpstreamNativeObject => "wrapyfi_ros2_interfaces/srv/ROS2NativeObjectService",
+            Self::UpstreamImage => "wrapyfi_ros2_interfaces/srv/ROS2ImageService",
+            Self::UpstreamAudio => "wrapyfi_ros2_interfaces/srv/ROS2AudioService",
+        }
+    }
+
+    /// Short spelling, where it has one: `NativeObject`, `Image`, `CompressedImage`, `AudioChunk`.
+    #[must_use]
+    pub fn short_name(self) -> Option<&'static str> {
+        match self {
+            Self::NativeObject => Some("NativeObject"),
+            Self::Image => Some("Image"),
+            Self::CompressedImage => Some("CompressedImage"),
+            Self::AudioChunk => Some("AudioChunk"),
+            Self::UpstreamNativeObject | Self::UpstreamImage | Self::UpstreamAudio => None,
+        }
+    }
+
+    /// True where the ROS type is Python Wrapyfi's own: its replies have no room for an error.
+    #[must_use]
+    pub fn is_upstream(self) -> bool {
+        self.ros_type().starts_with("wrapyfi_ros2_interfaces/")
+    }
+
+    /// The type of message that holds a reply's payload.
+    #[must_use]
+    pub fn message_type(self) -> MessageType {
+        match self {
+            Self::NativeObject => MessageType::NativeObject,
+            Self::UpstreamNativeObject => MessageType::StringJson,
+            Self::Image | Self::UpstreamImage => MessageType::Image,
+            Self::CompressedImage => MessageType::CompressedImage,
+            Self::AudioChunk => MessageType::AudioChunk,
+            Self::UpstreamAudio => MessageType::UpstreamAudio,
+        }
+    }
+
+    /// The kind of payload of its replies.
+    #[must_use]
+    pub fn data_type(self) -> DataType {
+        self.message_type().data_type()
+    }
+}
+
+impl fmt::Display for ServiceKind {
+    /// The shortest spelling that [`ServiceKind::from_str`] reads.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.short_name().unwrap_or_else(|| self.ros_type()))
+    }
+}
+
+/// A type of service that is no function of Wrapyfi; the text lists those that are.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{text:?} is no function of Wrapyfi; accepted are {accepted}")]
+pub struct ParseServiceError {
+    text: String,
+    accepted: String,
+}
+
+impl FromStr for ServiceKind {
+    type Err = ParseServiceError;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let named = |kind: &Self| kind.short_name() == Some(text) || kind.ros_type() == text;
+        Self::ALL.into_iter().find(named).ok_or_else(|| ParseServiceError {
+            text: text.into(),
+            accepted: Self::ALL.map(|kind| kind.to_string()).join(", "),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_spelling_is_read() {
+        for kind in ServiceKind::ALL {
+            assert_eq!(kind.to_string().parse(), Ok(kind));
+            assert_eq!(kind.ros_type().parse(), Ok(kind));
+        }
+    }
+
+    #[test]
+    fn a_wrong_spelling_is_told_the_right_ones() {
+        let error = "std_srvs/srv/SetBool".parse::<ServiceKind>().unwrap_err().to_string();
+        assert!(error.contains("no function of Wrapyfi; accepted are NativeObject, Image, "));
+    }
+}
