@@ -17,7 +17,7 @@
 //! ```
 
 use proc_macro2::{Ident, TokenStream};
-use quote::{ToTokens as _, format_ident, quote};
+use quote::{ToTokens, format_ident, quote};
 use syn::ext::IdentExt as _;
 
 use crate::block::Block;
@@ -47,11 +47,11 @@ pub(crate) fn emit(block: &Block) -> TokenStream {
         .iter()
         .enumerate()
         .map(|(index, method)| Wrapper { block, method, api: &api, index }.emit());
-    let method_doc = format!("The registered methods of [`{text}`].");
+    let method_doc = format!("The registered methods of `{text}`.");
     let communicator_doc =
-        format!("[`{text}`] with registered methods whose role is chosen at run time.");
+        format!("A `{text}` with registered methods whose role is chosen at run time.");
     let allow = quote! {
-        #[allow(dead_code, unused_qualifications, unreachable_pub, private_interfaces, clippy::all, clippy::pedantic)]
+        #[allow(dead_code, unused_qualifications, unreachable_pub, private_interfaces, unused_mut, unused_assignments, clippy::all, clippy::pedantic)]
     };
     quote! {
         #[doc = #method_doc]
@@ -192,6 +192,7 @@ impl Wrapper<'_> {
         let this = &block.this;
         let asyncness = is_async.then(|| quote!(async));
         let (call, session, mode) = (hidden("call"), hidden("session"), hidden("mode"));
+        let gathered = hidden("gathered");
 
         let mut inputs: Vec<TokenStream> = method
             .arguments
@@ -203,8 +204,8 @@ impl Wrapper<'_> {
         }
         let inputs = inputs.into_iter().map(|input| without_self(input, this));
         let output = self.nest(|index| {
-            let kind = &method.returns[index];
-            let kind = without_self(kind.to_token_stream(), this);
+            let kind = method.returns.get(index).map(ToTokens::to_token_stream).unwrap_or_default();
+            let kind = without_self(kind, this);
             quote!(::core::option::Option<#kind>)
         });
 
@@ -216,7 +217,7 @@ impl Wrapper<'_> {
         let nothing = self.nest(|_| quote!(::core::option::Option::None));
         let taken = self.nest(|index| {
             let (kind, register) = (self.kind(index), index);
-            quote!(#session.taken::<#api::#kind, _>(#register)?)
+            quote!(#session.taken::<#api::#kind, _>(&mut #gathered, #register)?)
         });
         let body = self.body(None);
         let substituted = self.opening();
@@ -244,9 +245,9 @@ impl Wrapper<'_> {
                 let #name: #written = if #mode.feeds_body() { #taken } else { #name };
             }
         });
-        let request = self.request(&session, &taken);
+        let request = self.request(&session, &gathered, &taken);
         let reply = self.reply(&session, &own, &some, &nothing);
-        let from = format!("What [`{}::{name}`] does in the mode that is active.", this.to_token_stream());
+        let from = format!("What `{}::{name}` does in the mode that is active.", block.name);
         quote! {
             #(#docs)*
             #[doc = ""]
@@ -270,11 +271,12 @@ impl Wrapper<'_> {
                 if #mode == #api::Mode::Request {
                     #request
                 }
-                if #mode == #api::Mode::Reply {
+                if #mode == #api::Mode::Reply && #session.serves() {
                     #reply
                 }
+                let mut #gathered = #api::Gathered::default();
                 if #mode.listens_first() {
-                    #gather;
+                    #gathered = #gather;
                     if #mode == #api::Mode::Listen {
                         return ::core::result::Result::Ok(#taken);
                     }
@@ -288,7 +290,7 @@ impl Wrapper<'_> {
                     #(#sends)*
                 }
                 if #mode == #api::Mode::Transceive {
-                    #gather;
+                    #gathered = #gather;
                     return ::core::result::Result::Ok(#taken);
                 }
                 ::core::result::Result::Ok(#some)
@@ -360,8 +362,10 @@ impl Wrapper<'_> {
     /// The arguments that `$` may name, as a closure that is called at the first call only.
     fn opening(&self) -> TokenStream {
         let api = self.api;
-        let pairs = self.method.substituted().into_iter().map(|index| {
-            let argument = &self.method.arguments[index];
+        let substituted = self.method.substituted();
+        let arguments = self.method.arguments.iter().enumerate();
+        let used = arguments.filter(|(index, _)| substituted.contains(index));
+        let pairs = used.map(|(index, argument)| {
             let value = Self::lent(argument);
             quote!((#index, #api::argument(#value)))
         });
@@ -376,7 +380,7 @@ impl Wrapper<'_> {
         }
     }
 
-    fn request(&self, session: &Ident, taken: &TokenStream) -> TokenStream {
+    fn request(&self, session: &Ident, gathered: &Ident, taken: &TokenStream) -> TokenStream {
         let api = self.api;
         let pairs = self.method.arguments.iter().map(|argument| {
             let (name, value) = (argument.name.unraw().to_string(), Self::lent(argument));
@@ -389,7 +393,7 @@ impl Wrapper<'_> {
             quote!(#session.ask(#pairs)?)
         };
         quote! {
-            #ask;
+            let mut #gathered = #ask;
             return ::core::result::Result::Ok(#taken);
         }
     }
@@ -406,19 +410,34 @@ impl Wrapper<'_> {
                 Passing::Slice(element) => quote!(::std::vec::Vec<#element>),
             };
             let kind = without_self(kind, this);
-            quote!(let #twin: #kind = #request.argument(#index, #name)?;)
+            quote! {
+                let #twin: #kind = match #request.argument(#index, #name) {
+                    ::core::result::Result::Ok(twin) => twin,
+                    ::core::result::Result::Err(reason) => {
+                        #request.refuse(&reason);
+                        continue;
+                    }
+                };
+            }
         });
         let body = self.body(Some(&twins));
         let answers = (0..method.returns.len()).map(|index| {
             let (kind, value) = (self.kind(index), self.value(index));
-            quote!(#session.answer::<#api::#kind, _>(&mut #request, #index, &#value)?;)
+            if method.is_async {
+                quote!(#session.answer_async::<#api::#kind, _>(&mut #request, #index, &#value).await?;)
+            } else {
+                quote!(#session.answer::<#api::#kind, _>(&mut #request, #index, &#value)?;)
+            }
         });
         let hear = if method.is_async { quote!(#session.hear_async().await?) } else { quote!(#session.hear()?) };
         quote! {
-            let ::core::option::Option::Some(mut #request) = #hear else {
-                return ::core::result::Result::Ok(#nothing);
+            let (mut #request, #(#twins),*) = loop {
+                let ::core::option::Option::Some(mut #request) = #hear else {
+                    return ::core::result::Result::Ok(#nothing);
+                };
+                #(#decoded)*
+                break (#request, #(#twins),*);
             };
-            #(#decoded)*
             let #own = #body;
             #(#answers)*
             return ::core::result::Result::Ok(#some);

@@ -5,7 +5,7 @@ use std::time::Duration;
 use super::mode::{Mode, ParseModeError};
 use super::option::OptionError;
 use super::payload::PayloadError;
-use crate::endpoint::{OpenError, PublishError};
+use crate::endpoint::{self, OpenError, PublishError};
 
 /// Why a mode could not be chosen.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -203,17 +203,22 @@ pub enum CallError {
         /// For what.
         waited_for: String,
     },
-    /// The middleware has no requests and replies.
-    #[error(
-        "{method}: mode {mode} is not available on {middleware}: choose publish and listen, or \
-         another middleware"
-    )]
-    NotAvailable {
+    /// A request has no reply: nobody serves, the server refuses, or its reply is of another type.
+    #[error("{method}: {source}")]
+    Unanswered {
         /// `Class::method`.
         method: String,
-        /// As activated.
-        mode: Mode,
-        /// Its name.
-        middleware: String,
+        /// Why, and what would help.
+        source: endpoint::CallError,
+    },
+    /// The middleware cannot put a reply on its wire.
+    #[error("{method}: the reply to {endpoint} cannot be sent: {source}")]
+    Reply {
+        /// `Class::method`.
+        method: String,
+        /// `middleware:/topic`.
+        endpoint: String,
+        /// What has no form, and where.
+        source: endpoint::ServeError,
     },
 }

@@ -6,17 +6,15 @@
 //! ```
 
 use std::collections::VecDeque;
-use std::future::poll_fn;
-use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::task::{Poll, Waker};
 use std::time::{Duration, Instant};
 
+use super::bell::{Bell, Look};
 use super::error::CallError;
 use super::rules::Rules;
 use super::runtime::Runtime;
 use super::wait::Patience;
-use crate::endpoint::{Counters, EndpointAddress, Link, Listener, Wake};
+use crate::endpoint::{Counters, EndpointAddress, Link, Listener};
 use crate::types::Payload;
 
 /// Time between two looks at the peers while nothing rings.
@@ -30,8 +28,7 @@ pub(super) struct Inlet {
     pub(super) counters: Arc<Counters>,
     pub(super) should_wait: bool,
     pub(super) timeout: Option<Duration>,
-    wake: Wake,
-    waiters: AtomicUsize,
+    bell: Bell,
     state: Mutex<State>,
 }
 
@@ -41,24 +38,6 @@ struct State {
     held: VecDeque<Payload>,
     review_at: Instant,
     say_at: Instant,
-}
-
-/// One of those who wait; the others are told to look when it has got something.
-struct Waiting<'a>(&'a Inlet);
-
-impl<'a> Waiting<'a> {
-    fn new(inlet: &'a Inlet) -> Self {
-        inlet.waiters.fetch_add(1, SeqCst);
-        Self(inlet)
-    }
-}
-
-impl Drop for Waiting<'_> {
-    fn drop(&mut self) {
-        if self.0.waiters.fetch_sub(1, SeqCst) > 1 {
-            self.0.wake.ring();
-        }
-    }
 }
 
 /// How a value is waited for and checked.
@@ -82,8 +61,7 @@ impl Inlet {
             counters: Arc::clone(&context.counters),
             should_wait: manners.should_wait,
             timeout: manners.timeout,
-            wake: context.wake.clone(),
-            waiters: AtomicUsize::new(0),
+            bell: Bell::new(context.wake.clone()),
             state: Mutex::new(State {
                 listener,
                 held: VecDeque::new(),
@@ -95,19 +73,11 @@ impl Inlet {
 
     /// The next message; waits for one where the value is to be waited for.
     pub(super) fn take(&self, patience: &mut Patience<'_>) -> Result<Option<Payload>, CallError> {
-        let first = self.take_now(false);
+        let first = self.take_now();
         if first.is_some() || !self.should_wait {
             return Ok(first);
         }
-        let _waiting = Waiting::new(self);
-        let mut rang = true;
-        loop {
-            if let Some(payload) = self.take_now(rang) {
-                return Ok(Some(payload));
-            }
-            let step = patience.check(|| self.waited_for())?;
-            rang = self.wake.wait(step.min(REVIEW_EVERY));
-        }
+        self.bell.wait(patience, || self.waited_for(), || self.look()).map(Some)
     }
 
     /// The same for a task.
@@ -116,44 +86,41 @@ impl Inlet {
         patience: &mut Patience<'_>,
         runtime: &Runtime,
     ) -> Result<Option<Payload>, CallError> {
-        let mut timer = Timer::default();
-        let _waiting = Waiting::new(self);
-        poll_fn(|task| {
-            // Before the look: a ring after it is then not lost.
-            self.wake.notify(task.waker());
-            if let Some(payload) = self.take_now(true) {
-                return Poll::Ready(Ok(Some(payload)));
-            }
-            if !self.should_wait {
-                return Poll::Ready(Ok(None));
-            }
-            match patience.check(|| self.waited_for()) {
-                Err(error) => Poll::Ready(Err(error)),
-                Ok(step) => {
-                    timer.set(runtime, step.min(REVIEW_EVERY), task.waker());
-                    Poll::Pending
-                }
-            }
-        })
-        .await
+        let first = self.take_now();
+        if first.is_some() || !self.should_wait {
+            return Ok(first);
+        }
+        let waited_for = || self.waited_for();
+        self.bell.wait_async(patience, runtime, waited_for, || self.look()).await.map(Some)
     }
 
     /// Gives a message back that was taken for nothing.
     pub(super) fn put_back(&self, payload: Payload) {
         self.lock().held.push_front(payload);
-        self.wake.ring();
+        self.bell.ring();
     }
 
     /// Has those who wait look.
     pub(super) fn ring(&self) {
-        self.wake.ring();
+        self.bell.ring();
     }
 
     pub(super) fn link(&self) -> Link {
         self.lock().listener.link()
     }
 
-    fn take_now(&self, review: bool) -> Option<Payload> {
+    fn look(&self) -> Look<Payload> {
+        match self.take_now() {
+            Some(payload) => Look::Found(payload),
+            None => {
+                let mut state = self.lock();
+                self.review(&mut state, Instant::now());
+                Look::Again(Some(state.review_at))
+            }
+        }
+    }
+
+    fn take_now(&self) -> Option<Payload> {
         let mut state = self.lock();
         if let Some(payload) = state.held.pop_front() {
             return Some(payload);
@@ -165,7 +132,7 @@ impl Inlet {
         loop {
             match state.listener.take() {
                 Ok(Some(sample)) => return Some(sample.payload),
-                Ok(None) => break,
+                Ok(None) => return None,
                 Err(error) => {
                     self.counters.dropped(error.drop_reason());
                     if now >= state.say_at {
@@ -175,10 +142,6 @@ impl Inlet {
                 }
             }
         }
-        if review {
-            self.review(&mut state, now);
-        }
-        None
     }
 
     fn review(&self, state: &mut State, now: Instant) {
@@ -200,22 +163,5 @@ impl Inlet {
 
     fn lock(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-/// Wakes a waiting task when it should look though nothing rang.
-#[derive(Default)]
-pub(super) struct Timer(Option<(Instant, Waker)>);
-
-impl Timer {
-    /// Asks for a wake in `step`, unless one is on its way to the same task.
-    pub(super) fn set(&mut self, runtime: &Runtime, step: Duration, task: &Waker) {
-        let now = Instant::now();
-        if self.0.as_ref().is_some_and(|(at, waker)| *at > now && waker.will_wake(task)) {
-            return;
-        }
-        let at = now + step;
-        runtime.wake_at(at, task.clone());
-        self.0 = Some((at, task.clone()));
     }
 }

@@ -5,24 +5,19 @@
 //!             └─ yes ─▶ payload ─▶ publisher, on the caller's thread
 //! ```
 
-use std::future::poll_fn;
 use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::task::Poll;
 use std::time::{Duration, Instant};
 
+use super::bell::{Bell, Look};
 use super::error::CallError;
-use super::inlet::{Manners, Timer};
+use super::inlet::Manners;
 use super::rules::Rules;
 use super::runtime::Runtime;
 use super::wait::Patience;
-use crate::endpoint::{
-    Counters, DropReason, EndpointAddress, Link, PublishError, Publisher, Wake,
-};
+use crate::endpoint::{Counters, DropReason, EndpointAddress, Link, PublishError, Publisher};
 use crate::types::Payload;
 
-/// Longest time between two looks of one who waits.
-const LOOK_EVERY: Duration = Duration::from_millis(500);
 /// Shortest time between two lines about messages that were not sent.
 const SAY_EVERY: Duration = Duration::from_secs(5);
 
@@ -36,7 +31,7 @@ pub(super) struct Outlet {
     /// The first listener was there, or nobody waits for it.
     is_established: AtomicBool,
     /// Rung when the link changes.
-    changed: Wake,
+    changed: Bell,
     state: Mutex<State>,
 }
 
@@ -59,7 +54,7 @@ impl Outlet {
             timeout: manners.timeout,
             is_idle: AtomicBool::new(false),
             is_established: AtomicBool::new(!manners.should_wait),
-            changed: Wake::new(),
+            changed: Bell::default(),
             state: Mutex::new(State { publisher, say_at: Instant::now() }),
         };
         outlet.look(Instant::now());
@@ -128,11 +123,7 @@ impl Outlet {
 
     /// Waits for the first listener, where it is to be waited for.
     pub(super) fn await_listener(&self, patience: &mut Patience<'_>) -> Result<(), CallError> {
-        while !self.is_established.load(SeqCst) {
-            let step = patience.check(|| self.waited_for())?;
-            self.changed.wait(step.min(LOOK_EVERY));
-        }
-        Ok(())
+        self.changed.wait(patience, || self.waited_for(), || self.established())
     }
 
     /// The same for a task.
@@ -141,21 +132,12 @@ impl Outlet {
         patience: &mut Patience<'_>,
         runtime: &Runtime,
     ) -> Result<(), CallError> {
-        let mut timer = Timer::default();
-        poll_fn(|task| {
-            self.changed.notify(task.waker());
-            if self.is_established.load(SeqCst) {
-                return Poll::Ready(Ok(()));
-            }
-            match patience.check(|| self.waited_for()) {
-                Err(error) => Poll::Ready(Err(error)),
-                Ok(step) => {
-                    timer.set(runtime, step.min(LOOK_EVERY), task.waker());
-                    Poll::Pending
-                }
-            }
-        })
-        .await
+        let waited_for = || self.waited_for();
+        self.changed.wait_async(patience, runtime, waited_for, || self.established()).await
+    }
+
+    fn established(&self) -> Look<()> {
+        if self.is_established() { Look::Found(()) } else { Look::Again(None) }
     }
 
     /// True where the first call may go on at once.
