@@ -95,7 +95,7 @@ impl Method {
         let registrations = marks
             .iter()
             .map(|mark| match &mark.meta {
-                syn::Meta::List(list) => list.parse_args::<Registration>(),
+                syn::Meta::List(list) if !list.tokens.is_empty() => list.parse_args::<Registration>(),
                 other => Err(syn::Error::new(
                     other.span(),
                     "say what is sent where: #[register(NativeObject, \"zeromq\", \"/topic\")]",

@@ -42,6 +42,7 @@ pub(crate) struct Register {
 pub(crate) struct Setting {
     pub(crate) name: String,
     span: Span,
+    value_span: Span,
     pub(crate) value: SettingValue,
 }
 
@@ -295,12 +296,13 @@ impl Parse for Setting {
             let content;
             parenthesized!(content in input);
             let inner = Punctuated::<Self, Token![,]>::parse_terminated(&content)?;
-            return Ok(Self { name, span, value: SettingValue::Map(inner.into_iter().collect()) });
+            let value = SettingValue::Map(inner.into_iter().collect());
+            return Ok(Self { name, span, value_span: span, value });
         }
         input.parse::<Token![=]>()?;
         let expr: Expr = input.parse()?;
         let value = SettingValue::from_expr(&expr)?;
-        Ok(Self { name, span, value })
+        Ok(Self { name, span, value_span: expr.span(), value })
     }
 }
 
@@ -361,7 +363,7 @@ fn check_dollar(expr: &Expr) -> syn::Result<()> {
 
 /// Unknown words, values of another form, words given twice.
 fn check(settings: &[Setting], one_side: bool) -> syn::Result<()> {
-    for (index, Setting { name, span, value }) in settings.iter().enumerate() {
+    for (index, Setting { name, span, value_span, value }) in settings.iter().enumerate() {
         let Some(form) = options::form(name) else {
             let text = format!(
                 "unknown option `{name}`; {}the table of options is in docs/communicator.md",
@@ -390,7 +392,7 @@ fn check(settings: &[Setting], one_side: bool) -> syn::Result<()> {
         };
         if !fits {
             let text = format!("this is no value of `{name}`: write {}", form.example(name));
-            return Err(syn::Error::new(*span, text));
+            return Err(syn::Error::new(*value_span, text));
         }
     }
     Ok(())

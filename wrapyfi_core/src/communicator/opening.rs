@@ -56,7 +56,6 @@ impl Opening<'_> {
         Ok(Session {
             channels: channels.collect::<Result<_, _>>()?,
             method: self.method.clone(),
-            mode: self.mode,
             stop: Stop::default(),
             live: Arc::downgrade(self.live),
         })

@@ -109,16 +109,17 @@ impl Outlet {
         for warning in &review.warnings {
             tracing::warn!("{}: {warning}", self.endpoint);
         }
-        let has_nobody = match link.peers {
-            Some(peers) => peers == 0,
-            None => link.waiting_for.is_some(),
-        };
-        self.is_idle.store(has_nobody && !link.keeps_last, SeqCst);
-        if is_open(&link) {
-            self.is_established.store(true, SeqCst);
-        }
+        self.note(&link);
         self.changed.ring();
         review.next
+    }
+
+    fn note(&self, link: &Link) {
+        let is_open = is_open(link);
+        self.is_idle.store(!is_open && !link.keeps_last, SeqCst);
+        if is_open {
+            self.is_established.store(true, SeqCst);
+        }
     }
 
     /// Waits for the first listener, where it is to be waited for.
@@ -150,8 +151,11 @@ impl Outlet {
         self.changed.ring();
     }
 
+    /// What it is connected to now; sends follow it from here on.
     pub(super) fn link(&self) -> Link {
-        self.lock().publisher.link()
+        let link = self.lock().publisher.link();
+        self.note(&link);
+        link
     }
 
     fn waited_for(&self) -> String {

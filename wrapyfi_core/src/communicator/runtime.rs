@@ -24,7 +24,7 @@ use crate::endpoint::Wake;
 /// Longest time between two looks at the outlets.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 /// Shortest time: jobs ring the same bell.
-const LOOK_AT_MOST: Duration = Duration::from_millis(10);
+const LOOK_AT_MOST: Duration = Duration::from_millis(1);
 
 type Job = Box<dyn FnOnce() + Send>;
 

@@ -14,7 +14,6 @@ use super::context::Live;
 use super::error::CallError;
 use super::exchange::{ClientEnd, ServerEnd};
 use super::inlet::Inlet;
-use super::mode::Mode;
 use super::outlet::Outlet;
 use super::payload::{Payload, PayloadError};
 use super::wait::{Patience, Stop};
@@ -25,7 +24,6 @@ use crate::types;
 #[derive(Debug)]
 pub struct Session {
     pub(super) method: String,
-    pub(super) mode: Mode,
     pub(super) channels: Vec<Channel>,
     pub(super) stop: Stop,
     pub(super) live: Weak<Live>,
