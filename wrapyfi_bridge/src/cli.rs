@@ -47,7 +47,7 @@ pub enum Command {
     Call(CallArgs),
     /// Offer a service and print its requests.
     Serve(ServeArgs),
-    /// Run the ZeroMQ broker that Wrapyfi's publishers and listeners meet at.
+    /// Run the ZeroMQ brokers at which Wrapyfi's publishers and listeners, clients and servers meet.
     Broker(BrokerArgs),
 }
 
@@ -157,8 +157,8 @@ pub struct PubArgs {
 pub struct CallArgs {
     /// Which service, for instance ros2:/add_two_ints.
     pub endpoint: EndpointAddress,
-    /// Type of the service: NativeObject, Image, AudioChunk or any ROS type. It may be left out: it
-    /// is what the servers announce.
+    /// Type of the service: NativeObject, Image, CompressedImage, AudioChunk, or on ROS 2 any type.
+    /// It may be left out: on ROS 2 it is what the servers announce, on ZeroMQ NativeObject.
     #[arg(long = "type", value_name = "T")]
     pub service_type: Option<ServiceName>,
     /// Folder of packages with .srv files, searched before AMENT_PREFIX_PATH; may be given more than
@@ -180,6 +180,30 @@ pub struct CallArgs {
     /// Print the reply as one JSON object: type, and the value.
     #[arg(long)]
     pub json: bool,
+    /// Ports of the ZeroMQ broker.
+    #[command(flatten)]
+    pub ports: ServicePorts,
+}
+
+/// Ports of the ZeroMQ broker of requests and replies.
+#[derive(Debug, Clone, Copy, Default, Args)]
+pub struct ServicePorts {
+    /// On ZeroMQ, port that clients connect to; default from WRAPYFI_ZEROMQ_SOCKET_REP_PORT for call,
+    /// …_REQ_PORT for serve and broker, else 5558.
+    #[arg(long, value_name = "PORT")]
+    pub rep_port: Option<u16>,
+    /// On ZeroMQ, port that servers connect to; default from WRAPYFI_ZEROMQ_SOCKET_REP_PORT for serve
+    /// and broker, else 5559.
+    #[arg(long, value_name = "PORT")]
+    pub req_port: Option<u16>,
+}
+
+impl ServicePorts {
+    /// True where one was given.
+    #[must_use]
+    pub fn any(&self) -> bool {
+        self.rep_port.is_some() || self.req_port.is_some()
+    }
 }
 
 /// Arguments of `wrapyfi serve`.
@@ -187,7 +211,7 @@ pub struct CallArgs {
 pub struct ServeArgs {
     /// Which service, for instance ros2:/add_two_ints.
     pub endpoint: EndpointAddress,
-    /// Type of the service: NativeObject, Image, AudioChunk or any ROS type.
+    /// Type of the service: NativeObject, Image, CompressedImage, AudioChunk, or on ROS 2 any type.
     #[arg(long = "type", value_name = "T")]
     pub service_type: ServiceName,
     /// Folder of packages with .srv files, searched before AMENT_PREFIX_PATH; may be given more than
@@ -196,17 +220,24 @@ pub struct ServeArgs {
     pub definitions: Vec<PathBuf>,
     /// Reply with what was asked: the argument of a function of Wrapyfi (a list of them where there
     /// is not one); else the fields that request and reply both have, and success.
-    #[arg(long, required_unless_present = "value", conflicts_with = "value")]
+    #[arg(long, required_unless_present_any = ["value", "file"], conflicts_with_all = ["value", "file"])]
     pub echo: bool,
-    /// Fields of every reply, where those that are left out have their default.
-    #[arg(long, value_name = "JSON")]
+    /// Fields of every reply, where those that are left out have their default; on ZeroMQ what the
+    /// function returns, in Wrapyfi's dialect of JSON.
+    #[arg(long, value_name = "JSON", conflicts_with = "file")]
     pub value: Option<String>,
+    /// What a function of Wrapyfi returns, from a file: .json, .npy, .png, .jpg or .wav.
+    #[arg(long, value_name = "F")]
+    pub file: Option<PathBuf>,
     /// End after this many requests.
     #[arg(long, value_name = "N")]
     pub count: Option<u64>,
     /// Print each request as one JSON object: type, and the value.
     #[arg(long)]
     pub json: bool,
+    /// Ports of the ZeroMQ broker.
+    #[command(flatten)]
+    pub ports: ServicePorts,
 }
 
 /// Type of a service as `--type` names it.
@@ -220,12 +251,13 @@ impl std::str::FromStr for ServiceName {
         let known = [
             ("NativeObject", "wrapyfi_msgs/srv/NativeObjectService"),
             ("Image", "wrapyfi_msgs/srv/ImageService"),
+            ("CompressedImage", "wrapyfi_ros2_interfaces/srv/ROS2CompressedImageService"),
             ("AudioChunk", "wrapyfi_msgs/srv/AudioService"),
         ];
         if let Some((_, name)) = known.iter().find(|(short, _)| *short == text) {
             return Ok(Self((*name).to_owned()));
         }
-        let expected = "must be NativeObject, Image, AudioChunk, or any ROS type";
+        let expected = "must be NativeObject, Image, CompressedImage, AudioChunk, or any ROS type";
         match text.split('/').collect::<Vec<_>>()[..] {
             [package, "srv", name] if !package.is_empty() && !name.is_empty() => {
                 Ok(Self(text.to_owned()))
@@ -250,6 +282,9 @@ pub struct BrokerArgs {
     /// Port that publishers connect to; default from WRAPYFI_ZEROMQ_SOCKET_SUB_PORT, else 5556.
     #[arg(long, value_name = "PORT")]
     pub sub_port: Option<u16>,
+    /// Ports of requests and replies.
+    #[command(flatten)]
+    pub ports: ServicePorts,
     /// Allow an address that other machines reach. Nothing is encrypted or authenticated.
     #[arg(long)]
     pub insecure: bool,

@@ -27,6 +27,7 @@ use wrapyfi_core::middleware::zeromq::{self, BrokerMode, ZeroMq, ZeroMqConfig};
 use wrapyfi_core::node::parameters::ParameterStore;
 use wrapyfi_interfaces::store::TypeStore;
 
+use crate::cli::ServicePorts;
 use crate::exit::Failure;
 use crate::logging;
 use crate::node::Node;
@@ -64,6 +65,8 @@ pub struct ZeroMqSection {
     pub ip: Option<Spanned<String>>,
     pub pub_port: Option<u16>,
     pub sub_port: Option<u16>,
+    pub rep_port: Option<u16>,
+    pub req_port: Option<u16>,
     pub broker: Option<BrokerWord>,
     pub monitor_topic: Option<String>,
     pub send_hwm: Option<u16>,
@@ -134,6 +137,10 @@ pub enum Role {
     Listener,
     /// It publishes: Wrapyfi's publishers start the broker when there is none.
     Publisher,
+    /// It calls: Wrapyfi's clients never start a broker.
+    Client,
+    /// It serves: Wrapyfi's servers start the broker of requests where there is none.
+    Server,
 }
 
 /// Middlewares at work.
@@ -221,6 +228,30 @@ impl Middlewares {
         Ok(middlewares)
     }
 
+    /// As [`Middlewares::for_endpoint`], with the ports of requests and replies that were given.
+    ///
+    /// # Errors
+    /// As [`Middlewares::for_plan`].
+    pub fn for_service(
+        address: &EndpointAddress,
+        role: Role,
+        ports: &ServicePorts,
+    ) -> Result<Self, Failure> {
+        if address.middleware != "zeromq" {
+            if ports.any() {
+                let text = format!("{address}: --rep-port and --req-port are for zeromq");
+                return Err(Failure::Usage(text));
+            }
+            return Self::for_endpoint(address, role);
+        }
+        let ServicePorts { rep_port, req_port } = *ports;
+        let section = ZeroMqSection { rep_port, req_port, ..ZeroMqSection::default() };
+        let mut middlewares = Self::default();
+        let largest = Limits::default().message_bytes;
+        middlewares.add(Arc::new(start_zeromq(&section, Some(role), largest)?));
+        Ok(middlewares)
+    }
+
     /// ROS 2 as the hidden node of a command.
     ///
     /// # Errors
@@ -277,7 +308,11 @@ fn start_zeromq(
     role: Option<Role>,
     largest_message: usize,
 ) -> Result<ZeroMq, Failure> {
-    let mut config = ZeroMqConfig::from_env().map_err(Failure::usage)?;
+    let config = match role {
+        Some(Role::Client) => ZeroMqConfig::from_env_of_client(),
+        _ => ZeroMqConfig::from_env(),
+    };
+    let mut config = config.map_err(Failure::usage)?;
     if let Some(ip) = &section.ip {
         config.ip.clone_from(&ip.value);
     }
@@ -286,14 +321,26 @@ fn start_zeromq(
     }
     config.pub_port = section.pub_port.unwrap_or(config.pub_port);
     config.sub_port = section.sub_port.unwrap_or(config.sub_port);
+    config.rep_port = section.rep_port.unwrap_or(config.rep_port);
+    config.req_port = section.req_port.unwrap_or(config.req_port);
     config.send_hwm = section.send_hwm.unwrap_or(config.send_hwm);
     config.insecure |= section.insecure;
     config.max_frame_bytes = config.max_frame_bytes.max(largest_message);
     match section.broker {
         Some(BrokerWord::Embedded) => config.broker = BrokerMode::Embedded,
         Some(BrokerWord::Foreign) => config.broker = BrokerMode::Foreign,
-        None if role == Some(Role::Listener) => config.broker = BrokerMode::Foreign,
         None => (),
+    }
+    config.service_broker = match (section.broker, role) {
+        (None, Some(Role::Client)) => BrokerMode::Foreign,
+        (None, _) => config.service_broker,
+        (Some(_), _) => config.broker,
+    };
+    // What a command does not use is not started for it.
+    if section.broker.is_none()
+        && matches!(role, Some(Role::Listener | Role::Client | Role::Server))
+    {
+        config.broker = BrokerMode::Foreign;
     }
     Ok(ZeroMq::start(&config).context("zeromq")?)
 }

@@ -45,14 +45,17 @@ mod ends;
 pub mod payloads;
 mod reserve;
 mod rig;
+mod service_ends;
 
 pub use ends::{PATIENCE, Sink, Source, connect, wait_until};
 pub use reserve::{Domain, reserve_domain};
 pub use rig::{Capabilities, Rig, Side, TypeCheck, known_fault};
+pub use service_ends::{Caller, Clerk, call_and_serve};
 
 /// One `#[test]` for every case of the suite, run against a [`Rig`].
 ///
-/// Every test starts a rig of its own, so they may run side by side.
+/// Every test starts a rig of its own, so they may run side by side. `services of Rig` leaves out
+/// what is about topics.
 #[macro_export]
 macro_rules! conformance_tests {
     ($rig:ty) => {
@@ -95,6 +98,28 @@ macro_rules! conformance_tests {
             an_arrival_rings,
             // discovery
             what_exists_is_found_and_what_went_is_not,
+        }
+        $crate::conformance_tests!(services of $rig);
+    };
+    (services of $rig:ty) => {
+        $crate::conformance_tests! { @cases $rig:
+            a_call_is_answered,
+            arguments_arrive_unchanged,
+            every_kind_is_returned,
+            calls_are_answered_in_any_order,
+            a_blocking_call_returns,
+            an_error_is_told,
+            an_answer_of_another_kind_is_refused,
+            a_client_of_another_kind_is_told,
+            without_a_server_a_call_times_out,
+            late_replies_are_counted,
+            an_unanswered_request_ends,
+            more_than_the_limit_is_refused,
+            a_server_that_restarts_is_asked_again,
+            several_clients_get_their_own_replies,
+            what_is_too_large_to_return_is_told,
+            requests_that_are_none_are_told,
+            a_cancelled_call_is_forgotten,
         }
     };
     (@cases $rig:ty: $($case:ident,)*) => {

@@ -1,6 +1,6 @@
 //! What the suite has to know about a middleware.
 
-use wrapyfi_core::endpoint::{Middleware, TopicSpec};
+use wrapyfi_core::endpoint::{Middleware, ServiceSpec, TopicSpec};
 
 /// The two ends of a rig's wire.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -53,6 +53,14 @@ pub trait Rig: Sized {
         unimplemented_rig("inject");
     }
 
+    /// Sends, as a foreign client, one request to `spec.service` with `body` where the call belongs.
+    /// Returns when it is on its way. Called only where [`Capabilities::wire`] and
+    /// [`Capabilities::services`].
+    fn inject_request(&mut self, spec: &ServiceSpec, body: &[u8]) {
+        _ = (spec, body);
+        unimplemented_rig("inject_request");
+    }
+
     /// Names that no topic of the middleware can have.
     #[must_use]
     fn invalid_names() -> Vec<String> {
@@ -98,6 +106,11 @@ pub struct Capabilities {
     pub frame_id: bool,
     /// What becomes of messages of another type.
     pub types: TypeCheck,
+    /// Requests and replies.
+    pub services: bool,
+    /// A reply that is too large for its client is dropped before it is known whose it is: the call
+    /// ends at its time.
+    pub drops_large_replies_unread: bool,
 }
 
 /// What becomes of messages of another type on the same topic.
@@ -124,5 +137,7 @@ impl Capabilities {
         integer_sound: true,
         frame_id: true,
         types: TypeCheck::Match,
+        services: true,
+        drops_large_replies_unread: false,
     };
 }

@@ -10,13 +10,16 @@ use std::time::Duration;
 
 use wrapyfi_conformance::{Capabilities, Domain, Rig, Side, conformance_tests, reserve_domain};
 use wrapyfi_core::codec::ros;
-use wrapyfi_core::endpoint::{Middleware, TopicSpec, Wake};
-use wrapyfi_core::middleware::ros2::graph::{CdrWriter, Graph, TopicDescription, wait_until};
+use wrapyfi_core::endpoint::{Middleware, ServiceSpec, TopicSpec, Wake};
+use wrapyfi_core::middleware::ros2::graph::{
+    CdrClient, CdrWriter, Graph, Peers, ServiceDescription, TopicDescription, wait_until,
+};
 use wrapyfi_core::middleware::ros2::{CycloneConfig, CycloneGraph, Ros2};
 use wrapyfi_core::node::NodeName;
 
 struct Nodes {
     raw: BTreeMap<String, Box<dyn CdrWriter>>,
+    asking: Option<Box<dyn CdrClient>>,
     wild: Option<CycloneGraph>,
     near: Option<Ros2>,
     far: Option<Ros2>,
@@ -41,12 +44,20 @@ fn node(side: Side, domain: u32) -> Ros2 {
 }
 
 impl Rig for Nodes {
-    const CAPABILITIES: Capabilities = Capabilities::FULL;
+    const CAPABILITIES: Capabilities =
+        Capabilities { drops_large_replies_unread: true, ..Capabilities::FULL };
 
     fn start() -> Self {
         let domain = reserve_domain();
         let (near, far) = (node(Side::Near, domain.id), node(Side::Far, domain.id));
-        Self { raw: BTreeMap::new(), wild: None, near: Some(near), far: Some(far), domain }
+        Self {
+            raw: BTreeMap::new(),
+            asking: None,
+            wild: None,
+            near: Some(near),
+            far: Some(far),
+            domain,
+        }
     }
 
     fn side(&self, side: Side) -> &dyn Middleware {
@@ -79,6 +90,28 @@ impl Rig for Nodes {
             writer
         });
         writer.write(&[&[0, 1, 0, 0], body]).unwrap();
+    }
+
+    fn inject_request(&mut self, spec: &ServiceSpec, body: &[u8]) {
+        let wild = self.wild.get_or_insert_with(|| graph("wild", self.domain.id, 2));
+        let client = self.asking.get_or_insert_with(|| {
+            let service = ServiceDescription {
+                name: spec.service.clone(),
+                type_name: spec.kind.ros_type().into(),
+                request_hash: None,
+                response_hash: None,
+                depth: 10,
+                max_bytes: spec.limits.message_bytes,
+            };
+            let wake = Wake::new();
+            let bell = wake.clone();
+            let client = wild.client(&service, Arc::new(move || bell.ring())).unwrap();
+            assert!(wait_until(&wake, Duration::from_secs(30), || {
+                matches!(client.servers(), Peers::Ready(_))
+            }));
+            client
+        });
+        client.send(&[&[0, 1, 0, 0], body]).unwrap();
     }
 
     fn invalid_names() -> Vec<String> {

@@ -1,10 +1,10 @@
 //! The suite against ZeroMQ: the near side runs the broker, the far side only connects.
-#![allow(clippy::unwrap_used, clippy::panic)]
+#![allow(clippy::unwrap_used, clippy::panic, clippy::indexing_slicing)]
 
 use std::collections::BTreeMap;
 
 use wrapyfi_conformance::{Capabilities, Rig, Side, TypeCheck, conformance_tests};
-use wrapyfi_core::endpoint::{Middleware, TopicSpec};
+use wrapyfi_core::endpoint::{Middleware, ServiceSpec, TopicSpec};
 use wrapyfi_core::middleware::zeromq::{BrokerMode, ZeroMq, ZeroMqConfig};
 use wrapyfi_core::types::DataType;
 
@@ -13,18 +13,27 @@ struct Brokered {
     raw: BTreeMap<String, zmq::Socket>,
     far: Option<ZeroMq>,
     near: Option<ZeroMq>,
-    ports: (u16, u16),
+    /// Publishers', listeners', clients', servers'.
+    ports: [u16; 4],
+    asking: Vec<zmq::Socket>,
 }
 
-fn near(ports: (u16, u16)) -> ZeroMq {
-    let config = ZeroMqConfig { pub_port: ports.0, sub_port: ports.1, ..ZeroMqConfig::default() };
+fn side([pub_port, sub_port, rep_port, req_port]: [u16; 4], broker: BrokerMode) -> ZeroMq {
+    let default = ZeroMqConfig::default();
+    let ports = ZeroMqConfig { pub_port, sub_port, rep_port, req_port, ..default };
+    let config = ZeroMqConfig { broker, service_broker: broker, ..ports };
     ZeroMq::start(&config).unwrap()
 }
 
-fn far((pub_port, sub_port): (u16, u16)) -> ZeroMq {
-    let broker = BrokerMode::Foreign;
-    let config = ZeroMqConfig { pub_port, sub_port, broker, ..ZeroMqConfig::default() };
-    ZeroMq::start(&config).unwrap()
+/// With both brokers.
+fn near(ports: [u16; 4]) -> ZeroMq {
+    let near = side(ports, BrokerMode::Embedded);
+    near.start_services().unwrap();
+    near
+}
+
+fn far(ports: [u16; 4]) -> ZeroMq {
+    side(ports, BrokerMode::Foreign)
 }
 
 impl Rig for Brokered {
@@ -40,9 +49,11 @@ impl Rig for Brokered {
     };
 
     fn start() -> Self {
-        let first = near((0, 0));
-        let ports = (first.pub_port(), first.sub_port());
-        Self { raw: BTreeMap::new(), near: Some(first), far: Some(far(ports)), ports }
+        let first = near([0; 4]);
+        let (rep_port, req_port) = first.start_services().unwrap();
+        let ports = [first.pub_port(), first.sub_port(), rep_port, req_port];
+        let (raw, asking) = (BTreeMap::new(), Vec::new());
+        Self { raw, near: Some(first), far: Some(far(ports)), ports, asking }
     }
 
     fn side(&self, side: Side) -> &dyn Middleware {
@@ -71,7 +82,7 @@ impl Rig for Brokered {
             let socket = zmq::Context::new().socket(zmq::XPUB).unwrap();
             socket.set_linger(0).unwrap();
             socket.set_rcvtimeo(30_000).unwrap();
-            socket.connect(&format!("tcp://127.0.0.1:{}", self.ports.1)).unwrap();
+            socket.connect(&format!("tcp://127.0.0.1:{}", self.ports[1])).unwrap();
             let subscription = [b"\x01", topic].concat();
             while socket.recv_bytes(0).unwrap() != subscription {}
             socket
@@ -82,6 +93,15 @@ impl Rig for Brokered {
             _ => vec![topic, header, body],
         };
         raw.send_multipart(frames, 0).unwrap();
+    }
+
+    fn inject_request(&mut self, _spec: &ServiceSpec, body: &[u8]) {
+        // As Wrapyfi's clients: one that is not answered could not ask again.
+        let socket = zmq::Context::new().socket(zmq::REQ).unwrap();
+        socket.set_linger(0).unwrap();
+        socket.connect(&format!("tcp://127.0.0.1:{}", self.ports[2])).unwrap();
+        socket.send(body, 0).unwrap();
+        self.asking.push(socket);
     }
 
     fn invalid_names() -> Vec<String> {

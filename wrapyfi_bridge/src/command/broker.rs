@@ -1,10 +1,11 @@
-//! `wrapyfi broker`: the place where Wrapyfi's publishers and listeners meet, standalone.
+//! `wrapyfi broker`: the places where Wrapyfi's publishers and listeners, clients and servers meet,
+//! standalone.
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
-use wrapyfi_core::middleware::zeromq::{Broker, ZeroMqConfig};
+use wrapyfi_core::middleware::zeromq::{Broker, ServiceBroker, ZeroMqConfig};
 
 use crate::cli::BrokerArgs;
 use crate::exit::Failure;
@@ -21,7 +22,17 @@ pub fn run(args: &BrokerArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     }
     config.pub_port = args.pub_port.unwrap_or(config.pub_port);
     config.sub_port = args.sub_port.unwrap_or(config.sub_port);
+    config.rep_port = args.ports.rep_port.unwrap_or(config.rep_port);
+    config.req_port = args.ports.req_port.unwrap_or(config.req_port);
     config.insecure |= args.insecure;
+    let services =
+        ServiceBroker::start(&config.service_broker_config()).map_err(anyhow::Error::new)?;
+    tracing::info!(
+        "broker on {}: clients connect to port {}, servers to port {}",
+        services.ip(),
+        services.rep_port(),
+        services.req_port()
+    );
     let broker = Broker::start(&config.broker_config()).map_err(anyhow::Error::new)?;
     tracing::info!(
         "broker on {}: listeners connect to port {}, publishers to port {}",
@@ -35,12 +46,16 @@ pub fn run(args: &BrokerArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         if let Some(reason) = status.failure {
             return Err(anyhow!("the broker stopped: {reason}").into());
         }
+        if let Some(reason) = services.status().failure {
+            return Err(anyhow!("the broker of requests stopped: {reason}").into());
+        }
         if status.subscriptions != known {
             known = status.subscriptions;
             tracing::info!("subscriptions: {known:?}");
         }
     }
-    let status = broker.status();
+    let (status, served) = (broker.status(), services.status());
     tracing::info!("forwarded {} messages, {} bytes", status.messages, status.bytes);
+    tracing::info!("forwarded {} requests, {} replies", served.requests, served.replies);
     Ok(())
 }

@@ -7,6 +7,7 @@ mod faults;
 mod link;
 mod queue;
 mod restart;
+mod services;
 
 pub use content::*;
 pub use delivery::*;
@@ -15,6 +16,7 @@ pub use faults::*;
 pub use link::*;
 pub use queue::*;
 pub use restart::*;
+pub use services::*;
 
 use wrapyfi_core::endpoint::TopicSpec;
 use wrapyfi_core::types::MessageType;

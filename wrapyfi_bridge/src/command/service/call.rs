@@ -1,4 +1,4 @@
-//! `wrapyfi call ros2:/service`.
+//! `wrapyfi call`; here `ros2:/service`.
 
 use std::io::{self, Write as _};
 use std::time::{Duration, Instant};
@@ -9,7 +9,7 @@ use wrapyfi_core::endpoint::{Middleware as _, Role, Wake};
 use wrapyfi_core::middleware::ros2::{AnyClient, CallError, Ros2, ServiceOptions, ServiceType};
 
 use super::native::Convention;
-use super::{check_middleware, shown};
+use super::{function, shown};
 use crate::cli::CallArgs;
 use crate::command::{WAIT_SLICE, any};
 use crate::exit::Failure;
@@ -21,7 +21,13 @@ use crate::shutdown::Shutdown;
 /// # Errors
 /// Exit code 3 when there was no reply in time, 2 when type, service or request is wrong.
 pub fn run(args: &CallArgs, shutdown: &Shutdown) -> Result<(), Failure> {
-    check_middleware(&args.endpoint)?;
+    if args.endpoint.middleware != "ros2" {
+        return function::call(args, shutdown);
+    }
+    if args.ports.any() {
+        let text = format!("{}: --rep-port and --req-port are for zeromq", args.endpoint);
+        return Err(Failure::Usage(text));
+    }
     let begin = Instant::now();
     let ros2 = Middlewares::ros2_of_command()?;
     let name = match &args.service_type {

@@ -1,7 +1,10 @@
-//! `call` and `serve`: requests and replies of any service whose definition is found.
+//! `call` and `serve`: requests and replies.
 //!
 //! ```text
-//!   --value ─▶ request ─▶ AnyClient ══▶ AnyServer ─▶ --echo, --value ─▶ reply
+//!   ros2:    any service whose definition is found
+//!            --value ─▶ request ─▶ AnyClient ══▶ AnyServer ─▶ --echo, --value ─▶ reply
+//!   zeromq:  functions of Wrapyfi
+//!            --args, --kwargs ─▶ Client ══▶ Server ─▶ --echo, --value, --file ─▶ reply
 //! ```
 
 use wrapyfi_interfaces::dynamic::DynamicMessage;
@@ -10,6 +13,7 @@ use super::any::yaml;
 use crate::exit::Failure;
 
 pub mod call;
+mod function;
 mod native;
 pub mod serve;
 
@@ -21,13 +25,4 @@ fn shown(message: &DynamicMessage, as_json: bool) -> Result<String, Failure> {
     // The message itself keeps the order of its fields; a JSON value would sort them.
     let value = serde_json::to_string(message).map_err(anyhow::Error::new)?;
     Ok(format!("{{\"type\":\"{}\",\"value\":{value}}}", message.type_name()))
-}
-
-/// Only ROS 2 has services here so far.
-fn check_middleware(endpoint: &wrapyfi_core::endpoint::EndpointAddress) -> Result<(), Failure> {
-    if endpoint.middleware == "ros2" {
-        return Ok(());
-    }
-    let text = format!("{endpoint}: services are on ros2 only: write ros2:{}", endpoint.name);
-    Err(Failure::Usage(text))
 }

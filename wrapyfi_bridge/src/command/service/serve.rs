@@ -1,4 +1,4 @@
-//! `wrapyfi serve ros2:/service`.
+//! `wrapyfi serve`; here `ros2:/service`.
 
 use std::io::{self, Write as _};
 use std::time::{Duration, Instant};
@@ -11,7 +11,7 @@ use wrapyfi_core::middleware::ros2::{AnyServer, ServeError, ServiceOptions, Serv
 use wrapyfi_interfaces::dynamic::DynamicMessage;
 
 use super::native::Convention;
-use super::{check_middleware, shown};
+use super::{function, shown};
 use crate::cli::ServeArgs;
 use crate::command::{WAIT_SLICE, any, echo};
 use crate::exit::Failure;
@@ -23,7 +23,10 @@ use crate::shutdown::Shutdown;
 /// # Errors
 /// Exit code 2 when type, service or reply is wrong.
 pub fn run(args: &ServeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
-    check_middleware(&args.endpoint)?;
+    // A payload from a file is for functions, on any middleware.
+    if args.endpoint.middleware != "ros2" || args.file.is_some() || args.ports.any() {
+        return function::serve(args, shutdown);
+    }
     let name = &args.service_type.0;
     let resolved = any::resolve(name, &args.definitions)?;
     let service = ServiceType::new(&resolved).map_err(Failure::usage)?;

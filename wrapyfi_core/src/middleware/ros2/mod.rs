@@ -12,6 +12,8 @@
 //!   cyclone             the only modules that call C
 //!
 //!   rust_services ───── services as Fast DDS has them, on RustDDS
+//!
+//!   function: calls of Wrapyfi's functions <-> service, which carries any service type
 //! ```
 //!
 //! A node of its own, and its topics under their ROS names:
@@ -44,6 +46,7 @@ mod discovery_info;
 mod domain;
 pub mod environment;
 mod follow;
+mod function;
 pub mod graph;
 mod inlet;
 mod listener;
@@ -79,7 +82,8 @@ pub use service::{
 };
 
 use crate::endpoint::{
-    Context, DiscoverError, Discovery, Listener, Middleware, OpenError, Publisher, TopicSpec,
+    Client, Context, DiscoverError, Discovery, Listener, Middleware, OpenError, Publisher, Server,
+    ServiceSpec, TopicSpec,
 };
 use crate::node::NodeName;
 use diagnosis::Names;
@@ -170,6 +174,22 @@ impl Middleware for Ros2 {
         let publisher = Ros2Publisher::open(&self.graph, &self.names, &topic, spec, context)
             .map_err(|error| transport(spec, &error))?;
         Ok(Box::new(publisher))
+    }
+
+    fn open_client(
+        &self,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Client>, OpenError> {
+        Ok(Box::new(function::FunctionClient::open(self, spec, context)?))
+    }
+
+    fn open_server(
+        &self,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Server>, OpenError> {
+        Ok(Box::new(function::FunctionServer::open(self, spec, context)?))
     }
 
     fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {

@@ -19,6 +19,7 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::config::{ZeroMqConfig, resolve};
+use super::keeper::{Side, Stand};
 use super::monitor::Monitor;
 use super::options::{self, Bell};
 use super::proxy::Proxy;
@@ -61,7 +62,7 @@ pub enum BrokerError {
     /// Other machines could reach it.
     #[error(
         "a broker on {ip} can be reached by other machines, and anyone there could read and forge \
-         every topic: use 127.0.0.1, or set insecure: true where the network is trusted"
+         everything: use 127.0.0.1, or set insecure: true where the network is trusted"
     )]
     NotLoopback {
         /// Address asked for.
@@ -82,10 +83,12 @@ pub enum BrokerError {
         ip: IpAddr,
     },
     /// Both sides on one port.
-    #[error("pub_port and sub_port are both {port}: give the two sides of the broker two ports")]
+    #[error("{} and {} are both {port}: give the two sides of the broker two ports", names.0, names.1)]
     SamePort {
         /// The port.
         port: u16,
+        /// The two settings.
+        names: (&'static str, &'static str),
     },
     /// Anything else ZeroMQ or the system refused.
     #[error("the ZeroMQ broker could not {action}: {reason}")]
@@ -137,13 +140,10 @@ impl Broker {
     /// # Errors
     /// When a port cannot be bound or must not be; both are free again then.
     pub fn start(config: &BrokerConfig) -> Result<Self, BrokerError> {
-        let ip = resolve(&config.ip)
-            .map_err(|reason| BrokerError::Host { ip: config.ip.clone(), reason })?;
-        if !ip.is_loopback() && !config.insecure {
-            return Err(BrokerError::NotLoopback { ip });
-        }
+        let ip = loopback(&config.ip, config.insecure)?;
         if config.pub_port == config.sub_port && config.pub_port != 0 {
-            return Err(BrokerError::SamePort { port: config.pub_port });
+            let names = ("pub_port", "sub_port");
+            return Err(BrokerError::SamePort { port: config.pub_port, names });
         }
         let context = zmq::Context::new();
         let (front, back) = sockets(&context, ip, config).map_err(failed_to("open its sockets"))?;
@@ -215,6 +215,24 @@ impl std::fmt::Debug for Broker {
     }
 }
 
+impl Stand for Broker {
+    type Config = BrokerConfig;
+
+    const FRONT: Side = Side { ours: "SUB", expected: "XPUB" };
+    const BACK: Side = Side { ours: "PUB", expected: "XSUB" };
+    /// It subscribes to nothing.
+    const WATCHER: zmq::SocketType = zmq::SUB;
+    const SETTINGS: &'static str = "pub_port, sub_port";
+
+    fn start(config: &Self::Config) -> Result<Self, BrokerError> {
+        Self::start(config)
+    }
+
+    fn ports(config: &Self::Config) -> (u16, u16) {
+        (config.pub_port, config.sub_port)
+    }
+}
+
 /// Subscriptions are topic names: nothing longer is read.
 const MAX_SUBSCRIPTION_BYTES: usize = 64 * 1024;
 
@@ -238,8 +256,17 @@ fn sockets(
     Ok((front, back))
 }
 
+/// The address of `host`, which others may reach only where that is allowed.
+pub(super) fn loopback(host: &str, insecure: bool) -> Result<IpAddr, BrokerError> {
+    let ip = resolve(host).map_err(|reason| BrokerError::Host { ip: host.to_owned(), reason })?;
+    if !ip.is_loopback() && !insecure {
+        return Err(BrokerError::NotLoopback { ip });
+    }
+    Ok(ip)
+}
+
 /// Binds `socket` and tells to which port.
-fn bind(socket: &zmq::Socket, ip: IpAddr, port: u16) -> Result<u16, BrokerError> {
+pub(super) fn bind(socket: &zmq::Socket, ip: IpAddr, port: u16) -> Result<u16, BrokerError> {
     // libzmq spells "any free port" with an asterisk.
     let endpoint = match port {
         0 => options::endpoint(ip, 0).trim_end_matches('0').to_owned() + "*",
@@ -260,7 +287,7 @@ fn bind(socket: &zmq::Socket, ip: IpAddr, port: u16) -> Result<u16, BrokerError>
         .ok_or_else(|| failed_to("learn its port")("the endpoint names none"))
 }
 
-fn failed_to<E: std::fmt::Display>(action: &str) -> impl FnOnce(E) -> BrokerError {
+pub(super) fn failed_to<E: std::fmt::Display>(action: &str) -> impl FnOnce(E) -> BrokerError {
     let action = action.to_owned();
     move |error| BrokerError::Transport { action, reason: error.to_string() }
 }

@@ -8,6 +8,7 @@
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, ToSocketAddrs};
 
 use super::broker::BrokerConfig;
+use super::service_broker::ServiceBrokerConfig;
 
 /// Whether this process may run the broker.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -29,6 +30,11 @@ pub struct ZeroMqConfig {
     pub pub_port: u16,
     /// Port to which publishers connect (`WRAPYFI_ZEROMQ_SOCKET_SUB_PORT`).
     pub sub_port: u16,
+    /// Port to which clients connect (`WRAPYFI_ZEROMQ_SOCKET_REP_PORT` for a client,
+    /// `WRAPYFI_ZEROMQ_SOCKET_REQ_PORT` for a server: Wrapyfi crosses the names).
+    pub rep_port: u16,
+    /// Port to which servers connect (`WRAPYFI_ZEROMQ_SOCKET_REP_PORT` for a server).
+    pub req_port: u16,
     /// Topic on which the broker tells who is subscribed
     /// (`WRAPYFI_ZEROMQ_PUBSUB_MONITOR_TOPIC`).
     pub monitor_topic: String,
@@ -36,6 +42,8 @@ pub struct ZeroMqConfig {
     pub monitor: bool,
     /// Who runs the broker (`WRAPYFI_ZEROMQ_START_PROXY_BROKER`: `False` is foreign).
     pub broker: BrokerMode,
+    /// Who runs the broker of requests and replies; ours starts with the first server.
+    pub service_broker: BrokerMode,
     /// Messages a socket holds for a peer that is slower, in publishers and in the broker; 0 means
     /// without limit.
     pub send_hwm: u16,
@@ -53,9 +61,12 @@ impl Default for ZeroMqConfig {
             ip: "127.0.0.1".to_owned(),
             pub_port: 5555,
             sub_port: 5556,
+            rep_port: 5558,
+            req_port: 5559,
             monitor_topic: "ZEROMQ/CONNECTIONS".to_owned(),
             monitor: true,
             broker: BrokerMode::Embedded,
+            service_broker: BrokerMode::Embedded,
             // libzmq's own default, and so Wrapyfi's.
             send_hwm: 1000,
             max_frame_bytes: crate::Limits::default().message_bytes + FRAME_SLACK,
@@ -102,16 +113,26 @@ pub enum ConfigError {
 }
 
 impl ZeroMqConfig {
-    /// The defaults, changed by the `WRAPYFI_ZEROMQ_*` variables that concern publish and listen.
-    /// Those about processes and threads (`…_SPAWN`) mean nothing here: our broker is a thread.
+    /// The defaults, changed by the `WRAPYFI_ZEROMQ_*` variables, as Wrapyfi's publishers,
+    /// listeners and servers read them: `…_REQ_PORT` is [`Self::rep_port`] and `…_REP_PORT` is
+    /// [`Self::req_port`]. Those about processes and threads (`…_SPAWN`) mean nothing here: our broker is a thread.
     ///
     /// # Errors
     /// When a variable has a value that means nothing; the error names it.
     pub fn from_env() -> Result<Self, ConfigError> {
-        Self::from_lookup(|name| match std::env::var(name) {
-            Ok(value) => Ok(Some(value)),
-            Err(std::env::VarError::NotPresent) => Ok(None),
-            Err(std::env::VarError::NotUnicode(_)) => Err(ConfigError::NotText { name }),
+        Self::from_lookup(variable)
+    }
+
+    /// [`Self::from_env`] as Wrapyfi's clients read it: `…_REP_PORT` is [`Self::rep_port`].
+    ///
+    /// # Errors
+    /// As [`Self::from_env`].
+    pub fn from_env_of_client() -> Result<Self, ConfigError> {
+        // The variable that servers read into the other port.
+        Self::from_lookup(|name| match name {
+            "WRAPYFI_ZEROMQ_SOCKET_REQ_PORT" => variable("WRAPYFI_ZEROMQ_SOCKET_REP_PORT"),
+            "WRAPYFI_ZEROMQ_SOCKET_REP_PORT" => Ok(None),
+            other => variable(other),
         })
     }
 
@@ -138,18 +159,22 @@ impl ZeroMqConfig {
             },
         };
         let default = Self::default();
+        let broker = if switch("WRAPYFI_ZEROMQ_START_PROXY_BROKER")? {
+            BrokerMode::Embedded
+        } else {
+            BrokerMode::Foreign
+        };
         Ok(Self {
             ip: text("WRAPYFI_ZEROMQ_SOCKET_IP")?.unwrap_or(default.ip),
             pub_port: port("WRAPYFI_ZEROMQ_SOCKET_PUB_PORT", default.pub_port)?,
             sub_port: port("WRAPYFI_ZEROMQ_SOCKET_SUB_PORT", default.sub_port)?,
+            rep_port: port("WRAPYFI_ZEROMQ_SOCKET_REQ_PORT", default.rep_port)?,
+            req_port: port("WRAPYFI_ZEROMQ_SOCKET_REP_PORT", default.req_port)?,
             monitor_topic: text("WRAPYFI_ZEROMQ_PUBSUB_MONITOR_TOPIC")?
                 .unwrap_or(default.monitor_topic),
             monitor: switch("WRAPYFI_ZEROMQ_START_PUBSUB_MONITOR")?,
-            broker: if switch("WRAPYFI_ZEROMQ_START_PROXY_BROKER")? {
-                BrokerMode::Embedded
-            } else {
-                BrokerMode::Foreign
-            },
+            broker,
+            service_broker: broker,
             ..default
         })
     }
@@ -163,6 +188,29 @@ impl ZeroMqConfig {
             sub_port: self.sub_port,
             monitor_topic: self.monitor.then(|| self.monitor_topic.clone()),
             hwm: self.send_hwm,
+            max_frame_bytes: self.max_frame_bytes,
+            insecure: self.insecure,
+        }
+    }
+}
+
+fn variable(name: &'static str) -> Result<Option<String>, ConfigError> {
+    match std::env::var(name) {
+        Ok(value) => Ok(Some(value)),
+        Err(std::env::VarError::NotPresent) => Ok(None),
+        Err(std::env::VarError::NotUnicode(_)) => Err(ConfigError::NotText { name }),
+    }
+}
+
+impl ZeroMqConfig {
+    /// The broker of requests and replies that these settings describe.
+    #[must_use]
+    pub fn service_broker_config(&self) -> ServiceBrokerConfig {
+        ServiceBrokerConfig {
+            ip: self.ip.clone(),
+            rep_port: self.rep_port,
+            req_port: self.req_port,
+            pending: ServiceBrokerConfig::PENDING,
             max_frame_bytes: self.max_frame_bytes,
             insecure: self.insecure,
         }
@@ -214,6 +262,8 @@ mod tests {
             ("WRAPYFI_ZEROMQ_SOCKET_IP", "10.0.0.2"),
             ("WRAPYFI_ZEROMQ_SOCKET_PUB_PORT", "6000"),
             ("WRAPYFI_ZEROMQ_SOCKET_SUB_PORT", "6001"),
+            ("WRAPYFI_ZEROMQ_SOCKET_REQ_PORT", "6002"),
+            ("WRAPYFI_ZEROMQ_SOCKET_REP_PORT", "6003"),
             ("WRAPYFI_ZEROMQ_START_PROXY_BROKER", "False"),
             ("WRAPYFI_ZEROMQ_START_PUBSUB_MONITOR", "false"),
             ("WRAPYFI_ZEROMQ_PUBSUB_MONITOR_TOPIC", "M"),
@@ -223,6 +273,7 @@ mod tests {
             (config.ip.as_str(), config.pub_port, config.sub_port),
             ("10.0.0.2", 6000, 6001)
         );
+        assert_eq!((config.rep_port, config.req_port), (6002, 6003));
         assert_eq!((config.broker, config.monitor), (BrokerMode::Foreign, false));
         assert_eq!(config.monitor_topic, "M");
     }

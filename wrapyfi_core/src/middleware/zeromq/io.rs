@@ -5,6 +5,7 @@
 //!   bell ─────────────────────┤
 //!   listeners' SUB ───────────┼─▶ zmq::poll ──▶ Reception: inbox
 //!   publishers' subscriptions ┤             ──▶ Outlet: who listens
+//!   clients', servers' DEALER ┤             ──▶ Line: requests, replies
 //!   connection events ────────┘             ──▶ BrokerLink, wake
 //! ```
 //!
@@ -15,6 +16,7 @@ use std::sync::{Arc, mpsc};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use super::line::Line;
 use super::link::Watch;
 use super::options::{Bell, silence};
 use super::publisher::Outlet;
@@ -24,6 +26,7 @@ use super::reception::Reception;
 pub(super) enum Command {
     Listen(Reception),
     Publish(Arc<Outlet>, Watch),
+    Line(Line),
     Close(u64),
 }
 
@@ -74,6 +77,7 @@ impl Io {
             ears,
             receptions: Vec::new(),
             outlets: Vec::new(),
+            lines: Vec::new(),
             closing: Vec::new(),
         };
         let thread =
@@ -105,6 +109,7 @@ struct Worker {
     ears: zmq::Socket,
     receptions: Vec<Reception>,
     outlets: Vec<(Arc<Outlet>, Watch)>,
+    lines: Vec<Line>,
     /// Of sockets that are being closed.
     closing: Vec<Watch>,
 }
@@ -132,6 +137,7 @@ impl Worker {
             match command {
                 Command::Listen(reception) => self.receptions.push(reception),
                 Command::Publish(outlet, watch) => self.outlets.push((outlet, watch)),
+                Command::Line(line) => self.lines.push(line),
                 Command::Close(id) => self.close(|other| other == id),
             }
         }
@@ -141,6 +147,8 @@ impl Worker {
     fn close(&mut self, meant: impl Fn(u64) -> bool) {
         let receptions = self.receptions.extract_if(.., |reception| meant(reception.id));
         self.closing.extend(receptions.map(Reception::close));
+        let lines = self.lines.extract_if(.., |line| meant(line.id()));
+        self.closing.extend(lines.map(Line::close));
         for (outlet, watch) in self.outlets.extract_if(.., |(outlet, _)| meant(outlet.id())) {
             outlet.close();
             self.closing.push(watch);
@@ -152,7 +160,8 @@ impl Worker {
         let now = Instant::now();
         let receptions = self.receptions.iter_mut().flat_map(|r| [r.retry(now), r.revive(now)]);
         let outlets = self.outlets.iter_mut().map(|(outlet, watch)| outlet.revive(watch, now));
-        let patience = receptions.chain(outlets).flatten().min();
+        let lines = self.lines.iter_mut().map(|line| line.revive(now));
+        let patience = receptions.chain(outlets).chain(lines).flatten().min();
         let ready = self.poll(patience)?;
         let mut ready = ready.into_iter();
         let mut next = || ready.next().unwrap_or(false);
@@ -174,6 +183,15 @@ impl Worker {
                 outlet.wake().ring();
             }
         }
+        for line in &mut self.lines {
+            if next() && line.watch.take() {
+                line.ring();
+            }
+            if next() {
+                line.write()?;
+                line.read()?;
+            }
+        }
         self.closing.retain_mut(|watch| {
             watch.take();
             !watch.is_over()
@@ -181,8 +199,8 @@ impl Worker {
         Ok(())
     }
 
-    /// Which sockets are readable: bell, then two of each listener, then two of each publisher,
-    /// then the closing ones.
+    /// Which sockets have something to do: bell, then two of each listener, then two of each publisher,
+    /// two of each line, then the closing ones.
     fn poll(&self, patience: Option<Duration>) -> zmq::Result<Vec<bool>> {
         let mut items = vec![self.ears.as_poll_item(zmq::POLLIN)];
         for reception in &self.receptions {
@@ -191,12 +209,15 @@ impl Worker {
         for (outlet, watch) in &self.outlets {
             items.extend([watch.poll_item(), outlet.poll_item()]);
         }
+        for line in &self.lines {
+            items.extend([line.watch.poll_item(), line.poll_item()]);
+        }
         items.extend(self.closing.iter().map(Watch::poll_item));
         // Rounded up, so that a deadline is not polled for many times in its last millisecond.
         let wait = patience.map_or(-1, |time| {
             i64::try_from(time.as_millis()).unwrap_or(i64::MAX).saturating_add(1)
         });
         zmq::poll(&mut items, wait)?;
-        Ok(items.iter().map(zmq::PollItem::is_readable).collect())
+        Ok(items.iter().map(|item| item.is_readable() || item.is_writable()).collect())
     }
 }

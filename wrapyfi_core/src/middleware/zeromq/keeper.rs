@@ -1,8 +1,8 @@
-//! Sees to it that there is a broker.
+//! Sees to it that there is a broker: of topics, or of requests and replies.
 //!
 //! ```text
 //!   start: bind ──ok──▶ our own
-//!           └─ taken ──▶ probe ── XPUB and XSUB ──▶ somebody else's ── it dies ──▶ bind again …
+//!           └─ taken ──▶ probe ── both its sides ──▶ somebody else's ── it dies ──▶ bind again …
 //!                          └─ anything else ──▶ StartError: what has the port
 //! ```
 
@@ -12,8 +12,8 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use super::StartError;
-use super::broker::{Broker, BrokerConfig, BrokerError};
-use super::config::{BrokerMode, ZeroMqConfig, reachable};
+use super::broker::BrokerError;
+use super::config::{BrokerMode, reachable};
 use super::link::{self, BrokerLink, Watch};
 use super::options::{self, Bell};
 use super::probe::{Answer, probe};
@@ -23,47 +23,79 @@ use crate::Limits;
 /// in different hands.
 const SETTLING: Duration = Duration::from_secs(2);
 
+/// A broker as its keeper knows it.
+pub(super) trait Stand: Sized + Send + 'static {
+    /// Its settings.
+    type Config: Clone + Send + 'static;
+    /// What has the first port of one.
+    const FRONT: Side;
+    /// What has the second.
+    const BACK: Side;
+    /// A socket that may connect to the first port, for the connection's events only.
+    const WATCHER: zmq::SocketType;
+    /// Names of the two ports in the settings.
+    const SETTINGS: &'static str;
+
+    /// Binds both ports.
+    fn start(config: &Self::Config) -> Result<Self, BrokerError>;
+
+    /// The two ports.
+    fn ports(config: &Self::Config) -> (u16, u16);
+}
+
+/// One side of a broker.
+pub(super) struct Side {
+    /// As what a port is asked what it is.
+    pub(super) ours: &'static str,
+    /// What it is.
+    pub(super) expected: &'static str,
+}
+
 /// Our broker, if we run one, and the thread that takes over from a foreign one.
-pub(super) struct Keeper {
-    broker: Arc<Mutex<Option<Broker>>>,
+pub(super) struct Keeper<B: Stand> {
+    broker: Arc<Mutex<Option<B>>>,
     bell: Option<Bell>,
     thread: Option<JoinHandle<()>>,
 }
 
-enum Found {
-    Own(Broker),
+enum Found<B> {
+    Own(B),
     Foreign { may_take_over: bool },
 }
 
-impl Keeper {
+impl<B: Stand> Keeper<B> {
     /// Runs the broker, or finds the one that is there.
-    pub(super) fn start(config: &ZeroMqConfig, ip: IpAddr) -> Result<Self, StartError> {
-        let found = match config.broker {
-            BrokerMode::Embedded => settle(&config.broker_config(), ip)?,
+    pub(super) fn start(
+        config: &B::Config,
+        mode: BrokerMode,
+        ip: IpAddr,
+    ) -> Result<Self, StartError> {
+        let found = match mode {
+            BrokerMode::Embedded => settle(config, ip)?,
             BrokerMode::Foreign => Found::Foreign { may_take_over: false },
         };
-        let mut keeper = Self { broker: Arc::default(), bell: None, thread: None };
+        let mut keeper = Self { broker: Arc::new(Mutex::new(None)), bell: None, thread: None };
         match found {
             Found::Own(broker) => *keeper.lock() = Some(broker),
             Found::Foreign { may_take_over: false } => {}
-            Found::Foreign { may_take_over: true } => keeper.guard(config.broker_config(), ip)?,
+            Found::Foreign { may_take_over: true } => keeper.guard(config.clone(), ip)?,
         }
         Ok(keeper)
     }
 
     /// Looks at our own broker, if we run one.
-    pub(super) fn own<T>(&self, look: impl FnOnce(&Broker) -> T) -> Option<T> {
+    pub(super) fn own<T>(&self, look: impl FnOnce(&B) -> T) -> Option<T> {
         self.lock().as_ref().map(look)
     }
 
-    fn lock(&self) -> std::sync::MutexGuard<'_, Option<Broker>> {
+    fn lock(&self) -> std::sync::MutexGuard<'_, Option<B>> {
         self.broker.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn guard(&mut self, config: BrokerConfig, ip: IpAddr) -> Result<(), StartError> {
+    fn guard(&mut self, config: B::Config, ip: IpAddr) -> Result<(), StartError> {
         let context = zmq::Context::new();
         let (bell, ears) = Bell::new(&context)?;
-        let guard = Guard::new(&context, config, ip, ears, Arc::clone(&self.broker))?;
+        let guard = Guard::<B>::new(&context, config, ip, ears, Arc::clone(&self.broker))?;
         self.bell = Some(bell);
         self.thread = Some(
             std::thread::Builder::new()
@@ -79,7 +111,7 @@ impl Keeper {
     }
 }
 
-impl Drop for Keeper {
+impl<B: Stand> Drop for Keeper<B> {
     fn drop(&mut self) {
         if let Some(bell) = &self.bell {
             bell.ring();
@@ -93,10 +125,10 @@ impl Drop for Keeper {
 }
 
 /// Binds, or finds out who has the ports.
-fn settle(config: &BrokerConfig, ip: IpAddr) -> Result<Found, StartError> {
+fn settle<B: Stand>(config: &B::Config, ip: IpAddr) -> Result<Found<B>, StartError> {
     let give_up_at = Instant::now() + SETTLING;
     loop {
-        let refusal = match Broker::start(config) {
+        let refusal = match B::start(config) {
             Ok(broker) => return Ok(Found::Own(broker)),
             Err(BrokerError::NotHere { ip }) => {
                 tracing::info!(%ip, "not an address of this machine: using the broker there");
@@ -112,11 +144,11 @@ fn settle(config: &BrokerConfig, ip: IpAddr) -> Result<Found, StartError> {
             tracing::info!(%ip, "not an address of this machine: using the broker there");
             return Ok(Found::Foreign { may_take_over });
         }
-        let front = Side::ask(ip, config.pub_port, "SUB", "XPUB");
-        let back = Side::ask(ip, config.sub_port, "PUB", "XSUB");
+        let (front_port, back_port) = B::ports(config);
+        let front = Asked::ask(ip, front_port, &B::FRONT);
+        let back = Asked::ask(ip, back_port, &B::BACK);
         if front.is_broker() && back.is_broker() {
-            let (pub_port, sub_port) = (config.pub_port, config.sub_port);
-            tracing::info!(%ip, pub_port, sub_port, "using the ZeroMQ broker that runs already");
+            tracing::info!(%ip, front_port, back_port, "using the ZeroMQ broker that runs already");
             return Ok(Found::Foreign { may_take_over });
         }
         if !may_take_over {
@@ -128,19 +160,20 @@ fn settle(config: &BrokerConfig, ip: IpAddr) -> Result<Found, StartError> {
             continue;
         }
         let culprit = [front, back].into_iter().find(|side| !side.is_broker() && !side.is_nobody());
-        return Err(culprit.map_or_else(|| refusal.into(), |side| side.into_error(ip)));
+        return Err(culprit.map_or_else(|| refusal.into(), |side| side.into_error(ip, B::SETTINGS)));
     }
 }
 
 /// What has one of the two ports.
-struct Side {
+struct Asked {
     port: u16,
     expected: &'static str,
     answer: Answer,
 }
 
-impl Side {
-    fn ask(ip: IpAddr, port: u16, ours: &str, expected: &'static str) -> Self {
+impl Asked {
+    fn ask(ip: IpAddr, port: u16, side: &Side) -> Self {
+        let Side { ours, expected } = *side;
         Self { port, expected, answer: probe(SocketAddr::new(reachable(ip), port), ours) }
     }
 
@@ -152,9 +185,9 @@ impl Side {
         matches!(self.answer, Answer::Nobody(_))
     }
 
-    fn into_error(self, ip: IpAddr) -> StartError {
+    fn into_error(self, ip: IpAddr, settings: &'static str) -> StartError {
         let Self { port, expected, answer } = self;
-        StartError::PortTaken { ip, port, expected, answer }
+        StartError::PortTaken { ip, port, expected, answer, settings }
     }
 }
 
@@ -164,25 +197,25 @@ fn is_here(ip: IpAddr) -> bool {
 }
 
 /// Watches a foreign broker, and becomes the broker when it dies.
-struct Guard {
-    config: BrokerConfig,
+struct Guard<B: Stand> {
+    config: B::Config,
     ears: zmq::Socket,
     watch: Watch,
-    /// Connected for its connection events only: it subscribes to nothing.
+    /// Connected for its connection events only.
     socket: zmq::Socket,
-    slot: Arc<Mutex<Option<Broker>>>,
+    slot: Arc<Mutex<Option<B>>>,
 }
 
-impl Guard {
+impl<B: Stand> Guard<B> {
     fn new(
         context: &zmq::Context,
-        config: BrokerConfig,
+        config: B::Config,
         ip: IpAddr,
         ears: zmq::Socket,
-        slot: Arc<Mutex<Option<Broker>>>,
+        slot: Arc<Mutex<Option<B>>>,
     ) -> zmq::Result<Self> {
-        let endpoint = options::endpoint(reachable(ip), config.pub_port);
-        let socket = context.socket(zmq::SUB)?;
+        let endpoint = options::endpoint(reachable(ip), B::ports(&config).0);
+        let socket = context.socket(B::WATCHER)?;
         options::set_common(&socket, ip)?;
         socket.set_linger(0)?;
         let (socket, watch) = link::connect(context, socket, &BrokerLink::new(&endpoint))?;
@@ -225,11 +258,12 @@ impl Guard {
             if self.watch.link().is_up() || Instant::now() < try_at {
                 continue;
             }
-            match Broker::start(&self.config) {
+            match B::start(&self.config) {
                 Ok(broker) => {
+                    let (front_port, back_port) = B::ports(&self.config);
                     tracing::warn!(
-                        pub_port = self.config.pub_port,
-                        sub_port = self.config.sub_port,
+                        front_port,
+                        back_port,
                         "the foreign ZeroMQ broker is gone: this process is the broker now"
                     );
                     *self.slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(broker);

@@ -1,9 +1,10 @@
-//! Wrapyfi over ZeroMQ: publish, listen and the broker.
+//! Wrapyfi over ZeroMQ: publish and listen, call and serve, and the brokers.
 //!
 //! ```text
 //!                            broker (ours or a foreign one)
 //!   Publisher XPUB ──connect──▶ sub_port XSUB │ XPUB pub_port ◀──connect── SUB Listener
 //!                                             └── ZEROMQ/CONNECTIONS: {"/topic": count}
+//!   Client DEALER ──connect──▶ rep_port ROUTER │ DEALER req_port ◀──connect── DEALER Server
 //! ```
 //!
 //! Both sides interwork with Python Wrapyfi in any mixture: its publishers and listeners with our
@@ -16,17 +17,22 @@
 //! | `broker`, `proxy`, `monitor`, `traffic` | the broker, its thread, its counts |
 //! | `discovery` | which topics a broker has |
 //! | `probe` | what has a port |
-//! | `io`, `reception`, `link` | the thread that receives, one listener's part of it, connection state |
-//! | `listener`, `publisher` | the endpoints |
+//! | `service_broker`, `service_proxy` | the broker of requests and replies, its thread |
+//! | `io`, `reception`, `line`, `link` | the thread that receives, the parts of one listener and of one service in it, connection state |
+//! | `listener`, `publisher`, `client`, `server` | the endpoints |
+//! | `envelope` | what is around a request and a reply |
 //! | `echo` | our own messages are not received |
 //! | `options`, `sockopt` | what all sockets share; options that `zmq` lacks |
 
 mod broker;
+mod client;
 mod config;
 mod discovery;
 mod echo;
+mod envelope;
 mod io;
 mod keeper;
+mod line;
 mod link;
 mod listener;
 mod monitor;
@@ -35,19 +41,25 @@ mod probe;
 mod proxy;
 mod publisher;
 mod reception;
+mod server;
+mod service_broker;
+mod service_proxy;
 #[allow(unsafe_code)] // see the contract at its head
 mod sockopt;
 mod traffic;
 
 use std::net::IpAddr;
+use std::sync::{Mutex, PoisonError};
 
 pub use broker::{Broker, BrokerConfig, BrokerError, BrokerStatus};
 pub use config::{BrokerMode, ConfigError, ZeroMqConfig};
 pub use probe::Answer;
+pub use service_broker::{ServiceBroker, ServiceBrokerConfig, ServiceBrokerStatus};
 pub use traffic::TopicTraffic;
 
 use crate::endpoint::{
-    Context, DiscoverError, Discovery, Listener, Middleware, OpenError, Publisher, TopicSpec,
+    Client, Context, DiscoverError, Discovery, Listener, Middleware, OpenError, Publisher, Server,
+    ServiceSpec, TopicSpec,
 };
 
 /// Name of this middleware in addresses.
@@ -65,7 +77,10 @@ pub struct ZeroMq {
     sub_port: u16,
     // Dropped in this order: sockets may still send while the broker runs.
     shared: Shared,
-    keeper: keeper::Keeper,
+    keeper: keeper::Keeper<Broker>,
+    config: ZeroMqConfig,
+    /// Of requests and replies, from the first server on.
+    services: Mutex<Option<keeper::Keeper<ServiceBroker>>>,
 }
 
 /// What endpoints need while they are opened.
@@ -87,7 +102,7 @@ pub enum StartError {
     /// A port belongs to something that is no broker.
     #[error(
         "port {port} on {ip} is taken by {answer}; a broker would be {expected}: stop that \
-         program, or choose other ports (pub_port, sub_port)"
+         program, or choose other ports ({settings})"
     )]
     PortTaken {
         /// Address of the broker.
@@ -98,6 +113,8 @@ pub enum StartError {
         expected: &'static str,
         /// What answered.
         answer: Answer,
+        /// Names of the two ports in the settings.
+        settings: &'static str,
     },
     /// No broker runs, and ours cannot.
     #[error(transparent)]
@@ -143,7 +160,7 @@ impl ZeroMq {
         }
         let ip = config::resolve(&config.ip)
             .map_err(|reason| BrokerError::Host { ip: config.ip.clone(), reason })?;
-        let keeper = keeper::Keeper::start(config, ip)?;
+        let keeper = keeper::Keeper::<Broker>::start(&config.broker_config(), config.broker, ip)?;
         let (pub_port, sub_port) = keeper
             .own(|broker| (broker.pub_port(), broker.sub_port()))
             .unwrap_or((config.pub_port, config.sub_port));
@@ -166,7 +183,15 @@ impl ZeroMq {
             io,
             context,
         };
-        Ok(Self { monitor_topic: config.monitor_topic.clone(), pub_port, sub_port, shared, keeper })
+        Ok(Self {
+            monitor_topic: config.monitor_topic.clone(),
+            pub_port,
+            sub_port,
+            shared,
+            keeper,
+            config: config.clone(),
+            services: Mutex::default(),
+        })
     }
 
     /// Port to which listeners connect.
@@ -185,6 +210,62 @@ impl ZeroMq {
     #[must_use]
     pub fn broker_status(&self) -> Option<BrokerStatus> {
         self.keeper.own(Broker::status)
+    }
+
+    /// Sees to it that there is a broker of requests and replies, as the first server does by
+    /// itself: its ports for clients and for servers. With a foreign broker those that are
+    /// configured.
+    ///
+    /// # Errors
+    /// As [`ZeroMq::start`].
+    pub fn start_services(&self) -> Result<(u16, u16), StartError> {
+        let mut services = self.services.lock().unwrap_or_else(PoisonError::into_inner);
+        let keeper = match &mut *services {
+            Some(keeper) => keeper,
+            none => {
+                let ip = config::resolve(&self.config.ip)
+                    .map_err(|reason| BrokerError::Host { ip: self.config.ip.clone(), reason })?;
+                let config = self.config.service_broker_config();
+                none.insert(keeper::Keeper::start(&config, self.config.service_broker, ip)?)
+            }
+        };
+        let own = keeper.own(|broker| (broker.rep_port(), broker.req_port()));
+        let (rep_port, req_port) = own.unwrap_or((self.config.rep_port, self.config.req_port));
+        for (field, port) in [("rep_port", rep_port), ("req_port", req_port)] {
+            if port == 0 {
+                return Err(StartError::NoPort { field });
+            }
+        }
+        Ok((rep_port, req_port))
+    }
+
+    /// State of the broker of requests and replies, where it is this process that runs it now.
+    #[must_use]
+    pub fn service_broker_status(&self) -> Option<ServiceBrokerStatus> {
+        let services = self.services.lock().unwrap_or_else(PoisonError::into_inner);
+        services.as_ref().and_then(|keeper| keeper.own(ServiceBroker::status))
+    }
+
+    /// Where a client connects, or a server, which brings the broker along.
+    fn service_endpoint(&self, end: line::End, spec: &ServiceSpec) -> Result<String, OpenError> {
+        check_topic(&spec.service).map_err(|reason| OpenError::InvalidName {
+            middleware: NAME,
+            topic: spec.service.clone(),
+            reason,
+        })?;
+        let rep_port = self.config.rep_port;
+        let port = match end {
+            line::End::Client if rep_port != 0 => rep_port,
+            _ => {
+                let ports = self.start_services().map_err(|error| OpenError::Transport {
+                    middleware: NAME,
+                    topic: spec.service.clone(),
+                    reason: error.to_string(),
+                })?;
+                if end == line::End::Client { ports.0 } else { ports.1 }
+            }
+        };
+        Ok(options::endpoint(self.shared.ip, port))
     }
 
     fn check(&self, topic: &str) -> Result<(), OpenError> {
@@ -223,6 +304,25 @@ impl Middleware for ZeroMq {
     ) -> Result<Box<dyn Publisher>, OpenError> {
         self.check(&spec.topic)?;
         Ok(Box::new(publisher::ZeroMqPublisher::open(&self.shared, spec, context)?))
+    }
+
+    /// One pair of ports is one service: `spec.service` is not sent.
+    fn open_client(
+        &self,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Client>, OpenError> {
+        let endpoint = self.service_endpoint(line::End::Client, spec)?;
+        Ok(Box::new(client::ZeroMqClient::open(&self.shared, &endpoint, spec, context)?))
+    }
+
+    fn open_server(
+        &self,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Server>, OpenError> {
+        let endpoint = self.service_endpoint(line::End::Server, spec)?;
+        Ok(Box::new(server::ZeroMqServer::open(&self.shared, &endpoint, spec, context)?))
     }
 
     fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {

@@ -1,0 +1,88 @@
+//! Requests and replies of the suite against ROS 2 services as Fast DDS has them.
+//!
+//! The topics of these nodes are those of `tests/ros2.rs`: only what RustDDS carries is looked at.
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use wrapyfi_conformance::{Capabilities, Domain, Rig, Side, conformance_tests, reserve_domain};
+use wrapyfi_core::endpoint::{Middleware, ServiceSpec, Wake};
+use wrapyfi_core::middleware::ros2::graph::{
+    CdrClient, Graph, Peers, ServiceDescription, ServiceMapping, wait_until,
+};
+use wrapyfi_core::middleware::ros2::{CycloneConfig, CycloneGraph, Ros2};
+use wrapyfi_core::node::NodeName;
+
+struct FastNodes {
+    asking: Option<Box<dyn CdrClient>>,
+    wild: Option<CycloneGraph>,
+    near: Option<Ros2>,
+    far: Option<Ros2>,
+    domain: Domain,
+}
+
+fn graph(name: &str, domain: u32) -> CycloneGraph {
+    let node = NodeName::new(name, "/conformance").unwrap();
+    let mut config = CycloneConfig::loopback(node, domain);
+    config.services = ServiceMapping::FastDds;
+    CycloneGraph::new(&config).unwrap()
+}
+
+fn node(side: Side, domain: u32) -> Ros2 {
+    let name = if side == Side::Near { "near" } else { "far" };
+    Ros2::new(Arc::new(graph(name, domain)), |name| Ok(name.to_owned()))
+}
+
+impl Rig for FastNodes {
+    const CAPABILITIES: Capabilities =
+        Capabilities { drops_large_replies_unread: true, ..Capabilities::FULL };
+
+    const KNOWN_FAULTS: &'static [(&'static str, &'static str)] = &[
+        ("every_kind_is_returned", "RustDDS cannot send replies beyond one datagram"),
+        ("what_is_too_large_to_return_is_told", "RustDDS cannot send replies beyond one datagram"),
+    ];
+
+    fn start() -> Self {
+        let domain = reserve_domain();
+        let (near, far) = (node(Side::Near, domain.id), node(Side::Far, domain.id));
+        Self { asking: None, wild: None, near: Some(near), far: Some(far), domain }
+    }
+
+    fn side(&self, side: Side) -> &dyn Middleware {
+        match side {
+            Side::Near => self.near.as_ref().unwrap(),
+            Side::Far => self.far.as_ref().unwrap(),
+        }
+    }
+
+    fn restart(&mut self, side: Side) {
+        let place = if side == Side::Near { &mut self.near } else { &mut self.far };
+        *place = None;
+        *place = Some(node(side, self.domain.id));
+    }
+
+    fn inject_request(&mut self, spec: &ServiceSpec, body: &[u8]) {
+        let wild = self.wild.get_or_insert_with(|| graph("wild", self.domain.id));
+        let client = self.asking.get_or_insert_with(|| {
+            let service = ServiceDescription {
+                name: spec.service.clone(),
+                type_name: spec.kind.ros_type().into(),
+                request_hash: None,
+                response_hash: None,
+                depth: 10,
+                max_bytes: spec.limits.message_bytes,
+            };
+            let wake = Wake::new();
+            let bell = wake.clone();
+            let client = wild.client(&service, Arc::new(move || bell.ring())).unwrap();
+            assert!(wait_until(&wake, Duration::from_secs(30), || {
+                matches!(client.servers(), Peers::Ready(_))
+            }));
+            client
+        });
+        client.send(&[&[0, 1, 0, 0], body]).unwrap();
+    }
+}
+
+conformance_tests!(services of FastNodes);

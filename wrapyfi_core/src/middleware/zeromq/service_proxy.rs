@@ -1,0 +1,184 @@
+//! The thread of a [`ServiceBroker`](super::ServiceBroker): requests one way, replies the other.
+//!
+//! ```text
+//!   clients ──▶ ROUTER (front) ── held while no server has room ──▶ DEALER (back) ──▶ servers, in turn
+//!      ▲              ▲             │ too many: error to the client
+//!      └──────────────┘◀── replies ─┴─ too old: dropped ───────────── DEALER
+//! ```
+//!
+//! A request is read at once and held here, not in libzmq: so it can be counted, refused when too
+//! many wait, and dropped when its caller has given up, as the mark of our clients tells. What
+//! Python's clients ask is held until a server comes: they wait for ever.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::time::{Duration, Instant};
+
+use super::envelope::{self, Misfit, Parcel};
+use super::service_broker::Tally;
+
+/// Messages passed on before the other side and the clock are looked at.
+const BATCH: usize = 128;
+
+pub(super) struct ServiceProxy {
+    front: zmq::Socket,
+    back: zmq::Socket,
+    stop: zmq::Socket,
+    /// Requests that no server has room for, the oldest first.
+    held: VecDeque<Held>,
+    pending: usize,
+    tally: Arc<Tally>,
+}
+
+struct Held {
+    parcel: Parcel,
+    /// When its caller gives up, where that is known.
+    until: Option<Instant>,
+}
+
+impl ServiceProxy {
+    pub(super) fn new(
+        front: zmq::Socket,
+        back: zmq::Socket,
+        stop: zmq::Socket,
+        pending: usize,
+        tally: Arc<Tally>,
+    ) -> Self {
+        Self { front, back, stop, held: VecDeque::new(), pending: pending.max(1), tally }
+    }
+
+    /// Runs until the stop socket is rung.
+    pub(super) fn run(mut self) {
+        loop {
+            match self.turn() {
+                Ok(true) | Err(zmq::Error::EINTR | zmq::Error::EAGAIN) => {}
+                Ok(false) | Err(zmq::Error::ETERM) => break,
+                Err(error) => {
+                    tracing::error!(%error, "the ZeroMQ broker of requests and replies stopped");
+                    self.tally.failed(error);
+                    break;
+                }
+            }
+        }
+    }
+
+    /// Waits for something to happen, and handles it; false when it is time to stop.
+    fn turn(&mut self) -> zmq::Result<bool> {
+        let back = if self.held.is_empty() { zmq::POLLIN } else { zmq::POLLIN | zmq::POLLOUT };
+        let mut items = [
+            self.front.as_poll_item(zmq::POLLIN),
+            self.back.as_poll_item(back),
+            self.stop.as_poll_item(zmq::POLLIN),
+        ];
+        zmq::poll(&mut items, self.patience())?;
+        let [front, back, stop] = items.map(|item| item.is_readable());
+        if stop {
+            return Ok(false);
+        }
+        if back {
+            self.pass_replies()?;
+        }
+        if front {
+            self.take_requests()?;
+        }
+        self.pass_requests()?;
+        Ok(true)
+    }
+
+    /// Milliseconds until the next request is too old; for ever where none will be.
+    fn patience(&self) -> i64 {
+        let next = self.held.iter().filter_map(|held| held.until).min();
+        next.map_or(-1, |until| {
+            let left = until.saturating_duration_since(Instant::now());
+            i64::try_from(left.as_millis()).unwrap_or(i64::MAX).saturating_add(1)
+        })
+    }
+
+    fn take_requests(&mut self) -> zmq::Result<()> {
+        for _ in 0..BATCH {
+            let Some((parcel, _)) = envelope::receive(&self.front, usize::MAX)? else { break };
+            let parcel = match parcel {
+                Ok(parcel) => parcel,
+                Err(misfit) => {
+                    count(&self.tally.malformed);
+                    if let Misfit::Frames(envelope, frames) = misfit {
+                        let text = format!("a request is one frame, not {frames}");
+                        self.answer(&Parcel::error(envelope, &text))?;
+                    }
+                    continue;
+                }
+            };
+            // Straight through where nobody waits in front of it.
+            if self.held.is_empty() && self.forward(&parcel)? {
+                continue;
+            }
+            if self.held.len() >= self.pending {
+                count(&self.tally.overloaded);
+                let limit = self.pending;
+                let text = format!(
+                    "{limit} requests wait for a server at this broker, which is the limit: start a \
+                     server, or ask again later"
+                );
+                self.answer(&Parcel::error(parcel.envelope, &text))?;
+                continue;
+            }
+            let timeout = parcel.mark().map(|mark| Duration::from_millis(mark.timeout_ms.into()));
+            let until = timeout.and_then(|timeout| Instant::now().checked_add(timeout));
+            self.held.push_back(Held { parcel, until });
+        }
+        Ok(())
+    }
+
+    fn pass_requests(&mut self) -> zmq::Result<()> {
+        let now = Instant::now();
+        let before = self.held.len();
+        self.held.retain(|held| held.until.is_none_or(|until| until > now));
+        self.tally.expired.fetch_add((before - self.held.len()) as u64, Relaxed);
+        while let Some(held) = self.held.front() {
+            if !self.forward(&held.parcel)? {
+                break;
+            }
+            self.held.pop_front();
+        }
+        self.tally.waiting.store(self.held.len() as u64, Relaxed);
+        Ok(())
+    }
+
+    /// Gives a request to the server whose turn it is; false when none has room.
+    fn forward(&self, parcel: &Parcel) -> zmq::Result<bool> {
+        let sent = parcel.send(&self.back)?;
+        if sent {
+            count(&self.tally.requests);
+            self.tally.bytes.fetch_add(parcel.size() as u64, Relaxed);
+        }
+        Ok(sent)
+    }
+
+    fn pass_replies(&mut self) -> zmq::Result<()> {
+        for _ in 0..BATCH {
+            let Some((reply, _)) = envelope::receive(&self.back, usize::MAX)? else { break };
+            match reply {
+                Ok(reply) if self.answer(&reply)? => {
+                    count(&self.tally.replies);
+                    self.tally.bytes.fetch_add(reply.size() as u64, Relaxed);
+                }
+                Ok(_) => count(&self.tally.unheard),
+                Err(_) => count(&self.tally.malformed),
+            }
+        }
+        Ok(())
+    }
+
+    /// Sends a reply to its client; false when that is gone, or does not read.
+    fn answer(&self, reply: &Parcel) -> zmq::Result<bool> {
+        match reply.send(&self.front) {
+            Err(zmq::Error::EHOSTUNREACH) => Ok(false),
+            other => other,
+        }
+    }
+}
+
+fn count(counter: &AtomicU64) {
+    counter.fetch_add(1, Relaxed);
+}
