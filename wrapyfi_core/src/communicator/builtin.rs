@@ -37,7 +37,12 @@ mod zeromq {
 
         fn plan(&self, wanted: &Wanted<'_>) -> Result<Planned, StartError> {
             let options = wanted.options;
-            let mut config = ZeroMqConfig::from_env().map_err(StartError::refused)?;
+            // Wrapyfi's clients and servers read the names of the two ports crosswise.
+            let read = match (wanted.is_service, wanted.side) {
+                (true, Side::Listener) => ZeroMqConfig::from_env_of_client(),
+                _ => ZeroMqConfig::from_env(),
+            };
+            let mut config = read.map_err(StartError::refused)?;
             if let Some(ip) = options.text("socket_ip")? {
                 ip.clone_into(&mut config.ip);
             }
@@ -46,6 +51,8 @@ mod zeromq {
             }
             config.pub_port = options.number("socket_pub_port")?.unwrap_or(config.pub_port);
             config.sub_port = options.number("socket_sub_port")?.unwrap_or(config.sub_port);
+            config.rep_port = options.number("socket_rep_port")?.unwrap_or(config.rep_port);
+            config.req_port = options.number("socket_req_port")?.unwrap_or(config.req_port);
             config.monitor =
                 options.switch("start_pubsub_monitor_broker")?.unwrap_or(config.monitor);
             config.max_frame_bytes = config.max_frame_bytes.max(wanted.max_message_bytes);
@@ -53,11 +60,10 @@ mod zeromq {
                 Some(may_start) => may_start,
                 None => config.broker == BrokerMode::Embedded,
             };
-            config.broker = if may_start && wanted.side == Side::Publisher {
-                BrokerMode::Embedded
-            } else {
-                BrokerMode::Foreign
-            };
+            let brings_broker = may_start && wanted.side == Side::Publisher;
+            let mode = |brings| if brings { BrokerMode::Embedded } else { BrokerMode::Foreign };
+            config.broker = mode(brings_broker && !wanted.is_service);
+            config.service_broker = mode(brings_broker && wanted.is_service);
             // Two sides, two instances: one instance does not hear itself.
             let key = format!("{:?} {config:?}", wanted.side);
             let start = move || {
