@@ -19,6 +19,8 @@ pub enum Need {
     Node,
     /// The example program `pose_mirror`.
     PoseMirror,
+    /// This program of `examples/communicator`.
+    Example(&'static str),
     /// Python with Wrapyfi, pyzmq, cyclonedds and rosbags.
     Python,
     /// A package that the interpreter must have besides, by the name it is imported under.
@@ -60,6 +62,7 @@ fn check(need: Need) -> Result {
         Need::Program => program().map(drop),
         Need::Node => node().map(drop),
         Need::PoseMirror => pose_mirror().map(drop),
+        Need::Example(name) => example(name).map(drop),
         Need::Python => python().map(drop),
         Need::Package(name) => package(name),
         Need::FastDds => match fast::program() {
@@ -84,6 +87,11 @@ pub(crate) fn node() -> Result<PathBuf> {
 /// The example of a plug-in.
 pub(crate) fn pose_mirror() -> Result<PathBuf> {
     built("pose_mirror", "WRAPYFI_POSE_MIRROR_BIN")
+}
+
+/// A program of the examples of the communicator.
+pub(crate) fn example(name: &str) -> Result<PathBuf> {
+    built(name, &format!("WRAPYFI_{}_BIN", name.to_uppercase()))
 }
 
 fn built(name: &str, variable: &str) -> Result<PathBuf> {

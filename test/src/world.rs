@@ -132,6 +132,15 @@ impl World {
         Ok(Process::start("pose_mirror", command, &self.pillars)?.pillar())
     }
 
+    /// Starts a program of `examples/communicator`; `args` are split at blanks.
+    ///
+    /// # Errors
+    /// Where it cannot be started.
+    pub fn example(&self, name: &str, args: &str) -> Result<Process> {
+        let command = self.command(&needs::example(name)?, args.split_whitespace());
+        Process::start(name, command, &self.pillars)
+    }
+
     /// Starts `wrapyfi bridge --json` with this configuration.
     ///
     /// # Errors

@@ -4,6 +4,7 @@
 //!
 //! ```text
 //!   engine        routes: discover -> reconcile -> propagate, counters, reasons
+//!   communicator  methods that publish, listen, request or reply, by their mode
 //!     │
 //!   endpoint      Publisher, Listener, Middleware, Registry: the seam
 //!     │
@@ -22,6 +23,7 @@
 //! * [`endpoint`]: the traits every middleware implements, bounded queues, counters.
 //! * [`middleware`]: the transports.
 //! * [`engine`]: configuration, routes and the loop that moves messages.
+//! * [`communicator`]: registered methods, Wrapyfi's programming model.
 //! * [`node`]: what makes a process a ROS 2 node: names, `--ros-args`.
 //!
 //! # The way of one image, from Wrapyfi's socket to DDS
@@ -68,7 +70,11 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+#[allow(unused_extern_crates, reason = "the macros name the crate as seen from outside")]
+extern crate self as wrapyfi_core;
+
 pub mod codec;
+pub mod communicator;
 pub mod endpoint;
 pub mod engine;
 mod limits;

@@ -49,13 +49,13 @@ impl Problem {
 }
 
 impl ConfigError {
-    pub(super) fn too_large(file: &str, actual: usize, limit: usize) -> Self {
+    pub(crate) fn too_large(file: &str, actual: usize, limit: usize) -> Self {
         let message = format!("configuration is {actual} bytes long, the limit is {limit}");
         Self { file: file.to_owned(), problems: vec![Problem { position: None, message }] }
     }
 
     /// The parser's error in a user's words: keys instead of fields, with a suggestion.
-    pub(super) fn from_yaml(file: &str, text: &str, error: &serde_saphyr::Error) -> Self {
+    pub(crate) fn from_yaml(file: &str, text: &str, error: &serde_saphyr::Error) -> Self {
         use serde_saphyr::Error;
         let error = error.without_snippet();
         let message = match error {

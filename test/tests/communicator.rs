@@ -1,0 +1,319 @@
+//! Programs with registered methods and real Python Wrapyfi scripts: every data type both ways, the
+//! schemes, ROS 2.
+
+#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
+
+use std::time::{Duration, Instant};
+
+use wrapyfi_e2e::{Need, PATIENCE, Process, Result, World, run, texts};
+
+const HELLO: &[Need] = &[Need::Program, Need::Python, Need::Example("hello_world")];
+const EXCHANGE: &[Need] = &[Need::Program, Need::Python, Need::Example("exchange")];
+const FORWARDING: &[Need] = &[Need::Program, Need::Python, Need::Example("forwarding")];
+const CHANNELING: &[Need] = &[Need::Program, Need::Python, Need::Example("channeling")];
+
+/// Waits for these lines, in this order, whatever is between.
+fn says(process: &Process, lines: &[String]) -> Result {
+    process.wait_until(&format!("{lines:?}"), |output| {
+        // The prompt has no line end of its own.
+        let said: Vec<_> = output.out.iter().map(|line| line.replace("Type message: ", "")).collect();
+        let mut rest = said.iter();
+        lines.iter().all(|line| rest.any(|said| said == line)).then_some(())
+    })
+}
+
+fn results(words: &[&str]) -> Vec<String> {
+    words
+        .iter()
+        .map(|word| format!("Method result: {{\"msg\":\"hello\",\"msg_ip\":\"{word}\"}}"))
+        .collect()
+}
+
+/// What is typed in one program is returned in all others.
+fn hello(test: &str, publisher: fn(&World) -> Result<Process>, mware: &str) -> Result {
+    run(test, HELLO, |world| {
+        let _broker = world.broker()?;
+        let mut typed = publisher(world)?;
+        let mut rust = world.example("hello_world", &format!("--mode listen --mware {mware}"))?;
+        let python = match mware {
+            "zeromq" => Some(world.peer("hello_world.py", "--mode listen")?),
+            _ => None,
+        };
+        // A publisher waits for its first listener, not for all.
+        let mirrors = || [&rust].into_iter().chain(&python);
+        let started = Instant::now();
+        while mirrors().any(|mirror| !mirror.stdout().contains("Method result")) {
+            anyhow::ensure!(started.elapsed() < PATIENCE, "a mirror heard nothing:\n{}", rust.tail());
+            typed.tell("one")?;
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        says(&typed, &results(&["one"]))?;
+        typed.tell("two words")?;
+        typed.close_stdin();
+        for mirror in [&typed, &rust].into_iter().chain(&python) {
+            says(mirror, &results(&["two words", "exit"]))?;
+        }
+        rust.exits_with(0)
+    })
+}
+
+#[test]
+fn what_is_typed_in_rust_is_returned_everywhere() -> Result {
+    hello(
+        "what_is_typed_in_rust_is_returned_everywhere",
+        |world| world.example("hello_world", "--mode publish"),
+        "zeromq",
+    )
+}
+
+#[test]
+fn what_is_typed_in_python_is_returned_everywhere() -> Result {
+    hello(
+        "what_is_typed_in_python_is_returned_everywhere",
+        |world| world.peer("hello_world.py", "--mode publish"),
+        "zeromq",
+    )
+}
+
+#[test]
+fn what_is_typed_is_returned_over_ros2() -> Result {
+    hello(
+        "what_is_typed_is_returned_over_ros2",
+        |world| world.example("hello_world", "--mode publish --mware ros2"),
+        "ros2",
+    )
+}
+
+#[test]
+fn a_publisher_brings_its_own_broker() -> Result {
+    run("a_publisher_brings_its_own_broker", HELLO, |world| {
+        let listener = world.peer("hello_world.py", "--mode listen")?;
+        let mut typed = world.example("hello_world", "--mode publish")?;
+        typed.tell("one")?;
+        says(&listener, &results(&["one"]))
+    })
+}
+
+/// Rust listens to a Python publisher.
+fn from_python(test: &str, data_type: &str, flavour: &str, ours: &str, key: &str) -> Result {
+    run(test, EXCHANGE, |world| {
+        let topic = world.topic("x");
+        let args = format!("--type {data_type} --flavour {flavour}");
+        let publisher = world.wrapyfi_publisher(&topic, &args)?;
+        let args = format!("--type {data_type} --mode listen --topic {topic} {ours}");
+        let listener = world.example("exchange", &args)?;
+        let heard = listener.messages(3)?;
+        if data_type == "NativeObject" {
+            assert!(heard.iter().all(|one| one["greeting"] == "hello"), "{heard:?}");
+            assert!(heard[0]["seq"].as_i64() < heard[1]["seq"].as_i64(), "{heard:?}");
+            return Ok(());
+        }
+        publisher.sent_in_a_row(key, &texts(&heard, "sha256"))
+    })
+}
+
+/// Python listens to a Rust publisher.
+fn to_python(test: &str, data_type: &str, flavour: &str) -> Result {
+    run(test, EXCHANGE, |world| {
+        let topic = world.topic("x");
+        let _broker = world.broker()?;
+        let args = format!("--type {data_type} --mode publish --topic {topic}");
+        let publisher = world.example("exchange", &args)?;
+        let args = format!("--type {data_type} --flavour {flavour} --count 3");
+        let mut listener = world.wrapyfi_listener(&topic, &args)?;
+        let heard = listener.messages(3)?;
+        listener.exits_with(0)?;
+        if data_type == "NativeObject" {
+            for one in &heard {
+                let (seq, value) = (one["seq"].clone(), &one["value"]);
+                assert_eq!(value["pair"]["@tuple"], serde_json::json!([seq, "b"]), "{one}");
+                let shape = value["ramp"]["@array"]["shape"][0].as_i64();
+                assert_eq!(shape, seq.as_i64().map(|seq| seq + 1), "{one}");
+            }
+            return Ok(());
+        }
+        publisher.sent_in_a_row("sha256", &texts(&heard, "sha256"))
+    })
+}
+
+#[test]
+fn an_object_comes_from_python() -> Result {
+    from_python("an_object_comes_from_python", "NativeObject", "small", "", "")
+}
+
+#[test]
+fn an_image_comes_from_python() -> Result {
+    from_python("an_image_comes_from_python", "Image", "colour", "", "sha256")
+}
+
+#[test]
+fn a_jpeg_comes_from_python() -> Result {
+    from_python("a_jpeg_comes_from_python", "Image", "jpg", "--jpg", "file_sha256")
+}
+
+#[test]
+fn sound_comes_from_python() -> Result {
+    from_python("sound_comes_from_python", "AudioChunk", "mono", "", "sha256")
+}
+
+#[test]
+fn an_object_goes_to_python() -> Result {
+    to_python("an_object_goes_to_python", "NativeObject", "rich")
+}
+
+#[test]
+fn an_image_goes_to_python() -> Result {
+    to_python("an_image_goes_to_python", "Image", "colour")
+}
+
+#[test]
+fn sound_goes_to_python() -> Result {
+    to_python("sound_goes_to_python", "AudioChunk", "mono")
+}
+
+/// Between two Rust programs.
+fn between_rust(test: &str, data_type: &str, mware: &str) -> Result {
+    run(test, EXCHANGE, |world| {
+        let _broker = world.broker()?;
+        let topic = world.topic("x");
+        let start = |mode: &str| {
+            let args = format!("--type {data_type} --mode {mode} --topic {topic} --mware {mware}");
+            world.example("exchange", &args)
+        };
+        let (listener, publisher) = (start("listen")?, start("publish")?);
+        let heard = listener.messages(3)?;
+        if data_type == "NativeObject" {
+            for one in &heard {
+                let seq = one["seq"].as_i64();
+                assert_eq!(one["ramp"][0].as_i64(), seq.map(|seq| seq + 1), "{one}");
+                assert_eq!(one["pair"], "tuple", "{one}");
+            }
+            return Ok(());
+        }
+        publisher.sent_in_a_row("sha256", &texts(&heard, "sha256"))
+    })
+}
+
+macro_rules! between_rust {
+    ($($test:ident: $data_type:literal on $mware:literal;)*) => {
+        $(#[test]
+        fn $test() -> Result {
+            between_rust(stringify!($test), $data_type, $mware)
+        })*
+    };
+}
+
+between_rust! {
+    objects_between_rust_programs: "NativeObject" on "zeromq";
+    images_between_rust_programs: "Image" on "zeromq";
+    sound_between_rust_programs: "AudioChunk" on "zeromq";
+    objects_between_rust_programs_on_ros2: "NativeObject" on "ros2";
+    images_between_rust_programs_on_ros2: "Image" on "ros2";
+    sound_between_rust_programs_on_ros2: "AudioChunk" on "ros2";
+}
+
+#[test]
+fn an_image_is_an_ordinary_one_to_ros2() -> Result {
+    run("an_image_is_an_ordinary_one_to_ros2", EXCHANGE, |world| {
+        let topic = world.topic("x");
+        let args = format!("--type Image --mode publish --topic {topic} --mware ros2");
+        let publisher = world.example("exchange", &args)?;
+        let subscriber = world.dds_subscriber(&topic, "sensor_msgs/msg/Image", "--count 3")?;
+        let heard = subscriber.messages(3)?;
+        publisher.sent_in_a_row("sha256", &texts(&heard, "sha256"))
+    })
+}
+
+/// A chain over two middlewares; `source` and `sink` are started by the test.
+fn chain(
+    test: &str,
+    (source, sink): (&str, &str),
+    (mware_a, mware_b): (&str, &str),
+) -> Result {
+    run(test, FORWARDING, |world| {
+        let _broker = world.broker()?;
+        let start = |language: &str, role: &str| {
+            if language == "python" {
+                return world.peer("forwarding.py", &format!("--role {role}"));
+            }
+            let args = format!("--role {role} --mware-a {mware_a} --mware-b {mware_b}");
+            world.example("forwarding", &args)
+        };
+        let (last, _middle) = (start(sink, "sink")?, start("rust", "forward")?);
+        let first = start(source, "source")?;
+        let arrived = last.wait_until("three messages", |output| {
+            let messages = output.out.iter().filter(|line| line.starts_with("message "));
+            let messages: Vec<_> = messages.take(3).cloned().collect();
+            (messages.len() == 3).then_some(messages)
+        })?;
+        says(&first, &arrived)
+    })
+}
+
+#[test]
+fn a_chain_from_python_to_ros2() -> Result {
+    chain("a_chain_from_python_to_ros2", ("python", "rust"), ("zeromq", "ros2"))
+}
+
+#[test]
+fn a_chain_from_ros2_to_python() -> Result {
+    chain("a_chain_from_ros2_to_python", ("rust", "python"), ("ros2", "zeromq"))
+}
+
+#[test]
+fn a_rust_receiver_takes_the_channels_it_has() -> Result {
+    run("a_rust_receiver_takes_the_channels_it_has", CHANNELING, |world| {
+        let _broker = world.broker()?;
+        let _publisher = world.example("channeling", "--mode publish")?;
+        let all = world.example("channeling", "--mode listen")?;
+        let deaf = world.example("channeling", "--mode listen --image-mware none")?;
+        let shape = |value: &serde_json::Value| value["shape"].clone();
+        let has_both = all.wait_until("an image and sound", |output| {
+            let events = output.events("message");
+            let image = events.iter().find(|event| !event["image"].is_null())?.clone();
+            let sound = events.iter().find(|event| !event["sound"].is_null())?.clone();
+            Some((image, sound))
+        })?;
+        assert_eq!(shape(&has_both.0["image"]), serde_json::json!([100, 200, 3]));
+        assert_eq!(shape(&has_both.1["sound"]), serde_json::json!([8820, 1]));
+        for event in deaf.messages(2)? {
+            assert!(event["image"].is_null() && event["object"].is_null(), "{event}");
+            assert_eq!(event["sound"]["rate"], 44_100);
+        }
+        let absent = "middleware yarp is not available here";
+        let told = all.stderr().lines().filter(|line| line.contains(absent)).count();
+        assert_eq!(told, 1, "one clear line: {}", all.stderr());
+        Ok(())
+    })
+}
+
+#[test]
+fn a_python_receiver_takes_the_channel_it_has() -> Result {
+    run("a_python_receiver_takes_the_channel_it_has", CHANNELING, |world| {
+        let _broker = world.broker()?;
+        let publisher = world.example("channeling", "--mode publish")?;
+        let listener = world.peer("channeling.py", "--mode listen")?;
+        let heard = listener.messages(2)?;
+        for event in &heard {
+            assert_eq!((&event["object"], &event["image"]), (&false.into(), &false.into()));
+        }
+        let sounds: Vec<_> = heard.iter().map(|event| event["sound"]["sha256"].clone()).collect();
+        publisher.wait_until("the chunks that arrived", |output| {
+            let sent: Vec<_> =
+                output.events("message").iter().map(|one| one["sound"]["sha256"].clone()).collect();
+            sounds.iter().all(|sound| sent.contains(sound)).then_some(())
+        })
+    })
+}
+
+#[test]
+fn a_rust_receiver_hears_a_python_channel() -> Result {
+    run("a_rust_receiver_hears_a_python_channel", CHANNELING, |world| {
+        let _broker = world.broker()?;
+        let listener = world.example("channeling", "--mode listen")?;
+        let publisher = world.peer("channeling.py", "--mode publish")?;
+        let heard = listener.messages(1)?;
+        assert_eq!(heard[0]["sound"]["shape"], serde_json::json!([8820, 1]));
+        publisher.event("message").map(drop)
+    })
+}

@@ -1,0 +1,176 @@
+//! Waits of several threads and tasks on one doorbell.
+//!
+//! A ring is answered by one thread; whoever has got what it waited for passes the ring on, so that
+//! the others look as well. Tasks are woken by the ring itself, without a thread between.
+
+use std::future::poll_fn;
+use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
+use std::task::{Poll, Waker};
+use std::time::{Duration, Instant};
+
+use super::error::CallError;
+use super::runtime::Runtime;
+use super::wait::Patience;
+use crate::endpoint::Wake;
+
+/// Longest time between two looks, should a middleware forget to ring.
+const LOOK_EVERY: Duration = Duration::from_millis(500);
+
+/// A doorbell and those who wait for it.
+#[derive(Debug, Default)]
+pub(super) struct Bell {
+    wake: Wake,
+    waiters: AtomicUsize,
+}
+
+/// What a look found.
+pub(super) enum Look<T> {
+    /// What was waited for.
+    Found(T),
+    /// Nothing; look again then though nobody rang.
+    Again(Option<Instant>),
+}
+
+/// One of those who wait.
+struct Waiting<'a>(&'a Bell);
+
+impl<'a> Waiting<'a> {
+    fn new(bell: &'a Bell) -> Self {
+        bell.waiters.fetch_add(1, SeqCst);
+        Self(bell)
+    }
+}
+
+impl Drop for Waiting<'_> {
+    fn drop(&mut self) {
+        if self.0.waiters.fetch_sub(1, SeqCst) > 1 {
+            self.0.wake.ring();
+        }
+    }
+}
+
+impl Bell {
+    pub(super) fn new(wake: Wake) -> Self {
+        Self { wake, waiters: AtomicUsize::new(0) }
+    }
+
+    pub(super) fn ring(&self) {
+        self.wake.ring();
+    }
+
+    /// Looks until something is found.
+    pub(super) fn wait<T>(
+        &self,
+        patience: &mut Patience<'_>,
+        waited_for: impl Fn() -> String,
+        mut look: impl FnMut() -> Look<T>,
+    ) -> Result<T, CallError> {
+        let _waiting = Waiting::new(self);
+        loop {
+            let again = match look() {
+                Look::Found(found) => return Ok(found),
+                Look::Again(again) => again,
+            };
+            let step = patience.check(&waited_for)?;
+            self.wake.wait(step.min(until(again)));
+        }
+    }
+
+    /// The same for a task.
+    pub(super) async fn wait_async<T>(
+        &self,
+        patience: &mut Patience<'_>,
+        runtime: &Runtime,
+        waited_for: impl Fn() -> String,
+        mut look: impl FnMut() -> Look<T>,
+    ) -> Result<T, CallError> {
+        let _waiting = Waiting::new(self);
+        let mut timer = None::<(Instant, Waker)>;
+        poll_fn(|task| {
+            // Before the look: a ring after it is then not lost.
+            self.wake.notify(task.waker());
+            let again = match look() {
+                Look::Found(found) => return Poll::Ready(Ok(found)),
+                Look::Again(again) => again,
+            };
+            let step = match patience.check(&waited_for) {
+                Ok(step) => step.min(until(again)),
+                Err(error) => return Poll::Ready(Err(error)),
+            };
+            let now = Instant::now();
+            let is_set = timer
+                .as_ref()
+                .is_some_and(|(at, waker)| *at > now && waker.will_wake(task.waker()));
+            if !is_set {
+                runtime.wake_at(now + step, task.waker().clone());
+                timer = Some((now + step, task.waker().clone()));
+            }
+            Poll::Pending
+        })
+        .await
+    }
+}
+
+fn until(again: Option<Instant>) -> Duration {
+    again.map_or(LOOK_EVERY, |at| at.saturating_duration_since(Instant::now()).min(LOOK_EVERY))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::AtomicBool;
+    use std::sync::{Arc, Mutex};
+
+    use super::super::wait::Stop;
+    use super::*;
+
+    #[test]
+    fn two_who_wait_are_both_served_by_rings_that_fall_together() {
+        let (bell, goods) = (Arc::new(Bell::default()), Arc::new(Mutex::new(0)));
+        let waiters: Vec<_> = (0..2)
+            .map(|_| {
+                let (bell, goods) = (Arc::clone(&bell), Arc::clone(&goods));
+                std::thread::spawn(move || {
+                    let stop = Stop::default();
+                    let mut patience = Patience::new("A::b", &stop, Some(Duration::from_secs(60)));
+                    bell.wait(&mut patience, || "goods".into(), || {
+                        let mut goods = goods.lock().unwrap();
+                        if *goods == 0 {
+                            return Look::Again(None);
+                        }
+                        *goods -= 1;
+                        Look::Found(())
+                    })
+                })
+            })
+            .collect();
+        *goods.lock().unwrap() = 2;
+        bell.ring();
+        for waiter in waiters {
+            assert!(waiter.join().unwrap().is_ok());
+        }
+    }
+
+    #[test]
+    fn a_task_is_woken_by_the_ring() {
+        struct Flag(AtomicBool);
+        impl std::task::Wake for Flag {
+            fn wake(self: Arc<Self>) {
+                self.0.store(true, SeqCst);
+            }
+        }
+        let (bell, stop, runtime) = (Bell::default(), Stop::default(), Runtime::start());
+        let mut patience = Patience::new("A::b", &stop, None);
+        let found = AtomicBool::new(false);
+        let look = || if found.load(SeqCst) { Look::Found(7) } else { Look::Again(None) };
+        let mut wait =
+            std::pin::pin!(bell.wait_async(&mut patience, &runtime, || "seven".into(), look));
+        let flag = Arc::new(Flag(AtomicBool::new(false)));
+        let waker = Arc::clone(&flag).into();
+        let mut task = std::task::Context::from_waker(&waker);
+        assert!(wait.as_mut().poll(&mut task).is_pending());
+        found.store(true, SeqCst);
+        bell.ring();
+        assert!(flag.0.load(SeqCst));
+        assert!(matches!(wait.as_mut().poll(&mut task), Poll::Ready(Ok(7))));
+    }
+}

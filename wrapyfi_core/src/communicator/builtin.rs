@@ -1,0 +1,151 @@
+//! The middlewares of this crate as sources, configured as Wrapyfi's are: by options, then by the
+//! environment, then by default.
+
+use std::sync::Arc;
+
+use super::source::Source;
+
+/// Every middleware this crate was built with.
+pub(super) fn sources() -> Vec<Arc<dyn Source>> {
+    vec![
+        #[cfg(feature = "zeromq")]
+        Arc::new(zeromq::ZeroMqSource),
+        #[cfg(feature = "ros2")]
+        Arc::new(ros2::Ros2Source::default()),
+    ]
+}
+
+/// Names that Wrapyfi knows. One that is not here is absent, and no mistake.
+pub(super) const KNOWN: [&str; 7] = ["zeromq", "yarp", "ros", "ros2", "websocket", "zenoh", "mqtt"];
+
+#[cfg(feature = "zeromq")]
+mod zeromq {
+    //! ZeroMQ: publishers run the broker where there is none, listeners never do.
+
+    use std::sync::Arc;
+
+    use crate::communicator::resolve::Side;
+    use crate::communicator::source::{Planned, Source, StartError, Wanted};
+    use crate::middleware::zeromq::{BrokerMode, NAME, ZeroMq, ZeroMqConfig};
+
+    pub(super) struct ZeroMqSource;
+
+    impl Source for ZeroMqSource {
+        fn name(&self) -> &str {
+            NAME
+        }
+
+        fn plan(&self, wanted: &Wanted<'_>) -> Result<Planned, StartError> {
+            let options = wanted.options;
+            // Wrapyfi's clients and servers read the names of the two ports crosswise.
+            let read = match (wanted.is_service, wanted.side) {
+                (true, Side::Listener) => ZeroMqConfig::from_env_of_client(),
+                _ => ZeroMqConfig::from_env(),
+            };
+            let mut config = read.map_err(StartError::refused)?;
+            if let Some(ip) = options.text("socket_ip")? {
+                ip.clone_into(&mut config.ip);
+            }
+            if let Some(topic) = options.text("pubsub_monitor_topic")? {
+                topic.clone_into(&mut config.monitor_topic);
+            }
+            config.pub_port = options.number("socket_pub_port")?.unwrap_or(config.pub_port);
+            config.sub_port = options.number("socket_sub_port")?.unwrap_or(config.sub_port);
+            config.rep_port = options.number("socket_rep_port")?.unwrap_or(config.rep_port);
+            config.req_port = options.number("socket_req_port")?.unwrap_or(config.req_port);
+            config.monitor =
+                options.switch("start_pubsub_monitor_broker")?.unwrap_or(config.monitor);
+            config.max_frame_bytes = config.max_frame_bytes.max(wanted.max_message_bytes);
+            let may_start = match options.switch("start_proxy_broker")? {
+                Some(may_start) => may_start,
+                None => config.broker == BrokerMode::Embedded,
+            };
+            let brings_broker = may_start && wanted.side == Side::Publisher;
+            let mode = |brings| if brings { BrokerMode::Embedded } else { BrokerMode::Foreign };
+            config.broker = mode(brings_broker && !wanted.is_service);
+            config.service_broker = mode(brings_broker && wanted.is_service);
+            // Two sides, two instances: one instance does not hear itself.
+            let key = format!("{:?} {config:?}", wanted.side);
+            let start = move || {
+                let started = ZeroMq::start(&config).map_err(StartError::refused)?;
+                Ok(Arc::new(started) as _)
+            };
+            Ok(Planned { key, start: Box::new(start) })
+        }
+    }
+}
+
+#[cfg(feature = "ros2")]
+mod ros2 {
+    //! ROS 2: one node for all that goes out of a context, one for all that comes in.
+
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+
+    use crate::communicator::resolve::Side;
+    use crate::communicator::source::{Planned, Source, StartError, Wanted};
+    use crate::middleware::ros2::{CycloneConfig, CycloneGraph, Ros2, environment};
+    use crate::node::NodeName;
+
+    /// Messages a subscription of Wrapyfi holds.
+    const QUEUE_DEPTH: usize = 5;
+
+    /// Nodes that no name was given to, numbered in the process.
+    static NAMELESS: AtomicU32 = AtomicU32::new(0);
+
+    pub(super) struct Ros2Source {
+        /// Of this context's nameless nodes.
+        number: u32,
+    }
+
+    impl Default for Ros2Source {
+        fn default() -> Self {
+            Self { number: NAMELESS.fetch_add(1, Relaxed) }
+        }
+    }
+
+    impl Source for Ros2Source {
+        fn name(&self) -> &str {
+            "ros2"
+        }
+
+        fn plan(&self, wanted: &Wanted<'_>) -> Result<Planned, StartError> {
+            let ros2_kwargs = wanted.options.map("ros2_kwargs")?;
+            let named = ros2_kwargs.map(|kwargs| kwargs.text("node_name")).transpose()?.flatten();
+            let base = match named {
+                Some(name) => name.to_owned(),
+                None => format!("wrapyfi_{:x}_{}", std::process::id(), self.number),
+            };
+            // Two sides, two nodes: a node does not hear itself.
+            let name = match wanted.side {
+                Side::Publisher => base,
+                Side::Listener => format!("{base}_in"),
+            };
+            let node = NodeName::new(&name, "/").map_err(StartError::refused)?;
+            let max_message_bytes = wanted.max_message_bytes;
+            let start = move || {
+                let environment =
+                    environment::read(|name| std::env::var(name).ok()).map_err(StartError::refused)?;
+                environment.log();
+                let mut config = CycloneConfig::from_environment(node, &environment);
+                config.max_message_bytes = config.max_message_bytes.max(max_message_bytes);
+                let graph = CycloneGraph::new(&config).map_err(StartError::refused)?;
+                let as_it_is = |topic: &str| Ok(topic.to_owned());
+                Ok(Arc::new(Ros2::new(Arc::new(graph), as_it_is)) as _)
+            };
+            Ok(Planned { key: name, start: Box::new(start) })
+        }
+
+        fn queue_depth(&self) -> Option<usize> {
+            let depth = std::env::var("WRAPYFI_ROS2_QUEUE_SIZE").ok();
+            let depth = depth.and_then(|text| match text.trim().parse() {
+                Ok(depth) if depth > 0 => Some(depth),
+                _ => {
+                    tracing::warn!("WRAPYFI_ROS2_QUEUE_SIZE={text:?} is no number from 1: using {QUEUE_DEPTH}");
+                    None
+                }
+            });
+            Some(depth.unwrap_or(QUEUE_DEPTH))
+        }
+    }
+}

@@ -1,0 +1,287 @@
+//! What communicators share: middlewares, defaults, configuration.
+//!
+//! ```text
+//!   Context ─ sources by name, default middleware, plug-ins, configuration, instances counted
+//!      └─ Live ─ the library's thread, middlewares that were started
+//!                made with the first instance, ended with the last
+//! ```
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, Weak};
+
+use super::builtin;
+use super::config::Configuration;
+use super::runtime::Runtime;
+use super::source::{Running, Source, StartError, Wanted};
+use crate::endpoint::Middleware;
+use crate::engine::ConfigError;
+use crate::plugin::Plugins;
+
+/// What communicators share. Cheap to clone.
+///
+/// Most programs use the one of the process, [`Context::global`], without naming it. Middlewares are
+/// started when the first value needs one and end with the last communicator.
+///
+/// ```
+/// use std::sync::Arc;
+/// use wrapyfi_core::communicator::Context;
+/// use wrapyfi_core::middleware::memory::Memory;
+/// let context = Context::builder()
+///     .only(Arc::new(Memory::new("memory")))
+///     .default_middleware("memory")
+///     .build();
+/// assert_eq!(context.middlewares(), ["memory"]);
+/// ```
+#[derive(Clone)]
+pub struct Context(Arc<Shared>);
+
+struct Shared {
+    sources: BTreeMap<String, Arc<dyn Source>>,
+    /// Names that are no mistake although nothing has them.
+    known: Vec<String>,
+    default_middleware: String,
+    plugins: Plugins,
+    configuration: Mutex<Configuration>,
+    /// Instances made so far, by class.
+    instances: Mutex<BTreeMap<&'static str, usize>>,
+    live: Mutex<Weak<Live>>,
+}
+
+/// What runs as long as there are instances.
+pub(super) struct Live {
+    // Ended first: its jobs use the others.
+    runtime: Runtime,
+    started: Mutex<BTreeMap<(String, String), Arc<dyn Middleware>>>,
+}
+
+impl std::fmt::Debug for Live {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Live").finish_non_exhaustive()
+    }
+}
+
+/// What a name means.
+pub(super) enum Found {
+    /// It is here.
+    Source(Arc<dyn Source>),
+    /// It exists, but not here.
+    Absent,
+    /// Nobody knows it.
+    Unknown,
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Context {
+    /// The context of the process: every middleware of this crate, defaults from `WRAPYFI_*`.
+    #[must_use]
+    pub fn global() -> Self {
+        static GLOBAL: OnceLock<Context> = OnceLock::new();
+        GLOBAL.get_or_init(|| Self::builder().build()).clone()
+    }
+
+    /// Makes a context of one's own.
+    #[must_use]
+    pub fn builder() -> ContextBuilder {
+        ContextBuilder {
+            sources: builtin::sources(),
+            known: Vec::new(),
+            default_middleware: None,
+            plugins: Plugins::standard(),
+            configuration: Configuration::default(),
+        }
+    }
+
+    /// Reads modes from a file, or from every `.yml` and `.yaml` file of a folder, as Wrapyfi's
+    /// `ConfigManager` does. They hold for instances made from now on; of two entries for one
+    /// method the later one counts.
+    ///
+    /// # Errors
+    /// When a file cannot be read, or says what cannot be; nothing of it is used then.
+    pub fn load_config(&self, path: impl AsRef<Path>) -> Result<(), ConfigError> {
+        let configuration = Configuration::load(path.as_ref())?;
+        self.configure(configuration);
+        Ok(())
+    }
+
+    /// Takes modes for instances made from now on, over those it has.
+    pub fn configure(&self, configuration: Configuration) {
+        lock(&self.0.configuration).extend(configuration);
+    }
+
+    /// Names of the middlewares that are here.
+    #[must_use]
+    pub fn middlewares(&self) -> Vec<String> {
+        self.0.sources.keys().cloned().collect()
+    }
+
+    /// Name of the middleware of values that name none.
+    #[must_use]
+    pub fn default_middleware(&self) -> &str {
+        &self.0.default_middleware
+    }
+
+    pub(super) fn plugins(&self) -> &Plugins {
+        &self.0.plugins
+    }
+
+    pub(super) fn find(&self, name: &str) -> Found {
+        match self.0.sources.get(name) {
+            Some(source) => Found::Source(Arc::clone(source)),
+            None if self.0.known.iter().any(|known| known == name) => Found::Absent,
+            None => Found::Unknown,
+        }
+    }
+
+    pub(super) fn configuration(&self) -> Configuration {
+        lock(&self.0.configuration).clone()
+    }
+
+    /// Number of a new instance of `class`, from 0.
+    pub(super) fn number(&self, class: &'static str) -> usize {
+        let mut instances = lock(&self.0.instances);
+        let count = instances.entry(class).or_default();
+        *count += 1;
+        *count - 1
+    }
+
+    pub(super) fn live(&self) -> Arc<Live> {
+        let mut live = lock(&self.0.live);
+        live.upgrade().unwrap_or_else(|| {
+            let made = Arc::new(Live { runtime: Runtime::start(), started: Mutex::default() });
+            *live = Arc::downgrade(&made);
+            made
+        })
+    }
+}
+
+impl Live {
+    pub(super) fn runtime(&self) -> &Runtime {
+        &self.runtime
+    }
+
+    /// The instance of a middleware that these options ask for, started now if it is the first time.
+    pub(super) fn middleware(
+        &self,
+        source: &dyn Source,
+        wanted: &Wanted<'_>,
+    ) -> Result<Arc<dyn Middleware>, StartError> {
+        let planned = source.plan(wanted)?;
+        let key = (source.name().to_owned(), planned.key);
+        if let Some(running) = lock(&self.started).get(&key) {
+            return Ok(Arc::clone(running));
+        }
+        // Out of the lock: it may take seconds. Only the library's thread starts any.
+        let started = (planned.start)()?;
+        lock(&self.started).insert(key, Arc::clone(&started));
+        Ok(started)
+    }
+}
+
+impl Default for Context {
+    fn default() -> Self {
+        Self::global()
+    }
+}
+
+impl std::fmt::Debug for Context {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Context")
+            .field("middlewares", &self.middlewares())
+            .field("default_middleware", &self.0.default_middleware)
+            .finish_non_exhaustive()
+    }
+}
+
+/// Makes a [`Context`].
+pub struct ContextBuilder {
+    sources: Vec<Arc<dyn Source>>,
+    known: Vec<String>,
+    default_middleware: Option<String>,
+    plugins: Plugins,
+    configuration: Configuration,
+}
+
+impl ContextBuilder {
+    /// Adds a middleware that runs already, in place of one of its name.
+    #[must_use]
+    pub fn middleware(self, middleware: Arc<dyn Middleware>) -> Self {
+        self.source(Arc::new(Running(middleware)))
+    }
+
+    /// Adds a middleware that is started when it is needed, in place of one of its name.
+    #[must_use]
+    pub fn source(mut self, source: Arc<dyn Source>) -> Self {
+        self.sources.push(source);
+        self
+    }
+
+    /// This middleware and those added after it; none of this crate's own.
+    #[must_use]
+    pub fn only(mut self, middleware: Arc<dyn Middleware>) -> Self {
+        self.sources.clear();
+        self.middleware(middleware)
+    }
+
+    /// Names a middleware that may be missing without being a mistake: its values are `None` then.
+    /// Those that Wrapyfi knows need no mention.
+    #[must_use]
+    pub fn may_be_absent(mut self, name: impl Into<String>) -> Self {
+        self.known.push(name.into());
+        self
+    }
+
+    /// The middleware of values that name none; else `WRAPYFI_DEFAULT_MWARE`,
+    /// `WRAPYFI_DEFAULT_COMMUNICATOR`, or `zeromq`.
+    #[must_use]
+    pub fn default_middleware(mut self, name: impl Into<String>) -> Self {
+        self.default_middleware = Some(name.into());
+        self
+    }
+
+    /// What reads and writes plug-in objects inside native objects.
+    #[must_use]
+    pub fn plugins(mut self, plugins: Plugins) -> Self {
+        self.plugins = plugins;
+        self
+    }
+
+    /// Modes by class and method.
+    #[must_use]
+    pub fn configuration(mut self, configuration: Configuration) -> Self {
+        self.configuration = configuration;
+        self
+    }
+
+    /// The context.
+    #[must_use]
+    pub fn build(self) -> Context {
+        let from_environment = || {
+            ["WRAPYFI_DEFAULT_MWARE", "WRAPYFI_DEFAULT_COMMUNICATOR"]
+                .into_iter()
+                .find_map(|name| std::env::var(name).ok().filter(|value| !value.is_empty()))
+        };
+        let default_middleware = self.default_middleware.or_else(from_environment);
+        let known = builtin::KNOWN.map(str::to_owned).into_iter().chain(self.known).collect();
+        let sources = self.sources.into_iter().map(|source| (source.name().to_owned(), source));
+        Context(Arc::new(Shared {
+            sources: sources.collect(),
+            known,
+            default_middleware: default_middleware.unwrap_or_else(|| "zeromq".to_owned()),
+            plugins: self.plugins,
+            configuration: Mutex::new(self.configuration),
+            instances: Mutex::default(),
+            live: Mutex::default(),
+        }))
+    }
+}
+
+impl std::fmt::Debug for ContextBuilder {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let names: Vec<_> = self.sources.iter().map(|source| source.name()).collect();
+        f.debug_struct("ContextBuilder").field("sources", &names).finish_non_exhaustive()
+    }
+}

@@ -1,0 +1,224 @@
+//! What can go wrong, each with the method and the remedy.
+
+use std::time::Duration;
+
+use super::mode::{Mode, ParseModeError};
+use super::option::OptionError;
+use super::payload::PayloadError;
+use crate::endpoint::{self, OpenError, PublishError};
+
+/// Why a mode could not be chosen.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ActivateError {
+    /// The type has no registered method of this name.
+    #[error("{class} has no registered method {name:?}; {hint}methods are {known}")]
+    UnknownMethod {
+        /// Type.
+        class: &'static str,
+        /// As given.
+        name: String,
+        /// `did you mean …? `, or nothing.
+        hint: String,
+        /// Those that exist.
+        known: String,
+    },
+    /// No mode has this name.
+    #[error(transparent)]
+    Mode(#[from] ParseModeError),
+    /// A list by instance ends before this instance.
+    #[error(
+        "modes of {method} are listed for {length} instances, and this is instance {number} \
+         (counted from 1): list one for each, or write one mode for all"
+    )]
+    ListTooShort {
+        /// `Class::method`.
+        method: String,
+        /// Length of the list.
+        length: usize,
+        /// This instance, from 1.
+        number: usize,
+    },
+    /// The body has nowhere to put what is received.
+    #[error(
+        "mode {mode} gives {method} what it receives, which it cannot take: add an argument \
+         `#[received] prev: Option<…>` of what it returns"
+    )]
+    NothingReceived {
+        /// `Class::method`.
+        method: String,
+        /// As chosen.
+        mode: Mode,
+    },
+    /// The configuration names a method that the type does not have.
+    #[error("{place}: {fault}")]
+    Configured {
+        /// File and line.
+        place: String,
+        /// What is wrong there.
+        fault: Box<ActivateError>,
+    },
+}
+
+/// Why a call of a registered method has no result.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum CallError {
+    /// The configuration asks for what cannot be: see [`ActivateError`].
+    #[error(transparent)]
+    Activate(#[from] ActivateError),
+    /// A `$` in `#[register]` names no argument.
+    #[error(
+        "{method}: {written:?} names no argument; arguments are {known} (also $0, $1, … in this \
+         order)"
+    )]
+    MissingArgument {
+        /// `Class::method`.
+        method: String,
+        /// As written.
+        written: String,
+        /// Those that exist.
+        known: String,
+    },
+    /// An argument behind a `$`, or an argument of a request, has no form as a value.
+    #[error("{method}: argument {argument} cannot be used: {reason}")]
+    Argument {
+        /// `Class::method`.
+        method: String,
+        /// Its name.
+        argument: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// An option has a value that means nothing.
+    #[error("{method}: {fault}")]
+    Option {
+        /// `Class::method`.
+        method: String,
+        /// The option, its value and what may be written.
+        fault: OptionError,
+    },
+    /// Nothing has this name: neither a middleware that is here nor one that Wrapyfi knows.
+    #[error("{method}: {name:?} is no middleware; {hint}available: {available}")]
+    UnknownMiddleware {
+        /// `Class::method`.
+        method: String,
+        /// As asked for.
+        name: String,
+        /// `did you mean …? `, or nothing.
+        hint: String,
+        /// Those that are here.
+        available: String,
+    },
+    /// The middleware is here, but does not start.
+    #[error("{method}: {middleware} did not start: {reason}")]
+    Start {
+        /// `Class::method`.
+        method: String,
+        /// Its name.
+        middleware: String,
+        /// What it said, and the remedy.
+        reason: String,
+    },
+    /// `transceive` and `reemit` on one topic would hear themselves.
+    #[error(
+        "{method}: mode {mode} needs a topic for each way, and {middleware}:{topic} is both: write \
+         listener_kwargs(in_topic = \"…\") and publisher_kwargs(out_topic = \"…\"), the other way \
+         round at the other side"
+    )]
+    SameTopic {
+        /// `Class::method`.
+        method: String,
+        /// As activated.
+        mode: Mode,
+        /// Of both ways.
+        middleware: String,
+        /// Of both ways.
+        topic: String,
+    },
+    /// The middleware refuses the topic.
+    #[error("{method}: {source}")]
+    Open {
+        /// `Class::method`.
+        method: String,
+        /// Why, and the remedy.
+        source: OpenError,
+    },
+    /// The body returned what cannot be sent.
+    #[error("{method}: what it returned cannot be sent to {endpoint}: {source}")]
+    Send {
+        /// `Class::method`.
+        method: String,
+        /// `middleware:/topic`.
+        endpoint: String,
+        /// What has no form, and where.
+        source: PayloadError,
+    },
+    /// The middleware cannot put the value on its wire.
+    #[error("{method}: what it returned cannot be sent to {endpoint}: {source}")]
+    Publish {
+        /// `Class::method`.
+        method: String,
+        /// `middleware:/topic`.
+        endpoint: String,
+        /// What has no form, and where.
+        source: PublishError,
+    },
+    /// What arrived is not what the method returns.
+    #[error("{method}: what came from {endpoint} is not what it returns: {source}")]
+    WrongType {
+        /// `Class::method`.
+        method: String,
+        /// `middleware:/topic`.
+        endpoint: String,
+        /// What it is instead, and where.
+        source: PayloadError,
+    },
+    /// Nothing came, or nobody was there, for as long as `timeout_ms` allows.
+    #[error(
+        "{method}: waited {} ms for {waited_for}: start the other side, raise timeout_ms, or write \
+         should_wait = false", waited.as_millis()
+    )]
+    TimedOut {
+        /// `Class::method`.
+        method: String,
+        /// How long.
+        waited: Duration,
+        /// For what.
+        waited_for: String,
+    },
+    /// [`Control::cancel`](super::Control::cancel) ended the wait.
+    #[error("{method}: the wait for {waited_for} was cancelled")]
+    Cancelled {
+        /// `Class::method`.
+        method: String,
+        /// For what.
+        waited_for: String,
+    },
+    /// The method was closed, or given another mode, while it waited.
+    #[error("{method}: it was closed or given another mode while it waited for {waited_for}")]
+    Ended {
+        /// `Class::method`.
+        method: String,
+        /// For what.
+        waited_for: String,
+    },
+    /// A request has no reply: nobody serves, the server refuses, or its reply is of another type.
+    #[error("{method}: {source}")]
+    Unanswered {
+        /// `Class::method`.
+        method: String,
+        /// Why, and what would help.
+        source: endpoint::CallError,
+    },
+    /// The middleware cannot put a reply on its wire.
+    #[error("{method}: the reply to {endpoint} cannot be sent: {source}")]
+    Reply {
+        /// `Class::method`.
+        method: String,
+        /// `middleware:/topic`.
+        endpoint: String,
+        /// What has no form, and where.
+        source: endpoint::ServeError,
+    },
+}

@@ -1,0 +1,445 @@
+//! Requests and replies of one value.
+//!
+//! ```text
+//!   request:  arguments ─▶ ClientEnd ─▶ server elsewhere
+//!             returns   ◀─────┘
+//!   reply:    client elsewhere ─▶ ServerEnd ─▶ Heard: arguments, decoded one by one
+//!                              ◀─ answer ◀──── what the body returned
+//! ```
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use serde::de::DeserializeOwned;
+
+use super::bell::{Bell, Look};
+use super::error::CallError;
+use super::inlet::Manners;
+use super::payload::Payload;
+use super::rules::Rules;
+use super::session::{Gathered, Session};
+use crate::endpoint::{
+    self, Client, Counters, CountersSnapshot, EndpointAddress, Link, Request, RequestId, Server,
+};
+use crate::types::{self, TypedError, Value, from_value};
+
+/// Shortest time between two lines about requests that could not be served.
+const SAY_EVERY: Duration = Duration::from_secs(5);
+
+/// An argument of a request: its name, and what it holds.
+pub type NamedArgument = (&'static str, Result<Value, TypedError>);
+
+/// Calls a method elsewhere.
+pub(super) struct ClientEnd {
+    pub(super) endpoint: EndpointAddress,
+    pub(super) rules: Rules,
+    counters: Arc<Counters>,
+    timeout: Duration,
+    bell: Bell,
+    client: Mutex<Box<dyn Client>>,
+}
+
+/// Runs a method for others.
+pub(super) struct ServerEnd {
+    endpoint: EndpointAddress,
+    rules: Rules,
+    counters: Arc<Counters>,
+    should_wait: bool,
+    bell: Bell,
+    state: Mutex<Serving>,
+}
+
+struct Serving {
+    server: Box<dyn Server>,
+    say_at: Instant,
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl ClientEnd {
+    pub(super) fn new(
+        endpoint: EndpointAddress,
+        client: Box<dyn Client>,
+        counters: Arc<Counters>,
+        manners: Manners,
+    ) -> Self {
+        Self {
+            endpoint,
+            rules: manners.rules,
+            counters,
+            timeout: manners.timeout.unwrap_or(endpoint::ServiceSpec::TIMEOUT),
+            bell: Bell::new(client.wake().clone()),
+            client: Mutex::new(client),
+        }
+    }
+
+    pub(super) fn ring(&self) {
+        self.bell.ring();
+    }
+
+    pub(super) fn status(&self) -> (&EndpointAddress, Link, CountersSnapshot) {
+        (&self.endpoint, lock(&self.client).link(), self.counters.snapshot())
+    }
+
+    fn waited_for(&self) -> String {
+        let what = format!("a reply from {}", self.endpoint);
+        match lock(&self.client).link().waiting_for {
+            Some(reason) => format!("{what} ({reason})"),
+            None => what,
+        }
+    }
+}
+
+/// A call under way: forgotten by its client when nobody waits for it any more.
+struct Call<'a> {
+    end: &'a ClientEnd,
+    ticket: endpoint::Ticket,
+    has_ended: bool,
+}
+
+impl Call<'_> {
+    fn look(&mut self) -> Look<Result<endpoint::Reply, endpoint::CallError>> {
+        let mut client = lock(&self.end.client);
+        match client.take_only(self.ticket) {
+            Some(result) => {
+                self.has_ended = true;
+                Look::Found(result)
+            }
+            None => Look::Again(client.deadline()),
+        }
+    }
+}
+
+impl Drop for Call<'_> {
+    fn drop(&mut self) {
+        if !self.has_ended {
+            lock(&self.end.client).cancel(self.ticket);
+        }
+    }
+}
+
+impl ServerEnd {
+    pub(super) fn new(
+        endpoint: EndpointAddress,
+        server: Box<dyn Server>,
+        context: &endpoint::Context,
+        manners: Manners,
+    ) -> Self {
+        Self {
+            endpoint,
+            rules: manners.rules,
+            counters: Arc::clone(&context.counters),
+            should_wait: manners.should_wait,
+            bell: Bell::new(context.wake.clone()),
+            state: Mutex::new(Serving { server, say_at: Instant::now() }),
+        }
+    }
+
+    pub(super) fn ring(&self) {
+        self.bell.ring();
+    }
+
+    pub(super) fn status(&self) -> (&EndpointAddress, Link, CountersSnapshot) {
+        (&self.endpoint, lock(&self.state).server.link(), self.counters.snapshot())
+    }
+
+    fn waited_for(&self) -> String {
+        format!("a request to {}", self.endpoint)
+    }
+
+    /// The next usable request.
+    fn look(&self) -> Look<Option<endpoint::IncomingRequest>> {
+        let mut state = lock(&self.state);
+        loop {
+            match state.server.take() {
+                Ok(Some(request)) => return Look::Found(Some(request)),
+                Ok(None) if !self.should_wait => return Look::Found(None),
+                Ok(None) => return Look::Again(state.server.deadline()),
+                Err(error) => self.say(&mut state, &error),
+            }
+        }
+    }
+
+    fn say(&self, state: &mut Serving, error: &dyn std::fmt::Display) {
+        let now = Instant::now();
+        if now >= state.say_at {
+            tracing::warn!("{}: {error}", self.endpoint);
+            state.say_at = now + SAY_EVERY;
+        }
+    }
+
+    fn reply(
+        &self,
+        id: RequestId,
+        answer: Result<types::Payload, String>,
+    ) -> Result<(), endpoint::ServeError> {
+        let mut state = lock(&self.state);
+        match state.server.reply(id, answer) {
+            Ok(_) => Ok(()),
+            Err(error @ endpoint::ServeError::Reply { .. }) => Err(error),
+            // The client is gone, or was too impatient: no fault of the method.
+            Err(error) => {
+                self.say(&mut state, &error);
+                Ok(())
+            }
+        }
+    }
+}
+
+/// A request for which the body is to run.
+#[derive(Debug)]
+pub struct Heard<'a> {
+    session: &'a Session,
+    request: Request,
+    /// Place of the value that was asked for, and the request; `None` once it is answered.
+    asked: Option<(usize, RequestId)>,
+    first: usize,
+}
+
+impl Heard<'_> {
+    /// The argument at `index`, also known by `name`.
+    ///
+    /// # Errors
+    /// In words, when it is missing or not of this type.
+    pub fn argument<T: DeserializeOwned>(&mut self, index: usize, name: &str) -> Result<T, String> {
+        let by_place = self.request.args.get_mut(index).map(std::mem::take);
+        let given = by_place.or_else(|| self.request.kwargs.get(name).cloned());
+        let is_missing = given.is_none();
+        from_value(given.unwrap_or_default()).map_err(|error| {
+            if is_missing {
+                format!("argument {name} is missing: pass it as argument {index} or by its name")
+            } else {
+                format!("argument {name} cannot be used: {error}")
+            }
+        })
+    }
+
+    /// Tells the client why its request is not served.
+    pub fn refuse(mut self, reason: &str) {
+        tracing::warn!("{}: a request was refused: {reason}", self.session.method);
+        self.tell(reason);
+    }
+
+    fn tell(&mut self, reason: &str) {
+        let Some((index, id)) = self.asked.take() else { return };
+        let server = self.session.channels.get(index).and_then(|channel| channel.server.as_ref());
+        if let Some(server) = server
+            && let Err(error) = server.reply(id, Err(reason.to_owned()))
+        {
+            tracing::debug!("{}: {error}", self.session.method);
+        }
+    }
+}
+
+impl Drop for Heard<'_> {
+    fn drop(&mut self) {
+        self.tell("the method ended without an answer");
+    }
+}
+
+impl Session {
+    /// Calls the method elsewhere, once for each value, as Wrapyfi's clients do.
+    ///
+    /// # Errors
+    /// When an argument has no form, or a reply does not come.
+    pub fn ask(&self, arguments: Vec<NamedArgument>) -> Result<Gathered, CallError> {
+        let request = self.request(arguments)?;
+        let mut gathered = self.nothing();
+        for (index, client) in self.clients() {
+            let mut call = self.begin(client, &request)?;
+            let mut patience = self.patience(None);
+            let result =
+                client.bell.wait(&mut patience, || client.waited_for(), || call.look())?;
+            gathered.set(index, Some(self.replied(result)?));
+        }
+        Ok(gathered)
+    }
+
+    /// The same for a task.
+    ///
+    /// # Errors
+    /// As [`Session::ask`].
+    pub async fn ask_async(&self, arguments: Vec<NamedArgument>) -> Result<Gathered, CallError> {
+        let request = self.request(arguments)?;
+        let mut gathered = self.nothing();
+        for (index, client) in self.clients() {
+            let mut call = self.begin(client, &request)?;
+            let mut patience = self.patience(None);
+            let waited_for = || client.waited_for();
+            let result = match self.live.upgrade() {
+                Some(live) => {
+                    let runtime = live.runtime();
+                    client
+                        .bell
+                        .wait_async(&mut patience, runtime, waited_for, || call.look())
+                        .await?
+                }
+                None => client.bell.wait(&mut patience, waited_for, || call.look())?,
+            };
+            gathered.set(index, Some(self.replied(result)?));
+        }
+        Ok(gathered)
+    }
+
+    fn begin<'a>(&self, end: &'a ClientEnd, request: &Request) -> Result<Call<'a>, CallError> {
+        let ticket = lock(&end.client).send(request, end.timeout);
+        let ticket = ticket.map_err(|source| self.unanswered(source))?;
+        Ok(Call { end, ticket, has_ended: false })
+    }
+
+    fn replied(
+        &self,
+        result: Result<endpoint::Reply, endpoint::CallError>,
+    ) -> Result<types::Payload, CallError> {
+        result.map(|reply| reply.payload).map_err(|source| self.unanswered(source))
+    }
+
+    fn unanswered(&self, source: endpoint::CallError) -> CallError {
+        CallError::Unanswered { method: self.method.clone(), source }
+    }
+
+    fn request(&self, arguments: Vec<NamedArgument>) -> Result<Request, CallError> {
+        let args = arguments.into_iter().map(|(name, value)| {
+            value.map_err(|error| CallError::Argument {
+                method: self.method.clone(),
+                argument: name.to_owned(),
+                reason: error.to_string(),
+            })
+        });
+        Ok(Request::new(args.collect::<Result<Vec<_>, _>>()?))
+    }
+
+    /// True where there is a server; without one the body runs with its own arguments.
+    #[must_use]
+    pub fn serves(&self) -> bool {
+        self.servers().next().is_some()
+    }
+
+    /// The next request; `None` where none is there and none is to be waited for.
+    ///
+    /// # Errors
+    /// When the wait is ended.
+    pub fn hear(&self) -> Result<Option<Heard<'_>>, CallError> {
+        let Some((index, server)) = self.servers().next() else { return Ok(None) };
+        let request = self.next_request(server)?;
+        Ok(self.heard(index, request))
+    }
+
+    /// The same for a task.
+    ///
+    /// # Errors
+    /// As [`Session::hear`].
+    pub async fn hear_async(&self) -> Result<Option<Heard<'_>>, CallError> {
+        let Some((index, server)) = self.servers().next() else { return Ok(None) };
+        let request = self.next_request_async(server).await?;
+        Ok(self.heard(index, request))
+    }
+
+    /// Answers with the value at `index`. The first server's client is answered at once; those of
+    /// further values are waited for, because each value is asked for in turn.
+    ///
+    /// # Errors
+    /// When the value has no form as a reply, or the wait is ended.
+    pub fn answer<K, R: Payload<K>>(
+        &self,
+        heard: &mut Heard<'_>,
+        index: usize,
+        value: &R,
+    ) -> Result<(), CallError> {
+        let Some(server) = self.server(index) else { return Ok(()) };
+        if index != heard.first {
+            heard.asked = self.next_request(server)?.map(|request| (index, request.id));
+        }
+        self.answered(server, heard, value)
+    }
+
+    /// The same for a task.
+    ///
+    /// # Errors
+    /// As [`Session::answer`].
+    pub async fn answer_async<K, R: Payload<K>>(
+        &self,
+        heard: &mut Heard<'_>,
+        index: usize,
+        value: &R,
+    ) -> Result<(), CallError> {
+        let Some(server) = self.server(index) else { return Ok(()) };
+        if index != heard.first {
+            let request = self.next_request_async(server).await?;
+            heard.asked = request.map(|request| (index, request.id));
+        }
+        self.answered(server, heard, value)
+    }
+
+    fn answered<K, R: Payload<K>>(
+        &self,
+        server: &ServerEnd,
+        heard: &mut Heard<'_>,
+        value: &R,
+    ) -> Result<(), CallError> {
+        let unfit = |source| CallError::Send {
+            method: self.method.clone(),
+            endpoint: server.endpoint.to_string(),
+            source,
+        };
+        let made = value.to_payload().and_then(|payload| {
+            payload.as_ref().map_or(Ok(()), |payload| server.rules.check(payload))?;
+            Ok(payload)
+        });
+        let payload = match made {
+            Ok(Some(payload)) => payload,
+            Ok(None) => {
+                heard.tell("the method returned nothing");
+                return Ok(());
+            }
+            Err(error) => {
+                heard.tell(&format!("what the method returned cannot be sent: {error}"));
+                return Err(unfit(error));
+            }
+        };
+        let Some((_, id)) = heard.asked.take() else { return Ok(()) };
+        server.reply(id, Ok(payload)).map_err(|source| CallError::Reply {
+            method: self.method.clone(),
+            endpoint: server.endpoint.to_string(),
+            source,
+        })
+    }
+
+    fn heard(&self, index: usize, request: Option<endpoint::IncomingRequest>) -> Option<Heard<'_>> {
+        let endpoint::IncomingRequest { id, request, .. } = request?;
+        Some(Heard { session: self, request, asked: Some((index, id)), first: index })
+    }
+
+    fn next_request(
+        &self,
+        server: &ServerEnd,
+    ) -> Result<Option<endpoint::IncomingRequest>, CallError> {
+        server.bell.wait(&mut self.patience(None), || server.waited_for(), || server.look())
+    }
+
+    async fn next_request_async(
+        &self,
+        server: &ServerEnd,
+    ) -> Result<Option<endpoint::IncomingRequest>, CallError> {
+        let Some(live) = self.live.upgrade() else { return self.next_request(server) };
+        let mut patience = self.patience(None);
+        let waited_for = || server.waited_for();
+        server.bell.wait_async(&mut patience, live.runtime(), waited_for, || server.look()).await
+    }
+
+    fn clients(&self) -> impl Iterator<Item = (usize, &ClientEnd)> {
+        let channels = self.channels.iter().enumerate();
+        channels.filter_map(|(index, channel)| Some((index, channel.client.as_ref()?)))
+    }
+
+    fn servers(&self) -> impl Iterator<Item = (usize, &ServerEnd)> {
+        let channels = self.channels.iter().enumerate();
+        channels.filter_map(|(index, channel)| Some((index, channel.server.as_ref()?)))
+    }
+
+    fn server(&self, index: usize) -> Option<&ServerEnd> {
+        self.channels.get(index)?.server.as_ref()
+    }
+}

@@ -1,0 +1,383 @@
+//! One instance of a type with registered methods: their modes and open endpoints.
+//!
+//! ```text
+//!   activate ──▶ Slot { mode, resolved, session } ◀── call: mode, and the session if it is open
+//!                  one for each method                 └─ first call: opened on the library's thread
+//! ```
+
+use std::fmt;
+use std::marker::PhantomData;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use super::answer::{Answer, answer};
+use super::context::{Context, Live};
+use super::describe::{Class, Method, NamesMethod};
+use super::error::{ActivateError, CallError};
+use super::mode::{Mode, Modes, NamesMode};
+use super::opening::Opening;
+use super::resolve::{Given, Resolved, resolve};
+use super::session::{Session, ValueStatus};
+
+/// The registered methods of one instance; a field of what `#[communicator]` writes.
+pub struct Instance<M> {
+    shared: Arc<Shared>,
+    methods: PhantomData<M>,
+}
+
+struct Shared {
+    class: &'static Class,
+    // Before `live`: endpoints go before what they stand on.
+    slots: Vec<Mutex<Slot>>,
+    /// Its place among the instances of its class, from 0.
+    number: usize,
+    context: Context,
+    live: Arc<Live>,
+}
+
+#[derive(Default)]
+struct Slot {
+    mode: Mode,
+    /// What the configuration asks for in vain.
+    fault: Option<ActivateError>,
+    /// `$` replaced, from the first call until `close`.
+    resolved: Option<Arc<Vec<Resolved>>>,
+    session: Option<Arc<Session>>,
+}
+
+impl<M: Method> Instance<M> {
+    /// A new instance of the class, with the modes that the configuration gives it.
+    #[must_use]
+    pub fn new(context: &Context) -> Self {
+        let class = M::CLASS;
+        let shared = Arc::new(Shared {
+            class,
+            slots: class.methods.iter().map(|_| Mutex::default()).collect(),
+            number: context.number(class.name),
+            context: context.clone(),
+            live: context.live(),
+        });
+        shared.configure();
+        Self { shared, methods: PhantomData }
+    }
+
+    /// Chooses the mode of a method.
+    ///
+    /// # Errors
+    /// When name or mode are unknown, the list is too short, or the method lacks what the mode needs.
+    pub fn activate(
+        &self,
+        method: impl NamesMethod<M>,
+        mode: impl NamesMode,
+    ) -> Result<(), ActivateError> {
+        self.shared.activate(method.find()?, &mode.modes()?)
+    }
+
+    /// The mode of a method.
+    #[must_use]
+    pub fn mode(&self, method: M) -> Mode {
+        self.shared.slot(method.index()).map(|slot| slot.mode).unwrap_or_default()
+    }
+
+    /// Closes every method's endpoints.
+    pub fn close(&self) {
+        self.shared.close_all();
+    }
+
+    /// Closes one method's endpoints.
+    pub fn close_method(&self, method: M) {
+        self.shared.close(method.index());
+    }
+
+    /// What each value of a method is connected to.
+    #[must_use]
+    pub fn status(&self, method: M) -> Vec<ValueStatus> {
+        self.shared.status(method.index())
+    }
+
+    /// A handle for other threads.
+    #[must_use]
+    pub fn control(&self) -> Control<M> {
+        Control { shared: Arc::clone(&self.shared), methods: PhantomData }
+    }
+
+    /// Begins a call of the method at `index`.
+    ///
+    /// # Errors
+    /// When the configuration gives it a mode that it cannot have.
+    pub fn call(&self, index: usize) -> Result<Call, CallError> {
+        let Some(slot) = self.shared.slot(index) else {
+            return Ok(Call { shared: Arc::clone(&self.shared), index, mode: Mode::None, session: None });
+        };
+        if let Some(fault) = &slot.fault {
+            return Err(fault.clone().into());
+        }
+        let (mode, session) = (slot.mode, slot.session.clone());
+        drop(slot);
+        Ok(Call { shared: Arc::clone(&self.shared), index, mode, session })
+    }
+}
+
+impl<M> Drop for Instance<M> {
+    fn drop(&mut self) {
+        self.shared.close_all();
+    }
+}
+
+impl<M: Method> fmt::Debug for Instance<M> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let methods = M::ALL.iter().map(|method| (method.name(), self.mode(*method)));
+        f.debug_struct(M::CLASS.name)
+            .field("instance", &self.shared.number)
+            .field("modes", &methods.collect::<Vec<_>>())
+            .finish()
+    }
+}
+
+/// Changes modes, closes, and ends waits from any thread, while calls go on elsewhere.
+pub struct Control<M> {
+    shared: Arc<Shared>,
+    methods: PhantomData<M>,
+}
+
+impl<M> Clone for Control<M> {
+    fn clone(&self) -> Self {
+        Self { shared: Arc::clone(&self.shared), methods: PhantomData }
+    }
+}
+
+impl<M> fmt::Debug for Control<M> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Control").field("class", &self.shared.class.name).finish_non_exhaustive()
+    }
+}
+
+impl<M: Method> Control<M> {
+    /// Chooses the mode of a method; calls that wait in the old one end with
+    /// [`CallError::Ended`].
+    ///
+    /// # Errors
+    /// As [`Instance::activate`].
+    pub fn activate(
+        &self,
+        method: impl NamesMethod<M>,
+        mode: impl NamesMode,
+    ) -> Result<(), ActivateError> {
+        self.shared.activate(method.find()?, &mode.modes()?)
+    }
+
+    /// Ends the waits of a method with [`CallError::Cancelled`]; its endpoints stay open.
+    pub fn cancel(&self, method: M) {
+        let session = self.shared.slot(method.index()).and_then(|slot| slot.session.clone());
+        if let Some(session) = session {
+            session.cancel();
+        }
+    }
+
+    /// Closes a method's endpoints; calls that wait end with [`CallError::Ended`].
+    pub fn close_method(&self, method: M) {
+        self.shared.close(method.index());
+    }
+
+    /// Closes every method's endpoints.
+    pub fn close(&self) {
+        self.shared.close_all();
+    }
+
+    /// What each value of a method is connected to.
+    #[must_use]
+    pub fn status(&self, method: M) -> Vec<ValueStatus> {
+        self.shared.status(method.index())
+    }
+}
+
+impl Shared {
+    fn slot(&self, index: usize) -> Option<MutexGuard<'_, Slot>> {
+        self.slots.get(index).map(|slot| slot.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Takes the modes of the configuration. What cannot be is told by the calls it concerns: an
+    /// unknown method by all.
+    fn configure(&self) {
+        for entry in self.context.configuration().of(self.class.name) {
+            let found = self.class.find(&entry.method);
+            let result = found.and_then(|index| self.activate(index, &entry.modes));
+            let Err(fault) = result else { continue };
+            let fault =
+                ActivateError::Configured { place: entry.place.clone(), fault: Box::new(fault) };
+            tracing::error!("{fault}");
+            let concerned = self.class.methods.iter().position(|method| method.name == entry.method);
+            for (index, _) in self.slots.iter().enumerate() {
+                if concerned.is_none_or(|concerned| concerned == index)
+                    && let Some(mut slot) = self.slot(index)
+                {
+                    slot.fault = Some(fault.clone());
+                }
+            }
+        }
+    }
+
+    fn activate(&self, index: usize, modes: &Modes) -> Result<(), ActivateError> {
+        let mode = match modes {
+            Modes::All(mode) => *mode,
+            Modes::ByInstance(list) => {
+                *list.get(self.number).ok_or_else(|| ActivateError::ListTooShort {
+                    method: self.class.label(index),
+                    length: list.len(),
+                    number: self.number + 1,
+                })?
+            }
+        };
+        let receives = self.class.methods.get(index).is_some_and(|method| method.receives);
+        if mode.feeds_body() && !receives {
+            return Err(ActivateError::NothingReceived { method: self.class.label(index), mode });
+        }
+        let Some(mut slot) = self.slot(index) else { return Ok(()) };
+        slot.fault = None;
+        if slot.mode == mode {
+            return Ok(());
+        }
+        slot.mode = mode;
+        let old = slot.session.take();
+        drop(slot);
+        end(old);
+        Ok(())
+    }
+
+    fn close(&self, index: usize) {
+        let Some(mut slot) = self.slot(index) else { return };
+        slot.resolved = None;
+        let old = slot.session.take();
+        drop(slot);
+        end(old);
+    }
+
+    fn close_all(&self) {
+        (0..self.slots.len()).for_each(|index| self.close(index));
+    }
+
+    fn status(&self, index: usize) -> Vec<ValueStatus> {
+        let session = self.slot(index).and_then(|slot| slot.session.clone());
+        match session {
+            Some(session) => session.channels.iter().map(super::session::Channel::status).collect(),
+            None => {
+                let registers = self.class.methods.get(index).map_or(0, |it| it.registers.len());
+                vec![ValueStatus::default(); registers]
+            }
+        }
+    }
+
+    /// Opens the endpoints of a method for `mode`; on the library's thread.
+    fn open(&self, index: usize, mode: Mode, given: &[Given]) -> Result<Arc<Session>, CallError> {
+        let ended = || CallError::Ended {
+            method: self.class.label(index),
+            waited_for: "its endpoints to open".to_owned(),
+        };
+        let resolved = {
+            let mut slot = self.slot(index).ok_or_else(ended)?;
+            if slot.mode != mode {
+                return Err(ended());
+            }
+            // Another thread's first call came before.
+            if let Some(session) = &slot.session {
+                return Ok(Arc::clone(session));
+            }
+            match &slot.resolved {
+                Some(resolved) => Arc::clone(resolved),
+                None => {
+                    let default = self.context.default_middleware();
+                    let resolved = Arc::new(resolve(self.class, index, default, given)?);
+                    slot.resolved = Some(Arc::clone(&resolved));
+                    resolved
+                }
+            }
+        };
+        let opening = Opening {
+            method: self.class.label(index),
+            mode,
+            context: &self.context,
+            live: &self.live,
+        };
+        let session = opening.open(&resolved).inspect_err(|_error| {
+            // What was wrong with these arguments may be right with the next call's.
+            if let Some(mut slot) = self.slot(index) {
+                slot.resolved = None;
+            }
+        });
+        let session = Arc::new(session?);
+        let mut slot = self.slot(index).ok_or_else(ended)?;
+        if slot.mode != mode {
+            return Err(ended());
+        }
+        slot.session = Some(Arc::clone(&session));
+        Ok(session)
+    }
+}
+
+/// Ends the waits of a session and drops it, out of every lock.
+fn end(session: Option<Arc<Session>>) {
+    if let Some(session) = session {
+        session.end();
+    }
+}
+
+/// A call that has begun: the mode it runs in.
+pub struct Call {
+    shared: Arc<Shared>,
+    index: usize,
+    mode: Mode,
+    session: Option<Arc<Session>>,
+}
+
+impl fmt::Debug for Call {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Call").field("mode", &self.mode).finish_non_exhaustive()
+    }
+}
+
+impl Call {
+    /// The mode it runs in, whatever is activated meanwhile.
+    #[must_use]
+    pub fn mode(&self) -> Mode {
+        self.mode
+    }
+
+    /// The endpoints; opened now if this is the first call, with the arguments that `$` names.
+    ///
+    /// # Errors
+    /// When an argument or an option cannot be used, or an endpoint cannot be opened.
+    pub fn open(&self, given: impl FnOnce() -> Vec<Given>) -> Result<Arc<Session>, CallError> {
+        match &self.session {
+            Some(session) => Ok(Arc::clone(session)),
+            None => self.submit(given()).wait().unwrap_or_else(|| Err(self.gone())),
+        }
+    }
+
+    /// The same for a task.
+    ///
+    /// # Errors
+    /// As [`Call::open`].
+    pub async fn open_async(
+        &self,
+        given: impl FnOnce() -> Vec<Given>,
+    ) -> Result<Arc<Session>, CallError> {
+        if let Some(session) = &self.session {
+            return Ok(Arc::clone(session));
+        }
+        let answer = self.submit(given());
+        answer.await.unwrap_or_else(|| Err(self.gone()))
+    }
+
+    fn submit(&self, given: Vec<Given>) -> Answer<Result<Arc<Session>, CallError>> {
+        let (asked, opened) = answer();
+        let (shared, index, mode) = (Arc::clone(&self.shared), self.index, self.mode);
+        self.shared.live.runtime().submit(move || asked.give(shared.open(index, mode, &given)));
+        opened
+    }
+
+    fn gone(&self) -> CallError {
+        CallError::Ended {
+            method: self.shared.class.label(self.index),
+            waited_for: "its endpoints to open".to_owned(),
+        }
+    }
+}

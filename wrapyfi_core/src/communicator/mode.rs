@@ -1,0 +1,238 @@
+//! The role of a method, chosen at run time.
+
+use std::fmt;
+use std::str::FromStr;
+
+use crate::engine::did_you_mean;
+
+/// What a call of a registered method does: Wrapyfi's modes.
+///
+/// | mode | body runs | sends | returns |
+/// | --- | --- | --- | --- |
+/// | `none` | yes | no | own values |
+/// | `disable` | no | no | nothing |
+/// | `publish` | yes | each value | own values |
+/// | `listen` | no | no | received values |
+/// | `receive` | yes, with the received values | no | own values |
+/// | `reemit` | yes, with the received values | each value | own values |
+/// | `transceive` | yes | each value | received values |
+/// | `request` | no | the arguments | replies |
+/// | `reply` | yes, with the client's arguments | the reply | own values |
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Mode {
+    /// The method as if it were not registered; `null` in a configuration.
+    #[default]
+    None,
+    /// Runs the body and sends what it returns.
+    Publish,
+    /// Returns what another program published; the body does not run.
+    Listen,
+    /// Runs the body with what another program published.
+    Receive,
+    /// Runs the body, sends what it returns, and returns what comes back.
+    Transceive,
+    /// Runs the body with what came in, and sends what it returns.
+    Reemit,
+    /// Sends the arguments and returns the reply; the body does not run.
+    Request,
+    /// Runs the body with a client's arguments and sends what it returns to that client.
+    Reply,
+    /// Does nothing and returns nothing.
+    Disable,
+}
+
+impl Mode {
+    /// Every mode.
+    pub const ALL: [Self; 9] = [
+        Self::None,
+        Self::Publish,
+        Self::Listen,
+        Self::Receive,
+        Self::Transceive,
+        Self::Reemit,
+        Self::Request,
+        Self::Reply,
+        Self::Disable,
+    ];
+
+    /// Name in scripts and configurations.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Publish => "publish",
+            Self::Listen => "listen",
+            Self::Receive => "receive",
+            Self::Transceive => "transceive",
+            Self::Reemit => "reemit",
+            Self::Request => "request",
+            Self::Reply => "reply",
+            Self::Disable => "disable",
+        }
+    }
+
+    /// True where values are published.
+    #[must_use]
+    pub fn sends(self) -> bool {
+        matches!(self, Self::Publish | Self::Transceive | Self::Reemit)
+    }
+
+    /// True where values are listened to.
+    #[must_use]
+    pub fn listens(self) -> bool {
+        self.listens_first() || self == Self::Transceive
+    }
+
+    /// True where values are listened to before the body runs, or instead of it.
+    #[must_use]
+    pub fn listens_first(self) -> bool {
+        self == Self::Listen || self.feeds_body()
+    }
+
+    /// True where the body is given what was received.
+    #[must_use]
+    pub fn feeds_body(self) -> bool {
+        matches!(self, Self::Receive | Self::Reemit)
+    }
+
+    /// True where the way in and the way out need topics of their own.
+    pub(super) fn has_two_ways(self) -> bool {
+        matches!(self, Self::Transceive | Self::Reemit)
+    }
+}
+
+impl fmt::Display for Mode {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// A word that is no mode; the text lists those that are.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{word:?} is no mode; {hint}modes are {}", Mode::ALL.map(Mode::name).join(", "))]
+pub struct ParseModeError {
+    /// As written.
+    pub word: String,
+    hint: String,
+}
+
+impl FromStr for Mode {
+    type Err = ParseModeError;
+
+    fn from_str(word: &str) -> Result<Self, Self::Err> {
+        Self::ALL.into_iter().find(|mode| mode.name() == word).ok_or_else(|| ParseModeError {
+            word: word.to_owned(),
+            hint: did_you_mean(word, &Self::ALL.map(Self::name)),
+        })
+    }
+}
+
+/// A mode for all instances of a type, or one for each in the order in which they were made.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Modes {
+    /// The same for all.
+    All(Mode),
+    /// By instance, the first made first.
+    ByInstance(Vec<Mode>),
+}
+
+impl From<Mode> for Modes {
+    fn from(mode: Mode) -> Self {
+        Self::All(mode)
+    }
+}
+
+/// What `activate` takes as a mode: a [`Mode`] or its name, or a list of either by instance.
+pub trait NamesMode {
+    /// The modes meant.
+    ///
+    /// # Errors
+    /// When a name is no mode.
+    fn modes(self) -> Result<Modes, ParseModeError>;
+}
+
+impl NamesMode for Mode {
+    fn modes(self) -> Result<Modes, ParseModeError> {
+        Ok(Modes::All(self))
+    }
+}
+
+impl NamesMode for Modes {
+    fn modes(self) -> Result<Modes, ParseModeError> {
+        Ok(self)
+    }
+}
+
+impl NamesMode for &str {
+    fn modes(self) -> Result<Modes, ParseModeError> {
+        self.parse().map(Modes::All)
+    }
+}
+
+impl NamesMode for &String {
+    fn modes(self) -> Result<Modes, ParseModeError> {
+        self.as_str().modes()
+    }
+}
+
+/// One entry of a list by instance.
+pub trait NamesOneMode {
+    /// The mode meant.
+    ///
+    /// # Errors
+    /// When the name is no mode.
+    fn mode(self) -> Result<Mode, ParseModeError>;
+}
+
+impl NamesOneMode for Mode {
+    fn mode(self) -> Result<Mode, ParseModeError> {
+        Ok(self)
+    }
+}
+
+impl NamesOneMode for &str {
+    fn mode(self) -> Result<Mode, ParseModeError> {
+        self.parse()
+    }
+}
+
+impl<T: NamesOneMode, const N: usize> NamesMode for [T; N] {
+    fn modes(self) -> Result<Modes, ParseModeError> {
+        self.into_iter().map(T::mode).collect::<Result<_, _>>().map(Modes::ByInstance)
+    }
+}
+
+impl<T: NamesOneMode> NamesMode for Vec<T> {
+    fn modes(self) -> Result<Modes, ParseModeError> {
+        self.into_iter().map(T::mode).collect::<Result<_, _>>().map(Modes::ByInstance)
+    }
+}
+
+impl<T: NamesOneMode + Copy> NamesMode for &[T] {
+    fn modes(self) -> Result<Modes, ParseModeError> {
+        self.iter().map(|&entry| entry.mode()).collect::<Result<_, _>>().map(Modes::ByInstance)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_name_is_read_and_a_wrong_one_is_told_the_right_one() {
+        for mode in Mode::ALL {
+            assert_eq!(mode.name().parse(), Ok(mode));
+        }
+        let error = "pulbish".parse::<Mode>().unwrap_err().to_string();
+        assert!(error.starts_with("\"pulbish\" is no mode; did you mean `publish`? modes are none, "));
+    }
+
+    #[test]
+    fn lists_are_by_instance() {
+        let wanted = Modes::ByInstance(vec![Mode::Publish, Mode::Listen]);
+        assert_eq!(["publish", "listen"].modes(), Ok(wanted.clone()));
+        assert_eq!(vec![Mode::Publish, Mode::Listen].modes(), Ok(wanted.clone()));
+        assert_eq!([Mode::Publish, Mode::Listen][..].modes(), Ok(wanted));
+        assert!(["publish", "x"].modes().is_err());
+    }
+}

@@ -1,0 +1,367 @@
+//! Opens the endpoints of a method for a mode.
+//!
+//! ```text
+//!   Resolved ─ side ─▶ topic, options ─▶ source ─▶ middleware ─ open ─▶ Channel
+//!                                          └─ absent: Channel without ends, one line in the log
+//! ```
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use super::context::{Context, Found, Live};
+use super::error::CallError;
+use super::exchange::{ClientEnd, ServerEnd};
+use super::inlet::{Inlet, Manners};
+use super::mode::Mode;
+use super::option::{OptionError, OptionValue, Options};
+use super::outlet::Outlet;
+use super::resolve::{Resolved, Side};
+use super::rules::Rules;
+use super::session::{Channel, Session};
+use super::source::{Source, StartError, Wanted};
+use super::wait::Stop;
+use crate::Limits;
+use crate::endpoint::{
+    self, EndpointAddress, History, Middleware, OpenError, Overflow, Qos, QosPreset, QueueSpec,
+    ServiceSpec, TopicSpec,
+};
+use crate::engine::did_you_mean;
+use crate::plugin::{DeviceMaps, DeviceOption, Plugins};
+use crate::types::{DataType, Encoding, MessageType, ServiceKind};
+
+/// Native objects that wait at a listener: as many as ZeroMQ holds for Wrapyfi's.
+const OBJECTS: usize = 1000;
+/// Images or chunks of sound that wait at a listener.
+const MEDIA: usize = 10;
+
+pub(super) struct Opening<'a> {
+    pub(super) method: String,
+    pub(super) mode: Mode,
+    pub(super) context: &'a Context,
+    pub(super) live: &'a Arc<Live>,
+}
+
+/// Everything one end is opened with.
+struct End {
+    endpoint: EndpointAddress,
+    options: Options,
+    middleware: Arc<dyn Middleware>,
+    queue_depth: Option<usize>,
+    limits: Limits,
+}
+
+impl Opening<'_> {
+    pub(super) fn open(&self, values: &[Resolved]) -> Result<Session, CallError> {
+        let channels = values.iter().map(|value| self.channel(value));
+        Ok(Session {
+            channels: channels.collect::<Result<_, _>>()?,
+            method: self.method.clone(),
+            stop: Stop::default(),
+            live: Arc::downgrade(self.live),
+        })
+    }
+
+    fn channel(&self, value: &Resolved) -> Result<Channel, CallError> {
+        let Some(name) = &value.middleware else {
+            tracing::debug!("{}: no middleware is selected for {}", self.method, value.topic);
+            return Ok(Channel::default());
+        };
+        let source = match self.context.find(name) {
+            Found::Source(source) => source,
+            Found::Absent => {
+                tracing::warn!(
+                    "{}: middleware {name} is not available here (available: {}), so what would \
+                     come from {name}:{} is None and what would go there is not sent",
+                    self.method,
+                    self.context.middlewares().join(", "),
+                    value.topic
+                );
+                return Ok(Channel { absent: Some(name.clone()), ..Channel::default() });
+            }
+            Found::Unknown => {
+                let available = self.context.middlewares();
+                return Err(CallError::UnknownMiddleware {
+                    method: self.method.clone(),
+                    name: name.clone(),
+                    hint: did_you_mean(name, &available),
+                    available: available.join(", "),
+                });
+            }
+        };
+        self.open_ends(value, &*source)
+    }
+
+    fn open_ends(&self, value: &Resolved, source: &dyn Source) -> Result<Channel, CallError> {
+        let (mode, mut channel) = (self.mode, Channel::default());
+        if mode.has_two_ways() {
+            let (there, _) = value.side(Side::Publisher).map_err(|fault| self.option(fault))?;
+            let (here, _) = value.side(Side::Listener).map_err(|fault| self.option(fault))?;
+            if there == here {
+                return Err(CallError::SameTopic {
+                    method: self.method.clone(),
+                    mode,
+                    middleware: source.name().to_owned(),
+                    topic: there,
+                });
+            }
+        }
+        if mode.listens() {
+            let end = self.end(value, source, Side::Listener, false)?;
+            channel.inlet = Some(self.inlet(value.data_type, &end)?);
+        }
+        if mode.sends() {
+            let end = self.end(value, source, Side::Publisher, false)?;
+            channel.outlet = Some(self.outlet(value.data_type, &end)?);
+        }
+        if mode == Mode::Request {
+            let end = self.end(value, source, Side::Listener, true)?;
+            channel.client = Some(self.client(value.data_type, &end)?);
+        }
+        if mode == Mode::Reply {
+            let end = self.end(value, source, Side::Publisher, true)?;
+            channel.server = Some(self.server(value.data_type, &end)?);
+        }
+        Ok(channel)
+    }
+
+    fn end(
+        &self,
+        value: &Resolved,
+        source: &dyn Source,
+        side: Side,
+        is_service: bool,
+    ) -> Result<End, CallError> {
+        let (topic, options) = value.side(side).map_err(|fault| self.option(fault))?;
+        let limits = self.read(|| limits(&options))?;
+        let wanted = Wanted {
+            side,
+            is_service,
+            options: &options,
+            max_message_bytes: limits.message_bytes,
+        };
+        let middleware = self.live.middleware(source, &wanted).map_err(|error| match error {
+            StartError::Option(fault) => self.option(fault),
+            StartError::Refused(reason) => CallError::Start {
+                method: self.method.clone(),
+                middleware: source.name().to_owned(),
+                reason,
+            },
+        })?;
+        self.mention(&options, source.name());
+        let endpoint = EndpointAddress { middleware: source.name().to_owned(), name: topic };
+        Ok(End { endpoint, options, middleware, queue_depth: source.queue_depth(), limits })
+    }
+
+    /// Options that cannot be followed here are named once.
+    fn mention(&self, options: &Options, middleware: &str) {
+        if let Ok(Some(carrier)) = options.text("carrier")
+            && carrier != "tcp"
+        {
+            tracing::warn!("{}: {middleware} has no carrier {carrier}; it is ignored", self.method);
+        }
+    }
+
+    fn inlet(&self, data_type: DataType, end: &End) -> Result<Inlet, CallError> {
+        let (spec, manners) = (self.topic_spec(data_type, end)?, self.manners(&end.options)?);
+        let context = endpoint::Context::default();
+        let listener = end.middleware.open_listener(&spec, &context);
+        let listener = listener.map_err(|source| self.refused(source))?;
+        Ok(Inlet::new(end.endpoint.clone(), listener, &context, manners))
+    }
+
+    fn outlet(&self, data_type: DataType, end: &End) -> Result<Arc<Outlet>, CallError> {
+        let (spec, manners) = (self.topic_spec(data_type, end)?, self.manners(&end.options)?);
+        let wake = self.live.runtime().bell();
+        let context = endpoint::Context { wake, ..endpoint::Context::default() };
+        let publisher = end.middleware.open_publisher(&spec, &context);
+        let publisher = publisher.map_err(|source| self.refused(source))?;
+        let outlet = Outlet::new(end.endpoint.clone(), publisher, context.counters, manners);
+        let outlet = Arc::new(outlet);
+        self.live.runtime().watch(&outlet);
+        Ok(outlet)
+    }
+
+    fn client(&self, data_type: DataType, end: &End) -> Result<ClientEnd, CallError> {
+        let (spec, manners) = (self.service_spec(data_type, end)?, self.manners(&end.options)?);
+        let context = endpoint::Context::default();
+        let client = end.middleware.open_client(&spec, &context);
+        let client = client.map_err(|source| self.refused(source))?;
+        Ok(ClientEnd::new(end.endpoint.clone(), client, context.counters, manners))
+    }
+
+    fn server(&self, data_type: DataType, end: &End) -> Result<ServerEnd, CallError> {
+        let (spec, manners) = (self.service_spec(data_type, end)?, self.manners(&end.options)?);
+        let context = endpoint::Context::default();
+        let server = end.middleware.open_server(&spec, &context);
+        let server = server.map_err(|source| self.refused(source))?;
+        Ok(ServerEnd::new(end.endpoint.clone(), server, &context, manners))
+    }
+
+    fn manners(&self, options: &Options) -> Result<Manners, CallError> {
+        self.read(|| {
+            Ok(Manners {
+                should_wait: options.switch("should_wait")?.unwrap_or(true),
+                timeout: options.number("timeout_ms")?.map(Duration::from_millis),
+                rules: Rules::from_options(options)?,
+            })
+        })
+    }
+
+    fn topic_spec(&self, data_type: DataType, end: &End) -> Result<TopicSpec, CallError> {
+        self.read(|| {
+            let options = &end.options;
+            let message_type = match options.word::<MessageType>("message_type")? {
+                Some(written) if written.data_type() == data_type => written,
+                Some(other) => return Err(other_kind("message_type", &other, data_type)),
+                None => match data_type {
+                    DataType::NativeObject => MessageType::NativeObject,
+                    DataType::AudioChunk => MessageType::AudioChunk,
+                    DataType::Image if is_jpg(options)? => MessageType::CompressedImage,
+                    DataType::Image => MessageType::Image,
+                },
+            };
+            let depth = options.number::<u32>("queue_size")?.map(|depth| depth.max(1));
+            let by_default =
+                if data_type == DataType::NativeObject { OBJECTS } else { MEDIA };
+            let queue_depth = match depth {
+                Some(depth) => usize::try_from(depth).unwrap_or(usize::MAX),
+                None => end.queue_depth.unwrap_or(by_default),
+            };
+            let preset = qos(options)?;
+            let mut qos: Qos = preset.map_or_else(Qos::default, Into::into);
+            if preset.is_none() || depth.is_some() {
+                qos.history = History::KeepLast(u32::try_from(queue_depth).unwrap_or(u32::MAX));
+            }
+            Ok(TopicSpec {
+                qos,
+                match_peers: preset.is_none(),
+                queue: QueueSpec { depth: queue_depth, overflow: Overflow::DropOldest },
+                color_order: color_order(options)?,
+                limits: end.limits,
+                plugins: plugins(self.context.plugins(), options)?,
+                ..TopicSpec::new(end.endpoint.name.clone(), message_type)
+            })
+        })
+    }
+
+    fn service_spec(&self, data_type: DataType, end: &End) -> Result<ServiceSpec, CallError> {
+        self.read(|| {
+            let options = &end.options;
+            let kind = match options.word::<ServiceKind>("message_type")? {
+                Some(written) if written.data_type() == data_type => written,
+                Some(other) => return Err(other_kind("message_type", &other, data_type)),
+                None => match data_type {
+                    DataType::NativeObject => ServiceKind::NativeObject,
+                    DataType::AudioChunk => ServiceKind::AudioChunk,
+                    DataType::Image if is_jpg(options)? => ServiceKind::CompressedImage,
+                    DataType::Image => ServiceKind::Image,
+                },
+            };
+            let timeout = options.number("timeout_ms")?.map(Duration::from_millis);
+            Ok(ServiceSpec {
+                timeout: timeout.unwrap_or(ServiceSpec::TIMEOUT),
+                color_order: color_order(options)?,
+                limits: end.limits,
+                plugins: plugins(self.context.plugins(), options)?,
+                ..ServiceSpec::new(end.endpoint.name.clone(), kind)
+            })
+        })
+    }
+
+    fn read<T>(&self, read: impl FnOnce() -> Result<T, OptionError>) -> Result<T, CallError> {
+        read().map_err(|fault| self.option(fault))
+    }
+
+    fn option(&self, fault: OptionError) -> CallError {
+        CallError::Option { method: self.method.clone(), fault }
+    }
+
+    fn refused(&self, source: OpenError) -> CallError {
+        CallError::Open { method: self.method.clone(), source }
+    }
+}
+
+fn other_kind(name: &str, found: &dyn std::fmt::Display, wanted: DataType) -> OptionError {
+    OptionError {
+        name: name.to_owned(),
+        found: found.to_string(),
+        wanted: format!("a type that carries {wanted}"),
+    }
+}
+
+fn is_jpg(options: &Options) -> Result<bool, OptionError> {
+    match options.get("jpg") {
+        // Wrapyfi's settings of the encoder.
+        Some(OptionValue::Map(_)) => Ok(true),
+        _ => Ok(options.switch("jpg")?.unwrap_or(false)),
+    }
+}
+
+fn limits(options: &Options) -> Result<Limits, OptionError> {
+    let mib = options.number::<usize>("max_message_mib")?;
+    Ok(match mib {
+        Some(mib) => {
+            Limits { message_bytes: mib.saturating_mul(Limits::MIB), ..Limits::default() }
+        }
+        None => Limits::default(),
+    })
+}
+
+fn qos(options: &Options) -> Result<Option<QosPreset>, OptionError> {
+    options
+        .text("qos")?
+        .map(|word| match word {
+            "default" => Ok(QosPreset::Default),
+            "sensor_data" => Ok(QosPreset::SensorData),
+            "latched" => Ok(QosPreset::Latched),
+            other => Err(OptionError {
+                name: "qos".to_owned(),
+                found: format!("{other:?}"),
+                wanted: "default, sensor_data or latched".to_owned(),
+            }),
+        })
+        .transpose()
+}
+
+fn color_order(options: &Options) -> Result<Encoding, OptionError> {
+    match options.text("encoding")? {
+        None | Some("bgr8") => Ok(Encoding::Bgr8),
+        Some("rgb8") => Ok(Encoding::Rgb8),
+        Some(other) => Err(OptionError {
+            name: "encoding".to_owned(),
+            found: format!("{other:?}"),
+            wanted: "bgr8 or rgb8".to_owned(),
+        }),
+    }
+}
+
+/// The plug-ins with the device maps of the options.
+fn plugins(plugins: &Plugins, options: &Options) -> Result<Plugins, OptionError> {
+    let mut maps = Vec::new();
+    for (name, value) in options.iter() {
+        let is_load = name.starts_with("load_") && name.ends_with("_device");
+        let is_map = name.starts_with("map_") && name.ends_with("_devices");
+        match value {
+            OptionValue::Text(device) if is_load => {
+                maps.push((name, DeviceOption::Load(device.clone())));
+            }
+            OptionValue::Map(devices) if is_map => {
+                let pairs = devices.iter().map(|(from, to)| match to {
+                    OptionValue::Text(to) => Ok((from.to_owned(), to.clone())),
+                    other => Err(Options::fault(name, other, "devices by device")),
+                });
+                maps.push((name, DeviceOption::Map(pairs.collect::<Result<_, _>>()?)));
+            }
+            _ => {}
+        }
+    }
+    if maps.is_empty() {
+        return Ok(plugins.clone());
+    }
+    let maps = DeviceMaps::from_options(maps).map_err(|error| OptionError {
+        name: "load_…_device or map_…_devices".to_owned(),
+        found: "not usable".to_owned(),
+        wanted: format!("other devices: {error}"),
+    })?;
+    Ok(plugins.clone().with_devices(maps))
+}

@@ -1,0 +1,184 @@
+//! Replaces `$` by the arguments of the first call.
+//!
+//! ```text
+//!   Register { "$mware", "/topic", should_wait = "$wait" } + (mware: "zeromq", wait: false)
+//!      ──▶ Resolved { zeromq, /topic, should_wait = false }   kept until close
+//! ```
+
+use super::describe::{Class, MethodSpec, Register};
+use super::error::CallError;
+use super::option::{OptionValue, Options};
+use crate::types::{DataType, TypedError, Value, to_value};
+
+/// An argument of a call: its place, and what it holds.
+pub type Given = (usize, Result<Value, TypedError>);
+
+/// What an argument holds, as a native object.
+///
+/// # Errors
+/// When its `Serialize` fails.
+pub fn argument<T: serde::Serialize + ?Sized>(value: &T) -> Result<Value, TypedError> {
+    to_value(value)
+}
+
+/// A [`Register`] without `$`.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Resolved {
+    pub(super) data_type: DataType,
+    /// `None` where an argument unselected it.
+    pub(super) middleware: Option<String>,
+    pub(super) topic: String,
+    options: Options,
+}
+
+/// Which way a message goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// Out: a publisher, a server.
+    Publisher,
+    /// In: a listener, a client.
+    Listener,
+}
+
+impl Resolved {
+    /// Topic and options of one side.
+    pub(super) fn side(&self, side: Side) -> Result<(String, Options), super::OptionError> {
+        let (kwargs, topic) = match side {
+            Side::Publisher => ("publisher_kwargs", "out_topic"),
+            Side::Listener => ("listener_kwargs", "in_topic"),
+        };
+        let options = self.options.with_side(kwargs);
+        let topic = match options.text(topic)? {
+            Some(own) => own.to_owned(),
+            None => options.text("topic")?.unwrap_or(&self.topic).to_owned(),
+        };
+        Ok((topic, options))
+    }
+}
+
+/// Every value of a method.
+pub(super) fn resolve(
+    class: &Class,
+    index: usize,
+    default_middleware: &str,
+    given: &[Given],
+) -> Result<Vec<Resolved>, CallError> {
+    let Some(spec) = class.methods.get(index) else { return Ok(Vec::new()) };
+    let call = FirstCall { method: class.label(index), spec, given };
+    spec.registers.iter().map(|register| call.resolve(register, default_middleware)).collect()
+}
+
+struct FirstCall<'a> {
+    method: String,
+    spec: &'a MethodSpec,
+    given: &'a [Given],
+}
+
+impl FirstCall<'_> {
+    fn resolve(&self, register: &Register, default: &str) -> Result<Resolved, CallError> {
+        let middleware = match register.middleware {
+            None => Some(default.to_owned()),
+            Some(written) => match self.replace(written)? {
+                // An argument that names none leaves this value out.
+                OptionValue::Nothing => None,
+                OptionValue::Text(name) if name.is_empty() || name == "none" => None,
+                OptionValue::Text(name) => Some(name),
+                other => return Err(self.fault("middleware", &other)),
+            },
+        };
+        let topic = match self.replace(register.topic)? {
+            OptionValue::Text(topic) => topic,
+            other => return Err(self.fault("topic", &other)),
+        };
+        let options = Options::from_literals(register.options, &mut |text| self.replace(text))?;
+        Ok(Resolved { data_type: register.data_type, middleware, topic, options })
+    }
+
+    fn fault(&self, name: &str, found: &OptionValue) -> CallError {
+        CallError::Option {
+            method: self.method.clone(),
+            fault: Options::fault(name, found, "a text"),
+        }
+    }
+
+    /// The argument that a text names with `$`, or the text.
+    fn replace(&self, written: &'static str) -> Result<OptionValue, CallError> {
+        let Some(name) = written.strip_prefix('$') else {
+            return Ok(OptionValue::Text(written.to_owned()));
+        };
+        let arguments = self.spec.arguments;
+        let place = arguments
+            .iter()
+            .position(|argument| *argument == name)
+            .or_else(|| name.parse().ok().filter(|&place: &usize| place < arguments.len()));
+        let found = place.and_then(|place| self.given.iter().find(|(given, _)| *given == place));
+        let Some((place, value)) = found else {
+            return Err(CallError::MissingArgument {
+                method: self.method.clone(),
+                written: written.to_owned(),
+                known: arguments.join(", "),
+            });
+        };
+        let unusable = |reason: String| CallError::Argument {
+            method: self.method.clone(),
+            argument: arguments.get(*place).copied().unwrap_or_default().to_owned(),
+            reason,
+        };
+        let value = value.as_ref().map_err(|error| unusable(error.to_string()))?;
+        OptionValue::from_value(value).ok_or_else(|| {
+            unusable(format!(
+                "{written:?} stands for it, and a {} is no option: pass a text, a number, a bool or \
+                 None",
+                value.kind()
+            ))
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::describe::Literal;
+    use super::*;
+
+    const CLASS: Class = Class {
+        name: "Mirror",
+        methods: &[MethodSpec {
+            name: "read",
+            arguments: &["mware", "wait"],
+            registers: &[Register {
+                data_type: DataType::NativeObject,
+                middleware: Some("$mware"),
+                topic: "/x",
+                options: &[
+                    ("should_wait", Literal::Text("$1")),
+                    ("listener_kwargs", Literal::Map(&[("in_topic", Literal::Text("$0"))])),
+                ],
+            }],
+            receives: false,
+        }],
+    };
+
+    #[test]
+    fn names_and_numbers_are_replaced() {
+        let given = [(0, Ok(Value::from("zeromq"))), (1, Ok(Value::from(true)))];
+        let resolved = resolve(&CLASS, 0, "memory", &given).unwrap().remove(0);
+        assert_eq!(resolved.middleware.as_deref(), Some("zeromq"));
+        let (topic, options) = resolved.side(Side::Listener).unwrap();
+        assert_eq!((topic.as_str(), options.switch("should_wait")), ("zeromq", Ok(Some(true))));
+        assert_eq!(resolved.side(Side::Publisher).unwrap().0, "/x");
+    }
+
+    #[test]
+    fn an_argument_can_unselect_and_must_be_usable() {
+        let given = [(0, Ok(Value::Null)), (1, Ok(Value::Null))];
+        let mut resolved = resolve(&CLASS, 0, "memory", &given).unwrap();
+        let resolved = resolved.remove(0);
+        assert_eq!(resolved.middleware, None);
+        assert_eq!(resolved.side(Side::Listener).unwrap().0, "/x");
+        let given = [(0, Ok(Value::List(vec![]))), (1, Ok(Value::Null))];
+        let error = resolve(&CLASS, 0, "memory", &given).unwrap_err().to_string();
+        assert!(error.starts_with("Mirror::read: argument mware cannot be used"), "{error}");
+        let error = resolve(&CLASS, 0, "memory", &[]).unwrap_err().to_string();
+        assert!(error.contains("\"$mware\" names no argument; arguments are mware, wait"), "{error}");
+    }
+}

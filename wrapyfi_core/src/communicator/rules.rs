@@ -1,0 +1,147 @@
+//! What options say about images and sound, checked on both sides as Wrapyfi does.
+//!
+//! Only what is written is checked: an image method without options carries any image.
+
+use super::option::{OptionError, Options};
+use super::payload::PayloadError;
+use crate::types::{AudioChunk, Encoding, Payload, Pixels, RawPixels};
+
+/// What payloads of one value must be like.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub(super) struct Rules {
+    width: Option<u32>,
+    height: Option<u32>,
+    rgb: Option<bool>,
+    fp: Option<bool>,
+    channels: Option<u8>,
+    rate: Option<u32>,
+    chunk: Option<u32>,
+}
+
+impl Rules {
+    pub(super) fn from_options(options: &Options) -> Result<Self, OptionError> {
+        // -1 is any, as in Wrapyfi.
+        let size = |name| -> Result<Option<u32>, OptionError> {
+            match options.number::<i64>(name)? {
+                None | Some(-1) => Ok(None),
+                Some(_) => options.number(name),
+            }
+        };
+        let channels = match size("channels")? {
+            None => None,
+            Some(_) => options.number("channels")?,
+        };
+        Ok(Self {
+            width: size("width")?,
+            height: size("height")?,
+            rgb: options.switch("rgb")?,
+            fp: options.switch("fp")?,
+            channels,
+            rate: size("rate")?,
+            chunk: size("chunk")?,
+        })
+    }
+
+    pub(super) fn check(&self, payload: &Payload) -> Result<(), PayloadError> {
+        match payload {
+            Payload::Image(image) => match &image.pixels {
+                Pixels::Raw(raw) => self.check_pixels(raw),
+                // A file is not opened to be measured.
+                Pixels::Compressed { .. } => Ok(()),
+            },
+            Payload::AudioChunk(sound) => self.check_sound(sound),
+            Payload::NativeObject(_) => Ok(()),
+        }
+    }
+
+    fn check_pixels(&self, raw: &RawPixels) -> Result<(), PayloadError> {
+        compare("the image's width", "width", self.width, raw.width)?;
+        compare("the image's height", "height", self.height, raw.height)?;
+        let channels = self.rgb.map(|rgb| if rgb { 3 } else { 1 });
+        if channels.is_some_and(|channels| channels != raw.encoding.channels()) {
+            return Err(PayloadError::Rule {
+                what: "the image",
+                option: "rgb",
+                wanted: (channels == Some(3)).to_string(),
+                actual: raw.encoding.to_string(),
+            });
+        }
+        let is_float = matches!(raw.encoding, Encoding::F32C1 | Encoding::F32C3);
+        if self.fp.is_some_and(|fp| fp != is_float) {
+            return Err(PayloadError::Rule {
+                what: "the image",
+                option: "fp",
+                wanted: (!is_float).to_string(),
+                actual: raw.encoding.to_string(),
+            });
+        }
+        Ok(())
+    }
+
+    fn check_sound(&self, sound: &AudioChunk) -> Result<(), PayloadError> {
+        compare("the number of channels", "channels", self.channels, sound.channels)?;
+        compare("the sample rate", "rate", self.rate, sound.sample_rate)?;
+        compare("the chunk's length", "chunk", self.chunk, sound.frames)
+    }
+}
+
+fn compare<T: PartialEq + ToString>(
+    what: &'static str,
+    option: &'static str,
+    wanted: Option<T>,
+    actual: T,
+) -> Result<(), PayloadError> {
+    match wanted {
+        Some(wanted) if wanted != actual => Err(PayloadError::Rule {
+            what,
+            option,
+            wanted: wanted.to_string(),
+            actual: actual.to_string(),
+        }),
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::option::OptionValue;
+    use super::*;
+    use crate::types::{Image, SampleFormat, Stamp};
+
+    fn rules(options: &[(&str, OptionValue)]) -> Rules {
+        let options = options
+            .iter()
+            .fold(Options::default(), |all, (name, value)| all.with(*name, value.clone()));
+        Rules::from_options(&options).unwrap()
+    }
+
+    #[test]
+    fn images_are_measured_by_what_is_written() {
+        let raw = RawPixels::dense(2, 1, Encoding::Mono8, vec![0; 2]).unwrap();
+        let image = Payload::from(Image::new(Stamp::default(), raw));
+        assert_eq!(rules(&[]).check(&image), Ok(()));
+        assert_eq!(rules(&[("width", OptionValue::Integer(-1))]).check(&image), Ok(()));
+        let error = rules(&[("width", OptionValue::Integer(3))]).check(&image).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "the image's width is 2, and the option says width = 3: change one of them"
+        );
+        let error = rules(&[("rgb", OptionValue::Switch(true))]).check(&image).unwrap_err();
+        assert!(error.to_string().starts_with("the image is mono8, and the option says rgb = true"));
+        assert!(rules(&[("fp", OptionValue::Switch(true))]).check(&image).is_err());
+        assert!(rules(&[("fp", OptionValue::Switch(false))]).check(&image).is_ok());
+    }
+
+    #[test]
+    fn sound_is_measured_by_what_is_written() {
+        let sound = AudioChunk::new(Stamp::default(), 1, 2, 8000, SampleFormat::S16Le, vec![0; 4]);
+        let sound = Payload::from(sound.unwrap());
+        assert!(rules(&[("channels", OptionValue::Integer(2))]).check(&sound).is_ok());
+        assert!(rules(&[("rate", OptionValue::Integer(44_100))]).check(&sound).is_err());
+        assert!(rules(&[("chunk", OptionValue::Integer(2))]).check(&sound).is_err());
+        assert!(Rules::from_options(
+            &Options::default().with("rate", OptionValue::Text("x".into()))
+        )
+        .is_err());
+    }
+}

@@ -1,0 +1,221 @@
+//! The thread on which endpoints are opened and watched.
+//!
+//! ```text
+//!   first call ── job ──▶ ┌─────────┐ ◀── ring ── publishers whose peers come and go
+//!   async call ── timer ▶ │ runtime │ ── look ──▶ outlets: does anybody listen?
+//!                         └─────────┘
+//! ```
+//!
+//! A message does not pass through it: a call takes and publishes on its own thread, so that the
+//! way is as short as the endpoint's own. What may take long (starting a middleware) is done here,
+//! where it blocks no task of an executor.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::task::Waker;
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use super::outlet::Outlet;
+use crate::endpoint::Wake;
+
+/// Longest time between two looks at the outlets.
+const LOOK_EVERY: Duration = Duration::from_secs(1);
+/// Shortest time: jobs ring the same bell.
+const LOOK_AT_MOST: Duration = Duration::from_millis(1);
+
+type Job = Box<dyn FnOnce() + Send>;
+
+/// The thread, which ends with this.
+pub(super) struct Runtime {
+    shared: Arc<Shared>,
+    thread: Mutex<Option<JoinHandle<()>>>,
+}
+
+#[derive(Default)]
+struct Shared {
+    bell: Wake,
+    work: Mutex<Work>,
+    is_over: AtomicBool,
+    next: AtomicU64,
+}
+
+#[derive(Default)]
+struct Work {
+    jobs: Vec<Job>,
+    outlets: Vec<Weak<Outlet>>,
+    timers: BinaryHeap<Reverse<Timer>>,
+}
+
+/// Wakes a task; ordered by time, then by number.
+struct Timer(Instant, u64, Waker);
+
+impl PartialEq for Timer {
+    fn eq(&self, other: &Self) -> bool {
+        (self.0, self.1) == (other.0, other.1)
+    }
+}
+
+impl Eq for Timer {}
+
+impl PartialOrd for Timer {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Timer {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        (self.0, self.1).cmp(&(other.0, other.1))
+    }
+}
+
+impl Shared {
+    fn lock(&self) -> MutexGuard<'_, Work> {
+        self.work.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Runtime {
+    /// Starts the thread; without one (the system refuses) jobs run where they are submitted.
+    pub(super) fn start() -> Self {
+        let shared = Arc::<Shared>::default();
+        let inner = Arc::clone(&shared);
+        let thread = std::thread::Builder::new()
+            .name("wrapyfi".to_owned())
+            .spawn(move || inner.run())
+            .inspect_err(|error| tracing::error!(%error, "the library's thread does not start"))
+            .ok();
+        if thread.is_none() {
+            shared.is_over.store(true, Relaxed);
+        }
+        Self { shared, thread: Mutex::new(thread) }
+    }
+
+    /// Does `job` on the thread, after those submitted before.
+    pub(super) fn submit(&self, job: impl FnOnce() + Send + 'static) {
+        if self.shared.is_over.load(Relaxed) {
+            job();
+            return;
+        }
+        self.shared.lock().jobs.push(Box::new(job));
+        self.shared.bell.ring();
+    }
+
+    /// Wakes a task at `at`.
+    pub(super) fn wake_at(&self, at: Instant, waker: Waker) {
+        let number = self.shared.next.fetch_add(1, Relaxed);
+        self.shared.lock().timers.push(Reverse(Timer(at, number, waker)));
+        self.shared.bell.ring();
+    }
+
+    /// Looks after an outlet as long as it lives.
+    pub(super) fn watch(&self, outlet: &Arc<Outlet>) {
+        self.shared.lock().outlets.push(Arc::downgrade(outlet));
+        self.shared.bell.ring();
+    }
+
+    /// To be rung when a publisher's peers change.
+    pub(super) fn bell(&self) -> Wake {
+        self.shared.bell.clone()
+    }
+}
+
+impl Drop for Runtime {
+    fn drop(&mut self) {
+        self.shared.is_over.store(true, Relaxed);
+        self.shared.bell.ring();
+        let thread = self.thread.lock().unwrap_or_else(PoisonError::into_inner).take();
+        if let Some(thread) = thread
+            // The last share may go in a job.
+            && thread.thread().id() != std::thread::current().id()
+            && thread.join().is_err()
+        {
+            tracing::error!("the library's thread panicked");
+        }
+    }
+}
+
+impl Shared {
+    fn run(&self) {
+        let mut looked_at = None::<Instant>;
+        let mut look_at = Instant::now();
+        while !self.is_over.load(Relaxed) {
+            let now = Instant::now();
+            let due = self.wake_due(now).unwrap_or(LOOK_EVERY);
+            let rang = self.bell.wait(due.min(look_at.saturating_duration_since(now)));
+            let jobs = std::mem::take(&mut self.lock().jobs);
+            jobs.into_iter().for_each(|job| job());
+            let now = Instant::now();
+            if rang {
+                // Rings may come faster than looks are worth: one look covers several.
+                let earliest = looked_at.map_or(now, |last| last + LOOK_AT_MOST);
+                look_at = look_at.min(earliest);
+            }
+            if now >= look_at {
+                let next = self.look(now).unwrap_or(now + LOOK_EVERY);
+                look_at = next.clamp(now + LOOK_AT_MOST, now + LOOK_EVERY);
+                looked_at = Some(now);
+            }
+        }
+        // Jobs of those who still wait.
+        let jobs = std::mem::take(&mut self.lock().jobs);
+        jobs.into_iter().for_each(|job| job());
+    }
+
+    /// Wakes the tasks whose time has come; the time until the next one.
+    fn wake_due(&self, now: Instant) -> Option<Duration> {
+        loop {
+            let timer = {
+                let mut work = self.lock();
+                match work.timers.peek() {
+                    None => return None,
+                    Some(Reverse(timer)) if timer.0 > now => return Some(timer.0 - now),
+                    Some(_) => work.timers.pop(),
+                }
+            };
+            if let Some(Reverse(timer)) = timer {
+                timer.2.wake();
+            }
+        }
+    }
+
+    /// Looks at every outlet; when one of them wants to be looked at again.
+    fn look(&self, now: Instant) -> Option<Instant> {
+        let outlets: Vec<_> = {
+            let mut work = self.lock();
+            work.outlets.retain(|outlet| outlet.strong_count() > 0);
+            work.outlets.iter().filter_map(Weak::upgrade).collect()
+        };
+        outlets.iter().filter_map(|outlet| outlet.look(now)).min()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::answer::answer;
+    use super::*;
+
+    #[test]
+    fn jobs_are_done_in_order_and_timers_wake() {
+        let runtime = Runtime::start();
+        let (first, one) = answer();
+        let (second, two) = answer();
+        runtime.submit(move || first.give(1));
+        runtime.submit(move || second.give(2));
+        assert_eq!((one.wait(), two.wait()), (Some(1), Some(2)));
+
+        struct Flag(Mutex<Option<super::super::answer::Asked<()>>>);
+        impl std::task::Wake for Flag {
+            fn wake(self: Arc<Self>) {
+                self.0.lock().unwrap().take();
+            }
+        }
+        let (asked, woken) = answer();
+        let flag = Arc::new(Flag(Mutex::new(Some(asked))));
+        runtime.wake_at(Instant::now() + Duration::from_millis(1), flag.into());
+        assert_eq!(woken.wait(), None);
+    }
+}

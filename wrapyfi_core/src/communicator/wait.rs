@@ -1,0 +1,101 @@
+//! How long a call waits, what it says meanwhile, and what ends it early.
+
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::SeqCst};
+use std::time::{Duration, Instant};
+
+use super::error::CallError;
+
+/// A wait that is longer says what it waits for, then again and again.
+const SAY_AFTER: Duration = Duration::from_secs(1);
+const SAY_EVERY: Duration = Duration::from_secs(5);
+
+/// Ends the waits of one method.
+#[derive(Debug, Default)]
+pub(super) struct Stop {
+    ended: AtomicBool,
+    cancels: AtomicU64,
+}
+
+impl Stop {
+    /// Ends waits now and later: closed, or another mode.
+    pub(super) fn end(&self) {
+        self.ended.store(true, SeqCst);
+    }
+
+    /// Ends the waits of now.
+    pub(super) fn cancel(&self) {
+        self.cancels.fetch_add(1, SeqCst);
+    }
+}
+
+/// One wait.
+pub(super) struct Patience<'a> {
+    method: &'a str,
+    stop: &'a Stop,
+    cancels: u64,
+    started: Instant,
+    deadline: Option<Instant>,
+    say_at: Instant,
+}
+
+impl<'a> Patience<'a> {
+    /// Begins to wait, at most `timeout`.
+    pub(super) fn new(method: &'a str, stop: &'a Stop, timeout: Option<Duration>) -> Self {
+        let started = Instant::now();
+        Self {
+            method,
+            stop,
+            cancels: stop.cancels.load(SeqCst),
+            started,
+            deadline: timeout.and_then(|timeout| started.checked_add(timeout)),
+            say_at: started + SAY_AFTER,
+        }
+    }
+
+    /// How long to wait until the next look.
+    ///
+    /// # Errors
+    /// When the wait is over.
+    pub(super) fn check(&mut self, waited_for: impl Fn() -> String) -> Result<Duration, CallError> {
+        let method = || self.method.to_owned();
+        if self.stop.ended.load(SeqCst) {
+            return Err(CallError::Ended { method: method(), waited_for: waited_for() });
+        }
+        if self.stop.cancels.load(SeqCst) != self.cancels {
+            return Err(CallError::Cancelled { method: method(), waited_for: waited_for() });
+        }
+        let now = Instant::now();
+        if self.deadline.is_some_and(|deadline| now >= deadline) {
+            let waited = now - self.started;
+            return Err(CallError::TimedOut { method: method(), waited, waited_for: waited_for() });
+        }
+        if now >= self.say_at {
+            tracing::info!("{} waits for {}", self.method, waited_for());
+            self.say_at = now + SAY_EVERY;
+        }
+        let next = self.deadline.map_or(self.say_at, |deadline| deadline.min(self.say_at));
+        Ok(next.saturating_duration_since(now))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wait_ends_by_time_by_order_and_by_the_end() {
+        let what = || "godot".to_owned();
+        let stop = Stop::default();
+        let mut patience = Patience::new("A::b", &stop, None);
+        assert!(patience.check(what).unwrap() <= SAY_AFTER);
+        let mut none = Patience::new("A::b", &stop, Some(Duration::ZERO));
+        let error = none.check(what).unwrap_err().to_string();
+        assert!(error.starts_with("A::b: waited 0 ms for godot: start the other side"), "{error}");
+        stop.cancel();
+        assert!(matches!(patience.check(what), Err(CallError::Cancelled { .. })));
+        let mut later = Patience::new("A::b", &stop, None);
+        assert!(later.check(what).is_ok());
+        stop.end();
+        assert!(matches!(later.check(what), Err(CallError::Ended { .. })));
+    }
+}

@@ -1,0 +1,87 @@
+//! Registered methods over ROS 2: what every middleware must do, and what the options of ROS 2 do.
+#![cfg(feature = "ros2")]
+#![allow(clippy::unwrap_used, reason = "in a test a panic is the right answer")]
+
+mod communicator_common;
+mod ros2_common;
+
+use std::sync::Arc;
+
+use communicator_common as common;
+use wrapyfi_core::communicator::{Context, Mode, communicator};
+use wrapyfi_core::middleware::ros2::{CycloneGraph, Ros2};
+
+const MWARE: &str = "ros2";
+
+/// Two nodes of a test, numbered from 0, that hear each other.
+fn contexts(test: u32) -> (Context, Context) {
+    let context = |graph: CycloneGraph| {
+        let ros2 = Ros2::new(Arc::new(graph), |topic| Ok(topic.to_owned()));
+        Context::builder().only(Arc::new(ros2)).build()
+    };
+    (context(ros2_common::near("here", test)), context(ros2_common::far("there", test)))
+}
+
+#[test]
+fn what_is_published_is_heard() {
+    let (here, there) = contexts(0);
+    common::what_is_published_is_heard(MWARE, &here, &there);
+}
+
+#[test]
+fn transceive_meets_reemit() {
+    let (here, there) = contexts(1);
+    common::transceive_meets_reemit(MWARE, &here, &there);
+}
+
+#[test]
+fn modes_change() {
+    let (here, there) = contexts(2);
+    common::modes_change(MWARE, &here, &there);
+}
+
+#[test]
+fn a_request_is_replied() {
+    let (here, there) = contexts(3);
+    common::a_request_is_replied(MWARE, &here, &there);
+}
+
+#[test]
+fn a_wait_ends_in_time() {
+    common::a_wait_ends_in_time(MWARE, &contexts(4).0);
+}
+
+struct Speaker;
+
+#[communicator]
+impl Speaker {
+    #[register(NativeObject, "ros2", "/speaker", timeout_ms = 30000,
+               message_type = "std_msgs/msg/String", qos = "$qos", queue_size = 3)]
+    fn say(&self, qos: &str) -> Vec<u8> {
+        qos.as_bytes().to_vec()
+    }
+}
+
+/// As Python Wrapyfi speaks on ROS 2, with a profile that is written.
+#[test]
+fn type_and_quality_of_service_can_be_written() {
+    let (here, there) = contexts(5);
+    let (mut ours, mut theirs) = (Speaker.communicator_in(&here), Speaker.communicator_in(&there));
+    theirs.activate(SpeakerMethod::Say, Mode::Listen).unwrap();
+    ours.activate(SpeakerMethod::Say, Mode::Publish).unwrap();
+    let control = ours.control();
+    std::thread::scope(|scope| {
+        let said = scope.spawn(|| ours.say("latched").unwrap());
+        while control.status(SpeakerMethod::Say).iter().all(|value| value.ends.is_empty()) {
+            std::thread::yield_now();
+        }
+        let heard = theirs.say("latched").unwrap();
+        assert_eq!(heard, said.join().unwrap());
+        assert_eq!(heard.as_deref(), Some(&b"latched"[..]));
+    });
+    let error = ours.say("latched").map(drop);
+    assert!(error.is_ok());
+    ours.close();
+    let error = ours.say("best").unwrap_err().to_string();
+    assert!(error.contains("option qos is \"best\", and should be default, sensor_data"), "{error}");
+}

@@ -1,0 +1,131 @@
+//! Registered methods over ZeroMQ, through our broker: what every middleware must do, and what the
+//! options of ZeroMQ do.
+#![cfg(feature = "zeromq")]
+#![allow(clippy::unwrap_used, reason = "in a test a panic is the right answer")]
+
+mod communicator_common;
+mod zeromq_common;
+
+use std::sync::Arc;
+
+use communicator_common as common;
+use wrapyfi_core::communicator::{CallError, Context, Mode, communicator};
+use wrapyfi_core::middleware::zeromq::{BrokerMode, ServiceBroker, ServiceBrokerConfig, ZeroMq};
+
+const MWARE: &str = "zeromq";
+
+/// A side with the broker, and one that uses it.
+fn contexts() -> (Context, Context) {
+    let services = ServiceBroker::start(&ServiceBrokerConfig {
+        rep_port: 0,
+        req_port: 0,
+        ..zeromq_common::embedded().service_broker_config()
+    })
+    .unwrap();
+    let (rep_port, req_port) = (services.rep_port(), services.req_port());
+    let with_services = |mut config: wrapyfi_core::middleware::zeromq::ZeroMqConfig| {
+        (config.rep_port, config.req_port) = (rep_port, req_port);
+        config.service_broker = BrokerMode::Foreign;
+        ZeroMq::start(&config).unwrap()
+    };
+    let one = with_services(zeromq_common::embedded());
+    let other = with_services(zeromq_common::foreign(one.pub_port(), one.sub_port()));
+    // Runs until the process ends: each test has a process of its own.
+    std::mem::forget(services);
+    let context = |zeromq| Context::builder().only(Arc::new(zeromq)).build();
+    (context(one), context(other))
+}
+
+#[test]
+fn what_is_published_is_heard() {
+    let (here, there) = contexts();
+    common::what_is_published_is_heard(MWARE, &here, &there);
+}
+
+#[test]
+fn transceive_meets_reemit() {
+    let (here, there) = contexts();
+    common::transceive_meets_reemit(MWARE, &here, &there);
+}
+
+#[test]
+fn modes_change() {
+    let (here, there) = contexts();
+    common::modes_change(MWARE, &here, &there);
+}
+
+#[test]
+fn a_request_is_replied() {
+    let (here, there) = contexts();
+    common::a_request_is_replied(MWARE, &here, &there);
+}
+
+#[test]
+fn a_wait_ends_in_time() {
+    common::a_wait_ends_in_time(MWARE, &contexts().0);
+}
+
+struct Speaker;
+
+#[communicator]
+impl Speaker {
+    #[register(NativeObject, "zeromq", "/speaker", timeout_ms = 30000, socket_pub_port = "$pub_port",
+               socket_sub_port = "$sub_port")]
+    fn say(&self, pub_port: u16, sub_port: u16) -> String {
+        format!("{pub_port} {sub_port}")
+    }
+
+    #[register(NativeObject, "zeromq", "/nobody", timeout_ms = 30000, socket_rep_port = "$0",
+               socket_req_port = "$1")]
+    fn ask(&self, rep_port: u16, req_port: u16) -> u16 {
+        rep_port ^ req_port
+    }
+}
+
+fn free_ports() -> (u16, u16) {
+    let sockets = [(); 2].map(|()| std::net::TcpListener::bind("127.0.0.1:0").unwrap());
+    let [one, two] = sockets.map(|socket| socket.local_addr().unwrap().port());
+    (one, two)
+}
+
+/// The standard context: the publisher runs the broker, and both instances of one process hear each
+/// other although a ZeroMQ instance does not hear itself.
+#[test]
+fn the_standard_context_needs_nothing_else() {
+    let (pub_port, sub_port) = free_ports();
+    let context = Context::builder().build();
+    let mut instances = [Speaker.communicator_in(&context), Speaker.communicator_in(&context)];
+    for instance in &mut instances {
+        instance.activate(SpeakerMethod::Say, ["publish", "listen"]).unwrap();
+        instance.activate(SpeakerMethod::Ask, ["reply", "request"]).unwrap();
+    }
+    let [speaker, hearer] = &instances;
+    std::thread::scope(|scope| {
+        let heard = scope.spawn(|| hearer.say(pub_port, sub_port).unwrap());
+        let said = speaker.say(pub_port, sub_port).unwrap();
+        assert_eq!(heard.join().unwrap(), said);
+    });
+    let (rep_port, req_port) = free_ports();
+    std::thread::scope(|scope| {
+        let served = scope.spawn(|| speaker.ask(rep_port, req_port).unwrap());
+        assert_eq!(hearer.ask(rep_port, req_port).unwrap(), Some(rep_port ^ req_port));
+        assert!(served.join().unwrap().is_some());
+    });
+    // The broker ends with the last instance.
+    drop(instances);
+    zeromq_common::wait_until("the ports to be free", || {
+        zeromq_common::is_free(pub_port) && zeromq_common::is_free(sub_port)
+    });
+}
+
+#[test]
+fn a_port_that_is_no_brokers_is_named() {
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = taken.local_addr().unwrap().port();
+    let mut speaker = Speaker.communicator_in(&Context::builder().build());
+    speaker.activate(SpeakerMethod::Say, Mode::Publish).unwrap();
+    let error = speaker.say(port, free_ports().0).unwrap_err();
+    assert!(matches!(error, CallError::Start { .. }), "{error:?}");
+    let text = error.to_string();
+    assert!(text.starts_with("Speaker::say: zeromq did not start: ") && text.contains(&port.to_string()));
+}

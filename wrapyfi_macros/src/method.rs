@@ -1,0 +1,375 @@
+//! A method that carries `#[register]`: how it is called and what it returns.
+//!
+//! ```text
+//!   fn read(&self, topic: &str, frames: &[u8], gain: f64) -> (Image, AudioChunk)
+//!           kept   Text          Slice           Owned       one for each #[register], in order
+//! ```
+//!
+//! An argument is lent or given to the body. A server decodes an owned twin of it: `String` for
+//! `&str`, `Vec<T>` for `&[T]`, `T` for `&T` and `T`.
+
+use proc_macro2::{Ident, Span, TokenStream, TokenTree};
+use quote::{ToTokens as _, format_ident, quote};
+use syn::spanned::Spanned as _;
+use syn::{Attribute, FnArg, GenericParam, ImplItemFn, Pat, ReturnType, Type};
+
+use crate::register::Registration;
+use crate::suggest::{did_you_mean, listed};
+
+/// How an argument is passed.
+pub(crate) enum Passing {
+    /// By value; its twin is of the same type.
+    Owned(Type),
+    /// `&str`.
+    Text,
+    /// `&[T]`, with `T`.
+    Slice(Type),
+    /// `&T`, with `T`.
+    Lent(Type),
+}
+
+pub(crate) struct Argument {
+    pub(crate) name: Ident,
+    /// As written, for the wrapper.
+    pub(crate) written: Type,
+    pub(crate) passing: Passing,
+}
+
+pub(crate) struct Method {
+    pub(crate) visibility: syn::Visibility,
+    pub(crate) docs: Vec<Attribute>,
+    pub(crate) name: Ident,
+    pub(crate) variant: Ident,
+    pub(crate) is_async: bool,
+    pub(crate) receiver: TokenStream,
+    /// Without the received one.
+    pub(crate) arguments: Vec<Argument>,
+    /// Place among all arguments, name and type of the argument with `#[received]`.
+    pub(crate) received: Option<(usize, Ident, Type)>,
+    pub(crate) registrations: Vec<Registration>,
+    /// Type of each value, as the registrations order them.
+    pub(crate) returns: Vec<Type>,
+}
+
+/// Takes `#[register]` and `#[received]` off a method; `None` where it has no `#[register]`.
+pub(crate) fn analyse(method: &mut ImplItemFn) -> Option<syn::Result<Method>> {
+    let mut marks = Vec::new();
+    method.attrs.retain(|attribute| {
+        let marked = is(attribute, "register");
+        if marked {
+            marks.push(attribute.clone());
+        }
+        !marked
+    });
+    let mut received = Vec::new();
+    for (index, input) in method.sig.inputs.iter_mut().enumerate() {
+        if let FnArg::Typed(argument) = input {
+            let before = argument.attrs.len();
+            argument.attrs.retain(|attribute| !is(attribute, "received"));
+            if argument.attrs.len() != before {
+                received.push(index);
+            }
+        }
+    }
+    if marks.is_empty() {
+        return None;
+    }
+    Some(Method::new(method, &marks, &received))
+}
+
+fn is(attribute: &Attribute, name: &str) -> bool {
+    attribute.path().segments.last().is_some_and(|last| last.ident == name)
+}
+
+impl Method {
+    fn new(method: &ImplItemFn, marks: &[Attribute], received: &[usize]) -> syn::Result<Self> {
+        let signature = &method.sig;
+        let name = signature.ident.clone();
+        refuse_generics(method)?;
+        if let Some(attribute) = method.attrs.iter().find(|attribute| is(attribute, "cfg")) {
+            return Err(syn::Error::new(
+                attribute.span(),
+                "a registered method is always there: put #[cfg] on the impl block, or choose mode disable",
+            ));
+        }
+        let registrations = marks
+            .iter()
+            .map(|mark| match &mark.meta {
+                syn::Meta::List(list) if !list.tokens.is_empty() => list.parse_args::<Registration>(),
+                other => Err(syn::Error::new(
+                    other.span(),
+                    "say what is sent where: #[register(NativeObject, \"zeromq\", \"/topic\")]",
+                )),
+            })
+            .collect::<syn::Result<Vec<_>>>()?;
+        let receiver = receiver(signature)?;
+        let mut arguments = Vec::new();
+        let mut prev = None;
+        // The receiver is input 0.
+        for (index, input) in signature.inputs.iter().enumerate().skip(1) {
+            let FnArg::Typed(argument) = input else { continue };
+            let (name, written) = (argument_name(&argument.pat)?, (*argument.ty).clone());
+            if received.contains(&index) {
+                if prev.is_some() {
+                    return Err(syn::Error::new(name.span(), "one argument can be #[received], not two"));
+                }
+                prev = Some((index - 1, name, written));
+                continue;
+            }
+            let passing = passing(&written)?;
+            arguments.push(Argument { name, written, passing });
+        }
+        let returns = returns(&signature.output, &registrations)?;
+        let method = Self {
+            visibility: method.vis.clone(),
+            docs: method.attrs.iter().filter(|attribute| is(attribute, "doc")).cloned().collect(),
+            variant: Ident::new(&camel_case(&name.to_string()), name.span()),
+            is_async: signature.asyncness.is_some(),
+            name,
+            receiver,
+            arguments,
+            received: prev,
+            registrations,
+            returns,
+        };
+        method.check_names()?;
+        Ok(method)
+    }
+
+    /// The arguments that options name with `$`, by their place.
+    pub(crate) fn substituted(&self) -> Vec<usize> {
+        let texts: Vec<_> = self
+            .registrations
+            .iter()
+            .flat_map(Registration::registers)
+            .flat_map(crate::register::Register::texts)
+            .map(syn::LitStr::value)
+            .collect();
+        let is_used = |index: usize, name: &str| {
+            texts.iter().filter_map(|text| text.strip_prefix('$')).any(|wanted| {
+                wanted == name || wanted.parse() == Ok(index)
+            })
+        };
+        // A constant may turn out to be one of them: then all are kept.
+        let constant = self.registrations.iter().flat_map(Registration::registers).any(|register| {
+            register.middleware.iter().chain([&register.topic]).any(|text| !matches!(text, syn::Expr::Lit(_)))
+        });
+        let arguments = self.arguments.iter().enumerate();
+        arguments
+            .filter(|(index, argument)| constant || is_used(*index, &argument.name.to_string()))
+            .map(|(index, _)| index)
+            .collect()
+    }
+
+    /// Every `$name` must be an argument.
+    fn check_names(&self) -> syn::Result<()> {
+        let names: Vec<_> = self.arguments.iter().map(|argument| argument.name.to_string()).collect();
+        for register in self.registrations.iter().flat_map(Registration::registers) {
+            for text in register.texts() {
+                let value = text.value();
+                let Some(wanted) = value.strip_prefix('$') else { continue };
+                let number = wanted.parse::<usize>().ok();
+                if number.is_some_and(|number| number < names.len()) || names.iter().any(|name| name == wanted) {
+                    continue;
+                }
+                let has = match names.as_slice() {
+                    [] => format!("`{}` has no arguments", self.name),
+                    _ => format!(
+                        "arguments of `{}` are {}, or $0 to ${}",
+                        self.name,
+                        listed(names.iter().map(String::as_str)),
+                        names.len() - 1
+                    ),
+                };
+                let hint = did_you_mean(wanted, names.iter().map(String::as_str));
+                return Err(syn::Error::new(text.span(), format!("`{value}` names no argument; {hint}{has}")));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn refuse_generics(method: &ImplItemFn) -> syn::Result<()> {
+    let signature = &method.sig;
+    if let Some(parameter) = signature.generics.params.first() {
+        let advice = match parameter {
+            GenericParam::Lifetime(_) => "leave the lifetime out: `&str`, `&[T]` and `&T` need none",
+            _ => "a registered method cannot be generic, because a server must know which type to decode: \
+                  write one method for each type, or take a `Value`",
+        };
+        return Err(syn::Error::new(parameter.span(), advice));
+    }
+    if let Some(unsafety) = &signature.unsafety {
+        return Err(syn::Error::new(unsafety.span(), "a registered method is called for others: it cannot be unsafe"));
+    }
+    if let Some(abi) = &signature.abi {
+        return Err(syn::Error::new(abi.span(), "a registered method is an ordinary Rust method, without `extern`"));
+    }
+    Ok(())
+}
+
+fn receiver(signature: &syn::Signature) -> syn::Result<TokenStream> {
+    match signature.inputs.first() {
+        Some(FnArg::Receiver(receiver)) if receiver.colon_token.is_none() => {
+            if receiver.reference.is_none() {
+                let advice = "a registered method is called again and again: take `&self` or `&mut self`";
+                return Err(syn::Error::new(receiver.span(), advice));
+            }
+            Ok(if receiver.mutability.is_some() { quote!(&mut self) } else { quote!(&self) })
+        }
+        Some(FnArg::Receiver(receiver)) => {
+            Err(syn::Error::new(receiver.span(), "write `&self` or `&mut self` here"))
+        }
+        _ => Err(syn::Error::new(
+            signature.ident.span(),
+            "a registered method belongs to an instance: take `&self` or `&mut self`",
+        )),
+    }
+}
+
+fn argument_name(pattern: &Pat) -> syn::Result<Ident> {
+    match pattern {
+        Pat::Ident(ident) if ident.by_ref.is_none() && ident.subpat.is_none() => Ok(ident.ident.clone()),
+        _ => Err(syn::Error::new(
+            pattern.span(),
+            "an argument of a registered method has a name, which travels with a request: write `name: Type` \
+             and take it apart inside",
+        )),
+    }
+}
+
+fn passing(written: &Type) -> syn::Result<Passing> {
+    let Type::Reference(reference) = written else {
+        refuse_parts(written)?;
+        return Ok(Passing::Owned(written.clone()));
+    };
+    if reference.mutability.is_some() {
+        let advice = "a server cannot give changes back through `&mut`: take it by value and return what changed";
+        return Err(syn::Error::new(written.span(), advice));
+    }
+    if let Some(lifetime) = &reference.lifetime {
+        return Err(syn::Error::new(lifetime.span(), "leave the lifetime out"));
+    }
+    match &*reference.elem {
+        Type::Slice(slice) => {
+            refuse_parts(&slice.elem)?;
+            Ok(Passing::Slice((*slice.elem).clone()))
+        }
+        Type::Path(path) if path.qself.is_none() && path.path.is_ident("str") => Ok(Passing::Text),
+        inner => {
+            refuse_parts(inner)?;
+            Ok(Passing::Lent(inner.clone()))
+        }
+    }
+}
+
+/// What cannot be decoded into something owned.
+fn refuse_parts(kind: &Type) -> syn::Result<()> {
+    fn walk(tokens: TokenStream) -> Result<(), (Span, &'static str)> {
+        for token in tokens {
+            let found = match &token {
+                TokenTree::Ident(word) if word == "impl" => {
+                    Some("`impl Trait` has no name that a server could decode: write the type itself")
+                }
+                TokenTree::Ident(word) if word == "dyn" => {
+                    Some("`dyn Trait` cannot be sent: write the type itself, or take a `Value`")
+                }
+                TokenTree::Punct(mark) if mark.as_char() == '&' => {
+                    Some("a reference inside a type cannot be decoded: write `&str`, `&[T]` or `&T` as the whole \
+                          type, or own it (`String`, `Vec<T>`, `Option<String>`)")
+                }
+                TokenTree::Punct(mark) if mark.as_char() == '\'' => {
+                    Some("a type with a lifetime cannot be decoded: take an owned one")
+                }
+                TokenTree::Group(group) => {
+                    walk(group.stream())?;
+                    None
+                }
+                _ => None,
+            };
+            if let Some(advice) = found {
+                return Err((token.span(), advice));
+            }
+        }
+        Ok(())
+    }
+    walk(kind.to_token_stream()).map_err(|(span, advice)| syn::Error::new(span, advice))
+}
+
+fn returns(output: &ReturnType, registrations: &[Registration]) -> syn::Result<Vec<Type>> {
+    let whole = match output {
+        ReturnType::Default => syn::parse_quote!(()),
+        ReturnType::Type(_, whole) => (**whole).clone(),
+    };
+    let owned = |kind: &Type| {
+        refuse_parts(kind).map_err(|_error| {
+            let advice = "what a registered method returns may come from another program: return an owned type \
+                          that has a name";
+            syn::Error::new(kind.span(), advice)
+        })
+    };
+    owned(&whole)?;
+    let members = |kind: &Type, count: usize, what: &str| -> syn::Result<Vec<Type>> {
+        match kind {
+            Type::Tuple(tuple) if tuple.elems.len() == count => Ok(tuple.elems.iter().cloned().collect()),
+            Type::Tuple(tuple) => Err(syn::Error::new(
+                kind.span(),
+                format!("{what}: a tuple of {count} should be here, not of {}", tuple.elems.len()),
+            )),
+            _ => Err(syn::Error::new(
+                kind.span(),
+                format!("{what}: write the return type as a tuple of {count}, one for each"),
+            )),
+        }
+    };
+    let parts = match registrations {
+        [_] => vec![whole],
+        several => {
+            let what = format!("this method has {} #[register]", several.len());
+            members(&whole, several.len(), &what)?
+        }
+    };
+    let mut returns = Vec::new();
+    for (registration, part) in registrations.iter().zip(parts) {
+        match registration {
+            Registration::One(_) => returns.push(part),
+            Registration::List(list) => {
+                let what = format!("this #[register] lists {} members", list.len());
+                returns.extend(members(&part, list.len(), &what)?);
+            }
+        }
+    }
+    Ok(returns)
+}
+
+fn camel_case(name: &str) -> String {
+    name.trim_start_matches("r#")
+        .split('_')
+        .flat_map(|word| {
+            let mut letters = word.chars();
+            letters.next().map(|first| first.to_ascii_uppercase()).into_iter().chain(letters)
+        })
+        .collect()
+}
+
+/// `tokens` with `Self` written out: the wrapper stands in another impl block.
+pub(crate) fn without_self(tokens: TokenStream, this: &Type) -> TokenStream {
+    tokens
+        .into_iter()
+        .flat_map(|token| match token {
+            TokenTree::Ident(word) if word == "Self" => quote!(#this),
+            TokenTree::Group(group) => {
+                let mut inside =
+                    proc_macro2::Group::new(group.delimiter(), without_self(group.stream(), this));
+                inside.set_span(group.span());
+                TokenTree::Group(inside).into_token_stream()
+            }
+            other => other.into_token_stream(),
+        })
+        .collect()
+}
+
+/// A name for generated code that no argument can have.
+pub(crate) fn hidden(name: &str) -> Ident {
+    format_ident!("{name}", span = Span::mixed_site())
+}

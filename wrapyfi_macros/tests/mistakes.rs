@@ -1,0 +1,6 @@
+//! What the macros say about mistakes: where they point, and what they advise.
+
+#[test]
+fn mistakes_are_pointed_at_with_advice() {
+    trybuild::TestCases::new().compile_fail("tests/ui/*.rs");
+}

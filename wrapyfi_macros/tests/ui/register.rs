@@ -1,0 +1,42 @@
+//! What `#[register]` says.
+use wrapyfi_macros::communicator;
+
+struct Camera;
+
+#[communicator]
+impl Camera {
+    #[register(Imge, "zeromq", "/a")]
+    fn data_type(&self) {}
+
+    #[register(Properties, "zeromq", "/a")]
+    fn no_properties(&self) {}
+
+    #[register]
+    fn nothing(&self) {}
+
+    #[register()]
+    fn still_nothing(&self) {}
+
+    #[register(Image, middleware = "zeromq")]
+    fn no_topic(&self) {}
+
+    #[register(Image, "zeromq", "")]
+    fn empty_topic(&self) {}
+
+    #[register(Image, "zeromq", "Camera", "/a", "/b")]
+    fn too_many(&self) {}
+
+    #[register(Image, "zeromq", "/a", topic = "/b")]
+    fn two_topics(&self) {}
+
+    #[register(Image, 5, "/a")]
+    fn no_text(&self) {}
+
+    #[register(Image, "zeromq", should_wait = false, "/a")]
+    fn late_topic(&self) {}
+
+    #[register(Image, "zeromq", "/a", {"should_wait": false})]
+    fn dict(&self) {}
+}
+
+fn main() {}
