@@ -218,6 +218,7 @@ impl Opening<'_> {
                     DataType::AudioChunk => MessageType::AudioChunk,
                     DataType::Image if is_jpg(options)? => MessageType::CompressedImage,
                     DataType::Image => MessageType::Image,
+                    DataType::Properties => MessageType::Properties,
                 },
             };
             let depth = options.number::<u32>("queue_size")?.map(|depth| depth.max(1));
@@ -255,6 +256,9 @@ impl Opening<'_> {
                     DataType::AudioChunk => ServiceKind::AudioChunk,
                     DataType::Image if is_jpg(options)? => ServiceKind::CompressedImage,
                     DataType::Image => ServiceKind::Image,
+                    DataType::Properties => {
+                        return Err(other_kind("data type", &data_type, DataType::NativeObject));
+                    }
                 },
             };
             let timeout = options.number("timeout_ms")?.map(Duration::from_millis);

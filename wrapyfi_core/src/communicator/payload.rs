@@ -22,6 +22,9 @@ pub mod kind {
     /// A chunk of sound.
     #[derive(Debug, Clone, Copy)]
     pub struct AudioChunk;
+    /// Parameters of a node.
+    #[derive(Debug, Clone, Copy)]
+    pub struct Properties;
 }
 
 /// What a method registered under the data type `K` may return.
@@ -31,11 +34,12 @@ pub mod kind {
 /// | `NativeObject` | [`types::Value`], and every `Serialize + DeserializeOwned` |
 /// | `Image` | [`types::Image`]; `Option` of it, whose `None` is not sent |
 /// | `AudioChunk` | [`types::AudioChunk`]; `Option` of it, whose `None` is not sent |
+/// | `Properties` | [`types::Properties`]; `Option` of it, whose `None` is not sent |
 #[diagnostic::on_unimplemented(
     message = "`{Self}` cannot be returned by a method registered under this data type",
     label = "not carried under this data type",
     note = "NativeObject carries `Value` and what is `Serialize + DeserializeOwned`, Image carries \
-            `types::Image`, AudioChunk carries `types::AudioChunk`"
+            `types::Image`, AudioChunk carries `types::AudioChunk`, Properties carries `types::Properties`"
 )]
 pub trait Payload<K>: Sized {
     /// The message, or `None` where there is nothing to send.
@@ -131,6 +135,7 @@ macro_rules! media {
 media! {
     Image => types::Image,
     AudioChunk => AudioChunk,
+    Properties => types::Properties,
 }
 
 #[cfg(test)]
