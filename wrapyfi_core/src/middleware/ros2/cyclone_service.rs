@@ -44,7 +44,8 @@ pub(super) struct Ends {
     pub(super) max_bytes: usize,
     /// By the handle of a sample's writer.
     writers: RefCell<HashMap<u64, Option<Origin>>>,
-    /// Which change of the writer's matches was probed last, when, and whether all confirmed it.
+    /// Which change of the writer's matches was probed last, when, and whether all had confirmed it
+    /// when they were last looked at.
     probed: Cell<(u64, Instant, bool)>,
 }
 
@@ -103,14 +104,12 @@ impl Ends {
         confirmed
     }
 
-    /// When to ask [`Ends::heard`] again: nobody is told of acknowledgements. Soon after a match, then
-    /// ever less often, until [`CONFIRM`] is over.
+    /// When to ask [`Ends::heard`] again, where it has said no: nobody is told of acknowledgements.
+    /// Soon after a match, then ever less often, until [`CONFIRM`] is over. What it said counts, not
+    /// what it would say now: that would keep the news from whoever was told no.
     fn look_again(&self) -> Option<Duration> {
-        if self.heard() {
-            return None;
-        }
-        let (_, since, _) = self.probed.get();
-        Some((since.elapsed() / 4).max(LOOK_AGAIN))
+        let (_, since, confirmed) = self.probed.get();
+        (!confirmed).then(|| (since.elapsed() / 4).max(LOOK_AGAIN))
     }
 
     fn send(&self, client: u64, sequence: i64, parts: &[&[u8]]) -> Result<(), GraphError> {

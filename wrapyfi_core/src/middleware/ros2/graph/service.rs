@@ -118,9 +118,9 @@ pub trait CdrClient: Send {
     /// Servers there are now.
     fn servers(&self) -> Peers;
 
-    /// When to look at [`CdrClient::servers`] again though nothing is notified: what is matched now
-    /// has not confirmed yet that it hears. `None` while only a match, which is notified, can change
-    /// it.
+    /// When to look at [`CdrClient::servers`] again though nothing is notified: when it last looked,
+    /// what is matched had not confirmed yet that it hears. `None` while only a match, which is
+    /// notified, can change what it said.
     fn look_again(&self) -> Option<Duration> {
         None
     }

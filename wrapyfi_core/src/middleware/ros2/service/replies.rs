@@ -14,6 +14,7 @@ use std::time::Instant;
 
 use bytes::Bytes;
 
+use super::LOOK_AGAIN;
 use crate::Throttle;
 use crate::middleware::ros2::graph::{CdrRequest, CdrServer, GraphError, Peers, RequestId};
 
@@ -43,6 +44,8 @@ pub(in super::super) struct Replies {
     kept: VecDeque<Reply>,
     limit: usize,
     unheard: u64,
+    /// A client hears since some were kept: others may, too.
+    news: bool,
     complaints: Throttle,
 }
 
@@ -51,7 +54,7 @@ impl Replies {
     pub(in super::super) fn new(server: Box<dyn CdrServer>, name: &str, limit: usize) -> Self {
         let (name, kept) = (name.to_owned(), VecDeque::new());
         let complaints = Throttle::default();
-        Self { server, name, kept, limit: limit.max(1), unheard: 0, complaints }
+        Self { server, name, kept, limit: limit.max(1), unheard: 0, news: false, complaints }
     }
 
     /// As [`CdrServer::take`].
@@ -62,6 +65,7 @@ impl Replies {
     /// Sends a reply, now or as soon as its client hears.
     pub(in super::super) fn send(&mut self, reply: Reply) -> Result<(), GraphError> {
         if self.server.hears(&reply.id) {
+            self.news = !self.kept.is_empty();
             let sent = self.server.reply(&reply.id, &[&reply.cdr]);
             self.unheard += u64::from(sent.is_err());
             return sent;
@@ -79,9 +83,10 @@ impl Replies {
     /// returned, so that its client can be told.
     pub(in super::super) fn flush(&mut self) -> Vec<Unsent> {
         let now = Instant::now();
-        let mut unsent = Vec::new();
+        let (mut unsent, mut heard) = (Vec::new(), false);
         for reply in std::mem::take(&mut self.kept) {
             if self.server.hears(&reply.id) {
+                heard = true;
                 if let Err(error) = self.server.reply(&reply.id, &[&reply.cdr]) {
                     self.lose(&error);
                     unsent.push(Unsent { id: reply.id, error });
@@ -92,6 +97,7 @@ impl Replies {
                 self.lose(&"its client never heard it");
             }
         }
+        self.news = heard && !self.kept.is_empty();
         unsent
     }
 
@@ -99,7 +105,8 @@ impl Replies {
     /// may have confirmed that it hears.
     pub(in super::super) fn deadline(&self) -> Option<Instant> {
         let over = self.kept.iter().map(|reply| reply.until).min()?;
-        let soon = self.server.look_again().map(|wait| Instant::now() + wait);
+        let look_again = if self.news { Some(LOOK_AGAIN) } else { self.server.look_again() };
+        let soon = look_again.map(|wait| Instant::now() + wait);
         Some(soon.map_or(over, |soon| soon.min(over)))
     }
 
@@ -222,6 +229,22 @@ mod tests {
         assert_eq!((replies.kept(), replies.unheard()), (0, 1));
         assert_eq!(replies.flush(), []);
         assert_eq!(replies.unheard(), 1);
+    }
+
+    #[test]
+    fn one_that_hears_is_news_for_the_others() {
+        let graph = Scripted::default();
+        let mut replies = Replies::new(Box::new(graph.clone()), "/add", 3);
+        let later = Instant::now() + Duration::from_secs(1000);
+        replies.send(reply(1, later)).unwrap();
+        assert_eq!(replies.deadline(), Some(later));
+        // What was told no before is not asked by this.
+        graph.hears.store(true, Relaxed);
+        replies.send(reply(2, later)).unwrap();
+        assert!(replies.deadline().unwrap() < later);
+        graph.hears.store(false, Relaxed);
+        replies.flush();
+        assert_eq!(replies.deadline(), Some(later));
     }
 
     #[test]
