@@ -20,6 +20,7 @@ mod dynamic;
 mod labelled;
 mod meter;
 mod pickles;
+mod requests;
 mod services;
 mod tables;
 mod tensors;
@@ -30,6 +31,7 @@ pub use dynamic::dynamic;
 pub use labelled::{plugin_picture, plugin_zarr};
 pub use meter::{bounded, measure};
 pub use pickles::pickle;
+pub use requests::zeromq_requests;
 pub use services::node_services;
 pub use tables::plugin_table;
 pub use tensors::plugin_tensor;
@@ -44,7 +46,7 @@ pub const LIMITS: Limits = Limits { message_bytes: 1 << 20, depth: 64 };
 pub type Target = (&'static str, fn(&[u8]));
 
 /// Every target.
-pub const TARGETS: [Target; 15] = [
+pub const TARGETS: [Target; 16] = [
     ("json", json),
     ("npy", npy),
     ("frames", frames),
@@ -60,4 +62,5 @@ pub const TARGETS: [Target; 15] = [
     ("plugin_zarr", plugin_zarr),
     ("node_services", node_services),
     ("dynamic", dynamic),
+    ("zeromq_requests", zeromq_requests),
 ];
