@@ -183,13 +183,20 @@ impl RemoteParameters {
     #[must_use]
     pub fn deadline(&self, now: Instant) -> Option<Instant> {
         let stage = match &self.stage {
-            Stage::Absent => (self.servers() != Peers::None).then(|| now + LOOK_AGAIN),
+            Stage::Absent => self.may_be_there().then(|| now + LOOK_AGAIN),
             Stage::Listing(_) => self.list.deadline(),
             Stage::Getting(_) => self.get.deadline(),
             Stage::Following => None,
             Stage::Failed(until) => Some(*until),
         };
         stage.into_iter().chain(self.tellers_seen.1).min()
+    }
+
+    /// Whether the node is found by half, or wholly since the last look: nobody notifies of that.
+    fn may_be_there(&self) -> bool {
+        let ends = [self.list.servers(), self.get.servers()];
+        let ready = ends.iter().all(|peers| matches!(peers, Peers::Ready(_)));
+        ready || ends.contains(&Peers::Half)
     }
 
     /// Notices that the node has come, gone, or is another one than it was.
