@@ -173,11 +173,26 @@ fn changes_are_told_and_a_restart_is_noticed() {
         !remote.follows()
     }));
     assert_eq!(remote.known().get("old"), Some(&1_i64.into()));
-    let _again = Offering::new(&near_config("camera", 2));
+    let again = Offering::new(&near_config("camera", 2));
     let changes = next(&mut remote, &wake);
     assert_eq!(changes.get("old"), Some(&ParameterValue::NotSet), "{changes:?}");
     assert_eq!(changes.get("serial"), None, "it is what it was");
     assert_eq!(shown(remote.known()), ALL);
+    // A restart between two looks is noticed too.
+    let handle = again.node.handle().clone();
+    let mut rate = 10;
+    assert!(wait_until(&wake, PATIENCE, || {
+        rate = rate % 60 + 1;
+        handle.parameters(|store| store.set("rate", rate)).unwrap();
+        remote.take(Instant::now()).unwrap().is_some_and(|changes| changes.get("rate").is_some())
+    }));
+    handle.parameters(|store| store.set("rate", 60)).unwrap();
+    while remote.known().get("rate") != Some(&60_i64.into()) {
+        next(&mut remote, &wake);
+    }
+    drop(again);
+    let _third = Offering::new(&near_config("camera", 2));
+    assert_eq!(shown(&next(&mut remote, &wake)), ["rate=10"]);
 }
 
 fn take(listener: &mut dyn Listener, context: &Context) -> Properties {

@@ -127,3 +127,24 @@ pub(super) fn link(
     };
     Link { peers: Some(peers), waiting_for, keeps_last: false }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_waited_for_is_said() {
+        let waits = |peers, trouble: Option<&str>| {
+            link("/camera", &peers, ServiceMapping::Cyclone, trouble.map(str::to_owned)).waiting_for
+        };
+        assert_eq!(waits(Peers::Ready(1), None), None);
+        assert_eq!(waits(Peers::Ready(1), Some("an answer")).as_deref(), Some("an answer"));
+        assert_eq!(waits(Peers::Half, None).as_deref(), Some("node /camera"));
+        let foreign = waits(Peers::Foreign(ServiceMapping::FastDds), None).unwrap();
+        assert_eq!(
+            foreign,
+            "node /camera to speak rmw_cyclonedds_cpp: it runs rmw_fastrtps_cpp; set \
+             RMW_IMPLEMENTATION=rmw_fastrtps_cpp here, or rmw_cyclonedds_cpp there"
+        );
+    }
+}

@@ -10,6 +10,7 @@
 mod asker;
 mod client;
 mod error;
+mod event;
 mod listener;
 mod publisher;
 mod remote;

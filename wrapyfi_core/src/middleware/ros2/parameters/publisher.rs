@@ -2,11 +2,11 @@
 
 use super::listener::link;
 use super::{ParameterClient, ParameterClientError};
-use crate::EncodeError;
 use crate::endpoint::{Context, Link, PublishError, Publisher, TopicSpec, Wake};
 use crate::middleware::ros2::graph::{Peers, ServiceMapping};
 use crate::middleware::ros2::{Ros2, ServiceOptions};
 use crate::types::{DataType, Payload};
+use crate::{EncodeError, Limits};
 
 /// Sets parameters of one node. Each message waits for the node's answer.
 pub(in crate::middleware::ros2) struct PropertiesPublisher {
@@ -23,7 +23,9 @@ impl PropertiesPublisher {
         context: &Context,
     ) -> Result<Self, ParameterClientError> {
         let max_bytes = spec.limits.message_bytes;
-        let options = ServiceOptions { max_bytes, ..ServiceOptions::default() };
+        // No longer than the end of the program may wait for it.
+        let options =
+            ServiceOptions { max_bytes, timeout: Limits::SHUTDOWN, ..ServiceOptions::default() };
         Ok(Self {
             client: ParameterClient::open(ros2, &spec.topic, &options, &context.wake)?,
             mapping: ros2.graph().service_mapping(),

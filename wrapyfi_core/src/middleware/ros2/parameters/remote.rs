@@ -16,7 +16,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use wrapyfi_interfaces::Message;
-use wrapyfi_interfaces::rcl_interfaces::msg::{self, ParameterEvent};
+use wrapyfi_interfaces::rcl_interfaces::msg::ParameterEvent;
 use wrapyfi_interfaces::rcl_interfaces::srv::{
     GetParameters, GetParameters_Request, GetParameters_Response, ListParameters,
     ListParameters_Request,
@@ -24,6 +24,7 @@ use wrapyfi_interfaces::rcl_interfaces::srv::{
 
 use super::asker::Asker;
 use super::client::too_many;
+use super::event::changes_by;
 use super::{CHUNK, MAX_NAMES, ParameterClientError, node_name, options};
 use crate::endpoint::{History, Qos, Wake};
 use crate::middleware::ros2::any::ringing;
@@ -183,13 +184,20 @@ impl RemoteParameters {
     #[must_use]
     pub fn deadline(&self, now: Instant) -> Option<Instant> {
         let stage = match &self.stage {
-            Stage::Absent => (self.servers() != Peers::None).then(|| now + LOOK_AGAIN),
+            Stage::Absent => self.may_be_there().then(|| now + LOOK_AGAIN),
             Stage::Listing(_) => self.list.deadline(),
             Stage::Getting(_) => self.get.deadline(),
             Stage::Following => None,
             Stage::Failed(until) => Some(*until),
         };
         stage.into_iter().chain(self.tellers_seen.1).min()
+    }
+
+    /// Whether the node is found by half, or wholly since the last look: nobody notifies of that.
+    fn may_be_there(&self) -> bool {
+        let ends = [self.list.servers(), self.get.servers()];
+        let ready = ends.iter().all(|peers| matches!(peers, Peers::Ready(_)));
+        ready || ends.contains(&Peers::Half)
     }
 
     /// Notices that the node has come, gone, or is another one than it was.
@@ -371,7 +379,7 @@ impl RemoteParameters {
             if event.node != self.node {
                 continue;
             }
-            let changes = self.known.changes_by(event).map_err(|fault| self.list.fault(fault))?;
+            let changes = changes_by(&self.known, event).map_err(|fault| self.list.fault(fault))?;
             self.check_size(self.known.size().saturating_add(changes.size()))?;
             if !changes.is_empty() {
                 self.known.apply(&changes);
@@ -386,54 +394,5 @@ impl RemoteParameters {
         }
         let (node, what) = (self.node.clone(), "bytes of parameters:");
         Err(ParameterClientError::TooMuch { node, what, actual, limit: self.max_bytes })
-    }
-}
-
-impl Properties {
-    /// What an event changes of these parameters.
-    fn changes_by(&self, event: ParameterEvent) -> Result<Self, String> {
-        let mut changes = Self::new();
-        for msg::Parameter { name, value } in
-            event.new_parameters.into_iter().chain(event.changed_parameters)
-        {
-            let value = ParameterValue::try_from(value);
-            let value = value.map_err(|error| format!("{name}: {error}"))?;
-            if self.get(&name) != Some(&value) {
-                changes.insert(name, value);
-            }
-        }
-        for msg::Parameter { name, .. } in event.deleted_parameters {
-            if self.get(&name).is_some() {
-                changes.insert(name, ParameterValue::NotSet);
-            }
-        }
-        Ok(changes)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::node::parameters::Parameter;
-
-    #[test]
-    fn an_event_says_what_is_new_changed_and_gone() {
-        let known = Properties::from([("same", 1_i64), ("changed", 2), ("gone", 3)]);
-        let messages = |pairs: &[(&str, i64)]| -> Vec<msg::Parameter> {
-            pairs.iter().map(|&(name, value)| Parameter::new(name, value).into()).collect()
-        };
-        let event = ParameterEvent {
-            new_parameters: messages(&[("new", 4)]),
-            changed_parameters: messages(&[("same", 1), ("changed", 5)]),
-            deleted_parameters: messages(&[("gone", 0), ("unheard_of", 0)]),
-            ..ParameterEvent::default()
-        };
-        let changes = known.changes_by(event).unwrap();
-        let told: Vec<_> = changes.iter().map(|(name, value)| format!("{name}={value}")).collect();
-        assert_eq!(told, ["new=4", "changed=5", "gone=not set"]);
-        let mut odd =
-            ParameterEvent { new_parameters: messages(&[("a", 1)]), ..Default::default() };
-        odd.new_parameters[0].value.r#type = 99;
-        assert!(known.changes_by(odd).unwrap_err().contains("99"));
     }
 }
