@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   client, server ─ Arc ─▶ Participant { watch, announcement, RustDDS }
-//!                           ends: thread, empty announcement, RustDDS's own threads
+//!                           ends: thread, empty announcement, RustDDS's own threads, goodbye
 //! ```
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -15,6 +15,7 @@ use rustdds::{
 };
 
 use super::announce::{Announcement, ServiceEndpoints};
+use super::goodbye::Goodbye;
 use super::pair::{MAX_BLOCKING, Pair, Reader, Writer};
 use super::settings::{Settings, WholeSamples};
 use super::watch::{AddError, Watch};
@@ -33,6 +34,8 @@ pub(super) struct Participant {
     publisher: Publisher,
     subscriber: Subscriber,
     dds: DomainParticipant,
+    /// Last: what RustDDS still said would make it be there again.
+    _goodbye: Goodbye,
 }
 
 /// Names and quality of service of the two topics of a service.
@@ -80,6 +83,7 @@ impl Participant {
             networks = ?settings.networks,
             "services of the Fast DDS mapping are on RustDDS"
         );
+        let goodbye = Goodbye::new(settings, &announcement.gid());
         Ok(Arc::new(Self {
             watch,
             announcement: Mutex::new(announcement),
@@ -88,6 +92,7 @@ impl Participant {
             publisher,
             subscriber,
             dds,
+            _goodbye: goodbye,
         }))
     }
 
