@@ -92,17 +92,18 @@ impl<S: Subscriber> Layer<S> for Rosout {
 /// What is logged at `level`, with what `RUST_LOG` says beside it.
 ///
 /// RustDDS tells in hundreds of lines what it does, at levels where a node says what matters to its
-/// user: of it only warnings are shown, unless `RUST_LOG` names it.
+/// user: of it only warnings are shown, unless `RUST_LOG` names it. Its sender of datagrams warns of
+/// each that is over 1500 bytes, as several are for every node that comes: of it only errors are.
 fn filter(level: LevelFilter, rust_log: &str) -> EnvFilter {
     const TALKATIVE: &str = "rustdds";
+    const SENDER: &str = "rustdds::network::udp_sender";
     let filter = EnvFilter::builder().with_default_directive(level.into()).parse_lossy(rust_log);
     if rust_log.contains(TALKATIVE) {
         return filter;
     }
-    match format!("{TALKATIVE}={}", level.min(LevelFilter::WARN)).parse() {
-        Ok(quiet) => filter.add_directive(quiet),
-        Err(_) => filter,
-    }
+    let quiet = |name: &str, most: LevelFilter| format!("{name}={}", level.min(most)).parse().ok();
+    let directives = [quiet(TALKATIVE, LevelFilter::WARN), quiet(SENDER, LevelFilter::ERROR)];
+    directives.into_iter().flatten().fold(filter, EnvFilter::add_directive)
 }
 
 /// `[INFO] [1795214428.963405000] [bridge]: text key=value`.
@@ -182,11 +183,17 @@ mod tests {
             words.sort();
             words
         };
-        assert_eq!(words(LevelFilter::INFO, ""), ["info", "rustdds=warn"]);
+        assert_eq!(
+            words(LevelFilter::INFO, ""),
+            ["info", "rustdds=warn", "rustdds::network::udp_sender=error"]
+        );
         assert_eq!(words(LevelFilter::TRACE, ""), ["rustdds=warn", "trace"]);
         assert_eq!(words(LevelFilter::ERROR, ""), ["error", "rustdds=error"]);
         assert_eq!(words(LevelFilter::OFF, ""), ["off", "rustdds=off"]);
-        assert_eq!(words(LevelFilter::INFO, "debug"), ["debug", "rustdds=warn"]);
+        assert_eq!(
+            words(LevelFilter::INFO, "debug"),
+            ["debug", "rustdds=warn", "rustdds::network::udp_sender=error"]
+        );
         assert_eq!(words(LevelFilter::INFO, "rustdds=info,warn"), ["rustdds=info", "warn"]);
     }
 }

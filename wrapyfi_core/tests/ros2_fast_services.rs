@@ -6,6 +6,7 @@
 mod fast_common;
 mod ros2_common;
 
+use std::net::{Ipv4Addr, UdpSocket};
 use std::time::Instant;
 
 use wrapyfi_core::middleware::ros2::graph::{GraphError, Peers};
@@ -274,4 +275,33 @@ fn many_clients_of_one_server_hear_their_own_replies() {
     server.await_peers(&Peers::Ready(1));
     drop(clients);
     server.await_peers(&Peers::None);
+}
+
+/// Fast DDS learns of the end of a participant from a message with a key hash alone.
+#[test]
+fn a_participant_that_ends_says_so_as_fast_dds_reads_it() {
+    let config = fast_common::config("leaver", 11);
+    // The port of a participant of this host that nobody else is.
+    let domain = u16::try_from(config.domain_id).unwrap();
+    let port = |index: u16| 7400 + 250 * domain + 10 + 2 * index;
+    let socket =
+        (60..99).find_map(|index| UdpSocket::bind((Ipv4Addr::LOCALHOST, port(index))).ok());
+    let socket = socket.unwrap();
+    socket.set_read_timeout(Some(ros2_common::PATIENCE)).unwrap();
+    let ours = services("leaver", 11);
+    let server = server(&ours, &add_two_ints());
+    let reader = ours.endpoints().readers[0];
+    drop((server, ours));
+    let mut datagram = [0; 65_536];
+    let mut hash = vec![0x70, 0, 16, 0];
+    hash.extend(&reader[..12]);
+    hash.extend([0, 0, 1, 0xc1]);
+    loop {
+        let (size, _) = socket.recv_from(&mut datagram).expect("no message with the key hash");
+        let has = |wanted: &[u8]| datagram[..size].windows(wanted.len()).any(|is| is == wanted);
+        // PID_STATUS_INFO: disposed and unregistered.
+        if has(&hash) && has(&[0x71, 0, 4, 0, 0, 0, 0, 3]) {
+            return;
+        }
+    }
 }

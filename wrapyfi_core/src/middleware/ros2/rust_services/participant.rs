@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   client, server ─ Arc ─▶ Participant { watch, announcement, RustDDS }
-//!                           ends: thread, empty announcement, RustDDS's own threads
+//!                           ends: thread, empty announcement, RustDDS's own threads, goodbye
 //! ```
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -16,6 +16,7 @@ use rustdds::{
 
 use super::announce::Announcement;
 use super::changes::Changes;
+use super::goodbye::Goodbye;
 use super::outgoing::{MAX_BLOCKING, Writer};
 use super::pair::{Pair, Reader};
 use super::settings::{Settings, WholeSamples};
@@ -32,6 +33,8 @@ pub(super) struct Participant {
     publisher: Publisher,
     subscriber: Subscriber,
     dds: DomainParticipant,
+    /// Last: what RustDDS still said would make it be there again.
+    _goodbye: Goodbye,
 }
 
 /// Names and quality of service of the two topics of a service.
@@ -79,6 +82,7 @@ impl Participant {
             networks = ?settings.networks,
             "services of the Fast DDS mapping are on RustDDS"
         );
+        let goodbye = Goodbye::new(settings, &announcement.gid());
         Ok(Arc::new(Self {
             watch,
             announcement: Mutex::new(announcement),
@@ -87,6 +91,7 @@ impl Participant {
             publisher,
             subscriber,
             dds,
+            _goodbye: goodbye,
         }))
     }
 

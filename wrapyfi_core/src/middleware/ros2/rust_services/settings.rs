@@ -170,6 +170,11 @@ fn warnings(config: &CycloneConfig) -> Vec<String> {
     warnings
 }
 
+/// Addresses of all interfaces that RustDDS knows.
+pub(super) fn addresses() -> Vec<Ipv4Addr> {
+    interfaces().into_iter().flat_map(|interface| interface.addresses).collect()
+}
+
 fn interfaces() -> Vec<Interface> {
     netdev::get_interfaces()
         .into_iter()
