@@ -9,6 +9,7 @@ mod coding;
 mod crowd;
 mod dynamic;
 mod estimate;
+mod fast;
 mod machine;
 mod micro;
 mod payload;
@@ -49,11 +50,11 @@ struct Cli {
     /// The other cases have one in the first round and then in every so many.
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..))]
     others_every: u32,
-    /// Full-HD stream for 10 seconds instead of 60.
+    /// Streams for 10 seconds instead of 60.
     #[arg(long)]
     quick: bool,
     /// Only cases whose name (`way/payload`, `call-way/load`) contains this, in every round, and
-    /// neither stream, coding nor foreign endpoints; `coding`, `endpoints`: only that.
+    /// neither streams, coding nor foreign endpoints; `coding`, `endpoints`, `fast-dds`: only that.
     #[arg(long)]
     only: Option<String>,
     /// Folder for the results; default: this program's own in the repository.
@@ -237,6 +238,12 @@ fn run(cli: &Cli) -> Result<()> {
         match soak::run(&bench, seconds, settle) {
             Ok(soak) => results.soak = Some(soak),
             Err(error) => results.failures.push(format!("stream: {error:#}")),
+        }
+    }
+    if cli.only.as_deref().is_none_or(|only| only == "fast-dds") {
+        match fast::run(&bench, if cli.quick { 10 } else { 60 }) {
+            Ok(stream) => results.fast = Some(stream),
+            Err(error) => results.failures.push(format!("stream to Fast DDS: {error:#}")),
         }
     }
     if cli.only.as_deref().is_none_or(|only| only == "endpoints") {

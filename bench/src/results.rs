@@ -6,6 +6,7 @@ use std::fmt::Write as _;
 use crate::case::{Case, Way};
 use crate::crowd::Rest;
 use crate::estimate::Series;
+use crate::fast;
 use crate::micro::Figure;
 use crate::payload::Kind;
 use crate::python::Coding;
@@ -27,6 +28,7 @@ pub(crate) struct Results {
     trips: BTreeMap<Trip, BTreeMap<u32, Leg>>,
     pub(crate) soak: Option<Soak>,
     pub(crate) rest: Option<Rest>,
+    pub(crate) fast: Option<fast::Stream>,
     /// Turns that failed, with the reason.
     pub(crate) failures: Vec<String>,
     /// Why there are no figures of Python Wrapyfi.

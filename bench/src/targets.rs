@@ -124,6 +124,7 @@ pub(crate) fn check(results: &Results) -> Vec<Target> {
     trips(results, &mut targets);
     joint_state(results, &mut targets);
     stream(results, &mut targets);
+    to_fast_dds(results, &mut targets);
     rest(results, &mut targets);
     targets
 }
@@ -254,6 +255,22 @@ fn rest(results: &Results, targets: &mut Vec<Target>) {
             let found =
                 format!("{among:.2} % with {endpoints}, {alone:.2} % without, {seconds} s each");
             (found, among < 5.0)
+        }),
+    ));
+}
+
+/// Frames into a reader on Fast DDS.
+fn to_fast_dds(results: &Results, targets: &mut Vec<Target>) {
+    targets.push(Target::counted(
+        "640x480 RGB at 30 Hz, ZeroMQ to ROS 2, reliable, into a Fast DDS reader of depth 5: gaps",
+        "none",
+        results.fast.as_ref().map(|stream| {
+            let (gaps, dropped, seconds) = (stream.gaps(), stream.dropped, stream.seconds);
+            let (sent, twice) = (stream.report.sent, stream.report.duplicates);
+            let found = format!(
+                "{gaps} missing, {twice} twice, of {sent} in {seconds} s; {dropped} datagrams dropped"
+            );
+            (found, gaps == 0 && twice == 0)
         }),
     ));
 }

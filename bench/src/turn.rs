@@ -57,6 +57,8 @@ pub(crate) struct Line {
     pub(crate) middle: Vec<Child>,
     /// DDS domain of all of them.
     pub(crate) domain: u32,
+    /// Port where the source is told of arrivals.
+    pub(crate) acks: u16,
 }
 
 #[derive(Deserialize)]
@@ -150,6 +152,15 @@ impl Bench {
 
     /// Starts the processes of a case on our programs.
     pub(crate) fn line(&self, case: Case) -> Result<Line> {
+        self.start(case, None)
+    }
+
+    /// The same with another sink: what `sink` makes of the domain. It tells the source nothing.
+    pub(crate) fn line_to(&self, case: Case, sink: impl Fn(u32) -> Command) -> Result<Line> {
+        self.start(case, Some(&sink))
+    }
+
+    fn start(&self, case: Case, other: Option<&dyn Fn(u32) -> Command>) -> Result<Line> {
         let domain = self.domain();
         let mut middle = Vec::new();
         let mut ports = (0, 0);
@@ -190,10 +201,16 @@ impl Bench {
         let command = self.worker("source", from, &place("/in"));
         let mut source = Child::start("source", command, &self.folder)?;
         let Acks { acks } = source.answer()?;
-        let mut command = self.worker("sink", to, &place(if forwarded { "/out" } else { "/in" }));
-        command.args(["--acks", &acks.to_string()]);
+        let command = if let Some(other) = other {
+            other(domain)
+        } else {
+            let topic = if forwarded { "/out" } else { "/in" };
+            let mut command = self.worker("sink", to, &place(topic));
+            command.args(["--acks", &acks.to_string()]);
+            command
+        };
         let sink = Child::start("sink", command, &self.folder)?;
-        Ok(Line { source, sink, middle, domain })
+        Ok(Line { source, sink, middle, domain, acks })
     }
 
     /// Measures a case on our programs once.

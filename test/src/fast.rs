@@ -1,7 +1,7 @@
-//! The peer on Fast DDS: compiled once from `test/peers/fast_peer.cpp`, then started like the others.
+//! The peer on Fast DDS: compiled once from `test/peers/fast_peer`, then started like the others.
 //!
 //! ```text
-//!   fast_peer.cpp ─ c++ ─▶ target/<profile>/fast_peer/<hash of the source>   under a lock, once
+//!   main.cpp, *.hpp ─ c++ ─▶ target/<profile>/fast_peer/<hash of them>   under a lock, once
 //! ```
 
 use std::fs::File;
@@ -53,14 +53,18 @@ fn find() -> std::result::Result<PathBuf, Absent> {
 
 /// The source, and the program made of it: another source is another program.
 fn places() -> Result<(PathBuf, PathBuf)> {
-    let source = repository().join("test/peers/fast_peer.cpp");
-    let text = std::fs::read(&source).with_context(|| format!("reading {}", source.display()))?;
+    let sources = repository().join("test/peers/fast_peer");
+    let mut text = Vec::new();
+    for name in ["main.cpp", "discovery.hpp", "talk.hpp", "types.hpp"] {
+        let file = sources.join(name);
+        text.extend(std::fs::read(&file).with_context(|| format!("reading {}", file.display()))?);
+    }
     let own = std::env::current_exe()?;
     let folder = own.ancestors().nth(2).context("the test runs outside a Cargo build folder")?;
     let folder = folder.join("fast_peer");
     std::fs::create_dir_all(&folder).with_context(|| format!("creating {}", folder.display()))?;
     let hash = sha256(&text);
-    Ok((source, folder.join(hash.get(..16).unwrap_or(&hash))))
+    Ok((sources.join("main.cpp"), folder.join(hash.get(..16).unwrap_or(&hash))))
 }
 
 fn has_library(program: &std::path::Path) -> Result<bool> {

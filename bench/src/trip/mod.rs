@@ -179,7 +179,7 @@ impl Trip {
             Child::start(role, command, &bench.folder)
         };
         let (sink, source) = (start("far")?, start("near")?);
-        let mut line = Line { source, sink, middle: Vec::new(), domain };
+        let mut line = Line { source, sink, middle: Vec::new(), domain, acks: 0 };
         let warm = line.ask(&Order::Warm).context("warming up")?;
         let calls = line.phase(&Order::Window { count: self.load.count(), inflight: 1 })?;
         let Report { sent, received, .. } = calls.report;
