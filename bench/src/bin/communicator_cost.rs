@@ -5,23 +5,26 @@
 //!   message   raw endpoint: publish, take ─ registered: publish, listen      ns a message, by turns
 //! ```
 //!
-//! Everything is in one process on the memory middleware, so that nothing but the library is
-//! measured: a real transport only makes its share smaller. `cargo run --release -p wrapyfi_bench
+//! On the memory middleware nothing but the library is measured; on ZeroMQ, through our broker, a
+//! message costs what it costs in a program. Both ends are in one process. `cargo run --release -p wrapyfi_bench
 //! --bin communicator_cost` prints medians of turns that alternate.
 
 #![allow(clippy::print_stdout, reason = "a program for the terminal")]
 
 use std::hint::black_box;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use wrapyfi_core::communicator::{Context, Mode, communicator};
 use wrapyfi_core::endpoint::{self, Listener, Middleware as _, Publisher, TopicSpec};
 use wrapyfi_core::middleware::memory::Memory;
+use wrapyfi_core::middleware::zeromq::{BrokerMode, ZeroMq, ZeroMqConfig};
 use wrapyfi_core::types::{Encoding, Image, MessageType, Payload, RawPixels, Stamp, Value};
 
 /// Calls or messages of one turn.
 const CALLS: u32 = 20_000;
+/// Messages of one turn over ZeroMQ.
+const MESSAGES: u32 = 500;
 /// Turns of each case.
 const TURNS: usize = 31;
 
@@ -64,14 +67,14 @@ impl<'a> Case<'a> {
 }
 
 /// Medians by turns; the second and later ones against the first.
-fn compare(title: &str, cases: &mut [Case<'_>]) -> anyhow::Result<()> {
+fn compare(title: &str, calls: u32, cases: &mut [Case<'_>]) -> anyhow::Result<()> {
     for _ in 0..TURNS {
         for case in &mut *cases {
             let started = Instant::now();
-            for _ in 0..CALLS {
+            for _ in 0..calls {
                 (case.run)()?;
             }
-            case.turns_ns.push(started.elapsed().as_secs_f64() * 1e9 / f64::from(CALLS));
+            case.turns_ns.push(started.elapsed().as_secs_f64() * 1e9 / f64::from(calls));
         }
     }
     println!("{title}");
@@ -93,11 +96,13 @@ fn main() -> anyhow::Result<()> {
     let robot = || Robot { calls: 0, frame: frame.clone() };
 
     let mut bare = robot();
-    let (mut none, mut alone) = (robot().communicator_in(&context), robot().communicator_in(&context));
+    let (mut none, mut alone) =
+        (robot().communicator_in(&context), robot().communicator_in(&context));
     none.activate(RobotMethod::Object, Mode::None)?;
     alone.activate(RobotMethod::Object, Mode::Publish)?;
     compare(
         "a call, nobody listens",
+        CALLS,
         &mut [
             Case::new("the method", || {
                 black_box(bare.object(black_box(1)));
@@ -120,7 +125,8 @@ fn main() -> anyhow::Result<()> {
         let listener = bus.open_listener(&spec, &context)?;
         Ok((bus.open_publisher(&spec, &context)?, listener))
     };
-    let (mut here, mut there) = (robot().communicator_in(&context), robot().communicator_in(&context));
+    let (mut here, mut there) =
+        (robot().communicator_in(&context), robot().communicator_in(&context));
     for method in [RobotMethod::Object, RobotMethod::Image] {
         there.activate(method, Mode::Listen)?;
         here.activate(method, Mode::Publish)?;
@@ -138,6 +144,7 @@ fn main() -> anyhow::Result<()> {
     let mut maker = robot();
     compare(
         "a small object, publish and listen",
+        CALLS,
         &mut [
             Case::new("raw endpoint", || {
                 publisher.publish(&Payload::from(maker.object(black_box(1))))?;
@@ -154,6 +161,7 @@ fn main() -> anyhow::Result<()> {
     let (mut publisher, mut listener) = ends("/raw/image", MessageType::Image)?;
     compare(
         "a frame of 640x480, publish and listen",
+        CALLS,
         &mut [
             Case::new("raw endpoint", || {
                 publisher.publish(&Payload::from(maker.image()))?;
@@ -163,6 +171,67 @@ fn main() -> anyhow::Result<()> {
             Case::new("registered", || {
                 black_box(here.image()?);
                 black_box(there.image()?);
+                Ok(())
+            }),
+        ],
+    )?;
+    over_zeromq()
+}
+
+struct Speaker;
+
+#[communicator]
+impl Speaker {
+    #[register(NativeObject, "zeromq", "/registered/said")]
+    fn said(&self) -> Value {
+        Value::Int(7)
+    }
+}
+
+/// One message at a time, from publish to the listener that waits for it.
+fn over_zeromq() -> anyhow::Result<()> {
+    let embedded = ZeroMqConfig { pub_port: 0, sub_port: 0, ..ZeroMqConfig::default() };
+    let one = Arc::new(ZeroMq::start(&embedded)?);
+    let (pub_port, sub_port) = (one.pub_port(), one.sub_port());
+    let foreign =
+        ZeroMqConfig { pub_port, sub_port, broker: BrokerMode::Foreign, ..embedded.clone() };
+    let other = Arc::new(ZeroMq::start(&foreign)?);
+    let context = |middleware: &Arc<ZeroMq>| Context::builder().only(middleware.clone()).build();
+    let mut here = Speaker.communicator_in(&context(&one));
+    let mut there = Speaker.communicator_in(&context(&other));
+    here.activate(SpeakerMethod::Said, Mode::Publish)?;
+    there.activate(SpeakerMethod::Said, Mode::Listen)?;
+    std::thread::scope(|scope| {
+        let first = scope.spawn(|| there.said().map(drop));
+        here.said()?;
+        first.join().map_err(|_panic| anyhow::anyhow!("the listener panicked"))??;
+        anyhow::Ok(())
+    })?;
+
+    let spec = TopicSpec::new("/raw/said", MessageType::NativeObject);
+    let (out, into) = (endpoint::Context::default(), endpoint::Context::default());
+    let mut listener = other.open_listener(&spec, &into)?;
+    let mut publisher = one.open_publisher(&spec, &out)?;
+    while publisher.link().peers == Some(0) {
+        out.wake.wait(Duration::from_millis(10));
+    }
+    compare(
+        "a small object over ZeroMQ, from publish to the one who waits",
+        MESSAGES,
+        &mut [
+            Case::new("raw endpoint", || {
+                publisher.publish(&Payload::from(Value::Int(7)))?;
+                loop {
+                    if let Some(sample) = listener.take()? {
+                        black_box(sample);
+                        return Ok(());
+                    }
+                    into.wake.wait(Duration::from_secs(1));
+                }
+            }),
+            Case::new("registered", || {
+                here.said()?;
+                black_box(there.said()?);
                 Ok(())
             }),
         ],
