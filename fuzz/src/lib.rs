@@ -19,6 +19,7 @@ mod codecs;
 mod labelled;
 mod meter;
 mod pickles;
+mod requests;
 mod services;
 mod tables;
 mod tensors;
@@ -28,6 +29,7 @@ pub use codecs::{cdr, frames, jpeg, json, npy};
 pub use labelled::{plugin_picture, plugin_zarr};
 pub use meter::{bounded, measure};
 pub use pickles::pickle;
+pub use requests::zeromq_requests;
 pub use services::node_services;
 pub use tables::plugin_table;
 pub use tensors::plugin_tensor;
@@ -42,7 +44,7 @@ pub const LIMITS: Limits = Limits { message_bytes: 1 << 20, depth: 64 };
 pub type Target = (&'static str, fn(&[u8]));
 
 /// Every target.
-pub const TARGETS: [Target; 14] = [
+pub const TARGETS: [Target; 15] = [
     ("json", json),
     ("npy", npy),
     ("frames", frames),
@@ -57,4 +59,5 @@ pub const TARGETS: [Target; 14] = [
     ("plugin_picture", plugin_picture),
     ("plugin_zarr", plugin_zarr),
     ("node_services", node_services),
+    ("zeromq_requests", zeromq_requests),
 ];

@@ -1,13 +1,18 @@
 #!/usr/bin/env python3
-"""The real Wrapyfi on ZeroMQ, as publisher or listener.
+"""The real Wrapyfi on ZeroMQ, as publisher or listener, client or server.
 
     wrapyfi_peer.py publish --type Image --flavour colour --topic /cam --pub-port P --sub-port S
     wrapyfi_peer.py listen  --type Image --flavour colour --topic /cam --pub-port P --count 3
+    wrapyfi_peer.py reply   --type Image --flavour colour --topic /cam --rep-port P --req-port S
+    wrapyfi_peer.py request --type Image --flavour colour --topic /cam --rep-port P --count 3
+    wrapyfi_peer.py broker  --topic /cam --rep-port P --req-port S    the broker of its servers, without one
     wrapyfi_peer.py publish --case pint --topic /x --pub-port P --sub-port S      an object of plugins.py
 
 Lines on stdout: {"event": "ready"}, {"event": "message", "index", "sha256", ...}, {"event": "done"}.
 A publisher with --count 0 goes on until stdin closes; with a count it stays after the last message
-until stdin closes, because its broker lives in it.
+until stdin closes, because its broker lives in it. A client sends the payload as its only argument and
+tells what came back; a server returns the payload whose number is its first argument. --fails makes a client
+expect an exception: {"event": "failed", "error"}.
 """
 import argparse
 import hashlib
@@ -23,15 +28,18 @@ FLAVOURS = {
 }
 
 parser = argparse.ArgumentParser()
-parser.add_argument("role", choices=["publish", "listen"])
+parser.add_argument("role", choices=["publish", "listen", "request", "reply", "broker"])
 parser.add_argument("--type", default="NativeObject", choices=sorted(FLAVOURS))
 parser.add_argument("--flavour")
 parser.add_argument("--case", help="an object of another library, by its name in plugins.py, instead of a flavour")
 parser.add_argument("--bare", action="store_true", help="the case's object itself, not a dict that has it")
 parser.add_argument("--cases", default="plugins", help="the module that has the case")
 parser.add_argument("--topic", required=True)
-parser.add_argument("--pub-port", type=int, required=True, help="XPUB side of the broker: listeners")
+parser.add_argument("--pub-port", type=int, default=0, help="XPUB side of the broker: listeners")
 parser.add_argument("--sub-port", type=int, default=0, help="XSUB side of the broker: publishers")
+parser.add_argument("--rep-port", type=int, default=0, help="ROUTER side of the broker: clients")
+parser.add_argument("--req-port", type=int, default=0, help="DEALER side of the broker: servers")
+parser.add_argument("--fails", action="store_true", help="calls must raise")
 parser.add_argument("--count", type=int, default=0, help="0: until stdin closes")
 parser.add_argument("--rate", type=float, default=20.0)
 parser.add_argument("--no-broker", action="store_true")
@@ -56,10 +64,16 @@ import payload  # noqa: E402
 from lines import leave, leaving, say, watch_stdin  # noqa: E402
 
 # The broker and the monitor run as threads of this process, so that nothing outlives it.
-options = {"should_wait": not args.no_wait, "socket_ip": "127.0.0.1", "socket_pub_port": args.pub_port,
-           "pubsub_monitor_listener_spawn": "thread"}
+options = {"should_wait": not args.no_wait, "socket_ip": "127.0.0.1"}
+if args.role in ("publish", "listen"):
+    options.update(socket_pub_port=args.pub_port, pubsub_monitor_listener_spawn="thread")
+else:
+    options.update(socket_rep_port=args.rep_port)
 if args.role == "publish":
     options.update(socket_sub_port=args.sub_port, start_proxy_broker=not args.no_broker,
+                   proxy_broker_spawn="thread")
+elif args.role == "reply":
+    options.update(socket_req_port=args.req_port, start_proxy_broker=not args.no_broker,
                    proxy_broker_spawn="thread")
 channels, rate = (2 if flavour == "stereo" else 1), 16000
 frames = 441
@@ -103,7 +117,7 @@ def facts(value):
         found["seq"] = value["seq"]
         found["value"] = payload.neutral(value)
     found["sha256"] = payload.digest(value)
-    if flavour.startswith("jpg") and args.role == "publish":
+    if flavour.startswith("jpg") and args.role in ("publish", "reply"):
         from wrapyfi.utils.image_encoders import JpegEncoder
         file = bytes(JpegEncoder().encode_jpg_image(value))
         pixels = cv2.imdecode(np.frombuffer(file, np.uint8), cv2.IMREAD_UNCHANGED)
@@ -116,11 +130,35 @@ def arrived(value):
 
 
 def main():
+    if args.role == "broker":
+        from wrapyfi.middlewares.zeromq import ZeroMQMiddlewareReqRep
+        ZeroMQMiddlewareReqRep.activate(socket_rep_address=f"tcp://127.0.0.1:{args.rep_port}",
+                                        socket_req_address=f"tcp://127.0.0.1:{args.req_port}",
+                                        proxy_broker_spawn="thread")
+        say("ready", role=args.role, wrapyfi=wrapyfi.__version__)
+        leaving.wait()
+        return
     peer = Peer()
     peer.activate_communication(peer.exchange, mode=args.role)
     say("ready", role=args.role, wrapyfi=wrapyfi.__version__)
     index = 0
     while not leaving.is_set() and (args.count == 0 or index < args.count):
+        if args.role == "request":
+            try:
+                (value,) = peer.exchange(make(index))
+            except Exception as error:
+                if not args.fails:
+                    raise
+                say("failed", index=index, error=f"{type(error).__name__}: {error}")
+            else:
+                say("message", index=index, **facts(value))
+            index += 1
+            continue
+        if args.role == "reply":
+            (value,) = peer.exchange()
+            say("message", index=index, **facts(value))
+            index += 1
+            continue
         (value,) = peer.exchange(seq=index) if args.role == "publish" else peer.exchange()
         if args.role == "publish":
             say("message", index=index, **facts(value))
@@ -132,7 +170,7 @@ def main():
             continue
         index += 1
     say("done", count=index)
-    if args.role == "publish":
+    if args.role in ("publish", "reply"):
         leaving.wait()
 
 

@@ -23,6 +23,8 @@ pub struct World {
     domain: Reserved,
     pub_port: Reserved,
     sub_port: Reserved,
+    rep_port: Reserved,
+    req_port: Reserved,
     folder: TempDir,
     pillars: Pillars,
 }
@@ -38,6 +40,8 @@ impl World {
             domain: reserve::domain()?,
             pub_port: reserve::port()?,
             sub_port: reserve::port()?,
+            rep_port: reserve::port()?,
+            req_port: reserve::port()?,
             folder: TempDir::with_prefix("wrapyfi_e2e_")
                 .context("creating a folder for the test")?,
             pillars: Pillars::default(),
@@ -54,6 +58,18 @@ impl World {
     #[must_use]
     pub fn sub_port(&self) -> u16 {
         self.sub_port.number
+    }
+
+    /// Port where ZeroMQ clients connect.
+    #[must_use]
+    pub fn rep_port(&self) -> u16 {
+        self.rep_port.number
+    }
+
+    /// Port where ZeroMQ servers connect.
+    #[must_use]
+    pub fn req_port(&self) -> u16 {
+        self.req_port.number
     }
 
     /// A topic name of this test, `/…/base`.
@@ -221,6 +237,32 @@ impl World {
         )
     }
 
+    /// Starts a real Wrapyfi client, whose calls have one payload as their argument. `args` says type,
+    /// flavour and `--count`.
+    ///
+    /// # Errors
+    /// Where it cannot be started.
+    pub fn wrapyfi_client(&self, args: &str) -> Result<Process> {
+        let rep_port = self.rep_port();
+        self.peer(
+            "wrapyfi_peer.py",
+            &format!("request --topic /unused --rep-port {rep_port} {args}"),
+        )
+    }
+
+    /// Starts a real Wrapyfi server that goes on until it is dropped, with its broker. `args` says
+    /// type and flavour.
+    ///
+    /// # Errors
+    /// Where it cannot be started.
+    pub fn wrapyfi_server(&self, args: &str) -> Result<Process> {
+        let (rep_port, req_port) = (self.rep_port(), self.req_port());
+        self.peer(
+            "wrapyfi_peer.py",
+            &format!("reply --topic /unused --rep-port {rep_port} --req-port {req_port} {args}"),
+        )
+    }
+
     /// Starts a DDS subscriber on CycloneDDS.
     ///
     /// # Errors
@@ -270,6 +312,9 @@ impl World {
             .env("WRAPYFI_ZEROMQ_SOCKET_IP", "127.0.0.1")
             .env("WRAPYFI_ZEROMQ_SOCKET_PUB_PORT", self.pub_port().to_string())
             .env("WRAPYFI_ZEROMQ_SOCKET_SUB_PORT", self.sub_port().to_string())
+            // As Wrapyfi's servers read them; for its clients the first has another meaning.
+            .env("WRAPYFI_ZEROMQ_SOCKET_REP_PORT", self.req_port().to_string())
+            .env("WRAPYFI_ZEROMQ_SOCKET_REQ_PORT", self.rep_port().to_string())
             .env("NO_COLOR", "1");
         for variable in ["ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS", "ROS_DISTRO", "RUST_LOG"] {
             command.env_remove(variable);

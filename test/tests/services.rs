@@ -272,7 +272,11 @@ fn calls_that_cannot_be_end_with_a_reason() -> Result {
         }
         let mut zeromq = world.wrapyfi(["call", "zeromq:/x", "--type", ADD])?;
         zeromq.exits_with(2)?;
-        assert!(zeromq.stderr().contains("services are on ros2 only"), "{}", zeromq.stderr());
+        assert!(
+            zeromq.stderr().contains("is no function of Wrapyfi; accepted are NativeObject"),
+            "{}",
+            zeromq.stderr()
+        );
         Ok(())
     })
 }

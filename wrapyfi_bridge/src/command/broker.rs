@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
-use wrapyfi_core::middleware::zeromq::{Broker, ServiceBroker, ZeroMqConfig};
+use wrapyfi_core::middleware::zeromq::{Broker, BrokerError, ServiceBroker, ZeroMqConfig};
 
 use crate::cli::BrokerArgs;
 use crate::exit::Failure;
@@ -25,14 +25,23 @@ pub fn run(args: &BrokerArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     config.rep_port = args.ports.rep_port.unwrap_or(config.rep_port);
     config.req_port = args.ports.req_port.unwrap_or(config.req_port);
     config.insecure |= args.insecure;
-    let services =
-        ServiceBroker::start(&config.service_broker_config()).map_err(anyhow::Error::new)?;
-    tracing::info!(
-        "broker on {}: clients connect to port {}, servers to port {}",
-        services.ip(),
-        services.rep_port(),
-        services.req_port()
-    );
+    let services = match ServiceBroker::start(&config.service_broker_config()) {
+        Ok(services) => Some(services),
+        // Wrapyfi's servers bring theirs along: topics need not wait for them to end.
+        Err(error @ BrokerError::PortTaken { .. }) if !args.ports.any() => {
+            tracing::warn!("no broker of requests and replies here: {error}");
+            None
+        }
+        Err(error) => return Err(anyhow::Error::new(error).into()),
+    };
+    if let Some(services) = &services {
+        tracing::info!(
+            "broker on {}: clients connect to port {}, servers to port {}",
+            services.ip(),
+            services.rep_port(),
+            services.req_port()
+        );
+    }
     let broker = Broker::start(&config.broker_config()).map_err(anyhow::Error::new)?;
     tracing::info!(
         "broker on {}: listeners connect to port {}, publishers to port {}",
@@ -46,7 +55,7 @@ pub fn run(args: &BrokerArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         if let Some(reason) = status.failure {
             return Err(anyhow!("the broker stopped: {reason}").into());
         }
-        if let Some(reason) = services.status().failure {
+        if let Some(reason) = services.as_ref().and_then(|services| services.status().failure) {
             return Err(anyhow!("the broker of requests stopped: {reason}").into());
         }
         if status.subscriptions != known {
@@ -54,8 +63,10 @@ pub fn run(args: &BrokerArgs, shutdown: &Shutdown) -> Result<(), Failure> {
             tracing::info!("subscriptions: {known:?}");
         }
     }
-    let (status, served) = (broker.status(), services.status());
+    let status = broker.status();
     tracing::info!("forwarded {} messages, {} bytes", status.messages, status.bytes);
-    tracing::info!("forwarded {} requests, {} replies", served.requests, served.replies);
+    if let Some(served) = services.map(|services| services.status()) {
+        tracing::info!("forwarded {} requests, {} replies", served.requests, served.replies);
+    }
     Ok(())
 }

@@ -1,0 +1,352 @@
+//! Clients, servers and the broker of requests on ZeroMQ against bare sockets: what Python Wrapyfi's
+//! REQ and REP see, and what hostile ones can do.
+#![cfg(feature = "zeromq")]
+// In helpers of tests, too, a panic is the right answer.
+#![allow(clippy::unwrap_used, clippy::indexing_slicing, clippy::panic)]
+
+use std::time::{Duration, Instant};
+
+use wrapyfi_core::codec::requests::mark::{Kind, Mark, SIZE};
+use wrapyfi_core::endpoint::{
+    CallError, Client, Context, DropReason, Middleware, Request, Server, ServiceSpec,
+};
+use wrapyfi_core::middleware::zeromq::{
+    BrokerMode, ServiceBroker, ServiceBrokerConfig, ServiceBrokerStatus, ZeroMq, ZeroMqConfig,
+};
+use wrapyfi_core::types::{Encoding, Image, Payload, RawPixels, ServiceKind, Stamp, Value};
+
+/// Long enough for the slowest machine; reached only by failures.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+fn until<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
+    let end = Instant::now() + PATIENCE;
+    loop {
+        if let Some(found) = look() {
+            return found;
+        }
+        assert!(Instant::now() < end, "waited {PATIENCE:?} for {what}");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+fn broker(pending: usize) -> ServiceBroker {
+    let config = ServiceBrokerConfig { rep_port: 0, req_port: 0, pending, ..Default::default() };
+    ServiceBroker::start(&config).unwrap()
+}
+
+fn wait_for(broker: &ServiceBroker, what: &str, is: impl Fn(&ServiceBrokerStatus) -> bool) {
+    until(what, || is(&broker.status()).then_some(()));
+}
+
+fn zeromq(broker: &ServiceBroker) -> ZeroMq {
+    let config = ZeroMqConfig {
+        rep_port: broker.rep_port(),
+        req_port: broker.req_port(),
+        broker: BrokerMode::Foreign,
+        service_broker: BrokerMode::Foreign,
+        ..ZeroMqConfig::default()
+    };
+    ZeroMq::start(&config).unwrap()
+}
+
+/// A bare socket at a port; its context ends with the process.
+fn bare(kind: zmq::SocketType, port: u16) -> zmq::Socket {
+    let socket = zmq::Context::new().socket(kind).unwrap();
+    socket.set_linger(0).unwrap();
+    socket.set_rcvtimeo(30_000).unwrap();
+    socket.connect(&format!("tcp://127.0.0.1:{port}")).unwrap();
+    socket
+}
+
+fn native() -> ServiceSpec {
+    ServiceSpec::new("/x", ServiceKind::NativeObject)
+}
+
+fn client(zeromq: &ZeroMq, spec: &ServiceSpec) -> (Box<dyn Client>, Context) {
+    let context = Context::default();
+    let client = zeromq.open_client(spec, &context).unwrap();
+    until("the broker", || client.link().waiting_for.is_none().then_some(()));
+    (client, context)
+}
+
+fn server(zeromq: &ZeroMq, spec: &ServiceSpec) -> (Box<dyn Server>, Context) {
+    let context = Context::default();
+    let server = zeromq.open_server(spec, &context).unwrap();
+    until("the broker", || server.link().waiting_for.is_none().then_some(()));
+    (server, context)
+}
+
+/// Answers everything with its arguments.
+fn echo(server: &mut dyn Server) {
+    while let Ok(Some(asked)) = server.take() {
+        server.reply(asked.id, Ok(Value::List(asked.request.args).into())).unwrap();
+    }
+}
+
+#[test]
+fn a_rep_server_hands_the_mark_back() {
+    let broker = broker(64);
+    let zeromq = zeromq(&broker);
+    let (mut client, _) = client(&zeromq, &native());
+    let python = bare(zmq::REP, broker.req_port());
+    for n in 0..3_i64 {
+        let ticket = client.send(&Request::new([n.into()]), PATIENCE).unwrap();
+        // Exactly one frame, as Wrapyfi's recv_string and the send after it need.
+        let asked = python.recv_multipart(0).unwrap();
+        let wanted = format!(r#"[{{"__wrapyfi__": ["tuple", [{n}]]}}, {{}}]"#);
+        assert_eq!(asked, [wanted.into_bytes()]);
+        python.send(format!("{{\"n\": {n}}}").as_str(), 0).unwrap();
+        let reply = until("the reply", || client.take_only(ticket)).unwrap();
+        let Payload::NativeObject(value) = reply.payload else { panic!() };
+        assert_eq!(value.get("n"), Some(&Value::Int(n)));
+    }
+}
+
+#[test]
+fn a_req_client_sees_wrapyfis_form_only() {
+    let broker = broker(64);
+    let zeromq = zeromq(&broker);
+    let spec = ServiceSpec::new("/x", ServiceKind::Image);
+    let (mut server, _) = server(&zeromq, &spec);
+    let python = bare(zmq::REQ, broker.rep_port());
+    let raw = RawPixels::dense(1, 1, Encoding::Bgr8, vec![1, 2, 3]).unwrap();
+    let payload: Payload = Image::new(Stamp { sec: 7, nanosec: 5 }, raw).into();
+    let answer = |server: &mut dyn Server| {
+        let asked = until("the request", || server.take().unwrap());
+        assert_eq!(asked.request, Request::new([5.into()]));
+        server.reply(asked.id, Ok(payload.clone())).unwrap();
+    };
+    for _ in 0..2 {
+        python.send("[[5], {}]", 0).unwrap();
+        answer(server.as_mut());
+        assert_eq!(python.recv_multipart(0).unwrap(), [b"{\"img\": [[[1, 2, 3]]]}".to_vec()]);
+    }
+    // One of ours gets the stamp, too, which the lists have no place for.
+    let (mut ours, _) = client(&zeromq, &spec);
+    let ticket = ours.send(&Request::new([5.into()]), PATIENCE).unwrap();
+    answer(server.as_mut());
+    let reply = until("the reply", || ours.take_only(ticket)).unwrap();
+    assert_eq!(reply.payload, payload);
+}
+
+#[test]
+fn a_req_client_is_told_what_went_wrong_and_may_go_on() {
+    let broker = broker(64);
+    let zeromq = zeromq(&broker);
+    let spec = ServiceSpec { timeout: Duration::from_millis(300), ..native() };
+    let (mut server, context) = server(&zeromq, &spec);
+    let python = bare(zmq::REQ, broker.rep_port());
+    let told = |words: &str| {
+        let reply = python.recv_string(0).unwrap().unwrap();
+        let error: serde_json::Value = serde_json::from_str(&reply).unwrap();
+        assert!(error["error"].as_str().unwrap().contains(words), "{reply}");
+        let tag = error["__wrapyfi__"].as_array().unwrap();
+        assert_eq!(tag[0], "datetime");
+        assert!(tag[1].as_str().unwrap().starts_with("error: "), "{reply}");
+    };
+    python.send("{", 0).unwrap();
+    let refused = until("the refusal", || server.take().err());
+    assert!(refused.to_string().contains("malformed JSON"), "{refused}");
+    told("malformed JSON");
+    python.send("[[], {}]", 0).unwrap();
+    let asked = until("the request", || server.take().unwrap());
+    server.reply(asked.id, Err("no camera".to_owned())).unwrap();
+    told("no camera");
+    python.send("[[], {}]", 0).unwrap();
+    until("the request", || server.take().unwrap());
+    until("its end", || {
+        assert!(server.take().unwrap().is_none());
+        (context.counters.snapshot().dropped_for(DropReason::Expired) == 1).then_some(())
+    });
+    told("did not answer within 300 ms");
+    python.send("[[], {}]", 0).unwrap();
+    until("the request", || server.take().unwrap());
+    drop(server);
+    told("ended before it answered");
+}
+
+#[test]
+fn servers_are_asked_in_turn() {
+    let broker = broker(64);
+    let zeromq = zeromq(&broker);
+    let (mut client, _) = client(&zeromq, &native());
+    let mut servers: Vec<_> = (0..3).map(|_| server(&zeromq, &native())).collect();
+    // One more of the other kind.
+    let python = bare(zmq::REP, broker.req_port());
+    let mut tickets: Vec<_> =
+        (0..16).map(|n| client.send(&Request::new([n.into()]), PATIENCE).unwrap()).collect();
+    until("all replies", || {
+        servers.iter_mut().for_each(|(server, _)| echo(server.as_mut()));
+        if python.recv_multipart(zmq::DONTWAIT).is_ok() {
+            python.send("[]", 0).unwrap();
+        }
+        tickets.retain(|&ticket| client.take_only(ticket).map(Result::unwrap).is_none());
+        tickets.is_empty().then_some(())
+    });
+    for (_, context) in &servers {
+        assert!(context.counters.snapshot().sent >= 3, "{:?}", context.counters.snapshot());
+    }
+}
+
+#[test]
+fn what_waits_for_a_server_is_bounded_and_does_not_grow_old() {
+    let broker = broker(2);
+    let zeromq = zeromq(&broker);
+    let (mut client, context) = client(&zeromq, &native());
+    let short = Duration::from_millis(300);
+    let old = client.send(&Request::new([1.into()]), short).unwrap();
+    wait_for(&broker, "the first", |status| status.waiting == 1);
+    let patient = bare(zmq::REQ, broker.rep_port());
+    patient.send("[[2], {}]", 0).unwrap();
+    wait_for(&broker, "the second", |status| status.waiting == 2);
+    // A third is one too many: whoever asks is told.
+    let third = client.send(&Request::new([3.into()]), PATIENCE).unwrap();
+    let told = until("the refusal", || client.take_only(third)).unwrap_err();
+    let CallError::Refused { reason, .. } = &told else { panic!("{told:?}") };
+    assert!(reason.contains("2 requests wait for a server"), "{reason}");
+    let python = bare(zmq::REQ, broker.rep_port());
+    python.send("[[4], {}]", 0).unwrap();
+    assert!(python.recv_string(0).unwrap().unwrap().contains("2 requests wait"));
+    assert_eq!(broker.status().overloaded, 2);
+    let error = until("the time-out", || client.take_only(old)).unwrap_err();
+    assert!(matches!(error, CallError::TimedOut { .. }), "{error:?}");
+    wait_for(&broker, "the first to be dropped", |status| status.expired == 1);
+    // Wrapyfi's own client waits for ever: it is served.
+    let (mut server, served) = server(&zeromq, &native());
+    let replied = until("the patient one", || {
+        echo(server.as_mut());
+        patient.recv_string(zmq::DONTWAIT).ok()
+    });
+    assert_eq!(replied.unwrap(), "[2]");
+    assert_eq!(served.counters.snapshot().sent, 1);
+    assert_eq!(context.counters.snapshot().dropped_for(DropReason::Late), 0);
+}
+
+#[test]
+fn frames_that_are_no_request_are_counted_and_passed_over() {
+    let broker = broker(64);
+    let zeromq = zeromq(&broker);
+    let (mut server, context) = server(&zeromq, &native());
+    let hostile = bare(zmq::DEALER, broker.rep_port());
+    let empty = Vec::new();
+    let long = vec![b'x'; 2000];
+    // No empty frame; nothing behind it; too many frames; too long an envelope.
+    hostile.send_multipart([b"[[], {}]".to_vec()], 0).unwrap();
+    hostile.send_multipart([empty.clone()], 0).unwrap();
+    hostile.send_multipart([empty.clone(), b"a".to_vec(), b"b".to_vec()], 0).unwrap();
+    hostile.send_multipart([long, empty.clone(), b"[[], {}]".to_vec()], 0).unwrap();
+    hostile.send_multipart(vec![b"y".to_vec(); 40], 0).unwrap();
+    wait_for(&broker, "the broken ones", |status| status.malformed == 5);
+    // An envelope with frames that are not ours comes back as it was.
+    let strange = [b"who".to_vec(), vec![7; SIZE], empty.clone(), b"[[9], {}]".to_vec()];
+    hostile.send_multipart(strange.clone(), 0).unwrap();
+    let asked = until("the request", || server.take().unwrap());
+    assert_eq!(asked.request, Request::new([9.into()]));
+    server.reply(asked.id, Ok(Value::from(1).into())).unwrap();
+    let mut replies = Vec::new();
+    until("the reply", || {
+        replies.push(hostile.recv_multipart(0).unwrap());
+        (replies.last().unwrap()[0] == b"who").then_some(())
+    });
+    assert_eq!(
+        replies.last().unwrap()[..],
+        [strange[0].clone(), strange[1].clone(), empty, b"1".to_vec()]
+    );
+    assert_eq!(context.counters.snapshot().dropped(), 0);
+}
+
+#[test]
+fn replies_that_nobody_waits_for_are_counted() {
+    let broker = broker(64);
+    let zeromq = zeromq(&broker);
+    let (mut client, context) = client(&zeromq, &native());
+    let python = bare(zmq::DEALER, broker.req_port());
+    let ticket = client.send(&Request::default(), PATIENCE).unwrap();
+    let asked = python.recv_multipart(0).unwrap();
+    let mark = Mark::decode(&asked[1]).unwrap();
+    assert_eq!((mark.kind, asked[2].len()), (Kind::Request, 0));
+    let send = |mark: Mark, body: &[u8]| {
+        let frames = [asked[0].clone(), mark.encode(), Vec::new(), body.to_vec()];
+        python.send_multipart(frames, 0).unwrap();
+    };
+    send(Mark { number: u64::MAX, ..mark }, b"1");
+    send(Mark { number: 77, ..mark }, b"1");
+    // To a client that does not exist.
+    python.send_multipart([b"nobody".to_vec(), Vec::new(), b"1".to_vec()], 0).unwrap();
+    send(Mark { kind: Kind::Error, ..mark }, b"\xffno");
+    send(mark, b"5");
+    let told = until("the first answer", || client.take_only(ticket)).unwrap_err();
+    assert!(
+        matches!(&told, CallError::Refused { reason, .. } if reason.ends_with("no")),
+        "{told:?}"
+    );
+    until("the others", || {
+        assert!(client.take().is_none());
+        let now = context.counters.snapshot();
+        let expected = (2, 1);
+        ((now.dropped_for(DropReason::Late), now.dropped_for(DropReason::Malformed)) == expected)
+            .then_some(())
+    });
+    wait_for(&broker, "the lost one", |status| status.unheard == 1);
+}
+
+#[test]
+fn the_first_server_brings_the_broker_and_the_next_process_uses_it() {
+    let start = |rep_port, req_port| {
+        let config = ZeroMqConfig {
+            broker: BrokerMode::Foreign,
+            rep_port,
+            req_port,
+            ..ZeroMqConfig::default()
+        };
+        ZeroMq::start(&config).unwrap()
+    };
+    let first = start(0, 0);
+    assert!(first.service_broker_status().is_none());
+    let (mut server, _) = server(&first, &native());
+    assert!(first.service_broker_status().is_some());
+    let (rep_port, req_port) = first.start_services().unwrap();
+    let second = start(rep_port, req_port);
+    assert_eq!(second.start_services().unwrap(), (rep_port, req_port));
+    assert!(second.service_broker_status().is_none());
+    let (mut client, _) = client(&second, &native());
+    let ticket = client.send(&Request::new([1.into()]), PATIENCE).unwrap();
+    until("the reply", || {
+        echo(server.as_mut());
+        client.take_only(ticket)
+    })
+    .unwrap();
+    // It goes away: the other takes over, and a server there answers the same client.
+    drop((server, first));
+    until("the second to be the broker", || second.service_broker_status());
+    let (mut server, _) = self::server(&second, &native());
+    let ticket = client.send(&Request::new([2.into()]), PATIENCE).unwrap();
+    until("the reply of the second", || {
+        echo(server.as_mut());
+        client.take_only(ticket)
+    })
+    .unwrap();
+}
+
+#[test]
+fn ports_that_cannot_be_are_named() {
+    let start = |rep_port, req_port, ip: &str| {
+        let config =
+            ServiceBrokerConfig { rep_port, req_port, ip: ip.to_owned(), ..Default::default() };
+        ServiceBroker::start(&config).map(drop).unwrap_err().to_string()
+    };
+    assert!(start(4000, 4000, "127.0.0.1").starts_with("rep_port and req_port are both 4000"));
+    assert!(start(0, 0, "0.0.0.0").contains("insecure: true"));
+    let taken = broker(1);
+    assert!(start(taken.rep_port(), 0, "127.0.0.1").contains("is taken"));
+    // A port that belongs to something else is named with what it is.
+    let wrong = ZeroMqConfig {
+        broker: BrokerMode::Foreign,
+        rep_port: taken.req_port(),
+        req_port: taken.rep_port(),
+        ..ZeroMqConfig::default()
+    };
+    let error = ZeroMq::start(&wrong).unwrap().start_services().unwrap_err().to_string();
+    assert!(error.contains("a ZeroMQ socket of type DEALER; a broker would be ROUTER"), "{error}");
+    assert!(error.contains("rep_port, req_port"), "{error}");
+}
