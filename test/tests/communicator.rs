@@ -16,7 +16,8 @@ const CHANNELING: &[Need] = &[Need::Program, Need::Python, Need::Example("channe
 fn says(process: &Process, lines: &[String]) -> Result {
     process.wait_until(&format!("{lines:?}"), |output| {
         // The prompt has no line end of its own.
-        let said: Vec<_> = output.out.iter().map(|line| line.replace("Type message: ", "")).collect();
+        let said: Vec<_> =
+            output.out.iter().map(|line| line.replace("Type message: ", "")).collect();
         let mut rest = said.iter();
         lines.iter().all(|line| rest.any(|said| said == line)).then_some(())
     })
@@ -43,7 +44,11 @@ fn hello(test: &str, publisher: fn(&World) -> Result<Process>, mware: &str) -> R
         let mirrors = || [&rust].into_iter().chain(&python);
         let started = Instant::now();
         while mirrors().any(|mirror| !mirror.stdout().contains("Method result")) {
-            anyhow::ensure!(started.elapsed() < PATIENCE, "a mirror heard nothing:\n{}", rust.tail());
+            anyhow::ensure!(
+                started.elapsed() < PATIENCE,
+                "a mirror heard nothing:\n{}",
+                rust.tail()
+            );
             typed.tell("one")?;
             std::thread::sleep(Duration::from_millis(50));
         }
@@ -225,11 +230,7 @@ fn an_image_is_an_ordinary_one_to_ros2() -> Result {
 }
 
 /// A chain over two middlewares; `source` and `sink` are started by the test.
-fn chain(
-    test: &str,
-    (source, sink): (&str, &str),
-    (mware_a, mware_b): (&str, &str),
-) -> Result {
+fn chain(test: &str, (source, sink): (&str, &str), (mware_a, mware_b): (&str, &str)) -> Result {
     run(test, FORWARDING, |world| {
         let _broker = world.broker()?;
         let start = |language: &str, role: &str| {

@@ -55,8 +55,15 @@ struct Speaker;
 
 #[communicator]
 impl Speaker {
-    #[register(NativeObject, "ros2", "/speaker", timeout_ms = 30000,
-               message_type = "std_msgs/msg/String", qos = "$qos", queue_size = 3)]
+    #[register(
+        NativeObject,
+        "ros2",
+        "/speaker",
+        timeout_ms = 30000,
+        message_type = "std_msgs/msg/String",
+        qos = "$qos",
+        queue_size = 3
+    )]
     fn say(&self, qos: &str) -> Vec<u8> {
         qos.as_bytes().to_vec()
     }
@@ -83,5 +90,8 @@ fn type_and_quality_of_service_can_be_written() {
     assert!(error.is_ok());
     ours.close();
     let error = ours.say("best").unwrap_err().to_string();
-    assert!(error.contains("option qos is \"best\", and should be default, sensor_data"), "{error}");
+    assert!(
+        error.contains("option qos is \"best\", and should be default, sensor_data"),
+        "{error}"
+    );
 }

@@ -69,14 +69,26 @@ struct Speaker;
 
 #[communicator]
 impl Speaker {
-    #[register(NativeObject, "zeromq", "/speaker", timeout_ms = 30000, socket_pub_port = "$pub_port",
-               socket_sub_port = "$sub_port")]
+    #[register(
+        NativeObject,
+        "zeromq",
+        "/speaker",
+        timeout_ms = 30000,
+        socket_pub_port = "$pub_port",
+        socket_sub_port = "$sub_port"
+    )]
     fn say(&self, pub_port: u16, sub_port: u16) -> String {
         format!("{pub_port} {sub_port}")
     }
 
-    #[register(NativeObject, "zeromq", "/nobody", timeout_ms = 30000, socket_rep_port = "$0",
-               socket_req_port = "$1")]
+    #[register(
+        NativeObject,
+        "zeromq",
+        "/nobody",
+        timeout_ms = 30000,
+        socket_rep_port = "$0",
+        socket_req_port = "$1"
+    )]
     fn ask(&self, rep_port: u16, req_port: u16) -> u16 {
         rep_port ^ req_port
     }
@@ -127,5 +139,8 @@ fn a_port_that_is_no_brokers_is_named() {
     let error = speaker.say(port, free_ports().0).unwrap_err();
     assert!(matches!(error, CallError::Start { .. }), "{error:?}");
     let text = error.to_string();
-    assert!(text.starts_with("Speaker::say: zeromq did not start: ") && text.contains(&port.to_string()));
+    assert!(
+        text.starts_with("Speaker::say: zeromq did not start: ")
+            && text.contains(&port.to_string())
+    );
 }

@@ -44,11 +44,12 @@ impl Parse for Settings {
 }
 
 /// The block without our marks, and what is added to it; or the block and every mistake in it.
-pub(crate) fn expand(attribute: TokenStream, item: TokenStream) -> TokenStream {
+pub(crate) fn expand(attribute: TokenStream, item: &TokenStream) -> TokenStream {
     let mut block = match syn::parse2::<ItemImpl>(item.clone()) {
         Ok(block) => block,
         Err(_no_impl) => {
-            let advice = "#[communicator] stands on an impl block: #[communicator] impl Camera { … }";
+            let advice =
+                "#[communicator] stands on an impl block: #[communicator] impl Camera { … }";
             let error = syn::Error::new(proc_macro2::Span::call_site(), advice).to_compile_error();
             return quote!(#error #item);
         }
@@ -93,11 +94,16 @@ fn analyse(attribute: TokenStream, block: &mut ItemImpl) -> syn::Result<Block> {
         ));
     }
     let name = match &*block.self_ty {
-        Type::Path(path) if path.qself.is_none() => path.path.segments.last().map(|last| last.ident.clone()),
+        Type::Path(path) if path.qself.is_none() => {
+            path.path.segments.last().map(|last| last.ident.clone())
+        }
         _ => None,
     };
     if name.is_none() {
-        errors.push(syn::Error::new(block.self_ty.span(), "a communicator is made of a struct or an enum"));
+        errors.push(syn::Error::new(
+            block.self_ty.span(),
+            "a communicator is made of a struct or an enum",
+        ));
     }
     if methods.is_empty() && errors.is_empty() {
         errors.push(syn::Error::new(
@@ -107,11 +113,15 @@ fn analyse(attribute: TokenStream, block: &mut ItemImpl) -> syn::Result<Block> {
     }
     for (index, found) in methods.iter().enumerate() {
         if emit::TAKEN.contains(&found.name.to_string().as_str()) {
-            let text = format!("the communicator has a method `{}` of its own: choose another name", found.name);
+            let text = format!(
+                "the communicator has a method `{}` of its own: choose another name",
+                found.name
+            );
             errors.push(syn::Error::new(found.name.span(), text));
         }
         if methods.iter().take(index).any(|earlier| earlier.variant == found.variant) {
-            let text = format!("`{}` of the methods' enum is taken: choose another name", found.variant);
+            let text =
+                format!("`{}` of the methods' enum is taken: choose another name", found.variant);
             errors.push(syn::Error::new(found.name.span(), text));
         }
     }
@@ -131,11 +141,16 @@ fn analyse(attribute: TokenStream, block: &mut ItemImpl) -> syn::Result<Block> {
             this: (*block.self_ty).clone(),
             name,
             visibility: widest(&methods),
-            krate: settings.krate.map_or_else(|| quote!(::wrapyfi_core), |path| path.to_token_stream()),
+            krate: settings
+                .krate
+                .map_or_else(|| quote!(::wrapyfi_core), |path| path.to_token_stream()),
             methods,
         }),
         (Some(error), _) => Err(error),
-        (None, None) => Err(syn::Error::new(block.self_ty.span(), "a communicator is made of a struct or an enum")),
+        (None, None) => Err(syn::Error::new(
+            block.self_ty.span(),
+            "a communicator is made of a struct or an enum",
+        )),
     }
 }
 

@@ -26,7 +26,15 @@ use crate::register::Registration;
 
 /// Methods that every communicator has.
 pub(crate) const TAKEN: [&str; 10] = [
-    "activate", "close", "close_method", "context", "control", "inner", "inner_mut", "into_inner", "mode",
+    "activate",
+    "close",
+    "close_method",
+    "context",
+    "control",
+    "inner",
+    "inner_mut",
+    "into_inner",
+    "mode",
     "status",
 ];
 
@@ -341,17 +349,23 @@ impl Wrapper<'_> {
             .arguments
             .iter()
             .enumerate()
-            .map(|(index, Argument { name, passing, .. })| match twins.and_then(|twins| twins.get(index)) {
-                None => name.to_token_stream(),
-                Some(twin) => match passing {
-                    Passing::Owned(_) => quote!(#twin),
-                    Passing::Text | Passing::Slice(_) | Passing::Lent(_) => quote!(&#twin),
-                },
+            .map(|(index, Argument { name, passing, .. })| {
+                match twins.and_then(|twins| twins.get(index)) {
+                    None => name.to_token_stream(),
+                    Some(twin) => match passing {
+                        Passing::Owned(_) => quote!(#twin),
+                        Passing::Text | Passing::Slice(_) | Passing::Lent(_) => quote!(&#twin),
+                    },
+                }
             })
             .collect();
         if let Some((place, name, _)) = &self.method.received {
             // What was received is nothing that a client sends.
-            let argument = if twins.is_some() { quote!(::core::default::Default::default()) } else { quote!(#name) };
+            let argument = if twins.is_some() {
+                quote!(::core::default::Default::default())
+            } else {
+                quote!(#name)
+            };
             arguments.insert(*place, argument);
         }
         let name = &self.method.name;
@@ -398,28 +412,36 @@ impl Wrapper<'_> {
         }
     }
 
-    fn reply(&self, session: &Ident, own: &TokenStream, some: &TokenStream, nothing: &TokenStream) -> TokenStream {
+    fn reply(
+        &self,
+        session: &Ident,
+        own: &TokenStream,
+        some: &TokenStream,
+        nothing: &TokenStream,
+    ) -> TokenStream {
         let (api, this, method) = (self.api, &self.block.this, self.method);
         let request = hidden("request");
-        let twins: Vec<_> = (0..method.arguments.len()).map(|index| hidden(&format!("twin_{index}"))).collect();
-        let decoded = method.arguments.iter().zip(&twins).enumerate().map(|(index, (argument, twin))| {
-            let name = argument.name.unraw().to_string();
-            let kind = match &argument.passing {
-                Passing::Owned(kind) | Passing::Lent(kind) => kind.to_token_stream(),
-                Passing::Text => quote!(::std::string::String),
-                Passing::Slice(element) => quote!(::std::vec::Vec<#element>),
-            };
-            let kind = without_self(kind, this);
-            quote! {
-                let #twin: #kind = match #request.argument(#index, #name) {
-                    ::core::result::Result::Ok(twin) => twin,
-                    ::core::result::Result::Err(reason) => {
-                        #request.refuse(&reason);
-                        continue;
-                    }
+        let twins: Vec<_> =
+            (0..method.arguments.len()).map(|index| hidden(&format!("twin_{index}"))).collect();
+        let decoded =
+            method.arguments.iter().zip(&twins).enumerate().map(|(index, (argument, twin))| {
+                let name = argument.name.unraw().to_string();
+                let kind = match &argument.passing {
+                    Passing::Owned(kind) | Passing::Lent(kind) => kind.to_token_stream(),
+                    Passing::Text => quote!(::std::string::String),
+                    Passing::Slice(element) => quote!(::std::vec::Vec<#element>),
                 };
-            }
-        });
+                let kind = without_self(kind, this);
+                quote! {
+                    let #twin: #kind = match #request.argument(#index, #name) {
+                        ::core::result::Result::Ok(twin) => twin,
+                        ::core::result::Result::Err(reason) => {
+                            #request.refuse(&reason);
+                            continue;
+                        }
+                    };
+                }
+            });
         let body = self.body(Some(&twins));
         let answers = (0..method.returns.len()).map(|index| {
             let (kind, value) = (self.kind(index), self.value(index));
@@ -429,7 +451,11 @@ impl Wrapper<'_> {
                 quote!(#session.answer::<#api::#kind, _>(&mut #request, #index, &#value)?;)
             }
         });
-        let hear = if method.is_async { quote!(#session.hear_async().await?) } else { quote!(#session.hear()?) };
+        let hear = if method.is_async {
+            quote!(#session.hear_async().await?)
+        } else {
+            quote!(#session.hear()?)
+        };
         quote! {
             let (mut #request, #(#twins),*) = loop {
                 let ::core::option::Option::Some(mut #request) = #hear else {

@@ -30,7 +30,7 @@ use proc_macro::TokenStream;
 /// `#[communicator(crate = path)]` names the crate `wrapyfi_core` where it was renamed.
 #[proc_macro_attribute]
 pub fn communicator(attribute: TokenStream, item: TokenStream) -> TokenStream {
-    block::expand(attribute.into(), item.into()).into()
+    block::expand(attribute.into(), &item.into()).into()
 }
 
 /// What a method returns and where it travels: one for each returned value.

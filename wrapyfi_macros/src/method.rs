@@ -95,7 +95,9 @@ impl Method {
         let registrations = marks
             .iter()
             .map(|mark| match &mark.meta {
-                syn::Meta::List(list) if !list.tokens.is_empty() => list.parse_args::<Registration>(),
+                syn::Meta::List(list) if !list.tokens.is_empty() => {
+                    list.parse_args::<Registration>()
+                }
                 other => Err(syn::Error::new(
                     other.span(),
                     "say what is sent where: #[register(NativeObject, \"zeromq\", \"/topic\")]",
@@ -111,7 +113,10 @@ impl Method {
             let (name, written) = (argument_name(&argument.pat)?, (*argument.ty).clone());
             if received.contains(&index) {
                 if prev.is_some() {
-                    return Err(syn::Error::new(name.span(), "one argument can be #[received], not two"));
+                    return Err(syn::Error::new(
+                        name.span(),
+                        "one argument can be #[received], not two",
+                    ));
                 }
                 prev = Some((index - 1, name, written));
                 continue;
@@ -146,14 +151,20 @@ impl Method {
             .map(syn::LitStr::value)
             .collect();
         let is_used = |index: usize, name: &str| {
-            texts.iter().filter_map(|text| text.strip_prefix('$')).any(|wanted| {
-                wanted == name || wanted.parse() == Ok(index)
-            })
+            texts
+                .iter()
+                .filter_map(|text| text.strip_prefix('$'))
+                .any(|wanted| wanted == name || wanted.parse() == Ok(index))
         };
         // A constant may turn out to be one of them: then all are kept.
-        let constant = self.registrations.iter().flat_map(Registration::registers).any(|register| {
-            register.middleware.iter().chain([&register.topic]).any(|text| !matches!(text, syn::Expr::Lit(_)))
-        });
+        let constant =
+            self.registrations.iter().flat_map(Registration::registers).any(|register| {
+                register
+                    .middleware
+                    .iter()
+                    .chain([&register.topic])
+                    .any(|text| !matches!(text, syn::Expr::Lit(_)))
+            });
         let arguments = self.arguments.iter().enumerate();
         arguments
             .filter(|(index, argument)| constant || is_used(*index, &argument.name.to_string()))
@@ -163,13 +174,16 @@ impl Method {
 
     /// Every `$name` must be an argument.
     fn check_names(&self) -> syn::Result<()> {
-        let names: Vec<_> = self.arguments.iter().map(|argument| argument.name.to_string()).collect();
+        let names: Vec<_> =
+            self.arguments.iter().map(|argument| argument.name.to_string()).collect();
         for register in self.registrations.iter().flat_map(Registration::registers) {
             for text in register.texts() {
                 let value = text.value();
                 let Some(wanted) = value.strip_prefix('$') else { continue };
                 let number = wanted.parse::<usize>().ok();
-                if number.is_some_and(|number| number < names.len()) || names.iter().any(|name| name == wanted) {
+                if number.is_some_and(|number| number < names.len())
+                    || names.iter().any(|name| name == wanted)
+                {
                     continue;
                 }
                 let has = match names.as_slice() {
@@ -182,7 +196,10 @@ impl Method {
                     ),
                 };
                 let hint = did_you_mean(wanted, names.iter().map(String::as_str));
-                return Err(syn::Error::new(text.span(), format!("`{value}` names no argument; {hint}{has}")));
+                return Err(syn::Error::new(
+                    text.span(),
+                    format!("`{value}` names no argument; {hint}{has}"),
+                ));
             }
         }
         Ok(())
@@ -193,17 +210,27 @@ fn refuse_generics(method: &ImplItemFn) -> syn::Result<()> {
     let signature = &method.sig;
     if let Some(parameter) = signature.generics.params.first() {
         let advice = match parameter {
-            GenericParam::Lifetime(_) => "leave the lifetime out: `&str`, `&[T]` and `&T` need none",
-            _ => "a registered method cannot be generic, because a server must know which type to decode: \
-                  write one method for each type, or take a `Value`",
+            GenericParam::Lifetime(_) => {
+                "leave the lifetime out: `&str`, `&[T]` and `&T` need none"
+            }
+            _ => {
+                "a registered method cannot be generic, because a server must know which type to decode: \
+                  write one method for each type, or take a `Value`"
+            }
         };
         return Err(syn::Error::new(parameter.span(), advice));
     }
     if let Some(unsafety) = &signature.unsafety {
-        return Err(syn::Error::new(unsafety.span(), "a registered method is called for others: it cannot be unsafe"));
+        return Err(syn::Error::new(
+            unsafety.span(),
+            "a registered method is called for others: it cannot be unsafe",
+        ));
     }
     if let Some(abi) = &signature.abi {
-        return Err(syn::Error::new(abi.span(), "a registered method is an ordinary Rust method, without `extern`"));
+        return Err(syn::Error::new(
+            abi.span(),
+            "a registered method is an ordinary Rust method, without `extern`",
+        ));
     }
     Ok(())
 }
@@ -212,7 +239,8 @@ fn receiver(signature: &syn::Signature) -> syn::Result<TokenStream> {
     match signature.inputs.first() {
         Some(FnArg::Receiver(receiver)) if receiver.colon_token.is_none() => {
             if receiver.reference.is_none() {
-                let advice = "a registered method is called again and again: take `&self` or `&mut self`";
+                let advice =
+                    "a registered method is called again and again: take `&self` or `&mut self`";
                 return Err(syn::Error::new(receiver.span(), advice));
             }
             Ok(if receiver.mutability.is_some() { quote!(&mut self) } else { quote!(&self) })
@@ -229,7 +257,9 @@ fn receiver(signature: &syn::Signature) -> syn::Result<TokenStream> {
 
 fn argument_name(pattern: &Pat) -> syn::Result<Ident> {
     match pattern {
-        Pat::Ident(ident) if ident.by_ref.is_none() && ident.subpat.is_none() => Ok(ident.ident.clone()),
+        Pat::Ident(ident) if ident.by_ref.is_none() && ident.subpat.is_none() => {
+            Ok(ident.ident.clone())
+        }
         _ => Err(syn::Error::new(
             pattern.span(),
             "an argument of a registered method has a name, which travels with a request: write `name: Type` \
@@ -268,16 +298,16 @@ fn refuse_parts(kind: &Type) -> syn::Result<()> {
     fn walk(tokens: TokenStream) -> Result<(), (Span, &'static str)> {
         for token in tokens {
             let found = match &token {
-                TokenTree::Ident(word) if word == "impl" => {
-                    Some("`impl Trait` has no name that a server could decode: write the type itself")
-                }
+                TokenTree::Ident(word) if word == "impl" => Some(
+                    "`impl Trait` has no name that a server could decode: write the type itself",
+                ),
                 TokenTree::Ident(word) if word == "dyn" => {
                     Some("`dyn Trait` cannot be sent: write the type itself, or take a `Value`")
                 }
-                TokenTree::Punct(mark) if mark.as_char() == '&' => {
-                    Some("a reference inside a type cannot be decoded: write `&str`, `&[T]` or `&T` as the whole \
-                          type, or own it (`String`, `Vec<T>`, `Option<String>`)")
-                }
+                TokenTree::Punct(mark) if mark.as_char() == '&' => Some(
+                    "a reference inside a type cannot be decoded: write `&str`, `&[T]` or `&T` as the whole \
+                          type, or own it (`String`, `Vec<T>`, `Option<String>`)",
+                ),
                 TokenTree::Punct(mark) if mark.as_char() == '\'' => {
                     Some("a type with a lifetime cannot be decoded: take an owned one")
                 }
@@ -311,7 +341,9 @@ fn returns(output: &ReturnType, registrations: &[Registration]) -> syn::Result<V
     owned(&whole)?;
     let members = |kind: &Type, count: usize, what: &str| -> syn::Result<Vec<Type>> {
         match kind {
-            Type::Tuple(tuple) if tuple.elems.len() == count => Ok(tuple.elems.iter().cloned().collect()),
+            Type::Tuple(tuple) if tuple.elems.len() == count => {
+                Ok(tuple.elems.iter().cloned().collect())
+            }
             Type::Tuple(tuple) => Err(syn::Error::new(
                 kind.span(),
                 format!("{what}: a tuple of {count} should be here, not of {}", tuple.elems.len()),

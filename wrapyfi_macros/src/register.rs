@@ -22,7 +22,7 @@ const DATA_TYPES: [&str; 3] = ["NativeObject", "Image", "AudioChunk"];
 /// One `#[register]`: one returned value, or a list of them.
 pub(crate) enum Registration {
     /// A value with a topic of its own.
-    One(Register),
+    One(Box<Register>),
     /// The members of a returned list, with a topic each.
     List(Vec<Register>),
 }
@@ -57,7 +57,7 @@ pub(crate) enum SettingValue {
 impl Parse for Registration {
     fn parse(input: ParseStream<'_>) -> syn::Result<Self> {
         if !input.peek(syn::token::Bracket) {
-            return Register::parse(input).map(Self::One);
+            return Register::parse(input).map(|one| Self::One(Box::new(one)));
         }
         let mut members = Vec::new();
         while !input.is_empty() {
@@ -86,7 +86,7 @@ impl Parse for Registration {
 impl Registration {
     pub(crate) fn registers(&self) -> &[Register] {
         match self {
-            Self::One(register) => std::slice::from_ref(register),
+            Self::One(register) => std::slice::from_ref(&**register),
             Self::List(members) => members,
         }
     }
@@ -102,8 +102,8 @@ impl Parse for Register {
             if input.is_empty() {
                 break;
             }
-            let named = input.peek(Ident)
-                && (input.peek2(Token![=]) || input.peek2(syn::token::Paren));
+            let named =
+                input.peek(Ident) && (input.peek2(Token![=]) || input.peek2(syn::token::Paren));
             if named {
                 options.push(input.parse()?);
             } else if input.peek(syn::token::Brace) {
@@ -177,7 +177,10 @@ impl Register {
         if let Expr::Lit(ExprLit { lit: Lit::Str(text), .. }) = &topic
             && text.value().is_empty()
         {
-            return Err(syn::Error::new(text.span(), "an empty topic: write a name such as \"/camera\""));
+            return Err(syn::Error::new(
+                text.span(),
+                "an empty topic: write a name such as \"/camera\"",
+            ));
         }
         Ok(Self { data_type, middleware, topic, options })
     }
@@ -254,13 +257,19 @@ fn data_type(input: ParseStream<'_>) -> syn::Result<Ident> {
             "the data type comes first, one of {}: #[register(NativeObject, \"zeromq\", \"/topic\")]",
             listed(DATA_TYPES)
         );
-        return Err(if input.is_empty() { syn::Error::new(Span::call_site(), text) } else { input.error(text) });
+        return Err(if input.is_empty() {
+            syn::Error::new(Span::call_site(), text)
+        } else {
+            input.error(text)
+        });
     };
     if DATA_TYPES.contains(&word.as_str()) {
         return Ok(Ident::new(&word, span));
     }
     let remedy = match word.as_str() {
-        "Properties" => "parameters are not carried by a communicator; publish a NativeObject".to_owned(),
+        "Properties" => {
+            "parameters are not carried by a communicator; publish a NativeObject".to_owned()
+        }
         "ROSMessage" | "ROS2Message" => {
             "messages of ROS types are not carried by a communicator; use a NativeObject here, or \
              wrapyfi_core::middleware::ros2::AnyPublisher"

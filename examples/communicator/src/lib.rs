@@ -7,9 +7,7 @@ use std::time::Duration;
 
 use serde_json::{Value as Json, json};
 use sha2::{Digest as _, Sha256};
-use wrapyfi_core::types::{
-    AudioChunk, Encoding, Image, Pixels, RawPixels, SampleFormat, Stamp,
-};
+use wrapyfi_core::types::{AudioChunk, Encoding, Image, Pixels, RawPixels, SampleFormat, Stamp};
 
 /// Writes the library's log lines to standard error; `RUST_LOG` chooses which.
 pub fn log_to_stderr() {

@@ -132,14 +132,18 @@ mod tests {
                 std::thread::spawn(move || {
                     let stop = Stop::default();
                     let mut patience = Patience::new("A::b", &stop, Some(Duration::from_secs(60)));
-                    bell.wait(&mut patience, || "goods".into(), || {
-                        let mut goods = goods.lock().unwrap();
-                        if *goods == 0 {
-                            return Look::Again(None);
-                        }
-                        *goods -= 1;
-                        Look::Found(())
-                    })
+                    bell.wait(
+                        &mut patience,
+                        || "goods".into(),
+                        || {
+                            let mut goods = goods.lock().unwrap();
+                            if *goods == 0 {
+                                return Look::Again(None);
+                            }
+                            *goods -= 1;
+                            Look::Found(())
+                        },
+                    )
                 })
             })
             .collect();

@@ -124,8 +124,8 @@ mod ros2 {
             let node = NodeName::new(&name, "/").map_err(StartError::refused)?;
             let max_message_bytes = wanted.max_message_bytes;
             let start = move || {
-                let environment =
-                    environment::read(|name| std::env::var(name).ok()).map_err(StartError::refused)?;
+                let environment = environment::read(|name| std::env::var(name).ok())
+                    .map_err(StartError::refused)?;
                 environment.log();
                 let mut config = CycloneConfig::from_environment(node, &environment);
                 config.max_message_bytes = config.max_message_bytes.max(max_message_bytes);
@@ -141,7 +141,9 @@ mod ros2 {
             let depth = depth.and_then(|text| match text.trim().parse() {
                 Ok(depth) if depth > 0 => Some(depth),
                 _ => {
-                    tracing::warn!("WRAPYFI_ROS2_QUEUE_SIZE={text:?} is no number from 1: using {QUEUE_DEPTH}");
+                    tracing::warn!(
+                        "WRAPYFI_ROS2_QUEUE_SIZE={text:?} is no number from 1: using {QUEUE_DEPTH}"
+                    );
                     None
                 }
             });

@@ -75,8 +75,7 @@ impl Configuration {
             if size > MAX_CONFIG_BYTES {
                 return Err(ConfigError::too_large(&name, size, MAX_CONFIG_BYTES));
             }
-            let text =
-                std::fs::read_to_string(&file).map_err(|error| unreadable(&file, &error))?;
+            let text = std::fs::read_to_string(&file).map_err(|error| unreadable(&file, &error))?;
             whole.extend(Self::from_yaml(&text, &name)?);
         }
         Ok(whole)

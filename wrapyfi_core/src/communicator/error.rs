@@ -142,7 +142,7 @@ pub enum CallError {
         /// `Class::method`.
         method: String,
         /// Why, and the remedy.
-        source: OpenError,
+        source: Box<OpenError>,
     },
     /// The body returned what cannot be sent.
     #[error("{method}: what it returned cannot be sent to {endpoint}: {source}")]
@@ -152,7 +152,7 @@ pub enum CallError {
         /// `middleware:/topic`.
         endpoint: String,
         /// What has no form, and where.
-        source: PayloadError,
+        source: Box<PayloadError>,
     },
     /// The middleware cannot put the value on its wire.
     #[error("{method}: what it returned cannot be sent to {endpoint}: {source}")]
@@ -162,7 +162,7 @@ pub enum CallError {
         /// `middleware:/topic`.
         endpoint: String,
         /// What has no form, and where.
-        source: PublishError,
+        source: Box<PublishError>,
     },
     /// What arrived is not what the method returns.
     #[error("{method}: what came from {endpoint} is not what it returns: {source}")]
@@ -172,7 +172,7 @@ pub enum CallError {
         /// `middleware:/topic`.
         endpoint: String,
         /// What it is instead, and where.
-        source: PayloadError,
+        source: Box<PayloadError>,
     },
     /// Nothing came, or nobody was there, for as long as `timeout_ms` allows.
     #[error(
@@ -209,7 +209,7 @@ pub enum CallError {
         /// `Class::method`.
         method: String,
         /// Why, and what would help.
-        source: endpoint::CallError,
+        source: Box<endpoint::CallError>,
     },
     /// The middleware cannot put a reply on its wire.
     #[error("{method}: the reply to {endpoint} cannot be sent: {source}")]
@@ -219,6 +219,6 @@ pub enum CallError {
         /// `middleware:/topic`.
         endpoint: String,
         /// What has no form, and where.
-        source: endpoint::ServeError,
+        source: Box<endpoint::ServeError>,
     },
 }

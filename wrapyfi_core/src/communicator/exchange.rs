@@ -250,8 +250,7 @@ impl Session {
         for (index, client) in self.clients() {
             let mut call = self.begin(client, &request)?;
             let mut patience = self.patience(None);
-            let result =
-                client.bell.wait(&mut patience, || client.waited_for(), || call.look())?;
+            let result = client.bell.wait(&mut patience, || client.waited_for(), || call.look())?;
             gathered.set(index, Some(self.replied(result)?));
         }
         Ok(gathered)
@@ -297,7 +296,7 @@ impl Session {
     }
 
     fn unanswered(&self, source: endpoint::CallError) -> CallError {
-        CallError::Unanswered { method: self.method.clone(), source }
+        CallError::Unanswered { method: self.method.clone(), source: Box::new(source) }
     }
 
     fn request(&self, arguments: Vec<NamedArgument>) -> Result<Request, CallError> {
@@ -382,7 +381,7 @@ impl Session {
         let unfit = |source| CallError::Send {
             method: self.method.clone(),
             endpoint: server.endpoint.to_string(),
-            source,
+            source: Box::new(source),
         };
         let made = value.to_payload().and_then(|payload| {
             payload.as_ref().map_or(Ok(()), |payload| server.rules.check(payload))?;
@@ -403,7 +402,7 @@ impl Session {
         server.reply(id, Ok(payload)).map_err(|source| CallError::Reply {
             method: self.method.clone(),
             endpoint: server.endpoint.to_string(),
-            source,
+            source: Box::new(source),
         })
     }
 

@@ -106,7 +106,12 @@ impl<M: Method> Instance<M> {
     /// When the configuration gives it a mode that it cannot have.
     pub fn call(&self, index: usize) -> Result<Call, CallError> {
         let Some(slot) = self.shared.slot(index) else {
-            return Ok(Call { shared: Arc::clone(&self.shared), index, mode: Mode::None, session: None });
+            return Ok(Call {
+                shared: Arc::clone(&self.shared),
+                index,
+                mode: Mode::None,
+                session: None,
+            });
         };
         if let Some(fault) = &slot.fault {
             return Err(fault.clone().into());
@@ -205,7 +210,8 @@ impl Shared {
             let fault =
                 ActivateError::Configured { place: entry.place.clone(), fault: Box::new(fault) };
             tracing::error!("{fault}");
-            let concerned = self.class.methods.iter().position(|method| method.name == entry.method);
+            let concerned =
+                self.class.methods.iter().position(|method| method.name == entry.method);
             for (index, _) in self.slots.iter().enumerate() {
                 if concerned.is_none_or(|concerned| concerned == index)
                     && let Some(mut slot) = self.slot(index)

@@ -224,7 +224,9 @@ mod tests {
             assert_eq!(mode.name().parse(), Ok(mode));
         }
         let error = "pulbish".parse::<Mode>().unwrap_err().to_string();
-        assert!(error.starts_with("\"pulbish\" is no mode; did you mean `publish`? modes are none, "));
+        assert!(
+            error.starts_with("\"pulbish\" is no mode; did you mean `publish`? modes are none, ")
+        );
     }
 
     #[test]

@@ -133,12 +133,8 @@ impl Opening<'_> {
     ) -> Result<End, CallError> {
         let (topic, options) = value.side(side).map_err(|fault| self.option(fault))?;
         let limits = self.read(|| limits(&options))?;
-        let wanted = Wanted {
-            side,
-            is_service,
-            options: &options,
-            max_message_bytes: limits.message_bytes,
-        };
+        let wanted =
+            Wanted { side, is_service, options: &options, max_message_bytes: limits.message_bytes };
         let middleware = self.live.middleware(source, &wanted).map_err(|error| match error {
             StartError::Option(fault) => self.option(fault),
             StartError::Refused(reason) => CallError::Start {
@@ -222,8 +218,7 @@ impl Opening<'_> {
                 },
             };
             let depth = options.number::<u32>("queue_size")?.map(|depth| depth.max(1));
-            let by_default =
-                if data_type == DataType::NativeObject { OBJECTS } else { MEDIA };
+            let by_default = if data_type == DataType::NativeObject { OBJECTS } else { MEDIA };
             let queue_depth = match depth {
                 Some(depth) => usize::try_from(depth).unwrap_or(usize::MAX),
                 None => end.queue_depth.unwrap_or(by_default),
@@ -281,7 +276,7 @@ impl Opening<'_> {
     }
 
     fn refused(&self, source: OpenError) -> CallError {
-        CallError::Open { method: self.method.clone(), source }
+        CallError::Open { method: self.method.clone(), source: Box::new(source) }
     }
 }
 
@@ -304,9 +299,7 @@ fn is_jpg(options: &Options) -> Result<bool, OptionError> {
 fn limits(options: &Options) -> Result<Limits, OptionError> {
     let mib = options.number::<usize>("max_message_mib")?;
     Ok(match mib {
-        Some(mib) => {
-            Limits { message_bytes: mib.saturating_mul(Limits::MIB), ..Limits::default() }
-        }
+        Some(mib) => Limits { message_bytes: mib.saturating_mul(Limits::MIB), ..Limits::default() },
         None => Limits::default(),
     })
 }

@@ -146,7 +146,8 @@ mod tests {
     #[test]
     fn a_native_object_is_any_type_of_serde() {
         let payload = Payload::<kind::NativeObject>::to_payload(&(1_u8, "a".to_owned())).unwrap();
-        let back: (u8, String) = Payload::<kind::NativeObject>::from_payload(payload.unwrap()).unwrap();
+        let back: (u8, String) =
+            Payload::<kind::NativeObject>::from_payload(payload.unwrap()).unwrap();
         assert_eq!(back, (1, "a".to_owned()));
         let wrong: Result<(u8, u8), _> =
             Payload::<kind::NativeObject>::from_payload(Value::Str("no".into()).into());
@@ -157,7 +158,8 @@ mod tests {
     fn nothing_is_not_sent_and_another_kind_is_named() {
         let none: Option<types::Image> = None;
         assert_eq!(Payload::<kind::Image>::to_payload(&none), Ok(None));
-        let sound = AudioChunk::new(Stamp::default(), 0, 1, 8000, types::SampleFormat::F32Le, vec![]);
+        let sound =
+            AudioChunk::new(Stamp::default(), 0, 1, 8000, types::SampleFormat::F32Le, vec![]);
         let error = <types::Image as Payload<kind::Image>>::from_payload(sound.unwrap().into());
         assert_eq!(error.unwrap_err().to_string(), "AudioChunk where Image should be");
     }

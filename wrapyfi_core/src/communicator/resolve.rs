@@ -179,6 +179,9 @@ mod tests {
         let error = resolve(&CLASS, 0, "memory", &given).unwrap_err().to_string();
         assert!(error.starts_with("Mirror::read: argument mware cannot be used"), "{error}");
         let error = resolve(&CLASS, 0, "memory", &[]).unwrap_err().to_string();
-        assert!(error.contains("\"$mware\" names no argument; arguments are mware, wait"), "{error}");
+        assert!(
+            error.contains("\"$mware\" names no argument; arguments are mware, wait"),
+            "{error}"
+        );
     }
 }

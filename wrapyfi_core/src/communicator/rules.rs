@@ -55,8 +55,8 @@ impl Rules {
     }
 
     fn check_pixels(&self, raw: &RawPixels) -> Result<(), PayloadError> {
-        compare("the image's width", "width", self.width, raw.width)?;
-        compare("the image's height", "height", self.height, raw.height)?;
+        compare("the image's width", "width", self.width, &raw.width)?;
+        compare("the image's height", "height", self.height, &raw.height)?;
         let channels = self.rgb.map(|rgb| if rgb { 3 } else { 1 });
         if channels.is_some_and(|channels| channels != raw.encoding.channels()) {
             return Err(PayloadError::Rule {
@@ -79,9 +79,9 @@ impl Rules {
     }
 
     fn check_sound(&self, sound: &AudioChunk) -> Result<(), PayloadError> {
-        compare("the number of channels", "channels", self.channels, sound.channels)?;
-        compare("the sample rate", "rate", self.rate, sound.sample_rate)?;
-        compare("the chunk's length", "chunk", self.chunk, sound.frames)
+        compare("the number of channels", "channels", self.channels, &sound.channels)?;
+        compare("the sample rate", "rate", self.rate, &sound.sample_rate)?;
+        compare("the chunk's length", "chunk", self.chunk, &sound.frames)
     }
 }
 
@@ -89,10 +89,10 @@ fn compare<T: PartialEq + ToString>(
     what: &'static str,
     option: &'static str,
     wanted: Option<T>,
-    actual: T,
+    actual: &T,
 ) -> Result<(), PayloadError> {
     match wanted {
-        Some(wanted) if wanted != actual => Err(PayloadError::Rule {
+        Some(wanted) if wanted != *actual => Err(PayloadError::Rule {
             what,
             option,
             wanted: wanted.to_string(),
@@ -127,7 +127,9 @@ mod tests {
             "the image's width is 2, and the option says width = 3: change one of them"
         );
         let error = rules(&[("rgb", OptionValue::Switch(true))]).check(&image).unwrap_err();
-        assert!(error.to_string().starts_with("the image is mono8, and the option says rgb = true"));
+        assert!(
+            error.to_string().starts_with("the image is mono8, and the option says rgb = true")
+        );
         assert!(rules(&[("fp", OptionValue::Switch(true))]).check(&image).is_err());
         assert!(rules(&[("fp", OptionValue::Switch(false))]).check(&image).is_ok());
     }
@@ -139,9 +141,9 @@ mod tests {
         assert!(rules(&[("channels", OptionValue::Integer(2))]).check(&sound).is_ok());
         assert!(rules(&[("rate", OptionValue::Integer(44_100))]).check(&sound).is_err());
         assert!(rules(&[("chunk", OptionValue::Integer(2))]).check(&sound).is_err());
-        assert!(Rules::from_options(
-            &Options::default().with("rate", OptionValue::Text("x".into()))
-        )
-        .is_err());
+        assert!(
+            Rules::from_options(&Options::default().with("rate", OptionValue::Text("x".into())))
+                .is_err()
+        );
     }
 }

@@ -142,7 +142,7 @@ impl Session {
         let wrong = |source: PayloadError| CallError::WrongType {
             method: self.method.clone(),
             endpoint: channel.ends().next().map(|(end, ..)| end.to_string()).unwrap_or_default(),
-            source,
+            source: Box::new(source),
         };
         let rules = channel.inlet.as_ref().map(|inlet| &inlet.rules);
         let rules = rules.or(channel.client.as_ref().map(|client| &client.rules));
@@ -223,7 +223,7 @@ impl Session {
         let unfit = |source| CallError::Send {
             method: self.method.clone(),
             endpoint: outlet.endpoint.to_string(),
-            source,
+            source: Box::new(source),
         };
         let Some(payload) = value.to_payload().map_err(unfit)? else { return Ok(None) };
         outlet.rules.check(&payload).map_err(unfit)?;
@@ -238,7 +238,7 @@ impl Session {
         result.map_err(|source| CallError::Publish {
             method: self.method.clone(),
             endpoint: outlet.endpoint.to_string(),
-            source,
+            source: Box::new(source),
         })
     }
 

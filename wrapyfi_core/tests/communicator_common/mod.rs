@@ -34,12 +34,20 @@ impl Robot {
     fn ear(&mut self, mware: &str) -> AudioChunk {
         _ = mware;
         self.turn += 1;
-        let data: Vec<u8> = [0.5_f32, f32::from(self.turn)].iter().flat_map(|x| x.to_le_bytes()).collect();
-        AudioChunk::new(Stamp { sec: 7, nanosec: 0 }, 1, 2, 8000, SampleFormat::F32Le, data).unwrap()
+        let data: Vec<u8> =
+            [0.5_f32, f32::from(self.turn)].iter().flat_map(|x| x.to_le_bytes()).collect();
+        AudioChunk::new(Stamp { sec: 7, nanosec: 0 }, 1, 2, 8000, SampleFormat::F32Le, data)
+            .unwrap()
     }
 
-    #[register(NativeObject, "$mware", "$way_in", timeout_ms = 30000,
-               listener_kwargs(in_topic = "$way_in"), publisher_kwargs(out_topic = "$way_out"))]
+    #[register(
+        NativeObject,
+        "$mware",
+        "$way_in",
+        timeout_ms = 30000,
+        listener_kwargs(in_topic = "$way_in"),
+        publisher_kwargs(out_topic = "$way_out")
+    )]
     fn chat(
         &mut self,
         mware: &str,
@@ -105,9 +113,11 @@ pub fn transceive_meets_reemit(mware: &str, here: &Context, there: &Context) {
 /// One instance publishes, then listens, then publishes again.
 pub fn modes_change(mware: &str, here: &Context, there: &Context) {
     let (mut ours, mut theirs) = (robot(here), robot(there));
-    for (mode, other) in
-        [(Mode::Publish, Mode::Listen), (Mode::Listen, Mode::Publish), (Mode::Publish, Mode::Listen)]
-    {
+    for (mode, other) in [
+        (Mode::Publish, Mode::Listen),
+        (Mode::Listen, Mode::Publish),
+        (Mode::Publish, Mode::Listen),
+    ] {
         ours.activate(RobotMethod::State, mode).unwrap();
         theirs.activate(RobotMethod::State, other).unwrap();
         std::thread::scope(|scope| {

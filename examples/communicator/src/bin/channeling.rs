@@ -37,14 +37,37 @@ struct ChannelCls {
 
 #[communicator]
 impl ChannelCls {
-    #[register(NativeObject, "yarp", "ChannelCls", "/example/native_yarp_msg",
-               carrier = "mcast", should_wait = false)]
-    #[register(Image, "$image_mware", "ChannelCls", "/example/image_ros_msg",
-               carrier = "tcp", width = "$img_width", height = "$img_height", rgb = true,
-               queue_size = 10, should_wait = false)]
-    #[register(AudioChunk, "zeromq", "ChannelCls", "/example/audio_zmq_msg",
-               carrier = "tcp", rate = "$aud_rate", chunk = "$aud_chunk", channels = "$aud_chann",
-               should_wait = false)]
+    #[register(
+        NativeObject,
+        "yarp",
+        "ChannelCls",
+        "/example/native_yarp_msg",
+        carrier = "mcast",
+        should_wait = false
+    )]
+    #[register(
+        Image,
+        "$image_mware",
+        "ChannelCls",
+        "/example/image_ros_msg",
+        carrier = "tcp",
+        width = "$img_width",
+        height = "$img_height",
+        rgb = true,
+        queue_size = 10,
+        should_wait = false
+    )]
+    #[register(
+        AudioChunk,
+        "zeromq",
+        "ChannelCls",
+        "/example/audio_zmq_msg",
+        carrier = "tcp",
+        rate = "$aud_rate",
+        chunk = "$aud_chunk",
+        channels = "$aud_chann",
+        should_wait = false
+    )]
     fn read_mulret_mulmware(
         &mut self,
         image_mware: &str,

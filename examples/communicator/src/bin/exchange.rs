@@ -74,8 +74,12 @@ fn main() -> anyhow::Result<()> {
     }
     loop {
         let told = match data_type {
-            DataType::Image => exchange.image(&mware, &topic, jpg)?.flatten().as_ref().map(described_image),
-            DataType::AudioChunk => exchange.sound(&mware, &topic)?.flatten().as_ref().map(described_sound),
+            DataType::Image => {
+                exchange.image(&mware, &topic, jpg)?.flatten().as_ref().map(described_image)
+            }
+            DataType::AudioChunk => {
+                exchange.sound(&mware, &topic)?.flatten().as_ref().map(described_sound)
+            }
             _ => exchange.object(&mware, &topic)?.as_ref().map(described_object),
         };
         if let Some(Json::Object(mut told)) = told {

@@ -45,8 +45,14 @@ struct MirrorCls;
 
 #[communicator]
 impl MirrorCls {
-    #[register(NativeObject, "$0", "MirrorCls", "/example/read_msg",
-               carrier = "tcp", should_wait = "$blocking")]
+    #[register(
+        NativeObject,
+        "$0",
+        "MirrorCls",
+        "/example/read_msg",
+        carrier = "tcp",
+        should_wait = "$blocking"
+    )]
     fn read_msg(&self, mware: &str, msg: &str, blocking: bool) -> Message {
         _ = (mware, blocking); // for #[register]
         print!("Type message: ");
