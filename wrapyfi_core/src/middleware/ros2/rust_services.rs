@@ -3,7 +3,7 @@
 //! ```text
 //!   RustServices ── client, server ──▶ Participant (while there is one of them)
 //!     settings     what RustDDS can be told of the node's settings
-//!     participant  RustDDS, its announcement (announce), its thread (watch), its end (goodbye)
+//!     participant  RustDDS, its announcement (announce), its thread (watch, greeting), its end (goodbye)
 //!     client, server  the traits, on a Pair of endpoints
 //!     pair         writer, reader, remotes: whom they are matched with
 //!     identity     which request; adapter: CDR bytes
@@ -23,6 +23,7 @@ mod client;
 #[cfg(test)]
 mod foreign_tests;
 mod goodbye;
+mod greeting;
 mod identity;
 mod pair;
 mod participant;
