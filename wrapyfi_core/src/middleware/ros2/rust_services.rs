@@ -3,7 +3,7 @@
 //! ```text
 //!   RustServices ── client, server ──▶ Participant (while there is one of them)
 //!     settings     what RustDDS can be told of the node's settings
-//!     participant  RustDDS, its announcement (announce), its thread (watch), its end (goodbye)
+//!     participant  RustDDS, its announcement (announce), its thread (watch, greeting), its end (goodbye)
 //!     client, server  the traits, on a Pair of endpoints
 //!     pair         writer, reader, remotes: whom they are matched with
 //!     outgoing     what is written; large: replies in fragments, which RustDDS cannot identify
@@ -28,6 +28,7 @@ mod client;
 mod foreign_tests;
 mod fragments;
 mod goodbye;
+mod greeting;
 mod identity;
 mod large;
 mod numbers;

@@ -66,7 +66,7 @@ impl Participant {
             builder = builder.with_only_networks(networks.iter().copied());
         }
         let dds = builder.build().map_err(|error| fault(&error))?;
-        let watch = Watch::new(&dds).map_err(|error| fault(&error))?;
+        let watch = Watch::new(&dds, settings).map_err(|error| fault(&error))?;
         let make = || {
             let publisher = dds.create_publisher(&QosPolicies::qos_none())?;
             let subscriber = dds.create_subscriber(&QosPolicies::qos_none())?;

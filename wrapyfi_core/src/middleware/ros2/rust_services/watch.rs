@@ -13,6 +13,7 @@
 
 use std::collections::BTreeMap;
 use std::io;
+use std::net::SocketAddr;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
@@ -25,8 +26,10 @@ use rustdds::{
     StatusEvented as _,
 };
 
+use super::greeting::Greeting;
 use super::outgoing::Writer;
 use super::pair::{Pair, Reader};
+use super::settings::Settings;
 
 const WAKER: Token = Token(0);
 const PARTICIPANT: Token = Token(1);
@@ -54,14 +57,20 @@ struct Routes {
 
 impl Watch {
     /// Starts to watch a participant.
-    pub(super) fn new(participant: &DomainParticipant) -> io::Result<Self> {
+    pub(super) fn new(participant: &DomainParticipant, settings: &Settings) -> io::Result<Self> {
         let poll = Poll::new()?;
         let registry = poll.registry().try_clone()?;
         let waker = Waker::new(&registry, WAKER)?;
         let mut listener = participant.status_listener();
         listener.register(&registry, PARTICIPANT, Interest::READABLE)?;
         let (routes, stop) = (Arc::<Mutex<Routes>>::default(), Arc::new(AtomicBool::new(false)));
-        let watched = Watched { listener, routes: Arc::clone(&routes), stop: Arc::clone(&stop) };
+        let watched = Watched {
+            listener,
+            participant: participant.clone(),
+            greeting: Greeting::new(settings)?,
+            routes: Arc::clone(&routes),
+            stop: Arc::clone(&stop),
+        };
         let thread = std::thread::Builder::new().name("ros2 services".into()).spawn(move || {
             // A lock of RustDDS that a panic of its own poisoned would panic here too.
             if catch_unwind(AssertUnwindSafe(|| watched.run(poll))).is_err() {
@@ -132,6 +141,8 @@ impl<E> From<io::Error> for AddError<E> {
 /// The thread's own.
 struct Watched {
     listener: DomainParticipantStatusListener,
+    participant: DomainParticipant,
+    greeting: Greeting,
     routes: Arc<Mutex<Routes>>,
     stop: Arc<AtomicBool>,
 }
@@ -215,6 +226,7 @@ impl Watched {
                     let own = pair.reader_guid() == local_reader;
                     if own {
                         pair.writer_matched(remote_writer.to_bytes());
+                        self.greet(local_reader, remote_writer);
                     }
                     own
                 }),
@@ -228,6 +240,20 @@ impl Watched {
             matches = true;
         }
         matches
+    }
+
+    /// Asks a writer of Fast DDS what it has for our reader.
+    fn greet(&self, reader: GUID, writer: GUID) {
+        let gid = writer.to_bytes();
+        if !Greeting::is_for(&gid) {
+            return;
+        }
+        let known = self.participant.discovered_writers();
+        let found = known.iter().find(|known| known.writer_proxy.remote_writer_guid == writer);
+        let locators = found.into_iter().flat_map(|found| &found.writer_proxy.unicast_locator_list);
+        let udp = locators.filter(|locator| locator.is_udp());
+        let addresses: Vec<_> = udp.map(|locator| SocketAddr::from(*locator)).collect();
+        self.greeting.ask(&reader.to_bytes(), &gid, &addresses);
     }
 
     fn lost(&self, guid: GUID, changed: &mut BTreeMap<usize, Arc<Pair>>) {
