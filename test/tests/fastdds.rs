@@ -371,7 +371,8 @@ fn fast_dds_sees_our_node_its_types_and_its_end() -> Result {
         assert_eq!(participant["user_data"], "enclave=/;");
         bridge.terminate()?;
         bridge.exits_with(0)?;
-        // What goes is gone, and the last word of its process names no node.
+        // What goes is gone, because it says so: a lease would end 10 s later. And the last word of
+        // its process names no node.
         graph.wait_until("the end of both", |output| {
             let gone = output.events("gone");
             let all = guids.iter().all(|guid| gone.iter().any(|one| one["guid"] == *guid));

@@ -7,6 +7,8 @@
 //!
 //! The large datagrams are what makes megabyte frames fast on loopback; the receive buffer is
 //! asked for with `max` alone, because a `min` the kernel does not grant would make creation fail.
+//! Key hashes are for Fast DDS, which without them does not know what a farewell is about and keeps
+//! what has gone until its lease of 10 s ends; topics of ROS have no keys, so only discovery carries them.
 
 use std::fmt::Write as _;
 
@@ -163,7 +165,8 @@ impl CycloneConfig {
             "<CycloneDDS><Domain Id=\"any\"><General>{general}</General>\
              <Discovery>{discovery}</Discovery>\
              <Internal><SocketReceiveBufferSize max=\"{RECEIVE_BUFFER}B\"/>\
-             <MaxSampleSize>{max_sample}B</MaxSampleSize></Internal>\
+             <MaxSampleSize>{max_sample}B</MaxSampleSize>\
+             <GenerateKeyhash>true</GenerateKeyhash></Internal>\
              </Domain></CycloneDDS>"
         )
     }
