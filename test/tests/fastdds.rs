@@ -371,7 +371,8 @@ fn fast_dds_sees_our_node_its_types_and_its_end() -> Result {
         assert_eq!(participant["user_data"], "enclave=/;");
         bridge.terminate()?;
         bridge.exits_with(0)?;
-        // What goes is gone, and the last word of its process names no node.
+        // What goes is gone, because it says so: a lease would end 10 s later. And the last word of
+        // its process names no node.
         graph.wait_until("the end of both", |output| {
             let gone = output.events("gone");
             let all = guids.iter().all(|guid| gone.iter().any(|one| one["guid"] == *guid));
@@ -414,5 +415,72 @@ fn list_shows_a_node_on_fast_dds_until_it_goes() -> Result {
         peer.close_stdin();
         peer.exits_with(0)?;
         list(world, |found| find(found).is_none()).map(drop)
+    })
+}
+
+// Large messages --------------------------------------------------------------------------------
+
+/// A message of 0.9 MB has fifteen fragments, and the socket of a Fast DDS node holds three: they are
+/// sent in small bursts, by a second writer, once it is known who is subscribed.
+#[test]
+fn large_messages_reach_fast_dds_without_a_gap() -> Result {
+    const MESSAGES: usize = 12;
+    run("large_messages_reach_fast_dds_without_a_gap", NEEDS, |world| {
+        let topic = world.topic("big");
+        // Slow for the depth: what a stalled process missed can be repeated for seconds.
+        let subscribe = format!("subscribe --topic {topic} --type demo/msg/Pair --depth 50");
+        let subscriber = world.fast_peer(&format!("{subscribe} --node /lab/viewer"))?;
+        let value = json!({"a": 1.0, "b": "x".repeat(921_600)}).to_string();
+        let (file, folder) = (world.write("big.json", value)?, definitions(world)?);
+        let words = ["pub", &ros2(&topic), "--type", "demo/msg/Pair", "--definitions", &folder];
+        let more = ["--file", &file.display().to_string(), "--rate", "4"];
+        let publisher = world.wrapyfi([&words[..], &more].concat())?;
+        let told = "/lab/viewer on ";
+        publisher
+            .wait_until("the line about it", |output| {
+                output
+                    .err
+                    .iter()
+                    .any(|line| line.contains(told) && line.contains("Fast DDS"))
+                    .then_some(())
+            })
+            .map_err(|e| e.context(subscriber.tail()))?;
+        let heard = subscriber.wait_until("messages of the second writer", |output| {
+            let all = output.events("message");
+            let last = all.last()?["from"].clone();
+            let first = all.first()?["from"].clone();
+            let heard: Vec<_> = all.into_iter().filter(|one| one["from"] == last).collect();
+            (last != first && heard.len() >= MESSAGES).then_some(heard)
+        })?;
+        let numbers: Vec<_> = heard.iter().filter_map(|one| one["number"].as_u64()).collect();
+        assert!(numbers.windows(2).all(|pair| pair[1] == pair[0] + 1), "{numbers:?}");
+        assert!(heard.iter().all(|one| one["bytes"].as_u64() >= Some(921_600)), "{:?}", heard[0]);
+        Ok(())
+    })
+}
+
+/// What only CycloneDDS nodes are subscribed to is sent as ever, whoever else is there.
+#[test]
+fn large_messages_to_cyclonedds_have_one_writer() -> Result {
+    let needs = [NEEDS, &[Need::Python]].concat();
+    run("large_messages_to_cyclonedds_have_one_writer", &needs, |world| {
+        let (topic, other) = (world.topic("big"), world.topic("other"));
+        let elsewhere = world.fast_peer(&format!("subscribe --topic {other} --type {STRING}"))?;
+        elsewhere.event("ready")?;
+        let graph = world.graph()?;
+        let file = world.write("big.json", json!("x".repeat(400_000)).to_string())?;
+        let words = ["pub", &ros2(&topic), "--type", STRING, "--rate", "20", "--file"];
+        let publisher = world.wrapyfi([&words[..], &[&file.display().to_string()]].concat())?;
+        let subscriber = world.dds_subscriber(&topic, STRING, "--count 40")?;
+        subscriber.messages(40).map_err(|e| e.context(publisher.tail()))?;
+        let name = format!("rt{topic}");
+        let writers = graph.wait_until("the writer", |output| {
+            let mut all = output.events("endpoint");
+            all.retain(|one| one["topic"] == *name && one["role"] == "writer");
+            (!all.is_empty()).then_some(all)
+        })?;
+        assert_eq!(writers.len(), 1, "{writers:?}");
+        assert!(!publisher.stderr().contains("Fast DDS"), "{}", publisher.stderr());
+        Ok(())
     })
 }

@@ -39,6 +39,10 @@ const SECOND_DOMAIN: u32 = 1 << 16;
 /// How long a second writer is given to be known to all subscribers.
 const HANDOVER: Duration = Duration::from_secs(1);
 
+/// How long the name of the subscriber's node is waited for: Fast DDS repeats what it announced every
+/// three seconds.
+const NAME_PATIENCE: Duration = Duration::from_secs(5);
+
 /// The second participant of a node, once it is needed.
 pub(super) struct SmallBursts {
     domain_id: u32,
@@ -120,10 +124,22 @@ pub(super) struct Ways {
 
 struct Second {
     raw: RawWriter,
-    nodes: Option<Box<dyn NodeWatch>>,
     since: Instant,
     is_used: bool,
+    /// Until the user was told.
+    untold: Option<Untold>,
     _listed: Listed,
+}
+
+/// What it takes to name the subscriber.
+struct Untold(Option<Box<dyn NodeWatch>>);
+
+impl Untold {
+    fn name(&mut self, reader: &Gid) -> Option<&str> {
+        let nodes = self.0.as_mut()?;
+        nodes.update();
+        nodes.owner(reader)
+    }
 }
 
 impl Ways {
@@ -169,12 +185,13 @@ impl Ways {
                         return None;
                     }
                     second.is_used = true;
-                    let mut nodes = second.nodes.take();
-                    let name = nodes.as_mut().and_then(|nodes| {
-                        nodes.update();
-                        nodes.owner(&reader).map(str::to_owned)
-                    });
-                    tell(&self.topic, name.as_deref(), bytes, room);
+                }
+                if let Some(untold) = &mut second.untold {
+                    let name = untold.name(&reader);
+                    if name.is_some() || second.since.elapsed() > NAME_PATIENCE {
+                        tell(&self.topic, name, bytes, room);
+                        second.untold = None;
+                    }
                 }
                 self.second.as_ref().map(|second| &second.raw)
             }
@@ -212,8 +229,8 @@ impl Ways {
             .inspect_err(|error| tracing::warn!(%error, topic = topic.name, "no second writer"))
             .ok()?;
         let listed = Listed::new(&self.node, EndpointKind::Writer, raw.guid().ok()?);
-        let nodes = CycloneGraph::of(&self.node).nodes().ok();
-        Some(Second { raw, nodes, since: Instant::now(), is_used: false, _listed: listed })
+        let untold = Some(Untold(CycloneGraph::of(&self.node).nodes().ok()));
+        Some(Second { raw, since: Instant::now(), is_used: false, untold, _listed: listed })
     }
 }
 
