@@ -99,6 +99,54 @@ fn a_publisher_brings_its_own_broker() -> Result {
     })
 }
 
+/// What is typed in the server is the reply to each request.
+fn asked(test: &str, mware: &str, start: fn(&World, &str, &str) -> Result<[Process; 2]>) -> Result {
+    run(test, HELLO, |world| {
+        let _broker = world.broker()?;
+        let [mut server, mut client] = start(world, "--mode reply", mware)?;
+        for word in ["one", "two words", "exit"] {
+            server.tell(word)?;
+        }
+        for mirror in [&server, &client] {
+            says(mirror, &results(&["one", "two words", "exit"]))?;
+        }
+        client.exits_with(0)
+    })
+}
+
+#[test]
+fn rust_asks_rust() -> Result {
+    asked("rust_asks_rust", "zeromq", |world, reply, _| {
+        let server = world.example("hello_world", reply)?;
+        Ok([server, world.example("hello_world", "--mode request")?])
+    })
+}
+
+#[test]
+fn rust_asks_rust_over_ros2() -> Result {
+    asked("rust_asks_rust_over_ros2", "ros2", |world, reply, mware| {
+        let server = world.example("hello_world", &format!("{reply} --mware {mware}"))?;
+        let client = world.example("hello_world", &format!("--mode request --mware {mware}"))?;
+        Ok([server, client])
+    })
+}
+
+#[test]
+fn rust_asks_python() -> Result {
+    asked("rust_asks_python", "zeromq", |world, reply, _| {
+        let server = world.peer("hello_world.py", reply)?;
+        Ok([server, world.example("hello_world", "--mode request")?])
+    })
+}
+
+#[test]
+fn python_asks_rust() -> Result {
+    asked("python_asks_rust", "zeromq", |world, reply, _| {
+        let server = world.example("hello_world", reply)?;
+        Ok([server, world.peer("hello_world.py", "--mode request")?])
+    })
+}
+
 /// Rust listens to a Python publisher.
 fn from_python(test: &str, data_type: &str, flavour: &str, ours: &str, key: &str) -> Result {
     run(test, EXCHANGE, |world| {
