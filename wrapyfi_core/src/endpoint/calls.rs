@@ -93,6 +93,7 @@ impl<T> Calls<T> {
     }
 
     /// That request can never go out.
+    #[cfg_attr(not(feature = "ros2"), allow(dead_code))]
     pub(crate) fn refused(&mut self) -> Option<Ticket> {
         self.waiting.pop_front().map(|call| call.ticket)
     }
@@ -137,6 +138,7 @@ impl<T> Calls<T> {
         waiting.chain(self.sent.values().map(|call| call.deadline)).min()
     }
 
+    #[cfg_attr(not(feature = "ros2"), allow(dead_code))]
     /// Replies that came when nobody waited for them any more, so far.
     pub(crate) fn late(&self) -> u64 {
         self.late

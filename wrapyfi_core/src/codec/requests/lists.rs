@@ -21,7 +21,7 @@ const MAX_DEPTH: usize = 3;
 
 pub(super) fn write_image(raw: RawPixels, spec: &ServiceSpec) -> Result<Vec<u8>, EncodeError> {
     let (width, channels) = (raw.width as usize, raw.encoding.channels());
-    let encoding = raw.encoding;
+    let (encoding, height) = (raw.encoding, raw.height as usize);
     let array = picture::array(raw, spec.color_order)?;
     let size = match encoding {
         Encoding::Mono16 => 2,
@@ -40,6 +40,12 @@ pub(super) fn write_image(raw: RawPixels, spec: &ServiceSpec) -> Result<Vec<u8>,
         [a, b, c, d] => json::write_float(f64::from(f32::from_le_bytes([a, b, c, d])), out),
         _ => {}
     };
+    if array.data.is_empty() {
+        // As NumPy writes rows without pixels.
+        let rows = vec!["[]"; height].join(", ");
+        out.extend_from_slice(format!("[{rows}]}}").as_bytes());
+        return Ok(out);
+    }
     // A grey picture gets its channel: Wrapyfi's client cannot take two dimensions.
     nest(&array.data, size, width, channels, write, &mut out);
     out.push(b'}');
@@ -115,6 +121,7 @@ pub(super) fn read_image(body: &[u8], spec: &ServiceSpec) -> Result<RawPixels, D
     reader.token(b'}')?;
     reader.end()?;
     let (height, width, channels) = match lists.shape[..] {
+        [0] => (0, 0, 1),
         [height, width] => (height, width, 1),
         [height, width, channels] => (height, width, channels),
         _ => return Err(mismatch("pixels in two or three dimensions", &lists)),
@@ -123,7 +130,7 @@ pub(super) fn read_image(body: &[u8], spec: &ServiceSpec) -> Result<RawPixels, D
     let encoding = match (lists.floats, channels) {
         (true, 1) => Encoding::F32C1,
         (true, 3) => Encoding::F32C3,
-        (false, 1) if lists.within(0, 255) => Encoding::Mono8,
+        (false, 1) if lists.numbers.is_empty() || lists.within(0, 255) => Encoding::Mono8,
         (false, 1) if lists.within(0, 65535) => Encoding::Mono16,
         (false, 3) if lists.within(0, 255) && red_first => Encoding::Rgb8,
         (false, 3) if lists.within(0, 255) => Encoding::Bgr8,

@@ -106,8 +106,7 @@ impl Parcel {
 
     /// The reply to a request with this envelope that says why there is none.
     pub(super) fn error(mut envelope: Vec<Bytes>, text: &str) -> Self {
-        let end = text.floor_char_boundary(MAX_ERROR_BYTES);
-        let text = text.get(..end).unwrap_or_default();
+        let text = shortened(text);
         match self::mark(&envelope) {
             Some(mark) => {
                 stamp(&mut envelope, Mark { kind: Kind::Error, ..mark });
@@ -131,6 +130,12 @@ impl Parcel {
         socket.send(&self.body[..], zmq::DONTWAIT)?;
         Ok(true)
     }
+}
+
+/// As much of `text` as an error may have.
+fn shortened(text: &str) -> &str {
+    let ends = (0..=MAX_ERROR_BYTES.min(text.len())).rev();
+    ends.take(4).find_map(|end| text.get(..end)).unwrap_or_default()
 }
 
 /// The mark in an envelope: its last frame.

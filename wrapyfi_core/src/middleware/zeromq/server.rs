@@ -6,7 +6,7 @@
 //!                                            └ no: Wrapyfi's form
 //! ```
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -36,7 +36,7 @@ struct Open {
 pub(super) struct ZeroMqServer {
     spec: ServiceSpec,
     post: Arc<Post>,
-    open: HashMap<RequestId, Open>,
+    open: BTreeMap<RequestId, Open>,
     next: u64,
 }
 
@@ -52,7 +52,7 @@ impl ZeroMqServer {
         spec.limits.message_bytes = spec.limits.message_bytes.min(shared.max_frame_bytes);
         let post = Line::open(shared, endpoint, End::Server, &spec, context)
             .map_err(|error| transport(&spec.service, error))?;
-        Ok(Self { spec, post, open: HashMap::new(), next: 0 })
+        Ok(Self { spec, post, open: BTreeMap::new(), next: 0 })
     }
 
     fn dropped(&self, reason: DropReason) {
@@ -208,7 +208,7 @@ impl Server for ZeroMqServer {
 impl Drop for ZeroMqServer {
     fn drop(&mut self) {
         // Those who wait learn at once that nobody will answer.
-        for (_, open) in self.open.drain() {
+        for open in std::mem::take(&mut self.open).into_values() {
             let text = format!("{:?} ended before it answered", self.spec.service);
             self.post.send(Parcel::error(open.envelope, &text), None);
         }
