@@ -153,7 +153,8 @@ impl World {
     /// # Errors
     /// Where it cannot be started.
     pub fn example(&self, name: &str, args: &str) -> Result<Process> {
-        let command = self.command(&needs::example(name)?, args.split_whitespace());
+        let mut command = self.command(&needs::example(name)?, args.split_whitespace());
+        self.cross_ports(&mut command, args);
         Process::start(name, command, &self.pillars)
     }
 
@@ -208,10 +209,11 @@ impl World {
     /// Where it cannot be started.
     pub fn peer(&self, script: &str, args: &str) -> Result<Process> {
         let file = repository().join("test/peers").join(script).into_os_string();
-        let args = std::iter::once(file).chain(args.split_whitespace().map(Into::into));
-        let mut command = self.command(&needs::python()?, args);
+        let all = std::iter::once(file).chain(args.split_whitespace().map(Into::into));
+        let mut command = self.command(&needs::python()?, all);
         // Python decides by locale otherwise; and a .pyc beside the source would show up in git.
         command.env("PYTHONUTF8", "1").env("PYTHONDONTWRITEBYTECODE", "1");
+        self.cross_ports(&mut command, args);
         Process::start(script, command, &self.pillars)
     }
 
@@ -320,6 +322,13 @@ impl World {
     /// Where DDS refuses it.
     pub fn ros_node(&self, name: &str) -> Result<RosNode> {
         RosNode::new(self.domain.number, name)
+    }
+
+    /// Gives a program that is a client its port, which clients and servers call by different names.
+    fn cross_ports(&self, command: &mut Command, args: &str) {
+        if args.contains("--mode request") {
+            command.env("WRAPYFI_ZEROMQ_SOCKET_REP_PORT", self.rep_port().to_string());
+        }
     }
 
     /// A command that sees this test's domain and ports, and only the loopback interface.

@@ -31,10 +31,14 @@ fn results(words: &[&str]) -> Vec<String> {
 }
 
 /// What is typed in one program is returned in all others.
-fn hello(test: &str, publisher: fn(&World) -> Result<Process>, mware: &str) -> Result {
+fn hello(test: &str, is_rust: bool, mware: &str) -> Result {
     run(test, HELLO, |world| {
         let _broker = world.broker()?;
-        let mut typed = publisher(world)?;
+        let mut typed = if is_rust {
+            world.example("hello_world", &format!("--mode publish --mware {mware}"))?
+        } else {
+            world.peer("hello_world.py", "--mode publish")?
+        };
         let mut rust = world.example("hello_world", &format!("--mode listen --mware {mware}"))?;
         let python = match mware {
             "zeromq" => Some(world.peer("hello_world.py", "--mode listen")?),
@@ -54,9 +58,16 @@ fn hello(test: &str, publisher: fn(&World) -> Result<Process>, mware: &str) -> R
         }
         says(&typed, &results(&["one"]))?;
         typed.tell("two words")?;
+        for mirror in [&typed, &rust].into_iter().chain(&python) {
+            says(mirror, &results(&["two words"]))?;
+        }
+        if !is_rust {
+            // A publisher in Python that ends takes along what it has not sent yet.
+            return Ok(());
+        }
         typed.close_stdin();
         for mirror in [&typed, &rust].into_iter().chain(&python) {
-            says(mirror, &results(&["two words", "exit"]))?;
+            says(mirror, &results(&["exit"]))?;
         }
         rust.exits_with(0)
     })
@@ -64,29 +75,17 @@ fn hello(test: &str, publisher: fn(&World) -> Result<Process>, mware: &str) -> R
 
 #[test]
 fn what_is_typed_in_rust_is_returned_everywhere() -> Result {
-    hello(
-        "what_is_typed_in_rust_is_returned_everywhere",
-        |world| world.example("hello_world", "--mode publish"),
-        "zeromq",
-    )
+    hello("what_is_typed_in_rust_is_returned_everywhere", true, "zeromq")
 }
 
 #[test]
 fn what_is_typed_in_python_is_returned_everywhere() -> Result {
-    hello(
-        "what_is_typed_in_python_is_returned_everywhere",
-        |world| world.peer("hello_world.py", "--mode publish"),
-        "zeromq",
-    )
+    hello("what_is_typed_in_python_is_returned_everywhere", false, "zeromq")
 }
 
 #[test]
 fn what_is_typed_is_returned_over_ros2() -> Result {
-    hello(
-        "what_is_typed_is_returned_over_ros2",
-        |world| world.example("hello_world", "--mode publish --mware ros2"),
-        "ros2",
-    )
+    hello("what_is_typed_is_returned_over_ros2", true, "ros2")
 }
 
 #[test]
@@ -96,6 +95,54 @@ fn a_publisher_brings_its_own_broker() -> Result {
         let mut typed = world.example("hello_world", "--mode publish")?;
         typed.tell("one")?;
         says(&listener, &results(&["one"]))
+    })
+}
+
+/// What is typed in the server is the reply to each request.
+fn asked(test: &str, mware: &str, start: fn(&World, &str, &str) -> Result<[Process; 2]>) -> Result {
+    run(test, HELLO, |world| {
+        let _broker = world.broker()?;
+        let [mut server, mut client] = start(world, "--mode reply", mware)?;
+        for word in ["one", "two words", "exit"] {
+            server.tell(word)?;
+        }
+        for mirror in [&server, &client] {
+            says(mirror, &results(&["one", "two words", "exit"]))?;
+        }
+        client.exits_with(0)
+    })
+}
+
+#[test]
+fn rust_asks_rust() -> Result {
+    asked("rust_asks_rust", "zeromq", |world, reply, _| {
+        let server = world.example("hello_world", reply)?;
+        Ok([server, world.example("hello_world", "--mode request")?])
+    })
+}
+
+#[test]
+fn rust_asks_rust_over_ros2() -> Result {
+    asked("rust_asks_rust_over_ros2", "ros2", |world, reply, mware| {
+        let server = world.example("hello_world", &format!("{reply} --mware {mware}"))?;
+        let client = world.example("hello_world", &format!("--mode request --mware {mware}"))?;
+        Ok([server, client])
+    })
+}
+
+#[test]
+fn rust_asks_python() -> Result {
+    asked("rust_asks_python", "zeromq", |world, reply, _| {
+        let server = world.peer("hello_world.py", reply)?;
+        Ok([server, world.example("hello_world", "--mode request")?])
+    })
+}
+
+#[test]
+fn python_asks_rust() -> Result {
+    asked("python_asks_rust", "zeromq", |world, reply, _| {
+        let server = world.example("hello_world", reply)?;
+        Ok([server, world.peer("hello_world.py", "--mode request")?])
     })
 }
 

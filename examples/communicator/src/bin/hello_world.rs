@@ -7,6 +7,8 @@
 //!   hello_world --mode listen    read_msg() ◀───────────┘ returns the same
 //! ```
 //!
+//! With `--mode reply` here and `--mode request` elsewhere each call there asks anew.
+//!
 //! `test/peers/hello_world.py` is the same program in Python; any mixture of the two works.
 
 #![allow(clippy::print_stdout, reason = "a program for the terminal")]
@@ -45,13 +47,15 @@ struct MirrorCls;
 
 #[communicator]
 impl MirrorCls {
+    // Whoever types has ten minutes.
     #[register(
         NativeObject,
         "$0",
         "MirrorCls",
         "/example/read_msg",
         carrier = "tcp",
-        should_wait = "$blocking"
+        should_wait = "$blocking",
+        timeout_ms = 600_000
     )]
     fn read_msg(&self, mware: &str, msg: &str, blocking: bool) -> Message {
         _ = (mware, blocking); // for #[register]
