@@ -184,6 +184,7 @@ pub struct CallArgs {
 
 /// Arguments of `wrapyfi serve`.
 #[derive(Debug, Args)]
+#[command(group(clap::ArgGroup::new("reply").args(["value", "echo"]).required(true)))]
 pub struct ServeArgs {
     /// Which service, for instance ros2:/add_two_ints.
     pub endpoint: EndpointAddress,
@@ -196,7 +197,7 @@ pub struct ServeArgs {
     pub definitions: Vec<PathBuf>,
     /// Reply with what was asked: the argument of a function of Wrapyfi (a list of them where there
     /// is not one); else the fields that request and reply both have, and success.
-    #[arg(long, required_unless_present = "value", conflicts_with = "value")]
+    #[arg(long)]
     pub echo: bool,
     /// Fields of every reply, where those that are left out have their default.
     #[arg(long, value_name = "JSON")]
