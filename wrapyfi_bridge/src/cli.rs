@@ -211,6 +211,7 @@ impl ServicePorts {
 
 /// Arguments of `wrapyfi serve`.
 #[derive(Debug, Args)]
+#[command(group(clap::ArgGroup::new("reply").args(["value", "file", "echo"]).required(true)))]
 pub struct ServeArgs {
     /// Which service, for instance ros2:/add_two_ints.
     pub endpoint: EndpointAddress,
@@ -223,11 +224,11 @@ pub struct ServeArgs {
     pub definitions: Vec<PathBuf>,
     /// Reply with what was asked: the argument of a function of Wrapyfi (a list of them where there
     /// is not one); else the fields that request and reply both have, and success.
-    #[arg(long, required_unless_present_any = ["value", "file"], conflicts_with_all = ["value", "file"])]
+    #[arg(long)]
     pub echo: bool,
     /// Fields of every reply, where those that are left out have their default; on ZeroMQ what the
     /// function returns, in Wrapyfi's dialect of JSON.
-    #[arg(long, value_name = "JSON", conflicts_with = "file")]
+    #[arg(long, value_name = "JSON")]
     pub value: Option<String>,
     /// What a function of Wrapyfi returns, from a file: .json, .npy, .png, .jpg or .wav.
     #[arg(long, value_name = "F")]

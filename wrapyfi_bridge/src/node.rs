@@ -141,9 +141,11 @@ impl Parameters {
             .with_type(ParameterType::String);
         let config_file =
             store.declare(config_file, ParameterValue::NotSet).map_err(Failure::usage)?;
-        // `seconds:=20` is an integer, `seconds:=0.5` is not: both are meant.
-        let seconds = fixed("seconds", "How long to run; without it, until interrupted.").dynamic();
-        let seconds = store.declare(seconds, ParameterValue::NotSet).map_err(Failure::usage)?;
+        // `seconds:=20` is an integer, `seconds:=0.5` is not: both are meant. A value from the start
+        // on, because `ros2 param dump` writes null for what has none, and null in a parameter file
+        // is a text.
+        let seconds = fixed("seconds", "How long to run; 0: until interrupted.").dynamic();
+        let seconds = store.declare(seconds, 0.0).map_err(Failure::usage)?;
         let json = fixed("status_json", "Print the routes' status as JSON once a second.");
         let json = store.declare(json, false).map_err(Failure::usage)?;
         let ParameterValue::String(config_file) = config_file else {
@@ -152,7 +154,7 @@ impl Parameters {
             ));
         };
         let seconds = match seconds {
-            ParameterValue::NotSet => None,
+            ParameterValue::Double(0.0) | ParameterValue::Integer(0) => None,
             ParameterValue::Double(seconds) => Duration::try_from_secs_f64(seconds).ok(),
             ParameterValue::Integer(seconds) => {
                 u64::try_from(seconds).ok().map(Duration::from_secs)
@@ -167,5 +169,26 @@ impl Parameters {
         };
         let options = Options { seconds, json: json == ParameterValue::Bool(true) };
         Ok(Self { config_file: PathBuf::from(config_file), options })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `ros2 param dump` writes null for what has no value, which comes back as a text.
+    #[test]
+    fn every_parameter_has_a_value_that_a_dump_can_bring_back() {
+        let name = NodeName::new(DEFAULT_NAME, "/").unwrap();
+        let file = ParameterValue::String("routes.yaml".to_owned());
+        let overrides = BTreeMap::from([("config_file".to_owned(), file)]);
+        let mut store = ParameterStore::new(&name, overrides).unwrap();
+        let parameters = Parameters::declare(&mut store).unwrap();
+        assert_eq!(parameters.options.seconds, None);
+        let dump: BTreeMap<String, ParameterValue> =
+            store.names().map(|name| (name.to_owned(), store.get(name).unwrap().clone())).collect();
+        assert!(!dump.values().any(|value| *value == ParameterValue::NotSet), "{dump:?}");
+        let mut again = ParameterStore::new(&name, dump).unwrap();
+        assert_eq!(Parameters::declare(&mut again).unwrap().options.seconds, None);
     }
 }
