@@ -129,8 +129,21 @@ overflow-checks = true
 [workspace]
 TOML
 cat >"$foreign/src/main.rs" <<'RUST'
+use wrapyfi_core::communicator::communicator;
+
+struct Probe;
+
+// The macros must find the installed crate as well.
+#[communicator]
+impl Probe {
+    #[register(NativeObject, "zeromq", "/probe")]
+    fn limit(&self) -> usize {
+        wrapyfi_core::Limits::default().message_bytes
+    }
+}
+
 fn main() {
-    println!("{}", wrapyfi_core::Limits::default().message_bytes);
+    println!("{}", Probe.communicator().limit().unwrap().unwrap());
 }
 RUST
 cp "$tree/Cargo.lock" "$foreign/"

@@ -6,7 +6,7 @@
 //!        │                              method     receiver, arguments, returns of a marked method
 //!        ▼                              block      the impl block and everything found in it
 //!   impl Camera { fn … }  untouched     emit       the code that is added
-//!   CameraMethod, CameraCommunicator
+//!   CameraMethod, CameraCommunicator    wrapper    one method of it
 //! ```
 //!
 //! Use it through `wrapyfi_core::communicator`, whose documentation says what the added items do.
@@ -17,6 +17,7 @@ mod method;
 mod options;
 mod register;
 mod suggest;
+mod wrapper;
 
 use proc_macro::TokenStream;
 

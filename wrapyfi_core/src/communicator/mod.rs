@@ -47,18 +47,19 @@
 //! | `resolve`, `option`, `rules` | `$`, options, what they demand of images and sound |
 //! | `payload` | what a method may return |
 //! | `instance`, `opening`, `session` | modes of one instance; its endpoints |
-//! | `inlet`, `outlet`, `exchange` | one value's way in, its way out, its requests and replies |
+//! | `inlet`, `outlet` | one value's way in, its way out |
+//! | `client`, `server` | its requests, its replies |
 //! | `bell`, `wait`, `answer`, `runtime` | waiting in threads and tasks; the library's thread |
 //! | `context`, `source`, `builtin`, `config` | what instances share |
 
 mod answer;
 mod bell;
 mod builtin;
+mod client;
 mod config;
 mod context;
 mod describe;
 mod error;
-mod exchange;
 mod inlet;
 mod instance;
 mod mode;
@@ -69,20 +70,22 @@ mod payload;
 mod resolve;
 mod rules;
 mod runtime;
+mod server;
 mod session;
 mod source;
 mod wait;
 
+pub use client::NamedArgument;
 pub use config::Configuration;
 pub use context::{Context, ContextBuilder};
 pub use describe::{Class, Literal, Method, MethodSpec, NamesMethod, Register};
 pub use error::{ActivateError, CallError};
-pub use exchange::{Heard, NamedArgument};
 pub use instance::{Call, Control, Instance};
 pub use mode::{Mode, Modes, NamesMode, NamesOneMode, ParseModeError};
 pub use option::{OptionError, OptionValue, Options};
 pub use payload::{Payload, PayloadError, kind};
 pub use resolve::{Given, Side, argument};
+pub use server::Heard;
 pub use session::{EndStatus, Gathered, Session, ValueStatus};
 pub use source::{Planned, Source, StartError, Wanted};
 pub use wrapyfi_macros::{communicator, register};

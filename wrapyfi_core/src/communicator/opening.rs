@@ -8,15 +8,16 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use super::client::ClientEnd;
 use super::context::{Context, Found, Live};
 use super::error::CallError;
-use super::exchange::{ClientEnd, ServerEnd};
 use super::inlet::{Inlet, Manners};
 use super::mode::Mode;
 use super::option::{OptionError, OptionValue, Options};
 use super::outlet::Outlet;
 use super::resolve::{Resolved, Side};
 use super::rules::Rules;
+use super::server::ServerEnd;
 use super::session::{Channel, Session};
 use super::source::{Source, StartError, Wanted};
 use super::wait::Stop;

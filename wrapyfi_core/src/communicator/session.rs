@@ -10,12 +10,13 @@
 use std::sync::{Arc, Weak};
 use std::time::Duration;
 
+use super::client::ClientEnd;
 use super::context::Live;
 use super::error::CallError;
-use super::exchange::{ClientEnd, ServerEnd};
 use super::inlet::Inlet;
 use super::outlet::Outlet;
 use super::payload::{Payload, PayloadError};
+use super::server::ServerEnd;
 use super::wait::{Patience, Stop};
 use crate::endpoint::{CountersSnapshot, EndpointAddress, Link};
 use crate::types;

@@ -1,43 +1,29 @@
-//! Requests and replies of one value.
+//! Replies of one value: runs a method for others.
 //!
 //! ```text
-//!   request:  arguments ─▶ ClientEnd ─▶ server elsewhere
-//!             returns   ◀─────┘
-//!   reply:    client elsewhere ─▶ ServerEnd ─▶ Heard: arguments, decoded one by one
-//!                              ◀─ answer ◀──── what the body returned
+//!   client elsewhere ─▶ ServerEnd ─▶ Heard: arguments, decoded one by one
+//!                    ◀─ answer ◀──── what the body returned
 //! ```
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use serde::de::DeserializeOwned;
 
 use super::bell::{Bell, Look};
+use super::client::lock;
 use super::error::CallError;
 use super::inlet::Manners;
 use super::payload::Payload;
 use super::rules::Rules;
-use super::session::{Gathered, Session};
+use super::session::Session;
 use crate::endpoint::{
-    self, Client, Counters, CountersSnapshot, EndpointAddress, Link, Request, RequestId, Server,
+    self, Counters, CountersSnapshot, EndpointAddress, Link, Request, RequestId, Server,
 };
-use crate::types::{self, TypedError, Value, from_value};
+use crate::types::{self, from_value};
 
 /// Shortest time between two lines about requests that could not be served.
 const SAY_EVERY: Duration = Duration::from_secs(5);
-
-/// An argument of a request: its name, and what it holds.
-pub type NamedArgument = (&'static str, Result<Value, TypedError>);
-
-/// Calls a method elsewhere.
-pub(super) struct ClientEnd {
-    pub(super) endpoint: EndpointAddress,
-    pub(super) rules: Rules,
-    counters: Arc<Counters>,
-    timeout: Duration,
-    bell: Bell,
-    client: Mutex<Box<dyn Client>>,
-}
 
 /// Runs a method for others.
 pub(super) struct ServerEnd {
@@ -52,72 +38,6 @@ pub(super) struct ServerEnd {
 struct Serving {
     server: Box<dyn Server>,
     say_at: Instant,
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-impl ClientEnd {
-    pub(super) fn new(
-        endpoint: EndpointAddress,
-        client: Box<dyn Client>,
-        counters: Arc<Counters>,
-        manners: Manners,
-    ) -> Self {
-        Self {
-            endpoint,
-            rules: manners.rules,
-            counters,
-            timeout: manners.timeout.unwrap_or(endpoint::ServiceSpec::TIMEOUT),
-            bell: Bell::new(client.wake().clone()),
-            client: Mutex::new(client),
-        }
-    }
-
-    pub(super) fn ring(&self) {
-        self.bell.ring();
-    }
-
-    pub(super) fn status(&self) -> (&EndpointAddress, Link, CountersSnapshot) {
-        (&self.endpoint, lock(&self.client).link(), self.counters.snapshot())
-    }
-
-    fn waited_for(&self) -> String {
-        let what = format!("a reply from {}", self.endpoint);
-        match lock(&self.client).link().waiting_for {
-            Some(reason) => format!("{what} ({reason})"),
-            None => what,
-        }
-    }
-}
-
-/// A call under way: forgotten by its client when nobody waits for it any more.
-struct Call<'a> {
-    end: &'a ClientEnd,
-    ticket: endpoint::Ticket,
-    has_ended: bool,
-}
-
-impl Call<'_> {
-    fn look(&mut self) -> Look<Result<endpoint::Reply, endpoint::CallError>> {
-        let mut client = lock(&self.end.client);
-        match client.take_only(self.ticket) {
-            Some(result) => {
-                self.has_ended = true;
-                Look::Found(result)
-            }
-            None => Look::Again(client.deadline()),
-        }
-    }
-}
-
-impl Drop for Call<'_> {
-    fn drop(&mut self) {
-        if !self.has_ended {
-            lock(&self.end.client).cancel(self.ticket);
-        }
-    }
 }
 
 impl ServerEnd {
@@ -240,76 +160,6 @@ impl Drop for Heard<'_> {
 }
 
 impl Session {
-    /// Calls the method elsewhere, once for each value, as Wrapyfi's clients do.
-    ///
-    /// # Errors
-    /// When an argument has no form, or a reply does not come.
-    pub fn ask(&self, arguments: Vec<NamedArgument>) -> Result<Gathered, CallError> {
-        let request = self.request(arguments)?;
-        let mut gathered = self.nothing();
-        for (index, client) in self.clients() {
-            let mut call = self.begin(client, &request)?;
-            let mut patience = self.patience(None);
-            let result = client.bell.wait(&mut patience, || client.waited_for(), || call.look())?;
-            gathered.set(index, Some(self.replied(result)?));
-        }
-        Ok(gathered)
-    }
-
-    /// The same for a task.
-    ///
-    /// # Errors
-    /// As [`Session::ask`].
-    pub async fn ask_async(&self, arguments: Vec<NamedArgument>) -> Result<Gathered, CallError> {
-        let request = self.request(arguments)?;
-        let mut gathered = self.nothing();
-        for (index, client) in self.clients() {
-            let mut call = self.begin(client, &request)?;
-            let mut patience = self.patience(None);
-            let waited_for = || client.waited_for();
-            let result = match self.live.upgrade() {
-                Some(live) => {
-                    let runtime = live.runtime();
-                    client
-                        .bell
-                        .wait_async(&mut patience, runtime, waited_for, || call.look())
-                        .await?
-                }
-                None => client.bell.wait(&mut patience, waited_for, || call.look())?,
-            };
-            gathered.set(index, Some(self.replied(result)?));
-        }
-        Ok(gathered)
-    }
-
-    fn begin<'a>(&self, end: &'a ClientEnd, request: &Request) -> Result<Call<'a>, CallError> {
-        let ticket = lock(&end.client).send(request, end.timeout);
-        let ticket = ticket.map_err(|source| self.unanswered(source))?;
-        Ok(Call { end, ticket, has_ended: false })
-    }
-
-    fn replied(
-        &self,
-        result: Result<endpoint::Reply, endpoint::CallError>,
-    ) -> Result<types::Payload, CallError> {
-        result.map(|reply| reply.payload).map_err(|source| self.unanswered(source))
-    }
-
-    fn unanswered(&self, source: endpoint::CallError) -> CallError {
-        CallError::Unanswered { method: self.method.clone(), source: Box::new(source) }
-    }
-
-    fn request(&self, arguments: Vec<NamedArgument>) -> Result<Request, CallError> {
-        let args = arguments.into_iter().map(|(name, value)| {
-            value.map_err(|error| CallError::Argument {
-                method: self.method.clone(),
-                argument: name.to_owned(),
-                reason: error.to_string(),
-            })
-        });
-        Ok(Request::new(args.collect::<Result<Vec<_>, _>>()?))
-    }
-
     /// True where there is a server; without one the body runs with its own arguments.
     #[must_use]
     pub fn serves(&self) -> bool {
@@ -426,11 +276,6 @@ impl Session {
         let mut patience = self.patience(None);
         let waited_for = || server.waited_for();
         server.bell.wait_async(&mut patience, live.runtime(), waited_for, || server.look()).await
-    }
-
-    fn clients(&self) -> impl Iterator<Item = (usize, &ClientEnd)> {
-        let channels = self.channels.iter().enumerate();
-        channels.filter_map(|(index, channel)| Some((index, channel.client.as_ref()?)))
     }
 
     fn servers(&self) -> impl Iterator<Item = (usize, &ServerEnd)> {
