@@ -23,9 +23,9 @@ pub fn zeromq_requests(data: &[u8]) {
     spec.limits = LIMITS;
     spec.color_order = if choice & 0x80 == 0 { Encoding::Bgr8 } else { Encoding::Rgb8 };
     match form % 3 {
-        0 => request(body, spec),
-        1 => reply(body, spec),
-        _ => binary(body, spec),
+        0 => request(body, &spec),
+        1 => reply(body, &spec),
+        _ => binary(body, &spec),
     }
 }
 
@@ -35,13 +35,13 @@ fn wide(spec: &ServiceSpec) -> ServiceSpec {
     ServiceSpec { limits, ..spec.clone() }
 }
 
-fn request(body: &[u8], spec: ServiceSpec) {
+fn request(body: &[u8], spec: &ServiceSpec) {
     let text = Bytes::copy_from_slice(body);
     let size = body.len() + UNPACKED / TEXT;
-    let Ok(request) = bounded(size, TEXT, || requests::decode_request(&text, &spec)) else {
+    let Ok(request) = bounded(size, TEXT, || requests::decode_request(&text, spec)) else {
         return;
     };
-    let wide = wide(&spec);
+    let wide = wide(spec);
     // A keyword that is no Unicode has no name.
     let Ok(written) = requests::encode_request(&request, &wide) else { return };
     let again = requests::decode_request(&written.clone().into(), &wide).expect("its own text");
@@ -52,14 +52,14 @@ fn request(body: &[u8], spec: ServiceSpec) {
     assert!(written == rewritten, "changed by the form of ROS 2");
 }
 
-fn reply(body: &[u8], spec: ServiceSpec) {
+fn reply(body: &[u8], spec: &ServiceSpec) {
     let now = Stamp { sec: 1, nanosec: 2 };
     let text = Bytes::copy_from_slice(body);
     let size = body.len() + UNPACKED / TEXT;
-    let Ok(answer) = bounded(size, TEXT, || requests::decode_reply(&text, &spec, now)) else {
+    let Ok(answer) = bounded(size, TEXT, || requests::decode_reply(&text, spec, now)) else {
         return;
     };
-    let wide = wide(&spec);
+    let wide = wide(spec);
     let payload = match answer {
         Ok(payload) => payload,
         Err(told) => {
@@ -82,16 +82,16 @@ fn reply(body: &[u8], spec: ServiceSpec) {
     assert!(written == rewritten, "changed by writing and reading");
 }
 
-fn binary(body: &[u8], spec: ServiceSpec) {
+fn binary(body: &[u8], spec: &ServiceSpec) {
     let Some((frame, body)) = body.split_at_checked(mark::SIZE) else { return };
     let Some(mark) = mark::Mark::decode(frame) else { return };
     assert_eq!(mark.encode(), frame, "a mark changed");
     let body = Bytes::copy_from_slice(body);
     let size = body.len() + UNPACKED / TEXT;
-    let read = bounded(size, TEXT, || requests::decode_binary(mark.content, &body, &spec));
+    let read = bounded(size, TEXT, || requests::decode_binary(mark.content, &body, spec));
     let Ok(payload) = read else { return };
     assert_eq!(payload.data_type(), spec.kind.data_type());
-    let wide = wide(&spec);
+    let wide = wide(spec);
     let (content, written) = requests::encode_binary(&payload, &wide).expect("what was read");
     let again = requests::decode_binary(content, &written, &wide).expect("what was written");
     let (_, rewritten) = requests::encode_binary(&again, &wide).expect("what was read");

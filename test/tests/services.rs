@@ -264,7 +264,11 @@ fn calls_that_cannot_be_end_with_a_reason() -> Result {
             (vec!["--type", ADD, "--value", "{"], 2, "--value: EOF"),
             (vec!["--type", "nowhere/srv/Nothing"], 2, "nowhere/srv/Nothing"),
             (vec!["--type", ADD, "--args", "[1]"], 2, "is no function of Wrapyfi: give its fields"),
-            (vec!["--type", "nowhere/msg/Nothing"], 2, "must be NativeObject, Image, AudioChunk"),
+            (
+                vec!["--type", "nowhere/msg/Nothing"],
+                2,
+                "must be NativeObject, Image, CompressedImage, AudioChunk",
+            ),
         ] {
             let mut process = call(world, &none, &more)?;
             process.exits_with(code)?;

@@ -20,6 +20,8 @@ use super::service_broker::Tally;
 
 /// Messages passed on before the other side and the clock are looked at.
 const BATCH: usize = 128;
+/// Longest time that the last replies are waited for.
+const FAREWELL: Duration = Duration::from_millis(200);
 
 pub(super) struct ServiceProxy {
     front: zmq::Socket,
@@ -74,6 +76,7 @@ impl ServiceProxy {
         zmq::poll(&mut items, self.patience())?;
         let [front, back, stop] = items.map(|item| item.is_readable());
         if stop {
+            self.last_replies()?;
             return Ok(false);
         }
         if back {
@@ -84,6 +87,23 @@ impl ServiceProxy {
         }
         self.pass_requests()?;
         Ok(true)
+    }
+
+    /// Passes on the replies that are on their way: a server that ends with its broker has just
+    /// given its last one.
+    fn last_replies(&self) -> zmq::Result<()> {
+        let end = Instant::now() + FAREWELL;
+        loop {
+            self.pass_replies()?;
+            let count = |counter: &AtomicU64| counter.load(Relaxed);
+            let answered = count(&self.tally.replies) + count(&self.tally.unheard);
+            let left = end.saturating_duration_since(Instant::now());
+            if answered >= count(&self.tally.requests) || left.is_zero() {
+                return Ok(());
+            }
+            let wait = i64::try_from(left.as_millis()).unwrap_or(0) + 1;
+            zmq::poll(&mut [self.back.as_poll_item(zmq::POLLIN)], wait)?;
+        }
     }
 
     /// Milliseconds until the next request is too old; for ever where none will be.
@@ -155,7 +175,7 @@ impl ServiceProxy {
         Ok(sent)
     }
 
-    fn pass_replies(&mut self) -> zmq::Result<()> {
+    fn pass_replies(&self) -> zmq::Result<()> {
         for _ in 0..BATCH {
             let Some((reply, _)) = envelope::receive(&self.back, usize::MAX)? else { break };
             match reply {
