@@ -17,7 +17,7 @@ use syn::{Expr, ExprLit, Ident, Lit, LitStr, Token, UnOp, bracketed, parenthesiz
 use crate::options::{self, Form};
 use crate::suggest::{did_you_mean, listed};
 
-const DATA_TYPES: [&str; 3] = ["NativeObject", "Image", "AudioChunk"];
+const DATA_TYPES: [&str; 4] = ["NativeObject", "Image", "AudioChunk", "Properties"];
 
 /// One `#[register]`: one returned value, or a list of them.
 pub(crate) enum Registration {
@@ -29,7 +29,7 @@ pub(crate) enum Registration {
 
 /// Type, place and options of one value.
 pub(crate) struct Register {
-    /// `NativeObject`, `Image` or `AudioChunk`.
+    /// `NativeObject`, `Image`, `AudioChunk` or `Properties`.
     pub(crate) data_type: Ident,
     /// Text or constant; `None` is the default middleware.
     pub(crate) middleware: Option<Expr>,

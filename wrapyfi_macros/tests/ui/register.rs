@@ -8,8 +8,8 @@ impl Camera {
     #[register(Imge, "zeromq", "/a")]
     fn data_type(&self) {}
 
-    #[register(Properties, "zeromq", "/a")]
-    fn no_properties(&self) {}
+    #[register(ROS2Message, "ros2", "/a")]
+    fn no_ros_messages(&self) {}
 
     #[register]
     fn nothing(&self) {}
