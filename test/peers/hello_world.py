@@ -3,6 +3,7 @@
 
     python test/peers/hello_world.py --mode publish     asks for messages
     python test/peers/hello_world.py --mode listen      prints what was typed elsewhere
+    python test/peers/hello_world.py --mode request     asks a program in mode reply, which asks its user
 """
 import argparse
 import json
@@ -13,6 +14,7 @@ import time
 os.environ.setdefault("WRAPYFI_ZEROMQ_START_PROXY_BROKER", "False")
 os.environ.setdefault("WRAPYFI_ZEROMQ_PUBSUB_MONITOR_LISTENER_SPAWN", "thread")
 
+import zmq  # noqa: E402
 from wrapyfi.connect.wrapper import MiddlewareCommunicator  # noqa: E402
 
 from lines import leave  # noqa: E402
@@ -46,6 +48,9 @@ def main():
             continue
         print("Method result:", json.dumps(message, separators=(",", ":")), flush=True)
         if message["msg_ip"] == "exit":
+            if args.mode == "reply":
+                # The last reply may still be in the socket.
+                zmq.Context.instance().destroy(linger=10_000)
             leave()
 
 
