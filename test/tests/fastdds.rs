@@ -459,6 +459,30 @@ fn large_messages_reach_fast_dds_without_a_gap() -> Result {
     })
 }
 
+/// A route with images is ready for a Fast DDS node before the first image comes, so that none is lost.
+#[test]
+fn a_route_is_ready_for_fast_dds_before_the_first_image() -> Result {
+    let needs = [NEEDS, &[Need::Python]].concat();
+    run("a_route_is_ready_for_fast_dds_before_the_first_image", &needs, |world| {
+        let (from, topic) = (world.topic("from"), world.topic("cam"));
+        let graph = world.graph()?;
+        let route = Route::new(&format!("zeromq:{from}"), &ros2(&topic), "Image");
+        let _bridge = world.bridge(&world.embedded().route(route))?;
+        let name = format!("rt{topic}");
+        let writers = |count: usize| {
+            graph.wait_until(&format!("{count} writers"), |output| {
+                let mut all = output.events("endpoint");
+                all.retain(|one| one["topic"] == *name && one["role"] == "writer");
+                (all.len() >= count).then_some(())
+            })
+        };
+        writers(1)?;
+        let subscribe = format!("subscribe --topic {topic} --type {IMAGE} --depth 50");
+        let _viewer = world.fast_peer(&subscribe)?;
+        writers(2)
+    })
+}
+
 /// What only CycloneDDS nodes are subscribed to is sent as ever, whoever else is there.
 #[test]
 fn large_messages_to_cyclonedds_have_one_writer() -> Result {

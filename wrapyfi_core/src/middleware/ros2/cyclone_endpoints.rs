@@ -56,6 +56,10 @@ impl CdrWriter for CycloneWriter {
         write(raw, &self.topic, parts)
     }
 
+    fn prepare(&mut self) {
+        self.ways.prepare(&self.raw);
+    }
+
     fn matched(&self) -> usize {
         self.raw.events().matched()
     }

@@ -153,6 +153,10 @@ impl Publisher for Ros2Publisher {
 
     fn review(&mut self, now: Instant) -> Review {
         self.events.note(self.writer.qos_events(), now);
+        self.writer.prepare();
+        if let Some((new, _)) = &mut self.new {
+            new.prepare();
+        }
         let look = self.follower.look(&self.topic.qos, now);
         let mut review = Review { warnings: look.complaints, next: look.next, ..Review::default() };
         if let Some((to, why)) = look.switch {

@@ -13,8 +13,9 @@
 //! CycloneDDS limits bursts by the buffer of the readers, but of readers of another make it assumes
 //! that they have what it has itself, and the setting is that of a whole domain. So messages that do
 //! not fit are written by a second participant, on a domain of the process that has the same number on the
-//! network and small bursts. It exists from the first such message on. What only CycloneDDS nodes
-//! are subscribed to is never sent that way.
+//! network and small bursts. It exists from the first such message on, and for images and point clouds
+//! from when a Fast DDS node subscribes. What only CycloneDDS nodes are subscribed to is never sent that
+//! way.
 
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
@@ -35,6 +36,9 @@ const RMEM_DEFAULT: usize = 212_992;
 
 /// Added to the number of a domain for the one with small bursts: numbers on the network are below.
 const SECOND_DOMAIN: u32 = 1 << 16;
+
+/// Types, by their DDS names, whose messages are large as a rule.
+const LARGE: [&str; 2] = ["sensor_msgs::msg::dds_::Image_", "sensor_msgs::msg::dds_::PointCloud2_"];
 
 /// How long a second writer is given to be known to all subscribers.
 const HANDOVER: Duration = Duration::from_secs(1);
@@ -155,10 +159,28 @@ impl Ways {
         Self { node: Arc::clone(node), topic: topic.clone(), room, second: None, seen: None }
     }
 
+    /// Opens the second writer before there is a message for it, so that the first one is not late for
+    /// those who have just subscribed.
+    pub(super) fn prepare(&mut self, first: &RawWriter) {
+        let large = self.room.is_some() && LARGE.contains(&self.topic.type_name.as_str());
+        if large && self.second.is_none() && self.small_reader(first).is_some() {
+            self.open_second();
+        }
+    }
+
+    fn open_second(&mut self) {
+        self.second = self.open();
+        if self.second.is_none() {
+            self.room = None;
+        }
+    }
+
     /// The second writer, where a message of `bytes` shall go through it and not through `first`.
     pub(super) fn second(&mut self, first: &RawWriter, bytes: usize) -> Option<&RawWriter> {
         let room = self.room?;
-        if bytes <= room && self.second.is_none() {
+        // Once it is in use, small ones go with the large ones: their order stays.
+        let is_used = self.second.as_ref().is_some_and(|second| second.is_used);
+        if bytes <= room && !is_used {
             return None;
         }
         match (self.small_reader(first), &mut self.second) {
@@ -172,10 +194,7 @@ impl Ways {
                 None
             }
             (Some(_), None) => {
-                self.second = self.open();
-                if self.second.is_none() {
-                    self.room = None;
-                }
+                self.open_second();
                 None
             }
             (Some(reader), Some(second)) => {
