@@ -153,8 +153,8 @@ trait Far {
 }
 
 impl Trip {
-    /// Every trip, those that are compared next to each other. A reply of Fast DDS's mapping has to
-    /// fit one datagram: there is no large one.
+    /// Every trip, those that are compared next to each other. A reply of Fast DDS's mapping that
+    /// is larger than a datagram has no raw counterpart: there is none.
     pub(crate) const ALL: [Self; 6] = [
         Self { load: Load::AddTwoInts, way: Way::RawCyclone },
         Self { load: Load::AddTwoInts, way: Way::Cyclone },
