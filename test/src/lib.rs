@@ -40,6 +40,18 @@ pub const PATIENCE: Duration = Duration::from_secs(120);
 /// What tests return.
 pub type Result<T = ()> = anyhow::Result<T>;
 
+/// The endpoint of a topic or a node on ROS 2.
+#[must_use]
+pub fn ros2(name: &str) -> String {
+    format!("ros2:{name}")
+}
+
+/// The endpoint of a topic on ZeroMQ.
+#[must_use]
+pub fn zeromq(topic: &str) -> String {
+    format!("zeromq:{topic}")
+}
+
 /// Hex SHA-256.
 #[must_use]
 pub fn sha256(bytes: &[u8]) -> String {

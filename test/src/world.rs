@@ -10,7 +10,7 @@ use tempfile::TempDir;
 use crate::fast::{self, Absent};
 use crate::process::Pillars;
 use crate::reserve::{self, Reserved};
-use crate::{Config, Process, Result, RosNode, needs, repository};
+use crate::{Config, Process, Result, RosNode, Route, needs, repository};
 
 /// Keeps CycloneDDS on the loopback interface, without multicast, which `lo` often cannot do.
 const LOOPBACK: &str = "<CycloneDDS><Domain Id=\"any\"><General><Interfaces><NetworkInterface name=\"lo\"/></Interfaces>\
@@ -95,6 +95,26 @@ impl World {
         Ok(path)
     }
 
+    /// A folder with definitions of packages that are installed nowhere here: paths below it, such as
+    /// `demo/msg/Pair.msg`, and their texts.
+    ///
+    /// # Errors
+    /// Where it cannot be written.
+    pub fn definitions(&self, files: &[(&str, &str)]) -> Result<String> {
+        for (name, text) in files {
+            let path = format!("interfaces/{name}");
+            // Written once: another process may be reading it.
+            if self.path(&path).exists() {
+                continue;
+            }
+            if let Some((folder, _)) = path.rsplit_once('/') {
+                std::fs::create_dir_all(self.path(folder))?;
+            }
+            self.write(&path, text)?;
+        }
+        Ok(self.path("interfaces").display().to_string())
+    }
+
     /// Starts `wrapyfi` with these arguments.
     ///
     /// # Errors
@@ -123,6 +143,19 @@ impl World {
     /// Where it cannot be started.
     pub fn node<A: AsRef<OsStr>>(&self, args: impl IntoIterator<Item = A>) -> Result<Process> {
         Ok(Process::start("bridge", self.command(&needs::node()?, args), &self.pillars)?.pillar())
+    }
+
+    /// Starts the node executable with these routes and more ROS arguments.
+    ///
+    /// # Errors
+    /// Where it cannot be started.
+    pub fn node_with(&self, routes: Vec<Route>, ros_args: &[&str]) -> Result<Process> {
+        let config = routes.into_iter().fold(self.embedded(), Config::route);
+        let file = self.write("bridge.yaml", config.yaml())?;
+        let parameter = format!("config_file:={}", file.display());
+        let mut args = vec!["--ros-args", "-p", &parameter];
+        args.extend(ros_args);
+        self.node(args)
     }
 
     /// Starts the node executable with these arguments and another `RMW_IMPLEMENTATION`.

@@ -3,17 +3,9 @@
 #![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
 
 use serde_json::Value;
-use wrapyfi_e2e::{Need, Result, RosImage, Route, World, run, sha256, texts};
+use wrapyfi_e2e::{Need, Result, RosImage, Route, World, ros2, run, sha256, texts, zeromq};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Python];
-
-fn zeromq(topic: &str) -> String {
-    format!("zeromq:{topic}")
-}
-
-fn ros2(topic: &str) -> String {
-    format!("ros2:{topic}")
-}
 
 /// Fields that a received ROS message must have.
 fn assert_fields(message: &Value, expected: &[(&str, Value)]) {

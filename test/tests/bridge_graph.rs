@@ -3,7 +3,7 @@
 #![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
 
 use serde_json::Value;
-use wrapyfi_e2e::{Need, Process, Result, Route, run, texts};
+use wrapyfi_e2e::{Need, Process, Result, Route, ros2, run, texts, zeromq};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Python];
 
@@ -22,14 +22,6 @@ const GOLDEN_HASHES: &[(&str, &str)] = &[
         "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18",
     ),
 ];
-
-fn zeromq(topic: &str) -> String {
-    format!("zeromq:{topic}")
-}
-
-fn ros2(topic: &str) -> String {
-    format!("ros2:{topic}")
-}
 
 /// The endpoint of the bridge on a topic, and the node that lists it.
 fn endpoint_and_node(graph: &Process, role: &str, topic: &str) -> Result<(Value, Value)> {

@@ -5,7 +5,7 @@
 use std::fmt::Write as _;
 
 use serde_json::{Value, json};
-use wrapyfi_e2e::{Need, Process, Result, Route, World, run, sha256, texts};
+use wrapyfi_e2e::{Need, Process, Result, Route, World, ros2, run, sha256, texts, zeromq};
 
 const NEEDS: &[Need] = &[Need::Program, Need::FastDds];
 const FAST: &str = "rmw_fastrtps_cpp";
@@ -82,32 +82,11 @@ fn red(encoding: &str) -> Cdr {
         .bytes(&data)
 }
 
-/// A folder with definitions of packages that are installed nowhere here.
-fn definitions(world: &World) -> Result<String> {
-    for (name, text) in [
-        ("example_interfaces/srv/AddTwoInts.srv", "int64 a\nint64 b\n---\nint64 sum\n"),
-        ("demo/msg/Pair.msg", "float64 a\nstring b\n"),
-    ] {
-        let path = format!("interfaces/{name}");
-        // Written once: another process may be reading it.
-        if world.path(&path).exists() {
-            continue;
-        }
-        if let Some((folder, _)) = path.rsplit_once('/') {
-            std::fs::create_dir_all(world.path(folder))?;
-        }
-        world.write(&path, text)?;
-    }
-    Ok(world.path("interfaces").display().to_string())
-}
-
-fn ros2(topic: &str) -> String {
-    format!("ros2:{topic}")
-}
-
-fn zeromq(topic: &str) -> String {
-    format!("zeromq:{topic}")
-}
+/// Definitions of packages that are installed nowhere here.
+const DEFINITIONS: &[(&str, &str)] = &[
+    ("example_interfaces/srv/AddTwoInts.srv", "int64 a\nint64 b\n---\nint64 sum\n"),
+    ("demo/msg/Pair.msg", "float64 a\nstring b\n"),
+];
 
 // Topics ----------------------------------------------------------------------------------------
 
@@ -118,7 +97,7 @@ fn fast_dds_hears_what_we_publish() -> Result {
         let subscriber = world.fast_peer(&format!(
             "subscribe --topic {topic} --type demo/msg/Pair --cdr --count 3"
         ))?;
-        let folder = definitions(world)?;
+        let folder = world.definitions(DEFINITIONS)?;
         let words = ["pub", &ros2(&topic), "--type", "demo/msg/Pair", "--definitions", &folder];
         let value = ["--value", r#"{"a": -1.25, "b": "grüß"}"#, "--rate", "20"];
         let publisher = world.wrapyfi([&words[..], &value].concat())?;
@@ -214,7 +193,7 @@ fn images_of_fast_dds_reach_wrapyfi_through_the_bridge() -> Result {
 
 /// `wrapyfi COMMAND ros2:SERVICE` as a program of this RMW would run it.
 fn start(world: &World, rmw: &str, command: &str, service: &str, more: &[&str]) -> Result<Process> {
-    let (endpoint, folder) = (ros2(service), definitions(world)?);
+    let (endpoint, folder) = (ros2(service), world.definitions(DEFINITIONS)?);
     let words = [command, &endpoint, "--type", ADD, "--definitions", &folder, "--json"];
     world.wrapyfi_as(rmw, [&words[..], more].concat())
 }
@@ -431,7 +410,7 @@ fn large_messages_reach_fast_dds_without_a_gap() -> Result {
         let subscribe = format!("subscribe --topic {topic} --type demo/msg/Pair --depth 50");
         let subscriber = world.fast_peer(&format!("{subscribe} --node /lab/viewer"))?;
         let value = json!({"a": 1.0, "b": "x".repeat(921_600)}).to_string();
-        let (file, folder) = (world.write("big.json", value)?, definitions(world)?);
+        let (file, folder) = (world.write("big.json", value)?, world.definitions(DEFINITIONS)?);
         let words = ["pub", &ros2(&topic), "--type", "demo/msg/Pair", "--definitions", &folder];
         let more = ["--file", &file.display().to_string(), "--rate", "4"];
         let publisher = world.wrapyfi([&words[..], &more].concat())?;

@@ -3,19 +3,9 @@
 #![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
 
 use serde_json::Value;
-use wrapyfi_e2e::{Need, Output, Process, Result, Route, World, run, texts};
+use wrapyfi_e2e::{Need, Output, Result, Route, World, run, texts};
 
 const NEEDS: &[Need] = &[Need::Node, Need::Python];
-
-/// Starts the node with a configuration as parameter and more ROS arguments.
-fn start(world: &World, routes: Vec<Route>, ros_args: &[&str]) -> Result<Process> {
-    let config = routes.into_iter().fold(world.embedded(), wrapyfi_e2e::Config::route);
-    let file = world.write("bridge.yaml", config.yaml())?;
-    let parameter = format!("config_file:={}", file.display());
-    let mut args = vec!["--ros-args", "-p", &parameter];
-    args.extend(ros_args);
-    world.node(args)
-}
 
 fn node_named(output: &Output, name: &str) -> Option<Value> {
     let samples = output.events("nodes");
@@ -28,8 +18,7 @@ fn name_and_namespace_come_from_the_command_line() -> Result {
     run("name_and_namespace_come_from_the_command_line", NEEDS, |world| {
         let graph = world.graph()?;
         let route = Route::new("zeromq:/a", &format!("ros2:{}", world.topic("to")), "Image");
-        let mut node = start(
-            world,
+        let mut node = world.node_with(
             vec![route],
             &["-r", "__node:=other", "-r", "__ns:=/lab", "--log-level", "debug"],
         )?;
@@ -49,7 +38,7 @@ fn topics_are_remapped() -> Result {
     run("topics_are_remapped", NEEDS, |world| {
         let (from, cam, front) = (world.topic("from"), world.topic("cam"), world.topic("front"));
         let route = Route::new(&format!("zeromq:{from}"), &format!("ros2:{cam}"), "Image");
-        let node = start(world, vec![route], &["-r", &format!("{cam}:={front}")])?;
+        let node = world.node_with(vec![route], &["-r", &format!("{cam}:={front}")])?;
         let subscriber = world.dds_subscriber(&front, "sensor_msgs/msg/Image", "--count 2")?;
         let publisher =
             world.wrapyfi_publisher(&from, "--type Image --flavour colour --no-broker")?;
@@ -63,7 +52,7 @@ fn relative_topics_are_in_the_nodes_namespace() -> Result {
     run("relative_topics_are_in_the_nodes_namespace", NEEDS, |world| {
         let (from, namespace) = (world.topic("from"), world.topic("lab"));
         let route = Route::new(&format!("zeromq:{from}"), "ros2:cam", "Image");
-        let node = start(world, vec![route], &["-r", &format!("__ns:={namespace}")])?;
+        let node = world.node_with(vec![route], &["-r", &format!("__ns:={namespace}")])?;
         let subscriber = world.dds_subscriber(
             &format!("{namespace}/cam"),
             "sensor_msgs/msg/Image",
@@ -91,7 +80,7 @@ fn parameters_types_and_log_are_on_the_graph() -> Result {
         let namespace = world.topic("lab");
         let route = Route::new("zeromq:/a", "ros2:cam", "Image");
         let ns = format!("__ns:={namespace}");
-        let mut node = start(world, vec![route], &["-r", &ns, "-r", "__node:=eye"])?;
+        let mut node = world.node_with(vec![route], &["-r", &ns, "-r", "__node:=eye"])?;
         let own = |service: &str| format!("{namespace}/eye/{service}");
         let request = r#"{"names": ["status_json", "config_file"]}"#;
         let kind = "rcl_interfaces/srv/GetParameters";

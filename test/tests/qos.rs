@@ -3,18 +3,10 @@
 #![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
 
 use serde_json::Value;
-use wrapyfi_e2e::{Need, Output, Process, Result, Route, World, run, texts};
+use wrapyfi_e2e::{Need, Output, Process, Result, Route, ros2, run, texts, zeromq};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Python];
 const STRING: &str = "std_msgs/msg/String";
-
-fn zeromq(topic: &str) -> String {
-    format!("zeromq:{topic}")
-}
-
-fn ros2(topic: &str) -> String {
-    format!("ros2:{topic}")
-}
 
 /// Waits until the bridge has an endpoint on the topic that fulfils `condition`.
 fn endpoint(
@@ -164,16 +156,6 @@ fn a_node_with_another_definition_or_distribution_is_named() -> Result {
     })
 }
 
-/// Starts the node executable with these routes and more ROS arguments.
-fn node(world: &World, routes: Vec<Route>, ros_args: &[&str]) -> Result<Process> {
-    let config = routes.into_iter().fold(world.embedded(), wrapyfi_e2e::Config::route);
-    let file = world.write("bridge.yaml", config.yaml())?;
-    let parameter = format!("config_file:={}", file.display());
-    let mut args = vec!["--ros-args", "-p", &parameter];
-    args.extend(ros_args);
-    world.node(args)
-}
-
 #[test]
 fn parameters_lay_down_what_peers_do_not_change() -> Result {
     let needs = &[Need::Node, Need::Program, Need::Python];
@@ -193,8 +175,7 @@ fn parameters_lay_down_what_peers_do_not_change() -> Result {
         let depth = format!("qos_overrides.{from}.subscription.depth:=3");
         let durability = format!("qos_overrides.{from}.subscription.durability:=volatile");
         let remap = format!("{cam}:={front}");
-        let node = node(
-            world,
+        let node = world.node_with(
             routes,
             &["-r", &remap, "-p", &reliability, "-p", &deadline, "-p", &depth, "-p", &durability],
         )?;
@@ -234,7 +215,7 @@ fn a_policy_that_there_is_not_ends_the_start() -> Result {
         ] {
             let parameter = format!("qos_overrides.{topic}.publisher.{policy}:={value}");
             let routes = vec![Route::new(&zeromq("/in"), &ros2(&topic), STRING)];
-            let mut node = node(world, routes, &["-p", &parameter])?;
+            let mut node = world.node_with(routes, &["-p", &parameter])?;
             node.exits_with(2)?;
             let text = node.stderr();
             assert!(text.contains(said) && text.contains(&topic), "{text}");

@@ -10,30 +10,17 @@ const FAST: &str = "rmw_fastrtps_cpp";
 const CYCLONE: &str = "rmw_cyclonedds_cpp";
 const ADD: &str = "example_interfaces/srv/AddTwoInts";
 
-/// A folder with definitions of packages that are installed nowhere here.
-fn definitions(world: &World) -> Result<String> {
-    for (name, text) in [
-        ("example_interfaces/srv/AddTwoInts", "int64 a\nint64 b\n---\nint64 sum\n"),
-        ("std_srvs/srv/SetBool", "bool data\n---\nbool success\nstring message\n"),
-        ("demo/srv/Say", "string text\nint32[] list\n---\nstring text\nint32[] list\nbool other\n"),
-        ("demo/srv/Measure", "---\nbool success\nstring message\nfloat64[] list\n"),
-    ] {
-        let path = format!("interfaces/{name}.srv");
-        // Written once: another process may be reading it.
-        if world.path(&path).exists() {
-            continue;
-        }
-        if let Some((folder, _)) = path.rsplit_once('/') {
-            std::fs::create_dir_all(world.path(folder))?;
-        }
-        world.write(&path, text)?;
-    }
-    Ok(world.path("interfaces").display().to_string())
-}
+/// Definitions of packages that are installed nowhere here.
+const DEFINITIONS: &[(&str, &str)] = &[
+    ("example_interfaces/srv/AddTwoInts.srv", "int64 a\nint64 b\n---\nint64 sum\n"),
+    ("std_srvs/srv/SetBool.srv", "bool data\n---\nbool success\nstring message\n"),
+    ("demo/srv/Say.srv", "string text\nint32[] list\n---\nstring text\nint32[] list\nbool other\n"),
+    ("demo/srv/Measure.srv", "---\nbool success\nstring message\nfloat64[] list\n"),
+];
 
 /// `wrapyfi COMMAND ros2:SERVICE` as a program of this RMW would run it.
 fn start(world: &World, rmw: &str, command: &str, service: &str, more: &[&str]) -> Result<Process> {
-    let (endpoint, folder) = (format!("ros2:{service}"), definitions(world)?);
+    let (endpoint, folder) = (format!("ros2:{service}"), world.definitions(DEFINITIONS)?);
     let mut words = vec![command, &endpoint, "--definitions", &folder, "--json"];
     words.extend(more);
     world.wrapyfi_as(rmw, words)

@@ -4,6 +4,8 @@
 //! loopback the far one gets a domain of another id with the same external id.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+mod ros2_common;
+
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
@@ -12,10 +14,12 @@ use wrapyfi_conformance::{Capabilities, Domain, Rig, Side, conformance_tests, re
 use wrapyfi_core::codec::ros;
 use wrapyfi_core::endpoint::{Middleware, ServiceSpec, TopicSpec, Wake};
 use wrapyfi_core::middleware::ros2::graph::{
-    CdrClient, CdrWriter, Graph, Peers, ServiceDescription, TopicDescription, wait_until,
+    CdrClient, CdrWriter, Graph, TopicDescription, wait_until,
 };
 use wrapyfi_core::middleware::ros2::{CycloneConfig, CycloneGraph, Ros2};
 use wrapyfi_core::node::NodeName;
+
+use ros2_common::{foreign_client, send};
 
 struct Nodes {
     raw: BTreeMap<String, Box<dyn CdrWriter>>,
@@ -94,24 +98,8 @@ impl Rig for Nodes {
 
     fn inject_request(&mut self, spec: &ServiceSpec, body: &[u8]) {
         let wild = self.wild.get_or_insert_with(|| graph("wild", self.domain.id, 2));
-        let client = self.asking.get_or_insert_with(|| {
-            let service = ServiceDescription {
-                name: spec.service.clone(),
-                type_name: spec.kind.ros_type().into(),
-                request_hash: None,
-                response_hash: None,
-                depth: 10,
-                max_bytes: spec.limits.message_bytes,
-            };
-            let wake = Wake::new();
-            let bell = wake.clone();
-            let client = wild.client(&service, Arc::new(move || bell.ring())).unwrap();
-            assert!(wait_until(&wake, Duration::from_secs(30), || {
-                matches!(client.servers(), Peers::Ready(_))
-            }));
-            client
-        });
-        client.send(&[&[0, 1, 0, 0], body]).unwrap();
+        let client = self.asking.get_or_insert_with(|| foreign_client(wild, spec));
+        send(client, body);
     }
 
     fn invalid_names() -> Vec<String> {
