@@ -204,12 +204,10 @@ impl Core {
     }
 
     /// Takes an output off the list.
-    fn leave_output(&self, id: u64) -> Option<Output> {
+    fn leave_output(&self, id: u64) {
         let mut connections = self.connections();
-        let at = connections.outputs.iter().position(|output| output.id == id)?;
-        let output = connections.outputs.remove(at);
+        connections.outputs.retain(|output| output.id != id);
         self.ring(&connections);
-        Some(output)
     }
 
     /// Ends the output to `name`, as it was given or with its slash; whether there was one.
@@ -228,13 +226,14 @@ impl Core {
     /// Says goodbye to an output, once what waits is sent.
     pub(super) async fn end_output(self: &Arc<Self>, id: u64) {
         let limit = self.network.0.timeouts.close;
-        let kind = {
+        let found = {
             let connections = self.connections();
             let found = connections.outputs.iter().find(|output| output.id == id);
-            found.map(|output| output.kind.clone())
+            found.map(|output| (output.kind.clone(), output.carrier, output.contact.clone()))
         };
-        match kind {
-            Some(Kind::Queue(outbox)) => {
+        let Some((kind, carrier, contact)) = found else { return };
+        match &kind {
+            Kind::Queue(outbox) => {
                 outbox.close();
                 if timeout(limit, outbox.ended()).await.is_err() {
                     // Its task finds this out by itself, if it ever moves again.
@@ -242,20 +241,20 @@ impl Core {
                     outbox.abort();
                 }
             }
-            Some(Kind::Group(group)) => {
+            Kind::Group(group) => {
                 timeout(limit, group.outbox.drained()).await.ok();
             }
-            Some(Kind::Rpc(link)) => link.close().await,
-            None => {}
+            Kind::Rpc(link) => link.close().await,
         }
-        let Some(output) = self.leave_output(id) else { return };
-        if output.carrier.is_connectionless() {
-            let gone = self.network.tell_gone(&output.contact, &self.name);
+        // A queue's task may have done this.
+        self.leave_output(id);
+        if carrier.is_connectionless() {
+            let gone = self.network.tell_gone(&contact, &self.name);
             if !matches!(timeout(limit, gone).await, Ok(Ok(()))) {
                 self.counters.add("goodbye_failed");
             }
         }
-        if let Kind::Group(group) = output.kind {
+        if let Kind::Group(group) = kind {
             self.leave_group(group).await;
         }
     }
