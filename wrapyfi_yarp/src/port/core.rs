@@ -215,9 +215,19 @@ impl Core {
         let mut closing = self.closing.subscribe();
         let room = Arc::new(Semaphore::new(self.session.limits.max_connections));
         let mut tasks = JoinSet::new();
+        // Connections are taken until it is done: some peers say goodbye on one of their own.
+        let goodbye = async {
+            // The sender lives as long as this port.
+            closing.wait_for(|closing| *closing).await.ok();
+            let limit = self.network.0.timeouts.close;
+            if timeout(limit, self.say_goodbye()).await.is_err() {
+                self.counters.add("goodbye_timeout");
+            }
+        };
+        tokio::pin!(goodbye);
         loop {
             let accepted = tokio::select! {
-                _ = closing.wait_for(|closing| *closing) => break,
+                () = &mut goodbye => break,
                 accepted = listener.accept() => accepted,
                 // Only so that ended tasks do not pile up.
                 Some(_) = tasks.join_next() => continue,
@@ -240,10 +250,6 @@ impl Core {
                     tokio::time::sleep(Duration::from_millis(50)).await;
                 }
             }
-        }
-        let limit = self.network.0.timeouts.close;
-        if timeout(limit, self.say_goodbye()).await.is_err() {
-            self.counters.add("goodbye_timeout");
         }
         drop(listener);
         tasks.shutdown().await;
