@@ -15,7 +15,9 @@
 pub mod bottle;
 pub mod dialect;
 pub mod limits;
+pub mod port;
 pub mod sig;
+pub mod wire;
 
 pub use bottle::{Bottle, Value};
 pub use dialect::Dialect;
