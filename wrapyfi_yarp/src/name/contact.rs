@@ -1,31 +1,10 @@
 //! Where a port is, and how users write that.
 //!
 //! ```text
-//!   registration name /cam ip 10.0.0.1 port 10002 type tcp  ──▶ Contact
+//!   registration name /cam ip 10.0.0.1 port 10002 type tcp  ──▶ Registration
 //!   fast_tcp://cam        ──▶ Target { carrier "fast_tcp", name "/cam" }
 //!   /net=10.0./cam        ──▶ Target { network "10.0.",    name "/cam" }
 //! ```
-
-use std::fmt;
-
-/// Where a port listens, as the name server knows it.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Contact {
-    /// Its name.
-    pub name: String,
-    /// Address of its machine, or of the multicast group.
-    pub host: String,
-    /// Its port number.
-    pub port: u16,
-    /// The carrier it was registered with: `tcp` for nearly all, `mcast` for multicast groups.
-    pub carrier: String,
-}
-
-impl fmt::Display for Contact {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} at {}://{}:{}", self.name, self.carrier, self.host, self.port)
-    }
-}
 
 /// A port as commands and users name it: perhaps with a carrier before it, perhaps with the network
 /// on which it should be reached.

@@ -15,7 +15,8 @@ use super::NameServerLimits;
 use super::registry::{Refusal, Registry, Wish};
 use super::reply::{self, Reply, line, stored};
 use super::subscriptions::{Link, Subscriptions, TooMany};
-use crate::name::{Contact, NameEvent, Target};
+use crate::name::{NameEvent, Target};
+use crate::port::names::Registration;
 use crate::{Bottle, Limits, Value};
 
 /// Everything a name server knows.
@@ -32,6 +33,8 @@ pub(crate) struct Asker {
     pub(crate) address: Option<IpAddr>,
     /// Time since the server started.
     pub(crate) now: Duration,
+    /// Whether something else listens on a port number of his machine, as far as we can see.
+    pub(crate) busy: fn(u16) -> bool,
 }
 
 /// What comes of a command.
@@ -79,9 +82,13 @@ impl Words<'_> {
 
 impl NameState {
     /// Knows only the name server itself.
-    pub(crate) fn new(own: Contact, base_port: u16, limits: NameServerLimits) -> Self {
+    pub(crate) fn new(
+        own: Registration,
+        discovery_port: u16,
+        limits: NameServerLimits,
+    ) -> Self {
         let subscriptions = Subscriptions::new(limits.max_subscriptions);
-        Self { registry: Registry::new(own, base_port, limits), subscriptions }
+        Self { registry: Registry::new(own, discovery_port, limits), subscriptions }
     }
 
     /// Does what a line says.
@@ -161,7 +168,7 @@ impl NameState {
         }
         // Whoever registers a name has it: nobody asks the port that had it before.
         let mut outcome = self.remove(&wish.name);
-        match self.registry.register(wish) {
+        match self.registry.register(wish, asker.busy) {
             Ok(contact) => {
                 if contact.carrier != "mcast" {
                     outcome.events.push(NameEvent::Added(contact.name.clone()));

@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use super::NameServerLimits;
 use super::allocator::{Allocator, Exhausted};
 use super::subscriptions::Known;
-use crate::name::Contact;
+use crate::port::names::Registration;
 
 /// A registered port.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -69,7 +69,7 @@ pub(crate) enum Refusal {
 /// The names there are.
 #[derive(Debug)]
 pub(crate) struct Registry {
-    own: Contact,
+    own: Registration,
     ports: BTreeMap<String, Entry>,
     /// How many registrations use a port number, whoever chose it.
     numbers: BTreeMap<u16, usize>,
@@ -79,21 +79,22 @@ pub(crate) struct Registry {
 
 impl Registry {
     /// Knows the name server itself, and the group on which it can be found.
-    pub(crate) fn new(own: Contact, base_port: u16, limits: NameServerLimits) -> Self {
+    pub(crate) fn new(own: Registration, discovery_port: u16, limits: NameServerLimits) -> Self {
         let mut registry = Self {
             own: own.clone(),
             ports: BTreeMap::new(),
             numbers: BTreeMap::new(),
-            allocator: Allocator::new(base_port),
+            // The numbers above the server's own are its to give.
+            allocator: Allocator::new(own.port),
             limits,
         };
         registry.insert(&own, None);
         registry.properties(&own.name, "nameserver", vec!["true".to_owned()]);
         registry.insert(
-            &Contact {
+            &Registration {
                 name: "fallback".to_owned(),
                 host: crate::name::DISCOVERY_GROUP.to_string(),
-                port: base_port,
+                port: discovery_port,
                 carrier: "mcast".to_owned(),
             },
             None,
@@ -102,7 +103,7 @@ impl Registry {
     }
 
     /// The name server itself.
-    pub(crate) fn own(&self) -> &Contact {
+    pub(crate) fn own(&self) -> &Registration {
         &self.own
     }
 
@@ -112,7 +113,7 @@ impl Registry {
     }
 
     /// Where a port is; `network` chooses among the addresses it has.
-    pub(crate) fn find(&self, name: &str, network: &str) -> Option<Contact> {
+    pub(crate) fn find(&self, name: &str, network: &str) -> Option<Registration> {
         let entry = self.ports.get(name)?;
         let reached = || {
             let addresses = entry.properties.get("ips")?;
@@ -120,7 +121,7 @@ impl Registry {
         };
         let host = if network.is_empty() { None } else { reached() };
         let host = host.unwrap_or(&entry.host);
-        Some(Contact {
+        Some(Registration {
             name: name.to_owned(),
             // As YARP answers where a port was registered without an address.
             host: if host.is_empty() { "localhost".to_owned() } else { host.clone() },
@@ -173,7 +174,11 @@ impl Registry {
 
     /// Registers a port that [`Self::check`] allows and that is not registered any more, and tells
     /// where it is.
-    pub(crate) fn register(&mut self, wish: Wish) -> Result<Contact, Refusal> {
+    pub(crate) fn register(
+        &mut self,
+        wish: Wish,
+        busy: impl Fn(u16) -> bool,
+    ) -> Result<Registration, Refusal> {
         let Wish { mut name, carrier, mut host, port, kind } = wish;
         let given = name == "..." || name.starts_with('=');
         let mut completed = None;
@@ -198,7 +203,10 @@ impl Registry {
         }
         let number = match u16::try_from(port) {
             Ok(number) if number != 0 => number,
-            _ => match self.allocator.number(&name, |number| self.numbers.contains_key(&number)) {
+            _ => match self.allocator.number(&name, |number| {
+                // YARP gives away what is in use, and its ports then fail to listen.
+                self.numbers.contains_key(&number) || busy(number)
+            }) {
                 Ok(number) => number,
                 Err(Exhausted) => {
                     undo(self, &host);
@@ -207,12 +215,12 @@ impl Registry {
                 }
             },
         };
-        let contact = Contact { name, host, port: number, carrier };
+        let contact = Registration { name, host, port: number, carrier };
         self.insert(&contact, kind);
         Ok(contact)
     }
 
-    fn insert(&mut self, contact: &Contact, kind: Option<String>) {
+    fn insert(&mut self, contact: &Registration, kind: Option<String>) {
         self.remove(&contact.name);
         *self.numbers.entry(contact.port).or_default() += 1;
         let entry = Entry {

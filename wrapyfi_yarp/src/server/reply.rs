@@ -13,7 +13,7 @@ use bytes::BufMut;
 
 use super::registry::Refusal;
 use crate::bottle::EncodeError;
-use crate::name::Contact;
+use crate::port::names::Registration;
 use crate::{Bottle, Dialect, Value};
 
 /// An answer.
@@ -95,8 +95,8 @@ pub(crate) fn line(values: Vec<Value>) -> Vec<u8> {
 }
 
 /// Where a port is, as a line.
-pub(crate) fn registration(contact: &Contact) -> Vec<u8> {
-    let Contact { name, host, port, carrier } = contact;
+pub(crate) fn registration(contact: &Registration) -> Vec<u8> {
+    let Registration { name, host, port, carrier } = contact;
     line(vec![
         "registration".into(),
         "name".into(),
@@ -111,9 +111,9 @@ pub(crate) fn registration(contact: &Contact) -> Vec<u8> {
 }
 
 /// Where a port is, as elements of a bottle.
-pub(crate) fn port(contact: Option<&Contact>) -> Vec<Value> {
+pub(crate) fn port(contact: Option<&Registration>) -> Vec<Value> {
     let pair = |key: &str, value: Value| Value::from(Bottle::from(vec![key.into(), value]));
-    let Some(Contact { name, host, port, carrier }) = contact else {
+    let Some(Registration { name, host, port, carrier }) = contact else {
         let error = vec!["error".into(), Value::Int32(-2), "port not known".into()];
         return vec!["port".into(), Bottle::from(error).into()];
     };
