@@ -9,12 +9,25 @@
 //! in one go, as YARP writes it: without a code for each.
 
 mod error;
+mod kind;
+mod read;
+mod scan;
+mod text_read;
+mod text_write;
 mod value;
+mod write;
 
 use bytes::Bytes;
 
 pub use error::{BottleError, EncodeError, TextError};
+pub use scan::BottleScan;
+pub use text_read::text_is_complete;
+pub(crate) use text_write::significant;
 pub use value::{Text, Value, Vocab, Vocab64};
+
+use read::Reader;
+use text_read::TextReader;
+use text_write::is_key;
 
 use crate::{Dialect, Limits};
 
@@ -34,7 +47,6 @@ pub enum Frame {
     NeedMore(usize),
 }
 
-#[allow(clippy::unimplemented, clippy::needless_pass_by_value)]
 impl Bottle {
     /// A bottle without elements.
     #[must_use]
@@ -52,18 +64,58 @@ impl Bottle {
         dialect: Dialect,
         limits: &Limits,
     ) -> Result<(Self, usize), BottleError> {
-        let _ = (bytes, dialect, limits);
-        unimplemented!()
+        let mut reader = Reader::new(bytes, dialect, limits);
+        let bottle = reader.bottle(0)?;
+        Ok((bottle, reader.end()?))
+    }
+
+    /// [`Bottle::decode`] of a message whose length is known: the bottle has to fill `bytes`.
+    ///
+    /// # Errors
+    /// As [`Bottle::decode`], and when bytes are left over.
+    pub fn decode_whole(
+        bytes: &Bytes,
+        dialect: Dialect,
+        limits: &Limits,
+    ) -> Result<Self, BottleError> {
+        let (bottle, used) = Self::decode(bytes, dialect, limits)?;
+        let length = bytes.len();
+        if used < length {
+            return Err(BottleError::Surplus { used, length, dialect });
+        }
+        Ok(bottle)
+    }
+
+    /// [`Bottle::decode_whole`] from a peer whose dialect is not known: in `preferred`, and in the
+    /// other one where that does not fit the length. Returns the dialect that did; an empty bottle,
+    /// or one without floats, fits both. Only for bytes whose length comes from a frame: what a
+    /// sender of the wrong dialect means shows in nothing else.
+    ///
+    /// # Errors
+    /// When neither fits: the error of `preferred`.
+    pub fn decode_either(
+        bytes: &Bytes,
+        preferred: Dialect,
+        limits: &Limits,
+    ) -> Result<(Self, Dialect), BottleError> {
+        let error = match Self::decode_whole(bytes, preferred, limits) {
+            Ok(bottle) => return Ok((bottle, preferred)),
+            Err(error) => error,
+        };
+        let other = preferred.other();
+        match Self::decode_whole(bytes, other, limits) {
+            Ok(bottle) => Ok((bottle, other)),
+            Err(_) => Err(error),
+        }
     }
 
     /// How long the bottle at the start of `bytes` is, without building it: replies to requests
-    /// come with no length before them.
+    /// come with no length before them. [`BottleScan`] does the same without starting again.
     ///
     /// # Errors
     /// When the bytes so far cannot be the start of a bottle, or exceed `limits`.
     pub fn frame(bytes: &[u8], dialect: Dialect, limits: &Limits) -> Result<Frame, BottleError> {
-        let _ = (bytes, dialect, limits);
-        unimplemented!()
+        BottleScan::new(dialect, limits).advance(bytes)
     }
 
     /// The bottle as bytes, as YARP writes it.
@@ -81,8 +133,8 @@ impl Bottle {
     /// # Errors
     /// As [`Bottle::encode`].
     pub fn encode_into(&self, out: &mut Vec<u8>, dialect: Dialect) -> Result<(), EncodeError> {
-        let _ = (out, dialect);
-        unimplemented!()
+        let start = out.len();
+        write::bottle(self, out, dialect).inspect_err(|_| out.truncate(start))
     }
 
     /// Reads YARP's text form, as typed into `yarp write` or sent over the text carriers. Like
@@ -100,8 +152,11 @@ impl Bottle {
     /// # Errors
     /// As [`Bottle::from_text`].
     pub fn from_text_as(text: &[u8], dialect: Dialect, limits: &Limits) -> Result<Self, TextError> {
-        let _ = (text, dialect, limits);
-        unimplemented!()
+        let (length, limit) = (text.len(), limits.max_message_bytes);
+        if length > limit {
+            return Err(TextError::TooLong { length, limit });
+        }
+        TextReader::new(dialect, limits).bottle(text, 0)
     }
 
     /// The text form, on one line, with U+FFFD for bytes that are not UTF-8.
@@ -113,14 +168,38 @@ impl Bottle {
     /// The text form, on one line, with every byte of its strings.
     #[must_use]
     pub fn to_text_bytes(&self) -> Vec<u8> {
-        unimplemented!()
+        let mut text = Vec::new();
+        text_write::bottle(self, &mut text);
+        text
     }
 
     /// The value that belongs to `key`: in `(speed 3) name arm`, 3 to `speed` and `arm` to `name`.
+    /// The key may be a string, a vocab or a number. Where the first element that matches has
+    /// nothing behind it, there is no value, as in YARP.
     #[must_use]
     pub fn find(&self, key: &str) -> Option<&Value> {
-        let _ = key;
-        unimplemented!()
+        let (index, element) = self.keyed(key)?;
+        match element {
+            Value::List(list) => list.values.get(1),
+            _ => self.values.get(index + 1),
+        }
+    }
+
+    /// The whole list that begins with `key`: in `(limits 0 10) 7`, `limits 0 10`.
+    #[must_use]
+    pub fn find_group(&self, key: &str) -> Option<&Self> {
+        match self.keyed(key)? {
+            (_, Value::List(list)) => Some(list),
+            _ => None,
+        }
+    }
+
+    /// The first element that is `key`, or a list that begins with it.
+    fn keyed(&self, key: &str) -> Option<(usize, &Value)> {
+        self.values.iter().enumerate().find(|(_, element)| match element {
+            Value::List(list) => list.values.first().is_some_and(|first| is_key(first, key)),
+            other => is_key(other, key),
+        })
     }
 
     /// How many elements there are.
