@@ -143,7 +143,7 @@ impl NameServer {
         let own = Registration {
             name: namespace,
             host: options.advertised.clone().unwrap_or_else(|| reachable(ip).to_string()),
-            port: address.port(),
+            port: options.advertised_port.unwrap_or_else(|| address.port()),
             carrier: "tcp".to_owned(),
         };
         let group = options.discovery_port.unwrap_or(crate::name::environment::DEFAULT_PORT);

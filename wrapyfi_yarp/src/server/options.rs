@@ -53,17 +53,24 @@ impl Default for NameServerLimits {
 pub struct NameServerOptions {
     /// Address to bind.
     pub ip: IpAddr,
-    /// Port to bind, 0 for any free one; port numbers are given away from the second above it.
+    /// Port to bind, 0 for any free one.
     pub port: u16,
     /// Its own name.
     pub namespace: String,
     /// Host that it tells others for itself; by default the address it is bound to.
     pub advertised: Option<String>,
+    /// Port number that it tells others for itself, where it is reached through another one than
+    /// it is bound to; port numbers are given away from the second above it.
+    pub advertised_port: Option<u16>,
     /// Allows an address that other machines can reach. Nothing is authenticated or encrypted.
     pub insecure: bool,
     /// UDP port on which it can be found by multicast, as `yarp detect` looks for it; none for not
     /// at all.
     pub discovery_port: Option<u16>,
+    /// Gives ports of this machine no number that something else listens on.
+    pub skip_busy_ports: bool,
+    /// Makes the connections that subscriptions ask for, as YARP's name server does.
+    pub make_connections: bool,
     /// What it refuses to keep.
     pub limits: NameServerLimits,
     /// What it refuses to read.
@@ -85,8 +92,11 @@ impl Default for NameServerOptions {
             port: DEFAULT_PORT,
             namespace: crate::name::conf::DEFAULT_NAMESPACE.to_owned(),
             advertised: None,
+            advertised_port: None,
             insecure: false,
             discovery_port: None,
+            skip_busy_ports: true,
+            make_connections: true,
             limits: NameServerLimits::default(),
             wire: Limits::default(),
             dialect: Dialect::default(),

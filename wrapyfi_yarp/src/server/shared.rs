@@ -82,7 +82,7 @@ impl Shared {
         let here = address.is_some_and(|address| {
             address.to_canonical().is_loopback() || self.own.host == address.to_canonical().to_string()
         });
-        let busy = if here { is_busy } else { |_| false };
+        let busy = if here && self.options.skip_busy_ports { is_busy } else { |_| false };
         let asker = Asker { address, now: self.started.elapsed(), busy };
         self.commands.fetch_add(1, Relaxed);
         let mut state = self.state();
@@ -92,7 +92,7 @@ impl Shared {
             self.readers.tell(event, &self.counters);
         }
         drop(state);
-        for link in outcome.links.drain(..) {
+        for link in outcome.links.drain(..).filter(|_| self.options.make_connections) {
             self.links.submit(link, self);
         }
         if let Some(refusal) = &outcome.refused {
