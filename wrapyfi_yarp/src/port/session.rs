@@ -150,6 +150,8 @@ pub enum Answer {
     Lines(String),
     /// Bytes as they are.
     Raw(Bytes),
+    /// The answer inside, after which the connection is closed: YARP's `replyAndDrop`.
+    Last(Box<Answer>),
 }
 
 #[derive(Debug)]
@@ -426,13 +428,17 @@ impl Session {
     /// As [`SessionError`].
     pub async fn answer(&mut self, answer: Answer) -> Result<(), SessionError> {
         let owed = std::mem::take(&mut self.owed);
+        let mut answer = answer;
+        while let Answer::Last(inner) = answer {
+            self.ended = true;
+            answer = *inner;
+        }
         let ack: &[u8] = match self.carrier {
             Some(Carrier::Tcp) if owed => &number::ACK,
             Some(Carrier::TextAck) if owed => b"<ACK>\r\n",
             _ => &[],
         };
         let reply: Bytes = match answer {
-            Answer::Nothing => Bytes::new(),
             Answer::Bottle(bottle) if self.is_text() => text_line(&bottle),
             Answer::Bottle(bottle) => bottle.encode(self.options.dialect)?.into(),
             Answer::Object(bytes) if self.is_text() => {
@@ -446,6 +452,8 @@ impl Session {
             }
             Answer::Object(bytes) | Answer::Raw(bytes) => bytes,
             Answer::Lines(lines) => lines.into(),
+            // Unpacked above.
+            Answer::Nothing | Answer::Last(_) => Bytes::new(),
         };
         if reply.len() <= COPY_BYTES {
             let mut bytes = Vec::with_capacity(reply.len() + ack.len());

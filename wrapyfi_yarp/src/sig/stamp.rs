@@ -75,9 +75,8 @@ impl Stamp {
     /// When the bytes are no bottle of that dialect, or one of something else.
     pub fn decode(bytes: &Bytes, dialect: Dialect, limits: &Limits) -> Result<Self, StampError> {
         let (bottle, _) = Bottle::decode(bytes, dialect, limits)?;
-        Self::from_bottle(&bottle).ok_or_else(|| StampError::Other {
-            text: bottle.to_text().chars().take(80).collect(),
-        })
+        Self::from_bottle(&bottle)
+            .ok_or_else(|| StampError::Other { text: bottle.to_text().chars().take(80).collect() })
     }
 
     /// The stamp as data: 28 bytes.

@@ -1,5 +1,6 @@
 //! Files recorded from real YARP.
 #![allow(dead_code)] // each test program uses some of it
+#![allow(clippy::unwrap_used, clippy::panic, clippy::indexing_slicing)]
 
 use std::path::Path;
 
@@ -38,4 +39,28 @@ pub(crate) fn sent(name: &str, direction: &str) -> Vec<u8> {
     let stream = file(name)["stream"].as_array().unwrap().clone();
     let of_side = stream.iter().filter(|part| part["dir"] == direction);
     of_side.filter_map(|part| part["hex"].as_str()).flat_map(hex).collect()
+}
+
+/// Payloads of the data messages that the side sent, in order, of a binary carrier: the index of
+/// each message is taken at its word.
+pub(crate) fn payloads(name: &str, direction: &str) -> Vec<Bytes> {
+    const COMMAND: usize = 8;
+    let stream = Bytes::from(sent(name, direction));
+    let starts = stream.windows(8).enumerate().filter(|(_, word)| *word == b"YA\x0a\0\0\0RP");
+    let mut payloads = Vec::new();
+    for (start, _) in starts {
+        let blocks = usize::from(stream[start + 8]);
+        let lengths = stream[start + 18..].chunks(4).take(blocks);
+        let length: i32 = lengths.map(|four| i32::from_le_bytes(four.try_into().unwrap())).sum();
+        let body = start + 18 + 4 * blocks + 4;
+        let body = stream.slice(body..body + usize::try_from(length).unwrap());
+        // An envelope follows the command as text, its length before the tilde.
+        let text = i32::from_le_bytes(body[..4].try_into().unwrap());
+        let payload = body.slice(COMMAND + usize::try_from(text).unwrap()..);
+        if body[5] != 0 || body.get(COMMAND) == Some(&b'D') {
+            payloads.push(payload);
+        }
+    }
+    assert!(!payloads.is_empty(), "{name} holds no messages");
+    payloads
 }
