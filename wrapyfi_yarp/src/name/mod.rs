@@ -30,7 +30,7 @@ pub use client::{NameClient, NameError};
 pub use conf::{ConfError, Located, NameServerConf};
 pub use contact::Target;
 pub(crate) use contact::name_fault;
-pub(crate) use reply::registration;
+pub(crate) use reply::{read_answer, registration};
 pub use environment::Environment;
 pub use events::NameEvent;
 pub use exchange::ExchangeError;

@@ -30,6 +30,8 @@ use super::reply;
 use crate::port::names::{NameRequest, Registration};
 use crate::wire::{Carrier, Command};
 
+mod seam;
+
 /// How ports are kept registered.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RegistrarOptions {
@@ -147,15 +149,7 @@ impl Registrar {
     /// Keeps a port that is registered already.
     #[must_use]
     pub fn keep(&self, at: Registration, type_name: Option<String>) -> Kept {
-        let wanted = Wanted {
-            at: at.clone(),
-            type_name,
-            properties: BTreeMap::new(),
-            announced: false,
-            taken: false,
-        };
-        self.0.shared.names().insert(at.name.clone(), wanted);
-        self.0.shared.wake.notify_one();
+        self.0.shared.insert(at.clone(), type_name);
         Kept { registrar: self.clone(), at, done: false }
     }
 }
@@ -173,7 +167,7 @@ impl Kept {
     /// When the name server does not answer or refuses.
     pub async fn set(&self, key: &str, values: Vec<crate::Value>) -> Result<(), NameError> {
         self.registrar.client().set(&self.at.name, key, &values).await?;
-        self.change(|wanted| {
+        self.registrar.0.shared.change(&self.at.name, |wanted| {
             wanted.properties.insert(key.to_owned(), values);
         });
         Ok(())
@@ -185,7 +179,7 @@ impl Kept {
     /// # Errors
     /// When the name server does not answer.
     pub async fn announce(&self) -> Result<(), NameError> {
-        self.change(|wanted| wanted.announced = true);
+        self.registrar.0.shared.change(&self.at.name, |wanted| wanted.announced = true);
         self.registrar.client().announce(&self.at.name, true).await
     }
 
@@ -203,14 +197,8 @@ impl Kept {
 
     /// Whether it was still ours.
     fn forget(&self) -> bool {
-        let wanted = self.registrar.0.shared.names().remove(&self.at.name);
+        let wanted = self.registrar.0.shared.forget(&self.at.name);
         wanted.is_some_and(|wanted| !wanted.taken)
-    }
-
-    fn change(&self, how: impl FnOnce(&mut Wanted)) {
-        if let Some(wanted) = self.registrar.0.shared.names().get_mut(&self.at.name) {
-            how(wanted);
-        }
     }
 }
 
@@ -234,6 +222,24 @@ impl Drop for Kept {
 impl Shared {
     fn names(&self) -> std::sync::MutexGuard<'_, BTreeMap<String, Wanted>> {
         self.names.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn insert(&self, at: Registration, type_name: Option<String>) {
+        let name = at.name.clone();
+        let properties = BTreeMap::new();
+        let wanted = Wanted { at, type_name, properties, announced: false, taken: false };
+        self.names().insert(name, wanted);
+        self.wake.notify_one();
+    }
+
+    fn forget(&self, name: &str) -> Option<Wanted> {
+        self.names().remove(name)
+    }
+
+    fn change(&self, name: &str, how: impl FnOnce(&mut Wanted)) {
+        if let Some(wanted) = self.names().get_mut(name) {
+            how(wanted);
+        }
     }
 
     /// The name after this one, from the beginning behind the last one.

@@ -58,6 +58,17 @@ impl AnswerReader {
     }
 }
 
+/// The ports in an answer that is there as a whole; none where it does not end or is too long.
+pub(crate) fn read_answer(bytes: &[u8], limits: &Limits) -> Option<Vec<Registration>> {
+    let mut buffer = BytesMut::from(bytes);
+    match AnswerReader::new(limits).poll(&mut buffer) {
+        Ok(Step::Event(Lined { lines, .. })) => {
+            Some(lines.iter().filter_map(|line| registration(line)).collect())
+        }
+        _ => None,
+    }
+}
+
 /// Where a port is, from a line that says so.
 pub(crate) fn registration(line: &[u8]) -> Option<Registration> {
     let rest = std::str::from_utf8(line).ok()?.trim_end().strip_prefix("registration name ")?;

@@ -116,7 +116,8 @@ pub struct NameServer {
     address: SocketAddr,
     shared: Arc<Shared>,
     stop: watch::Sender<bool>,
-    tasks: JoinSet<()>,
+    front: JoinSet<()>,
+    discovery: JoinSet<()>,
 }
 
 impl NameServer {
@@ -161,11 +162,11 @@ impl NameServer {
             readers: events::Readers::default(),
             links: links::Links::default(),
         });
-        let mut tasks = JoinSet::new();
+        let (mut front, mut discovery) = (JoinSet::new(), JoinSet::new());
         if let Some(port) = shared.options.discovery_port {
             match discovery::socket(ip, port) {
                 Ok(socket) => {
-                    tasks.spawn(discovery::answer(socket, port, Arc::clone(&shared)));
+                    discovery.spawn(discovery::answer(socket, port, Arc::clone(&shared)));
                 }
                 // Configured clients do not need it.
                 Err(error) => tracing::warn!(
@@ -174,9 +175,9 @@ impl NameServer {
                 ),
             }
         }
-        tasks.spawn(front::serve(listener, Arc::clone(&shared), stopping));
+        front.spawn(front::serve(listener, Arc::clone(&shared), stopping));
         tracing::info!(target: "wrapyfi_yarp::server", %address, "name server runs");
-        Ok(Self { address, shared, stop, tasks })
+        Ok(Self { address, shared, stop, front, discovery })
     }
 
     /// Where it listens.
@@ -216,7 +217,8 @@ impl NameServer {
     pub async fn stop(mut self) {
         // Nobody listening means that everything has ended.
         let _ = self.stop.send(true);
-        while self.tasks.join_next().await.is_some() {}
+        while self.front.join_next().await.is_some() {}
+        self.discovery.shutdown().await;
         tracing::info!(target: "wrapyfi_yarp::server", address = %self.address, "name server ended");
     }
 }

@@ -48,3 +48,10 @@ impl Offline {
         self.state.registry.len()
     }
 }
+
+/// What a client makes of the answer to a one-line request: where the ports in it are; none where
+/// it does not end or exceeds a limit.
+#[must_use]
+pub fn read_answer(bytes: &[u8], limits: &Limits) -> Option<Vec<Registration>> {
+    crate::name::read_answer(bytes, limits)
+}
