@@ -15,7 +15,9 @@
 pub mod bottle;
 pub mod dialect;
 pub mod limits;
+pub mod name;
 pub mod port;
+pub mod server;
 pub mod sig;
 pub mod wire;
 
