@@ -26,6 +26,7 @@ mod tables;
 mod tensors;
 mod texts;
 mod yarp_names;
+mod yarp_wire;
 
 pub use codecs::{cdr, frames, jpeg, json, npy};
 pub use dynamic::dynamic;
@@ -38,6 +39,7 @@ pub use tables::plugin_table;
 pub use tensors::plugin_tensor;
 pub use texts::{config, msg_parser, ros_args};
 pub use yarp_names::yarp_name_lines;
+pub use yarp_wire::yarp_connection;
 
 use wrapyfi_core::Limits;
 
@@ -48,7 +50,7 @@ pub const LIMITS: Limits = Limits { message_bytes: 1 << 20, depth: 64 };
 pub type Target = (&'static str, fn(&[u8]));
 
 /// Every target.
-pub const TARGETS: [Target; 17] = [
+pub const TARGETS: [Target; 18] = [
     ("json", json),
     ("npy", npy),
     ("frames", frames),
@@ -66,4 +68,5 @@ pub const TARGETS: [Target; 17] = [
     ("dynamic", dynamic),
     ("zeromq_requests", zeromq_requests),
     ("yarp_name_lines", yarp_name_lines),
+    ("yarp_connection", yarp_connection),
 ];
