@@ -25,6 +25,8 @@ mod services;
 mod tables;
 mod tensors;
 mod texts;
+mod yarp_names;
+mod yarp_wire;
 
 pub use codecs::{cdr, frames, jpeg, json, npy};
 pub use dynamic::dynamic;
@@ -36,6 +38,8 @@ pub use services::node_services;
 pub use tables::plugin_table;
 pub use tensors::plugin_tensor;
 pub use texts::{config, msg_parser, ros_args};
+pub use yarp_names::yarp_name_lines;
+pub use yarp_wire::yarp_connection;
 
 use wrapyfi_core::Limits;
 
@@ -46,7 +50,7 @@ pub const LIMITS: Limits = Limits { message_bytes: 1 << 20, depth: 64 };
 pub type Target = (&'static str, fn(&[u8]));
 
 /// Every target.
-pub const TARGETS: [Target; 16] = [
+pub const TARGETS: [Target; 18] = [
     ("json", json),
     ("npy", npy),
     ("frames", frames),
@@ -63,4 +67,6 @@ pub const TARGETS: [Target; 16] = [
     ("node_services", node_services),
     ("dynamic", dynamic),
     ("zeromq_requests", zeromq_requests),
+    ("yarp_name_lines", yarp_name_lines),
+    ("yarp_connection", yarp_connection),
 ];
