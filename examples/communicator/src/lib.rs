@@ -1,7 +1,24 @@
 //! What the example programs share: a log on standard error, pauses of polling loops, and data that
 //! shows whether it arrived unchanged.
 //!
-//! The programs are in `src/bin`, one for each scheme; README.md says how to run them.
+//! The programs are in `src/bin`, one for each scheme; README.md says how to run them. What they have to
+//! do with sensors and robots, beside communicating, is in modules:
+//!
+//! | module | one idea |
+//! | --- | --- |
+//! | [`picture`] | PNG files, pixels, sketches for a terminal |
+//! | [`camera`] | frames of files, of a device, or drawn |
+//! | [`audio`] | microphones and loudspeakers: WAV files and ALSA |
+//! | [`face`] | a stand-in for a recogniser of facial expressions |
+//! | [`head`] | stand-ins for sensors of a head's orientation, a robot's neck |
+
+pub mod audio;
+pub mod camera;
+pub mod face;
+pub mod head;
+pub mod picture;
+#[cfg(feature = "v4l2")]
+mod v4l2;
 
 use std::time::Duration;
 
