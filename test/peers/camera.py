@@ -19,6 +19,7 @@ parser.add_argument("--mode", default=None)
 parser.add_argument("--mware", default="zeromq")
 parser.add_argument("--topic", default="/sensors/camera")
 parser.add_argument("--source", help="folder of PNG files, or a number: a camera of OpenCV")
+parser.add_argument("--once", action="store_true", help="ends after the last file")
 parser.add_argument("--rate", type=float, default=20.0)
 parser.add_argument("--jpg", action="store_true")
 parser.add_argument("--save", type=pathlib.Path)
@@ -49,17 +50,19 @@ def main():
     eye = Eye()
     eye.activate_communication("look", mode=args.mode)
     shown = 0
-    while True:
+    while not (args.once and eye.taken == len(eye.files)):
         frame, = eye.look(mware=args.mware, topic=args.topic, jpg=args.jpg)
         if frame is not None:
             shown += 1
             facts = example.image_facts(frame)
             if args.save:
                 args.save.mkdir(exist_ok=True)
-                facts["file"] = str(args.save / f"{shown:05}.png")
-                cv2.imwrite(facts["file"], frame)
+                file = args.save / f"{shown:05}.png"
+                example.save(frame, file)
+                facts["file"] = str(file)
             say("message", **facts)
         time.sleep(0.005 if args.mode == "listen" else 1.0 / args.rate)
+    example.leave_after_the_last_message()
 
 
 if __name__ == "__main__":

@@ -5,12 +5,14 @@ import os
 os.environ.setdefault("WRAPYFI_ZEROMQ_START_PROXY_BROKER", "False")
 os.environ.setdefault("WRAPYFI_ZEROMQ_PUBSUB_MONITOR_LISTENER_SPAWN", "thread")
 
-import cv2  # noqa: E402
-import numpy as np  # noqa: E402
-
 import pathlib  # noqa: E402
 
+import cv2  # noqa: E402
+import numpy as np  # noqa: E402
+import zmq  # noqa: E402
+
 import payload  # noqa: E402
+from lines import leave  # noqa: E402
 
 
 def pictures(folder):
@@ -35,3 +37,17 @@ def sound_facts(sound):
 def greys(image):
     """Mean of the channels, rounded down, as the Rust twins compute it."""
     return image.astype(np.uint16).sum(axis=2) // 3
+
+
+def save(image, path):
+    """Whole, or not at all: whoever looks into the folder may do so at any time."""
+    _, file = cv2.imencode(".png", image)
+    part = path.with_suffix(".part")
+    part.write_bytes(file.tobytes())
+    part.rename(path)
+
+
+def leave_after_the_last_message():
+    """What was published last may still be in the socket."""
+    zmq.Context.instance().destroy(linger=10_000)
+    leave()

@@ -60,9 +60,9 @@ def joints(orientation):
     """About the limits of iCub's neck; the eyes look ahead where nothing tracks them."""
     wanted = [orientation["pitch_deg"], orientation["roll_deg"], orientation["yaw_deg"]]
     neck = [min(max(angle, least), largest)
-            for angle, (least, largest) in zip(wanted, [(-40, 30), (-60, 60), (-50, 50)])]
+            for angle, (least, largest) in zip(wanted, [(-40.0, 30.0), (-60.0, 60.0), (-50.0, 50.0)])]
     right, up = orientation["gaze"] or (0.0, 0.0)
-    return {"neck_deg": neck, "eyes_deg": [30 * min(max(up, -1), 1), 30 * min(max(right, -1), 1)]}
+    return {"neck_deg": neck, "eyes_deg": [30.0 * min(max(up, -1), 1), 30.0 * min(max(right, -1), 1)]}
 
 
 def main():

@@ -13,7 +13,7 @@ import example  # before wrapyfi
 import numpy as np
 from wrapyfi.connect.wrapper import MiddlewareCommunicator
 
-from lines import say, leave
+from lines import say
 
 parser = argparse.ArgumentParser()
 parser.add_argument("--mode", default=None)
@@ -66,11 +66,7 @@ def main():
             heard += 1
             say("message", **example.sound_facts(sound))
         time.sleep(0.005 if args.mode == "listen" else args.chunk / rate)
-    say("done")
-    # The last chunks may still be in the socket.
-    import zmq
-    zmq.Context.instance().destroy(linger=10_000)
-    leave()
+    example.leave_after_the_last_message()
 
 
 if __name__ == "__main__":

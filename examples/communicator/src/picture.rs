@@ -102,13 +102,16 @@ pub fn taken_now(pixels: RawPixels) -> Image {
     Image::new(Stamp::now(), pixels)
 }
 
-/// Writes pixels as a PNG file.
+/// Writes pixels as a PNG file: whole, or not at all, because others may watch the folder.
 ///
 /// # Errors
 /// Where they are empty or the file cannot be written.
 pub fn save(pixels: &RawPixels, path: &Path) -> anyhow::Result<()> {
     let file = image_file::encode(pixels, false)?;
-    std::fs::write(path, file).with_context(|| format!("cannot write {}", path.display()))
+    let part = path.with_extension("part");
+    std::fs::write(&part, file)
+        .and_then(|()| std::fs::rename(&part, path))
+        .with_context(|| format!("cannot write {}", path.display()))
 }
 
 /// Mean brightness of each pixel, row after row: the sum of its channels by three.
