@@ -223,14 +223,16 @@ fn alsa(program: &str, device: &str, sound: Sound, is_player: bool) -> anyhow::R
     })
 }
 
-/// A program that ends with its owner.
+/// A program that ends with its owner: a player after it has played everything.
 #[derive(Debug)]
 struct Ended(Child);
 
 impl Drop for Ended {
     fn drop(&mut self) {
         // Nothing is left to do about a failure here.
-        let _killed: std::io::Result<()> = self.0.kill();
+        if self.0.stdin.take().is_none() {
+            let _killed: std::io::Result<()> = self.0.kill();
+        }
         let _status: std::io::Result<_> = self.0.wait();
     }
 }
