@@ -73,10 +73,14 @@ def main():
     if is_robot and args.source != "both":
         # An unknown name is a missing middleware: its value is None.
         selected["seen_mware" if args.source == "worn" else "worn_mware"] = "none"
+    worn_at = -math.inf
     while True:
         worn, seen = imitation.orientations(**selected)
         if is_robot:
-            orientation = worn if worn is not None else seen
+            # What is worn, until it has been silent for a second.
+            if worn is not None:
+                worn_at = time.monotonic()
+            orientation = worn if worn is not None or time.monotonic() - worn_at <= 1 else seen
             if orientation is not None:
                 say("message", orientation=orientation, head=joints(orientation))
             time.sleep(0.005)

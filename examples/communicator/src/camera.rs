@@ -3,11 +3,12 @@
 //! ```text
 //!   folder ───────▶ its PNG files, again and again or once   (works everywhere, tested)
 //!   /dev/video0 ──▶ V4L2 ─▶ YUYV or MJPG ─▶ bgr8             (feature `v4l2`)
-//!   drawn ────────▶ a bright square that goes round          (nothing is needed)
+//!   drawn ────────▶ a bright square that goes round, or frames from black to white
 //! ```
 
 use std::path::{Path, PathBuf};
 
+use anyhow::Context as _;
 use wrapyfi_core::types::RawPixels;
 
 use crate::picture;
@@ -26,6 +27,10 @@ enum Source {
         is_repeated: bool,
     },
     Drawn {
+        width: u32,
+        height: u32,
+    },
+    Shades {
         width: u32,
         height: u32,
     },
@@ -54,6 +59,12 @@ impl Camera {
         Ok(Self { source, taken: 0 })
     }
 
+    /// Frames of one shade each, from black to white and again.
+    #[must_use]
+    pub fn shades(width: u32, height: u32) -> Self {
+        Self { source: Source::Shades { width, height }, taken: 0 }
+    }
+
     /// The next frame; `None` after the last.
     ///
     /// # Errors
@@ -71,6 +82,12 @@ impl Camera {
                 files.get(place).map(|file| picture::read(file)).transpose()
             }
             Source::Drawn { width, height } => drawn(number, *width, *height).map(Some),
+            Source::Shades { width, height } => {
+                let shade = u8::try_from(number % 256)?;
+                let pixels = usize::try_from(*width)?.checked_mul(usize::try_from(*height)?);
+                let bytes = pixels.and_then(|count| count.checked_mul(3)).context("too large")?;
+                picture::bgr(*width, *height, vec![shade; bytes]).map(Some)
+            }
             #[cfg(feature = "v4l2")]
             Source::Device(device) => device.frame().map(Some),
         }
@@ -141,6 +158,13 @@ mod tests {
         });
         assert_eq!((one.width, one.height, one.data.len()), (16, 8, 16 * 8 * 3));
         assert_ne!(one, two);
+    }
+
+    #[test]
+    fn shades_begin_again() {
+        let mut camera = Camera::shades(2, 1);
+        let shades: Vec<_> = (0..257).map(|_| camera.frame().unwrap().unwrap().data[5]).collect();
+        assert_eq!((shades[0], shades[255], shades[256]), (0, 255, 0));
     }
 
     #[cfg(not(feature = "v4l2"))]

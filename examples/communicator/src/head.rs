@@ -13,6 +13,7 @@
 //! ```
 
 use std::f64::consts::TAU;
+use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 use wrapyfi_core::types::RawPixels;
@@ -78,6 +79,29 @@ pub fn seen_stand_in(seq: u32, pixels: &RawPixels) -> Option<Orientation> {
     })
 }
 
+/// Chooses between the two: what is worn, until it has been silent for a second.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Choice {
+    worn_at: Option<Instant>,
+}
+
+impl Choice {
+    /// The orientation to follow, of those that came just now.
+    pub fn choose(
+        &mut self,
+        now: Instant,
+        worn: Option<Orientation>,
+        seen: Option<Orientation>,
+    ) -> Option<Orientation> {
+        if worn.is_some() {
+            self.worn_at = Some(now);
+            return worn;
+        }
+        let silent = |at| now.saturating_duration_since(at) > Duration::from_secs(1);
+        seen.filter(|_| self.worn_at.is_none_or(silent))
+    }
+}
+
 /// Sums of a frame's brightness are far below 2^53.
 #[allow(clippy::cast_precision_loss)]
 fn exact(sum: u64) -> f64 {
@@ -124,6 +148,21 @@ mod tests {
         let even = seen_stand_in(1, &picture::bgr(5, 3, vec![9; 45]).unwrap()).unwrap();
         assert_eq!((even.pitch_deg, even.yaw_deg), (0.0, 0.0));
         assert_eq!(seen_stand_in(1, &picture::bgr(5, 3, vec![0; 45]).unwrap()), None);
+    }
+
+    #[test]
+    fn what_is_seen_is_followed_where_nothing_is_worn() {
+        let (worn, seen) = (worn_stand_in(1), Orientation { gaze: None, ..worn_stand_in(2) });
+        let start = Instant::now();
+        let mut choice = Choice::default();
+        let mut chosen = |after_ms, worn: Option<&Orientation>| {
+            let now = start + Duration::from_millis(after_ms);
+            choice.choose(now, worn.cloned(), Some(seen.clone())).map(|chosen| chosen.seq)
+        };
+        assert_eq!(chosen(0, None), Some(2));
+        assert_eq!(chosen(10, Some(&worn)), Some(1));
+        assert_eq!(chosen(1010, None), None);
+        assert_eq!(chosen(1011, None), Some(2));
     }
 
     #[test]

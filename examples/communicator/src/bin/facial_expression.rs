@@ -18,7 +18,7 @@
 
 #![allow(clippy::print_stdout, reason = "a program for the terminal")]
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Parser, ValueEnum};
 use serde_json::json;
@@ -40,7 +40,7 @@ struct Options {
     /// Middleware of iCub
     #[arg(long, default_value = "zeromq")]
     icub_mware: String,
-    /// A robot's eyes: folder of PNG files, or a device; left out, frames are drawn
+    /// A robot's eyes: folder of PNG files, or a device; left out, all shades of grey
     #[arg(long)]
     source: Option<PathBuf>,
 }
@@ -106,8 +106,15 @@ fn main() -> anyhow::Result<()> {
     };
     match role {
         Role::Recogniser => recognise(&[pepper, icub]),
-        Role::Pepper => imitate(&pepper, Camera::open(source.as_deref(), true, 64, 48)?),
-        Role::Icub => imitate(&icub, Camera::open(source.as_deref(), true, 64, 48)?),
+        Role::Pepper => imitate(&pepper, eyes(source.as_deref())?),
+        Role::Icub => imitate(&icub, eyes(source.as_deref())?),
+    }
+}
+
+fn eyes(source: Option<&Path>) -> anyhow::Result<Camera> {
+    match source {
+        Some(_) => Camera::open(source, true, 640, 480),
+        None => Ok(Camera::shades(64, 48)),
     }
 }
 

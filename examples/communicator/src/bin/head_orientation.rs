@@ -15,12 +15,12 @@
 #![allow(clippy::print_stdout, reason = "a program for the terminal")]
 
 use std::path::PathBuf;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use clap::{Parser, ValueEnum};
 use serde_json::json;
 use wrapyfi_communicator_examples::camera::Camera;
-use wrapyfi_communicator_examples::head::{self, Head, Orientation};
+use wrapyfi_communicator_examples::head::{self, Choice, Head, Orientation};
 use wrapyfi_communicator_examples::{log_to_stderr, pause};
 use wrapyfi_core::communicator::{Mode, communicator};
 
@@ -138,10 +138,11 @@ fn follow(options: &Options) -> anyhow::Result<()> {
     let seen_mware = selected(Source::Seen, options.seen_mware.as_str());
     let mut imitation = Imitation::default().communicator();
     imitation.activate(ImitationMethod::Orientations, Mode::Listen)?;
-    let mut robot = Head::default();
+    let (mut robot, mut choice) = (Head::default(), Choice::default());
     loop {
         let (worn, seen) = imitation.orientations(worn_mware, seen_mware)?;
-        if let Some(orientation) = worn.flatten().or(seen.flatten()) {
+        let chosen = choice.choose(Instant::now(), worn.flatten(), seen.flatten());
+        if let Some(orientation) = chosen {
             robot.follow(&orientation);
             let told = json!({ "event": "message", "orientation": orientation, "head": robot });
             println!("{told}");
