@@ -65,6 +65,16 @@ impl Camera {
         Self { source: Source::Shades { width, height }, taken: 0 }
     }
 
+    /// True where whoever looks has to keep the pace, because the source does not.
+    #[must_use]
+    pub fn is_unpaced(&self) -> bool {
+        match self.source {
+            Source::Files { .. } | Source::Drawn { .. } | Source::Shades { .. } => true,
+            #[cfg(feature = "v4l2")]
+            Source::Device(_) => false,
+        }
+    }
+
     /// The next frame; `None` after the last.
     ///
     /// # Errors

@@ -20,7 +20,7 @@ use serde_json::{Value as Json, json};
 use wrapyfi_communicator_examples::camera::Camera;
 use wrapyfi_communicator_examples::{described_image, log_to_stderr, picture};
 use wrapyfi_core::communicator::{Mode, communicator};
-use wrapyfi_core::types::Image;
+use wrapyfi_core::types::{Image, RawPixels};
 
 /// Sends frames of a camera, or shows them.
 #[derive(Parser)]
@@ -86,12 +86,17 @@ fn main() -> anyhow::Result<()> {
     log_to_stderr();
     let options = Options::parse();
     let mut eye = Eye::default();
+    let mut interval = None;
     if options.mode != Mode::Listen {
-        let Options { source, once, width, height, .. } = &options;
-        eye.camera = Some(Camera::open(source.as_deref(), !once, *width, *height)?);
+        let Options { source, once, width, height, rate, .. } = &options;
+        let camera = Camera::open(source.as_deref(), !once, *width, *height)?;
+        // A device keeps the pace by itself.
+        if camera.is_unpaced() {
+            let pause = Duration::try_from_secs_f64(rate.recip());
+            interval = Some(pause.with_context(|| format!("--rate {rate} has no interval"))?);
+        }
+        eye.camera = Some(camera);
     }
-    let interval = Duration::try_from_secs_f64(options.rate.recip())
-        .with_context(|| format!("--rate {} has no interval", options.rate))?;
     let mut eye = eye.communicator();
     eye.activate(EyeMethod::Look, options.mode)?;
     let mut shown = 0_u32;
@@ -101,10 +106,16 @@ fn main() -> anyhow::Result<()> {
             return Err(fault);
         }
         if let Some(frame) = frame {
-            shown = shown.wrapping_add(1);
-            display(&frame, shown, &options)?;
+            // Whoever sends what is no picture must not end whoever looks.
+            match picture::pixels(&frame) {
+                Ok(pixels) => {
+                    shown = shown.wrapping_add(1);
+                    display(&frame, &pixels, shown, &options)?;
+                }
+                Err(reason) => tracing::warn!("a frame that cannot be shown: {reason:#}"),
+            }
         }
-        if options.mode != Mode::Listen {
+        if let Some(interval) = interval {
             std::thread::sleep(interval);
         }
     }
@@ -112,20 +123,24 @@ fn main() -> anyhow::Result<()> {
 }
 
 /// A line for each frame; a sketch and a file where asked for.
-fn display(frame: &Image, number: u32, options: &Options) -> anyhow::Result<()> {
+fn display(
+    frame: &Image,
+    pixels: &RawPixels,
+    number: u32,
+    options: &Options,
+) -> anyhow::Result<()> {
     let mut told = described_image(frame);
-    let pixels = picture::pixels(frame)?;
     if let Some(folder) = &options.save {
         std::fs::create_dir_all(folder)
             .with_context(|| format!("cannot make the folder {}", folder.display()))?;
         let path = folder.join(format!("{number:05}.png"));
-        picture::save(&pixels, &path)?;
+        picture::save(pixels, &path)?;
         if let Json::Object(told) = &mut told {
             told.insert("file".to_owned(), json!(path));
         }
     }
     if let Some(columns) = options.sketch {
-        println!("{}", picture::sketch(&pixels, columns));
+        println!("{}", picture::sketch(pixels, columns));
     }
     if let Json::Object(told) = &mut told {
         told.insert("event".to_owned(), "message".into());

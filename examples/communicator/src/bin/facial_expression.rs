@@ -132,7 +132,14 @@ fn recognise(places: &[Place]) -> anyhow::Result<()> {
             let Some(frame) = robot.acquire(&place.mware, place.image)?.flatten() else {
                 continue;
             };
-            let seen = face::stand_in(&picture::pixels(&frame)?);
+            let seen = match picture::pixels(&frame) {
+                Ok(pixels) => face::stand_in(&pixels),
+                // One robot's broken frame must not end the other's imitation.
+                Err(reason) => {
+                    tracing::warn!("a frame of {} is passed over: {reason:#}", place.name);
+                    continue;
+                }
+            };
             if let Some(seen) = robot.express(&place.mware, place.expression, seen)?.flatten() {
                 println!("{}", json!({ "event": "message", "robot": place.name, "seen": seen }));
             }
