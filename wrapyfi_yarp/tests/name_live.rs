@@ -6,7 +6,9 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use wrapyfi_yarp::Value;
 use wrapyfi_yarp::name::client::Persistence;
-use wrapyfi_yarp::name::connect::{ConnectError, ConnectOptions, connect, disconnect, exists, ping};
+use wrapyfi_yarp::name::connect::{
+    ConnectError, ConnectOptions, connect, disconnect, exists, ping,
+};
 use wrapyfi_yarp::name::events::NameEvents;
 use wrapyfi_yarp::name::registrar::RegistrarOptions;
 use wrapyfi_yarp::name::{NameClient, NameError, NameEvent, NameServerConf, Registrar};
@@ -400,7 +402,8 @@ async fn a_server_is_not_for_other_machines_unless_that_is_said() {
     server.stop().await;
     // The port is free as soon as it has stopped.
     NameServer::start(taken).await.unwrap().stop().await;
-    let bad = NameServerOptions { port: 0, namespace: "root".into(), ..NameServerOptions::default() };
+    let bad =
+        NameServerOptions { port: 0, namespace: "root".into(), ..NameServerOptions::default() };
     let error = NameServer::start(bad).await.unwrap_err().to_string();
     assert!(error.contains("does not begin with a slash"), "{error}");
 }

@@ -212,7 +212,8 @@ impl NameClient {
             let any = if type_name.is_some() { "-1" } else { "..." };
             let port = port.map_or_else(|| any.to_owned(), |port| port.to_string());
             for word in [word(carrier), word(host), port].iter().chain(type_name) {
-                if word.is_empty() || word.contains(|letter: char| letter.is_whitespace() || letter == '"')
+                if word.is_empty()
+                    || word.contains(|letter: char| letter.is_whitespace() || letter == '"')
                 {
                     let reason = format!("cannot be registered with {word:?}");
                     return Err(NameError::BadName { name: name.clone(), reason });
@@ -240,7 +241,9 @@ impl NameClient {
         let command = if prefix.is_empty() {
             "list".to_owned()
         } else {
-            self.checked(prefix.strip_suffix('/').filter(|rest| !rest.is_empty()).unwrap_or(prefix))?;
+            self.checked(
+                prefix.strip_suffix('/').filter(|rest| !rest.is_empty()).unwrap_or(prefix),
+            )?;
             format!("list {prefix}")
         };
         let answer = self.one_line(&command, "\n").await?;
@@ -367,7 +370,9 @@ impl NameClient {
             Some(PersistentConnection { src: text("src")?, dest: text("dest")?, persistence })
         };
         entries
-            .map(|entry| read(entry).ok_or_else(|| self.nonsense(&command, &answer.to_text_bytes())))
+            .map(|entry| {
+                read(entry).ok_or_else(|| self.nonsense(&command, &answer.to_text_bytes()))
+            })
             .collect()
     }
 

@@ -82,11 +82,7 @@ impl Words<'_> {
 
 impl NameState {
     /// Knows only the name server itself.
-    pub(crate) fn new(
-        own: Registration,
-        discovery_port: u16,
-        limits: NameServerLimits,
-    ) -> Self {
+    pub(crate) fn new(own: Registration, discovery_port: u16, limits: NameServerLimits) -> Self {
         let subscriptions = Subscriptions::new(limits.max_subscriptions);
         Self { registry: Registry::new(own, discovery_port, limits), subscriptions }
     }
@@ -125,7 +121,8 @@ impl NameState {
                 Outcome::reply(self.contacts(names, bottle))
             }
             "runners" => {
-                let names = self.registry.names_with("yarprun", "true").map(str::to_owned).collect();
+                let names =
+                    self.registry.names_with("yarprun", "true").map(str::to_owned).collect();
                 Outcome::reply(self.contacts(names, bottle))
             }
             "set" => self.set(&rest, bottle),
@@ -341,7 +338,9 @@ impl NameState {
     fn type_of(&mut self, words: &Words<'_>) -> Outcome {
         let (family, name) = (words.word(0), words.word(1));
         match (family.as_str(), words.0.len()) {
-            ("yarp", 3) => linked(self.subscriptions.set_type(&name, &words.word(2)).map(|()| vec![])),
+            ("yarp", 3) => {
+                linked(self.subscriptions.set_type(&name, &words.word(2)).map(|()| vec![]))
+            }
             ("yarp", 2) => Outcome::reply(match self.subscriptions.type_of(&name) {
                 Some(text) if !text.is_empty() => {
                     let words = ["type", &family, &name, text].map(Value::from);
