@@ -278,9 +278,11 @@ async fn the_newest_message_takes_the_place_of_older_ones() {
     let writer = network.open_output("/writer", &OutputOptions::default()).await.unwrap();
     writer.connect("tcp://reader").await.unwrap();
     for count in 0..10 {
-        writer.send(Message::new(
-            Payload::bottle(&Bottle::from(vec![count.into()]), network.dialect()).unwrap(),
-        )).await;
+        writer
+            .send(Message::new(
+                Payload::bottle(&Bottle::from(vec![count.into()]), network.dialect()).unwrap(),
+            ))
+            .await;
     }
     within(writer.flush()).await;
     assert_eq!(next(&reader).await.bottle().unwrap(), bottle("9"));

@@ -17,8 +17,8 @@ impl Core {
             Request::Version => admin::version(),
             Request::Help => admin::help(),
             Request::Add { destination } => match self.add_output(&destination).await {
-                Ok(sentence) => admin::done(sentence),
-                Err(error) => admin::failed(error.0),
+                Ok(sentence) => admin::done(&sentence),
+                Err(error) => admin::failed(&error.0),
             },
             Request::Remove { name } => self.remove(&name).await,
             Request::List { direction, name } => self.listed(direction, name.as_deref()),
@@ -90,13 +90,13 @@ impl Core {
     async fn remove(self: &Arc<Self>, name: &str) -> Bottle {
         let bare = admin::split_destination(name).map_or_else(|| name.to_owned(), |(_, name)| name);
         if self.remove_output(&bare).await {
-            return admin::done(admin::removed(&self.name, name));
+            return admin::done(&admin::removed(&self.name, name));
         }
         if self.remove_input(&bare) {
-            return admin::done(admin::removing(name, &self.name));
+            return admin::done(&admin::removing(name, &self.name));
         }
         let (output, input) = (admin::no_output(name), admin::no_input(name));
-        admin::failed(format!("{output}\r\n{input}"))
+        admin::failed(&format!("{output}\r\n{input}"))
     }
 
     /// Ends the inputs from `name`; whether there was one.

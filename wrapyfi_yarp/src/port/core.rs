@@ -256,10 +256,10 @@ impl Core {
         if let Sink::Inbox(inbox) = &self.sink {
             inbox.close();
         }
-        if self.registered {
-            if let Err(error) = self.network.names().unregister(&self.name).await {
-                tracing::warn!(target: "wrapyfi_yarp::port", name = self.name, %error, "unregister");
-            }
+        if self.registered
+            && let Err(error) = self.network.names().unregister(&self.name).await
+        {
+            tracing::warn!(target: "wrapyfi_yarp::port", name = self.name, %error, "unregister");
         }
         self.closed.send_replace(true);
     }

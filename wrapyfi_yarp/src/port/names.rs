@@ -132,6 +132,12 @@ impl NameTable {
     }
 }
 
+/// A number that no UDP socket of this machine has.
+fn free_number() -> u16 {
+    let socket = std::net::UdpSocket::bind((std::net::Ipv4Addr::UNSPECIFIED, 0));
+    socket.and_then(|socket| socket.local_addr()).map_or(11_000, |address| address.port())
+}
+
 impl Names for NameTable {
     fn register<'a>(&'a self, request: &'a NameRequest) -> Later<'a, Registration> {
         let mut table = self.table();
@@ -144,7 +150,9 @@ impl Names for NameTable {
         let carrier = request.carrier.clone().unwrap_or_else(|| "tcp".to_owned());
         let (host, port) = if carrier == "mcast" {
             table.groups = table.groups.wrapping_add(1);
-            (format!("224.1.1.{}", table.groups.max(1)), request.port.unwrap_or(11_000))
+            // Other processes with tables of their own have the same groups, and other numbers.
+            let port = request.port.unwrap_or_else(free_number);
+            (format!("224.1.1.{}", table.groups.max(1)), port)
         } else {
             let host = request.host.clone().unwrap_or_else(|| "127.0.0.1".to_owned());
             (host, request.port.unwrap_or(0))

@@ -69,7 +69,6 @@ impl std::fmt::Debug for Network {
 impl Network {
     /// A network with a [`NameTable`] of its own, YARP 3 and the default limits, until told
     /// otherwise.
-    #[must_use]
     pub fn builder() -> NetworkBuilder {
         NetworkBuilder {
             names: Arc::new(NameTable::new()),

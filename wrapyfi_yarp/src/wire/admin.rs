@@ -140,19 +140,19 @@ pub fn split_destination(destination: &str) -> Option<(Option<&str>, String)> {
     }
 }
 
-fn result(code: i32, sentence: String) -> Bottle {
+fn result(code: i32, sentence: &str) -> Bottle {
     [Value::from(code), Value::from(format!("{sentence}\r\n"))].into_iter().collect()
 }
 
 /// `-1` with a reason: a sentence of this module.
 #[must_use]
-pub fn failed(sentence: String) -> Bottle {
+pub fn failed(sentence: &str) -> Bottle {
     result(-1, sentence)
 }
 
 /// `0` with what was done: a sentence of this module.
 #[must_use]
-pub fn done(sentence: String) -> Bottle {
+pub fn done(sentence: &str) -> Bottle {
     result(0, sentence)
 }
 
@@ -212,8 +212,8 @@ pub fn configuration(direction: Direction, name: &str, found: bool, set: bool) -
     };
     match (found, set) {
         // YARP says "incoming" for both.
-        (false, _) => failed(format!("Could not find an incoming connection {side} {name}")),
-        (true, true) => done(format!("Configured connection {side} {name}")),
+        (false, _) => failed(&format!("Could not find an incoming connection {side} {name}")),
+        (true, true) => done(&format!("Configured connection {side} {name}")),
         (true, false) => std::iter::once(Value::Dict(Bottle::new())).collect(),
     }
 }
