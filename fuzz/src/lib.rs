@@ -25,6 +25,7 @@ mod services;
 mod tables;
 mod tensors;
 mod texts;
+mod yarp;
 
 pub use codecs::{cdr, frames, jpeg, json, npy};
 pub use dynamic::dynamic;
@@ -36,6 +37,7 @@ pub use services::node_services;
 pub use tables::plugin_table;
 pub use tensors::plugin_tensor;
 pub use texts::{config, msg_parser, ros_args};
+pub use yarp::{yarp_bottle, yarp_object, yarp_text};
 
 use wrapyfi_core::Limits;
 
@@ -46,7 +48,7 @@ pub const LIMITS: Limits = Limits { message_bytes: 1 << 20, depth: 64 };
 pub type Target = (&'static str, fn(&[u8]));
 
 /// Every target.
-pub const TARGETS: [Target; 16] = [
+pub const TARGETS: [Target; 19] = [
     ("json", json),
     ("npy", npy),
     ("frames", frames),
@@ -63,4 +65,7 @@ pub const TARGETS: [Target; 16] = [
     ("node_services", node_services),
     ("dynamic", dynamic),
     ("zeromq_requests", zeromq_requests),
+    ("yarp_bottle", yarp_bottle),
+    ("yarp_text", yarp_text),
+    ("yarp_object", yarp_object),
 ];
