@@ -10,8 +10,10 @@
 
 mod error;
 mod kind;
+mod property;
 mod read;
 mod scan;
+mod serde;
 mod text_read;
 mod text_write;
 mod value;
@@ -20,6 +22,7 @@ mod write;
 use bytes::Bytes;
 
 pub use error::{BottleError, EncodeError, TextError};
+pub use property::Property;
 pub use scan::BottleScan;
 pub use text_read::text_is_complete;
 pub(crate) use text_write::significant;
