@@ -180,8 +180,7 @@ async fn hold(talk: &Talk, file: &str, server: &NameServer, differed: &mut Vec<u
         for piece in sent {
             stream.write_all(piece).await.unwrap();
         }
-        let difference =
-            DIFFERENCES.iter().position(|other| other.0 == file && other.1 == text);
+        let difference = DIFFERENCES.iter().position(|other| other.0 == file && other.1 == text);
         let expected = match difference {
             Some(at) => {
                 differed.push(at);
@@ -261,6 +260,9 @@ fn every_recording_of_the_name_server_is_in_the_table() {
         if !ours || file == "ns_event_stream" || talks(&golden(file)).is_empty() {
             continue;
         }
-        assert!(RECORDINGS.iter().any(|recording| recording.file == file), "{file} is not replayed");
+        assert!(
+            RECORDINGS.iter().any(|recording| recording.file == file),
+            "{file} is not replayed"
+        );
     }
 }

@@ -6,7 +6,9 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use wrapyfi_yarp::Value;
 use wrapyfi_yarp::name::client::Persistence;
-use wrapyfi_yarp::name::connect::{ConnectError, ConnectOptions, connect, disconnect, exists, ping};
+use wrapyfi_yarp::name::connect::{
+    ConnectError, ConnectOptions, connect, disconnect, exists, ping,
+};
 use wrapyfi_yarp::name::events::NameEvents;
 use wrapyfi_yarp::name::registrar::RegistrarOptions;
 use wrapyfi_yarp::name::{NameClient, NameError, NameEvent, NameServerConf, Registrar};
@@ -400,7 +402,8 @@ async fn a_server_is_not_for_other_machines_unless_that_is_said() {
     server.stop().await;
     // The port is free as soon as it has stopped.
     NameServer::start(taken).await.unwrap().stop().await;
-    let bad = NameServerOptions { port: 0, namespace: "root".into(), ..NameServerOptions::default() };
+    let bad =
+        NameServerOptions { port: 0, namespace: "root".into(), ..NameServerOptions::default() };
     let error = NameServer::start(bad).await.unwrap_err().to_string();
     assert!(error.contains("does not begin with a slash"), "{error}");
 }
@@ -423,5 +426,32 @@ async fn a_browser_sees_ports_and_changes_nothing() {
     let page = get(&post).await;
     assert!(page.contains("only these commands are done here"), "{page}");
     assert!(server.client().query("/cam").await.unwrap().is_some());
+    server.stop().await;
+}
+
+#[tokio::test]
+async fn a_server_is_found_by_multicast() {
+    use wrapyfi_yarp::name::multicast::{Discovery, discover};
+
+    // Any UDP port that is free: nobody else hears us there.
+    let free = std::net::UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+    let options =
+        NameServerOptions { port: 0, discovery_port: Some(free), ..NameServerOptions::default() };
+    let server = NameServer::start(options).await.unwrap();
+    let asked = Discovery {
+        port: free,
+        interface: std::net::Ipv4Addr::LOCALHOST,
+        wait: PATIENCE / 3,
+        ..Discovery::default()
+    };
+    let found = discover(&asked).await.unwrap().expect("nobody answers");
+    assert_eq!(&found, server.registration());
+    let other = Discovery {
+        namespace: "/elsewhere".to_owned(),
+        tries: 1,
+        wait: Duration::from_millis(200),
+        ..asked
+    };
+    assert_eq!(discover(&other).await.unwrap(), None);
     server.stop().await;
 }

@@ -55,7 +55,8 @@ async fn yarp_clean_reads_the_names_and_takes_the_dead_away() {
 #[tokio::test]
 async fn yarp_topic_makes_lists_and_removes_topics() {
     let server = server().await;
-    let ask = async |command: &str| say(&server, &format!("CONNACK admin\r\nd\r\n{command}\r\n")).await;
+    let ask =
+        async |command: &str| say(&server, &format!("CONNACK admin\r\nd\r\n{command}\r\n")).await;
     assert_eq!(ask("topic \"/t\"").await, "Welcome admin\r\n[ok]\r\n<ACK>\r\n");
     assert_eq!(ask("topic").await, "Welcome admin\r\n\"/t\"\r\n<ACK>\r\n");
     let listed = ask("subscribe \"/a\" \"topic://t\"").await;

@@ -82,11 +82,7 @@ impl Words<'_> {
 
 impl NameState {
     /// Knows only the name server itself.
-    pub(crate) fn new(
-        own: &Registration,
-        discovery_port: u16,
-        limits: NameServerLimits,
-    ) -> Self {
+    pub(crate) fn new(own: &Registration, discovery_port: u16, limits: NameServerLimits) -> Self {
         let subscriptions = Subscriptions::new(limits.max_subscriptions);
         Self { registry: Registry::new(own, discovery_port, limits), subscriptions }
     }
@@ -340,7 +336,9 @@ impl NameState {
     fn type_of(&mut self, words: &Words<'_>) -> Outcome {
         let (family, name) = (words.word(0), words.word(1));
         match (family.as_str(), words.0.len()) {
-            ("yarp", 3) => linked(self.subscriptions.set_type(&name, &words.word(2)).map(|()| vec![])),
+            ("yarp", 3) => {
+                linked(self.subscriptions.set_type(&name, &words.word(2)).map(|()| vec![]))
+            }
             ("yarp", 2) => Outcome::reply(match self.subscriptions.type_of(&name) {
                 Some(text) if !text.is_empty() => {
                     let words = ["type", &family, &name, text].map(Value::from);

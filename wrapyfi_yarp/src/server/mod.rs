@@ -62,7 +62,9 @@ pub enum NameServerError {
         ip: IpAddr,
     },
     /// Somebody else has the port.
-    #[error("port {port} on {ip} is taken, perhaps by another name server: stop it, or choose another port")]
+    #[error(
+        "port {port} on {ip} is taken, perhaps by another name server: stop it, or choose another port"
+    )]
     PortTaken {
         /// Address asked for.
         ip: IpAddr,

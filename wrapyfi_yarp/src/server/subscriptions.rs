@@ -262,7 +262,13 @@ fn link(src: &str, dest: &str, connect: bool) -> Link {
 }
 
 /// The connection of two ports that are registered.
-fn join(src: &str, dest: &str, src_full: &str, dest_full: &str, known: &impl Known) -> Option<Link> {
+fn join(
+    src: &str,
+    dest: &str,
+    src_full: &str,
+    dest_full: &str,
+    known: &impl Known,
+) -> Option<Link> {
     (known.is_port(src) && known.is_port(dest)).then(|| link(src_full, dest_full, true))
 }
 
