@@ -1,5 +1,8 @@
 //! What holds of a name server whatever it is told.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
+
 use std::collections::{BTreeMap, BTreeSet};
 
 use proptest::prelude::*;
