@@ -27,6 +27,7 @@ mod tensors;
 mod texts;
 mod yarp;
 mod yarp_names;
+mod yarp_wire;
 
 pub use codecs::{cdr, frames, jpeg, json, npy};
 pub use dynamic::dynamic;
@@ -40,6 +41,7 @@ pub use tensors::plugin_tensor;
 pub use texts::{config, msg_parser, ros_args};
 pub use yarp::{yarp_bottle, yarp_object, yarp_text};
 pub use yarp_names::yarp_name_lines;
+pub use yarp_wire::yarp_connection;
 
 use wrapyfi_core::Limits;
 
@@ -50,7 +52,7 @@ pub const LIMITS: Limits = Limits { message_bytes: 1 << 20, depth: 64 };
 pub type Target = (&'static str, fn(&[u8]));
 
 /// Every target.
-pub const TARGETS: [Target; 20] = [
+pub const TARGETS: [Target; 21] = [
     ("json", json),
     ("npy", npy),
     ("frames", frames),
@@ -71,4 +73,5 @@ pub const TARGETS: [Target; 20] = [
     ("yarp_text", yarp_text),
     ("yarp_object", yarp_object),
     ("yarp_name_lines", yarp_name_lines),
+    ("yarp_connection", yarp_connection),
 ];

@@ -218,10 +218,7 @@ fn names_that_lie_are_refused() {
         let mut bytes = b"YA\xe4\x1e\0\0RP".to_vec();
         bytes.extend(i32::to_le_bytes(length));
         let fault = HeaderReader::new(&Limits::default()).poll(&mut BytesMut::from(&bytes[..]));
-        assert_eq!(
-            fault,
-            Err(Fault::NameLength { length: i64::from(length), limit: 1000 })
-        );
+        assert_eq!(fault, Err(Fault::NameLength { length: i64::from(length), limit: 1000 }));
     }
     let mut buffer = BytesMut::from("CONNECT ");
     buffer.extend_from_slice(&[b'x'; 1100]);

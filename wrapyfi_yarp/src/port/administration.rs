@@ -9,6 +9,8 @@ use crate::{Bottle, Value};
 
 /// Most properties that peers can leave at a port.
 const MAX_PROPERTIES: usize = 1024;
+/// Longest text of one of them.
+const MAX_PROPERTY_BYTES: usize = 16 * 1024;
 
 impl Core {
     /// Carries a request out.
@@ -17,8 +19,8 @@ impl Core {
             Request::Version => admin::version(),
             Request::Help => admin::help(),
             Request::Add { destination } => match self.add_output(&destination).await {
-                Ok(sentence) => admin::done(&sentence),
-                Err(error) => admin::failed(&error.0),
+                Ok(sentence) => admin::done(sentence),
+                Err(error) => admin::failed(error.0),
             },
             Request::Remove { name } => self.remove(&name).await,
             Request::List { direction, name } => self.listed(direction, name.as_deref()),
@@ -90,13 +92,13 @@ impl Core {
     async fn remove(self: &Arc<Self>, name: &str) -> Bottle {
         let bare = admin::split_destination(name).map_or_else(|| name.to_owned(), |(_, name)| name);
         if self.remove_output(&bare).await {
-            return admin::done(&admin::removed(&self.name, name));
+            return admin::done(admin::removed(&self.name, name));
         }
         if self.remove_input(&bare) {
-            return admin::done(&admin::removing(name, &self.name));
+            return admin::done(admin::removing(name, &self.name));
         }
         let (output, input) = (admin::no_output(name), admin::no_input(name));
-        admin::failed(&format!("{output}\r\n{input}"))
+        admin::failed(format!("{output}\r\n{input}"))
     }
 
     /// Ends the inputs from `name`; whether there was one.
@@ -153,9 +155,13 @@ impl Core {
         }
         let mut connections = self.connections();
         let properties = &mut connections.properties;
-        if properties.len() >= MAX_PROPERTIES && !properties.contains_key(key) {
-            self.counters.add("too_many_properties");
-            return admin::fail(Some("too many properties"));
+        let size = key.len().saturating_add(values.to_text_bytes().len());
+        let full = properties.len() >= MAX_PROPERTIES && !properties.contains_key(key);
+        if full || size > MAX_PROPERTY_BYTES {
+            self.counters.add("property_refused");
+            return admin::fail(Some(&format!(
+                "at most {MAX_PROPERTIES} properties of {MAX_PROPERTY_BYTES} bytes are kept"
+            )));
         }
         properties.insert(key.to_owned(), values);
         admin::ok()

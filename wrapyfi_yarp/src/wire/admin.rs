@@ -140,20 +140,21 @@ pub fn split_destination(destination: &str) -> Option<(Option<&str>, String)> {
     }
 }
 
-fn result(code: i32, sentence: &str) -> Bottle {
-    [Value::from(code), Value::from(format!("{sentence}\r\n"))].into_iter().collect()
+fn result(code: i32, mut sentence: String) -> Bottle {
+    sentence.push_str("\r\n");
+    [Value::from(code), Value::from(sentence)].into_iter().collect()
 }
 
 /// `-1` with a reason: a sentence of this module.
 #[must_use]
-pub fn failed(sentence: &str) -> Bottle {
-    result(-1, sentence)
+pub fn failed(sentence: impl Into<String>) -> Bottle {
+    result(-1, sentence.into())
 }
 
 /// `0` with what was done: a sentence of this module.
 #[must_use]
-pub fn done(sentence: &str) -> Bottle {
-    result(0, sentence)
+pub fn done(sentence: impl Into<String>) -> Bottle {
+    result(0, sentence.into())
 }
 
 /// An output was made.
@@ -212,8 +213,8 @@ pub fn configuration(direction: Direction, name: &str, found: bool, set: bool) -
     };
     match (found, set) {
         // YARP says "incoming" for both.
-        (false, _) => failed(&format!("Could not find an incoming connection {side} {name}")),
-        (true, true) => done(&format!("Configured connection {side} {name}")),
+        (false, _) => failed(format!("Could not find an incoming connection {side} {name}")),
+        (true, true) => done(format!("Configured connection {side} {name}")),
         (true, false) => std::iter::once(Value::Dict(Bottle::new())).collect(),
     }
 }
