@@ -25,6 +25,7 @@ mod services;
 mod tables;
 mod tensors;
 mod texts;
+mod yarp;
 mod yarp_names;
 mod yarp_wire;
 
@@ -38,6 +39,7 @@ pub use services::node_services;
 pub use tables::plugin_table;
 pub use tensors::plugin_tensor;
 pub use texts::{config, msg_parser, ros_args};
+pub use yarp::{yarp_bottle, yarp_object, yarp_text};
 pub use yarp_names::yarp_name_lines;
 pub use yarp_wire::yarp_connection;
 
@@ -50,7 +52,7 @@ pub const LIMITS: Limits = Limits { message_bytes: 1 << 20, depth: 64 };
 pub type Target = (&'static str, fn(&[u8]));
 
 /// Every target.
-pub const TARGETS: [Target; 18] = [
+pub const TARGETS: [Target; 21] = [
     ("json", json),
     ("npy", npy),
     ("frames", frames),
@@ -67,6 +69,9 @@ pub const TARGETS: [Target; 18] = [
     ("node_services", node_services),
     ("dynamic", dynamic),
     ("zeromq_requests", zeromq_requests),
+    ("yarp_bottle", yarp_bottle),
+    ("yarp_text", yarp_text),
+    ("yarp_object", yarp_object),
     ("yarp_name_lines", yarp_name_lines),
     ("yarp_connection", yarp_connection),
 ];
