@@ -9,6 +9,7 @@
 //! * [`sig`]: images, sounds, vectors and time stamps; the same bytes read as a bottle, too.
 //! * [`dialect`]: YARP 4 moved the codes of floats; nothing on the wire says which one is spoken.
 //! * [`port`] and [`wire`]: ports of every carrier over tokio, and their bytes without sockets.
+//! * [`name`] and [`server`]: name servers, seen from those who ask them, and one to embed.
 //! * [`limits`]: what is refused, so that no peer can make this process run out of memory.
 //!
 //! Codecs and [`wire`] take bytes and give values: no sockets, no threads, no clock.

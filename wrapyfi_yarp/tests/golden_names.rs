@@ -4,6 +4,9 @@
 //! Ours listens on any free port and says that it is port 10000, so that the numbers it gives away
 //! are those of the recordings. Where an answer differs, the table below says why.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
+
 use std::time::Duration;
 
 use serde_json::Value as Json;
@@ -180,8 +183,7 @@ async fn hold(talk: &Talk, file: &str, server: &NameServer, differed: &mut Vec<u
         for piece in sent {
             stream.write_all(piece).await.unwrap();
         }
-        let difference =
-            DIFFERENCES.iter().position(|other| other.0 == file && other.1 == text);
+        let difference = DIFFERENCES.iter().position(|other| other.0 == file && other.1 == text);
         let expected = match difference {
             Some(at) => {
                 differed.push(at);
@@ -203,7 +205,7 @@ async fn hold(talk: &Talk, file: &str, server: &NameServer, differed: &mut Vec<u
         return;
     }
     // Nothing more comes, and our end is answered by theirs.
-    let _ = stream.shutdown().await;
+    stream.shutdown().await.unwrap_or_default();
     let mut rest = vec![];
     let end = tokio::time::timeout(PATIENCE, stream.read_to_end(&mut rest)).await;
     assert!(end.is_ok(), "{file}: the connection stays open");
@@ -261,6 +263,9 @@ fn every_recording_of_the_name_server_is_in_the_table() {
         if !ours || file == "ns_event_stream" || talks(&golden(file)).is_empty() {
             continue;
         }
-        assert!(RECORDINGS.iter().any(|recording| recording.file == file), "{file} is not replayed");
+        assert!(
+            RECORDINGS.iter().any(|recording| recording.file == file),
+            "{file} is not replayed"
+        );
     }
 }

@@ -1,5 +1,8 @@
 //! What YARP's tools send, taken from their source where no recording has it.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
+
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 use wrapyfi_yarp::server::{NameServer, NameServerOptions};
@@ -55,7 +58,8 @@ async fn yarp_clean_reads_the_names_and_takes_the_dead_away() {
 #[tokio::test]
 async fn yarp_topic_makes_lists_and_removes_topics() {
     let server = server().await;
-    let ask = async |command: &str| say(&server, &format!("CONNACK admin\r\nd\r\n{command}\r\n")).await;
+    let ask =
+        async |command: &str| say(&server, &format!("CONNACK admin\r\nd\r\n{command}\r\n")).await;
     assert_eq!(ask("topic \"/t\"").await, "Welcome admin\r\n[ok]\r\n<ACK>\r\n");
     assert_eq!(ask("topic").await, "Welcome admin\r\n\"/t\"\r\n<ACK>\r\n");
     let listed = ask("subscribe \"/a\" \"topic://t\"").await;

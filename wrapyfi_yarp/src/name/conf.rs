@@ -106,7 +106,9 @@ impl NameServerConf {
         }
         let mut words = text.split(['"', ' ', '\t', '\r', '\n']).filter(|word| !word.is_empty());
         let (Some(host), Some(port)) = (words.next(), words.next()) else {
-            return Err("names no host and port: write for instance 127.0.0.1 10000 yarp".to_owned());
+            return Err(
+                "names no host and port: write for instance 127.0.0.1 10000 yarp".to_owned()
+            );
         };
         Self::checked(host, port, words.next())
     }
@@ -156,8 +158,7 @@ impl NameServerConf {
     /// When it is missing, unreadable, or no configuration; the error names it.
     pub fn read(file: &Path) -> Result<Self, ConfError> {
         let text = read_text(file)?.ok_or_else(|| ConfError::Missing { file: file.to_owned() })?;
-        Self::parse(&text)
-            .map_err(|reason| ConfError::Malformed { file: file.to_owned(), reason })
+        Self::parse(&text).map_err(|reason| ConfError::Malformed { file: file.to_owned(), reason })
     }
 
     /// Writes the file that [`Self::read`] and YARP's own programs read, and its folder.
@@ -179,7 +180,9 @@ impl NameServerConf {
 /// # Errors
 /// When that file is there and cannot be read.
 pub fn namespace(environment: &Environment) -> Result<String, ConfError> {
-    let first = |text: &str| text.split_ascii_whitespace().next().map(|word| word.trim_matches('"').to_owned());
+    let first = |text: &str| {
+        text.split_ascii_whitespace().next().map(|word| word.trim_matches('"').to_owned())
+    };
     if let Some(name) = environment.text("YARP_NAMESPACE").and_then(first) {
         return Ok(name);
     }

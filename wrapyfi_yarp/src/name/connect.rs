@@ -139,7 +139,8 @@ pub async fn disconnect(
     let silent = now.find("connectionless").is_some_and(|flag| flag.as_i64() == Some(1));
     if silent && pulled != pair.pull {
         // The other side would go on sending: nobody else tells it.
-        let (told, about) = if pair.pull { (&pair.src, &pair.dest) } else { (&pair.dest, &pair.src) };
+        let (told, about) =
+            if pair.pull { (&pair.src, &pair.dest) } else { (&pair.dest, &pair.src) };
         let request = [Value::vocab("del"), about.name.as_str().into()];
         administer(names, told, request.into_iter().collect(), options).await?;
     }

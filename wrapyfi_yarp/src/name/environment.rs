@@ -62,7 +62,9 @@ impl Environment {
     pub fn from_pairs<N: Into<String>, V: Into<OsString>>(
         pairs: impl IntoIterator<Item = (N, V)>,
     ) -> Self {
-        Self { variables: pairs.into_iter().map(|(name, value)| (name.into(), value.into())).collect() }
+        Self {
+            variables: pairs.into_iter().map(|(name, value)| (name.into(), value.into())).collect(),
+        }
     }
 
     /// The same with one variable changed; an empty value takes it away.
@@ -153,7 +155,9 @@ impl Environment {
 #[must_use]
 pub fn safe_name(name: &str) -> String {
     // Bytes, not characters: YARP knows no other.
-    name.bytes().map(|byte| if byte.is_ascii_alphanumeric() { char::from(byte) } else { '_' }).collect()
+    name.bytes()
+        .map(|byte| if byte.is_ascii_alphanumeric() { char::from(byte) } else { '_' })
+        .collect()
 }
 
 #[cfg(test)]
@@ -185,7 +189,10 @@ mod tests {
             ("YARP_PORTNUMBER_cam_rgb", "10444"),
         ]);
         let naming = |name| environment.port_naming(name).unwrap();
-        assert_eq!(naming("/cam:rgb"), PortNaming { name: "/left/picture".into(), port: Some(10_444) });
+        assert_eq!(
+            naming("/cam:rgb"),
+            PortNaming { name: "/left/picture".into(), port: Some(10_444) }
+        );
         assert_eq!(naming("/other"), PortNaming { name: "/left/other".into(), port: None });
         assert_eq!(naming("..."), PortNaming { name: "...".into(), port: None });
         assert_eq!(naming("=tail"), PortNaming { name: "=tail".into(), port: None });

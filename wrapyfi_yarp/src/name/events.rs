@@ -137,7 +137,8 @@ mod tests {
             let byte = |pair: &[u8]| u8::from_str_radix(std::str::from_utf8(pair).unwrap(), 16);
             let bytes: Vec<u8> = hex.chunks(2).map(|pair| byte(pair).unwrap()).collect();
             assert_eq!(event.to_bottle().encode(Dialect::V3).unwrap(), bytes);
-            let (bottle, _) = Bottle::decode(&bytes.into(), Dialect::V3, &Limits::default()).unwrap();
+            let (bottle, _) =
+                Bottle::decode(&bytes.into(), Dialect::V3, &Limits::default()).unwrap();
             assert_eq!(NameEvent::from_bottle(&bottle), Some(event));
         }
         assert_eq!(NameEvent::from_bottle(&Bottle::new()), None);

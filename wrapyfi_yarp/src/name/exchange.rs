@@ -179,7 +179,8 @@ impl<'a> Line<'a> {
         sender: &str,
     ) -> Result<(TcpStream, BytesMut), ExchangeError> {
         let unsendable = |fault| ExchangeError::Unsendable { fault };
-        let head = header::encode(carrier, &Sender::new(sender), self.limits).map_err(unsendable)?;
+        let head =
+            header::encode(carrier, &Sender::new(sender), self.limits).map_err(unsendable)?;
         let mut stream = self.open().await?;
         stream.write_all(&head).await.map_err(|error| self.io(error))?;
         let mut buffer = BytesMut::new();

@@ -141,7 +141,10 @@ mod tests {
         assert_eq!(question("/root"), hex(0));
         assert_eq!(read_question(&hex(0)), Some(&b"query /root"[..]));
         let found = read_answer(&hex(1)).unwrap();
-        assert_eq!((found.name.as_str(), found.host.as_str(), found.port), ("/root", "127.0.0.1", 10_000));
+        assert_eq!(
+            (found.name.as_str(), found.host.as_str(), found.port),
+            ("/root", "127.0.0.1", 10_000)
+        );
         let line = b"registration name /root ip 127.0.0.1 port 10000 type tcp";
         assert_eq!(answer(line), hex(1));
         // Wake-up packets are neither.

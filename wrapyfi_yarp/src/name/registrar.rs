@@ -385,7 +385,9 @@ async fn stay(
                 None => {
                     if let Err(error) = shared.renew(&wanted).await {
                         tracing::warn!(target: "wrapyfi_yarp::name", %error, name, "not registered");
-                        shared.status.send_modify(|status| status.failure = Some(error.to_string()));
+                        shared
+                            .status
+                            .send_modify(|status| status.failure = Some(error.to_string()));
                     }
                 }
             },

@@ -75,7 +75,8 @@ pub(crate) fn registration(line: &[u8]) -> Option<Registration> {
     // From behind: a name may be empty, and then two blanks follow each other.
     let (rest, carrier) = rest.rsplit_once(" type ")?;
     let (rest, port) = rest.rsplit_once(" port ")?;
-    let (name, host) = rest.rsplit_once(" ip ").or_else(|| Some(("", rest.strip_prefix("ip ")?)))?;
+    let (name, host) =
+        rest.rsplit_once(" ip ").or_else(|| Some(("", rest.strip_prefix("ip ")?)))?;
     Some(Registration {
         name: name.to_owned(),
         host: host.to_owned(),

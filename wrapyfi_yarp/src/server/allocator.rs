@@ -94,9 +94,9 @@ impl Allocator {
         let open = |text: &String| text.parse().ok().filter(|&number| !taken(number));
         let before = self.held.get(name).and_then(BTreeSet::first);
         let before = before.filter(|text| !self.numbers.used.contains(*text)).and_then(open);
-        let number = before.or_else(|| self.next_number(&taken)).or_else(|| {
-            self.numbers.free.iter().find_map(open)
-        });
+        let number = before
+            .or_else(|| self.next_number(&taken))
+            .or_else(|| self.numbers.free.iter().find_map(open));
         let number: u16 = number.ok_or(Exhausted)?;
         let text = number.to_string();
         self.numbers.take(&text);

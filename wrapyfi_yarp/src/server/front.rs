@@ -154,10 +154,16 @@ async fn converse(mut session: Session, shared: &Arc<Shared>) -> Result<(), Sess
         };
         let Some(event) = event else { return Ok(()) };
         let answer = match event {
-            Event::Line(line) => reply(&shared.apply_body(&Body::Text(line), Some(peer)), true, shared),
+            Event::Line(line) => {
+                reply(&shared.apply_body(&Body::Text(line), Some(peer)), true, shared)
+            }
             Event::Data(data) => {
                 let outcome = shared.apply_body(&data.body, Some(peer));
-                if data.reply { reply(&outcome, session.is_text(), shared) } else { Answer::Nothing }
+                if data.reply {
+                    reply(&outcome, session.is_text(), shared)
+                } else {
+                    Answer::Nothing
+                }
             }
             Event::Admin(request) => Answer::Bottle(administer(&request, shared).await),
             Event::Http(request) => Answer::Raw(http::answer(&request, shared, peer)),
@@ -241,13 +247,15 @@ async fn administer(request: &Bottle, shared: &Arc<Shared>) -> Bottle {
         Request::Version => admin::version(),
         Request::Help => admin::help(),
         Request::Add { destination } => match events::connect(&destination, shared).await {
-            Ok(done) => admin::done(done),
-            Err(why) => admin::failed(why),
+            Ok(done) => admin::done(&done),
+            Err(why) => admin::failed(&why),
         },
-        Request::Remove { name } => match (remove_output(&name, shared), remove_input(&name, shared)) {
-            (Ok(done), _) | (Err(_), Ok(done)) => admin::done(done),
-            (Err(out), Err(inward)) => admin::failed(format!("{out}\r\n{inward}")),
-        },
+        Request::Remove { name } => {
+            match (remove_output(&name, shared), remove_input(&name, shared)) {
+                (Ok(done), _) | (Err(_), Ok(done)) => admin::done(&done),
+                (Err(out), Err(inward)) => admin::failed(&format!("{out}\r\n{inward}")),
+            }
+        }
         Request::List { direction, name: None } => {
             connections(direction).into_iter().map(|(name, _)| name.into()).collect()
         }

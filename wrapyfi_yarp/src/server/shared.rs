@@ -80,7 +80,8 @@ impl Shared {
         address: Option<IpAddr>,
     ) -> Outcome {
         let here = address.is_some_and(|address| {
-            address.to_canonical().is_loopback() || self.own.host == address.to_canonical().to_string()
+            address.to_canonical().is_loopback()
+                || self.own.host == address.to_canonical().to_string()
         });
         let busy = if here && self.options.skip_busy_ports { is_busy } else { |_| false };
         let asker = Asker { address, now: self.started.elapsed(), busy };
@@ -115,8 +116,7 @@ impl Shared {
     /// The lines with which the port of the name server describes itself.
     pub(super) fn describe(&self) -> Vec<String> {
         let own = &self.own;
-        let mut lines =
-            vec![format!("This is {} at tcp://{}:{}/", own.name, own.host, own.port)];
+        let mut lines = vec![format!("This is {} at tcp://{}:{}/", own.name, own.host, own.port)];
         let readers = self.readers.names();
         if readers.is_empty() {
             lines.push("There are no outgoing connections".to_owned());

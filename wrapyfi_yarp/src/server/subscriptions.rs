@@ -92,7 +92,7 @@ impl Subscriptions {
         }
         let mut links = Vec::new();
         for end in [&src, &dest] {
-            if end.carrier == "topic" {
+            if end.carrier == "topic" && !self.is_topic(&end.name) {
                 links.extend(self.add_topic(&end.name, known)?);
             }
         }
@@ -262,7 +262,13 @@ fn link(src: &str, dest: &str, connect: bool) -> Link {
 }
 
 /// The connection of two ports that are registered.
-fn join(src: &str, dest: &str, src_full: &str, dest_full: &str, known: &impl Known) -> Option<Link> {
+fn join(
+    src: &str,
+    dest: &str,
+    src_full: &str,
+    dest_full: &str,
+    known: &impl Known,
+) -> Option<Link> {
     (known.is_port(src) && known.is_port(dest)).then(|| link(src_full, dest_full, true))
 }
 
