@@ -120,7 +120,7 @@ impl Opening<'_> {
         }
         if mode == Mode::Reply {
             let end = self.end(value, source, Side::Publisher, true)?;
-            channel.server = Some(self.server(value.data_type, &end)?);
+            channel.server = Some(Arc::new(self.server(value.data_type, &end)?));
         }
         Ok(channel)
     }
