@@ -40,6 +40,8 @@ TYPES = {
     "image": ("Image", {"width": 64, "height": 48}),
     "jpg": ("Image", {"jpg": True}),
     "sound": ("AudioChunk", {"rate": RATE, "channels": 2, "chunk": 441}),
+    # A ROS message: a dict here, and only heard.
+    "twist": ("NativeObject", {}),
 }
 
 

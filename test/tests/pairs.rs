@@ -3,14 +3,14 @@
 //!
 //! | pair | Rust to Rust | Rust to Python | Python to Rust | Rust to Rust on ROS 2 |
 //! | --- | --- | --- | --- | --- |
-//! | publish, listen | O I J S | O I J S | O I J S | O T I J S, P |
-//! | publish, receive | O I J S | Wrapyfi has no receiver that works | O I J S | O T I J S |
-//! | transceive, reemit | O I J S | O I J S | O I J S | O T I J S |
+//! | publish, listen | O I J S R | O I J S R | O I J S | O T I J S R, P |
+//! | publish, receive | O I J S R | Wrapyfi has no receiver that works | O I J S | O T I J S R |
+//! | transceive, reemit | O I J S R | O I J S | O I J S | O T I J S R |
 //! | request, reply | O I J S | O I J S | O I J S | O I J S |
 //!
 //! O: native objects with tuples, sets, dates, integers beyond 64 bits and NumPy arrays. T: the same as
-//! Python Wrapyfi writes them on ROS 2, in a string. I: raw images. J: images with `jpg`. S: sound. P: the
-//! parameters of a node, which are set and watched but neither asked for nor sent on. "To" says who is in
+//! Python Wrapyfi writes them on ROS 2, in a string. I: raw images. J: images with `jpg`. S: sound. R: ROS
+//! messages, of a generated type and of one by name; a Python listener gets a dict. P: the parameters of a node, which are set and watched but neither asked for nor sent on. "To" says who is in
 //! the first of the two modes. Without an installation of ROS 2, Python's Wrapyfi speaks ZeroMQ only.
 
 #![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
@@ -118,28 +118,28 @@ macro_rules! pairs {
 }
 
 pairs! {
-    publish_and_listen: "publish" of Rust, "listen" of Rust, "object,image,jpg,sound" on "zeromq";
+    publish_and_listen: "publish" of Rust, "listen" of Rust, "object,image,jpg,sound,twist,joints" on "zeromq";
     publish_and_listen_in_python:
-        "publish" of Rust, "listen" of Python, "object,image,jpg,sound" on "zeromq";
+        "publish" of Rust, "listen" of Python, "object,image,jpg,sound,twist" on "zeromq";
     publish_in_python_and_listen:
         "publish" of Python, "listen" of Rust, "object,image,jpg,sound" on "zeromq";
     publish_and_listen_on_ros2:
-        "publish" of Rust, "listen" of Rust, "object,text,image,jpg,sound" on "ros2";
+        "publish" of Rust, "listen" of Rust, "object,text,image,jpg,sound,twist,joints" on "ros2";
 
-    publish_and_receive: "publish" of Rust, "receive" of Rust, "object,image,jpg,sound" on "zeromq";
+    publish_and_receive: "publish" of Rust, "receive" of Rust, "object,image,jpg,sound,twist,joints" on "zeromq";
     publish_in_python_and_receive:
         "publish" of Python, "receive" of Rust, "object,image,jpg,sound" on "zeromq";
     publish_and_receive_on_ros2:
-        "publish" of Rust, "receive" of Rust, "object,text,image,jpg,sound" on "ros2";
+        "publish" of Rust, "receive" of Rust, "object,text,image,jpg,sound,twist,joints" on "ros2";
 
     transceive_and_reemit:
-        "transceive" of Rust, "reemit" of Rust, "object,image,jpg,sound" on "zeromq";
+        "transceive" of Rust, "reemit" of Rust, "object,image,jpg,sound,twist,joints" on "zeromq";
     transceive_and_reemit_in_python:
         "transceive" of Rust, "reemit" of Python, "object,image,jpg,sound" on "zeromq";
     transceive_in_python_and_reemit:
         "transceive" of Python, "reemit" of Rust, "object,image,jpg,sound" on "zeromq";
     transceive_and_reemit_on_ros2:
-        "transceive" of Rust, "reemit" of Rust, "object,text,image,jpg,sound" on "ros2";
+        "transceive" of Rust, "reemit" of Rust, "object,text,image,jpg,sound,twist,joints" on "ros2";
 
     // A ZeroMQ broker has one service, so each kind has a test of its own.
     request_and_reply_of_objects: "request" of Rust, "reply" of Rust, "object" on "zeromq";

@@ -3,9 +3,15 @@
 use serde_json::{Value as Json, json};
 use wrapyfi_core::types::{Image, Payload, Pixels, Value};
 
-/// Digest and shape; nothing of what is nothing.
+/// Digest and shape; nothing of what is nothing. A ROS message is the dict of its fields, as a script
+/// hears it.
 pub(crate) fn described(payload: impl Into<Payload>) -> Json {
-    let payload = payload.into();
+    let payload = match payload.into() {
+        Payload::RosMessage(message) => {
+            message.to_value(message.cdr.len()).unwrap_or_default().into()
+        }
+        other => other,
+    };
     if matches!(&payload, Payload::NativeObject(value) if **value == Value::Null) {
         return Json::Null;
     }

@@ -2,10 +2,14 @@
 
 use wrapyfi_core::Limits;
 use wrapyfi_core::codec::jpeg;
+use wrapyfi_core::communicator::{self, kind};
 use wrapyfi_core::types::{
-    AudioChunk, Encoding, Image, Map, MessageType, Pixels, Properties, RawPixels, SampleFormat,
-    Stamp, Tensor, Value,
+    AudioChunk, Encoding, Image, Map, MessageType, Payload, Pixels, Properties, RawPixels,
+    RosMessage, SampleFormat, Stamp, Tensor, Value,
 };
+use wrapyfi_interfaces::Message;
+use wrapyfi_interfaces::geometry_msgs::msg::{Twist, Vector3};
+use wrapyfi_interfaces::sensor_msgs::msg::JointState;
 
 const WIDTH: u32 = 64;
 const HEIGHT: u32 = 48;
@@ -94,6 +98,39 @@ fn chunk(samples: Vec<f32>) -> Option<AudioChunk> {
 pub(crate) fn turned_sound(sound: &AudioChunk) -> Option<AudioChunk> {
     let samples = sound.data.chunks_exact(4).filter_map(|bytes| bytes.try_into().ok());
     chunk(samples.map(|bytes| -f32::from_le_bytes(bytes)).collect())
+}
+
+/// A `geometry_msgs/msg/Twist`; of one that is given, the same the other way.
+pub(crate) fn twist(number: i64, prev: Option<RosMessage>) -> RosMessage {
+    let forth = f64::from(low_byte(number)) + 0.25;
+    let given = prev.and_then(|prev| Message::decode(&prev.cdr, prev.cdr.len()).ok());
+    let twist = given.map_or(forward(forth), |given: Twist| forward(-given.linear.x));
+    let Some(Payload::RosMessage(message)) = payload(&twist) else {
+        unreachable!("the type is generated");
+    };
+    message
+}
+
+fn forward(x: f64) -> Twist {
+    Twist { linear: Vector3 { x, y: 0.0, z: 0.5 }, ..Twist::default() }
+}
+
+/// The state of two joints; of one that is given, the same the other way.
+pub(crate) fn joints(number: i64, prev: Option<JointState>) -> JointState {
+    let Some(prev) = prev else {
+        return JointState {
+            name: vec!["left".into(), "right".into()],
+            position: vec![f64::from(low_byte(number)), -0.5],
+            ..JointState::default()
+        };
+    };
+    let position = prev.position.iter().map(|position| -position).collect();
+    JointState { position, ..prev }
+}
+
+/// A generated message as the library sends it.
+pub(crate) fn payload<M: Message>(message: &M) -> Option<Payload> {
+    communicator::Payload::<kind::RosMessage>::to_payload(message).ok().flatten()
 }
 
 /// Parameters of the node that the test starts.

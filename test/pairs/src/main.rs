@@ -19,7 +19,8 @@ use std::time::Duration;
 use clap::Parser;
 use serde_json::{Value as Json, json};
 use wrapyfi_core::communicator::{CallError, Mode, communicator};
-use wrapyfi_core::types::{AudioChunk, Image, Properties, Value};
+use wrapyfi_core::types::{AudioChunk, Image, Properties, RosMessage, Value};
+use wrapyfi_interfaces::sensor_msgs::msg::JointState;
 
 use facts::{described, described_jpeg};
 
@@ -32,7 +33,7 @@ struct Options {
     /// Middleware
     #[arg(long, default_value = "zeromq")]
     mware: String,
-    /// Methods: object, text, image, jpg, sound, properties
+    /// Methods: object, text, image, jpg, sound, twist, joints, properties
     #[arg(long, value_delimiter = ',', required = true)]
     kinds: Vec<Kind>,
     /// Topic from which messages come; the kind is put behind it
@@ -50,6 +51,8 @@ enum Kind {
     Image,
     Jpg,
     Sound,
+    Twist,
+    Joints,
     Properties,
 }
 
@@ -189,6 +192,51 @@ impl Exchange {
         sound
     }
 
+    /// A ROS message by name.
+    #[register(
+        RosMessage,
+        "$mware",
+        "$way_in",
+        message_type = "geometry_msgs/msg/Twist",
+        listener_kwargs(in_topic = "$way_in"),
+        publisher_kwargs(out_topic = "$way_out")
+    )]
+    fn twist(
+        &mut self,
+        mware: &str,
+        way_in: &str,
+        way_out: &str,
+        #[received] prev: Option<RosMessage>,
+    ) -> RosMessage {
+        _ = (mware, way_in, way_out);
+        self.given = described_or(prev.clone(), Json::Null);
+        let twist = made::twist(self.next(), prev);
+        self.made = described(twist.clone());
+        twist
+    }
+
+    /// A ROS message of a generated type.
+    #[register(
+        RosMessage,
+        "$mware",
+        "$way_in",
+        listener_kwargs(in_topic = "$way_in"),
+        publisher_kwargs(out_topic = "$way_out")
+    )]
+    fn joints(
+        &mut self,
+        mware: &str,
+        way_in: &str,
+        way_out: &str,
+        #[received] prev: Option<JointState>,
+    ) -> JointState {
+        _ = (mware, way_in, way_out);
+        self.given = prev.as_ref().and_then(made::payload).map(described).unwrap_or_default();
+        let joints = made::joints(self.next(), prev);
+        self.made = made::payload(&joints).map(described).unwrap_or_default();
+        joints
+    }
+
     /// The topic is the name of the node whose parameters are set or watched.
     #[register(Properties, "$mware", "$way_in")]
     fn properties(&mut self, mware: &str, way_in: &str) -> Properties {
@@ -299,6 +347,11 @@ fn call(
         Kind::Sound => {
             let sound = exchange.sound(mware, there, back, given, None)?;
             described_or(sound.flatten(), Json::Null)
+        }
+        Kind::Twist => described_or(exchange.twist(mware, there, back, None)?, Json::Null),
+        Kind::Joints => {
+            let joints = exchange.joints(mware, there, back, None)?;
+            described_or(joints.as_ref().and_then(made::payload), Json::Null)
         }
         // Not a topic but a node: nothing is put behind it.
         Kind::Properties => described_or(exchange.properties(mware, way_in)?, Json::Null),
