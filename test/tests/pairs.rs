@@ -183,3 +183,26 @@ fn parameters_are_set_and_watched() -> Result {
         })
     })
 }
+
+/// `--ros-args` as every node takes them: namespace, name, and a rule for one name, on both sides.
+#[test]
+fn a_node_is_remapped() -> Result {
+    const NEEDS: &[Need] = &[Need::Program, Need::Example("pairs"), Need::Python];
+    run("a_node_is_remapped", NEEDS, |world| {
+        let ros_args = "-- --ros-args -r __ns:=/lab -r __node:=driver -r x/text:=seen/text";
+        let talks = "--mode publish --kinds text --mware ros2 --way-in y --way-out x";
+        let hears = "--mode listen --kinds text --mware ros2 --way-in x --way-out y";
+        let publisher = world.example("pairs", &format!("{talks} {ros_args}"))?.pillar();
+        let listener = world.example("pairs", &format!("{hears} {ros_args}"))?.pillar();
+        passes(&publisher, &listener, "text")?;
+        let seen = world.dds_subscriber("/lab/seen/text", "std_msgs/msg/String", "--count 1")?;
+        seen.messages(1).map(drop)?;
+        let mut list = world.wrapyfi(["list", "ros2"])?;
+        list.exits_with(0)?;
+        let said = list.stdout();
+        for line in ["/lab/driver", "/lab/driver_in", "/lab/seen/text"] {
+            assert!(said.contains(line), "{line} is not in {said}");
+        }
+        Ok(())
+    })
+}

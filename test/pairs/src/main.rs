@@ -18,7 +18,8 @@ use std::time::Duration;
 
 use clap::Parser;
 use serde_json::{Value as Json, json};
-use wrapyfi_core::communicator::{CallError, Mode, communicator};
+use wrapyfi_core::communicator::{CallError, Context, Mode, communicator};
+use wrapyfi_core::node::{args::RosArgs, read_params_file};
 use wrapyfi_core::types::{AudioChunk, Image, Properties, RosMessage, Value};
 use wrapyfi_interfaces::sensor_msgs::msg::JointState;
 
@@ -42,6 +43,9 @@ struct Options {
     /// Topic to which messages go; the kind is put behind it
     #[arg(long)]
     way_out: String,
+    /// Arguments of ROS 2, behind `--`
+    #[arg(last = true)]
+    ros_args: Vec<String>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -282,7 +286,9 @@ fn main() -> anyhow::Result<()> {
     tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
     let options = Options::parse();
     let mode = options.mode;
-    let mut exchange = Exchange::default().communicator();
+    let args = RosArgs::parse(options.ros_args.iter().cloned(), read_params_file)?;
+    let context = Context::builder().ros_args(args).build();
+    let mut exchange = Exchange::default().communicator_in(&context);
     for &method in <ExchangeMethod as wrapyfi_core::communicator::Method>::ALL {
         // Parameters have no second way.
         if method != ExchangeMethod::Properties || !mode.feeds_body() {

@@ -231,6 +231,23 @@ impl ContextBuilder {
         self
     }
 
+    /// Names the nodes on ROS 2 and remaps their topics and services as a command line with
+    /// `--ros-args` says: `__node`, `__ns`, rules for names. What is read of the nodes beside that,
+    /// parameters and levels of the log, [`RosArgs`](crate::node::args::RosArgs) tells the program.
+    ///
+    /// ```
+    /// use wrapyfi_core::communicator::Context;
+    /// use wrapyfi_core::node::{args::RosArgs, read_params_file};
+    /// let args = RosArgs::parse(std::env::args().skip(1), read_params_file)?;
+    /// let context = Context::builder().ros_args(args).build();
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    #[cfg(feature = "ros2")]
+    #[must_use]
+    pub fn ros_args(self, args: crate::node::args::RosArgs) -> Self {
+        self.source(builtin::ros2_with(args))
+    }
+
     /// This middleware and those added after it; none of this crate's own.
     #[must_use]
     pub fn only(mut self, middleware: Arc<dyn Middleware>) -> Self {
