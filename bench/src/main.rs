@@ -2,6 +2,7 @@
 //!
 //! How: `README.md` beside this. What came out last: `RESULTS.md`, `results.csv`, `plot.svg`.
 
+mod asked;
 mod case;
 mod child;
 mod clock;
@@ -16,6 +17,7 @@ mod payload;
 mod plot;
 mod proc;
 mod python;
+mod registered;
 mod relay;
 mod report;
 mod results;
@@ -33,6 +35,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, Result};
 use clap::{Parser, Subcommand};
 
+use asked::Asked;
 use case::Case;
 use payload::Kind;
 use python::Python;
@@ -53,8 +56,9 @@ struct Cli {
     /// Streams for 10 seconds instead of 60.
     #[arg(long)]
     quick: bool,
-    /// Only cases whose name (`way/payload`, `call-way/load`) contains this, in every round, and
-    /// neither streams, coding nor foreign endpoints; `coding`, `endpoints`, `fast-dds`: only that.
+    /// Only cases whose name (`way/payload`, `call-way/load`, `ask-way/payload`) contains this, in
+    /// every round, and neither streams, coding, registered methods nor foreign endpoints; `coding`,
+    /// `registered`, `endpoints`, `fast-dds`: only that.
     #[arg(long)]
     only: Option<String>,
     /// Folder for the results; default: this program's own in the repository.
@@ -110,6 +114,18 @@ enum Role {
         #[command(flatten)]
         place: trip::Place,
     },
+    /// Calls a registered method.
+    #[command(hide = true)]
+    Asker {
+        #[command(flatten)]
+        place: asked::Place,
+    },
+    /// Runs it for others.
+    #[command(hide = true)]
+    Asked {
+        #[command(flatten)]
+        place: asked::Place,
+    },
     /// Has many endpoints.
     #[command(hide = true)]
     Crowd {
@@ -150,6 +166,14 @@ fn main() -> Result<()> {
             log_warnings();
             trip::far(place)
         }
+        Some(Role::Asker { place }) => {
+            log_warnings();
+            asked::asker(*place)
+        }
+        Some(Role::Asked { place }) => {
+            log_warnings();
+            asked::asked(*place)
+        }
         Some(Role::Crowd { domain }) => crowd::crowd(*domain),
         Some(Role::Onlooker { domain }) => crowd::onlooker(*domain),
         Some(Role::Source { wire, place }) => {
@@ -188,6 +212,8 @@ fn run(cli: &Cli) -> Result<()> {
     let cases: Vec<Case> = Case::all().into_iter().filter(|case| wanted(&case.name())).collect();
     let trips: Vec<Trip> = Trip::ALL.into_iter().filter(|trip| wanted(&trip.name())).collect();
 
+    let asked: Vec<Asked> = Asked::ALL.into_iter().filter(|ask| wanted(ask.name())).collect();
+
     let coded = cli.only.as_deref().is_none_or(|only| only == "coding");
     let mut python = None;
     if coded || cases.iter().any(|case| case.way.is_python()) {
@@ -214,6 +240,14 @@ fn run(cli: &Cli) -> Result<()> {
                 python_coding(python, round, &mut results);
             }
         }
+        if cli.only.as_deref().is_none_or(|only| only == "registered") {
+            match registered::round() {
+                Ok(figures) => results.micro(round, figures),
+                Err(error) => {
+                    results.failures.push(format!("round {round}, registered: {error:#}"));
+                }
+            }
+        }
         for case in order(&cases, round, cli) {
             let turn = match (&mut python, case.way.is_python()) {
                 (_, false) => bench.turn(case),
@@ -230,6 +264,10 @@ fn run(cli: &Cli) -> Result<()> {
             }
         }
         calls(&bench, &trips, round, &mut results);
+        // Python's calls are so slow that every other round is enough.
+        if cli.only.is_some() || round % 2 == 1 {
+            asks(&bench, repository, &asked, round, &mut results);
+        }
         note(&format!("round {round} of {}: {:.0} s", cli.rounds, begin.elapsed().as_secs_f64()));
     }
     drop(python);
@@ -273,6 +311,27 @@ fn calls(bench: &Bench, trips: &[Trip], round: u32, results: &mut Results) {
             Ok(leg) => results.trip(round, trip, leg),
             Err(error) => {
                 let failure = format!("round {round}, {}: {error:#}", trip.name());
+                note(&failure);
+                results.failures.push(failure);
+            }
+        }
+    }
+}
+
+/// Calls of registered methods; backwards in every second round that has them.
+fn asks(bench: &Bench, repository: &Path, asked: &[Asked], round: u32, results: &mut Results) {
+    let mut asked = asked.to_vec();
+    if round / 2 % 2 == 1 {
+        asked.reverse();
+    }
+    for ask in asked {
+        if ask != Asked::Ours && results.no_python.is_some() {
+            continue;
+        }
+        match ask.turn(bench, repository) {
+            Ok(answers) => results.asked(round, ask, answers),
+            Err(error) => {
+                let failure = format!("round {round}, {}: {error:#}", ask.name());
                 note(&failure);
                 results.failures.push(failure);
             }
