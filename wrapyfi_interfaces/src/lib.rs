@@ -23,6 +23,7 @@ pub mod dynamic;
 pub mod hash;
 mod message;
 pub mod parser;
+pub mod ros1;
 pub mod store;
 mod type_description;
 
