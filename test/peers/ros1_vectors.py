@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Random messages of every ROS 1 interface in a place, as ROS 1 and as ROS 2 write them: one a line.
 
-    ros1_vectors.py [--seed N] [--cases N] [--prefix /usr] PLACE
+    ros1_vectors.py [--seed N] [--cases N] [--brief] [--prefix /usr] PLACE
 
 PLACE is a folder of packages (/usr/share) or a file in the format of standard/ros1.txt. Definition texts,
 checksums and ROS 1 bytes come from ROS 1's own genmsg and genpy (Debian's python3-genpy, below the prefix),
@@ -11,9 +11,11 @@ have them. A line:
     {"event": "type", "type": "std_msgs/String", "kind": "msg", "md5": …, "text": …, "ros2": …, "hash": …,
      "messages": [{"part": "", "seq": 7, "ros1": hex, "cdr": hex}]}
 
-Of a service, `part` is Request or Response. `seq` is what header.seq has in ROS 1.
+Of a service, `part` is Request or Response. `seq` is what header.seq has in ROS 1. Where ROS 2 lacks fields,
+`back` is what comes back.
 """
 import argparse
+import hashlib
 import io
 import pathlib
 import random
@@ -76,6 +78,10 @@ class Definitions:
         load = self.genmsg.msg_loader.load_msg_from_file if kind == "msg" else self.genmsg.msg_loader.load_srv_from_file
         spec = load(context, str(file), name)
         self.genmsg.load_depends(context, spec, self.search)
+        if kind == "srv":
+            both = [depended for part in (spec.request, spec.response)
+                    for depended in context.get_depends(part.full_name)]
+            context.set_depends(name, both)
         text = lambda spec: self.genmsg.compute_full_text(context, spec)
         parts = {"": text(spec)} if kind == "msg" else \
             {"Request": text(spec.request), "Response": text(spec.response)}
@@ -127,7 +133,6 @@ class Random:
             low = -(1 << (bits - 1)) if SIZES[kind].islower() else 0
             return self.random.randrange(low, low + (1 << bits))
         # Of a list's elements genpy makes none by itself.
-        from genpy import dynamic  # noqa: F401
         fresh = self.classes[kind if "/" in kind else f"std_msgs/{kind}"]()
         return self.message(fresh, f"{path}.")
 
@@ -187,7 +192,7 @@ class Ros2:
         what, inner = int(kind[0]), kind[1]
         if what == 1:
             plain = "" if inner[0] == "string" else 0
-            return value if value is not None else plain
+            return plain if value is None else value
         if what == 2:
             if inner.endswith(("msg/Time", "msg/Duration")) and inner.startswith("builtin_interfaces"):
                 return self.time(value, inner)
@@ -197,7 +202,8 @@ class Ros2:
         value = list(value) if value is not None else [None] * count
         if int(element[0]) == 1 and element[1][0] != "string":
             kind = {"byte": "uint8", "octet": "uint8", "char": "uint8"}.get(element[1][0], element[1][0])
-            plain = [0 if one is None else one for one in value]
+            # An array of signed bytes, which rosbags has unsigned.
+            plain = [0 if one is None else one % 256 if kind == "uint8" else one for one in value]
             return np.array(plain, dtype=kind)
         return [self.value(one, element) for one in value]
 
@@ -217,6 +223,7 @@ def main():
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--cases", type=int, default=2)
     parser.add_argument("--prefix", default="/usr")
+    parser.add_argument("--brief", action="store_true", help="the SHA-256 of texts in their place")
     parser.add_argument("place", type=pathlib.Path)
     asked = parser.parse_args()
     # Behind what the interpreter has itself: only genmsg, genpy and what they need come from there.
@@ -227,6 +234,7 @@ def main():
         name, kind, text, md5, parts = definitions.load(file)
         target = ros2.name(name, kind)
         messages, hashed = [], None
+        shown = hashlib.sha256(text.encode()).hexdigest() if asked.brief else text
         for part, part_text in parts.items():
             part_name = f"{target}_{part}" if part else target
             stored = f"{name}{part}".replace("/", "/msg/")
@@ -238,7 +246,8 @@ def main():
                 part_name = stored
             elif target not in ros2.store.fielddefs or target != name.replace("/", "/msg/"):
                 ros2.add(name.replace("/", "/msg/"), part_text)
-            if not part:
+            # rosbags 0.11 takes char for another type than uint8, which ROS 2 does not.
+            if not part and name != "std_msgs/Char":
                 hashed = ros2.store.hash_rihs01(target)
             for _ in range(asked.cases):
                 message = contents.of(f"{name}{part}", part_text)
@@ -247,7 +256,11 @@ def main():
                 seq = message.header.seq if getattr(message, "_has_header", False) else 0
                 messages.append({"part": part, "seq": seq, "ros1": out.getvalue().hex(),
                                  "cdr": ros2.cdr(message, part_name).hex()})
-        say("type", type=name, kind=kind, md5=md5, text=text, ros2=target, hash=hashed, messages=messages)
+                if name == "rosgraph_msgs/Log":
+                    message.header.frame_id, message.topics, back = "", [], io.BytesIO()
+                    message.serialize(back)
+                    messages[-1]["back"] = back.getvalue().hex()
+        say("type", type=name, kind=kind, md5=md5, text=shown, ros2=target, hash=hashed, messages=messages)
 
 
 if __name__ == "__main__":

@@ -31,6 +31,9 @@ mod text;
 mod types;
 mod wire;
 
+#[cfg(test)]
+mod vector_tests;
+
 pub use definition::{Definition, ServiceDefinition};
 pub use error::{DefinitionError, PairError, TranscodeError};
 pub use names::ros1_name;
