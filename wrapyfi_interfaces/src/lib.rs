@@ -14,6 +14,7 @@
 //! * [`cdr`][]: serialisation.
 //! * [`store`]: finds the definition of any type; ROS 1 checksums.
 //! * [`dynamic`]: messages of any type.
+//! * [`ros1`]: types and messages of ROS 1, to ROS 2 and back.
 //! * One module a package, laid out as in ROS: [`sensor_msgs::msg::Image`], [`std_srvs::srv::SetBool`]
 //!   with its `SetBool_Request`, `SetBool_Response` and `SetBool_Event`.
 

@@ -32,6 +32,8 @@ mod types;
 mod wire;
 
 #[cfg(test)]
+mod tests;
+#[cfg(test)]
 mod vector_tests;
 
 pub use definition::{Definition, ServiceDefinition};
