@@ -566,10 +566,10 @@ fn rules_of_ros1_bridge_choose_names_and_fields() {
     assert_eq!(read(&two, &to_cdr(&plan, &bytes).unwrap().0)["same"], 7);
 
     let name = |text| TypeName::parse(Dialect::Ros1, text).unwrap();
-    let two = |text| rules.ros2_names(&name(text))[0].to_string();
-    assert_eq!(two("lab_msgs/X"), "lab_interfaces/msg/X");
-    assert_eq!(two("demo/srv/Do_Request"), "work/srv/Act_Request");
-    assert_eq!(two("tf/tfMessage"), "tf2_msgs/msg/TFMessage");
+    let in_ros2 = |text| rules.ros2_names(&name(text))[0].to_string();
+    assert_eq!(in_ros2("lab_msgs/X"), "lab_interfaces/msg/X");
+    assert_eq!(in_ros2("demo/srv/Do_Request"), "work/srv/Act_Request");
+    assert_eq!(in_ros2("tf/tfMessage"), "tf2_msgs/msg/TFMessage");
     assert_eq!(rules.ros1_names(&name("lab_interfaces/X"))[0].to_string(), "lab_msgs/msg/X");
     let error = compile_with(&rules, "uint8 a\n", "uint8 a\n").unwrap_err();
     assert!(matches!(error, PairError::RuleField { .. }), "{error}");
