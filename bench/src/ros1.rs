@@ -123,7 +123,8 @@ impl Ros1 {
             ("sensor_msgs/JointState", joints(12)),
         ];
         for ((name, _), (ros1_type, ros1)) in CASES.into_iter().zip(messages) {
-            let plan = types.plan(&types.definition(ros1_type)?)?;
+            let definition = types.definition(ros1_type)?;
+            let plan = types.plan(&definition)?;
             let (mut cdr, mut back) = (Vec::new(), Vec::new());
             plan.to_cdr(&ros1, &Options::default(), &mut cdr)?;
             plan.to_ros1(&cdr, 1, &Options::default(), &mut back)?;

@@ -10,6 +10,7 @@ use super::fill::{Filler, skip};
 use super::matching::{Definitions, Entry, match_fields};
 use super::op::{Block, Check, CheckKind, Count, ELEMENT, Each, Op, PathId, Text, push};
 use super::rules::Rules;
+use super::sizes::Sizes;
 use crate::parser::{Container, Element, Primitive, TypeName};
 
 /// Most fields that a pair of types may unfold into.
@@ -50,7 +51,8 @@ pub(super) fn compile(pair: Pair<'_>, to_ros2: bool) -> Result<(Program, Differe
         differences: Differences::default(),
         fields: 0,
         path_bytes: 0,
-        sizes: [BTreeMap::new(), BTreeMap::new()],
+        ros1_sizes: Sizes::new(pair.ros1.1, false),
+        ros2_sizes: Sizes::new(pair.ros2.1, true),
     };
     let mut ops = Vec::new();
     compiler.message(pair.ros1.0, pair.ros2.0, &Place::default(), &mut ops)?;
@@ -76,8 +78,8 @@ struct Compiler<'d> {
     differences: Differences,
     fields: usize,
     path_bytes: usize,
-    /// Least sizes of messages, in ROS 1 and in CDR.
-    sizes: [BTreeMap<&'d TypeName, usize>; 2],
+    ros1_sizes: Sizes<'d>,
+    ros2_sizes: Sizes<'d>,
 }
 
 impl<'d> Compiler<'d> {
@@ -299,42 +301,11 @@ impl<'d> Compiler<'d> {
         at: PathId,
         ops: &mut Vec<Op>,
     ) {
-        let (ros1, ros2) = (self.pair.ros1.1, self.pair.ros2.1);
-        let (from_side, to_side) = if self.to_ros2 {
-            ((ros1, false), (ros2, true))
-        } else {
-            ((ros2, true), (ros1, false))
-        };
-        let from_min = self.least(&from.field.field_type.element, from_side);
-        let to_min = self.least(&to.field.field_type.element, to_side);
+        let (sizes, other) = (&mut self.ros1_sizes, &mut self.ros2_sizes);
+        let (sizes, other) = if self.to_ros2 { (sizes, other) } else { (other, sizes) };
+        let from_min = sizes.least(&from.field.field_type.element);
+        let to_min = other.least(&to.field.field_type.element);
         push(ops, Op::Each(Each { count, body, from_min, to_min, at }));
-    }
-
-    /// Least number of bytes of an element, without padding.
-    fn least(&mut self, element: &'d Element, (side, cdr): (&'d Definitions, bool)) -> usize {
-        let Element::Nested(name) = element else {
-            return match element {
-                Element::Primitive(primitive) => primitive.size(),
-                _ => 4,
-            };
-        };
-        if let Some(size) = self.sizes.get(usize::from(cdr)).and_then(|sizes| sizes.get(name)) {
-            return *size;
-        }
-        let fields = side.get(name).map(|message| message.fields.as_slice()).unwrap_or_default();
-        let mut size = usize::from(cdr && fields.is_empty());
-        for field in fields {
-            let one = |this: &mut Self| this.least(&field.field_type.element, (side, cdr));
-            size = size.saturating_add(match field.field_type.container {
-                Container::Single => one(self),
-                Container::Array(count) => one(self).saturating_mul(count as usize),
-                Container::Sequence { .. } => 4,
-            });
-        }
-        if let Some(sizes) = self.sizes.get_mut(usize::from(cdr)) {
-            sizes.insert(name, size);
-        }
-        size
     }
 
     /// Copies one element of a field.

@@ -26,6 +26,7 @@ mod plan;
 mod rules;
 mod run;
 mod severity;
+mod sizes;
 mod standard;
 mod text;
 mod types;
