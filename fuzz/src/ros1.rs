@@ -27,7 +27,7 @@ pub fn ros1_definition(data: &[u8]) {
     let Ok(text) = std::str::from_utf8(data) else { return };
     let (_, peak) = measure(|| {
         let mut types = Types::new(Rules::built_in(), TypeStore::empty());
-        let definition = match types.show("fuzz_msgs/Fuzzed", text) {
+        let definition = match types.show("fuzz_msgs/Fuzzed", "*", text) {
             Ok(definition) => definition,
             Err(error) => return assert!(!error.to_string().is_empty()),
         };

@@ -23,6 +23,20 @@ pub enum DefinitionError {
     /// The definition, or that of a type it refers to, could not be had.
     #[error(transparent)]
     Resolve(#[from] ResolveError),
+    /// A publisher's definition is not the one whose checksum it names.
+    #[error(
+        "the definition of {name} that the publisher shows has the checksum {computed}, but it says \
+         {claimed}; rebuild the publisher with one version of the package, or give a folder with that \
+         version"
+    )]
+    Checksum {
+        /// The type.
+        name: TypeName,
+        /// What the connection header says; at most 32 characters of it.
+        claimed: String,
+        /// What the text has.
+        computed: String,
+    },
     /// It has no checksum.
     #[error(transparent)]
     Md5(#[from] Md5Error),

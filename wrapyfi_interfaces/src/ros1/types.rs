@@ -22,6 +22,9 @@ use crate::store::{Disk, ResolveError, ResolvedType, TypeStore};
 /// Most definitions that are remembered from peers.
 const MAX_SHOWN: usize = 4096;
 
+/// Digits of a checksum.
+const MD5_DIGITS: usize = 32;
+
 /// All that is known of types in both ROS.
 ///
 /// ```
@@ -101,17 +104,41 @@ impl Types {
         &self.rules
     }
 
-    /// Takes what a publisher shows in its connection header, and remembers it for those that the
-    /// type is to be published to. The last one shown under a name counts.
+    /// Takes what a publisher shows in its connection header, `type`, `md5sum` and `message_definition`, and
+    /// remembers it for those that the type is to be published to. The last one shown under a name
+    /// counts. Where the text is not that of the checksum, for instance empty, a definition from
+    /// elsewhere that has it is taken; a checksum of `*` fits any.
     ///
     /// # Errors
-    /// As [`Definition::from_header`]: nothing is remembered then.
-    pub fn show(&mut self, type_name: &str, text: &str) -> Result<Definition, DefinitionError> {
-        let definition = Definition::from_header(type_name, text)?;
-        if self.shown.len() < MAX_SHOWN || self.shown.contains_key(definition.name()) {
-            self.shown.insert(definition.name().clone(), definition.clone());
-        }
-        Ok(definition)
+    /// As [`Definition::from_header`], and when no definition has the checksum: nothing is remembered
+    /// then.
+    pub fn show(
+        &mut self,
+        type_name: &str,
+        md5sum: &str,
+        text: &str,
+    ) -> Result<Definition, DefinitionError> {
+        let name = parse_name(InterfaceKind::Message, type_name)?;
+        let fits = |definition: &Definition| md5sum == "*" || definition.md5sum() == md5sum;
+        let error = match Definition::from_header(type_name, text) {
+            Ok(definition) if fits(&definition) => {
+                if self.shown.len() < MAX_SHOWN || self.shown.contains_key(&name) {
+                    self.shown.insert(name, definition.clone());
+                }
+                return Ok(definition);
+            }
+            Ok(definition) => DefinitionError::Checksum {
+                name: name.clone(),
+                claimed: md5sum.chars().take(MD5_DIGITS).collect(),
+                computed: definition.md5sum().to_owned(),
+            },
+            Err(error) => error,
+        };
+        let stored = [&mut self.ros1, &mut self.standard_ros1]
+            .into_iter()
+            .filter_map(|store| Definition::from_store(store, &name).ok());
+        let exact = stored.into_iter().find(|definition| definition.md5sum() == md5sum);
+        exact.ok_or(error)
     }
 
     /// The ROS 1 definition of a message, by its ROS 1 name `package/Type`.

@@ -72,8 +72,25 @@ fn definitions_that_lack_or_repeat_are_refused() {
             && error.contains("lab_msgs/msg/Strange.msg"),
         "{error}"
     );
-    types.show("lab_msgs/Strange", "uint8 x\n").unwrap();
+    types.show("lab_msgs/Strange", "*", "uint8 x\n").unwrap();
     types.definition("lab_msgs/Strange").unwrap();
+}
+
+#[test]
+fn what_a_publisher_shows_has_the_checksum_it_names() {
+    let mut types = Types::new(Rules::built_in(), TypeStore::empty());
+    let string = "992ce8a1687cec8c8bd883ec73ca41d1";
+    // No text, or another: the one that is at hand has the checksum.
+    for text in ["string data\n", "", "uint8 other\n", "no text"] {
+        let shown = types.show("std_msgs/String", string, text).unwrap();
+        assert_eq!((shown.md5sum(), shown.text().trim()), (string, "string data"));
+    }
+    let error = types.show("lab_msgs/String", &"a".repeat(99), "string data\n").unwrap_err();
+    assert!(matches!(&error, DefinitionError::Checksum { .. }), "{error}");
+    assert!(error.to_string().contains(string) && error.to_string().len() < 400, "{error}");
+    assert!(types.definition("lab_msgs/String").is_err(), "it is not remembered");
+    let shown = types.show("lab_msgs/String", string, "string data\n").unwrap();
+    assert_eq!(types.definition("lab_msgs/String").unwrap(), shown);
 }
 
 #[test]
@@ -145,7 +162,7 @@ fn services_that_wrapyfi_makes_by_hand_have_its_checksums() {
 fn odd_names_of_ros1_become_names_of_ros2() {
     let mut types = Types::new(Rules::built_in(), TypeStore::empty());
     let text = "uint8 frameId\nmy_part MyPart\nuint8 K\nuint8 k\n================\nMSG: Odd/my_part\nuint8 x_\n";
-    let odd = types.show("Odd/my_type", text).unwrap();
+    let odd = types.show("Odd/my_type", "*", text).unwrap();
     let ros2 = types.ros2_type(odd.resolved()).unwrap();
     assert_eq!(ros2.name().to_string(), "odd/msg/MyType");
     assert_eq!(
