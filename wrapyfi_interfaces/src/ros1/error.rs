@@ -2,10 +2,11 @@
 
 use std::fmt;
 
+use super::names::ros1_name;
 use crate::cdr::{CdrError, path_in_element, path_in_field};
 use crate::dynamic::PlanError;
 use crate::parser::{ParseFault, TypeName};
-use crate::store::{Md5Error, ResolveError};
+use crate::store::{Looked, Md5Error, ResolveError};
 
 /// Why there is no ROS 1 definition.
 #[derive(Debug, thiserror::Error)]
@@ -40,20 +41,17 @@ pub enum DefinitionError {
     /// It has no checksum.
     #[error(transparent)]
     Md5(#[from] Md5Error),
-    /// No ROS 1 peer has shown the type, and nothing else has it.
+    /// No ROS 1 peer has shown the type, and nothing else has it, in ROS 2 neither.
     #[error(
-        "the ROS 1 definition of {name} is not known: no ROS 1 node has shown it yet, no folder \
-         given has it ({}), and ROS 2 has none to make it from ({ros2}); start a ROS 1 node that publishes \
-         it, or give a folder with {}/msg/{}.msg",
-        ros1, name.package(), name.file_stem()
+        "the ROS 1 definition of {} is not known: no ROS 1 node has shown it yet; {looked}; start a \
+         node that publishes it, or give a folder with {}/{kind}/{}.{kind}",
+        ros1_name(name), name.package(), name.file_stem(), kind = name.kind().as_str()
     )]
     Unknown {
         /// The type.
         name: TypeName,
-        /// What the search for the ROS 1 definition said.
-        ros1: Box<ResolveError>,
-        /// What the search for the ROS 2 definition said.
-        ros2: Box<ResolveError>,
+        /// Where it was looked for, in order.
+        looked: Looked,
     },
     /// What was read makes no message of ROS 1, for instance a part of a service on its own.
     #[error("{name} is no {expected}; ask for the type itself")]

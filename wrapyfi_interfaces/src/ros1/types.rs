@@ -17,7 +17,7 @@ use super::plan::Plan;
 use super::rules::Rules;
 use super::standard;
 use crate::parser::{Dialect, InterfaceKind, MessageDefinition, TypeName};
-use crate::store::{Disk, ResolveError, ResolvedType, TypeStore};
+use crate::store::{Disk, Looked, ResolveError, ResolvedType, TypeStore};
 
 /// Most definitions that are remembered from peers.
 const MAX_SHOWN: usize = 4096;
@@ -183,7 +183,8 @@ impl Types {
 
     /// Makes a ROS 1 type from that of ROS 2.
     fn made_for_ros1(&mut self, name: &TypeName) -> Result<ResolvedType, DefinitionError> {
-        let mut missing = None;
+        let mut looked = Vec::new();
+        note_looked(self.ros1.resolve(name), &mut looked);
         for ros2 in self.rules.ros2_names(name) {
             match self.ros2.resolve(&ros2) {
                 Ok(ros2) => {
@@ -199,21 +200,11 @@ impl Types {
                     };
                     return Ok(derive::to_ros1(&ros2, name, rules, find)?);
                 }
-                Err(error) if is_missing(&error, &ros2) => missing = Some(error),
+                Err(error) if is_missing(&error, &ros2) => note_looked(Err(error), &mut looked),
                 Err(error) => return Err(error.into()),
             }
         }
-        let ros1 = match self.ros1.resolve(name) {
-            Ok(found) => return Ok(found),
-            Err(error) => Box::new(error),
-        };
-        let name = name.clone();
-        let ros2 = Box::new(missing.unwrap_or_else(|| ResolveError::NotFound {
-            name: name.clone(),
-            user: None,
-            looked: crate::store::Looked::default(),
-        }));
-        Err(DefinitionError::Unknown { name, ros1, ros2 })
+        Err(DefinitionError::Unknown { name: name.clone(), looked: Looked(looked) })
     }
 
     /// The ROS 2 type that a ROS 1 type becomes: as installed, else made from it.
@@ -394,4 +385,11 @@ impl Types {
 /// Whether it is the type itself that is not there.
 fn is_missing(error: &ResolveError, name: &TypeName) -> bool {
     matches!(error, ResolveError::NotFound { name: missing, .. } if missing == name)
+}
+
+/// Adds the places where something was not found.
+fn note_looked(found: Result<ResolvedType, ResolveError>, places: &mut Vec<String>) {
+    if let Err(ResolveError::NotFound { looked: Looked(looked), .. }) = found {
+        places.extend(looked);
+    }
 }

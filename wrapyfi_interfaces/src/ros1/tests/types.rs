@@ -66,11 +66,13 @@ fn definitions_that_lack_or_repeat_are_refused() {
     let error = Definition::from_header("a/b/C", "").unwrap_err();
     assert!(matches!(error, DefinitionError::Name { .. }), "{error}");
     let mut types = Types::new(Rules::built_in(), TypeStore::empty());
-    let error = types.definition("lab_msgs/Strange").unwrap_err().to_string();
-    assert!(
-        error.contains("the ROS 1 definition of lab_msgs/msg/Strange is not known")
-            && error.contains("lab_msgs/msg/Strange.msg"),
-        "{error}"
+    types.add_ros1_path("/none".as_ref());
+    assert_eq!(
+        types.definition("lab_msgs/Strange").unwrap_err().to_string(),
+        "the ROS 1 definition of lab_msgs/Strange is not known: no ROS 1 node has shown it yet; \
+         looked for /none/lab_msgs/msg/Strange.msg, /none/lab_msgs/Strange.msg, \
+         /none/share/lab_msgs/msg/Strange.msg; start a node that publishes it, or give a folder \
+         with lab_msgs/msg/Strange.msg"
     );
     types.show("lab_msgs/Strange", "*", "uint8 x\n").unwrap();
     types.definition("lab_msgs/Strange").unwrap();
