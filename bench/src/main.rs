@@ -21,6 +21,7 @@ mod registered;
 mod relay;
 mod report;
 mod results;
+mod ros1;
 mod soak;
 mod stats;
 mod targets;

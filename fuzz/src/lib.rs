@@ -21,6 +21,7 @@ mod labelled;
 mod meter;
 mod pickles;
 mod requests;
+mod ros1;
 mod services;
 mod tables;
 mod tensors;
@@ -35,6 +36,7 @@ pub use labelled::{plugin_picture, plugin_zarr};
 pub use meter::{bounded, measure};
 pub use pickles::pickle;
 pub use requests::zeromq_requests;
+pub use ros1::{ros1_definition, ros1_messages};
 pub use services::node_services;
 pub use tables::plugin_table;
 pub use tensors::plugin_tensor;
@@ -52,7 +54,7 @@ pub const LIMITS: Limits = Limits { message_bytes: 1 << 20, depth: 64 };
 pub type Target = (&'static str, fn(&[u8]));
 
 /// Every target.
-pub const TARGETS: [Target; 21] = [
+pub const TARGETS: &[Target] = &[
     ("json", json),
     ("npy", npy),
     ("frames", frames),
@@ -74,4 +76,6 @@ pub const TARGETS: [Target; 21] = [
     ("yarp_object", yarp_object),
     ("yarp_name_lines", yarp_name_lines),
     ("yarp_connection", yarp_connection),
+    ("ros1_definition", ros1_definition),
+    ("ros1_messages", ros1_messages),
 ];
