@@ -190,7 +190,7 @@ async fn persistent_connections_are_made_as_recorded() {
             let mut stream = accept(&sender, file).await;
             play(&mut stream, steps, file).await;
         }
-        while server.status().counts.get("link_made").is_none() {
+        while !server.status().counts.contains_key("link_made") {
             tokio::task::yield_now().await;
         }
         server.stop().await;
