@@ -253,7 +253,7 @@ async fn administer(request: &Bottle, shared: &Arc<Shared>) -> Bottle {
         Request::Remove { name } => {
             match (remove_output(&name, shared), remove_input(&name, shared)) {
                 (Ok(done), _) | (Err(_), Ok(done)) => admin::done(&done),
-                (Err(out), Err(inward)) => admin::failed(&format!("{out}\r\n{inward}")),
+                (Err(out), Err(inward)) => admin::failed(format!("{out}\r\n{inward}")),
             }
         }
         Request::List { direction, name: None } => {
