@@ -1,5 +1,5 @@
 //! The framers, whatever the pieces that bytes come in, and whatever the bytes are.
-#![allow(clippy::unwrap_used, clippy::panic, clippy::indexing_slicing)]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use bytes::{Bytes, BytesMut};
 use proptest::prelude::*;
