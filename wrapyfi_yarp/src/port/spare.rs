@@ -62,8 +62,8 @@ mod tests {
     /// A payload as a connection reads it.
     fn payload(spare: &mut Spare, size: usize) -> Bytes {
         let mut buffer = BytesMut::from(&b"begun"[..]);
-        let more = size - buffer.len();
-        spare.make_room(&mut buffer, more);
+        let begun = buffer.len();
+        spare.make_room(&mut buffer, size - begun);
         buffer.resize(size, 7);
         let payload = buffer.split_to(size).freeze();
         spare.keep(&payload);
