@@ -4,5 +4,7 @@
 pub mod memory;
 #[cfg(feature = "ros2")]
 pub mod ros2;
+#[cfg(feature = "yarp")]
+pub mod yarp;
 #[cfg(feature = "zeromq")]
 pub mod zeromq;

@@ -1,0 +1,274 @@
+//! Options of routes, topics and services that only YARP has.
+//!
+//! ```text
+//!   options: { carrier: fast_tcp, joints: [neck, eye] }  ─▶ Map ─▶ YarpOptions
+//! ```
+//!
+//! Options that are not listed here belong to the other end of a route and are left alone.
+
+use crate::endpoint::{OpenError, ServiceSpec, TopicSpec};
+use crate::types::{Map, Value};
+
+/// Names of the options that are read here: what a configuration may write.
+pub const OPTIONS: &[&str] = &[
+    "bottle",
+    "carrier",
+    "command",
+    "degrees",
+    "frame_id",
+    "joints",
+    "out_topic_connect",
+    "packed_rows",
+    "persistent",
+    "port",
+    "wrapyfi_images",
+];
+
+/// Carriers that connections can be asked for, without qualifiers (`+recv.…`).
+const CARRIERS: [&str; 7] = ["tcp", "fast_tcp", "udp", "mcast", "text", "text_ack", "mjpeg"];
+
+/// How native objects lie in bottles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Form {
+    /// One string of JSON, as Wrapyfi writes it. Other bottles are read, too.
+    #[default]
+    Json,
+    /// The values themselves: lists, numbers, words.
+    Bottle,
+    /// Pairs of key and value, as YARP's `Property` writes itself: dicts.
+    Property,
+}
+
+/// What a topic or service asks of YARP. Everything has a default.
+#[derive(Debug, Clone, PartialEq)]
+pub struct YarpOptions {
+    /// `carrier`: of connections that we ask for; Wrapyfi's default is `tcp`. Qualifiers may follow
+    /// (`tcp+recv.priority`).
+    pub carrier: String,
+    /// `persistent`: whether the name server keeps the connection (true, as Wrapyfi); otherwise we
+    /// connect and connect again ourselves.
+    pub persistent: bool,
+    /// `out_topic_connect`: where a publisher connects itself to; nowhere unless given.
+    pub out_topic_connect: Option<String>,
+    /// `port`: the name of our own port, so that `yarp connect` finds it; made up unless given.
+    pub port: Option<String>,
+    /// `joints`: names of the joints of a `state:o`, in its order.
+    pub joints: Vec<String>,
+    /// `degrees`: whether angles are in degrees on YARP's side (true); they are radians in ROS.
+    pub degrees: bool,
+    /// `packed_rows`: whether rows of images lie as Wrapyfi has them, without the padding that
+    /// their header announces (false).
+    pub packed_rows: bool,
+    /// `wrapyfi_images`: whether the peer is Python Wrapyfi, whose images have packed rows and call
+    /// every order of colours `rgb` (false).
+    pub wrapyfi_images: bool,
+    /// `bottle`: `true`, `false` or `property`; unset, native objects are JSON and the services of
+    /// ROS plain bottles.
+    pub bottle: Option<Form>,
+    /// `command`: the words that begin every request, as text (`[set] [pos]`).
+    pub command: Option<String>,
+    /// `frame_id`: coordinate frame of what is received: YARP names none.
+    pub frame_id: String,
+}
+
+impl Default for YarpOptions {
+    fn default() -> Self {
+        Self {
+            carrier: "tcp".to_owned(),
+            persistent: true,
+            out_topic_connect: None,
+            port: None,
+            joints: Vec::new(),
+            degrees: true,
+            packed_rows: false,
+            wrapyfi_images: false,
+            bottle: None,
+            command: None,
+            frame_id: String::new(),
+        }
+    }
+}
+
+impl YarpOptions {
+    /// The options of a topic.
+    ///
+    /// # Errors
+    /// [`OpenError::InvalidOption`] for the first one whose value cannot be used.
+    pub fn of_topic(spec: &TopicSpec) -> Result<Self, OpenError> {
+        Self::read(&spec.options, &spec.topic)
+    }
+
+    /// The options of a service.
+    ///
+    /// # Errors
+    /// As [`YarpOptions::of_topic`].
+    pub fn of_service(spec: &ServiceSpec) -> Result<Self, OpenError> {
+        Self::read(&spec.options, &spec.service)
+    }
+
+    /// Reads `options` of the topic or service `name`.
+    fn read(options: &Map, name: &str) -> Result<Self, OpenError> {
+        let mut read = Self::default();
+        for (key, value) in options.iter() {
+            let Some(key) = key.as_str() else { continue };
+            read.set(key, value).map_err(|wanted| OpenError::InvalidOption {
+                middleware: "yarp",
+                topic: name.to_owned(),
+                option: key.to_owned(),
+                found: shown(value),
+                wanted: wanted.to_owned(),
+            })?;
+        }
+        Ok(read)
+    }
+
+    /// Takes one option; what it must be, where it is not.
+    fn set(&mut self, key: &str, value: &Value) -> Result<(), &'static str> {
+        const SWITCH: &str = "true or false";
+        const PORT: &str = "the name of a port, which begins with / and has no blanks";
+        match key {
+            "bottle" => self.bottle = Some(form(value).ok_or("true, false or property")?),
+            "carrier" => {
+                let carrier = value.as_str().filter(|text| is_carrier(text));
+                carrier
+                    .ok_or("tcp, fast_tcp, udp, mcast, text, text_ack or mjpeg")?
+                    .clone_into(&mut self.carrier);
+            }
+            "command" => {
+                let text = value.as_str().filter(|text| !text.trim().is_empty());
+                self.command = Some(text.ok_or("words as text, such as \"[set] [pos]\"")?.into());
+            }
+            "degrees" => self.degrees = value.as_bool().ok_or(SWITCH)?,
+            "frame_id" => value.as_str().ok_or("a text")?.clone_into(&mut self.frame_id),
+            "joints" => self.joints = names(value).ok_or("a list of different names")?,
+            "out_topic_connect" => self.out_topic_connect = Some(port(value).ok_or(PORT)?),
+            "packed_rows" => self.packed_rows = value.as_bool().ok_or(SWITCH)?,
+            "persistent" => self.persistent = value.as_bool().ok_or(SWITCH)?,
+            "port" => self.port = Some(port(value).ok_or(PORT)?),
+            "wrapyfi_images" => self.wrapyfi_images = value.as_bool().ok_or(SWITCH)?,
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+fn form(value: &Value) -> Option<Form> {
+    match value {
+        Value::Bool(true) => Some(Form::Bottle),
+        Value::Bool(false) => Some(Form::Json),
+        Value::Str(text) if text == "property" => Some(Form::Property),
+        _ => None,
+    }
+}
+
+fn is_carrier(text: &str) -> bool {
+    CARRIERS.contains(&text.split('+').next().unwrap_or(text))
+        && !text.chars().any(char::is_whitespace)
+}
+
+fn port(value: &Value) -> Option<String> {
+    let name = value.as_str()?;
+    let valid = name.starts_with('/') && name.len() > 1 && !name.chars().any(char::is_whitespace);
+    valid.then(|| name.to_owned())
+}
+
+fn names(value: &Value) -> Option<Vec<String>> {
+    let mut names: Vec<String> = Vec::new();
+    for name in value.as_items()? {
+        let name = name.as_str().filter(|name| !name.is_empty())?;
+        if names.iter().any(|known| known == name) {
+            return None;
+        }
+        names.push(name.to_owned());
+    }
+    Some(names)
+}
+
+/// A value as it was written, short.
+fn shown(value: &Value) -> String {
+    match value {
+        Value::Bool(value) => value.to_string(),
+        Value::Int(value) => value.to_string(),
+        Value::Float(value) => value.to_string(),
+        Value::Str(text) => format!("{:?}", text.chars().take(80).collect::<String>()),
+        Value::List(items) if items.len() <= 16 => {
+            format!("[{}]", items.iter().map(shown).collect::<Vec<_>>().join(", "))
+        }
+        Value::List(items) => format!("a list of {}", items.len()),
+        other => format!("a {}", other.kind()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::types::{MessageType, ServiceKind};
+
+    fn read(options: Map) -> Result<YarpOptions, OpenError> {
+        let spec = TopicSpec { options, ..TopicSpec::new("/t", MessageType::NativeObject) };
+        YarpOptions::of_topic(&spec)
+    }
+
+    #[test]
+    fn every_option_is_read() {
+        assert_eq!(read(Map::new()).unwrap(), YarpOptions::default());
+        let joints: Value = ["neck", "eye"].into_iter().collect();
+        let options = Map::from([
+            ("carrier", Value::from("fast_tcp+recv.priority")),
+            ("persistent", false.into()),
+            ("out_topic_connect", "/viewer".into()),
+            ("port", "/bridge/head".into()),
+            ("joints", joints),
+            ("degrees", false.into()),
+            ("packed_rows", true.into()),
+            ("wrapyfi_images", true.into()),
+            ("bottle", "property".into()),
+            ("command", "[set] [pos]".into()),
+            ("frame_id", "head".into()),
+        ]);
+        assert_eq!(options.len(), OPTIONS.len());
+        assert!(OPTIONS.iter().all(|name| options.get(name).is_some()));
+        let wanted = YarpOptions {
+            carrier: "fast_tcp+recv.priority".into(),
+            persistent: false,
+            out_topic_connect: Some("/viewer".into()),
+            port: Some("/bridge/head".into()),
+            joints: vec!["neck".into(), "eye".into()],
+            degrees: false,
+            packed_rows: true,
+            wrapyfi_images: true,
+            bottle: Some(Form::Property),
+            command: Some("[set] [pos]".into()),
+            frame_id: "head".into(),
+        };
+        assert_eq!(read(options.clone()).unwrap(), wanted);
+        let spec = ServiceSpec { options, ..ServiceSpec::new("/s", ServiceKind::NativeObject) };
+        assert_eq!(YarpOptions::of_service(&spec).unwrap(), wanted);
+    }
+
+    #[test]
+    fn values_that_cannot_be_used_are_told_what_may_be_written() {
+        let repeated: Value = ["neck", "neck"].into_iter().collect();
+        for (option, value, wanted) in [
+            ("carrier", Value::from("tpc"), "option carrier of \"/t\" is \"tpc\", it must be tcp,"),
+            ("carrier", "tcp /x".into(), "it must be tcp,"),
+            ("persistent", 1.into(), "is 1, it must be true or false"),
+            ("degrees", "yes".into(), "is \"yes\", it must be true or false"),
+            ("port", "bridge".into(), "must be the name of a port, which begins with /"),
+            ("out_topic_connect", "/a b".into(), "must be the name of a port"),
+            ("joints", repeated, "is [\"neck\", \"neck\"], it must be a list of different names"),
+            ("joints", "neck".into(), "it must be a list"),
+            ("bottle", 3.into(), "must be true, false or property"),
+            ("command", " ".into(), "must be words as text"),
+            ("frame_id", 3.into(), "must be a text"),
+        ] {
+            let error = read(Map::from([(option, value)])).unwrap_err().to_string();
+            assert!(error.contains(wanted), "{error}");
+        }
+    }
+
+    #[test]
+    fn options_of_others_are_left_alone() {
+        assert_eq!(read(Map::from([("depth", 5)])).unwrap(), YarpOptions::default());
+    }
+}
