@@ -1,0 +1,4 @@
+//! ROS 1: draft.
+
+pub mod header;
+pub mod xmlrpc;
