@@ -1,6 +1,7 @@
 //! What the suite has to know about a middleware.
 
 use wrapyfi_core::endpoint::{Middleware, ServiceSpec, TopicSpec};
+use wrapyfi_core::types::MessageType;
 
 /// The two ends of a rig's wire.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -59,6 +60,12 @@ pub trait Rig: Sized {
     fn inject_request(&mut self, spec: &ServiceSpec, body: &[u8]) {
         _ = (spec, body);
         unimplemented_rig("inject_request");
+    }
+
+    /// The type as the middleware names it, in what its links say.
+    #[must_use]
+    fn type_name(message_type: MessageType) -> String {
+        message_type.ros_type().to_owned()
     }
 
     /// Names that no topic of the middleware can have.

@@ -11,8 +11,8 @@
 //! Conversions that cost time, such as JPEG, belong to whoever calls: here a payload of another
 //! form is a mismatch.
 
-mod audio;
-mod image;
+pub(super) mod audio;
+pub(super) mod image;
 mod native;
 
 use bytes::Bytes;
@@ -185,7 +185,7 @@ fn countable(field: &str, size: usize) -> Result<(), EncodeError> {
 }
 
 /// What a payload is, for mismatches.
-fn describe(payload: &Payload) -> String {
+pub(super) fn describe(payload: &Payload) -> String {
     match payload {
         Payload::Image(image) => describe_pixels(&image.pixels),
         Payload::AudioChunk(sound) => format!("{} sound", sound.format),
@@ -202,7 +202,7 @@ fn describe_pixels(pixels: &Pixels) -> String {
 }
 
 /// Text of a message for an error: short, and quoted.
-fn quote(text: &str) -> String {
+pub(super) fn quote(text: &str) -> String {
     const SHOWN: usize = 40;
     match text.char_indices().nth(SHOWN) {
         None => format!("{text:?}"),
