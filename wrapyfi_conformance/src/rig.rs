@@ -97,6 +97,8 @@ pub struct Capabilities {
     pub wire: bool,
     /// A listener's link counts publishers.
     pub listener_knows_peers: bool,
+    /// A listener's link counts every publisher, not only the nodes that have one.
+    pub listener_counts_publishers: bool,
     /// A publisher's link counts every listener, not only whether there is one.
     pub publisher_counts_listeners: bool,
     /// An endpoint without a peer says so in `waiting_for`.
@@ -136,6 +138,7 @@ impl Capabilities {
     pub const FULL: Self = Self {
         wire: true,
         listener_knows_peers: true,
+        listener_counts_publishers: true,
         publisher_counts_listeners: true,
         waits_aloud: true,
         keeps_last: true,

@@ -37,6 +37,8 @@ fn node(master: &Master, name: &str) -> Ros1 {
 
 impl Rig for Roscore {
     const CAPABILITIES: Capabilities = Capabilities {
+        // One connection joins two nodes, whatever publishes there.
+        listener_counts_publishers: false,
         // Wrapyfi insists on floats.
         integer_sound: false,
         ..Capabilities::FULL

@@ -57,6 +57,8 @@ pub(super) struct State {
 pub(super) struct Subscription {
     /// Who publishes, as the master said last.
     publishers: Vec<NodeUri>,
+    /// How often the master has said so by itself.
+    updates: u64,
     listeners: Vec<Arc<Intake>>,
 }
 
@@ -172,8 +174,23 @@ impl Core {
         }
     }
 
-    /// Takes what the master says about who publishes a topic.
-    pub(super) fn set_publishers(&self, topic: &str, uris: &[String]) {
+    /// The master's update number of a topic: for [`Core::answered`].
+    pub(super) fn updates(&self, topic: &str) -> u64 {
+        self.state().subscriptions.get(topic).map_or(0, |subscription| subscription.updates)
+    }
+
+    /// Takes what the master says by itself about who publishes a topic.
+    pub(super) fn updated(&self, topic: &str, uris: &[String]) {
+        self.set_publishers(topic, uris, None);
+    }
+
+    /// Takes what the master answered to a registration. Where it has said something by itself since
+    /// the question, that may be newer: then its answer only adds.
+    pub(super) fn answered(&self, topic: &str, uris: &[String], since: u64) {
+        self.set_publishers(topic, uris, Some(since));
+    }
+
+    fn set_publishers(&self, topic: &str, uris: &[String], since: Option<u64>) {
         let mut publishers = Vec::with_capacity(uris.len());
         for uri in uris {
             match NodeUri::parse(uri) {
@@ -185,11 +202,18 @@ impl Core {
                 }
             }
         }
-        publishers.sort();
-        publishers.dedup();
         let listeners = {
             let mut state = self.state();
             let Some(subscription) = state.subscriptions.get_mut(topic) else { return };
+            match since {
+                None => subscription.updates += 1,
+                Some(since) if since != subscription.updates => {
+                    publishers.extend_from_slice(&subscription.publishers);
+                }
+                Some(_) => {}
+            }
+            publishers.sort();
+            publishers.dedup();
             subscription.publishers.clone_from(&publishers);
             subscription.listeners.clone()
         };

@@ -84,8 +84,9 @@ async fn take(core: &Arc<Core>, step: &Step) -> Result<(), MasterError> {
         Step::Enter(key, type_name) => match key.kind {
             Kind::Publisher => master.register_publisher(&key.name, type_name).await,
             Kind::Subscriber => {
+                let since = core.updates(&key.name);
                 let publishers = master.register_subscriber(&key.name, type_name).await?;
-                core.set_publishers(&key.name, &publishers);
+                core.answered(&key.name, &publishers, since);
                 Ok(())
             }
             Kind::Service => master.register_service(&key.name, &address()).await,

@@ -19,7 +19,7 @@ impl Answers for Slave {
             ("publisherUpdate", [_caller, Value::String(topic), publishers]) => {
                 match string_list(publishers) {
                     Some(publishers) => {
-                        core.set_publishers(topic, &publishers);
+                        core.updated(topic, &publishers);
                         Reply::success("", Value::Integer(0))
                     }
                     None => Reply::error("publishers must be a list of addresses"),
