@@ -7,6 +7,7 @@ use wrapyfi_core::engine::{Available, Config, Plan};
 use wrapyfi_core::node::args::RosArgs;
 use wrapyfi_core::node::{NodeName, NodeOptions};
 use wrapyfi_interfaces::parser::{TypeName, parse_message};
+use wrapyfi_interfaces::store::TypeStore;
 
 use crate::bounded;
 
@@ -79,11 +80,16 @@ pub fn config(data: &[u8]) {
     }
     let Ok(text) = std::str::from_utf8(data) else { return };
     let check = |topic: &str| if topic.is_empty() { Err("empty".to_owned()) } else { Ok(()) };
-    let middlewares = ["zeromq", "ros2"].map(|name| Available { name, check_topic: &check });
+    let middlewares = ["zeromq", "ros2"].map(|name| Available {
+        name,
+        check_topic: &check,
+        options: &["carrier"],
+    });
     let planned = bounded(data.len(), YAML, || {
         let config = Config::<Endpoints>::from_yaml(text, "fuzz.yaml")?;
         let routes = config.routes.len();
-        Plan::new(&config, &middlewares, "fuzz.yaml").map(|plan| (plan, routes))
+        let mut types = TypeStore::generated();
+        Plan::new(&config, &middlewares, &mut types, "fuzz.yaml").map(|plan| (plan, routes))
     });
     match planned {
         Ok((plan, routes)) => {

@@ -32,6 +32,7 @@ pub struct Config {
     pub_port: u16,
     sub_port: u16,
     broker: &'static str,
+    more: Vec<String>,
     routes: Vec<Route>,
 }
 
@@ -39,13 +40,20 @@ impl Config {
     /// ZeroMQ on these loopback ports, with our own broker.
     #[must_use]
     pub fn embedded(pub_port: u16, sub_port: u16) -> Self {
-        Self { pub_port, sub_port, broker: "embedded", routes: Vec::new() }
+        Self { pub_port, sub_port, broker: "embedded", more: Vec::new(), routes: Vec::new() }
     }
 
     /// ZeroMQ on these loopback ports, where somebody else's broker runs.
     #[must_use]
     pub fn foreign(pub_port: u16, sub_port: u16) -> Self {
         Self { broker: "foreign", ..Self::embedded(pub_port, sub_port) }
+    }
+
+    /// Adds a key of the file itself; `value` is YAML.
+    #[must_use]
+    pub fn with(mut self, key: &str, value: &str) -> Self {
+        self.more.push(format!("{key}: {value}\n"));
+        self
     }
 
     /// Adds a route.
@@ -58,9 +66,10 @@ impl Config {
     /// The file's text.
     #[must_use]
     pub fn yaml(&self) -> String {
-        let Self { pub_port, sub_port, broker, routes } = self;
+        let Self { pub_port, sub_port, broker, more, routes } = self;
+        let more = more.concat();
         let mut text = format!(
-            "endpoints:\n  zeromq:\n    ip: 127.0.0.1\n    pub_port: {pub_port}\n    sub_port: {sub_port}\n    broker: {broker}\nroutes:\n"
+            "endpoints:\n  zeromq:\n    ip: 127.0.0.1\n    pub_port: {pub_port}\n    sub_port: {sub_port}\n    broker: {broker}\n{more}routes:\n"
         );
         for route in routes {
             for (index, (key, value)) in route.pairs.iter().enumerate() {

@@ -3,6 +3,7 @@
 //! | payload | `sha256` is of | also |
 //! | --- | --- | --- |
 //! | native object, properties | the text of `value` | `value` |
+//! | ROS message | its CDR bytes | `value`, its fields |
 //! | image, raw | the rows without padding, in the order received | `shape`, `encoding` |
 //! | image, compressed | the file | `format`, `size` |
 //! | sound | the samples | `shape`, `dtype`, `sample_rate` |
@@ -10,7 +11,7 @@
 use serde_json::{Value as Json, json};
 use sha2::{Digest, Sha256};
 use wrapyfi_core::types::{
-    AudioChunk, Image, Payload, Pixels, RawPixels, SampleFormat, Stamp, Value,
+    AudioChunk, Image, Payload, Pixels, RawPixels, RosMessage, SampleFormat, Stamp, Value,
 };
 
 use crate::canonical::canonical;
@@ -21,6 +22,7 @@ pub fn describe(payload: &Payload) -> String {
     let object = match payload {
         Payload::NativeObject(value) => return with_value("NativeObject", value),
         Payload::Properties(properties) => return with_value("Properties", &properties.to_value()),
+        Payload::RosMessage(message) => return describe_message(message),
         Payload::Image(image) => describe_image(image),
         Payload::AudioChunk(chunk) => describe_audio(chunk),
         _ => json!({ "type": "unknown" }),
@@ -33,6 +35,20 @@ fn with_value(kind: &str, value: &Value) -> String {
     let sha256 = digest(text.as_bytes());
     // Written as text: JSON numbers have no bound, `serde_json`'s do.
     format!(r#"{{"type":"{kind}","stamp":null,"sha256":"{sha256}","value":{text}}}"#)
+}
+
+fn describe_message(message: &RosMessage) -> String {
+    let sha256 = digest(&message.cdr);
+    let (kind, value) = (message.ros_type.name(), fields(message));
+    format!(r#"{{"type":"{kind}","stamp":null,"sha256":"{sha256}","value":{value}}}"#)
+}
+
+/// The fields as JSON, or as a JSON text why they cannot be read.
+fn fields(message: &RosMessage) -> String {
+    match message.fields(message.cdr.len()) {
+        Ok(fields) => fields.to_json().to_string(),
+        Err(error) => Json::String(format!("malformed: {error}")).to_string(),
+    }
 }
 
 fn describe_image(image: &Image) -> Json {
@@ -111,6 +127,7 @@ pub fn summary(payload: &Payload) -> String {
     match payload {
         Payload::NativeObject(value) => canonical(value),
         Payload::Properties(properties) => canonical(&properties.to_value()),
+        Payload::RosMessage(message) => fields(message),
         Payload::Image(image) => match &image.pixels {
             Pixels::Raw(raw) => format!(
                 "image {}x{} {} {} bytes at {:.6}",

@@ -32,6 +32,10 @@ pub fn from_json(text: &str, spec: &TopicSpec) -> anyhow::Result<Payload> {
     match (spec.message_type.data_type(), value) {
         (DataType::NativeObject, value) => Ok(Payload::NativeObject(Box::new(value))),
         (DataType::Properties, value) => Ok(Properties::from_value(&value)?.into()),
+        (DataType::RosMessage, value) => {
+            let (to, order) = (spec.message_type, spec.color_order);
+            Ok(codec::convert_payload(value.into(), to, order, &spec.limits, Stamp::now)?)
+        }
         (kind, _) => bail!("--value gives a native object, not {kind}: give --file"),
     }
 }

@@ -25,9 +25,11 @@ use wrapyfi_core::middleware::ros2::{
 };
 use wrapyfi_core::middleware::zeromq::{self, BrokerMode, ZeroMq, ZeroMqConfig};
 use wrapyfi_core::node::parameters::ParameterStore;
+
 use wrapyfi_interfaces::store::TypeStore;
 
 use crate::cli::ServicePorts;
+use crate::command::any;
 use crate::exit::Failure;
 use crate::logging;
 use crate::node::Node;
@@ -35,8 +37,8 @@ use crate::node::Node;
 /// Names under which routes and commands address the middlewares, with their rules for topics.
 fn available() -> [Available<'static>; 2] {
     [
-        Available { name: "zeromq", check_topic: &zeromq::check_topic },
-        Available { name: "ros2", check_topic: &check_ros_topic },
+        Available { name: "zeromq", check_topic: &zeromq::check_topic, options: &[] },
+        Available { name: "ros2", check_topic: &check_ros_topic, options: &[] },
     ]
 }
 
@@ -91,11 +93,22 @@ pub struct Ros2Section {
     pub interface: Option<String>,
 }
 
+/// A configuration that was read and checked.
+#[derive(Debug)]
+pub struct Loaded {
+    /// How each middleware is reached.
+    pub endpoints: Endpoints,
+    /// The routes.
+    pub plan: Plan,
+    /// Where their types come from.
+    pub types: TypeStore,
+}
+
 /// Reads and checks a configuration file.
 ///
 /// # Errors
 /// Exit code 2 with every fault, each with its line.
-pub fn load(file: &Path) -> Result<(Endpoints, Plan), Failure> {
+pub fn load(file: &Path) -> Result<Loaded, Failure> {
     let name = file.display().to_string();
     let size =
         std::fs::metadata(file).map_err(|error| Failure::usage(format!("{name}: {error}")))?;
@@ -109,8 +122,14 @@ pub fn load(file: &Path) -> Result<(Endpoints, Plan), Failure> {
     check_zeromq(&config.endpoints.zeromq)
         .map_err(|problem| ConfigError { file: name.clone(), problems: vec![problem] })
         .map_err(Failure::usage)?;
-    let plan = Plan::new(&config, &available(), &name).map_err(Failure::usage)?;
-    Ok((config.endpoints, plan))
+    // As seen from the file, wherever the program was started.
+    let beside = file.parent().unwrap_or(Path::new(""));
+    let folders: Vec<_> =
+        config.definitions.iter().map(|folder| beside.join(&folder.value)).collect();
+    let mut types = any::definitions(&folders)
+        .map_err(|failure| Failure::Usage(format!("{name}: definitions {failure}")))?;
+    let plan = Plan::new(&config, &available(), &mut types, &name).map_err(Failure::usage)?;
+    Ok(Loaded { endpoints: config.endpoints, plan, types })
 }
 
 /// An address that other machines reach is refused before anything starts.
@@ -175,7 +194,8 @@ impl Middlewares {
         Ok(middlewares)
     }
 
-    /// What the node has beside its topics: parameters, type descriptions of `types`, log, clock.
+    /// What the node has beside its topics: parameters, descriptions of the types that are named, log,
+    /// clock.
     /// It ends with the result; nothing where no route is on ROS 2.
     ///
     /// # Errors
@@ -184,14 +204,14 @@ impl Middlewares {
         &self,
         node: &Node,
         parameters: ParameterStore,
-        types: &BTreeSet<&'static str>,
+        types: (&mut TypeStore, &BTreeSet<&'static str>),
     ) -> Result<Option<OfferedNode>, Failure> {
         let Some(graph) = &self.graph else { return Ok(None) };
         let offered = NodeEndpoints::start(graph, parameters).context("ros2")?;
-        let mut store = TypeStore::generated();
+        let (store, names) = types;
         offered.handle().types(|described| {
-            for name in types {
-                if let Err(error) = described.add_named(&mut store, name) {
+            for name in names {
+                if let Err(error) = described.add_named(store, name) {
                     tracing::warn!("{name} is not described: {error}");
                 }
             }

@@ -12,7 +12,7 @@ use wrapyfi_core::types::MessageType;
 
 use crate::cli::BridgeArgs;
 use crate::exit::Failure;
-use crate::middlewares::{self, Middlewares};
+use crate::middlewares::{self, Loaded, Middlewares};
 use crate::node::Node;
 use crate::overrides;
 use crate::shutdown::Shutdown;
@@ -49,13 +49,13 @@ pub fn run_node(
     options: Options,
     shutdown: &Shutdown,
 ) -> Result<(), Failure> {
-    let (endpoints, mut plan) = middlewares::load(config)?;
+    let Loaded { endpoints, mut plan, types: mut store } = middlewares::load(config)?;
     overrides::apply(&mut plan, node, &mut parameters).map_err(Failure::usage)?;
     warn_of_unused(&parameters);
     let middlewares = Middlewares::for_plan(&endpoints, &plan, node)?;
     let types = ros2_types(&plan);
     // Dropped last: what the routes say at their end is logged too.
-    let _node = middlewares.offer_node(node, parameters, &types)?;
+    let _node = middlewares.offer_node(node, parameters, (&mut store, &types))?;
     tracing::info!("{} routes from {}", plan.routes.len(), config.display());
     let running =
         Engine::new(plan, middlewares.registry()).start().context("cannot start the routes")?;

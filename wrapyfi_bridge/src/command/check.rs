@@ -6,14 +6,14 @@ use std::path::Path;
 use anyhow::Context as _;
 
 use crate::exit::Failure;
-use crate::middlewares;
+use crate::middlewares::{self, Loaded};
 
 /// Prints the plan, a route a line.
 ///
 /// # Errors
 /// Exit code 2 with every fault of the file, each with its line.
 pub fn run(file: &Path) -> Result<(), Failure> {
-    let (_, plan) = middlewares::load(file)?;
+    let Loaded { plan, .. } = middlewares::load(file)?;
     let mut out = std::io::stdout().lock();
     for route in &plan.routes {
         writeln!(out, "{route}").context("cannot print")?;

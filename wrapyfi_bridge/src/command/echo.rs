@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use anyhow::Context as _;
 use wrapyfi_core::endpoint::{Context, Overflow, Qos, QueueSpec, TopicSpec};
-use wrapyfi_core::types::{DataType, MessageType, Payload};
+use wrapyfi_core::types::{MessageType, Payload};
 
 use super::any;
 use crate::cli::{EchoArgs, TypeName};
@@ -25,10 +25,11 @@ pub fn run(args: &EchoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
             known(args, *message_type, Qos::default(), &middlewares, shutdown)
         }
         (named, "ros2") => any::echo::run(args, named.as_ref(), shutdown),
-        (Some(TypeName::Ros(name)), other) => Err(Failure::Usage(format!(
-            "{other} does not carry {name}; it carries {}",
-            DataType::ALL.map(DataType::name).join(", ")
-        ))),
+        (Some(TypeName::Ros(name)), _) => {
+            let message_type = any::message_type(name, &args.definitions)?;
+            let middlewares = Middlewares::for_endpoint(&args.endpoint, Role::Listener)?;
+            known(args, message_type, Qos::default(), &middlewares, shutdown)
+        }
         (None, other) => Err(Failure::Usage(format!(
             "--type is needed on {other}, which does not announce types: {}",
             MessageType::ALL.map(|known| known.to_string()).join(", ")

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use anyhow::anyhow;
 use wrapyfi_core::endpoint::{Context, PublishError, Publisher, TopicSpec};
 use wrapyfi_core::middleware::ros2::ServiceOptions;
-use wrapyfi_core::types::{DataType, MessageType, Payload};
+use wrapyfi_core::types::{MessageType, Payload};
 
 use super::any;
 use crate::cli::{PubArgs, TypeName};
@@ -23,12 +23,7 @@ pub fn run(args: &PubArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let message_type = match (&args.message_type, args.endpoint.middleware.as_str()) {
         (TypeName::Known(message_type), _) => *message_type,
         (TypeName::Ros(name), "ros2") => return any::publish::run(args, name, shutdown),
-        (TypeName::Ros(name), other) => {
-            return Err(Failure::Usage(format!(
-                "{other} does not carry {name}; it carries {}",
-                DataType::ALL.map(DataType::name).join(", ")
-            )));
-        }
+        (TypeName::Ros(name), _) => any::message_type(name, &args.definitions)?,
     };
     let spec =
         TopicSpec { qos: args.qos.into(), ..TopicSpec::new(&args.endpoint.name, message_type) };

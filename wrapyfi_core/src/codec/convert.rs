@@ -4,18 +4,21 @@
 //!   NativeObject (array, Pillow image) ◀─▶ Image
 //!   NativeObject (array, rate)         ◀─▶ AudioChunk
 //!   NativeObject (dict)                ◀─▶ Properties
+//!   NativeObject (dict of its fields)  ◀─▶ RosMessage
 //! ```
 
-use super::{DecodeError, EncodeError};
+use super::{DecodeError, EncodeError, ros};
 use crate::Limits;
 use crate::endpoint::DropReason;
-use crate::types::{DataType, Encoding, Payload, Properties, Stamp, Value};
+use crate::types::{
+    DataType, Encoding, MessageType, Payload, Properties, RosMessage, RosType, Stamp, Value,
+};
 
 /// Why a payload could not become another kind.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ConvertError {
-    /// A native object is no image, no sound or no set of properties.
+    /// A native object is no image, no sound, no set of properties or no message.
     #[error(transparent)]
     From(#[from] DecodeError),
     /// An image or a sound has no form as a native object.
@@ -49,22 +52,26 @@ pub fn is_convertible(from: DataType, to: DataType) -> bool {
     from == to || from == DataType::NativeObject || to == DataType::NativeObject
 }
 
-/// `payload` as the kind `to`; free where it is of that kind already. Colour arrays are in
+/// `payload` as what messages of type `to` carry; free where it is of that kind already. Colour arrays are in
 /// `color_order`; a native object has no time stamp and takes `now`.
 ///
 /// # Errors
 /// A mismatch when the object is none of what [`crate::types::Image::from_value`],
-/// [`crate::types::AudioChunk::from_value`] or [`crate::types::Properties::from_value`] reads.
+/// [`crate::types::AudioChunk::from_value`], [`crate::types::Properties::from_value`] or
+/// [`RosMessage::from_value`] reads, or a message is of another type.
 pub fn convert_payload(
     payload: Payload,
-    to: DataType,
+    to: MessageType,
     color_order: Encoding,
     limits: &Limits,
     now: impl FnOnce() -> Stamp,
 ) -> Result<Payload, ConvertError> {
     use crate::types::{AudioChunk, Image};
-    Ok(match (payload, to) {
-        (payload, to) if payload.data_type() == to => payload,
+    if let MessageType::Ros(ros_type) = to {
+        return ros_message(payload, ros_type, limits);
+    }
+    Ok(match (payload, to.data_type()) {
+        (payload, kind) if payload.data_type() == kind => payload,
         (Payload::NativeObject(value), DataType::Image) => {
             Image::from_value(&value, color_order, now())?.into()
         }
@@ -77,11 +84,32 @@ pub fn convert_payload(
             image.to_value(color_order, limits)?.into()
         }
         (Payload::AudioChunk(sound), DataType::NativeObject) => sound.to_value().into(),
-        (other, to) => {
-            let (expected, actual) = (to.to_string(), other.data_type().to_string());
-            return Err(EncodeError::Mismatch { expected, actual }.into());
+        (Payload::RosMessage(message), DataType::NativeObject) => {
+            message.to_value(limits.message_bytes).map_err(|error| ros::fault(&error))?.into()
         }
+        (other, kind) => return Err(mismatch(&kind, &other)),
     })
+}
+
+fn mismatch(expected: &impl ToString, actual: &Payload) -> ConvertError {
+    let (expected, actual) = (expected.to_string(), ros::describe(actual));
+    EncodeError::Mismatch { expected, actual }.into()
+}
+
+fn ros_message(payload: Payload, to: RosType, limits: &Limits) -> Result<Payload, ConvertError> {
+    match payload {
+        Payload::RosMessage(message) if message.ros_type == to => Ok(message.into()),
+        Payload::NativeObject(value) => {
+            let read = RosMessage::from_value(to, &value, limits.message_bytes);
+            Ok(read
+                .map_err(|error| DecodeError::Mismatch {
+                    expected: to.to_string(),
+                    actual: format!("a {}: {error}", value.kind()),
+                })?
+                .into())
+        }
+        other => Err(mismatch(&to, &other)),
+    }
 }
 
 #[cfg(test)]
@@ -90,6 +118,7 @@ mod tests {
     use crate::types::{AudioChunk, Image, Map, Picture, Pixels, RawPixels, SampleFormat, Tensor};
 
     fn convert(payload: impl Into<Payload>, to: DataType) -> Result<Payload, ConvertError> {
+        let to = to.to_string().parse::<MessageType>().unwrap();
         let now = Stamp { sec: 7, nanosec: 5 };
         convert_payload(payload.into(), to, Encoding::Bgr8, &Limits::default(), || now)
     }

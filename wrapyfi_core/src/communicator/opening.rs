@@ -216,6 +216,7 @@ impl Opening<'_> {
                     DataType::Image if is_jpg(options)? => MessageType::CompressedImage,
                     DataType::Image => MessageType::Image,
                     DataType::Properties => MessageType::Properties,
+                    DataType::RosMessage => return Err(untyped()),
                 },
             };
             let depth = options.number::<u32>("queue_size")?.map(|depth| depth.max(1));
@@ -252,7 +253,7 @@ impl Opening<'_> {
                     DataType::AudioChunk => ServiceKind::AudioChunk,
                     DataType::Image if is_jpg(options)? => ServiceKind::CompressedImage,
                     DataType::Image => ServiceKind::Image,
-                    DataType::Properties => {
+                    DataType::Properties | DataType::RosMessage => {
                         return Err(other_kind("data type", &data_type, DataType::NativeObject));
                     }
                 },
@@ -278,6 +279,15 @@ impl Opening<'_> {
 
     fn refused(&self, source: OpenError) -> CallError {
         CallError::Open { method: self.method.clone(), source: Box::new(source) }
+    }
+}
+
+/// A ROS message whose type is not said.
+fn untyped() -> OptionError {
+    OptionError {
+        name: "message_type".to_owned(),
+        found: "not given".to_owned(),
+        wanted: "the type of the message, as package/msg/Type".to_owned(),
     }
 }
 

@@ -50,7 +50,7 @@ impl Rules {
                 Pixels::Compressed { .. } => Ok(()),
             },
             Payload::AudioChunk(sound) => self.check_sound(sound),
-            Payload::NativeObject(_) | Payload::Properties(_) => Ok(()),
+            Payload::NativeObject(_) | Payload::Properties(_) | Payload::RosMessage(_) => Ok(()),
         }
     }
 

@@ -50,7 +50,7 @@ pub use wake::Wake;
 
 use crate::codec::DecodeError;
 use crate::plugin::Plugins;
-use crate::types::{Encoding, MessageType, Payload};
+use crate::types::{Encoding, Map, MessageType, Payload};
 use crate::{EncodeError, Limits};
 
 /// A transport that carries topics: ZeroMQ, ROS 2, …
@@ -240,6 +240,9 @@ pub struct TopicSpec {
     pub limits: Limits,
     /// What reads and writes plug-in objects inside native objects.
     pub plugins: Plugins,
+    /// Settings that only some middlewares have, by name, such as `carrier`; each reads those that it
+    /// knows.
+    pub options: Map,
 }
 
 impl TopicSpec {
@@ -256,6 +259,7 @@ impl TopicSpec {
             color_order: Encoding::Bgr8,
             limits: Limits::default(),
             plugins: Plugins::standard(),
+            options: Map::default(),
         }
     }
 }
@@ -293,6 +297,20 @@ pub enum OpenError {
         message_type: MessageType,
         /// What can be asked for instead.
         remedy: String,
+    },
+    /// A setting of the endpoint has no meaning there.
+    #[error("{middleware}: option {option} of {topic:?} is {found}, it must be {wanted}")]
+    InvalidOption {
+        /// Middleware asked.
+        middleware: &'static str,
+        /// Name of the topic or service.
+        topic: String,
+        /// The option.
+        option: String,
+        /// Its value.
+        found: String,
+        /// What may be written.
+        wanted: String,
     },
     /// The middleware has topics only.
     #[error(

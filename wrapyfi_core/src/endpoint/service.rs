@@ -101,6 +101,8 @@ pub struct ServiceSpec {
     pub limits: Limits,
     /// What reads and writes plug-in objects inside native objects.
     pub plugins: Plugins,
+    /// Settings that only some middlewares have, by name, such as `carrier`.
+    pub options: Map,
 }
 
 impl ServiceSpec {
@@ -120,6 +122,7 @@ impl ServiceSpec {
             color_order: Encoding::Bgr8,
             limits: Limits::default(),
             plugins: Plugins::standard(),
+            options: Map::default(),
         }
     }
 }

@@ -8,6 +8,7 @@
 //!
 //! `config/example.yaml` is the manual: every key, commented.
 
+use std::collections::BTreeMap;
 use std::fmt;
 
 use serde::de::{self, DeserializeOwned, IntoDeserializer, MapAccess, Visitor};
@@ -32,6 +33,9 @@ pub struct Config<E> {
     /// Values for routes that do not set their own.
     #[serde(default)]
     pub defaults: Defaults,
+    /// Folders with definitions of ROS types that are installed nowhere: `package/msg/Type.msg` below.
+    #[serde(default)]
+    pub definitions: Vec<Spanned<String>>,
     /// What goes where.
     pub routes: Vec<Spanned<RouteConfig>>,
 }
@@ -100,6 +104,9 @@ pub struct RouteConfig {
     /// Where received tensors go; a library that stands here is not looked up in the defaults.
     #[serde(default)]
     pub devices: Option<Spanned<DevicesConfig>>,
+    /// Settings that only some middlewares have, by name: `carrier`, `joints`, …
+    #[serde(default)]
+    pub options: BTreeMap<String, Spanned<serde_json::Value>>,
     /// Allows another route to the same destination.
     #[serde(default)]
     pub merge: bool,

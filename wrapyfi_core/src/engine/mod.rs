@@ -41,6 +41,7 @@ mod config_qos;
 #[expect(clippy::module_inception, reason = "the engine is this module's one main type")]
 mod engine;
 mod plan;
+mod plan_options;
 mod relay;
 mod route;
 

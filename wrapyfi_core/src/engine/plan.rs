@@ -8,11 +8,13 @@ use super::config::{Config, Defaults, OverflowConfig, RouteConfig, Spanned};
 use super::config_devices::DevicesConfig;
 use super::config_error::{ConfigError, Problem, did_you_mean};
 use super::config_qos::{QosConfig, QosOverride};
+use super::plan_options;
 use crate::Limits;
 use crate::codec::is_convertible;
 use crate::endpoint::{EndpointAddress, Overflow, ParseAddressError, QueueSpec, TopicSpec};
 use crate::plugin::{DeviceMaps, Plugins};
-use crate::types::{DataType, Encoding, MessageType};
+use crate::types::{DataType, Encoding, Map, MessageType};
+use wrapyfi_interfaces::store::TypeStore;
 
 /// A route as it will be run.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,6 +45,8 @@ pub struct RouteSpec {
     pub limits: Limits,
     /// What reads and writes plug-in objects inside native objects.
     pub plugins: Plugins,
+    /// Settings that only some middlewares have, by name.
+    pub options: Map,
 }
 
 impl RouteSpec {
@@ -63,6 +67,7 @@ impl RouteSpec {
             color_order: Encoding::Bgr8,
             limits: Limits::default(),
             plugins: Plugins::standard(),
+            options: Map::default(),
         }
     }
 
@@ -81,6 +86,7 @@ impl RouteSpec {
             color_order: self.color_order,
             limits: self.limits,
             plugins: self.plugins.clone(),
+            options: self.options.clone(),
         }
     }
 }
@@ -89,9 +95,9 @@ impl fmt::Display for RouteSpec {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} -> {}  ", self.from, self.to)?;
         if self.from_type != self.message_type {
-            write!(f, "{} as ", self.from_type.ros_type())?;
+            write!(f, "{} as ", self.from_type.label())?;
         }
-        write!(f, "{}", self.message_type.ros_type())?;
+        write!(f, "{}", self.message_type.label())?;
         write!(f, "  queue {} ", self.queue.depth)?;
         match self.queue.overflow {
             Overflow::DropOldest => write!(f, "drop_oldest")?,
@@ -119,6 +125,8 @@ pub struct Available<'a> {
     pub name: &'a str,
     /// Its rule for topic names; the error says what is wrong with one.
     pub check_topic: &'a dyn Fn(&str) -> Result<(), String>,
+    /// Settings that only it and few others have, as `options` of a route names them.
+    pub options: &'a [&'a str],
 }
 
 /// The routes of a configuration, checked.
@@ -129,7 +137,8 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Checks `config` against the middlewares that exist; `file` is its name in errors.
+    /// Checks `config` against the middlewares that exist, and looks its types up in `types`; `file`
+    /// is its name in errors.
     ///
     /// # Errors
     /// Every fault at once: unknown middlewares and types, bad names and numbers, routes that are
@@ -137,6 +146,7 @@ impl Plan {
     pub fn new<E>(
         config: &Config<E>,
         middlewares: &[Available<'_>],
+        types: &mut TypeStore,
         file: &str,
     ) -> Result<Self, ConfigError> {
         let mut problems = Vec::new();
@@ -152,13 +162,14 @@ impl Plan {
             .unwrap_or_default();
         for entry in &config.routes {
             let line = entry.referenced.line();
-            let route = match route_spec(entry, &config.defaults, &default_devices, middlewares) {
-                Ok(route) => route,
-                Err(found) => {
-                    problems.extend(found);
-                    continue;
-                }
-            };
+            let route =
+                match route_spec(entry, &config.defaults, &default_devices, middlewares, types) {
+                    Ok(route) => route,
+                    Err(found) => {
+                        problems.extend(found);
+                        continue;
+                    }
+                };
             let mut complain = |message| problems.push(Problem::at(entry.referenced, message));
             let ends = (route.from.clone(), route.to.clone());
             if let Some(first) = seen.insert(ends, line) {
@@ -190,13 +201,14 @@ fn route_spec(
     defaults: &Defaults,
     default_devices: &DeviceMaps,
     middlewares: &[Available<'_>],
+    types: &mut TypeStore,
 ) -> Result<RouteSpec, Vec<Problem>> {
     let config = &entry.value;
     let mut problems = Vec::new();
     let from = address(&config.from, middlewares).map_err(|problem| problems.push(problem)).ok();
     let to = address(&config.to, middlewares).map_err(|problem| problems.push(problem)).ok();
     let mut parse_type = |text: &Spanned<String>| {
-        let parsed = text.value.parse::<MessageType>();
+        let parsed = MessageType::resolve(&text.value, types);
         parsed.map_err(|error| problems.push(Problem::at(text.referenced, error.to_string()))).ok()
     };
     let message_type = parse_type(&config.message_type);
@@ -258,6 +270,12 @@ fn route_spec(
         );
         problems.push(Problem::at(own.referenced, text));
     }
+    let options = match (&from, &to) {
+        (Some(from), Some(to)) => plan_options::read(&config.options, [from, to], middlewares)
+            .map_err(|found| problems.extend(found))
+            .unwrap_or_default(),
+        _ => Map::default(),
+    };
     match (from, to, message_type.zip(from_type)) {
         (Some(from), Some(to), Some((message_type, from_type))) if problems.is_empty() => {
             if from == to {
@@ -276,6 +294,7 @@ fn route_spec(
             route.limits.message_bytes = mib.saturating_mul(Limits::MIB);
             let maps = own_devices.unwrap_or_default().or_from(default_devices);
             route.plugins = route.plugins.with_devices(maps);
+            route.options = options;
             Ok(route)
         }
         _ => Err(problems),
@@ -316,158 +335,5 @@ fn address(
 }
 
 #[cfg(test)]
-mod tests {
-    use serde::Deserialize;
-
-    use super::*;
-
-    #[derive(Debug, Default, Deserialize)]
-    struct NoEndpoints {}
-
-    fn plan(text: &str) -> Result<Plan, ConfigError> {
-        let config: Config<NoEndpoints> = Config::from_yaml(text, "bridge.yaml")?;
-        let no_blanks = |topic: &str| match topic.find(' ') {
-            Some(at) => Err(format!("blank at {at}")),
-            None => Ok(()),
-        };
-        let known = |name| Available { name, check_topic: &no_blanks };
-        Plan::new(&config, &[known("zeromq"), known("ros2")], "bridge.yaml")
-    }
-
-    #[test]
-    fn a_plan_prints_what_will_run() {
-        let plan = plan(
-            "defaults: { queue_depth: 3, max_message_mib: 8 }\nroutes:\n  - { from: 'zeromq:/a', to: 'ros2:/b', type: Image, encoding: rgb8, max_rate_hz: 15 }\n",
-        )
-        .unwrap();
-        let route = &plan.routes[0];
-        assert_eq!(route.limits.message_bytes, 8 * Limits::MIB);
-        assert_eq!(route.topic_spec(&route.from).color_order, Encoding::Rgb8);
-        assert_eq!(
-            route.to_string(),
-            "zeromq:/a -> ros2:/b  sensor_msgs/msg/Image  queue 3 drop_oldest  at most 15 Hz"
-        );
-        assert!(route.topic_spec(&route.to).match_peers);
-    }
-
-    #[test]
-    fn a_fixed_quality_of_service_is_said_and_follows_nobody() {
-        let plan = plan(
-            "routes:\n  - { from: 'zeromq:/a', to: 'ros2:/b', type: Image, qos: { depth: 3, deadline_ms: 40 } }\n",
-        )
-        .unwrap();
-        let route = &plan.routes[0];
-        assert!(!route.topic_spec(&route.to).match_peers);
-        let shown = route.to_string();
-        assert!(shown.ends_with("  qos reliable volatile keep_last(3) deadline 40ms"), "{shown}");
-    }
-
-    #[test]
-    fn a_route_may_carry_another_type_at_its_source() {
-        let plan = plan(
-            "routes:\n  - { from: 'zeromq:/a', to: 'ros2:/b', type: Image, from_type: NativeObject }\n",
-        )
-        .unwrap();
-        let route = &plan.routes[0];
-        assert_eq!(route.topic_spec(&route.from).message_type, MessageType::NativeObject);
-        assert_eq!(route.topic_spec(&route.to).message_type, MessageType::Image);
-        let shown = route.to_string();
-        assert!(
-            shown.contains("  wrapyfi_msgs/msg/NativeObject as sensor_msgs/msg/Image  "),
-            "{shown}"
-        );
-    }
-
-    #[test]
-    fn a_source_type_that_cannot_become_the_other_is_refused() {
-        let route = |from_type: &str| {
-            format!(
-                "routes:\n  - {{ from: 'zeromq:/a', to: 'ros2:/b', type: Image, from_type: {from_type} }}\n"
-            )
-        };
-        let text = plan(&route("AudioChunk")).unwrap_err().to_string();
-        assert!(text.contains("bridge.yaml:2:"), "{text}");
-        assert!(text.contains("from_type AudioChunk does not become type Image"), "{text}");
-        let text = plan(&route("Imge")).unwrap_err().to_string();
-        assert!(text.contains("\"Imge\" is no message type"), "{text}");
-    }
-
-    #[test]
-    fn devices_of_a_route_go_before_the_defaults() {
-        let plan = plan(
-            "defaults: { devices: { load_torch_device: cpu, load_cupy_device: 1 } }\nroutes:\n  - { from: 'zeromq:/a', to: 'ros2:/b', type: NativeObject, devices: { map_torch_devices: { cpu: 'cuda:0' } } }\n  - { from: 'zeromq:/c', to: 'ros2:/d', type: NativeObject }\n",
-        )
-        .unwrap();
-        let target = |route: usize, key, device| {
-            plan.routes[route].plugins.devices().unwrap().target(key, device).map(str::to_owned)
-        };
-        assert_eq!(target(0, "PytorchTensor", "cpu").as_deref(), Some("cuda:0"));
-        assert_eq!(target(0, "PytorchTensor", "cuda:0"), None);
-        assert_eq!(target(0, "CuPyArray", "cuda:0").as_deref(), Some("cuda:1"));
-        assert_eq!(target(1, "PytorchTensor", "cuda:0").as_deref(), Some("cpu"));
-        let shown = plan.routes[0].to_string();
-        assert!(shown.ends_with("devices torch cpu->cuda:0, cupy *->cuda:1"), "{shown}");
-    }
-
-    #[test]
-    fn wrong_devices_are_refused_with_their_line() {
-        let route = |devices: &str, message_type: &str| {
-            plan(&format!(
-                "routes:\n  - from: 'zeromq:/a'\n    to: 'ros2:/b'\n    type: {message_type}\n    devices:\n      {devices}\n"
-            ))
-            .unwrap_err()
-            .to_string()
-        };
-        let text = route("load_toch_device: cpu", "NativeObject");
-        assert!(text.starts_with("bridge.yaml:6:"), "{text}");
-        assert!(text.contains("did you mean `load_torch_device`?"), "{text}");
-        let text = route("load_torch_device: cdua:0", "NativeObject");
-        assert!(text.starts_with("bridge.yaml:6:") && text.contains("no device"), "{text}");
-        let text = route(
-            "{ load_torch_device: 'cuda:0', map_torch_devices: { default: cpu } }",
-            "NativeObject",
-        );
-        assert!(text.contains("default goes to cuda:0 and to cpu"), "{text}");
-        let text = route("load_torch_device: cpu", "Image");
-        assert!(text.contains("devices has no effect on Image"), "{text}");
-        let text = plan("defaults:\n  devices: { load_cupy_device: cpu }\nroutes:\n  - { from: 'zeromq:/a', to: 'ros2:/b', type: Image }\n  - { from: 'zeromq:/c', to: 'ros2:/d', type: Image }\n")
-            .unwrap_err()
-            .to_string();
-        assert!(text.starts_with("bridge.yaml:2:") && text.lines().count() == 1, "{text}");
-        let text = route("load_torch_device: [cpu]", "NativeObject");
-        assert!(text.contains("a device, for instance cuda:0"), "{text}");
-    }
-
-    #[test]
-    fn every_fault_is_reported_at_once_with_its_line() {
-        let error = plan(
-            "routes:\n  - { from: 'zermoq:/a', to: 'ros2:/b', type: Imge }\n  - { from: '/a', to: 'ros2:/c', type: Image, queue_depth: 0 }\n  - { from: 'ros2:/(.*)', to: 'zeromq:/x', type: Image }\n  - { from: 'ros2:/a b', to: 'zeromq:/x', type: Image }\n",
-        )
-        .unwrap_err();
-        let text = error.to_string();
-        assert!(
-            text.contains("bridge.yaml:2:") && text.contains("did you mean `zeromq`?"),
-            "{text}"
-        );
-        assert!(text.contains("Imge"), "{text}");
-        assert!(text.contains("bridge.yaml:3:") && text.contains("names no middleware"), "{text}");
-        assert!(text.contains("queue_depth is 0"), "{text}");
-        assert!(text.contains("pattern"), "{text}");
-        assert!(text.contains(r#""ros2:/a b" is no topic name: blank at 2"#), "{text}");
-    }
-
-    #[test]
-    fn duplicates_and_shared_destinations_are_refused() {
-        let twice = "  - { from: 'zeromq:/a', to: 'ros2:/b', type: Image }\n";
-        let text = plan(&format!("routes:\n{twice}{twice}")).unwrap_err().to_string();
-        assert!(text.contains("stands already in line 2"), "{text}");
-        let other = "  - { from: 'zeromq:/c', to: 'ros2:/b', type: Image }\n";
-        let text = plan(&format!("routes:\n{twice}{other}")).unwrap_err().to_string();
-        assert!(text.contains("merge: true"), "{text}");
-        let merged = "routes:\n  - { from: 'zeromq:/a', to: 'ros2:/b', type: Image, merge: true }\n  - { from: 'zeromq:/c', to: 'ros2:/b', type: Image, merge: true }\n";
-        assert_eq!(plan(merged).unwrap().routes.len(), 2);
-        let to_itself = "routes:\n  - { from: 'ros2:/a', to: 'ros2:/a', type: Image }\n";
-        assert!(plan(to_itself).unwrap_err().to_string().contains("loop"));
-        assert!(plan("routes: []\n").unwrap_err().to_string().contains("no routes"));
-    }
-}
+#[path = "plan_tests.rs"]
+mod tests;

@@ -98,7 +98,7 @@ impl Relay {
             name: self.spec.name.clone(),
             from: self.spec.from.to_string(),
             to: self.spec.to.to_string(),
-            message_type: self.spec.message_type.ros_type(),
+            message_type: self.spec.message_type.label(),
             state: self.state.clone(),
             from_qos: self.source.qos,
             to_qos: self.sink.qos,
@@ -284,9 +284,9 @@ fn forward(
     publisher: &mut dyn Publisher,
 ) -> Result<(usize, Instant), (DropReason, String)> {
     let Sample { payload, received_at, .. } = sample;
-    let kind = spec.message_type.data_type();
-    let payload = convert_payload(payload, kind, spec.color_order, &spec.limits, Stamp::now)
-        .map_err(|error| (error.drop_reason(), error.to_string()))?;
+    let payload =
+        convert_payload(payload, spec.message_type, spec.color_order, &spec.limits, Stamp::now)
+            .map_err(|error| (error.drop_reason(), error.to_string()))?;
     match publisher.publish(&payload) {
         Ok(bytes) => Ok((bytes, received_at)),
         Err(error) => Err((error.drop_reason(), error.to_string())),

@@ -8,6 +8,7 @@
 //! | [`Image`] | a camera frame | `sensor_msgs/msg/Image`, `CompressedImage` |
 //! | [`AudioChunk`] | sound | `wrapyfi_msgs/msg/AudioChunk` |
 //! | [`Properties`] | named parameters | the parameters of a node |
+//! | [`RosMessage`] | a ROS message of any type | itself |
 //!
 //! Payload bytes are [`bytes::Bytes`]: passing a value on shares them.
 
@@ -26,6 +27,9 @@ mod origin;
 mod parameter;
 mod payload;
 mod properties;
+mod ros_message;
+mod ros_type;
+mod ros_value;
 mod service_kind;
 mod shape;
 mod stamp;
@@ -46,8 +50,11 @@ pub use map::Map;
 pub use object::{ForeignObject, PluginObject};
 pub use origin::Origin;
 pub use parameter::{ParameterType, ParameterValue};
-pub use payload::{DataType, MessageType, ParseTypeError, Payload};
+pub use payload::{DataType, MessageType, MessageTypeError, ParseTypeError, Payload};
 pub use properties::{Properties, PropertiesError};
+pub use ros_message::RosMessage;
+pub use ros_type::{MAX_ROS_TYPES, RosType, RosTypeError};
+pub use ros_value::RosValueError;
 pub use service_kind::{ParseServiceError, ServiceKind};
 pub use shape::ShapeError;
 pub use stamp::Stamp;

@@ -3,7 +3,8 @@
 use std::fmt;
 use std::str::FromStr;
 
-use super::{AudioChunk, Image, Properties, Value};
+use super::{AudioChunk, Image, Properties, RosMessage, RosType, RosTypeError, Value};
+use wrapyfi_interfaces::store::{ResolveError, TypeStore};
 
 /// The content of one message, independent of the middleware that carries it.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,6 +18,8 @@ pub enum Payload {
     AudioChunk(AudioChunk),
     /// Named parameters, or changes of them: one without a value is deleted.
     Properties(Properties),
+    /// A ROS message of a type known while running.
+    RosMessage(RosMessage),
 }
 
 impl Payload {
@@ -28,6 +31,7 @@ impl Payload {
             Self::Image(_) => DataType::Image,
             Self::AudioChunk(_) => DataType::AudioChunk,
             Self::Properties(_) => DataType::Properties,
+            Self::RosMessage(_) => DataType::RosMessage,
         }
     }
 }
@@ -50,6 +54,12 @@ impl From<Properties> for Payload {
     }
 }
 
+impl From<RosMessage> for Payload {
+    fn from(message: RosMessage) -> Self {
+        Self::RosMessage(message)
+    }
+}
+
 impl From<AudioChunk> for Payload {
     fn from(sound: AudioChunk) -> Self {
         Self::AudioChunk(sound)
@@ -65,14 +75,15 @@ pub enum DataType {
     Image,
     AudioChunk,
     Properties,
+    RosMessage,
 }
 
 impl DataType {
     /// Every kind.
-    pub const ALL: [Self; 4] =
-        [Self::NativeObject, Self::Image, Self::AudioChunk, Self::Properties];
+    pub const ALL: [Self; 5] =
+        [Self::NativeObject, Self::Image, Self::AudioChunk, Self::Properties, Self::RosMessage];
 
-    /// Wrapyfi's name: `NativeObject`, `Image`, `AudioChunk`, `Properties`.
+    /// Wrapyfi's name: `NativeObject`, `Image`, `AudioChunk`, `Properties`, `ROSMessage`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -80,6 +91,7 @@ impl DataType {
             Self::Image => "Image",
             Self::AudioChunk => "AudioChunk",
             Self::Properties => "Properties",
+            Self::RosMessage => "ROSMessage",
         }
     }
 }
@@ -120,7 +132,9 @@ impl FromStr for DataType {
 /// | `CompressedImage`, `sensor_msgs/msg/CompressedImage` | image | `sensor_msgs/msg/CompressedImage` | JPEG file, `jpg=True` |
 /// | `AudioChunk`, `wrapyfi_msgs/msg/AudioChunk` | sound | `wrapyfi_msgs/msg/AudioChunk` | array |
 /// | `wrapyfi_ros2_interfaces/msg/ROS2AudioMessage` | sound | upstream's message, with its label | array |
+/// | `Text` | native object that is a text | `std_msgs/msg/String` holding that text | JSON |
 /// | `Properties` | named parameters | the parameters of the node that the address names | JSON |
+/// | any other `package/msg/Type` | message of that type | itself | JSON of its fields |
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum MessageType {
@@ -128,6 +142,8 @@ pub enum MessageType {
     NativeObject,
     /// JSON in `std_msgs/msg/String`.
     StringJson,
+    /// Plain text in `std_msgs/msg/String`.
+    Text,
     /// `sensor_msgs/msg/Image`.
     Image,
     /// `sensor_msgs/msg/CompressedImage`.
@@ -138,13 +154,16 @@ pub enum MessageType {
     UpstreamAudio,
     /// The parameters of a ROS 2 node; no type of a topic there.
     Properties,
+    /// Any other type of ROS 2, known while running.
+    Ros(RosType),
 }
 
 impl MessageType {
-    /// Every type, for messages that list what may be written.
-    pub const ALL: [Self; 7] = [
+    /// Every type with a name of its own, for messages that list what may be written.
+    pub const ALL: [Self; 8] = [
         Self::NativeObject,
         Self::StringJson,
+        Self::Text,
         Self::Image,
         Self::CompressedImage,
         Self::AudioChunk,
@@ -152,10 +171,11 @@ impl MessageType {
         Self::Properties,
     ];
 
-    /// The types that are carried by topics on every middleware.
-    pub const TOPICS: [Self; 6] = [
+    /// Those that are carried by topics on every middleware.
+    pub const TOPICS: [Self; 7] = [
         Self::NativeObject,
         Self::StringJson,
+        Self::Text,
         Self::Image,
         Self::CompressedImage,
         Self::AudioChunk,
@@ -166,10 +186,11 @@ impl MessageType {
     #[must_use]
     pub fn data_type(self) -> DataType {
         match self {
-            Self::NativeObject | Self::StringJson => DataType::NativeObject,
+            Self::NativeObject | Self::StringJson | Self::Text => DataType::NativeObject,
             Self::Image | Self::CompressedImage => DataType::Image,
             Self::AudioChunk | Self::UpstreamAudio => DataType::AudioChunk,
             Self::Properties => DataType::Properties,
+            Self::Ros(_) => DataType::RosMessage,
         }
     }
 
@@ -178,19 +199,31 @@ impl MessageType {
     pub fn ros_type(self) -> &'static str {
         match self {
             Self::NativeObject => "wrapyfi_msgs/msg/NativeObject",
-            Self::StringJson => "std_msgs/msg/String",
+            Self::StringJson | Self::Text => "std_msgs/msg/String",
             Self::Image => "sensor_msgs/msg/Image",
             Self::CompressedImage => "sensor_msgs/msg/CompressedImage",
             Self::AudioChunk => "wrapyfi_msgs/msg/AudioChunk",
             Self::UpstreamAudio => "wrapyfi_ros2_interfaces/msg/ROS2AudioMessage",
             Self::Properties => "rcl_interfaces/msg/Parameter",
+            Self::Ros(ros_type) => ros_type.name(),
         }
     }
 }
 
 impl MessageType {
+    /// The name that tells it from every other: that of the ROS 2 type, where it is the only one with
+    /// it and its topics have that type.
+    #[must_use]
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Text => "Text",
+            Self::Properties => "Properties",
+            other => other.ros_type(),
+        }
+    }
+
     /// Short spelling, where it has one: `NativeObject`, `Image`, `CompressedImage`, `AudioChunk`,
-    /// `Properties`.
+    /// `Text`, `Properties`.
     #[must_use]
     pub fn short_name(self) -> Option<&'static str> {
         match self {
@@ -199,7 +232,42 @@ impl MessageType {
             Self::CompressedImage => Some("CompressedImage"),
             Self::AudioChunk => Some("AudioChunk"),
             Self::Properties => Some("Properties"),
-            Self::StringJson | Self::UpstreamAudio => None,
+            Self::Text => Some("Text"),
+            Self::StringJson | Self::UpstreamAudio | Self::Ros(_) => None,
+        }
+    }
+}
+
+/// Why a text is no type of messages.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum MessageTypeError {
+    /// It is neither one of ours nor the name of a ROS type.
+    #[error("{0}, and every ROS 2 type as package/msg/Type")]
+    Unknown(#[from] ParseTypeError),
+    /// The definition of the ROS type cannot be had.
+    #[error(transparent)]
+    Definition(#[from] Box<ResolveError>),
+    /// The definition cannot be used.
+    #[error(transparent)]
+    Unusable(#[from] RosTypeError),
+}
+
+impl MessageType {
+    /// Reads a type as [`MessageType::from_str`] does; any other name of a ROS type is looked up in
+    /// `store`.
+    ///
+    /// # Errors
+    /// When it is no name of a type, or its definition cannot be had or used.
+    pub fn resolve(text: &str, store: &mut TypeStore) -> Result<Self, MessageTypeError> {
+        match text.parse() {
+            Ok(known) => Ok(known),
+            // What has no slash was meant to be one of ours.
+            Err(unknown) if !text.contains('/') => Err(unknown.into()),
+            Err(_) => {
+                let resolved = store.resolve_name(text).map_err(Box::new)?;
+                Ok(Self::Ros(RosType::new(&resolved)?))
+            }
         }
     }
 }
@@ -217,7 +285,8 @@ impl FromStr for MessageType {
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         // A topic of single parameters is not the parameters of a node.
         let spellings = |kind: Self| {
-            let topic = Self::TOPICS.contains(&kind).then(|| kind.ros_type());
+            let named = Self::TOPICS.contains(&kind) && kind != Self::Text;
+            let topic = named.then(|| kind.ros_type());
             kind.short_name().into_iter().chain(topic)
         };
         let mut all = Self::ALL.into_iter();
@@ -238,7 +307,9 @@ mod tests {
             assert_eq!(kind.to_string().parse(), Ok(kind));
         }
         for kind in MessageType::TOPICS {
-            assert_eq!(kind.ros_type().parse(), Ok(kind));
+            // A String is JSON unless it is called Text.
+            let read = if kind == MessageType::Text { MessageType::StringJson } else { kind };
+            assert_eq!(kind.ros_type().parse(), Ok(read));
         }
         assert!(MessageType::Properties.ros_type().parse::<MessageType>().is_err());
         for kind in DataType::ALL {
@@ -247,9 +318,26 @@ mod tests {
     }
 
     #[test]
+    fn any_ros_type_is_read_where_its_definition_is_found() {
+        let mut store = TypeStore::generated();
+        let joints = MessageType::resolve("sensor_msgs/msg/JointState", &mut store).unwrap();
+        assert_eq!(joints.ros_type(), "sensor_msgs/msg/JointState");
+        assert_eq!(joints.data_type(), DataType::RosMessage);
+        let image = MessageType::resolve("sensor_msgs/msg/Image", &mut store).unwrap();
+        assert_eq!(image, MessageType::Image);
+        let error = MessageType::resolve("demo/msg/None", &mut store).unwrap_err().to_string();
+        assert!(error.starts_with("demo/msg/None is defined nowhere"), "{error}");
+        let error = MessageType::resolve("Imag", &mut store).unwrap_err().to_string();
+        assert!(error.ends_with("and every ROS 2 type as package/msg/Type"), "{error}");
+    }
+
+    #[test]
     fn a_wrong_spelling_is_told_the_right_ones() {
         let error = "image".parse::<MessageType>().unwrap_err().to_string();
         assert!(error.starts_with("\"image\" is no message type; accepted are NativeObject, "));
-        assert!(error.contains("std_msgs/msg/String, Image, sensor_msgs/msg/Image, "), "{error}");
+        assert!(
+            error.contains("std_msgs/msg/String, Text, Image, sensor_msgs/msg/Image, "),
+            "{error}"
+        );
     }
 }

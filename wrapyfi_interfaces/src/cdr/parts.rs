@@ -45,3 +45,11 @@ impl CdrParts {
         joined.freeze()
     }
 }
+
+/// A message that is serialised already, encapsulation header included.
+impl From<Bytes> for CdrParts {
+    fn from(cdr: Bytes) -> Self {
+        let pieces = if cdr.is_empty() { Vec::new() } else { vec![cdr] };
+        Self { pieces }
+    }
+}

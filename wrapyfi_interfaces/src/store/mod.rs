@@ -64,7 +64,12 @@ pub struct TypeStore {
     files: Box<dyn FileAccess + Send + Sync>,
     places: Vec<Place>,
     known: BTreeMap<TypeName, MessageDefinition>,
+    /// What no place has is taken from [`GENERATED`].
+    falls_back: bool,
 }
+
+/// Definitions of the types that this crate has structs for, by path below a folder of packages.
+const GENERATED: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/definitions.rs"));
 
 /// Where to look, in the order they were added.
 #[derive(Debug)]
@@ -88,7 +93,13 @@ impl TypeStore {
     /// A store without places, which reads with `files`.
     #[must_use]
     pub fn new(dialect: Dialect, files: impl FileAccess + Send + Sync + 'static) -> Self {
-        Self { dialect, files: Box::new(files), places: Vec::new(), known: BTreeMap::new() }
+        Self {
+            dialect,
+            files: Box::new(files),
+            places: Vec::new(),
+            known: BTreeMap::new(),
+            falls_back: false,
+        }
     }
 
     /// A store of ROS 2 definitions without places, which reads from the disk.
@@ -101,9 +112,10 @@ impl TypeStore {
     /// on a machine without ROS.
     #[must_use]
     pub fn generated() -> Self {
-        const TEXTS: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/definitions.rs"));
-        let files: BTreeMap<PathBuf, String> =
-            TEXTS.iter().map(|(path, text)| (PathBuf::from(path), (*text).to_owned())).collect();
+        let files: BTreeMap<PathBuf, String> = GENERATED
+            .iter()
+            .map(|(path, text)| (PathBuf::from(path), (*text).to_owned()))
+            .collect();
         let mut store = Self::new(Dialect::Ros2, files);
         store.add_folder(Path::new(""));
         store
@@ -127,6 +139,14 @@ impl TypeStore {
     /// and `action`), or the folder of one package.
     pub fn add_folder(&mut self, folder: &Path) {
         self.places.push(Place::Folder(folder.to_owned()));
+    }
+
+    /// Types that no place has are taken from those that this crate has structs for, so that the
+    /// common ones need no ROS. A definition that is there and wrong is not passed over.
+    #[must_use]
+    pub fn or_generated(mut self) -> Self {
+        self.falls_back = true;
+        self
     }
 
     /// Adds the definition of one type, which is used before any file.
@@ -181,6 +201,13 @@ impl TypeStore {
             user: user.cloned(),
             looked: Looked(looked),
         })
+    }
+
+    fn generated_text(&self, name: &TypeName) -> Option<(&'static str, &'static str)> {
+        let paths = paths_below(Path::new(""), name);
+        let is_asked =
+            |(path, _): &&(&str, &str)| paths.iter().any(|asked| asked == Path::new(path));
+        GENERATED.iter().find(is_asked).copied().filter(|_| self.falls_back)
     }
 
     fn parse(&mut self, name: &TypeName, text: &str, place: &str) -> Result<(), ResolveError> {
@@ -242,7 +269,8 @@ impl TypeStore {
                 }
             }
         }
-        Ok(None)
+        let generated = self.generated_text(name);
+        Ok(generated.map(|(path, text)| (text.to_owned(), PathBuf::from(path))))
     }
 
     /// Path of the definition, where the prefix has the package.

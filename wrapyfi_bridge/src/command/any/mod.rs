@@ -11,7 +11,8 @@ use std::time::{Duration, Instant};
 
 use wrapyfi_core::endpoint::{Discovered, Discovery, Role};
 use wrapyfi_core::middleware::ros2::graph::TopicDescription;
-use wrapyfi_interfaces::store::{ResolveError, ResolvedType, TypeStore};
+use wrapyfi_core::types::{MessageType, RosType};
+use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
 
 use crate::exit::Failure;
 
@@ -22,26 +23,30 @@ pub(super) mod yaml;
 /// How often discovery is looked at while messages go on.
 const LOOK_EVERY: Duration = Duration::from_millis(500);
 
-/// Finds the definition of `name`: in `folders` first, then where `AMENT_PREFIX_PATH` says, then
-/// among those this program is built with, so that the common ones need no ROS.
-pub(super) fn resolve(name: &str, folders: &[PathBuf]) -> Result<ResolvedType, Failure> {
+/// Definitions of ROS types: in `folders` first, then where `AMENT_PREFIX_PATH` says, then those
+/// this program is built with, so that the common ones need no ROS.
+pub(crate) fn definitions(folders: &[PathBuf]) -> Result<TypeStore, Failure> {
+    let mut store = TypeStore::empty().or_generated();
     for folder in folders {
         if !folder.is_dir() {
-            let text = format!("--definitions {}: there is no such folder", folder.display());
-            return Err(Failure::Usage(text));
+            return Err(Failure::Usage(format!("{}: there is no such folder", folder.display())));
         }
+        store.add_folder(folder);
     }
-    let mut store = TypeStore::empty();
-    folders.iter().for_each(|folder| store.add_folder(folder));
     store.add_ament_path(&std::env::var_os("AMENT_PREFIX_PATH").unwrap_or_default());
-    let own = |error: &ResolveError| match error {
-        // A definition that is there and wrong is not to be passed over.
-        ResolveError::NotFound { .. } => TypeStore::generated().resolve_name(name).ok(),
-        _ => None,
-    };
-    store.resolve_name(name).or_else(|error| {
-        own(&error).ok_or_else(|| Failure::Usage(format!("{error} (--definitions DIR)")))
-    })
+    Ok(store)
+}
+
+/// The definition of `name`, in the places of [`definitions`].
+pub(super) fn resolve(name: &str, folders: &[PathBuf]) -> Result<ResolvedType, Failure> {
+    let mut store = definitions(folders)
+        .map_err(|failure| Failure::Usage(format!("--definitions {failure}")))?;
+    store.resolve_name(name).map_err(|error| Failure::Usage(format!("{error} (--definitions DIR)")))
+}
+
+/// The type `name` as one that every middleware carries.
+pub(super) fn message_type(name: &str, folders: &[PathBuf]) -> Result<MessageType, Failure> {
+    RosType::new(&resolve(name, folders)?).map(MessageType::Ros).map_err(Failure::usage)
 }
 
 /// Tells in words who announces another type on our topic; each endpoint once.

@@ -176,7 +176,7 @@ fn returned(mut args: Vec<Value>, spec: &ServiceSpec) -> Result<Payload, String>
 }
 
 fn convert(value: Value, spec: &ServiceSpec) -> Result<Payload, String> {
-    let (to, color_order) = (spec.kind.data_type(), spec.color_order);
+    let (to, color_order) = (spec.kind.message_type(), spec.color_order);
     codec::convert_payload(value.into(), to, color_order, &spec.limits, Stamp::now)
         .map_err(|error| error.to_string())
 }

@@ -3,6 +3,7 @@
 //! ```text
 //!   NativeObject  │ topic │ JSON                   │
 //!   Properties    │ topic │ JSON of a dict         │
+//!   ROS message   │ topic │ JSON of its fields     │
 //!   Image         │ topic │ {timestamp:1795…} │ JSON array, or JPEG file   │
 //!   AudioChunk    │ topic │ {timestamp:1795…} │ JSON (chunk, channels, rate, array) │
 //! ```
@@ -16,7 +17,7 @@ mod image;
 
 use bytes::Bytes;
 
-use super::convert::properties;
+use super::convert::{ConvertError, convert_payload, properties};
 use super::{DecodeError, EncodeError, json};
 use crate::endpoint::TopicSpec;
 use crate::types::{DataType, Payload, Stamp};
@@ -44,6 +45,16 @@ pub fn decode(frames: &[Bytes], spec: &TopicSpec, received: Stamp) -> Result<Pay
             let value = json::decode_with(body, &spec.limits, &spec.plugins)?;
             Ok(properties(&value)?.into())
         }
+        (DataType::RosMessage, [_, body]) => {
+            let value = json::decode_with(body, &spec.limits, &spec.plugins)?;
+            as_decoded(convert_payload(
+                value.into(),
+                spec.message_type,
+                spec.color_order,
+                &spec.limits,
+                || received,
+            ))
+        }
         (DataType::Image, [_, header, body]) => {
             image::decode(body, header::stamp(header).unwrap_or(received), spec).map(Payload::Image)
         }
@@ -53,7 +64,7 @@ pub fn decode(frames: &[Bytes], spec: &TopicSpec, received: Stamp) -> Result<Pay
         }
         (data_type, _) => {
             let wanted = match data_type {
-                DataType::NativeObject | DataType::Properties => 2,
+                DataType::NativeObject | DataType::Properties | DataType::RosMessage => 2,
                 DataType::Image | DataType::AudioChunk => 3,
             };
             Err(DecodeError::Mismatch {
@@ -62,6 +73,16 @@ pub fn decode(frames: &[Bytes], spec: &TopicSpec, received: Stamp) -> Result<Pay
             })
         }
     }
+}
+
+/// A payload made of what came: an object that is no message of the type is the sender's fault.
+fn as_decoded(converted: Result<Payload, ConvertError>) -> Result<Payload, DecodeError> {
+    converted.map_err(|error| match error {
+        ConvertError::From(error) => error,
+        ConvertError::To(error) => {
+            DecodeError::Mismatch { expected: "a message".to_owned(), actual: error.to_string() }
+        }
+    })
 }
 
 /// Writes a message as Wrapyfi reads it; frame 0 is the topic. Images are compressed or
@@ -78,6 +99,16 @@ pub fn encode(payload: &Payload, spec: &TopicSpec) -> Result<Vec<Vec<u8>>, Encod
         }
         (DataType::Properties, Payload::Properties(properties)) => {
             vec![topic, json::encode_with(&properties.to_value(), &spec.plugins)?]
+        }
+        (DataType::RosMessage, Payload::RosMessage(message)) => {
+            let value = message.to_value(spec.limits.message_bytes);
+            let value = value.map_err(|error| EncodeError::Unrepresentable {
+                format: "JSON",
+                what: format!("a malformed {}: {error}", message.ros_type),
+                path: "$".to_owned(),
+                remedy: "look at its publisher".to_owned(),
+            })?;
+            vec![topic, json::encode_with(&value, &spec.plugins)?]
         }
         (DataType::Image, Payload::Image(image)) => {
             vec![topic, header::write(image.stamp), image::encode(image, spec)?]

@@ -4,6 +4,7 @@
 //!   Payload::Image        ◀──▶ sensor_msgs/msg/Image, CompressedImage
 //!   Payload::AudioChunk   ◀──▶ wrapyfi_msgs/msg/AudioChunk, ROS2AudioMessage     ◀──▶ CDR
 //!   Payload::NativeObject ◀──▶ wrapyfi_msgs/msg/NativeObject, std_msgs/msg/String
+//!   Payload::RosMessage   ──── its own bytes, checked against the definition
 //! ```
 //!
 //! Properties have no message: they are the parameters of a node, behind its services. Pixels, samples
@@ -14,6 +15,7 @@
 pub(super) mod audio;
 pub(super) mod image;
 mod native;
+mod text;
 
 use bytes::Bytes;
 use wrapyfi_interfaces::Message;
@@ -28,7 +30,7 @@ use wrapyfi_interfaces::wrapyfi_ros2_interfaces::msg::ROS2AudioMessage;
 use super::{DecodeError, EncodeError};
 use crate::Limits;
 use crate::plugin::Plugins;
-use crate::types::{MessageType, Payload, Pixels, ShapeError, Stamp, swap_byte_order};
+use crate::types::{MessageType, Payload, Pixels, RosMessage, ShapeError, Stamp, swap_byte_order};
 
 /// Name of the format in errors.
 const FORMAT: &str = "CDR";
@@ -60,6 +62,12 @@ pub fn encode_with(
         (Payload::NativeObject(value), MessageType::NativeObject) => native::encode(value, plugins),
         (Payload::NativeObject(value), MessageType::StringJson) => {
             native::encode_text(value, plugins)
+        }
+        (Payload::NativeObject(value), MessageType::Text) => text::encode(value),
+        (Payload::RosMessage(message), MessageType::Ros(ros_type))
+            if message.ros_type == ros_type =>
+        {
+            Ok(CdrParts::from(message.cdr.clone()))
         }
         _ => Err(EncodeError::Mismatch {
             expected: message_type.ros_type().to_owned(),
@@ -101,6 +109,13 @@ pub fn decode_with(
             native::decode(read(cdr, limits)?, limits, plugins).map(Payload::from)
         }
         MessageType::StringJson => native::decode_text(cdr, limits, plugins).map(Payload::from),
+        MessageType::Text => text::decode(read(cdr, limits)?).map(Payload::from),
+        MessageType::Ros(ros_type) => {
+            let message = RosMessage::new(ros_type, cdr.clone());
+            // What is no message of the type is not handed on under its name.
+            message.check(limits.message_bytes).map_err(|error| fault(&error))?;
+            Ok(message.into())
+        }
         // They are behind services of their node, on no topic.
         MessageType::Properties => Err(DecodeError::Mismatch {
             expected: "the parameters of a node".to_owned(),
@@ -127,12 +142,13 @@ fn names(message_type: MessageType) -> (&'static str, &'static str) {
     }
     match message_type {
         MessageType::NativeObject => of::<NativeObject>(),
-        MessageType::StringJson => of::<Text>(),
+        MessageType::StringJson | MessageType::Text => of::<Text>(),
         MessageType::Image => of::<Image>(),
         MessageType::CompressedImage => of::<CompressedImage>(),
         MessageType::AudioChunk => of::<AudioChunk>(),
         MessageType::UpstreamAudio => of::<ROS2AudioMessage>(),
         MessageType::Properties => of::<Parameter>(),
+        MessageType::Ros(ros_type) => (ros_type.dds_type(), ros_type.type_hash()),
     }
 }
 
@@ -140,7 +156,7 @@ fn read<M: Message>(cdr: &Bytes, limits: &Limits) -> Result<M, DecodeError> {
     M::decode(cdr, limits.message_bytes).map_err(|error| fault(&error))
 }
 
-fn fault(error: &CdrError) -> DecodeError {
+pub(super) fn fault(error: &CdrError) -> DecodeError {
     match *error {
         CdrError::TooLarge { actual, limit } => DecodeError::TooLarge {
             what: "message",
@@ -191,6 +207,7 @@ pub(super) fn describe(payload: &Payload) -> String {
         Payload::AudioChunk(sound) => format!("{} sound", sound.format),
         Payload::NativeObject(_) => "a native object".to_owned(),
         Payload::Properties(properties) => format!("{} properties", properties.len()),
+        Payload::RosMessage(message) => format!("a {}", message.ros_type),
     }
 }
 

@@ -1,0 +1,60 @@
+//! The key `options` of a route: settings that only some middlewares have.
+//!
+//! ```text
+//!   options: { carrier: fast_tcp, joints: [neck, eye] }  ──▶  Map of values, known at one end at least
+//! ```
+//!
+//! Their values are checked by the middleware that reads them.
+
+use std::collections::BTreeMap;
+
+use super::config::Spanned;
+use super::config_error::{Problem, did_you_mean};
+use super::plan::Available;
+use crate::endpoint::EndpointAddress;
+use crate::types::{Map, Value, to_value};
+
+/// The options of a route between `ends`.
+pub(super) fn read(
+    written: &BTreeMap<String, Spanned<serde_json::Value>>,
+    ends: [&EndpointAddress; 2],
+    middlewares: &[Available<'_>],
+) -> Result<Map, Vec<Problem>> {
+    let known: Vec<&str> = middlewares
+        .iter()
+        .filter(|middleware| ends.iter().any(|end| end.middleware == middleware.name))
+        .flat_map(|middleware| middleware.options.iter().copied())
+        .collect();
+    let mut problems = Vec::new();
+    let mut options = Map::default();
+    for (name, value) in written {
+        let mut complain = |text| problems.push(Problem::at(value.referenced, text));
+        if !known.contains(&name.as_str()) {
+            let hint = did_you_mean(name, &known);
+            let names = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
+            complain(format!(
+                "option {name} is unknown between {} and {}; {hint}options here: {names}",
+                ends.map(|end| end.middleware.as_str())[0],
+                ends.map(|end| end.middleware.as_str())[1],
+            ));
+            continue;
+        }
+        match to_value(&value.value) {
+            Ok(read) => {
+                options.insert(name.as_str(), plain(read));
+            }
+            Err(error) => complain(format!("option {name}: {error}")),
+        }
+    }
+    if problems.is_empty() { Ok(options) } else { Err(problems) }
+}
+
+/// Lists of numbers stay lists: options are written by hand and read one by one.
+fn plain(value: Value) -> Value {
+    match value {
+        Value::Tensor(tensor) => {
+            crate::types::nested_list(&tensor).unwrap_or(Value::Tensor(tensor))
+        }
+        other => other,
+    }
+}
