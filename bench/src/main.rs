@@ -19,6 +19,7 @@ mod python;
 mod relay;
 mod report;
 mod results;
+mod ros1;
 mod soak;
 mod stats;
 mod targets;

@@ -21,6 +21,7 @@ mod labelled;
 mod meter;
 mod pickles;
 mod requests;
+mod ros1;
 mod services;
 mod tables;
 mod tensors;
@@ -32,6 +33,7 @@ pub use labelled::{plugin_picture, plugin_zarr};
 pub use meter::{bounded, measure};
 pub use pickles::pickle;
 pub use requests::zeromq_requests;
+pub use ros1::{ros1_definition, ros1_messages};
 pub use services::node_services;
 pub use tables::plugin_table;
 pub use tensors::plugin_tensor;
@@ -46,7 +48,7 @@ pub const LIMITS: Limits = Limits { message_bytes: 1 << 20, depth: 64 };
 pub type Target = (&'static str, fn(&[u8]));
 
 /// Every target.
-pub const TARGETS: [Target; 16] = [
+pub const TARGETS: [Target; 18] = [
     ("json", json),
     ("npy", npy),
     ("frames", frames),
@@ -63,4 +65,6 @@ pub const TARGETS: [Target; 16] = [
     ("node_services", node_services),
     ("dynamic", dynamic),
     ("zeromq_requests", zeromq_requests),
+    ("ros1_definition", ros1_definition),
+    ("ros1_messages", ros1_messages),
 ];

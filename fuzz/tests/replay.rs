@@ -53,5 +53,6 @@ macro_rules! replays {
 
 replays! {
     json npy frames jpeg cdr msg_parser ros_args config plugin_tensor pickle plugin_table
-    plugin_picture plugin_zarr node_services dynamic zeromq_requests
+    plugin_picture plugin_zarr node_services dynamic zeromq_requests ros1_definition
+    ros1_messages
 }
