@@ -1,7 +1,7 @@
 //! Payloads as ROS 1 messages.
 //!
 //! ```text
-//!   NativeObject ◀─▶ std_msgs/String with JSON          │ fields │ pixels or samples as they are │
+//!   NativeObject ◀─▶ std_msgs/String, JSON or plain text │ fields │ pixels or samples as they are │
 //!   Image        ◀─▶ sensor_msgs/Image, CompressedImage       little-endian, not aligned, a u32 in
 //!   AudioChunk   ◀─▶ wrapyfi_ros_interfaces/ROSAudioMessage   front of text and of lists
 //! ```
@@ -19,7 +19,7 @@ use super::ros::{audio, describe, image};
 use super::{DecodeError, EncodeError, json};
 use crate::Limits;
 use crate::plugin::Plugins;
-use crate::types::{MessageType, Payload};
+use crate::types::{MessageType, Payload, Value};
 
 /// Name of the format in errors.
 const FORMAT: &str = "ROS 1";
@@ -36,15 +36,16 @@ pub struct Ros1Type {
 }
 
 impl Ros1Type {
-    /// The type that carries `message_type`; `None` for properties, which are on no topic.
+    /// The type that carries `message_type`; `None` for properties, which are on no topic, and for
+    /// types that are known while running.
     #[must_use]
     pub fn of(message_type: MessageType) -> Option<Self> {
         let (name, md5, definition) = match message_type {
-            MessageType::NativeObject | MessageType::StringJson => TEXT,
+            MessageType::NativeObject | MessageType::StringJson | MessageType::Text => TEXT,
             MessageType::Image => IMAGE,
             MessageType::CompressedImage => FILE,
             MessageType::AudioChunk | MessageType::UpstreamAudio => SOUND,
-            MessageType::Properties => return None,
+            MessageType::Properties | MessageType::Ros(_) => return None,
         };
         let mut definition = definition.to_owned();
         if definition.starts_with("Header ") || definition.starts_with("std_msgs/Header ") {
@@ -99,6 +100,13 @@ pub fn encode(
         (Payload::NativeObject(value), MessageType::NativeObject | MessageType::StringJson) => {
             Bytes::from(json::encode_with(value, plugins)?)
         }
+        (Payload::NativeObject(value), MessageType::Text) => match value.as_str() {
+            Some(text) => Bytes::copy_from_slice(text.as_bytes()),
+            None => {
+                let (expected, actual) = ("a text".to_owned(), format!("a {}", value.kind()));
+                return Err(EncodeError::Mismatch { expected, actual });
+            }
+        },
         (Payload::Image(picture), MessageType::Image) => {
             let message = image::raw_message(picture)?;
             write_header(&mut fields, sequence, &message.header)?;
@@ -129,7 +137,8 @@ pub fn encode(
             message.data
         }
         _ => {
-            let expected = Ros1Type::of(message_type).map_or_else(String::new, |known| known.name);
+            let known = Ros1Type::of(message_type).map(|known| known.name);
+            let expected = known.unwrap_or_else(|| message_type.to_string());
             return Err(EncodeError::Mismatch { expected, actual: describe(payload) });
         }
     };
@@ -167,6 +176,7 @@ pub fn decode(
             fields.end()?;
             return json::decode_with(&text, limits, plugins).map(Payload::from);
         }
+        MessageType::Text => Value::from(fields.text("data")?).into(),
         MessageType::Image => {
             let read = Image {
                 header: fields.header()?,
@@ -202,9 +212,9 @@ pub fn decode(
             };
             audio::decode_upstream(read)?.into()
         }
-        MessageType::Properties => {
+        other @ (MessageType::Properties | MessageType::Ros(_)) => {
             return Err(DecodeError::Mismatch {
-                expected: "parameters".to_owned(),
+                expected: other.to_string(),
                 actual: format!("a message of {} bytes", message.len()),
             });
         }

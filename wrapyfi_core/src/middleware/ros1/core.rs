@@ -8,10 +8,11 @@
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use tokio::runtime::Handle;
 use tokio::sync::Notify;
+use wrapyfi_interfaces::ros1::{Rules, Types};
 
 use super::config::NodeUri;
 use super::intake::Intake;
@@ -37,6 +38,7 @@ pub(super) struct Core {
     pub(super) lingering: Lingering,
     next: AtomicU64,
     state: Mutex<State>,
+    types: OnceLock<Mutex<Types>>,
 }
 
 #[derive(Default)]
@@ -80,7 +82,14 @@ impl Core {
             lingering: Lingering::default(),
             next: AtomicU64::new(0),
             state: Mutex::default(),
+            types: OnceLock::new(),
         })
+    }
+
+    /// Definitions of ROS 1: what peers showed, what is installed or built in. Read at first use.
+    pub(super) fn types(&self) -> MutexGuard<'_, Types> {
+        let types = self.types.get_or_init(|| Mutex::new(Types::from_environment(Rules::built_in())));
+        types.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     pub(super) fn state(&self) -> MutexGuard<'_, State> {

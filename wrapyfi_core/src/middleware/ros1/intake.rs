@@ -20,10 +20,12 @@ use tokio::net::TcpStream;
 use tokio::sync::Notify;
 use tokio::task::AbortHandle;
 use tokio::time::{sleep_until, timeout};
+use wrapyfi_interfaces::ros1::Plan;
 
 use super::backoff::Backoff;
 use super::config::NodeUri;
 use super::core::Core;
+use super::form;
 use super::header::Header;
 use super::http;
 use super::slave_info::BusLink;
@@ -32,6 +34,7 @@ use super::tcpros;
 use super::xmlrpc::{Reply, SUCCESS, Value, text};
 use crate::codec::ros1::Ros1Type;
 use crate::endpoint::{DropReason, Overflow, Sender, Wake};
+use crate::types::MessageType;
 
 /// Most publishers of one topic.
 const MAX_PUBLISHERS: usize = 256;
@@ -45,13 +48,22 @@ pub(super) struct Arrival {
     pub(super) source: u64,
     /// It sends its last message to whoever comes.
     pub(super) latched: bool,
+    /// How it is read, where its type has no codec of its own.
+    pub(super) plan: Option<Plan>,
+}
+
+/// What is received.
+pub(super) struct Wanted {
+    pub(super) wire_type: Ros1Type,
+    pub(super) message_type: MessageType,
+    /// Largest message in bytes.
+    pub(super) limit: usize,
 }
 
 pub(super) struct Intake {
     core: Weak<Core>,
     topic: String,
-    wire_type: Ros1Type,
-    limit: usize,
+    wanted: Wanted,
     inbox: Sender<Arrival>,
     wake: Wake,
     /// Rung when room was made.
@@ -97,16 +109,14 @@ impl Intake {
     pub(super) fn new(
         core: &Arc<Core>,
         topic: &str,
-        wire_type: Ros1Type,
-        limit: usize,
+        wanted: Wanted,
         inbox: Sender<Arrival>,
         wake: Wake,
     ) -> Arc<Self> {
         Arc::new(Self {
             core: Arc::downgrade(core),
             topic: topic.to_owned(),
-            wire_type,
-            limit,
+            wanted,
             inbox,
             wake,
             room: Notify::new(),
@@ -123,7 +133,7 @@ impl Intake {
     }
 
     pub(super) fn type_name(&self) -> &str {
-        &self.wire_type.name
+        &self.wanted.wire_type.name
     }
 
     /// Publishers that are connected, and why those are not that are not.
@@ -201,6 +211,7 @@ impl Intake {
                 again: Arc::clone(&again),
                 count: Arc::default(),
                 latched: false,
+                plan: None,
             };
             let peer = Peer {
                 id,
@@ -268,6 +279,7 @@ struct Connection {
     again: Arc<Notify>,
     count: Arc<Count>,
     latched: bool,
+    plan: Option<Plan>,
 }
 
 impl Connection {
@@ -301,7 +313,7 @@ impl Connection {
     async fn open(&mut self) -> Result<TcpStream, String> {
         let core = self.core.upgrade().ok_or("the node has ended")?;
         let (host, port) = self.ask(&core).await?;
-        let wire_type = &self.intake.wire_type;
+        let wire_type = &self.intake.wanted.wire_type;
         let own = Header::new()
             .with("callerid", core.name.full())
             .with("topic", &self.intake.topic)
@@ -309,7 +321,6 @@ impl Connection {
             .with("md5sum", &wire_type.md5)
             .with("message_definition", &wire_type.definition)
             .with("tcp_nodelay", "1");
-        drop(core);
         let mut stream = tcpros::connect(&host, port).await?;
         let header = tcpros::greet(&mut stream, &own).await.map_err(|error| error.to_string())?;
         if let Some(error) = header.get("error") {
@@ -325,6 +336,8 @@ impl Connection {
                 wire_type.md5
             ));
         }
+        self.plan = form::shown(&core, &header, self.intake.wanted.message_type)
+            .map_err(|error| shortened(&error))?;
         self.latched = header.is_set("latching");
         Ok(stream)
     }
@@ -353,7 +366,7 @@ impl Connection {
 
     /// Receives until the connection ends; why it did.
     async fn receive(&self, mut stream: TcpStream) -> String {
-        let mut splitter = Splitter::new(self.intake.limit);
+        let mut splitter = Splitter::new(self.intake.wanted.limit);
         let counters = self.intake.inbox.counters();
         let mut first = true;
         loop {
@@ -391,8 +404,8 @@ impl Connection {
     /// Puts a message into the inbox, under policy `block` when there is room.
     async fn deliver(&self, message: Bytes) {
         let Intake { inbox, room, .. } = &*self.intake;
-        let (source, latched) = (self.id, self.latched);
-        let mut arrival = Arrival { message, received_at: Instant::now(), source, latched };
+        let (source, latched, plan) = (self.id, self.latched, self.plan.clone());
+        let mut arrival = Arrival { message, received_at: Instant::now(), source, latched, plan };
         let Err(back) = inbox.push(arrival) else { return };
         arrival = back;
         let wait = match inbox.spec().overflow {

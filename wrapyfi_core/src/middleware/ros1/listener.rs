@@ -9,8 +9,9 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::core::Core;
-use super::intake::{Arrival, Intake};
-use crate::codec::ros1::{self, Ros1Type};
+use super::form;
+use super::intake::{Arrival, Intake, Wanted};
+use crate::codec::ros1::Ros1Type;
 use crate::endpoint::{Context, Link, Listener, Receiver, Sample, TakeError, TopicSpec, inbox};
 
 /// Receives one topic.
@@ -36,7 +37,8 @@ impl Ros1Listener {
             inbox(spec.queue, Arc::clone(&context.counters), context.wake.clone());
         let (limit, wake) = (spec.limits.message_bytes, context.wake.clone());
         let type_name = wire_type.name.clone();
-        let intake = Intake::new(core, topic, wire_type, limit, sender, wake);
+        let wanted = Wanted { wire_type, message_type: spec.message_type, limit };
+        let intake = Intake::new(core, topic, wanted, sender, wake);
         core.listen(topic, &type_name, &intake);
         Self {
             core: Arc::clone(core),
@@ -61,9 +63,8 @@ impl Ros1Listener {
 impl Listener for Ros1Listener {
     fn take(&mut self) -> Result<Option<Sample>, TakeError> {
         let Some(arrival) = self.next() else { return Ok(None) };
-        let Arrival { message, received_at, .. } = arrival;
-        let TopicSpec { message_type, limits, plugins, .. } = &self.spec;
-        let payload = ros1::decode(&message, *message_type, limits, plugins)?;
+        let Arrival { message, received_at, plan, .. } = arrival;
+        let payload = form::decode(&message, plan.as_ref(), &self.spec)?;
         Ok(Some(Sample { payload, wire_bytes: message.len() + 4, received_at }))
     }
 

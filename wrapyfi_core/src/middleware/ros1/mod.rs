@@ -25,6 +25,7 @@
 //! | `publication`, `outlet` | a topic sent, one subscriber of it |
 //! | `services`, `service_host`, `server`, `client` | functions |
 //! | `parameters` | properties |
+//! | `form` | messages of any type as payloads |
 //! | `discovery` | what other nodes have |
 //! | `backoff` | waits between tries |
 
@@ -33,6 +34,7 @@ mod client;
 mod config;
 mod core;
 mod discovery;
+mod form;
 pub mod header;
 mod http;
 mod intake;
@@ -67,7 +69,6 @@ pub use names::{NameError, NodeName, check_name};
 
 use self::config::{NodeUri, Resolved};
 use self::core::Core;
-use crate::codec::ros1::Ros1Type;
 use crate::endpoint::{
     Client, Context, DiscoverError, Discovery, Listener, Middleware, OpenError, Publisher, Server,
     ServiceSpec, TopicSpec,
@@ -167,7 +168,7 @@ impl Middleware for Ros1 {
         context: &Context,
     ) -> Result<Box<dyn Listener>, OpenError> {
         let topic = self.resolve(&spec.topic)?;
-        Ok(match Ros1Type::of(spec.message_type) {
+        Ok(match form::wanted(&self.core, spec.message_type) {
             Some(wire_type) => {
                 let core = &self.core;
                 Box::new(listener::Ros1Listener::open(core, &topic, wire_type, spec, context))
@@ -184,10 +185,10 @@ impl Middleware for Ros1 {
         context: &Context,
     ) -> Result<Box<dyn Publisher>, OpenError> {
         let topic = self.resolve(&spec.topic)?;
-        Ok(match Ros1Type::of(spec.message_type) {
-            Some(wire_type) => {
+        Ok(match form::offered(&self.core, spec)? {
+            Some(offer) => {
                 let core = &self.core;
-                Box::new(publication::Ros1Publisher::open(core, &topic, wire_type, spec, context))
+                Box::new(publication::Ros1Publisher::open(core, &topic, offer, spec, context))
             }
             None => {
                 Box::new(parameters::ParameterPublisher::open(&self.core, &topic, spec, context))

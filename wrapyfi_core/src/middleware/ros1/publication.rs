@@ -11,13 +11,15 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use tokio::io::AsyncWriteExt as _;
+use wrapyfi_interfaces::ros1::Plan;
 
 use super::core::Core;
+use super::form;
 use super::header::Header;
 use super::outlet::{Frame, Outlet};
 use super::slave_info::BusLink;
 use super::tcpros::Accepted;
-use crate::codec::ros1::{self, Ros1Type};
+use crate::codec::ros1::Ros1Type;
 use crate::endpoint::{
     Context, Counters, Durability, History, Link, PublishError, Publisher, TopicSpec, Wake,
 };
@@ -165,6 +167,7 @@ pub(super) struct Ros1Publisher {
     core: Arc<Core>,
     publication: Arc<Publication>,
     spec: TopicSpec,
+    plan: Option<Plan>,
     sequence: u32,
     latches: bool,
 }
@@ -173,7 +176,7 @@ impl Ros1Publisher {
     pub(super) fn open(
         core: &Arc<Core>,
         topic: &str,
-        wire_type: Ros1Type,
+        (wire_type, plan): (Ros1Type, Option<Plan>),
         spec: &TopicSpec,
         context: &Context,
     ) -> Self {
@@ -195,13 +198,12 @@ impl Ros1Publisher {
             core.advertise(topic, &md5, || Publication::new(topic, wire_type), |publication| {
                 publication.state().publishers.insert(id, entry);
             });
-        Self { id, core: Arc::clone(core), publication, spec: spec.clone(), sequence: 0, latches }
+        let (core, spec, sequence) = (Arc::clone(core), spec.clone(), 0);
+        Self { id, core, publication, spec, plan, sequence, latches }
     }
 
     fn encode(&mut self, payload: &Payload) -> Result<Frame, EncodeError> {
-        let TopicSpec { message_type, limits, plugins, color_order, .. } = &self.spec;
-        let payload = formed(payload, *message_type, *color_order, limits)?;
-        let pieces = ros1::encode(&payload, *message_type, self.sequence, limits, plugins)?;
+        let pieces = form::encode(payload, self.plan.as_ref(), self.sequence, &self.spec)?;
         self.sequence = self.sequence.wrapping_add(1);
         let size: usize = pieces.iter().map(bytes::Bytes::len).sum();
         let (actual, limit) = (size as u64, u64::from(u32::MAX));
