@@ -24,6 +24,7 @@ mod requests;
 mod ros1;
 mod services;
 mod tables;
+mod tcpros;
 mod tensors;
 mod texts;
 
@@ -36,6 +37,7 @@ pub use requests::zeromq_requests;
 pub use ros1::{ros1_definition, ros1_messages};
 pub use services::node_services;
 pub use tables::plugin_table;
+pub use tcpros::{tcpros_header, xmlrpc};
 pub use tensors::plugin_tensor;
 pub use texts::{config, msg_parser, ros_args};
 
@@ -48,7 +50,7 @@ pub const LIMITS: Limits = Limits { message_bytes: 1 << 20, depth: 64 };
 pub type Target = (&'static str, fn(&[u8]));
 
 /// Every target.
-pub const TARGETS: [Target; 18] = [
+pub const TARGETS: [Target; 20] = [
     ("json", json),
     ("npy", npy),
     ("frames", frames),
@@ -67,4 +69,6 @@ pub const TARGETS: [Target; 18] = [
     ("zeromq_requests", zeromq_requests),
     ("ros1_definition", ros1_definition),
     ("ros1_messages", ros1_messages),
+    ("tcpros_header", tcpros_header),
+    ("xmlrpc", xmlrpc),
 ];

@@ -198,7 +198,15 @@ impl World {
     /// # Errors
     /// Where it cannot be started.
     pub fn bridge(&self, config: &Config) -> Result<Process> {
-        let file = self.write("bridge.yaml", config.yaml())?;
+        self.bridge_named("bridge.yaml", config)
+    }
+
+    /// As [`World::bridge`], for several at once: each has its own file.
+    ///
+    /// # Errors
+    /// Where it cannot be started.
+    pub fn bridge_named(&self, file: &str, config: &Config) -> Result<Process> {
+        let file = self.write(file, config.yaml())?;
         let args =
             [OsStr::new("bridge"), OsStr::new("--config"), file.as_os_str(), OsStr::new("--json")];
         Ok(self.wrapyfi(args)?.pillar())

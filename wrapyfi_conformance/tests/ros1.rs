@@ -84,8 +84,10 @@ impl Rig for Roscore {
             }
             raw
         });
-        let content = match spec.message_type.data_type() {
-            DataType::NativeObject => framed(body),
+        let content = match spec.message_type {
+            // Any text is a text: what is broken is the message around it.
+            MessageType::Text => body.to_vec(),
+            other if other.data_type() == DataType::NativeObject => framed(body),
             _ => body.to_vec(),
         };
         raw.send(&framed(&content));
