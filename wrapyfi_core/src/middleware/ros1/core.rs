@@ -165,10 +165,9 @@ impl Core {
         let mut state = self.state();
         let subscription = state.subscriptions.entry(topic.to_owned()).or_default();
         subscription.listeners.push(Arc::clone(intake));
-        let publishers = subscription.publishers.clone();
+        // Under the lock, so that nothing older comes after what the master says next.
+        intake.update(&subscription.publishers);
         self.want(&mut state, Kind::Subscriber, topic, type_name);
-        drop(state);
-        intake.update(&publishers);
     }
 
     /// Takes a listener out; the registration goes with the last one.
@@ -211,22 +210,19 @@ impl Core {
                 }
             }
         }
-        let listeners = {
-            let mut state = self.state();
-            let Some(subscription) = state.subscriptions.get_mut(topic) else { return };
-            match since {
-                None => subscription.updates += 1,
-                Some(since) if since != subscription.updates => {
-                    publishers.extend_from_slice(&subscription.publishers);
-                }
-                Some(_) => {}
+        let mut state = self.state();
+        let Some(subscription) = state.subscriptions.get_mut(topic) else { return };
+        match since {
+            None => subscription.updates += 1,
+            Some(since) if since != subscription.updates => {
+                publishers.extend_from_slice(&subscription.publishers);
             }
-            publishers.sort();
-            publishers.dedup();
-            subscription.publishers.clone_from(&publishers);
-            subscription.listeners.clone()
-        };
-        listeners.iter().for_each(|intake| intake.update(&publishers));
+            Some(_) => {}
+        }
+        publishers.sort();
+        publishers.dedup();
+        subscription.listeners.iter().for_each(|intake| intake.update(&publishers));
+        subscription.publishers = publishers;
     }
 
     /// Enters a publication of a topic, or finds the one there is of this type.

@@ -82,7 +82,10 @@ struct Peer {
     id: u64,
     /// The master names it.
     listed: bool,
-    state: PeerState,
+    /// The socket at its end, while messages flow.
+    address: Option<String>,
+    /// Why they did not at the last try.
+    fault: Option<String>,
     task: Option<AbortHandle>,
     /// Rung when the master named it again: it may have something new.
     again: Arc<Notify>,
@@ -95,14 +98,6 @@ struct Peer {
 struct Count {
     messages: AtomicU64,
     bytes: AtomicU64,
-}
-
-#[derive(Debug, Clone, PartialEq, Eq)]
-enum PeerState {
-    Connecting,
-    Connected(String),
-    /// Why not.
-    Failed(String),
 }
 
 impl Intake {
@@ -139,10 +134,9 @@ impl Intake {
     /// Publishers that are connected, and why those are not that are not.
     pub(super) fn connected(&self) -> (usize, Option<String>) {
         let peers = self.peers();
-        let up = peers.by_uri.values().filter(|peer| matches!(peer.state, PeerState::Connected(_)));
-        let why = peers.by_uri.iter().find_map(|(uri, peer)| match &peer.state {
-            PeerState::Failed(reason) => Some(format!("publisher {uri}: {reason}")),
-            _ => None,
+        let up = peers.by_uri.values().filter(|peer| peer.address.is_some());
+        let why = peers.by_uri.iter().find_map(|(uri, peer)| {
+            peer.fault.as_ref().map(|reason| format!("publisher {uri}: {reason}"))
         });
         (up.count(), why)
     }
@@ -151,7 +145,7 @@ impl Intake {
     pub(super) fn links(&self) -> Vec<BusLink> {
         let peers = self.peers();
         let link = |(uri, peer): (&NodeUri, &Peer)| {
-            let PeerState::Connected(address) = &peer.state else { return None };
+            let address = peer.address.as_ref()?;
             Some(BusLink {
                 id: peer.id,
                 peer: uri.to_string(),
@@ -184,7 +178,7 @@ impl Intake {
             peer.listed = publishers.contains(uri);
         }
         peers.by_uri.retain(|_, peer| {
-            let stays = peer.listed || matches!(peer.state, PeerState::Connected(_));
+            let stays = peer.listed || peer.address.is_some();
             if !stays {
                 peer.task.iter().for_each(AbortHandle::abort);
             }
@@ -216,7 +210,8 @@ impl Intake {
             let peer = Peer {
                 id,
                 listed: true,
-                state: PeerState::Connecting,
+                address: None,
+                fault: None,
                 task: None,
                 again,
                 count: Arc::clone(&connection.count),
@@ -232,24 +227,31 @@ impl Intake {
         self.wake.ring();
     }
 
-    /// Notes how a connection is; false where nobody wants it any more.
-    fn note(&self, uri: &NodeUri, state: PeerState) -> bool {
+    /// Notes how a connection is: where it leads, or why there is none. False where nobody wants it
+    /// any more.
+    fn note(&self, uri: &NodeUri, state: Result<String, String>) -> bool {
         let mut peers = self.peers();
         let Some(peer) = peers.by_uri.get_mut(uri) else { return false };
-        let was_up = matches!(peer.state, PeerState::Connected(_));
-        let is_up = matches!(state, PeerState::Connected(_));
-        if let PeerState::Failed(reason) = &state
-            && peer.state != state
-        {
-            tracing::warn!(topic = self.topic, "ROS 1: publisher {uri}: {reason}");
-        }
-        peer.state = state;
-        let stays = peer.listed || is_up;
+        let stays = peer.listed || state.is_ok();
+        let changed = match state {
+            Ok(address) => {
+                peer.fault = None;
+                peer.address.replace(address).is_none()
+            }
+            Err(reason) => {
+                let is_news = peer.fault.as_ref() != Some(&reason);
+                if is_news && stays {
+                    tracing::warn!(topic = self.topic, "ROS 1: publisher {uri}: {reason}");
+                }
+                peer.fault = Some(reason);
+                peer.address.take().is_some() || is_news
+            }
+        };
         if !stays {
             peers.by_uri.remove(uri);
         }
         drop(peers);
-        if was_up || is_up || !stays {
+        if changed {
             self.wake.ring();
         }
         stays
@@ -287,13 +289,10 @@ impl Connection {
     async fn keep(mut self) {
         let mut backoff = Backoff::new(self.id);
         loop {
-            if !self.intake.note(&self.uri, PeerState::Connecting) {
-                return;
-            }
             let reason = match self.open().await {
                 Ok(stream) => {
                     let address = stream.peer_addr().map(|a| a.to_string()).unwrap_or_default();
-                    if !self.intake.note(&self.uri, PeerState::Connected(address)) {
+                    if !self.intake.note(&self.uri, Ok(address)) {
                         return;
                     }
                     backoff.reset();
@@ -301,7 +300,7 @@ impl Connection {
                 }
                 Err(reason) => reason,
             };
-            if !self.intake.note(&self.uri, PeerState::Failed(reason)) {
+            if !self.intake.note(&self.uri, Err(reason)) {
                 return;
             }
             // Sooner where the master says that the publisher has something new.
@@ -324,7 +323,12 @@ impl Connection {
         let mut stream = tcpros::connect(&host, port).await?;
         let header = tcpros::greet(&mut stream, &own).await.map_err(|error| error.to_string())?;
         if let Some(error) = header.get("error") {
-            return Err(format!("it refuses: {}", shortened(error)));
+            return Err(format!(
+                "it refuses: {}; wanted is {} [{}]: have both use the same definition",
+                shortened(error),
+                wire_type.name,
+                wire_type.md5
+            ));
         }
         let (name, md5) = (header.get("type").unwrap_or("*"), header.get("md5sum").unwrap_or("*"));
         if !wire_type.fits(md5) {
