@@ -5,10 +5,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::error::PairError;
+use super::error::{PairError, TypedField};
 use super::fill::{Filler, skip};
 use super::matching::{Definitions, Entry, match_fields};
-use super::op::{Block, Check, CheckKind, Count, Each, Op, PathId, Text, push};
+use super::op::{Block, Check, CheckKind, Count, ELEMENT, Each, Op, PathId, Text, push};
 use super::rules::Rules;
 use crate::parser::{Container, Element, Primitive, TypeName};
 
@@ -106,7 +106,9 @@ impl<'d> Compiler<'d> {
             source_of.iter().map(|(target, source)| (*source, *target)).collect();
         let local = |entry: &Entry<'_>| format!("{}{}", place.local, entry.path);
 
-        if self.is_empty(to_ros2, ros1, ros2) == Some(Hidden::Source) {
+        // The byte that stands in a message of CDR without fields.
+        let hidden = matched.ros2.is_empty();
+        if hidden && !to_ros2 {
             let at = self.path(&place.local)?;
             push(ops, Op::SkipBlock { align: 1, size: 1, at });
         }
@@ -143,16 +145,11 @@ impl<'d> Compiler<'d> {
         for passed in from.iter().skip(next) {
             self.skip(passed, &local(passed), ops)?;
         }
-        if self.is_empty(to_ros2, ros1, ros2) == Some(Hidden::Target) {
-            push(ops, Op::Zeros { align: 1, size: 1 });
+        if hidden && to_ros2 {
+            let at = self.path(&place.local)?;
+            push(ops, Op::Zeros { align: 1, size: 1, at });
         }
         Ok(())
-    }
-
-    /// Which side has the byte that stands in a message of CDR without fields.
-    fn is_empty(&self, to_ros2: bool, _ros1: &TypeName, ros2: &TypeName) -> Option<Hidden> {
-        let empty = self.pair.ros2.1.get(ros2).is_some_and(|message| message.fields.is_empty());
-        empty.then_some(if to_ros2 { Hidden::Target } else { Hidden::Source })
     }
 
     fn mark(&mut self) -> usize {
@@ -264,7 +261,7 @@ impl<'d> Compiler<'d> {
                 return self.element(one, two, at, &inside(false), ops);
             }
             (Container::Array(count), Container::Array(same)) if count == same => {
-                self.element(one, two, at, &inside(true), &mut body)?;
+                self.element(one, two, ELEMENT, &inside(true), &mut body)?;
                 let count = count as usize;
                 if let [Op::Block(block)] = body.as_slice()
                     && let Some(all) = block.times(count)
@@ -275,7 +272,7 @@ impl<'d> Compiler<'d> {
                 self.each(Count::Fixed(count), body, from, to, at, ops);
             }
             (Container::Sequence { .. }, Container::Sequence { .. }) => {
-                self.element(one, two, at, &inside(true), &mut body)?;
+                self.element(one, two, ELEMENT, &inside(true), &mut body)?;
                 let bound = match two.field.field_type.container {
                     Container::Sequence { bound } => bound,
                     _ => None,
@@ -399,13 +396,6 @@ impl<'d> Compiler<'d> {
     }
 }
 
-/// Where the byte is that stands in a message of CDR without fields.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Hidden {
-    Source,
-    Target,
-}
-
 fn header() -> TypeName {
     TypeName::well_known("std_msgs", "Header")
 }
@@ -434,12 +424,10 @@ fn are_alike(one: Primitive, two: Primitive) -> bool {
 }
 
 fn mismatch(one: &Entry<'_>, two: &Entry<'_>) -> PairError {
-    PairError::Mismatch {
-        ros1: one.owner.clone(),
-        ros1_field: one.path.clone(),
-        ros1_type: one.field.field_type.to_string(),
-        ros2: two.owner.clone(),
-        ros2_field: two.path.clone(),
-        ros2_type: two.field.field_type.to_string(),
-    }
+    let typed = |entry: &Entry<'_>| {
+        let Entry { path, field, owner } = entry;
+        let (message, field_type) = ((*owner).clone(), field.field_type.to_string());
+        Box::new(TypedField { message, field: path.clone(), field_type })
+    };
+    PairError::Mismatch { ros1: typed(one), ros2: typed(two) }
 }

@@ -16,6 +16,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::error::DefinitionError;
 use super::names::ros1_name;
+use super::standard::hand_made;
 use crate::parser::{Dialect, Element, InterfaceKind, MessageDefinition, TypeName};
 use crate::store::{ResolvedType, TypeStore, definition_text, ros1_builtin};
 
@@ -155,7 +156,10 @@ impl ServiceDefinition {
         let is_service = name.kind() == InterfaceKind::Service && name.file_stem() == name.name();
         let part = |suffix| resolved.part(suffix).filter(|_| is_service).ok_or_else(no_service);
         let (request, response) = (part("_Request")?, part("_Response")?);
-        let md5sum = resolved.md5sum()?;
+        let md5sum = match hand_made(&name) {
+            Some(service) => service.md5sum.to_owned(),
+            None => resolved.md5sum()?,
+        };
         Ok(Self { name, request, response, text, md5sum })
     }
 
@@ -174,13 +178,19 @@ impl ServiceDefinition {
     /// `std_srvs/SetBoolRequest`: `request_type` of connection headers.
     #[must_use]
     pub fn request_type(&self) -> String {
-        format!("{}Request", self.ros1_name())
+        match hand_made(&self.name) {
+            Some(service) => service.request_type.to_owned(),
+            None => format!("{}Request", self.ros1_name()),
+        }
     }
 
     /// `std_srvs/SetBoolResponse`: `response_type` of connection headers.
     #[must_use]
     pub fn response_type(&self) -> String {
-        format!("{}Response", self.ros1_name())
+        match hand_made(&self.name) {
+            Some(service) => service.response_type.to_owned(),
+            None => format!("{}Response", self.ros1_name()),
+        }
     }
 
     /// The definition with all it refers to.

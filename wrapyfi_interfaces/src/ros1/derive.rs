@@ -59,8 +59,14 @@ fn message_to_ros2(
     name: &TypeName,
     rename: &mut dyn FnMut(&TypeName) -> TypeName,
 ) -> MessageDefinition {
-    let mut names = BTreeSet::new();
     let header = TypeName::well_known("std_msgs", "Header");
+    // Of two names that become one, the one that ROS 2 allows has it.
+    let mut taken: BTreeSet<String> = ros1
+        .fields
+        .iter()
+        .map(|field| field.name.clone())
+        .filter(|name| allowed_field(name) == *name)
+        .collect();
     let fields = ros1.fields.iter().filter_map(|field| {
         if ros1.name == header && field.name == "seq" {
             return None;
@@ -71,8 +77,7 @@ fn message_to_ros2(
         };
         let field_type = FieldType { element, container: field.field_type.container };
         let name = allowed_field(&field.name);
-        // Of two names that become one, the first has it.
-        names.insert(name.clone()).then(|| Field {
+        (name == field.name || taken.insert(name.clone())).then(|| Field {
             name,
             field_type,
             default: None,

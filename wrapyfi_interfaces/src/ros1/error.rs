@@ -1,5 +1,7 @@
 //! What can go wrong with definitions, pairs of types, and messages.
 
+use std::fmt;
+
 use crate::cdr::{CdrError, path_in_element, path_in_field};
 use crate::dynamic::PlanError;
 use crate::parser::{ParseFault, TypeName};
@@ -49,6 +51,23 @@ pub enum DefinitionError {
     },
 }
 
+/// A field with its type.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TypedField {
+    /// The message.
+    pub message: TypeName,
+    /// The field, or a path into it.
+    pub field: String,
+    /// Type of the field, as a definition writes it.
+    pub field_type: String,
+}
+
+impl fmt::Display for TypedField {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} of {} is {}", self.field, self.message, self.field_type)
+    }
+}
+
 /// Why two types have no plan.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -68,24 +87,16 @@ pub enum PairError {
         /// The type.
         name: TypeName,
     },
-    /// Fields of one name have types that do not go into each other.
+    /// Fields that belong together have types that do not go into each other.
     #[error(
-        "{ros1_field} is {ros1_type} in ROS 1 ({ros1}), {ros2_field} is {ros2_type} in ROS 2 ({ros2}): \
-         bring the definitions together, or leave the field out with a mapping rule"
+        "{ros1} in ROS 1, {ros2} in ROS 2: bring the definitions together, or leave the field out \
+         with a mapping rule"
     )]
     Mismatch {
-        /// ROS 1 type.
-        ros1: TypeName,
-        /// Its field.
-        ros1_field: String,
-        /// Type of the field.
-        ros1_type: String,
-        /// ROS 2 type.
-        ros2: TypeName,
-        /// Its field.
-        ros2_field: String,
-        /// Type of the field.
-        ros2_type: String,
+        /// In ROS 1.
+        ros1: Box<TypedField>,
+        /// In ROS 2.
+        ros2: Box<TypedField>,
     },
     /// Both have fields, and none of one has a counterpart in the other.
     #[error(

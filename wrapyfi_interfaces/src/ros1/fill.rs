@@ -52,17 +52,17 @@ impl Filler<'_> {
         };
         match field.field_type.container {
             Container::Single => match literals.first() {
-                Some(literal) => self.literal(element, literal, ops),
+                Some(literal) => literal_op(element, literal, at, ops),
                 None => self.element(element, at, ops)?,
             },
             Container::Array(_) if !literals.is_empty() => {
-                literals.iter().for_each(|literal| self.literal(element, literal, ops));
+                literals.iter().for_each(|literal| literal_op(element, literal, at, ops));
             }
             Container::Array(count) => self.array(element, count as usize, at, ops)?,
             Container::Sequence { .. } => {
                 let count = u32::try_from(literals.len()).unwrap_or_default();
-                push(ops, Op::Put { align: 4, bytes: count.to_le_bytes().to_vec() });
-                literals.iter().for_each(|literal| self.literal(element, literal, ops));
+                push(ops, Op::Put { align: 4, bytes: count.to_le_bytes().to_vec(), at });
+                literals.iter().for_each(|literal| literal_op(element, literal, at, ops));
             }
         }
         Ok(())
@@ -77,15 +77,15 @@ impl Filler<'_> {
     ) -> Result<(), PairError> {
         if let Element::Primitive(primitive) = element {
             let size = primitive.size().saturating_mul(count);
-            push(ops, Op::Zeros { align: primitive.size(), size });
+            push(ops, Op::Zeros { align: primitive.size(), size, at });
             return Ok(());
         }
         let mut body = Vec::new();
         self.element(element, at, &mut body)?;
         match body.as_slice() {
             [] => {}
-            [Op::Zeros { align, size }] if size.is_multiple_of(*align) => {
-                push(ops, Op::Zeros { align: *align, size: size.saturating_mul(count) });
+            [Op::Zeros { align, size, .. }] if size.is_multiple_of(*align) => {
+                push(ops, Op::Zeros { align: *align, size: size.saturating_mul(count), at });
             }
             _ if count <= MOST_UNROLLED && body.len() <= MOST_UNROLLED => {
                 (0..count).for_each(|_| body.iter().for_each(|op| push(ops, op.clone())));
@@ -109,18 +109,18 @@ impl Filler<'_> {
     ) -> Result<(), PairError> {
         match element {
             Element::Primitive(primitive) => {
-                push(ops, Op::Zeros { align: primitive.size(), size: primitive.size() });
+                push(ops, Op::Zeros { align: primitive.size(), size: primitive.size(), at });
             }
             Element::String { .. } if self.cdr => {
-                push(ops, Op::Put { align: 4, bytes: EMPTY_TEXT.to_vec() });
+                push(ops, Op::Put { align: 4, bytes: EMPTY_TEXT.to_vec(), at });
             }
             Element::String { .. } | Element::WString { .. } => {
-                push(ops, Op::Zeros { align: 4, size: 4 });
+                push(ops, Op::Zeros { align: 4, size: 4, at });
             }
             Element::Nested(name) => {
                 let message = message(self.definitions, name, &mut self.left)?;
                 if self.cdr && message.fields.is_empty() {
-                    push(ops, Op::Zeros { align: 1, size: 1 });
+                    push(ops, Op::Zeros { align: 1, size: 1, at });
                 }
                 for field in &message.fields {
                     self.field(field, at, ops)?;
@@ -129,30 +129,29 @@ impl Filler<'_> {
         }
         Ok(())
     }
+}
 
-    /// A stated value. Only ROS 2 has them.
-    fn literal(&self, element: &Element, literal: &Literal, ops: &mut Vec<Op>) {
-        match (element, literal) {
-            (Element::Primitive(primitive), literal) => {
-                let bytes = number(*primitive, literal);
-                push(ops, Op::Put { align: primitive.size(), bytes });
-            }
-            (Element::WString { .. }, Literal::Text(text)) => {
-                let units: Vec<u16> = text.encode_utf16().collect();
-                let mut bytes =
-                    u32::try_from(units.len()).unwrap_or_default().to_le_bytes().to_vec();
-                bytes.extend(units.iter().flat_map(|unit| u32::from(*unit).to_le_bytes()));
-                push(ops, Op::Put { align: 4, bytes });
-            }
-            (_, Literal::Text(text)) => {
-                let size = u32::try_from(text.len() + 1).unwrap_or_default();
-                let mut bytes = size.to_le_bytes().to_vec();
-                bytes.extend(text.as_bytes());
-                bytes.push(0);
-                push(ops, Op::Put { align: 4, bytes });
-            }
-            _ => {} // the parser lets no other value through
+/// A stated value. Only ROS 2 has them.
+fn literal_op(element: &Element, literal: &Literal, at: PathId, ops: &mut Vec<Op>) {
+    match (element, literal) {
+        (Element::Primitive(primitive), literal) => {
+            let bytes = number(*primitive, literal);
+            push(ops, Op::Put { align: primitive.size(), bytes, at });
         }
+        (Element::WString { .. }, Literal::Text(text)) => {
+            let units: Vec<u16> = text.encode_utf16().collect();
+            let mut bytes = u32::try_from(units.len()).unwrap_or_default().to_le_bytes().to_vec();
+            bytes.extend(units.iter().flat_map(|unit| u32::from(*unit).to_le_bytes()));
+            push(ops, Op::Put { align: 4, bytes, at });
+        }
+        (_, Literal::Text(text)) => {
+            let size = u32::try_from(text.len() + 1).unwrap_or_default();
+            let mut bytes = size.to_le_bytes().to_vec();
+            bytes.extend(text.as_bytes());
+            bytes.push(0);
+            push(ops, Op::Put { align: 4, bytes, at });
+        }
+        _ => {} // the parser lets no other value through
     }
 }
 

@@ -37,7 +37,7 @@ mod tests;
 mod vector_tests;
 
 pub use definition::{Definition, ServiceDefinition};
-pub use error::{DefinitionError, PairError, TranscodeError};
+pub use error::{DefinitionError, PairError, TranscodeError, TypedField};
 pub use names::ros1_name;
 pub use plan::{BadText, Note, Options, Plan, Transcoded};
 pub use rules::{RuleError, Rules};

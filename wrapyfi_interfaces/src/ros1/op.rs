@@ -15,6 +15,9 @@
 /// Where the name of a field stands in the plan's table of paths.
 pub(super) type PathId = u32;
 
+/// The element of a loop as a whole: the loop says which field it is of.
+pub(super) const ELEMENT: PathId = PathId::MAX;
+
 /// One step: reads from the one message, writes to the other.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Op {
@@ -33,9 +36,9 @@ pub(super) enum Op {
     /// Passes over a string.
     SkipText { wide: bool, at: PathId },
     /// Writes bytes that are always the same.
-    Put { align: usize, bytes: Vec<u8> },
+    Put { align: usize, bytes: Vec<u8>, at: PathId },
     /// Writes zeros.
-    Zeros { align: usize, size: usize },
+    Zeros { align: usize, size: usize, at: PathId },
     /// Writes the counter of `header.seq`.
     Counter,
     /// Copies a severity of the log, from the numbers of one ROS to those of the other.
@@ -182,12 +185,12 @@ pub(super) fn push(ops: &mut Vec<Op>, op: Op) {
             Some(Op::SkipBlock { align, size, .. }),
             Op::SkipBlock { align: next, size: more, .. },
         ) if joins(*align, *size, next) => *size = size.saturating_add(more),
-        (Some(Op::Zeros { align, size }), Op::Zeros { align: next, size: more })
+        (Some(Op::Zeros { align, size, .. }), Op::Zeros { align: next, size: more, .. })
             if joins(*align, *size, next) =>
         {
             *size = size.saturating_add(more);
         }
-        (Some(Op::Put { align, bytes }), Op::Put { align: next, bytes: more })
+        (Some(Op::Put { align, bytes, .. }), Op::Put { align: next, bytes: more, .. })
             if joins(*align, bytes.len(), next) =>
         {
             bytes.extend(more);

@@ -233,10 +233,13 @@ impl Plan {
         let before = out.len();
         out.reserve(ros1.len().saturating_add(GROWTH));
         out.extend(ENCAPSULATION);
-        let done = self
-            .inner
-            .to_ros2
-            .carry(Source::<false>::new(ros1), 0, 0, options, { Target::<true>::new(out) });
+        let done = self.inner.to_ros2.carry(
+            Source::<false>::new(ros1),
+            0,
+            0,
+            options,
+            Target::<true>::new(out),
+        );
         if done.is_err() {
             out.truncate(before);
         }

@@ -90,26 +90,34 @@ struct BuiltIn {
     kind: InterfaceKind,
     ros1: (&'static str, &'static str),
     ros2: (&'static str, &'static str),
-    fields: &'static [(&'static str, &'static str)],
+    /// Of a message, or of a request.
+    fields: Paths,
+    /// Of a response.
+    response: Paths,
 }
+
+/// Paths of fields in ROS 1 and in ROS 2; none where they are matched by name.
+type Paths = &'static [(&'static str, &'static str)];
 
 const fn message(
     ros1: (&'static str, &'static str),
     ros2: (&'static str, &'static str),
-    fields: &'static [(&'static str, &'static str)],
+    fields: Paths,
 ) -> BuiltIn {
-    BuiltIn { kind: InterfaceKind::Message, ros1, ros2, fields }
+    BuiltIn { kind: InterfaceKind::Message, ros1, ros2, fields, response: &[] }
 }
 
 const fn service(
     ros1: (&'static str, &'static str),
     ros2: (&'static str, &'static str),
+    request: Paths,
+    response: Paths,
 ) -> BuiltIn {
-    BuiltIn { kind: InterfaceKind::Service, ros1, ros2, fields: &[] }
+    BuiltIn { kind: InterfaceKind::Service, ros1, ros2, fields: request, response }
 }
 
-const TIME: &[(&str, &str)] = &[("data.sec", "sec"), ("data.nanosec", "nanosec")];
-const LOG: &[(&str, &str)] = &[
+const TIME: Paths = &[("data.sec", "sec"), ("data.nanosec", "nanosec")];
+const LOG: Paths = &[
     ("header.stamp", "stamp"),
     ("level", "level"),
     ("name", "name"),
@@ -117,6 +125,16 @@ const LOG: &[(&str, &str)] = &[
     ("file", "file"),
     ("function", "function"),
     ("line", "line"),
+];
+const WRAPYFI_REQUEST: Paths = &[("data", "request")];
+const WRAPYFI_IMAGE: Paths = &[
+    ("header", "response.header"),
+    ("height", "response.height"),
+    ("width", "response.width"),
+    ("encoding", "response.encoding"),
+    ("is_bigendian", "response.is_bigendian"),
+    ("step", "response.step"),
+    ("data", "response.data"),
 ];
 const BUILT_IN: &[BuiltIn] = &[
     message(("std_msgs", "Time"), ("builtin_interfaces", "Time"), TIME),
@@ -131,13 +149,27 @@ const BUILT_IN: &[BuiltIn] = &[
         &[],
     ),
     message(("wrapyfi_ros_interfaces", "ROSAudioMessage"), ("wrapyfi_msgs", "AudioChunk"), &[]),
-    service(("std_srvs", "Empty"), ("std_srvs", "Empty")),
-    service(("roscpp", "Empty"), ("std_srvs", "Empty")),
-    service(("tf2_msgs", "FrameGraph"), ("tf2_msgs", "FrameGraph")),
-    service(("tf", "FrameGraph"), ("tf2_msgs", "FrameGraph")),
+    service(("std_srvs", "Empty"), ("std_srvs", "Empty"), &[], &[]),
+    service(("roscpp", "Empty"), ("std_srvs", "Empty"), &[], &[]),
+    service(("tf2_msgs", "FrameGraph"), ("tf2_msgs", "FrameGraph"), &[], &[]),
+    service(("tf", "FrameGraph"), ("tf2_msgs", "FrameGraph"), &[], &[]),
     service(
         ("wrapyfi_ros_interfaces", "ROSAudioService"),
         ("wrapyfi_ros2_interfaces", "ROS2AudioService"),
+        &[],
+        &[],
+    ),
+    service(
+        ("wrapyfi_services", "ROSNativeObject"),
+        ("wrapyfi_ros2_interfaces", "ROS2NativeObjectService"),
+        WRAPYFI_REQUEST,
+        &[("data", "response")],
+    ),
+    service(
+        ("wrapyfi_services", "ROSImage"),
+        ("wrapyfi_ros2_interfaces", "ROS2ImageService"),
+        WRAPYFI_REQUEST,
+        WRAPYFI_IMAGE,
     ),
 ];
 
@@ -226,10 +258,12 @@ impl Rules {
             .filter(|rule| rule.ros2_name(ros1).as_ref() == Some(ros2))
             .find_map(|rule| rule.field_rule(ros1));
         by_user.or_else(|| {
-            let rule = BUILT_IN.iter().find(|rule| {
-                !rule.fields.is_empty() && rule.ros2_name(ros1).as_ref() == Some(ros2)
-            })?;
-            let pairs = rule.fields.iter().map(|(one, two)| ((*one).to_owned(), (*two).to_owned()));
+            let of_pair = |rule: &&BuiltIn| rule.ros2_name(ros1).as_ref() == Some(ros2);
+            let paths = BUILT_IN.iter().find(of_pair)?.paths(ros1);
+            if paths.is_empty() {
+                return None;
+            }
+            let pairs = paths.iter().map(|(one, two)| ((*one).to_owned(), (*two).to_owned()));
             Some(FieldRule { pairs: pairs.collect(), others: false })
         })
     }
@@ -246,6 +280,10 @@ fn unique(names: impl Iterator<Item = TypeName>) -> Vec<TypeName> {
 }
 
 impl BuiltIn {
+    fn paths(&self, ros1: &TypeName) -> Paths {
+        if ros1.name().ends_with("_Response") { self.response } else { self.fields }
+    }
+
     fn ros2_name(&self, ros1: &TypeName) -> Option<TypeName> {
         let (package, stem) = self.ros1;
         (ros1.kind() == self.kind && ros1.package() == package && ros1.file_stem() == stem)

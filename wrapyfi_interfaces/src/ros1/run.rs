@@ -8,7 +8,7 @@
 //! source, and with the room the limit leaves in the target, before a loop begins.
 
 use super::error::TranscodeError;
-use super::op::{Block, Check, CheckKind, Count, Each, Op, PathId};
+use super::op::{Block, Check, CheckKind, Count, ELEMENT, Each, Op, PathId};
 use super::severity;
 use super::text;
 use super::wire::{Short, Source, Target};
@@ -30,7 +30,7 @@ pub(super) struct Work<'p> {
 impl Work<'_> {
     fn path(&self, at: PathId) -> String {
         let path = usize::try_from(at).ok().and_then(|at| self.paths.get(at));
-        path.map(|path| path.to_string()).unwrap_or_default()
+        path.map(ToString::to_string).unwrap_or_default()
     }
 
     pub(super) fn truncated(&self, at: PathId, short: Short) -> TranscodeError {
@@ -140,13 +140,13 @@ pub(super) fn run<const F: bool, const T: bool>(
                 let size = count.saturating_mul(size);
                 from.take(size).map_err(|short| work.truncated(*at, short))?;
             }
-            Op::Put { align, bytes } => {
-                work.room(to.len(), bytes.len().saturating_add(7), PathId::MAX)?;
+            Op::Put { align, bytes, at } => {
+                work.room(to.len(), bytes.len().saturating_add(7), *at)?;
                 to.align(*align);
                 to.put(bytes);
             }
-            Op::Zeros { align, size } => {
-                work.room(to.len(), size.saturating_add(7), PathId::MAX)?;
+            Op::Zeros { align, size, at } => {
+                work.room(to.len(), size.saturating_add(7), *at)?;
                 to.align(*align);
                 to.zeros(*size);
             }
@@ -187,7 +187,7 @@ pub(super) fn sequence<const F: bool>(
 }
 
 fn block_path(block: &Block, offset: usize) -> PathId {
-    block.field_at(offset).unwrap_or(PathId::MAX)
+    block.field_at(offset).unwrap_or(ELEMENT)
 }
 
 fn take_block<'a, const F: bool>(

@@ -7,11 +7,34 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use crate::parser::Dialect;
+use crate::parser::{Dialect, TypeName};
 use crate::store::{ResolveError, TypeStore};
 
 const ROS1: &str = include_str!("standard/ros1.txt");
 const ROS2: &str = include_str!("standard/ros2.txt");
+
+/// A service that Python Wrapyfi makes by hand: its checksum is not that of its fields, and request and
+/// response are messages of other packages.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct HandMade {
+    pub(super) md5sum: &'static str,
+    pub(super) request_type: &'static str,
+    pub(super) response_type: &'static str,
+}
+
+/// Where the service is one of Wrapyfi's.
+pub(super) fn hand_made(name: &TypeName) -> Option<HandMade> {
+    let (md5sum, response_type) = match (name.package(), name.name()) {
+        ("wrapyfi_services", "ROSNativeObject") => {
+            ("46a550fd1ca640b396e26ebf988aed7b", "std_msgs/String")
+        }
+        ("wrapyfi_services", "ROSImage") => {
+            ("f720f2021b4bbbe86b0f93b08906381c", "sensor_msgs/Image")
+        }
+        _ => return None,
+    };
+    Some(HandMade { md5sum, request_type: "std_msgs/String", response_type })
+}
 
 /// A store of ROS 1.
 pub(super) fn ros1() -> TypeStore {
@@ -25,7 +48,7 @@ pub(super) fn ros2() -> TypeStore {
     let mut store = TypeStore::generated();
     let parsed: Result<Vec<()>, ResolveError> = sections(ROS2)
         .map(|(_, package, name, text)| {
-            store.add_definition(&crate::parser::TypeName::well_known(package, name), text)
+            store.add_definition(&TypeName::well_known(package, name), text)
         })
         .collect();
     debug_assert!(parsed.is_ok(), "{parsed:?}");

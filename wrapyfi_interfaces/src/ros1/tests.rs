@@ -118,7 +118,7 @@ fn fields_of_one_side_are_dropped_or_have_their_default() {
     assert!(notes.contains(
         &"deep is in ROS 2 only: default value towards ROS 2, dropped towards ROS 1".to_owned()
     ));
-    assert_eq!(notes.len(), 6 + 9, "{notes:?}");
+    assert_eq!(notes.len(), 7 + 9, "{notes:?}");
 }
 
 #[test]
@@ -362,7 +362,7 @@ fn pairs_that_do_not_fit_say_why() {
     let error = compile("int32 a\n", "int64 a\n").unwrap_err().to_string();
     assert_eq!(
         error,
-        "a is int32 in ROS 1 (demo/msg/A), a is int64 in ROS 2 (demo/msg/A): bring the definitions \
+        "a of demo/msg/A is int32 in ROS 1, a of demo/msg/A is int64 in ROS 2: bring the definitions \
          together, or leave the field out with a mapping rule"
     );
     for (one, two) in [
@@ -408,7 +408,7 @@ fn types_that_unfold_without_end_are_refused() {
 
 #[test]
 fn definitions_that_lack_or_repeat_are_refused() {
-    let header = |text| Definition::from_header("demo/A", text).unwrap_err();
+    let header = |text: &str| Definition::from_header("demo/A", text).unwrap_err();
     let error = header("B b\n");
     assert!(matches!(&error, DefinitionError::Resolve(ResolveError::NotFound { .. })), "{error}");
     let error = header(&format!("B b\n{SEPARATOR}MSG: demo/B\nA a\n"));
@@ -474,24 +474,46 @@ fn a_type_that_only_ros2_has_goes_to_ros1() {
 }
 
 #[test]
+fn services_that_wrapyfi_makes_by_hand_have_its_checksums() {
+    let mut types = Types::new(Rules::built_in(), TypeStore::empty());
+    let plan = types.service_plan("wrapyfi_services/ROSImage", None).unwrap();
+    assert_eq!(plan.definition.md5sum(), "f720f2021b4bbbe86b0f93b08906381c");
+    assert_eq!(plan.definition.request_type(), "std_msgs/String");
+    assert_eq!(plan.definition.response_type(), "sensor_msgs/Image");
+    assert_eq!(plan.ros2.to_string(), "wrapyfi_ros2_interfaces/srv/ROS2ImageService");
+    let image = types.definition("sensor_msgs/Image").unwrap();
+    let image = types.plan(&image).unwrap();
+    let bytes = [&[0; 16 + 8], b"\x05\0\0\0mono8\0\x01\0\0\0\x02\0\0\0ab".as_slice()].concat();
+    assert_eq!(to_cdr(&plan.response, &bytes), to_cdr(&image, &bytes));
+    assert_eq!(to_ros1(&plan.response, &to_cdr(&image, &bytes).unwrap().0).unwrap().0, bytes);
+    let plan = types.service_plan("wrapyfi_services/ROSNativeObject", None).unwrap();
+    assert_eq!(plan.definition.md5sum(), "46a550fd1ca640b396e26ebf988aed7b");
+    assert_eq!(plan.ros2.to_string(), "wrapyfi_ros2_interfaces/srv/ROS2NativeObjectService");
+    let (cdr, _) = to_cdr(&plan.request, b"\x02\0\0\0[]").unwrap();
+    assert_eq!(cdr, b"\0\x01\0\0\x03\0\0\0[]\0");
+    assert_eq!(to_ros1(&plan.response, &cdr).unwrap().0, b"\x02\0\0\0[]");
+}
+
+#[test]
 fn odd_names_of_ros1_become_names_of_ros2() {
     let mut types = Types::new(Rules::built_in(), TypeStore::empty());
-    let text = "uint8 frameId\nmy_part K\nuint8 k\n================\nMSG: Odd/my_part\nuint8 x_\n";
+    let text = "uint8 frameId\nmy_part MyPart\nuint8 K\nuint8 k\n================\nMSG: Odd/my_part\nuint8 x_\n";
     let odd = types.show("Odd/my_type", text).unwrap();
     let ros2 = types.ros2_type(odd.resolved()).unwrap();
     assert_eq!(ros2.name().to_string(), "odd/msg/MyType");
     assert_eq!(
         ros2.full_text().lines().filter(|line| !line.starts_with('=')).collect::<Vec<_>>(),
-        ["uint8 frame_id", "odd/MyPart k", "MSG: odd/MyPart", "uint8 x"]
+        ["uint8 frame_id", "odd/MyPart my_part", "uint8 k", "MSG: odd/MyPart", "uint8 x"]
     );
     let plan = types.plan(&odd).unwrap();
-    assert_eq!(to_cdr(&plan, b"\x01\x02\x03").unwrap().0[4..], [1, 2]);
+    // Of two names that become one, the one that is allowed has it.
+    assert_eq!(to_cdr(&plan, b"\x01\x02\x03\x04").unwrap().0[4..], [1, 2, 4]);
     assert_eq!(
         notes(&plan),
         [
-            "k is in ROS 1 only: dropped towards ROS 2, empty towards ROS 1",
-            "K of ROS 1 is k in ROS 2",
-            "K.x_ of ROS 1 is k.x in ROS 2",
+            "K is in ROS 1 only: dropped towards ROS 2, empty towards ROS 1",
+            "MyPart of ROS 1 is my_part in ROS 2",
+            "MyPart.x_ of ROS 1 is my_part.x in ROS 2",
             "frameId of ROS 1 is frame_id in ROS 2"
         ]
     );
@@ -544,15 +566,15 @@ fn rules_of_ros1_bridge_choose_names_and_fields() {
     assert_eq!(read(&two, &to_cdr(&plan, &bytes).unwrap().0)["same"], 7);
 
     let name = |text| TypeName::parse(Dialect::Ros1, text).unwrap();
-    let two = |text| rules.ros2_names(&name(text))[0].to_string();
-    assert_eq!(two("lab_msgs/X"), "lab_interfaces/msg/X");
-    assert_eq!(two("demo/srv/Do_Request"), "work/srv/Act_Request");
-    assert_eq!(two("tf/tfMessage"), "tf2_msgs/msg/TFMessage");
+    let in_ros2 = |text| rules.ros2_names(&name(text))[0].to_string();
+    assert_eq!(in_ros2("lab_msgs/X"), "lab_interfaces/msg/X");
+    assert_eq!(in_ros2("demo/srv/Do_Request"), "work/srv/Act_Request");
+    assert_eq!(in_ros2("tf/tfMessage"), "tf2_msgs/msg/TFMessage");
     assert_eq!(rules.ros1_names(&name("lab_interfaces/X"))[0].to_string(), "lab_msgs/msg/X");
     let error = compile_with(&rules, "uint8 a\n", "uint8 a\n").unwrap_err();
     assert!(matches!(error, PairError::RuleField { .. }), "{error}");
     let twice = yaml.replace("Value: result", "Value: result, header: same");
-    let error = compile_with(&Rules::from_yaml(&twice).unwrap(), &one, &one).unwrap_err();
+    let error = compile_with(&Rules::from_yaml(&twice).unwrap(), &one, &two).unwrap_err();
     assert!(matches!(error, PairError::RuleTwice { .. }), "{error}");
 }
 

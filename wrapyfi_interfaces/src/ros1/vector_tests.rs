@@ -47,7 +47,9 @@ fn messages_of_every_type_go_to_cdr_and_back() {
     let options = Options::default();
     let mut types = Types::new(Rules::built_in(), TypeStore::empty());
     let vectors = vectors();
-    assert_eq!(vectors.len(), names().len());
+    let made_by_hand =
+        names().iter().filter(|(_, package, _)| *package == "wrapyfi_services").count();
+    assert_eq!(vectors.len(), names().len() - made_by_hand);
     let (mut cdr, mut ros1, mut wrapped, mut messages) = (Vec::new(), Vec::new(), 0, 0);
     for vector in &vectors {
         let name = text(vector, "type");
