@@ -44,8 +44,11 @@ test-fmt:
 fmt:
 	@cargo fmt --all
 
+# With the cameras of the examples, which no other build compiles.
+CAMERAS := --features wrapyfi_communicator_examples/v4l2
+
 lint: | target/COLCON_IGNORE
-	@$(CARGO) clippy --workspace --all-targets --locked -- -D warnings
+	@$(CARGO) clippy --workspace --all-targets --locked $(CAMERAS) -- -D warnings
 
 fuzz: export SECONDS_EACH ?= 60
 fuzz: | target/COLCON_IGNORE
@@ -58,6 +61,8 @@ test-rust: | target/COLCON_IGNORE
 	@$(CARGO) nextest run --workspace --locked --no-run
 	@WRAPYFI_REQUIRE_PEERS=1 scripts/lo-namespace.sh \
 		cargo nextest run --workspace --locked --status-level fail --final-status-level slow
+	@cargo nextest run --locked --package wrapyfi_communicator_examples $(CAMERAS) --lib \
+		--status-level fail
 	@$(CARGO) test --doc --workspace --locked
 
 # Not part of `make test`: the libraries take 3 GB of disk.

@@ -27,6 +27,8 @@ mod tables;
 mod tcpros;
 mod tensors;
 mod texts;
+mod yarp_names;
+mod yarp_wire;
 
 pub use codecs::{cdr, frames, jpeg, json, npy};
 pub use dynamic::dynamic;
@@ -40,6 +42,8 @@ pub use tables::plugin_table;
 pub use tcpros::{tcpros_header, xmlrpc};
 pub use tensors::plugin_tensor;
 pub use texts::{config, msg_parser, ros_args};
+pub use yarp_names::yarp_name_lines;
+pub use yarp_wire::yarp_connection;
 
 use wrapyfi_core::Limits;
 
@@ -50,7 +54,7 @@ pub const LIMITS: Limits = Limits { message_bytes: 1 << 20, depth: 64 };
 pub type Target = (&'static str, fn(&[u8]));
 
 /// Every target.
-pub const TARGETS: [Target; 20] = [
+pub const TARGETS: [Target; 22] = [
     ("json", json),
     ("npy", npy),
     ("frames", frames),
@@ -71,4 +75,6 @@ pub const TARGETS: [Target; 20] = [
     ("ros1_messages", ros1_messages),
     ("tcpros_header", tcpros_header),
     ("xmlrpc", xmlrpc),
+    ("yarp_name_lines", yarp_name_lines),
+    ("yarp_connection", yarp_connection),
 ];

@@ -2,6 +2,8 @@
 
 use std::fmt::Write as _;
 
+use crate::World;
+
 /// One route of a [`Config`].
 #[derive(Debug, Clone)]
 pub struct Route {
@@ -18,6 +20,15 @@ impl Route {
             .with("type", &quoted(message_type))
     }
 
+    /// A route of a service with its server at one endpoint, offered at another.
+    #[must_use]
+    pub fn service(service: &str, offered: &str, kind: &str) -> Self {
+        Self { pairs: Vec::new() }
+            .with("service", &quoted(service))
+            .with("as", &quoted(offered))
+            .with("type", &quoted(kind))
+    }
+
     /// Adds a key; `value` is YAML.
     #[must_use]
     pub fn with(mut self, key: &str, value: &str) -> Self {
@@ -32,6 +43,8 @@ pub struct Config {
     pub_port: u16,
     sub_port: u16,
     broker: &'static str,
+    /// Ports of requests and replies, where services are routed.
+    requests: Option<(u16, u16)>,
     more: Vec<String>,
     routes: Vec<Route>,
 }
@@ -40,13 +53,27 @@ impl Config {
     /// ZeroMQ on these loopback ports, with our own broker.
     #[must_use]
     pub fn embedded(pub_port: u16, sub_port: u16) -> Self {
-        Self { pub_port, sub_port, broker: "embedded", more: Vec::new(), routes: Vec::new() }
+        Self {
+            pub_port,
+            sub_port,
+            broker: "embedded",
+            requests: None,
+            more: Vec::new(),
+            routes: Vec::new(),
+        }
     }
 
     /// ZeroMQ on these loopback ports, where somebody else's broker runs.
     #[must_use]
     pub fn foreign(pub_port: u16, sub_port: u16) -> Self {
         Self { broker: "foreign", ..Self::embedded(pub_port, sub_port) }
+    }
+
+    /// Routes services on this world's ports of requests and replies too.
+    #[must_use]
+    pub fn requests(mut self, world: &World) -> Self {
+        self.requests = Some((world.rep_port(), world.req_port()));
+        self
     }
 
     /// Adds a key of the file itself; `value` is YAML.
@@ -66,10 +93,13 @@ impl Config {
     /// The file's text.
     #[must_use]
     pub fn yaml(&self) -> String {
-        let Self { pub_port, sub_port, broker, more, routes } = self;
+        let Self { pub_port, sub_port, broker, requests, more, routes } = self;
+        let requests = requests.map_or_else(String::new, |(rep_port, req_port)| {
+            format!("    rep_port: {rep_port}\n    req_port: {req_port}\n")
+        });
         let more = more.concat();
         let mut text = format!(
-            "endpoints:\n  zeromq:\n    ip: 127.0.0.1\n    pub_port: {pub_port}\n    sub_port: {sub_port}\n    broker: {broker}\n{more}routes:\n"
+            "endpoints:\n  zeromq:\n    ip: 127.0.0.1\n    pub_port: {pub_port}\n    sub_port: {sub_port}\n    broker: {broker}\n{requests}{more}routes:\n"
         );
         for route in routes {
             for (index, (key, value)) in route.pairs.iter().enumerate() {

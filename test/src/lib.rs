@@ -22,6 +22,7 @@ mod process;
 mod reserve;
 mod ros_node;
 mod ros_service;
+mod scenes;
 mod world;
 
 use std::time::Duration;
@@ -32,6 +33,7 @@ pub use process::{Output, Process};
 pub use ros_node::{RosImage, RosNode, Spoken};
 pub use ros_service::{Adder, Asker};
 pub use ros2_client::ServiceMapping;
+pub use scenes::Scenes;
 pub use world::World;
 
 /// How long anything may take before a test gives up: far beyond what a loaded machine needs.

@@ -309,3 +309,35 @@ fn echo_and_pub_speak_ros() -> Result {
         publisher.exits_with(0)
     })
 }
+
+// The YARP name server ---------------------------------------------------------------------------
+
+#[test]
+fn a_yarpserver_says_where_it_is_and_ends_in_good_order() -> Result {
+    use std::io::{Read as _, Write as _};
+
+    run("a_yarpserver_says_where_it_is_and_ends_in_good_order", PROGRAM, |world| {
+        let mut server = world.wrapyfi(["yarpserver", "--port", "0", "--no-discovery"])?;
+        let port = server.wait_until("its address", |output| {
+            let said = output.err.iter().find(|line| line.contains("name server /root on"))?;
+            said.split_once("http://127.0.0.1:")?.1.split('/').next()?.parse::<u16>().ok()
+        })?;
+        let mut asked = std::net::TcpStream::connect(("127.0.0.1", port))?;
+        asked.write_all(b"NAME_SERVER query /root\n")?;
+        asked.shutdown(std::net::Shutdown::Write)?;
+        let mut answer = String::new();
+        asked.read_to_string(&mut answer)?;
+        let expected = format!(
+            "registration name /root ip 127.0.0.1 port {port} type tcp\r\n*** end of message\r\n"
+        );
+        assert_eq!(answer, expected);
+        // A second one names the port.
+        let port = port.to_string();
+        let args = ["yarpserver", "--port", &port, "--no-discovery", "--silent"];
+        complains(&mut world.wrapyfi(args)?, &[1], &[&port, "is taken"])?;
+        let args = ["yarpserver", "--ip", "0.0.0.0", "--port", "0", "--no-discovery"];
+        complains(&mut world.wrapyfi(args)?, &[2], &["insecure"])?;
+        server.terminate()?;
+        server.exits_with(0)
+    })
+}

@@ -215,3 +215,26 @@ fn our_own_nodes_as_of_cyclone() -> Result {
 fn our_own_nodes_as_of_fast_dds() -> Result {
     run("our_own_nodes_as_of_fast_dds", &[Need::Program], |world| between_own_nodes(world, FAST))
 }
+
+/// A method registered under `Properties`, in two programs: one is told, one sets.
+#[test]
+fn registered_methods_read_and_set_a_node() -> Result {
+    const NEEDS: &[Need] = &[Need::Program, Need::Python, Need::Example("exchange")];
+    run("registered_methods_read_and_set_a_node", NEEDS, |world| {
+        let node = world.topic("camera");
+        let start = |mode: &str| {
+            let args = format!("--type Properties --mode {mode} --mware ros2 --topic {node}");
+            world.example("exchange", &args)
+        };
+        let listener = start("listen")?;
+        let peer = camera(world, &node, &json!({"gain": 0.25, "serial": "A1"}))?;
+        let first = listener.messages(1)?.remove(0);
+        assert_eq!(first["value"], json!({"gain": 0.25, "serial": "A1"}));
+        heard_by(&peer, 1)?;
+        let _setter = start("publish")?;
+        listener.wait_until("what the other method set", |output| {
+            let gains = output.events("message").into_iter();
+            gains.map(|told| told["value"]["gain"].clone()).find(|gain| *gain == 3.5).map(drop)
+        })
+    })
+}

@@ -49,6 +49,8 @@ pub enum Command {
     Serve(ServeArgs),
     /// Run the ZeroMQ brokers at which Wrapyfi's publishers and listeners, clients and servers meet.
     Broker(BrokerArgs),
+    /// Run a YARP name server, for YARP's tools, ports and Wrapyfi's scripts on YARP.
+    Yarpserver(YarpServerArgs),
 }
 
 /// Arguments of `wrapyfi demo`.
@@ -289,6 +291,40 @@ pub struct BrokerArgs {
     /// Ports of requests and replies.
     #[command(flatten)]
     pub ports: ServicePorts,
+    /// Allow an address that other machines reach. Nothing is encrypted or authenticated.
+    #[arg(long)]
+    pub insecure: bool,
+}
+
+/// Arguments of `wrapyfi yarpserver`.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Where clients look for it: yarp.conf in YARP_CONFIG_HOME, else in yarp/ of XDG_CONFIG_HOME, \
+    else in ~/.config/yarp; written with --write. Of a namespace other than /root: its name with _ \
+    for whatever is no letter or digit, and .conf."
+)]
+pub struct YarpServerArgs {
+    /// Address to bind, and to tell others; default 127.0.0.1.
+    #[arg(long, value_name = "IP")]
+    pub ip: Option<String>,
+    /// Port to bind, 0 for any free one; default from YARP_PORT_RANGE, else 10000.
+    #[arg(long, alias = "socket", value_name = "PORT")]
+    pub port: Option<u16>,
+    /// Name of the name server; default from YARP_NAMESPACE, else yarp_namespace.conf, else /root.
+    #[arg(long, value_name = "NAME")]
+    pub namespace: Option<String>,
+    /// Write the address into the configuration file, where clients find it.
+    #[arg(long)]
+    pub write: bool,
+    /// Listen where the configuration file says.
+    #[arg(long)]
+    pub read: bool,
+    /// Log only what is wrong.
+    #[arg(long)]
+    pub silent: bool,
+    /// Do not answer those who look for a name server by multicast (`yarp detect`).
+    #[arg(long)]
+    pub no_discovery: bool,
     /// Allow an address that other machines reach. Nothing is encrypted or authenticated.
     #[arg(long)]
     pub insecure: bool,

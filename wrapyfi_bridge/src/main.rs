@@ -18,6 +18,7 @@ fn main() -> ExitCode {
 fn run(cli: &Cli) -> Result<(), Failure> {
     let level = match (&cli.log_level, &cli.command) {
         (Some(level), _) => level,
+        (None, Command::Yarpserver(args)) if args.silent => "warn",
         (None, Command::Echo(_) | Command::List(_) | Command::Call(_)) => "warn",
         (None, _) => "info",
     };
@@ -33,5 +34,6 @@ fn run(cli: &Cli) -> Result<(), Failure> {
         Command::Call(args) => command::service::call::run(args, &shutdown),
         Command::Serve(args) => command::service::serve::run(args, &shutdown),
         Command::Broker(args) => command::broker::run(args, &shutdown),
+        Command::Yarpserver(args) => command::yarpserver::run(args, &shutdown),
     }
 }

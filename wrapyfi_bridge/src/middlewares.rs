@@ -194,20 +194,21 @@ impl Middlewares {
     /// # Errors
     /// Exit code 2 for settings that cannot work, 1 when one does not start.
     pub fn for_plan(endpoints: &Endpoints, plan: &Plan, node: &Node) -> Result<Self, Failure> {
-        let used = |name: &str| {
-            plan.routes
-                .iter()
-                .any(|route| route.from.middleware == name || route.to.middleware == name)
-        };
-        let largest = plan.routes.iter().map(|route| route.limits.message_bytes).max().unwrap_or(0);
+        let largest = plan.largest_message();
         let mut middlewares = Self::default();
-        if used("zeromq") {
-            middlewares.add(Arc::new(start_zeromq(&endpoints.zeromq, None, largest)?));
+        if plan.uses("zeromq") {
+            let zeromq = start_zeromq(&endpoints.zeromq, None, largest)?;
+            let ends = plan.services.iter().flat_map(|route| [&route.offered, &route.service]);
+            if ends.into_iter().any(|end| end.middleware == "zeromq") {
+                // A server of Wrapyfi's that was told not to start one relies on it.
+                zeromq.start_services().context("zeromq")?;
+            }
+            middlewares.add(Arc::new(zeromq));
         }
-        if used(ros1::NAME) {
+        if plan.uses(ros1::NAME) {
             middlewares.add(Arc::new(start_ros1(&endpoints.ros)?));
         }
-        if used("ros2") {
+        if plan.uses("ros2") {
             let ros2 = start_ros2(&endpoints.ros2, node, largest)?;
             middlewares.graph = Some(Arc::clone(ros2.graph()));
             middlewares.add(Arc::new(ros2));

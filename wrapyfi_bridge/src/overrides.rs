@@ -104,7 +104,7 @@ mod tests {
         let given: BTreeMap<_, _> =
             given.iter().map(|(name, value)| ((*name).to_owned(), value.clone())).collect();
         let mut store = ParameterStore::new(node.name(), given).unwrap();
-        let mut plan = Plan { routes };
+        let mut plan = Plan { routes, ..Plan::default() };
         apply(&mut plan, &node, &mut store)?;
         Ok((plan.routes, store))
     }

@@ -109,7 +109,7 @@ pub fn small(message_type: MessageType) -> Payload {
         MessageType::Image => frame(4, 3, Encoding::Bgr8),
         MessageType::CompressedImage => file(CompressedFormat::Jpeg),
         MessageType::AudioChunk | MessageType::UpstreamAudio => sound(8, 2, SampleFormat::F32Le),
-        MessageType::Text => Value::from("one").into(),
+        MessageType::Text => Value::from("a text").into(),
         _ => number(1),
     }
 }

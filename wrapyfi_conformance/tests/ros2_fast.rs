@@ -39,10 +39,10 @@ impl Rig for FastNodes {
     const CAPABILITIES: Capabilities =
         Capabilities { drops_large_replies_unread: true, ..Capabilities::FULL };
 
-    const KNOWN_FAULTS: &'static [(&'static str, &'static str)] = &[(
-        "every_kind_is_returned",
-        "replies of this mapping have at most 128 KiB, not a whole image",
-    )];
+    const KNOWN_FAULTS: &'static [(&'static str, &'static str)] = &[
+        ("every_kind_is_returned", "replies of this mapping have at most 128 KiB"),
+        ("what_is_too_large_to_return_is_told", "replies of this mapping have at most 128 KiB"),
+    ];
 
     fn start() -> Self {
         let domain = reserve_domain();

@@ -1,13 +1,37 @@
 //! What the example programs share: a log on standard error, pauses of polling loops, and data that
 //! shows whether it arrived unchanged.
 //!
-//! The programs are in `src/bin`, one for each scheme; README.md says how to run them.
+//! The programs are in `src/bin`, one for each scheme; README.md says how to run them. What they have to
+//! do with sensors and robots, beside communicating, is in modules:
+//!
+//! | module | one idea |
+//! | --- | --- |
+//! | [`picture`] | PNG files, pixels, sketches for a terminal |
+//! | [`camera`] | frames of files, of a device, or drawn |
+//! | [`audio`] | microphones and loudspeakers: WAV files and ALSA |
+//! | [`face`] | a stand-in for a recogniser of facial expressions |
+//! | [`head`] | stand-ins for sensors of a head's orientation, a robot's neck |
+
+/// The guide, whose code is compiled with the examples.
+#[cfg(doctest)]
+#[doc = include_str!("../../../docs/communicator.md")]
+pub struct Guide;
+
+pub mod audio;
+pub mod camera;
+pub mod face;
+pub mod head;
+pub mod picture;
+#[cfg(feature = "v4l2")]
+mod v4l2;
 
 use std::time::Duration;
 
 use serde_json::{Value as Json, json};
 use sha2::{Digest as _, Sha256};
-use wrapyfi_core::types::{AudioChunk, Encoding, Image, Pixels, RawPixels, SampleFormat, Stamp};
+use wrapyfi_core::types::{
+    AudioChunk, Dtype, Encoding, Image, Pixels, RawPixels, SampleFormat, Stamp, Tensor,
+};
 
 /// Writes the library's log lines to standard error; `RUST_LOG` chooses which.
 pub fn log_to_stderr() {
@@ -40,6 +64,21 @@ pub fn sound(call: u8, rate: u32, frames: u32, channels: u8) -> Option<AudioChun
     let samples = (0..count).map(|place| sample(place.wrapping_add(call.into())) - 0.5);
     let data: Vec<u8> = samples.flat_map(f32::to_le_bytes).collect();
     AudioChunk::new(Stamp::now(), frames, channels, rate, SampleFormat::F32Le, data).ok()
+}
+
+/// The pixels of a frame as an array, `(height, width, channels)`, as in Python; `None` for files.
+#[must_use]
+pub fn pixels(image: &Image) -> Option<Tensor> {
+    let Pixels::Raw(raw) = &image.pixels else { return None };
+    let shape = [raw.height as usize, raw.width as usize, raw.encoding.channels()];
+    Tensor::new(Dtype::U8, shape, raw.to_dense().data).ok()
+}
+
+/// The samples of a chunk as an array, `(frames, channels)`, as in Python.
+#[must_use]
+pub fn samples(sound: &AudioChunk) -> Option<Tensor> {
+    let floats = sound.to_format(SampleFormat::F32Le);
+    Tensor::new(Dtype::F32, [floats.frames as usize, floats.channels.into()], floats.data).ok()
 }
 
 /// Shape and digest of a frame.

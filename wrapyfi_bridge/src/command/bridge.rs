@@ -56,7 +56,8 @@ pub fn run_node(
     let types = ros2_types(&plan);
     // Dropped last: what the routes say at their end is logged too.
     let _node = middlewares.offer_node(node, parameters, (&mut store, &types))?;
-    tracing::info!("{} routes from {}", plan.routes.len(), config.display());
+    let routes = plan.routes.len() + plan.services.len();
+    tracing::info!("{routes} routes from {}", config.display());
     let running =
         Engine::new(plan, middlewares.registry()).start().context("cannot start the routes")?;
     let end = options.seconds.map(|seconds| Instant::now() + seconds);
@@ -107,6 +108,12 @@ fn warn_of_unused(store: &ParameterStore) {
 
 /// ROS types of the endpoints that routes have on ROS 2.
 fn ros2_types(plan: &Plan) -> BTreeSet<&'static str> {
+    let services = plan
+        .services
+        .iter()
+        .flat_map(|route| [(&route.offered, route.kind), (&route.service, route.kind)])
+        .filter(|(address, _)| address.middleware == "ros2")
+        .map(|(_, kind)| kind.ros_type());
     plan.routes
         .iter()
         .flat_map(|route| [(&route.from, route.from_type), (&route.to, route.message_type)])
@@ -114,6 +121,7 @@ fn ros2_types(plan: &Plan) -> BTreeSet<&'static str> {
         // Properties are on no topic of ours.
         .filter(|(_, message_type)| *message_type != MessageType::Properties)
         .map(|(_, message_type)| message_type.ros_type())
+        .chain(services)
         .collect()
 }
 

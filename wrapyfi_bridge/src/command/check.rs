@@ -18,5 +18,8 @@ pub fn run(file: &Path) -> Result<(), Failure> {
     for route in &plan.routes {
         writeln!(out, "{route}").context("cannot print")?;
     }
+    for service in &plan.services {
+        writeln!(out, "{service}").context("cannot print")?;
+    }
     Ok(())
 }

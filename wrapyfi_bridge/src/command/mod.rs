@@ -11,6 +11,7 @@ pub mod echo;
 pub mod list;
 pub mod publish;
 pub mod service;
+pub mod yarpserver;
 
 /// Longest a command waits before it looks at signals and deadlines again.
 const WAIT_SLICE: Duration = Duration::from_millis(50);

@@ -70,10 +70,21 @@ impl Default for Defaults {
 #[serde(deny_unknown_fields)]
 pub struct RouteConfig {
     /// Source, as `middleware:/name`.
-    pub from: Spanned<String>,
+    #[serde(default)]
+    pub from: Option<Spanned<String>>,
     /// Destination, as `middleware:/name`.
-    pub to: Spanned<String>,
-    /// Message type: see [`crate::types::MessageType`].
+    #[serde(default)]
+    pub to: Option<Spanned<String>>,
+    /// In place of `from` and `to`: where a service has its server.
+    #[serde(default)]
+    pub service: Option<Spanned<String>>,
+    /// Where that service is offered.
+    #[serde(default, rename = "as")]
+    pub offered: Option<Spanned<String>>,
+    /// Time that a call of the service has.
+    #[serde(default)]
+    pub timeout_ms: Option<Spanned<u64>>,
+    /// Message type: see [`crate::types::MessageType`]; of a service [`crate::types::ServiceKind`].
     #[serde(rename = "type")]
     pub message_type: Spanned<String>,
     /// Message type at the source, where it is another than at the destination (default: `type`).
@@ -221,7 +232,10 @@ mod tests {
             parse("routes:\n  - { from: 'a:/x', to: 'b:/y', type: Image, qos: sensor_data }\n")
                 .unwrap();
         let route = &config.routes[0].value;
-        assert_eq!((route.from.value.as_str(), route.to.value.as_str()), ("a:/x", "b:/y"));
+        assert_eq!(
+            [&route.from, &route.to].map(|end| end.as_ref().map(|end| end.value.as_str())),
+            [Some("a:/x"), Some("b:/y")]
+        );
         assert_eq!(route.qos, Some(QosConfig::Fixed(QosPreset::SensorData.into())));
         assert_eq!(config.routes[0].referenced.line(), 2);
         assert_eq!(config.defaults.queue_depth, 10);
@@ -265,8 +279,8 @@ mod tests {
 
     #[test]
     fn what_is_missing_is_named() {
-        let text = parse("routes:\n  - { from: 'a:/x', type: Image }\n").unwrap_err().to_string();
-        assert!(text.contains("`to`"), "{text}");
+        let text = parse("routes:\n  - { from: 'a:/x', to: 'b:/y' }\n").unwrap_err().to_string();
+        assert!(text.contains("`type`"), "{text}");
         assert!(parse("endpoints: {}\n").unwrap_err().to_string().contains("routes"));
         assert!(parse("routes: [\n").is_err());
         assert!(

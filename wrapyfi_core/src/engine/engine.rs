@@ -9,25 +9,60 @@ use std::thread::JoinHandle;
 use std::time::Instant;
 
 use super::plan::Plan;
-use super::relay::Relay;
+use super::relay::{Relay, Step};
 use super::route::RouteStatus;
+use super::service_relay::ServiceRelay;
 use crate::endpoint::{Registry, Wake};
 
 /// The routes of a plan, not running yet.
 pub struct Engine {
-    relays: Vec<Relay>,
+    relays: Vec<Work>,
+}
+
+/// A route at work.
+enum Work {
+    Topic(Box<Relay>),
+    Service(Box<ServiceRelay>),
+}
+
+impl Work {
+    fn step(&mut self, now: Instant) -> Step {
+        match self {
+            Self::Topic(relay) => relay.step(now),
+            Self::Service(relay) => relay.step(now),
+        }
+    }
+
+    fn status(&self) -> RouteStatus {
+        match self {
+            Self::Topic(relay) => relay.status(),
+            Self::Service(relay) => relay.status(),
+        }
+    }
+
+    fn wake(&self) -> &Wake {
+        match self {
+            Self::Topic(relay) => relay.wake(),
+            Self::Service(relay) => relay.wake(),
+        }
+    }
 }
 
 impl Engine {
     /// Prepares the routes; nothing is opened before the first step.
     #[must_use]
     pub fn new(plan: Plan, registry: &Registry) -> Self {
-        let relays = plan
-            .routes
+        let Plan { routes, services } = plan;
+        let mut seeds = 1..;
+        let mut seed = || seeds.next().unwrap_or_default();
+        let topics = routes
             .into_iter()
-            .zip(1..)
-            .map(|(spec, seed)| Relay::new(spec, registry, seed))
-            .collect();
+            .map(|spec| Work::Topic(Box::new(Relay::new(spec, registry, seed()))))
+            .collect::<Vec<_>>();
+        let services = services
+            .into_iter()
+            .map(|spec| Work::Service(Box::new(ServiceRelay::new(spec, registry, seed()))));
+        let relays = topics.into_iter().chain(services).collect();
         Self { relays }
     }
 
@@ -39,7 +74,7 @@ impl Engine {
     /// The routes now.
     #[must_use]
     pub fn status(&self) -> Vec<RouteStatus> {
-        self.relays.iter().map(Relay::status).collect()
+        self.relays.iter().map(Work::status).collect()
     }
 
     /// Gives every route a thread.
@@ -70,7 +105,7 @@ impl Engine {
     }
 }
 
-fn run(relay: &Mutex<Relay>, wake: &Wake, stop: &AtomicBool) {
+fn run(relay: &Mutex<Work>, wake: &Wake, stop: &AtomicBool) {
     while !stop.load(Ordering::Relaxed) {
         let step = relay.lock().unwrap_or_else(PoisonError::into_inner).step(Instant::now());
         let rest = step.next.saturating_duration_since(Instant::now());
@@ -87,7 +122,7 @@ pub struct Running {
 }
 
 struct Route {
-    relay: Arc<Mutex<Relay>>,
+    relay: Arc<Mutex<Work>>,
     status: StatusCache,
     wake: Wake,
     thread: Option<JoinHandle<()>>,
@@ -97,11 +132,11 @@ struct Route {
 struct StatusCache(Mutex<RouteStatus>);
 
 impl StatusCache {
-    fn new(relay: &Mutex<Relay>) -> Self {
+    fn new(relay: &Mutex<Work>) -> Self {
         Self(Mutex::new(relay.lock().unwrap_or_else(PoisonError::into_inner).status()))
     }
 
-    fn refresh(&self, relay: &Mutex<Relay>) -> RouteStatus {
+    fn refresh(&self, relay: &Mutex<Work>) -> RouteStatus {
         let mut cached = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Ok(relay) = relay.try_lock() {
             *cached = relay.status();

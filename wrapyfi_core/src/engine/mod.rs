@@ -42,8 +42,10 @@ mod config_qos;
 mod engine;
 mod plan;
 mod plan_options;
+mod plan_service;
 mod relay;
 mod route;
+mod service_relay;
 
 pub use config::{Config, Defaults, MAX_CONFIG_BYTES, OverflowConfig, RouteConfig, Spanned};
 pub use config_devices::{DeviceWord, DevicesConfig};
@@ -52,5 +54,7 @@ pub use config_error::{ConfigError, Problem};
 pub use config_qos::{QosConfig, QosOverride};
 pub use engine::{Engine, Running};
 pub use plan::{Available, Plan, RouteSpec};
+pub use plan_service::ServiceRouteSpec;
 pub use relay::{Relay, Step};
 pub use route::{RouteState, RouteStatus};
+pub use service_relay::ServiceRelay;

@@ -9,6 +9,7 @@ use super::config_devices::DevicesConfig;
 use super::config_error::{ConfigError, Problem, did_you_mean};
 use super::config_qos::{QosConfig, QosOverride};
 use super::plan_options;
+use super::plan_service::{self, ServiceRouteSpec};
 use crate::Limits;
 use crate::codec::is_convertible;
 use crate::endpoint::{EndpointAddress, Overflow, ParseAddressError, QueueSpec, TopicSpec};
@@ -132,11 +133,29 @@ pub struct Available<'a> {
 /// The routes of a configuration, checked.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Plan {
-    /// In the order of the file.
+    /// Routes of topics, in the order of the file.
     pub routes: Vec<RouteSpec>,
+    /// Routes of services, in the order of the file.
+    pub services: Vec<ServiceRouteSpec>,
 }
 
 impl Plan {
+    /// True where an end of a route is on this middleware.
+    #[must_use]
+    pub fn uses(&self, middleware: &str) -> bool {
+        let topics = self.routes.iter().flat_map(|route| [&route.from, &route.to]);
+        let services = self.services.iter().flat_map(|route| [&route.offered, &route.service]);
+        topics.chain(services).any(|end| end.middleware == middleware)
+    }
+
+    /// The largest message that a route takes, in bytes.
+    #[must_use]
+    pub fn largest_message(&self) -> usize {
+        let topics = self.routes.iter().map(|route| route.limits.message_bytes);
+        let services = self.services.iter().map(|route| route.limits.message_bytes);
+        topics.chain(services).max().unwrap_or(0)
+    }
+
     /// Checks `config` against the middlewares that exist, and looks its types up in `types`; `file`
     /// is its name in errors.
     ///
@@ -151,6 +170,8 @@ impl Plan {
     ) -> Result<Self, ConfigError> {
         let mut problems = Vec::new();
         let mut routes: Vec<RouteSpec> = Vec::with_capacity(config.routes.len());
+        let mut services: Vec<ServiceRouteSpec> = Vec::new();
+        let mut offered: BTreeMap<EndpointAddress, u64> = BTreeMap::new();
         let mut seen: BTreeMap<(EndpointAddress, EndpointAddress), u64> = BTreeMap::new();
         let mut into: BTreeMap<EndpointAddress, (u64, bool)> = BTreeMap::new();
         if config.routes.is_empty() {
@@ -162,6 +183,21 @@ impl Plan {
             .unwrap_or_default();
         for entry in &config.routes {
             let line = entry.referenced.line();
+            if plan_service::is_service(&entry.value) {
+                match plan_service::read(entry, &config.defaults, middlewares, types) {
+                    Ok(service) => {
+                        let first = offered.insert(service.offered.clone(), line);
+                        if let Some(first) = first {
+                            let at = &service.offered;
+                            let text = format!("line {first} already offers a service as {at}");
+                            problems.push(Problem::at(entry.referenced, text));
+                        }
+                        services.push(service);
+                    }
+                    Err(found) => problems.extend(found),
+                }
+                continue;
+            }
             let route =
                 match route_spec(entry, &config.defaults, &default_devices, middlewares, types) {
                     Ok(route) => route,
@@ -189,7 +225,7 @@ impl Plan {
             routes.push(route);
         }
         if problems.is_empty() {
-            Ok(Self { routes })
+            Ok(Self { routes, services })
         } else {
             Err(ConfigError { file: file.to_owned(), problems })
         }
@@ -205,8 +241,20 @@ fn route_spec(
 ) -> Result<RouteSpec, Vec<Problem>> {
     let config = &entry.value;
     let mut problems = Vec::new();
-    let from = address(&config.from, middlewares).map_err(|problem| problems.push(problem)).ok();
-    let to = address(&config.to, middlewares).map_err(|problem| problems.push(problem)).ok();
+    let mut end = |key: &str, written: &Option<Spanned<String>>| match written {
+        Some(text) => address(text, middlewares).map_err(|problem| problems.push(problem)).ok(),
+        None => {
+            let text =
+                format!("key `{key}` is missing: a route has from and to, or service and as");
+            problems.push(Problem::at(entry.referenced, text));
+            None
+        }
+    };
+    let (from, to) = (end("from", &config.from), end("to", &config.to));
+    if let Some(timeout) = &config.timeout_ms {
+        let text = "timeout_ms has no effect on topics: only services are answered".to_owned();
+        problems.push(Problem::at(timeout.referenced, text));
+    }
     let mut parse_type = |text: &Spanned<String>| {
         let parsed = MessageType::resolve(&text.value, types);
         parsed.map_err(|error| problems.push(Problem::at(text.referenced, error.to_string()))).ok()
@@ -307,7 +355,7 @@ fn device_maps(devices: Option<&Spanned<DevicesConfig>>) -> Result<DeviceMaps, P
         .map_or_else(|| Ok(DeviceMaps::default()), |devices| devices.value.maps(devices.referenced))
 }
 
-fn address(
+pub(super) fn address(
     text: &Spanned<String>,
     middlewares: &[Available<'_>],
 ) -> Result<EndpointAddress, Problem> {

@@ -26,9 +26,9 @@ use crate::types::{Payload, Stamp};
 /// Messages moved in one step, so that a flooded route lets the others have their turn.
 const BATCH: usize = 16;
 /// How long a loss keeps a route `degraded`.
-const DEGRADED_FOR: Duration = Duration::from_secs(5);
+pub(super) const DEGRADED_FOR: Duration = Duration::from_secs(5);
 /// How often links are looked at when nothing rings.
-const REVIEW_EVERY: Duration = Duration::from_millis(500);
+pub(super) const REVIEW_EVERY: Duration = Duration::from_millis(500);
 
 /// One route at work.
 pub struct Relay {

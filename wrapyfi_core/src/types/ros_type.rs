@@ -55,6 +55,12 @@ pub enum RosTypeError {
         /// Why.
         fault: Box<PlanError>,
     },
+    /// A service was asked for, and this is none.
+    #[error("{name} is no service: write it as package/srv/Type")]
+    NoService {
+        /// The type.
+        name: String,
+    },
     /// Too many types already.
     #[error(
         "{name} is not taken in: this process knows {limit} types already; start another one for it"

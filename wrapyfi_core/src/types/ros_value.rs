@@ -45,7 +45,7 @@ impl RosMessage {
     /// # Errors
     /// As [`RosMessage::fields`].
     pub fn to_value(&self, max_bytes: usize) -> Result<Value, CdrError> {
-        Ok(message(&self.fields(max_bytes)?))
+        Ok(value_of(&self.fields(max_bytes)?))
     }
 
     /// The message that a dict of fields is. Fields that are missing have their default value.
@@ -58,18 +58,53 @@ impl RosMessage {
         value: &Value,
         max_bytes: usize,
     ) -> Result<Self, RosValueError> {
-        let mut bulk = Vec::new();
-        let json = json(value, &mut Path::root(ros_type, &mut bulk), 0)?;
-        let mut fields = ros_type.plan().from_json(&json, max_bytes)?;
-        let mut left = max_bytes;
-        for (path, values) in bulk {
-            left = left
-                .checked_sub(bytes_of(&values))
-                .ok_or_else(|| ValueError::TooLarge { path: path.clone(), limit: max_bytes })?;
-            fields.set(&path, values)?;
-        }
+        let fields = fields_of(ros_type, value, max_bytes)?;
         Ok(Self::from_fields(ros_type, &fields)?)
     }
+}
+
+/// The fields that a dict gives; those that are missing have their default value.
+pub(crate) fn fields_of(
+    ros_type: RosType,
+    value: &Value,
+    max_bytes: usize,
+) -> Result<DynamicMessage, RosValueError> {
+    let mut bulk = Vec::new();
+    let json = json(value, &mut Path::root(ros_type, &mut bulk), 0)?;
+    let mut fields = ros_type.plan().from_json(&json, max_bytes)?;
+    let mut left = max_bytes;
+    for (path, values) in bulk {
+        left = left
+            .checked_sub(bytes_of(&values))
+            .ok_or_else(|| ValueError::TooLarge { path: path.clone(), limit: max_bytes })?;
+        fields.set(&path, values)?;
+    }
+    Ok(fields)
+}
+
+/// The fields that the arguments of a call give: in order, by name, or one dict of them all.
+pub(crate) fn fields_of_call(
+    ros_type: RosType,
+    args: &[Value],
+    kwargs: &Map,
+    max_bytes: usize,
+) -> Result<DynamicMessage, RosValueError> {
+    if let ([whole @ Value::Map(_)], true) = (args, kwargs.is_empty()) {
+        return fields_of(ros_type, whole, max_bytes);
+    }
+    let defaults = ros_type.plan().default_message();
+    let mut names = defaults.fields().map(|(name, _)| name);
+    let mut pairs = Vec::with_capacity(args.len().saturating_add(kwargs.len()));
+    for (at, value) in args.iter().enumerate() {
+        let name = names.next().ok_or_else(|| RosValueError::Kind {
+            path: format!("$[{at}]"),
+            kind: format!("argument of {} where {ros_type} has {at} fields", value.kind()),
+            remedy: "leave it out",
+        })?;
+        pairs.push((Value::from(name), value.clone()));
+    }
+    pairs.extend(kwargs.iter().map(|(name, value)| (name.clone(), value.clone())));
+    fields_of(ros_type, &Map::from_iter(pairs).into(), max_bytes)
 }
 
 fn bytes_of(values: &Primitives) -> usize {
@@ -88,7 +123,8 @@ fn bytes_of(values: &Primitives) -> usize {
     }
 }
 
-fn message(fields: &DynamicMessage) -> Value {
+/// The fields as a dict.
+pub(crate) fn value_of(fields: &DynamicMessage) -> Value {
     let pairs = fields.fields().map(|(name, field)| (Value::from(name), self::field(field)));
     // A definition has each field once.
     Map(pairs.collect()).into()
@@ -108,10 +144,10 @@ fn field(value: &DynamicValue) -> Value {
         DynamicValue::F32(value) => (*value).into(),
         DynamicValue::F64(value) => (*value).into(),
         DynamicValue::Text(text) => text.as_str().into(),
-        DynamicValue::Message(inner) => message(inner),
+        DynamicValue::Message(inner) => value_of(inner),
         DynamicValue::Primitives(values) => array(values),
         DynamicValue::Texts(texts) => texts.iter().map(String::as_str).collect(),
-        DynamicValue::Messages(messages) => messages.iter().map(message).collect(),
+        DynamicValue::Messages(messages) => messages.iter().map(value_of).collect(),
     }
 }
 

@@ -3,7 +3,9 @@
 use std::fmt;
 use std::str::FromStr;
 
-use super::{DataType, MessageType};
+use wrapyfi_interfaces::store::{ResolveError, TypeStore};
+
+use super::{DataType, MessageType, RosService, RosTypeError};
 
 /// What `--type` of `call` and `serve` asks for: the kind of payload that a function of Wrapyfi
 /// returns, and the ROS service that carries it on the ROS 2 side.
@@ -17,6 +19,7 @@ use super::{DataType, MessageType};
 /// | `wrapyfi_ros2_interfaces/srv/ROS2ImageService` | image | as Python Wrapyfi serves it | lists of numbers |
 /// | `CompressedImage`, `wrapyfi_ros2_interfaces/srv/ROS2CompressedImageService` | image | as Python Wrapyfi serves it | JPEG file, `jpg=True` |
 /// | `wrapyfi_ros2_interfaces/srv/ROS2AudioService` | sound | as Python Wrapyfi serves it | lists of numbers |
+/// | any other `package/srv/Type` | dict of the reply's fields | itself: arguments are the request's fields, by name or in order | JSON |
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum ServiceKind {
@@ -34,10 +37,13 @@ pub enum ServiceKind {
     UpstreamImage,
     /// `wrapyfi_ros2_interfaces/srv/ROS2AudioService`.
     UpstreamAudio,
+    /// Any other service of ROS 2, known while running: arguments are the fields of its request, and
+    /// what it returns is a dict of those of its reply.
+    Ros(RosService),
 }
 
 impl ServiceKind {
-    /// Every kind, for messages that list what may be written.
+    /// Every kind with a name of its own, for messages that list what may be written.
     pub const ALL: [Self; 7] = [
         Self::NativeObject,
         Self::Image,
@@ -59,6 +65,7 @@ impl ServiceKind {
             Self::UpstreamNativeObject => "wrapyfi_ros2_interfaces/srv/ROS2NativeObjectService",
             Self::UpstreamImage => "wrapyfi_ros2_interfaces/srv/ROS2ImageService",
             Self::UpstreamAudio => "wrapyfi_ros2_interfaces/srv/ROS2AudioService",
+            Self::Ros(service) => service.name(),
         }
     }
 
@@ -70,21 +77,24 @@ impl ServiceKind {
             Self::Image => Some("Image"),
             Self::CompressedImage => Some("CompressedImage"),
             Self::AudioChunk => Some("AudioChunk"),
-            Self::UpstreamNativeObject | Self::UpstreamImage | Self::UpstreamAudio => None,
+            Self::UpstreamNativeObject
+            | Self::UpstreamImage
+            | Self::UpstreamAudio
+            | Self::Ros(_) => None,
         }
     }
 
     /// True where the ROS type is Python Wrapyfi's own: its replies have no room for an error.
     #[must_use]
     pub fn is_upstream(self) -> bool {
-        self.ros_type().starts_with("wrapyfi_ros2_interfaces/")
+        !matches!(self, Self::Ros(_)) && self.ros_type().starts_with("wrapyfi_ros2_interfaces/")
     }
 
     /// The type of message that holds a reply's payload.
     #[must_use]
     pub fn message_type(self) -> MessageType {
         match self {
-            Self::NativeObject => MessageType::NativeObject,
+            Self::NativeObject | Self::Ros(_) => MessageType::NativeObject,
             Self::UpstreamNativeObject => MessageType::StringJson,
             Self::Image | Self::UpstreamImage => MessageType::Image,
             Self::CompressedImage => MessageType::CompressedImage,
@@ -97,6 +107,39 @@ impl ServiceKind {
     #[must_use]
     pub fn data_type(self) -> DataType {
         self.message_type().data_type()
+    }
+}
+
+/// Why a text is no type of services.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ServiceKindError {
+    /// It is neither one of Wrapyfi's nor the name of a ROS service.
+    #[error("{0}, and every ROS 2 service as package/srv/Type")]
+    Unknown(#[from] ParseServiceError),
+    /// The definition cannot be had.
+    #[error(transparent)]
+    Definition(#[from] Box<ResolveError>),
+    /// The definition cannot be used.
+    #[error(transparent)]
+    Unusable(#[from] RosTypeError),
+}
+
+impl ServiceKind {
+    /// Reads a kind as [`ServiceKind::from_str`] does; any other name of a ROS service is looked up
+    /// in `store`.
+    ///
+    /// # Errors
+    /// When it is no name of a service, or its definition cannot be had or used.
+    pub fn resolve(text: &str, store: &mut TypeStore) -> Result<Self, ServiceKindError> {
+        match text.parse() {
+            Ok(known) => Ok(known),
+            Err(unknown) if !text.contains('/') => Err(unknown.into()),
+            Err(_) => {
+                let resolved = store.resolve_name(text).map_err(Box::new)?;
+                Ok(Self::Ros(RosService::new(&resolved)?))
+            }
+        }
     }
 }
 

@@ -11,12 +11,12 @@ use wrapyfi_communicator_examples::{
     described_image, described_sound, image, log_to_stderr, pause, sound,
 };
 use wrapyfi_core::communicator::{Mode, communicator};
-use wrapyfi_core::types::{AudioChunk, DataType, Image, Map, Tensor, Value};
+use wrapyfi_core::types::{AudioChunk, DataType, Image, Map, Properties, Tensor, Value};
 
 /// Publishes or receives one data type.
 #[derive(Parser)]
 struct Options {
-    /// NativeObject, Image or AudioChunk
+    /// NativeObject, Image, AudioChunk or Properties
     #[arg(long = "type", default_value = "NativeObject")]
     data_type: DataType,
     /// publish, listen, …
@@ -25,7 +25,7 @@ struct Options {
     /// Middleware
     #[arg(long, default_value = "zeromq")]
     mware: String,
-    /// Topic
+    /// Topic; for Properties on ROS 2 the name of a node
     #[arg(long)]
     topic: String,
     /// JPEG files instead of pixels
@@ -63,13 +63,20 @@ impl Exchange {
         self.calls = self.calls.wrapping_add(1);
         sound(self.calls, 16_000, 441, 1)
     }
+
+    #[register(Properties, "$mware", "$topic")]
+    fn properties(&mut self, mware: &str, topic: &str) -> Properties {
+        _ = (mware, topic);
+        self.calls = self.calls.wrapping_add(1);
+        Properties::from([("gain", f64::from(self.calls) + 0.5)])
+    }
 }
 
 fn main() -> anyhow::Result<()> {
     log_to_stderr();
     let Options { data_type, mode, mware, topic, jpg } = Options::parse();
     let mut exchange = Exchange { calls: 0 }.communicator();
-    for method in [ExchangeMethod::Object, ExchangeMethod::Image, ExchangeMethod::Sound] {
+    for method in ["object", "image", "sound", "properties"] {
         exchange.activate(method, mode)?;
     }
     loop {
@@ -80,6 +87,9 @@ fn main() -> anyhow::Result<()> {
             DataType::AudioChunk => {
                 exchange.sound(&mware, &topic)?.flatten().as_ref().map(described_sound)
             }
+            DataType::Properties => exchange
+                .properties(&mware, &topic)?
+                .map(|properties| json!({ "value": properties.to_value() })),
             _ => exchange.object(&mware, &topic)?.as_ref().map(described_object),
         };
         if let Some(Json::Object(mut told)) = told {

@@ -93,7 +93,7 @@ fn plan() -> anyhow::Result<Plan> {
         let route = RouteSpec::new(from, to, message_type);
         anyhow::Ok(RouteSpec { name: name.to_owned(), ..route })
     };
-    Ok(Plan { routes: ROUTES.iter().map(route).collect::<anyhow::Result<_>>()? })
+    Ok(Plan { routes: ROUTES.iter().map(route).collect::<anyhow::Result<_>>()?, ..Plan::default() })
 }
 
 /// Redraws in place on a terminal, appends elsewhere.

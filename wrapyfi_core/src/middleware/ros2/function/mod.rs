@@ -7,7 +7,8 @@
 //!   error      success false, message                      has no form
 //! ```
 //!
-//! Arrays travel beside the JSON in ours, and as base64 in Python's.
+//! Arrays travel beside the JSON in ours, and as base64 in Python's. Any other service is called with the
+//! fields of its request as arguments, and returns a dict of those of its reply.
 
 mod client;
 mod server;
@@ -24,16 +25,25 @@ use super::{AnyError, NAME, Ros2, payload};
 use crate::codec::requests;
 use crate::codec::{json, ros};
 use crate::endpoint::{OpenError, Request, ServiceSpec};
-use crate::types::{DataType, MessageType, Payload};
+use crate::types::{
+    DataType, Map, MessageType, Payload, RosService, RosType, RosValueError, ServiceKind, Value,
+    fields_of, fields_of_call, value_of,
+};
 use crate::{DecodeError, EncodeError};
 
 /// A function: its service type, and the messages in it.
 struct Function {
     spec: ServiceSpec,
     service: ServiceType,
-    /// Of a request's arguments, and of what is returned.
-    arguments: Plan,
-    returned: Plan,
+    messages: Messages,
+}
+
+/// How requests and replies are laid out.
+enum Messages {
+    /// Wrapyfi's: the plans of a request's arguments, and of what is returned.
+    Wrapped { arguments: Plan, returned: Plan },
+    /// Fields of any service.
+    Fields(RosService),
 }
 
 impl Function {
@@ -44,6 +54,12 @@ impl Function {
             topic: spec.service.clone(),
             reason,
         };
+        if let ServiceKind::Ros(service) = spec.kind {
+            let messages = Messages::Fields(service);
+            let service = ServiceType::new(service.resolved());
+            let service = service.map_err(|error| refused(error.to_string()))?;
+            return Ok(Self { spec: spec.clone(), service, messages });
+        }
         let mut plan = |name: &str| {
             let resolved = store.resolve_name(name).map_err(|error| refused(error.to_string()))?;
             resolved.plan().map_err(|error| refused(error.to_string()))
@@ -54,7 +70,8 @@ impl Function {
             .resolve_name(spec.kind.ros_type())
             .map_err(|error| refused(error.to_string()))?;
         let service = ServiceType::new(&resolved).map_err(|error| refused(error.to_string()))?;
-        Ok(Self { spec: spec.clone(), service, arguments, returned })
+        let messages = Messages::Wrapped { arguments, returned };
+        Ok(Self { spec: spec.clone(), service, messages })
     }
 
     fn options(&self) -> ServiceOptions {
@@ -72,6 +89,15 @@ impl Function {
         request: &Request,
         mut message: DynamicMessage,
     ) -> Result<DynamicMessage, EncodeError> {
+        let arguments = match &self.messages {
+            Messages::Wrapped { arguments, .. } => arguments,
+            Messages::Fields(service) => {
+                let most = self.spec.limits.message_bytes;
+                let Request { args, kwargs } = request;
+                return fields_of_call(service.request(), args, kwargs, most)
+                    .map_err(|error| unsuitable(&error));
+            }
+        };
         if self.spec.kind.is_upstream() {
             let text = text(requests::encode_request(request, &self.spec)?)?;
             message.set("request", text).map_err(|fault| unwritable(&fault))?;
@@ -79,19 +105,28 @@ impl Function {
         }
         // Refuses what no caller may send, such as keywords that are no text.
         let call = Payload::from(requests::to_value(request));
-        let arguments = self.message(&call, MessageType::NativeObject, &self.arguments)?;
+        let arguments = self.message(&call, MessageType::NativeObject, arguments)?;
         message.set("request", arguments).map_err(|fault| unwritable(&fault))?;
         Ok(message)
     }
 
     /// The call in a request, and its size in bytes.
     fn read_request(&self, message: &DynamicMessage) -> Result<(Request, usize), DecodeError> {
+        let arguments = match &self.messages {
+            Messages::Wrapped { arguments, .. } => arguments,
+            Messages::Fields(_) => {
+                let fields = value_of(message);
+                let size = fields.size_hint();
+                let kwargs = fields.as_map().cloned().unwrap_or_default();
+                return Ok((Request::default().with(kwargs), size));
+            }
+        };
         if self.spec.kind.is_upstream() {
             let text = text_of(message, "request")?;
             let size = text.len();
             return Ok((requests::decode_request(&text, &self.spec)?, size));
         }
-        let cdr = self.cdr(message, "request", &self.arguments)?;
+        let cdr = self.cdr(message, "request", arguments)?;
         match self.payload(&cdr, MessageType::NativeObject)? {
             Payload::NativeObject(value) => Ok((requests::from_value(*value)?, cdr.len())),
             other => Err(mismatch(DataType::NativeObject, other.data_type())),
@@ -108,12 +143,20 @@ impl Function {
             let (expected, actual) = (wanted.to_string(), returned.data_type().to_string());
             return Err(EncodeError::Mismatch { expected, actual });
         }
+        let plan = match &self.messages {
+            Messages::Wrapped { returned, .. } => returned,
+            Messages::Fields(service) => {
+                let Payload::NativeObject(value) = returned else { return Ok(message) };
+                return reply_fields(service.response(), value, self.spec.limits.message_bytes)
+                    .map_err(|error| unsuitable(&error));
+            }
+        };
         let message_type = self.spec.kind.message_type();
         let set = match (message_type, returned) {
             (MessageType::StringJson, Payload::NativeObject(value)) => {
                 message.set("response", text(json::encode_with(value, &self.spec.plugins)?)?)
             }
-            _ => message.set("response", self.message(returned, message_type, &self.returned)?),
+            _ => message.set("response", self.message(returned, message_type, plan)?),
         };
         set.map_err(|fault| unwritable(&fault))?;
         if !self.spec.kind.is_upstream() {
@@ -127,6 +170,11 @@ impl Function {
         &self,
         message: &DynamicMessage,
     ) -> Result<(Result<Payload, String>, usize), DecodeError> {
+        let Messages::Wrapped { returned, .. } = &self.messages else {
+            let fields = value_of(message);
+            let size = fields.size_hint();
+            return Ok((Ok(fields.into()), size));
+        };
         let failed = matches!(message.get("success"), Some(DynamicValue::Bool(false)));
         if !self.spec.kind.is_upstream() && failed {
             let reason = message.get("message").and_then(|text| text.as_str()).unwrap_or_default();
@@ -138,7 +186,7 @@ impl Function {
             let value = json::decode_with(&text, &self.spec.limits, &self.spec.plugins)?;
             return Ok((Ok(value.into()), text.len()));
         }
-        let cdr = self.cdr(message, "response", &self.returned)?;
+        let cdr = self.cdr(message, "response", returned)?;
         Ok((Ok(self.payload(&cdr, message_type)?), cdr.len()))
     }
 
@@ -169,6 +217,32 @@ impl Function {
 
     fn payload(&self, cdr: &Bytes, message_type: MessageType) -> Result<Payload, DecodeError> {
         ros::decode_with(cdr, message_type, &self.spec.limits, &self.spec.plugins)
+    }
+}
+
+/// What a function returned as the fields of a reply: a dict of them, a list in their order, nothing,
+/// or the value of the first.
+fn reply_fields(
+    ros_type: RosType,
+    value: &Value,
+    max_bytes: usize,
+) -> Result<DynamicMessage, RosValueError> {
+    match value {
+        Value::Map(_) => fields_of(ros_type, value, max_bytes),
+        Value::Null => Ok(ros_type.plan().default_message()),
+        Value::List(items) | Value::Tuple(items) => {
+            fields_of_call(ros_type, items, &Map::new(), max_bytes)
+        }
+        one => fields_of_call(ros_type, std::slice::from_ref(one), &Map::new(), max_bytes),
+    }
+}
+
+fn unsuitable(error: &RosValueError) -> EncodeError {
+    EncodeError::Unrepresentable {
+        format: "a service",
+        what: error.to_string(),
+        path: "$".to_owned(),
+        remedy: "give the fields of its definition".to_owned(),
     }
 }
 

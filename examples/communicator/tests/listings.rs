@@ -1,0 +1,251 @@
+//! The listings of Wrapyfi's paper as docs/communicator.md shows them: compiled and run here, and compared
+//! with the guide's text.
+//!
+//! Middlewares are in memory, under the names of those that the listings ask for.
+
+#![allow(clippy::unwrap_used, reason = "in a test a panic is the right answer")]
+#![allow(clippy::print_stdout, reason = "the listing is a program for the terminal")]
+
+use std::sync::Arc;
+use std::thread;
+
+use serde::{Deserialize, Serialize};
+use wrapyfi_communicator_examples::{image, pixels, samples, sound};
+use wrapyfi_core::communicator::{Context, Mode, communicator};
+use wrapyfi_core::middleware::memory::Memory;
+use wrapyfi_core::types::{AudioChunk, Image, ParameterValue, Properties, Value};
+
+// Listing 1
+#[derive(Serialize, Deserialize)]
+struct Message {
+    msg: String,
+    msg_ip: String,
+}
+
+struct MirrorCls;
+
+#[communicator]
+impl MirrorCls {
+    #[register(
+        NativeObject,
+        "$0",
+        "MirrorCls",
+        "/example/read_msg",
+        carrier = "tcp",
+        should_wait = "$blocking"
+    )]
+    fn read_msg(&self, mware: &str, msg: &str, blocking: bool) -> Message {
+        _ = (mware, blocking); // for #[register]
+        println!("Type message:");
+        let typed = std::io::stdin().lines().next().and_then(Result::ok);
+        Message { msg: msg.to_owned(), msg_ip: typed.unwrap_or_default() }
+    }
+}
+// End
+
+// Listing 2
+struct ForwardCls;
+
+#[communicator]
+impl ForwardCls {
+    #[register(
+        NativeObject,
+        "zeromq",
+        "ForwardCls",
+        "/example/native_zmq_msg",
+        carrier = "tcp",
+        should_wait = true
+    )]
+    fn send_zmq(&self, msg: &str) -> String {
+        msg.to_owned()
+    }
+
+    #[register(NativeObject, "ros2", "ForwardCls", "/example/native_ros2_msg", should_wait = true)]
+    fn send_ros2(&self, msg: &str) -> String {
+        msg.to_owned()
+    }
+}
+// End
+
+// Listing 3
+struct ChannelCls;
+
+#[communicator]
+impl ChannelCls {
+    #[register(
+        NativeObject,
+        "yarp",
+        "ChannelCls",
+        "/example/native_yarp_msg",
+        carrier = "mcast",
+        should_wait = true
+    )]
+    #[register(
+        Image,
+        "ros2",
+        "ChannelCls",
+        "/example/image_ros_msg",
+        carrier = "tcp",
+        width = "$img_width",
+        height = "$img_height",
+        rgb = true,
+        queue_size = 10
+    )]
+    #[register(
+        AudioChunk,
+        "zeromq",
+        "ChannelCls",
+        "/example/audio_zmq_msg",
+        carrier = "tcp",
+        rate = "$aud_rate",
+        chunk = "$aud_chunk",
+        channels = "$aud_chann"
+    )]
+    fn read_mulret_mulmware(
+        &self,
+        img_width: u32,
+        img_height: u32,
+        aud_rate: u32,
+        aud_chunk: u32,
+        aud_chann: u8,
+    ) -> (Value, Option<Image>, Option<AudioChunk>) {
+        let ros_img = image(1, img_width, img_height);
+        let zeromq_aud = sound(1, aud_rate, aud_chunk, aud_chann);
+        let arrays = [ros_img.as_ref().and_then(pixels), zeromq_aud.as_ref().and_then(samples)];
+        let yarp_native = Value::List(arrays.map(Value::from).to_vec());
+        (yarp_native, ros_img, zeromq_aud)
+    }
+}
+// End
+
+struct Settings {
+    gain: f64,
+}
+
+#[communicator]
+impl Settings {
+    #[register(Properties, "ros2", "/camera")]
+    fn settings(&self) -> Properties {
+        Properties::from([("gain", self.gain)])
+    }
+}
+
+/// A context whose middlewares are in memory and have these names.
+fn context(names: &[&str]) -> Context {
+    let buses = names.iter().map(|name| Arc::new(Memory::new(*name)));
+    let builder = Context::builder();
+    let mut is_first = true;
+    let all = buses.fold(builder, |builder, bus| {
+        if std::mem::take(&mut is_first) { builder.only(bus) } else { builder.middleware(bus) }
+    });
+    all.build()
+}
+
+#[test]
+fn a_message_is_mirrored() {
+    let context = context(&["zeromq"]);
+    for modes in [["publish", "listen"], ["reply", "request"]] {
+        let mut mirrors = [(); 2].map(|()| MirrorCls.communicator_in(&context));
+        for (mirror, mode) in mirrors.iter_mut().zip(modes) {
+            mirror.activate(MirrorClsMethod::ReadMsg, mode).unwrap();
+        }
+        let [here, there] = &mirrors;
+        thread::scope(|scope| {
+            let there = scope.spawn(|| there.read_msg("zeromq", "hello", true).unwrap().unwrap());
+            let here = here.read_msg("zeromq", "hello", true).unwrap().unwrap();
+            let there = there.join().unwrap();
+            assert_eq!((&*here.msg, &*there.msg), ("hello", "hello"));
+            assert_eq!(here.msg_ip, there.msg_ip);
+        });
+    }
+}
+
+#[test]
+fn a_message_is_forwarded() {
+    let context = context(&["zeromq", "ros2"]);
+    let start = |first: Mode, second: Mode| {
+        let mut chain = ForwardCls.communicator_in(&context);
+        chain.activate(ForwardClsMethod::SendZmq, first).unwrap();
+        chain.activate(ForwardClsMethod::SendRos2, second).unwrap();
+        chain
+    };
+    let source = start(Mode::Publish, Mode::Disable);
+    let middle = start(Mode::Listen, Mode::Publish);
+    let sink = start(Mode::Disable, Mode::Listen);
+    thread::scope(|scope| {
+        scope.spawn(|| assert_eq!(source.send_zmq("hi").unwrap().as_deref(), Some("hi")));
+        scope.spawn(|| {
+            let msg = middle.send_zmq("").unwrap().unwrap();
+            middle.send_ros2(&msg).unwrap();
+        });
+        assert_eq!(sink.send_ros2("").unwrap().as_deref(), Some("hi"));
+        assert_eq!(sink.send_zmq("").unwrap(), None);
+    });
+}
+
+/// Publishes three values in `here` and returns what a listener there gets.
+fn channelled(names: &[&str]) -> (Option<Value>, Option<Image>, Option<AudioChunk>) {
+    let context = context(names);
+    let mut channels = [(); 2].map(|()| ChannelCls.communicator_in(&context));
+    for (channel, mode) in channels.iter_mut().zip([Mode::Publish, Mode::Listen]) {
+        channel.activate(ChannelClsMethod::ReadMulretMulmware, mode).unwrap();
+    }
+    let [here, there] = &channels;
+    let (object, image, sound) = thread::scope(|scope| {
+        let there = scope.spawn(|| there.read_mulret_mulmware(20, 10, 44_100, 8820, 1).unwrap());
+        here.read_mulret_mulmware(20, 10, 44_100, 8820, 1).unwrap();
+        there.join().unwrap()
+    });
+    (object, image.flatten(), sound.flatten())
+}
+
+#[test]
+fn three_values_take_three_middlewares() {
+    let (object, image, sound) = channelled(&["yarp", "ros2", "zeromq"]);
+    let (image, sound) = (image.unwrap(), sound.unwrap());
+    let arrays = [pixels(&image), samples(&sound)];
+    assert_eq!(arrays.each_ref().map(Option::is_some), [true; 2]);
+    assert_eq!(object, Some(Value::List(arrays.map(Value::from).to_vec())));
+    assert_eq!(sound.frames, 8820);
+}
+
+#[test]
+fn a_missing_middleware_leaves_its_value_out() {
+    let (object, image, sound) = channelled(&["ros2", "zeromq"]);
+    assert_eq!((object, image.is_some(), sound.is_some()), (None, true, true));
+}
+
+#[test]
+fn properties_are_carried() {
+    let context = context(&["ros2"]);
+    let mut ends = [(); 2].map(|()| Settings { gain: 2.5 }.communicator_in(&context));
+    for (end, mode) in ends.iter_mut().zip([Mode::Publish, Mode::Listen]) {
+        end.activate(SettingsMethod::Settings, mode).unwrap();
+    }
+    let [here, there] = &ends;
+    thread::scope(|scope| {
+        let there = scope.spawn(|| there.settings().unwrap().unwrap());
+        here.settings().unwrap();
+        let gain = there.join().unwrap().get("gain").cloned();
+        assert_eq!(gain, Some(ParameterValue::Double(2.5)));
+    });
+}
+
+/// Text without what formatting may change.
+fn bare(code: &str) -> String {
+    let text: String = code.split_whitespace().collect();
+    text.replace(",)", ")").replace(",]", "]").replace(",}", "}")
+}
+
+#[test]
+fn the_guide_shows_what_runs_here() {
+    let guide = bare(include_str!("../../../docs/communicator.md"));
+    let mut count = 0;
+    for part in include_str!("listings.rs").split("\n// Listing ").skip(1) {
+        let (listing, _) = part.split_once("\n// End\n").unwrap();
+        let (number, code) = listing.split_once('\n').unwrap();
+        assert!(guide.contains(&bare(code)), "listing {number} is another one in the guide");
+        count += 1;
+    }
+    assert_eq!(count, 3);
+}

@@ -1,0 +1,111 @@
+//! Services that are offered on another middleware than their server's.
+
+#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
+
+use wrapyfi_e2e::{Need, Process, Result, Route, World, ros2, run};
+
+const NEEDS: &[Need] = &[Need::Program, Need::Python];
+const ADD: (&str, &str) =
+    ("example_interfaces/srv/AddTwoInts.srv", "int64 a\nint64 b\n---\nint64 sum\n");
+
+/// A bridge of one service, with a broker of requests at this world's ports.
+fn bridge(world: &World, service: &str, offered: &str, kind: &str) -> Result<Process> {
+    world.definitions(&[ADD])?;
+    let route = Route::service(service, offered, kind);
+    world.bridge(&world.embedded().with("definitions", "[interfaces]").requests(world).route(route))
+}
+
+#[test]
+fn a_function_of_python_is_a_ros_service() -> Result {
+    run("a_function_of_python_is_a_ros_service", NEEDS, |world| {
+        let name = world.topic("add");
+        let bridge = bridge(world, "zeromq:/add", &ros2(&name), "NativeObject")?;
+        let _server = world.wrapyfi_server("--no-broker")?;
+        let endpoint = ros2(&name);
+        let mut call = world.wrapyfi([
+            "call",
+            &endpoint,
+            "--type",
+            "NativeObject",
+            "--args",
+            "[3]",
+            "--json",
+            "--timeout",
+            "30",
+        ])?;
+        call.exits_with(0).map_err(|error| error.context(bridge.tail()))?;
+        assert!(call.stdout().contains("hello"), "{}", call.tail());
+        Ok(())
+    })
+}
+
+#[test]
+fn a_ros_service_of_any_type_is_called_from_zeromq() -> Result {
+    run("a_ros_service_of_any_type_is_called_from_zeromq", NEEDS, |world| {
+        let name = world.topic("add");
+        let kind = "example_interfaces/srv/AddTwoInts";
+        let bridge = bridge(world, &ros2(&name), "zeromq:/add", kind)?;
+        let folder = world.definitions(&[ADD])?;
+        let endpoint = ros2(&name);
+        let _server = world.wrapyfi([
+            "serve",
+            &endpoint,
+            "--type",
+            kind,
+            "--definitions",
+            &folder,
+            "--value",
+            r#"{"sum": 42}"#,
+            "--json",
+        ])?;
+        let ports = [world.rep_port().to_string(), world.req_port().to_string()];
+        let mut call = world.wrapyfi([
+            "call",
+            "zeromq:/add",
+            "--rep-port",
+            &ports[0],
+            "--req-port",
+            &ports[1],
+            "--args",
+            "[40, 2]",
+            "--json",
+            "--timeout",
+            "30",
+        ])?;
+        call.exits_with(0).map_err(|error| error.context(bridge.tail()))?;
+        assert!(call.stdout().contains("42"), "{}", call.tail());
+        Ok(())
+    })
+}
+
+#[test]
+fn a_service_route_is_checked_and_printed() -> Result {
+    run("a_service_route_is_checked_and_printed", NEEDS, |world| {
+        world.definitions(&[ADD])?;
+        let check = |route: Route| -> Result<Process> {
+            let config = world.embedded().with("definitions", "[interfaces]").route(route);
+            let file = world.write("check.yaml", config.yaml())?;
+            world.wrapyfi(["check", &file.display().to_string()])
+        };
+        let kind = "example_interfaces/srv/AddTwoInts";
+        let mut good =
+            check(Route::service("ros2:/a", "zeromq:/b", kind).with("timeout_ms", "900"))?;
+        good.exits_with(0)?;
+        let line = format!("zeromq:/b -> ros2:/a  {kind}  within 900 ms");
+        assert!(good.stdout().contains(&line), "{}", good.stdout());
+        for (key, value, words) in [
+            ("qos", "sensor_data", "qos has no effect on a service"),
+            ("from", "\"ros2:/c\"", "`from` stands beside a service"),
+            ("timeout_ms", "0", "timeout_ms is 0, it must lie between 1 and 3600000"),
+            ("options", "{ carrier: tcp }", "option carrier is unknown between"),
+        ] {
+            let mut bad = check(Route::service("ros2:/a", "zeromq:/b", kind).with(key, value))?;
+            bad.exits_with(2)?;
+            assert!(bad.stderr().contains(words), "{words}: {}", bad.stderr());
+        }
+        let mut bad = check(Route::service("ros2:/a", "zeromq:/b", "demo/srv/Missing"))?;
+        bad.exits_with(2)?;
+        assert!(bad.stderr().contains("demo/srv/Missing is defined nowhere"), "{}", bad.stderr());
+        Ok(())
+    })
+}

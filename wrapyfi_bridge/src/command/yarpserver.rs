@@ -1,0 +1,133 @@
+//! `wrapyfi yarpserver`: a YARP name server, standalone, with the options of YARP's own.
+
+use std::net::{IpAddr, ToSocketAddrs};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, anyhow};
+use wrapyfi_yarp::name::conf::{ConfError, NameServerConf, file_of, namespace};
+use wrapyfi_yarp::name::environment::Environment;
+use wrapyfi_yarp::server::{NameServer, NameServerError, NameServerOptions};
+
+use crate::cli::YarpServerArgs;
+use crate::exit::Failure;
+use crate::shutdown::Shutdown;
+
+/// Runs until the process is asked to end.
+///
+/// # Errors
+/// Exit code 2 for bad settings, 1 when the port is taken.
+pub fn run(args: &YarpServerArgs, shutdown: &Shutdown) -> Result<(), Failure> {
+    let environment = match &args.namespace {
+        Some(name) => Environment::from_process().with("YARP_NAMESPACE", name),
+        None => Environment::from_process(),
+    };
+    let place = place(args, &environment).map_err(Failure::usage)?;
+    let ip = resolve(&place.host).map_err(Failure::usage)?;
+    let discovery = environment.base_port().map_err(Failure::usage)?;
+    let options = NameServerOptions {
+        ip,
+        port: place.port,
+        namespace: namespace(&environment).map_err(Failure::usage)?,
+        insecure: args.insecure,
+        discovery_port: (!args.no_discovery).then_some(discovery),
+        ..NameServerOptions::default()
+    };
+    let runtime = tokio::runtime::Builder::new_multi_thread()
+        .worker_threads(2)
+        .enable_all()
+        .build()
+        .context("cannot start the runtime")?;
+    let server = runtime.block_on(NameServer::start(options)).map_err(|error| match error {
+        NameServerError::NotLoopback { .. } => Failure::usage(format!("{error} (--insecure)")),
+        NameServerError::BadNamespace { .. } => Failure::usage(error),
+        error => anyhow::Error::new(error).into(),
+    })?;
+    let own = server.registration().clone();
+    if args.write {
+        let file = file_of(&environment, &own.name).map_err(Failure::usage)?;
+        let conf = NameServerConf { host: own.host.clone(), port: own.port };
+        conf.write(&file).map_err(anyhow::Error::new)?;
+        tracing::info!("wrote {}", file.display());
+    }
+    tracing::info!(
+        "name server {} on {}:{}, browse it at http://{}:{}/",
+        own.name,
+        own.host,
+        own.port,
+        own.host,
+        own.port
+    );
+    let mut names = 0;
+    while !shutdown.wait_until(Some(Instant::now() + Duration::from_secs(1))) {
+        let status = server.status();
+        if status.names != names {
+            names = status.names;
+            tracing::info!("{names} names, {} connections", status.connections);
+        }
+    }
+    let status = server.status();
+    runtime.block_on(server.stop());
+    tracing::info!("did {} commands; {:?}", status.commands, status.counts);
+    Ok(())
+}
+
+/// Where it listens: what is given, else what the configuration says with `--read`, else this
+/// machine alone and YARP's port.
+fn place(args: &YarpServerArgs, environment: &Environment) -> Result<NameServerConf, ConfError> {
+    let mut place = if args.read {
+        let file = file_of(environment, &namespace(environment)?)?;
+        NameServerConf::read(&file)?
+    } else {
+        NameServerConf { port: environment.base_port()?, ..NameServerConf::default() }
+    };
+    if let Some(ip) = &args.ip {
+        place.host.clone_from(ip);
+    }
+    place.port = args.port.unwrap_or(place.port);
+    Ok(place)
+}
+
+fn resolve(host: &str) -> anyhow::Result<IpAddr> {
+    let found = (host, 0).to_socket_addrs().with_context(|| format!("--ip {host}"))?;
+    // YARP's clients know IPv4 best.
+    let (mut four, mut six) = (None, None);
+    for address in found {
+        let kept = if address.is_ipv4() { &mut four } else { &mut six };
+        kept.get_or_insert(address.ip());
+    }
+    four.or(six).ok_or_else(|| anyhow!("--ip {host} has no address"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn args() -> YarpServerArgs {
+        YarpServerArgs {
+            ip: None,
+            port: None,
+            namespace: None,
+            write: false,
+            read: false,
+            silent: false,
+            insecure: false,
+            no_discovery: true,
+        }
+    }
+
+    #[test]
+    fn what_is_given_goes_before_what_the_file_says() {
+        let folder = tempfile::tempdir().unwrap();
+        let environment = Environment::from_pairs([("YARP_CONFIG_HOME", folder.path())]);
+        let conf = |host: &str, port| NameServerConf { host: host.to_owned(), port };
+        assert_eq!(place(&args(), &environment).unwrap(), conf("127.0.0.1", 10_000));
+        let read = YarpServerArgs { read: true, ..args() };
+        let missing = place(&read, &environment).unwrap_err().to_string();
+        assert!(missing.contains("yarp.conf does not exist"), "{missing}");
+        conf("127.0.0.2", 10_050).write(&file_of(&environment, "/root").unwrap()).unwrap();
+        assert_eq!(place(&read, &environment).unwrap(), conf("127.0.0.2", 10_050));
+        let both = YarpServerArgs { port: Some(0), ..read };
+        assert_eq!(place(&both, &environment).unwrap(), conf("127.0.0.2", 0));
+        assert_eq!(resolve("127.0.0.1").unwrap().to_string(), "127.0.0.1");
+    }
+}

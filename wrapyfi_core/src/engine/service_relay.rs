@@ -1,0 +1,273 @@
+//! A service that is offered on another middleware than its server's.
+//!
+//! ```text
+//!   caller ──▶ Server at `as` ── take ──▶ send ── Client at `service` ──▶ the real server
+//!          ◀──────────────────── reply ◀── take ◀─────────────────────────
+//! ```
+//!
+//! Many calls may be under way; each ends with its reply, or with why there is none. No threads and no
+//! clock, as [`super::Relay`].
+
+use std::collections::HashMap;
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::backoff::Backoff;
+use super::plan_service::ServiceRouteSpec;
+use super::relay::{DEGRADED_FOR, REVIEW_EVERY, Step};
+use super::route::{RouteState, RouteStatus};
+use crate::Throttle;
+use crate::endpoint::{
+    CallError, Client, Context, DropReason, Middleware, OpenError, Registry, RequestId, ServeError,
+    Server, Ticket, Wake,
+};
+
+/// Requests and replies moved in one step.
+const BATCH: usize = 16;
+
+/// One service route at work.
+pub struct ServiceRelay {
+    spec: ServiceRouteSpec,
+    /// What is offered; its counters are the route's.
+    front: Context,
+    back: Context,
+    offered: Side<dyn Server>,
+    called: Side<dyn Client>,
+    backoff: Backoff,
+    /// Calls under way, and the requests they are for.
+    calls: HashMap<Ticket, RequestId>,
+    state: RouteState,
+    last_loss: Option<(Instant, String)>,
+    losses: Throttle,
+}
+
+/// One side: what opens it, and what is open.
+struct Side<T: ?Sized> {
+    middleware: Option<Arc<dyn Middleware>>,
+    open: Option<Box<T>>,
+    retry_at: Option<Instant>,
+    trouble: Option<RouteState>,
+}
+
+impl<T: ?Sized> Side<T> {
+    fn new(registry: &Registry, name: &str) -> Self {
+        let (middleware, trouble) = match registry.get(name) {
+            Ok(middleware) => (Some(Arc::clone(middleware)), None),
+            Err(unknown) => (None, Some(RouteState::Error(unknown.to_string()))),
+        };
+        Self { middleware, open: None, retry_at: None, trouble }
+    }
+
+    fn open_with(
+        &mut self,
+        now: Instant,
+        backoff: &mut Backoff,
+        open: impl FnOnce(&dyn Middleware) -> Result<Box<T>, OpenError>,
+    ) {
+        let Some(middleware) = &self.middleware else { return };
+        let given_up = matches!(self.trouble, Some(RouteState::Error(_)));
+        if self.open.is_some() || given_up || self.retry_at.is_some_and(|at| now < at) {
+            return;
+        }
+        self.retry_at = None;
+        match open(middleware.as_ref()) {
+            Ok(opened) => (self.open, self.trouble) = (Some(opened), None),
+            Err(error) if error.is_transient() => {
+                self.retry_at = Some(now + backoff.wait());
+                self.trouble = Some(RouteState::Waiting(error.to_string()));
+            }
+            Err(error) => self.trouble = Some(RouteState::Error(error.to_string())),
+        }
+    }
+}
+
+impl ServiceRelay {
+    /// A route that has opened nothing yet. `seed` spreads its back-off.
+    #[must_use]
+    pub fn new(spec: ServiceRouteSpec, registry: &Registry, seed: u64) -> Self {
+        let front = Context::default();
+        // One bell for both sides.
+        let back = Context { wake: front.wake.clone(), ..Context::default() };
+        Self {
+            offered: Side::new(registry, &spec.offered.middleware),
+            called: Side::new(registry, &spec.service.middleware),
+            front,
+            back,
+            backoff: Backoff::new(seed),
+            calls: HashMap::new(),
+            state: RouteState::Waiting("its first step".to_owned()),
+            last_loss: None,
+            losses: Throttle::default(),
+            spec,
+        }
+    }
+
+    /// Rings when the route has work.
+    #[must_use]
+    pub fn wake(&self) -> &Wake {
+        &self.front.wake
+    }
+
+    /// The route now: received are requests, sent are replies.
+    #[must_use]
+    pub fn status(&self) -> RouteStatus {
+        RouteStatus {
+            name: self.spec.name.clone(),
+            from: self.spec.offered.to_string(),
+            to: self.spec.service.to_string(),
+            message_type: self.spec.kind.ros_type(),
+            state: self.state.clone(),
+            from_qos: None,
+            to_qos: None,
+            counters: self.front.counters.snapshot(),
+        }
+    }
+
+    /// Brings the route one step on.
+    pub fn step(&mut self, now: Instant) -> Step {
+        self.reconcile(now);
+        let moved = self.ask(now).saturating_add(self.answer(now));
+        let state = self.judge(now);
+        if state != self.state {
+            match &state {
+                RouteState::Error(_) => tracing::error!(route = %self.spec.name, "{state}"),
+                RouteState::Degraded(_) => tracing::warn!(route = %self.spec.name, "{state}"),
+                _ => tracing::info!(route = %self.spec.name, "{state}"),
+            }
+            self.state = state;
+        }
+        let next = if moved >= BATCH { now } else { now + REVIEW_EVERY };
+        let due = [
+            self.offered.retry_at,
+            self.called.retry_at,
+            self.offered.open.as_ref().and_then(|server| server.deadline()),
+            self.called.open.as_ref().and_then(|client| client.deadline()),
+        ];
+        Step { moved, next: due.into_iter().flatten().fold(next, Instant::min).max(now) }
+    }
+
+    /// The real server first: a request must find somebody to ask.
+    fn reconcile(&mut self, now: Instant) {
+        let Self { spec, front, back, offered, called, backoff, .. } = self;
+        let to = spec.service_spec(&spec.service);
+        called.open_with(now, backoff, |middleware| middleware.open_client(&to, back));
+        if called.open.is_some() {
+            let at = spec.service_spec(&spec.offered);
+            offered.open_with(now, backoff, |middleware| middleware.open_server(&at, front));
+        }
+        if called.open.is_some() && offered.open.is_some() {
+            backoff.reset();
+        }
+    }
+
+    /// Hands requests on.
+    fn ask(&mut self, now: Instant) -> usize {
+        let mut moved = 0;
+        while moved < BATCH {
+            let (Some(server), Some(client)) = (&mut self.offered.open, &mut self.called.open)
+            else {
+                break;
+            };
+            let asked = match server.take() {
+                Ok(None) => break,
+                Ok(Some(asked)) => asked,
+                Err(error) => {
+                    // It is counted already.
+                    moved += 1;
+                    self.note(now, "refused a request", &error.to_string());
+                    continue;
+                }
+            };
+            moved += 1;
+            // A little less than the caller's, so that what went wrong behind us is told in its words.
+            let left = self.spec.timeout.saturating_sub(asked.received_at.elapsed());
+            match client.send(&asked.request, left / 20 * 19) {
+                Ok(ticket) => {
+                    self.calls.insert(ticket, asked.id);
+                }
+                Err(error) => self.end(now, asked.id, Err(error)),
+            }
+        }
+        moved
+    }
+
+    /// Hands replies back.
+    fn answer(&mut self, now: Instant) -> usize {
+        let mut moved = 0;
+        while moved < BATCH {
+            let Some(client) = &mut self.called.open else { break };
+            let Some((ticket, result)) = client.take() else { break };
+            moved += 1;
+            if let Some(id) = self.calls.remove(&ticket) {
+                self.end(now, id, result.map(|reply| reply.payload));
+            }
+        }
+        moved
+    }
+
+    fn end(
+        &mut self,
+        now: Instant,
+        id: RequestId,
+        result: Result<crate::types::Payload, CallError>,
+    ) {
+        let Some(server) = &mut self.offered.open else { return };
+        let answer = result.map_err(|error| {
+            let counters = &self.front.counters;
+            match &error {
+                CallError::TimedOut { .. } => counters.dropped(DropReason::Expired),
+                CallError::TooMany { .. } => counters.dropped(DropReason::Overloaded),
+                CallError::Request { .. } => counters.dropped(DropReason::Unencodable),
+                CallError::Reply { fault, .. } => counters.dropped(fault.drop_reason()),
+                CallError::Refused { .. } => counters.dropped(DropReason::Refused),
+                CallError::Transport { .. } => counters.dropped(DropReason::SendFailed),
+            }
+            error.to_string()
+        });
+        let why = answer.as_ref().err().cloned();
+        // A server that gave a request up has counted it.
+        let untold = match server.reply(id, answer) {
+            Ok(_) | Err(ServeError::NotWaiting { .. }) => None,
+            Err(error) => Some(error.to_string()),
+        };
+        if let Some(why) = why {
+            self.note(now, "a call failed", &why);
+        }
+        if let Some(untold) = untold {
+            self.note(now, "an answer was not sent", &untold);
+        }
+    }
+
+    fn note(&mut self, now: Instant, what: &str, text: &str) {
+        if let Some(unlogged_before) = self.losses.pass(now) {
+            tracing::warn!(route = self.spec.name, unlogged_before, "{what}: {text}");
+        }
+        self.last_loss = Some((now, text.to_owned()));
+    }
+
+    fn judge(&self, now: Instant) -> RouteState {
+        if let Some(trouble) = self.called.trouble.as_ref().or(self.offered.trouble.as_ref()) {
+            return trouble.clone();
+        }
+        let (Some(server), Some(client)) = (&self.offered.open, &self.called.open) else {
+            return self.state.clone();
+        };
+        let (server, client) = (server.link(), client.link());
+        if let Some(what) = client.waiting_for.or(server.waiting_for) {
+            return RouteState::Waiting(what);
+        }
+        if client.peers == Some(0) {
+            return RouteState::Waiting(format!("a server of {}", self.spec.service));
+        }
+        match &self.last_loss {
+            Some((at, text)) if now.saturating_duration_since(*at) < DEGRADED_FOR => {
+                RouteState::Degraded(text.clone())
+            }
+            _ => RouteState::Active,
+        }
+    }
+}
+
+#[cfg(test)]
+#[path = "service_relay_tests.rs"]
+mod tests;

@@ -1,0 +1,39 @@
+//! What a port refused, lost or dropped, by reason.
+
+use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
+
+use crate::wire::Fault;
+
+/// Counts by reason. Reasons are rare: data on their way are counted elsewhere.
+#[derive(Debug, Default)]
+pub struct Counters(Mutex<BTreeMap<&'static str, u64>>);
+
+impl Counters {
+    /// Counts what a peer did wrong, and says it to the log.
+    pub fn count(&self, fault: &Fault) {
+        tracing::debug!(target: "wrapyfi_yarp::port", %fault, "counted");
+        self.add(fault.name());
+    }
+
+    /// Counts one under any name.
+    pub fn add(&self, reason: &'static str) {
+        *self.counts().entry(reason).or_default() += 1;
+    }
+
+    /// How often one reason was counted.
+    #[must_use]
+    pub fn get(&self, reason: &str) -> u64 {
+        self.counts().get(reason).copied().unwrap_or(0)
+    }
+
+    /// All counts.
+    #[must_use]
+    pub fn all(&self) -> BTreeMap<&'static str, u64> {
+        self.counts().clone()
+    }
+
+    fn counts(&self) -> std::sync::MutexGuard<'_, BTreeMap<&'static str, u64>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}

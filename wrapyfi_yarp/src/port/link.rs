@@ -1,0 +1,310 @@
+//! A connection that we open to a port: what writes, asks, and administers.
+//!
+//! ```text
+//!   connect ─▶ header ─▶ answer ─▶ { command + payload ─▶ [◀─ reply] [◀─ ack] }* ─▶ goodbye
+//! ```
+
+use std::io;
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use bytes::{Bytes, BytesMut};
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::TcpStream;
+use tokio::time::timeout;
+
+use super::io::write_all;
+use crate::bottle::{BottleError, Frame};
+use crate::wire::message::{self, read_ack};
+use crate::wire::text::{self, BottleLines, Lines};
+use crate::wire::{Body, Carrier, Command, Fault, Sender, Step, header, number};
+use crate::{Bottle, Dialect, Limits};
+
+/// Why a connection to a port did not do what it should.
+#[derive(Debug, thiserror::Error)]
+pub enum LinkError {
+    /// No connection.
+    #[error("cannot connect to {address}: {error}")]
+    Connect {
+        /// Where.
+        address: String,
+        /// Why.
+        error: io::Error,
+    },
+    /// The peer broke a rule.
+    #[error(transparent)]
+    Fault(#[from] Fault),
+    /// The socket failed.
+    #[error("the connection failed: {0}")]
+    Io(#[from] io::Error),
+    /// The peer closed the connection.
+    #[error("the peer closed the connection")]
+    Closed,
+    /// The peer did not answer in time.
+    #[error("no answer within {0:?}")]
+    Timeout(
+        /// The time allowed.
+        Duration,
+    ),
+    /// What came as a reply is none.
+    #[error("the reply is no bottle: {0}")]
+    Reply(#[from] BottleError),
+    /// The message has no form on this carrier.
+    #[error("the message cannot be sent over {carrier}: {reason}")]
+    Unsendable {
+        /// The carrier.
+        carrier: Carrier,
+        /// Why.
+        reason: String,
+    },
+}
+
+/// What links have in common.
+#[derive(Debug, Clone)]
+pub(super) struct LinkOptions {
+    pub(super) dialect: Dialect,
+    pub(super) limits: Limits,
+    /// For connecting and for the answer to the header.
+    pub(super) timeout: Duration,
+}
+
+/// An open connection of a stream carrier.
+#[derive(Debug)]
+pub(super) struct Link {
+    stream: TcpStream,
+    buffer: BytesMut,
+    carrier: Carrier,
+    options: LinkOptions,
+}
+
+impl Link {
+    /// Connects and shakes hands; also gives the number of the answer, udp's port.
+    pub(super) async fn open(
+        address: &str,
+        carrier: Carrier,
+        sender: &Sender,
+        behind_name: &[u8],
+        options: &LinkOptions,
+    ) -> Result<(Self, i32), LinkError> {
+        let opening = async {
+            let connect = |error| LinkError::Connect { address: address.to_owned(), error };
+            let stream = TcpStream::connect(address).await.map_err(connect)?;
+            stream.set_nodelay(true)?;
+            let (buffer, options) = (BytesMut::new(), options.clone());
+            let mut link = Self { stream, buffer, carrier, options };
+            let mut head = header::encode(carrier, sender, &link.options.limits)?;
+            head.extend_from_slice(behind_name);
+            link.stream.write_all(&head).await?;
+            let number = loop {
+                match header::read_answer(carrier, &mut link.buffer, &link.options.limits)? {
+                    Step::Event(number) => break number,
+                    Step::Need(more) => link.fill(more).await?,
+                }
+            };
+            Ok((link, number))
+        };
+        timeout(options.timeout, opening).await.unwrap_or(Err(LinkError::Timeout(options.timeout)))
+    }
+
+    /// A connection turned around: the header was the peer's.
+    pub(super) fn reversed(stream: TcpStream, options: LinkOptions) -> Self {
+        Self { stream, buffer: BytesMut::new(), carrier: Carrier::Text, options }
+    }
+
+    pub(super) fn local_address(&self) -> io::Result<SocketAddr> {
+        self.stream.local_addr()
+    }
+
+    pub(super) fn peer_address(&self) -> io::Result<SocketAddr> {
+        self.stream.peer_addr()
+    }
+
+    pub(super) fn stream(&self) -> &TcpStream {
+        &self.stream
+    }
+
+    /// Writes a message. Not cancel-safe.
+    pub(super) async fn write(
+        &mut self,
+        command: &Command,
+        payload: &Bytes,
+    ) -> Result<(), LinkError> {
+        if self.carrier.is_text() {
+            let body = Body::Binary(payload.clone());
+            let bottle = body.bottle(self.options.dialect, &self.options.limits);
+            let bottle = bottle.map_err(|error| LinkError::Unsendable {
+                carrier: self.carrier,
+                reason: error.to_string(),
+            })?;
+            let message = text::message(command, Some(&bottle.to_text_bytes()));
+            return Ok(self.stream.write_all(&message).await?);
+        }
+        let head = message::head(command, &[payload.len()])?;
+        Ok(write_all(&mut self.stream, &[&head, payload]).await?)
+    }
+
+    /// Waits for an acknowledgement, on carriers that have them. Not cancel-safe on text.
+    pub(super) async fn acknowledged(&mut self) -> Result<(), LinkError> {
+        if !self.carrier.acknowledges() {
+            return Ok(());
+        }
+        let mut lines = Lines::new(&self.options.limits);
+        loop {
+            let step = match self.carrier {
+                Carrier::Tcp => read_ack(&mut self.buffer)?,
+                _ => match lines.poll(&mut self.buffer)? {
+                    Step::Event(line) if line == text::ACK => Step::Event(()),
+                    // A reply that nobody asked for.
+                    Step::Event(_) => continue,
+                    Step::Need(more) => Step::Need(more),
+                },
+            };
+            match step {
+                Step::Event(()) => return Ok(()),
+                Step::Need(more) => self.fill(more).await?,
+            }
+        }
+    }
+
+    /// Sends a request and waits for its reply and acknowledgement; `None` when the peer only
+    /// acknowledged. Not cancel-safe: close the connection then.
+    pub(super) async fn request(
+        &mut self,
+        command: &Command,
+        payload: &Bytes,
+    ) -> Result<Option<Bytes>, LinkError> {
+        self.write(command, payload).await?;
+        match self.carrier {
+            Carrier::TextAck => {
+                let mut lines = Lines::new(&self.options.limits);
+                let mut reply: Option<Vec<u8>> = None;
+                loop {
+                    match lines.poll(&mut self.buffer)? {
+                        Step::Event(line) if line == text::ACK => break,
+                        Step::Event(line) => {
+                            let reply = reply.get_or_insert_default();
+                            if !reply.is_empty() {
+                                reply.push(b'\n');
+                            }
+                            reply.extend_from_slice(&line);
+                            let limit = self.options.limits.max_line_bytes;
+                            if reply.len() > limit {
+                                return Err(Fault::LineTooLong(limit).into());
+                            }
+                        }
+                        Step::Need(more) => self.fill(more).await?,
+                    }
+                }
+                reply.map(|text| self.bytes_of(text.into())).transpose()
+            }
+            Carrier::Text => {
+                let mut lines = BottleLines::new(&self.options.limits);
+                loop {
+                    match lines.poll(&mut self.buffer)? {
+                        Step::Event(line) => return self.bytes_of(line).map(Some),
+                        Step::Need(more) => self.fill(more).await?,
+                    }
+                }
+            }
+            _ => {
+                let reply = self.binary_reply().await?;
+                if reply.is_some() {
+                    self.acknowledged().await?;
+                }
+                Ok(reply)
+            }
+        }
+    }
+
+    /// The binary form of a reply that came as text.
+    fn bytes_of(&self, text: Bytes) -> Result<Bytes, LinkError> {
+        let bad = |reason: String| LinkError::Fault(Fault::BadPayload(reason));
+        let (dialect, limits) = (self.options.dialect, &self.options.limits);
+        let bottle = Body::Text(text).bottle(dialect, limits);
+        let bottle = bottle.map_err(|error| bad(error.to_string()))?;
+        Ok(bottle.encode(dialect).map_err(|error| bad(error.to_string()))?.into())
+    }
+
+    async fn binary_reply(&mut self) -> Result<Option<Bytes>, LinkError> {
+        loop {
+            // A bottle cannot begin with these letters: its first number has no list bit.
+            if self.carrier == Carrier::Tcp && self.buffer.starts_with(&number::ACK) {
+                self.acknowledged().await?;
+                return Ok(None);
+            }
+            let more = match self.buffer.len() {
+                length @ 0..8 => 8 - length,
+                _ => {
+                    let (dialect, limits) = (self.options.dialect, &self.options.limits);
+                    match Bottle::frame(&self.buffer, dialect, limits)? {
+                        Frame::Complete(size) => {
+                            return Ok(Some(self.buffer.split_to(size).freeze()));
+                        }
+                        Frame::NeedMore(more) => more.max(1),
+                    }
+                }
+            };
+            self.fill(more).await?;
+        }
+    }
+
+    /// Says goodbye and closes.
+    pub(super) async fn quit(mut self) -> Result<(), LinkError> {
+        let goodbye = match self.carrier.is_text() {
+            true => text::message(&Command::Quit, None),
+            false => message::quit(),
+        };
+        self.stream.write_all(&goodbye).await?;
+        self.acknowledged().await
+    }
+
+    /// Waits until the peer closes, throwing away what it says. Cancel-safe.
+    pub(super) async fn closed(&mut self) {
+        loop {
+            self.buffer.clear();
+            self.buffer.reserve(1024);
+            match self.stream.read_buf(&mut self.buffer).await {
+                Ok(0) | Err(_) => return,
+                Ok(_) => {}
+            }
+        }
+    }
+
+    /// Whether the peer closed in the meantime, as far as the system knows.
+    pub(super) fn is_closed(&self) -> bool {
+        if !self.buffer.is_empty() {
+            return true;
+        }
+        let mut byte = [0];
+        match self.stream.try_read(&mut byte) {
+            Ok(0) => true,
+            // Something unasked for stands there: the connection is out of step.
+            Ok(_) => true,
+            Err(error) => error.kind() != io::ErrorKind::WouldBlock,
+        }
+    }
+
+    /// Writes bytes as they are.
+    pub(super) async fn write_raw(&mut self, parts: &[&[u8]]) -> Result<(), LinkError> {
+        Ok(write_all(&mut self.stream, parts).await?)
+    }
+
+    /// One line, without its end.
+    pub(super) async fn line(&mut self) -> Result<Bytes, LinkError> {
+        let mut lines = Lines::new(&self.options.limits);
+        loop {
+            match lines.poll(&mut self.buffer)? {
+                Step::Event(line) => return Ok(line),
+                Step::Need(more) => self.fill(more).await?,
+            }
+        }
+    }
+
+    async fn fill(&mut self, more: usize) -> Result<(), LinkError> {
+        self.buffer.reserve(more.max(4 * 1024));
+        match self.stream.read_buf(&mut self.buffer).await? {
+            0 => Err(LinkError::Closed),
+            _ => Ok(()),
+        }
+    }
+}

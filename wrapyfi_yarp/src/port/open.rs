@@ -1,0 +1,183 @@
+//! Opening of a port: its name, its socket, and who is told.
+//!
+//! ```text
+//!   register ─▶ number ─▶ listen ─▶ set offers, accepts, ips, process ─▶ announce
+//! ```
+
+use std::io;
+use std::net::{IpAddr, SocketAddr};
+
+use tokio::net::TcpListener;
+
+use super::names::{NameRequest, NamesError};
+use super::network::Network;
+use crate::wire::Carrier;
+
+/// Where a port listens, and who is told.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PortOptions {
+    /// Listen here, instead of where the name server says.
+    pub address: Option<SocketAddr>,
+    /// Register the name.
+    pub register: bool,
+    /// Take the name even when a port of that name lives.
+    pub replace: bool,
+    /// Type of what it carries, as YARP registers it: `yarp/image`.
+    pub type_name: Option<String>,
+}
+
+impl Default for PortOptions {
+    fn default() -> Self {
+        Self { address: None, register: true, replace: false, type_name: None }
+    }
+}
+
+/// Why a port cannot be opened.
+#[derive(Debug, thiserror::Error)]
+pub enum OpenError {
+    /// The name is none.
+    #[error(
+        "{name:?} is no port name: it begins with a slash and has no blanks, no slash at its end and \
+         at most {limit} bytes, or is `...` for a name that the server chooses"
+    )]
+    Name {
+        /// As given.
+        name: String,
+        /// Most bytes.
+        limit: usize,
+    },
+    /// A port of that name lives.
+    #[error("a port {0} lives already: close it, take another name, or set PortOptions::replace")]
+    Taken(
+        /// The name.
+        String,
+    ),
+    /// The name server did not register it.
+    #[error("cannot register port {name}: {error}")]
+    Register {
+        /// The port.
+        name: String,
+        /// Why.
+        error: NamesError,
+    },
+    /// The address cannot be listened on.
+    #[error("port {name} cannot listen on {address}: {error}")]
+    Listen {
+        /// The port.
+        name: String,
+        /// Where.
+        address: SocketAddr,
+        /// Why.
+        error: io::Error,
+    },
+}
+
+/// A socket with the name that it has now.
+#[derive(Debug)]
+pub(super) struct Opened {
+    pub(super) name: String,
+    pub(super) listener: TcpListener,
+    pub(super) address: SocketAddr,
+    /// As others know it: host and number.
+    pub(super) contact: String,
+}
+
+/// Registers and listens.
+pub(super) async fn open(
+    network: &Network,
+    name: &str,
+    options: &PortOptions,
+) -> Result<Opened, OpenError> {
+    let limit = network.limits().max_name_bytes;
+    let anonymous = name == "...";
+    let well_formed = name.len() > 1
+        && name.len() <= limit
+        && name.starts_with('/')
+        && !name.ends_with('/')
+        && !name.contains(|letter: char| letter.is_whitespace() || "()\"\\,".contains(letter));
+    if !anonymous && !well_formed {
+        return Err(OpenError::Name { name: name.to_owned(), limit });
+    }
+    if options.register && !options.replace && !anonymous && network.exists(name).await {
+        return Err(OpenError::Taken(name.to_owned()));
+    }
+    let shared = &*network.0;
+    let mut request = NameRequest {
+        name: name.to_owned(),
+        host: shared.host.clone(),
+        type_name: options.type_name.clone(),
+        ..NameRequest::default()
+    };
+    let register = async |request: &NameRequest| {
+        let registered = shared.names.register(request).await;
+        registered.map_err(|error| OpenError::Register { name: request.name.clone(), error })
+    };
+    let mut contact = None;
+    let listener = if let Some(address) = options.address {
+        listen(name, address).await?
+    } else if options.register {
+        let registered = register(&request).await?;
+        request.name.clone_from(&registered.name);
+        let address = SocketAddr::new(shared.listen, registered.port);
+        match (registered.port, listen(&registered.name, address).await) {
+            (1.., Ok(listener)) => {
+                contact = Some(registered.host);
+                listener
+            }
+            // Another program has this number, or none was chosen: any, and register that.
+            (0, first) => first?,
+            (_, Err(OpenError::Listen { error, .. }))
+                if error.kind() == io::ErrorKind::AddrInUse =>
+            {
+                listen(&registered.name, SocketAddr::new(shared.listen, 0)).await?
+            }
+            (_, Err(error)) => return Err(error),
+        }
+    } else {
+        listen(name, SocketAddr::new(shared.listen, 0)).await?
+    };
+    let address = listener.local_addr().map_err(|error| OpenError::Listen {
+        name: request.name.clone(),
+        address: SocketAddr::new(shared.listen, 0),
+        error,
+    })?;
+    if options.register && contact.is_none() {
+        request.port = Some(address.port());
+        if !address.ip().is_unspecified() && request.host.is_none() {
+            request.host = Some(address.ip().to_string());
+        }
+        let registered = register(&request).await?;
+        request.name = registered.name;
+        contact = Some(registered.host);
+    }
+    let host = contact.unwrap_or_else(|| address.ip().to_string());
+    let contact = format!("{host}:{}", address.port());
+    Ok(Opened { name: request.name, listener, address, contact })
+}
+
+async fn listen(name: &str, address: SocketAddr) -> Result<TcpListener, OpenError> {
+    TcpListener::bind(address).await.map_err(|error| OpenError::Listen {
+        name: name.to_owned(),
+        address,
+        error,
+    })
+}
+
+/// Tells what the port can do, and that it lives. Nothing depends on it but tools that look, and
+/// persistent connections: what fails is said to the log.
+pub(super) async fn announce(network: &Network, name: &str, host: IpAddr) {
+    let names = network.names();
+    let carriers: Vec<String> = Carrier::ALL.map(|carrier| carrier.name().to_owned()).into();
+    let process = vec![std::process::id().to_string()];
+    let ips = if host.is_unspecified() { Vec::new() } else { vec![host.to_string()] };
+    let properties =
+        [("offers", &carriers), ("accepts", &carriers), ("ips", &ips), ("process", &process)];
+    for (key, values) in properties.into_iter().filter(|(_, values)| !values.is_empty()) {
+        if let Err(error) = names.set(name, key, values).await {
+            tracing::debug!(target: "wrapyfi_yarp::port", name, key, %error, "property not set");
+        }
+    }
+    if let Err(error) = names.announce(name, true).await {
+        tracing::warn!(target: "wrapyfi_yarp::port", name, %error, "port not announced");
+    }
+}

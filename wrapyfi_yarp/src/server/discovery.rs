@@ -1,0 +1,48 @@
+//! Answers those who look for a name server by multicast.
+
+use std::net::{IpAddr, Ipv4Addr, SocketAddrV4};
+use std::sync::Arc;
+
+use tokio::net::UdpSocket;
+
+use super::reply::registration;
+use super::shared::Shared;
+use crate::name::multicast::{self, MAX_QUESTION};
+use crate::name::{DISCOVERY_GROUP, Target};
+
+/// A socket that hears questions, on the interface of `ip`.
+pub(super) fn socket(ip: IpAddr, port: u16) -> std::io::Result<UdpSocket> {
+    match ip {
+        IpAddr::V4(ip) => multicast::join(ip, port),
+        // The group is IPv4's.
+        IpAddr::V6(ip) if ip.is_loopback() => multicast::join(Ipv4Addr::LOCALHOST, port),
+        IpAddr::V6(_) => multicast::join(Ipv4Addr::UNSPECIFIED, port),
+    }
+}
+
+/// Answers as long as it runs. Only queries are, and only of names that are known: a group that
+/// anybody may write to must not change anything, nor make us talk.
+pub(super) async fn answer(socket: UdpSocket, port: u16, shared: Arc<Shared>) {
+    let group = SocketAddrV4::new(DISCOVERY_GROUP, port);
+    let mut buffer = [0; MAX_QUESTION];
+    loop {
+        let length = match socket.recv_from(&mut buffer).await {
+            Ok((length, _)) => length,
+            Err(error) => {
+                tracing::warn!(target: "wrapyfi_yarp::server", %error, "no longer found by multicast");
+                return;
+            }
+        };
+        let question = multicast::read_question(buffer.get(..length).unwrap_or_default());
+        let Some(name) = question.and_then(|command| command.strip_prefix(b"query ")) else {
+            continue; // our own answers come back to us, too
+        };
+        let name = String::from_utf8_lossy(name);
+        let Target { network, name, .. } = Target::parse(name.trim());
+        let found = shared.state().registry.find(&name, &network);
+        let Some(found) = found else { continue };
+        if let Err(error) = socket.send_to(&multicast::answer(&registration(&found)), group).await {
+            tracing::debug!(target: "wrapyfi_yarp::server", %error, "multicast answer not sent");
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! What peers do wrong: each kind has a name under which it is counted.
+
+use std::time::Duration;
+
+/// Why a connection was closed, or a message not taken.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum Fault {
+    /// The first eight bytes begin no known carrier.
+    #[error(
+        "the first bytes {0:?} begin no carrier of YARP: send `CONNECT name` for text, or connect \
+         with tcp, fast_tcp, text_ack, udp or mcast"
+    )]
+    UnknownHeader(
+        /// The bytes, shortened, as text.
+        String,
+    ),
+    /// A carrier that only works between processes of YARP itself.
+    #[error("carrier {0} is not supported: connect with tcp, fast_tcp, text_ack, udp or mcast")]
+    UnsupportedCarrier(
+        /// YARP's name of it.
+        &'static str,
+    ),
+    /// The receiver should apply a modifier, and has none.
+    #[error("modifier recv.{0} is not available here: connect without it")]
+    MissingModifier(
+        /// Its name.
+        String,
+    ),
+    /// The length of a sender's name is outside what YARP reads.
+    #[error("a sender's name has {length} bytes, allowed are 1 to {limit} with its NUL")]
+    NameLength {
+        /// As sent.
+        length: i64,
+        /// Most bytes, the NUL among them.
+        limit: usize,
+    },
+    /// A block of a message has a negative length.
+    #[error("a message declares a block of {0} bytes")]
+    NegativeLength(
+        /// As sent.
+        i32,
+    ),
+    /// A message is larger than allowed.
+    #[error("a message declares {size} bytes, allowed are {limit}: raise max_message_bytes")]
+    MessageTooLarge {
+        /// Declared or received so far.
+        size: usize,
+        /// Limit.
+        limit: usize,
+    },
+    /// A message does not begin with a port command.
+    #[error("a message of {0} bytes does not begin with a port command: it was left out")]
+    BadCommand(
+        /// Declared size of the message.
+        usize,
+    ),
+    /// Bytes stood where a message must begin.
+    #[error("{0} bytes stood where a message must begin, with no index in them")]
+    NoIndex(
+        /// Bytes that were left out.
+        usize,
+    ),
+    /// A line of text does not end.
+    #[error("a line of text has more than {0} bytes: raise max_line_bytes")]
+    LineTooLong(
+        /// Limit.
+        usize,
+    ),
+    /// The connection ended inside a message.
+    #[error("the connection ended inside a message, {0} bytes before its end or more")]
+    Truncated(
+        /// Bytes that are missing at least.
+        usize,
+    ),
+    /// Nothing that identifies a carrier came in time.
+    #[error("no complete header within {0:?}")]
+    HandshakeTimeout(
+        /// The time allowed.
+        Duration,
+    ),
+    /// A datagram whose checksum does not fit its content, or with too few bytes.
+    #[error("a datagram of {0} bytes is damaged: its checksum does not fit")]
+    BadDatagram(
+        /// Its size.
+        usize,
+    ),
+    /// A datagram of a message is missing.
+    #[error("datagram {found} came where {expected} was due: its message is lost")]
+    LostDatagram {
+        /// Counter that was due.
+        expected: i32,
+        /// Counter that came.
+        found: i32,
+    },
+    /// A payload is not what it must be.
+    #[error("a payload cannot be read: {0}")]
+    BadPayload(
+        /// Why.
+        String,
+    ),
+    /// An answer over HTTP, or its parts, are not those of a camera.
+    #[error("the answer is no MJPEG stream: {0}")]
+    BadHttp(
+        /// Why.
+        String,
+    ),
+}
+
+impl Fault {
+    /// The name under which it is counted.
+    #[must_use]
+    pub const fn name(&self) -> &'static str {
+        match self {
+            Self::UnknownHeader(_) => "unknown_header",
+            Self::UnsupportedCarrier(_) => "unsupported_carrier",
+            Self::MissingModifier(_) => "missing_modifier",
+            Self::NameLength { .. } => "name_length",
+            Self::NegativeLength(_) => "negative_length",
+            Self::MessageTooLarge { .. } => "message_too_large",
+            Self::BadCommand(_) => "bad_command",
+            Self::NoIndex(_) => "no_index",
+            Self::LineTooLong(_) => "line_too_long",
+            Self::Truncated(_) => "truncated",
+            Self::HandshakeTimeout(_) => "handshake_timeout",
+            Self::BadDatagram(_) => "bad_datagram",
+            Self::LostDatagram { .. } => "lost_datagram",
+            Self::BadPayload(_) => "bad_payload",
+            Self::BadHttp(_) => "bad_http",
+        }
+    }
+}
