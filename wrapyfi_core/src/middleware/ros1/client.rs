@@ -23,14 +23,15 @@ use super::backoff::Backoff;
 use super::config::NodeUri;
 use super::core::Core;
 use super::header::Header;
-use super::services::{self, MAX_ERROR_BYTES, ServiceType};
+use super::services::{self, MAX_ERROR_BYTES, ServiceForm, ServiceType};
 use super::tcpros;
 use crate::DecodeError;
 use crate::endpoint::book::Book;
 use crate::endpoint::calls::{Stage, ends};
 use crate::endpoint::{
-    CallError, Client, Context, Link, Reply, Request, ServiceSpec, Ticket, Wake,
+    CallError, Client, Context, Link, OpenError, Reply, Request, ServiceSpec, Ticket, Wake,
 };
+use crate::types::Payload;
 
 /// Longest time between two looks for a server that is not there.
 const SEEK: Duration = Duration::from_secs(1);
@@ -86,7 +87,7 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 /// Calls one service.
 pub(super) struct Ros1Client {
     core: Arc<Core>,
-    spec: ServiceSpec,
+    form: ServiceForm,
     book: Book<Outgoing>,
     line: Arc<Line>,
     seeker: AbortHandle,
@@ -101,11 +102,12 @@ impl Ros1Client {
         service: &str,
         spec: &ServiceSpec,
         context: &Context,
-    ) -> Self {
+    ) -> Result<Self, OpenError> {
+        let form = ServiceForm::new(core, spec)?;
         let line = Arc::new(Line {
             core: Arc::downgrade(core),
             service: service.to_owned(),
-            wire_type: ServiceType::of(spec.kind),
+            wire_type: form.wire_type.clone(),
             limit_bytes: spec.limits.message_bytes,
             wake: context.wake.clone(),
             ended: Mutex::default(),
@@ -115,15 +117,15 @@ impl Ros1Client {
             seek: Notify::new(),
         });
         let seeker = core.handle.spawn(seek(Arc::clone(&line), core.next_id())).abort_handle();
-        Self {
+        Ok(Self {
             core: Arc::clone(core),
-            spec: spec.clone(),
+            form,
             book: Book::new(&spec.service, spec.pending, &context.counters),
             line,
             seeker,
             tasks: VecDeque::new(),
             sequence: 0,
-        }
+        })
     }
 
     fn turn(&mut self) {
@@ -135,7 +137,7 @@ impl Ros1Client {
             let task = self.core.handle.spawn(call(line, self.sequence, outgoing));
             self.tasks.push_back(task.abort_handle());
             // Those that wait for late replies are given up first.
-            if self.tasks.len() > self.spec.pending.saturating_mul(2)
+            if self.tasks.len() > self.form.spec.pending.saturating_mul(2)
                 && let Some(oldest) = self.tasks.pop_front()
             {
                 oldest.abort();
@@ -143,8 +145,8 @@ impl Ros1Client {
         }
         let ended = std::mem::take(&mut *locked(&self.line.ended));
         for Ended { sequence, outcome, bytes, at } in ended {
-            let spec = &self.spec;
-            self.book.answered(sequence, bytes, at, || read(outcome, spec));
+            let form = &self.form;
+            self.book.answered(sequence, bytes, at, || read(outcome, form));
         }
         let line = &self.line;
         self.book.expire(|stage| match stage {
@@ -155,19 +157,17 @@ impl Ros1Client {
 }
 
 /// What came of a call.
-fn read(
-    outcome: Outcome,
-    spec: &ServiceSpec,
-) -> Result<crate::types::Payload, CallError> {
-    let service = spec.service.clone();
+fn read(outcome: Outcome, form: &ServiceForm) -> Result<Payload, CallError> {
+    let service = form.spec.service.clone();
     match outcome {
-        Outcome::Reply(body) => services::decode_reply(&body, spec)
-            .map_err(|fault| CallError::Reply { service, fault }),
+        Outcome::Reply(body) => {
+            form.decode_reply(&body).map_err(|fault| CallError::Reply { service, fault })
+        }
         Outcome::Refused(reason) => Err(CallError::Refused { service, reason }),
         Outcome::Failed(reason) => Err(CallError::Transport { service, reason }),
         Outcome::TooLarge(size) => {
             let (what, path) = ("message", "$".to_owned());
-            let (actual, limit) = (size as u64, spec.limits.message_bytes as u64);
+            let (actual, limit) = (size as u64, form.spec.limits.message_bytes as u64);
             let fault = DecodeError::TooLarge { what, path, actual, limit };
             Err(CallError::Reply { service, fault })
         }
@@ -388,8 +388,9 @@ async fn look(
 
 impl Client for Ros1Client {
     fn send(&mut self, request: &Request, timeout: Duration) -> Result<Ticket, CallError> {
-        let frame = services::encode_request(request, &self.spec)
-            .map_err(|fault| CallError::Request { service: self.spec.service.clone(), fault })?;
+        let frame = self.form.encode_request(request).map_err(|fault| {
+            CallError::Request { service: self.form.spec.service.clone(), fault }
+        })?;
         let deadline = ends(Instant::now(), timeout);
         let ticket = self.book.begin(Outgoing { frame, deadline }, timeout)?;
         self.turn();

@@ -110,7 +110,21 @@ pub(super) fn decode(
     Ok(RosMessage::new(*ros_type, cdr).into())
 }
 
-fn fault(error: &TranscodeError) -> DecodeError {
+pub(super) fn unwritable(ros_type: RosType, error: TranscodeError) -> EncodeError {
+    match error {
+        TranscodeError::TooLarge { actual, limit } => {
+            EncodeError::TooLarge { actual: actual as u64, limit: limit as u64 }
+        }
+        other => EncodeError::Unrepresentable {
+            format: "ROS 1",
+            what: format!("a malformed {ros_type}: {other}"),
+            path: "$".to_owned(),
+            remedy: "look at its publisher".to_owned(),
+        },
+    }
+}
+
+pub(super) fn fault(error: &TranscodeError) -> DecodeError {
     match error {
         TranscodeError::TooLarge { actual, limit } => DecodeError::TooLarge {
             what: "message",
@@ -140,17 +154,7 @@ pub(super) fn encode(
         {
             let mut bytes = Vec::new();
             let done = plan.to_ros1(&message.cdr, sequence, &options(limits), &mut bytes);
-            done.map_err(|error| match error {
-                TranscodeError::TooLarge { actual, limit } => {
-                    EncodeError::TooLarge { actual: actual as u64, limit: limit as u64 }
-                }
-                other => EncodeError::Unrepresentable {
-                    format: "ROS 1",
-                    what: format!("a malformed {ros_type}: {other}"),
-                    path: "$".to_owned(),
-                    remedy: "look at its publisher".to_owned(),
-                },
-            })?;
+            done.map_err(|error| unwritable(*ros_type, error))?;
             Ok(vec![bytes.into()])
         }
         _ => {

@@ -23,7 +23,7 @@
 //! | `tcpros` | connections: opened, accepted, refused |
 //! | `intake`, `listener` | a topic received |
 //! | `publication`, `outlet` | a topic sent, one subscriber of it |
-//! | `services`, `service_host`, `server`, `client` | functions |
+//! | `services`, `service_host`, `server`, `client` | services |
 //! | `parameters` | properties |
 //! | `form` | messages of any type as payloads |
 //! | `discovery` | what other nodes have |
@@ -202,7 +202,7 @@ impl Middleware for Ros1 {
         context: &Context,
     ) -> Result<Box<dyn Client>, OpenError> {
         let service = self.resolve(&spec.service)?;
-        Ok(Box::new(client::Ros1Client::open(&self.core, &service, spec, context)))
+        Ok(Box::new(client::Ros1Client::open(&self.core, &service, spec, context)?))
     }
 
     fn open_server(

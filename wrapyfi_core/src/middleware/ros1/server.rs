@@ -10,7 +10,7 @@ use tokio::sync::oneshot;
 use super::NAME;
 use super::core::Core;
 use super::service_host::{Answer, Asked, ServiceHost};
-use super::services;
+use super::services::ServiceForm;
 use crate::endpoint::calls::ends;
 use crate::endpoint::{
     Context, DropReason, IncomingRequest, Link, OpenError, RequestId, ServeError, Server,
@@ -29,7 +29,7 @@ struct Open {
 pub(super) struct Ros1Server {
     core: Arc<Core>,
     service: String,
-    spec: ServiceSpec,
+    form: ServiceForm,
     host: Arc<ServiceHost>,
     open: BTreeMap<RequestId, Open>,
     next: u64,
@@ -42,7 +42,8 @@ impl Ros1Server {
         spec: &ServiceSpec,
         context: &Context,
     ) -> Result<Self, OpenError> {
-        let host = Arc::new(ServiceHost::new(service, spec, context));
+        let form = ServiceForm::new(core, spec)?;
+        let host = Arc::new(ServiceHost::new(service, &form, context));
         if !core.offer(service, &host) {
             return Err(OpenError::Transport {
                 middleware: NAME,
@@ -53,7 +54,7 @@ impl Ros1Server {
         Ok(Self {
             core: Arc::clone(core),
             service: service.to_owned(),
-            spec: spec.clone(),
+            form,
             host,
             open: BTreeMap::new(),
             next: 0,
@@ -65,7 +66,7 @@ impl Ros1Server {
     }
 
     fn timeout_ms(&self) -> u64 {
-        u64::try_from(self.spec.timeout.as_millis()).unwrap_or(u64::MAX)
+        u64::try_from(self.form.spec.timeout.as_millis()).unwrap_or(u64::MAX)
     }
 
     fn close(&mut self, id: RequestId) -> Option<Open> {
@@ -82,7 +83,7 @@ impl Ros1Server {
             let Some(open) = self.close(id) else { continue };
             self.dropped(DropReason::Expired);
             let text =
-                format!("{:?} did not answer within {} ms", self.spec.service, self.timeout_ms());
+                format!("{:?} did not answer within {} ms", self.form.spec.service, self.timeout_ms());
             _ = open.answer.send(Err(text));
         }
     }
@@ -92,11 +93,11 @@ impl Server for Ros1Server {
     fn take(&mut self) -> Result<Option<IncomingRequest>, ServeError> {
         self.end_expired();
         let Some(Asked { body, received_at, answer }) = self.host.take() else { return Ok(None) };
-        match services::decode_request(&body, &self.spec) {
+        match self.form.decode_request(&body) {
             Ok(request) => {
                 self.next += 1;
                 let id = RequestId(self.next);
-                let until = ends(Instant::now(), self.spec.timeout);
+                let until = ends(Instant::now(), self.form.spec.timeout);
                 self.open.insert(id, Open { answer, received_at, until });
                 self.host.set_open(self.open.len());
                 let wire_bytes = body.len() + 4;
@@ -106,7 +107,7 @@ impl Server for Ros1Server {
                 self.host.set_open(self.open.len());
                 let reason = fault.drop_reason();
                 self.dropped(reason);
-                let (service, fault) = (self.spec.service.clone(), fault.to_string());
+                let (service, fault) = (self.form.spec.service.clone(), fault.to_string());
                 let error = ServeError::Request { service, fault, reason };
                 _ = answer.send(Err(error.to_string()));
                 Err(error)
@@ -121,16 +122,16 @@ impl Server for Ros1Server {
     ) -> Result<usize, ServeError> {
         let Open { answer, received_at, .. } =
             self.close(id).ok_or_else(|| ServeError::NotWaiting {
-                service: self.spec.service.clone(),
+                service: self.form.spec.service.clone(),
                 timeout_ms: self.timeout_ms(),
             })?;
         let reply = match payload {
             Err(reason) => Err(reason),
-            Ok(payload) => match services::encode_reply(&payload, &self.spec) {
+            Ok(payload) => match self.form.encode_reply(&payload) {
                 Ok(pieces) => Ok(pieces),
                 Err(fault) => {
                     self.dropped(DropReason::Unencodable);
-                    let error = ServeError::Reply { service: self.spec.service.clone(), fault };
+                    let error = ServeError::Reply { service: self.form.spec.service.clone(), fault };
                     _ = answer.send(Err(error.to_string()));
                     return Err(error);
                 }
@@ -162,7 +163,7 @@ impl Server for Ros1Server {
 impl Drop for Ros1Server {
     fn drop(&mut self) {
         for open in std::mem::take(&mut self.open).into_values() {
-            let text = format!("{:?} ended before it answered", self.spec.service);
+            let text = format!("{:?} ended before it answered", self.form.spec.service);
             _ = open.answer.send(Err(text));
         }
         self.host.close();

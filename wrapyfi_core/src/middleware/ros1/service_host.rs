@@ -19,9 +19,9 @@ use tokio::sync::{Notify, oneshot};
 
 use super::core::Core;
 use super::header::Header;
-use super::services::{ServiceType, shortened};
+use super::services::{ServiceForm, ServiceType, shortened};
 use super::tcpros::{self, Accepted};
-use crate::endpoint::{Context, DropReason, ServeError, ServiceSpec, Wake};
+use crate::endpoint::{Context, DropReason, ServeError, Wake};
 
 /// What is sent back: the pieces of a message, or why there is none.
 pub(super) type Answer = Result<Vec<Bytes>, String>;
@@ -54,12 +54,12 @@ struct State {
 }
 
 impl ServiceHost {
-    pub(super) fn new(service: &str, spec: &ServiceSpec, context: &Context) -> Self {
+    pub(super) fn new(service: &str, form: &ServiceForm, context: &Context) -> Self {
         Self {
             service: service.to_owned(),
-            wire_type: ServiceType::of(spec.kind),
-            limit_bytes: spec.limits.message_bytes,
-            pending: spec.pending,
+            wire_type: form.wire_type.clone(),
+            limit_bytes: form.spec.limits.message_bytes,
+            pending: form.spec.pending,
             context: context.clone(),
             state: Mutex::default(),
             end: Notify::new(),
