@@ -177,7 +177,8 @@ fn a_mismatch_is_told_on_both_sides() -> Result {
         let echo = echo(world, &ros1(&topic), "Image", 1)?;
         echo.wait_until("the reason", |output| {
             let tells = |line: &String| {
-                line.contains("it refuses") && line.contains("060021388200f6f0f447d0fcd9c64743")
+                line.contains("it refuses: topic types do not match")
+                    && line.contains("wanted is sensor_msgs/Image [060021388200f6f0f447d0fcd9c64743]")
             };
             output.err.iter().any(tells).then_some(())
         })?;
@@ -236,6 +237,51 @@ fn properties_are_parameters_of_the_master() -> Result {
         set.exits_with(0)?;
         let peer = world.rospy(&format!("param --topic {here}/camera/rate"), None)?;
         assert_eq!(peer.messages(1)?[0]["value"], 10);
+        Ok(())
+    })
+}
+
+/// A service of any type: `rosservice` calls ours, ours calls rospy's.
+#[test]
+fn services_of_any_type_go_both_ways() -> Result {
+    run("services_of_any_type_go_both_ways", NEEDS, |world| {
+        const SET: (&str, &str) =
+            ("std_srvs/srv/SetBool.srv", "bool data\n---\nbool success\nstring message\n");
+        let _roscore = world.roscore()?;
+        let folder = world.definitions(&[SET])?;
+        let (there, here) = (world.topic("there"), world.topic("here"));
+        let peer = world.rospy(&format!("serve --topic {there}"), None)?;
+        peer.event("ready")?;
+        let call = |asked: &str| {
+            let endpoint = ros1(&there);
+            let args = ["call", &endpoint, "--type", "std_srvs/srv/SetBool", "--args", asked];
+            let mut call = world.wrapyfi(
+                args.into_iter().chain(["--definitions", &folder, "--timeout", "60", "--json"]),
+            )?;
+            let got = call.objects(1)?.remove(0);
+            call.exits_with(0)?;
+            Ok::<_, anyhow::Error>(got["value"].clone())
+        };
+        assert_eq!(call("[true]")?, json!({"success": true, "message": "so be it"}));
+        assert_eq!(call("[false]")?, json!({"success": false, "message": "no"}));
+
+        let endpoint = ros1(&here);
+        let _server = world.wrapyfi([
+            "serve",
+            &endpoint,
+            "--type",
+            "std_srvs/srv/SetBool",
+            "--definitions",
+            &folder,
+            "--value",
+            r#"{"success": true, "message": "done"}"#,
+            "--json",
+        ])?;
+        tells(world, "rosservice", "list", |said| said.contains(&here))?;
+        let kind = told(world, "rosservice", &format!("type {here}"))?;
+        assert_eq!(kind.trim(), "std_srvs/SetBool");
+        let said = told(world, "rosservice", &format!("call {here} true"))?;
+        assert!(said.contains("success: True") && said.contains("done"), "{said}");
         Ok(())
     })
 }

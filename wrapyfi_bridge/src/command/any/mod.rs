@@ -12,6 +12,8 @@ use std::time::{Duration, Instant};
 use wrapyfi_core::endpoint::{Discovered, Discovery, Role};
 use wrapyfi_core::middleware::ros2::graph::TopicDescription;
 use wrapyfi_core::types::{MessageType, RosType};
+use wrapyfi_interfaces::parser::{Dialect, TypeName};
+use wrapyfi_interfaces::ros1::{Rules, Types};
 use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
 
 use crate::exit::Failure;
@@ -41,7 +43,13 @@ pub(crate) fn definitions(folders: &[PathBuf]) -> Result<TypeStore, Failure> {
 pub(super) fn resolve(name: &str, folders: &[PathBuf]) -> Result<ResolvedType, Failure> {
     let mut store = definitions(folders)
         .map_err(|failure| Failure::Usage(format!("--definitions {failure}")))?;
-    store.resolve_name(name).map_err(|error| Failure::Usage(format!("{error} (--definitions DIR)")))
+    store.resolve_name(name).or_else(|error| {
+        // Where no ROS 2 is installed, most of its types are at hand as those of ROS 1.
+        let built_in = TypeName::parse(Dialect::Ros2, name).ok().and_then(|name| {
+            Types::new(Rules::built_in(), store).ros2_type_named(&name).ok()
+        });
+        built_in.ok_or_else(|| Failure::Usage(format!("{error} (--definitions DIR)")))
+    })
 }
 
 /// The type `name` as one that every middleware carries.

@@ -193,7 +193,7 @@ impl Line {
         *locked(&self.why) = why;
         let changed = self.place.send_if_modified(|now| {
             let changes = *now != place;
-            now.clone_from(&place);
+            *now = place;
             changes
         });
         if changed {

@@ -22,6 +22,7 @@ use super::parameters::Watched;
 use super::publication::Publication;
 use super::registrations::{Key, Kind, Registrations};
 use super::service_host::ServiceHost;
+use crate::endpoint::Wake;
 
 /// What all endpoints of a node share.
 pub(super) struct Core {
@@ -120,9 +121,9 @@ impl Core {
                 _ => {}
             }
             state.fault = fault;
-            state.rings()
+            state.bells()
         };
-        wakes.iter().for_each(|ring| ring());
+        wakes.iter().for_each(Wake::ring);
     }
 
     /// Ends the node's part in the graph for good.
@@ -138,13 +139,13 @@ impl Core {
                 state.subscriptions.values().flat_map(|one| one.listeners.clone()).collect();
             let publications: Vec<_> = state.topics.values().flatten().cloned().collect();
             let hosts: Vec<_> = state.services.values().cloned().collect();
-            (state.rings(), intakes, publications, hosts)
+            (state.bells(), intakes, publications, hosts)
         };
         intakes.iter().for_each(|intake| intake.close());
         publications.iter().for_each(|publication| publication.close());
         hosts.iter().for_each(|host| host.close());
         self.work.notify_one();
-        wakes.iter().for_each(|ring| ring());
+        wakes.iter().for_each(Wake::ring);
     }
 
     /// Wants something registered, unless the node has ended.
@@ -310,21 +311,16 @@ impl Core {
 
 impl State {
     /// The bells of all endpoints.
-    fn rings(&self) -> Vec<Box<dyn Fn() + Send>> {
-        let mut rings: Vec<Box<dyn Fn() + Send>> = Vec::new();
-        for intake in self.subscriptions.values().flat_map(|one| one.listeners.iter().cloned()) {
-            rings.push(Box::new(move || intake.wake().ring()));
-        }
-        for publication in self.topics.values().flatten().cloned() {
-            rings.push(Box::new(move || publication.ring()));
-        }
-        for host in self.services.values().cloned() {
-            rings.push(Box::new(move || host.wake().ring()));
-        }
-        for watched in self.parameters.values().flatten().cloned() {
-            rings.push(Box::new(move || watched.wake().ring()));
-        }
-        rings
+    fn bells(&self) -> Vec<Wake> {
+        let listeners = self.subscriptions.values().flat_map(|one| &one.listeners);
+        let publications = self.topics.values().flatten();
+        let watched = self.parameters.values().flatten();
+        listeners
+            .map(|intake| intake.wake().clone())
+            .chain(publications.flat_map(|publication| publication.wakes()))
+            .chain(self.services.values().map(|host| host.wake().clone()))
+            .chain(watched.map(|watched| watched.wake().clone()))
+            .collect()
     }
 }
 

@@ -73,8 +73,13 @@ impl Publication {
         !self.state().publishers.is_empty()
     }
 
-    pub(super) fn ring(&self) {
-        self.state().publishers.values().for_each(|entry| entry.wake.ring());
+    /// The bells of its publishers.
+    pub(super) fn wakes(&self) -> Vec<Wake> {
+        self.state().publishers.values().map(|entry| entry.wake.clone()).collect()
+    }
+
+    fn ring(&self) {
+        self.wakes().iter().for_each(Wake::ring);
     }
 
     /// Its connections, for the slave API.

@@ -111,7 +111,7 @@ pub fn texts<T: Into<String>>(items: impl IntoIterator<Item = T>) -> Value {
 /// When a value has no form in XML.
 pub fn encode_call(method: &str, params: Vec<Value>) -> Result<String, XmlRpcError> {
     let call = MethodCall { name: method.into(), params };
-    call.to_xml().map(declared).map_err(|error| unwritable(&error))
+    call.to_xml().map(|xml| declared(&xml)).map_err(|error| unwritable(&error))
 }
 
 /// Reads a call.
@@ -131,7 +131,7 @@ pub fn decode_call(body: &[u8]) -> Result<Call, XmlRpcError> {
 pub fn encode_reply(reply: Reply) -> Result<String, XmlRpcError> {
     let value =
         Value::Array(vec![Value::Integer(reply.status), Value::String(reply.text), reply.value]);
-    MethodResponse { value }.to_xml().map(declared).map_err(|error| unwritable(&error))
+    MethodResponse { value }.to_xml().map(|xml| declared(&xml)).map_err(|error| unwritable(&error))
 }
 
 /// Writes that a call could not be run at all.
@@ -140,7 +140,7 @@ pub fn encode_reply(reply: Reply) -> Result<String, XmlRpcError> {
 /// When the text has no form in XML.
 pub fn encode_fault(text: &str) -> Result<String, XmlRpcError> {
     let fault = Fault::new(1, text.to_owned());
-    FaultResponse { fault }.to_xml().map(declared).map_err(|error| unwritable(&error))
+    FaultResponse { fault }.to_xml().map(|xml| declared(&xml)).map_err(|error| unwritable(&error))
 }
 
 /// Reads an answer.
@@ -168,7 +168,7 @@ pub fn decode_reply(body: &[u8]) -> Result<Reply, XmlRpcError> {
     }
 }
 
-fn declared(xml: String) -> String {
+fn declared(xml: &str) -> String {
     format!("<?xml version=\"1.0\"?>\n{xml}\n")
 }
 
