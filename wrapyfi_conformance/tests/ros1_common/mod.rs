@@ -2,6 +2,7 @@
 //!
 //! It answers as `rosmaster` 1.15 does where a node can tell the difference. The end-to-end tests run
 //! against that one; here every test has its own, in its own process, at no cost.
+#![allow(dead_code, reason = "each test program uses a part of it")]
 
 use std::collections::BTreeMap;
 use std::io::{Read as _, Write as _};
@@ -9,7 +10,7 @@ use std::net::{TcpListener, TcpStream};
 use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
 use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use wrapyfi_core::middleware::ros1::header::Header;
 use wrapyfi_core::middleware::ros1::xmlrpc::{self, Call, Reply, Value, text, texts};
@@ -35,7 +36,26 @@ pub struct Master {
 
 impl Master {
     pub fn start() -> Self {
-        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        Self::on(TcpListener::bind("127.0.0.1:0").unwrap())
+    }
+
+    /// Takes the place of one that ended.
+    pub fn at(port: u16) -> Self {
+        let deadline = Instant::now() + wrapyfi_conformance::PATIENCE;
+        loop {
+            match TcpListener::bind(("127.0.0.1", port)) {
+                Ok(listener) => return Self::on(listener),
+                Err(error) => assert!(Instant::now() < deadline, "{error}"),
+            }
+            std::thread::yield_now();
+        }
+    }
+
+    pub fn port(&self) -> u16 {
+        self.port
+    }
+
+    fn on(listener: TcpListener) -> Self {
         let port = listener.local_addr().unwrap().port();
         let ends = Arc::new(AtomicBool::new(false));
         let graph = Arc::new(Mutex::new(Graph::default()));
