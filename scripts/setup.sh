@@ -126,6 +126,17 @@ ros1_messages() {
         ros-visualization-msgs
 }
 
+# Debian has ROS 1; where nobody has, the tests against it are skipped.
+ros1() {
+    local packages=(python3-rosmaster python3-rosnode python3-rospy python3-rosservice python3-rostopic
+        python3-sensor-msgs python3-std-msgs python3-std-srvs)
+    if apt-cache show "${packages[@]}" >/dev/null 2>&1; then
+        apt_packages "${packages[@]}"
+    else
+        echo "setup: this system has no ROS 1 (python3-rospy): the tests against it are skipped" >&2
+    fi
+}
+
 rust_tools() {
     local tool
     for tool in rustfmt clippy; do

@@ -24,6 +24,7 @@ mod requests;
 mod ros1;
 mod services;
 mod tables;
+mod tcpros;
 mod tensors;
 mod texts;
 mod yarp;
@@ -39,6 +40,7 @@ pub use requests::zeromq_requests;
 pub use ros1::{ros1_definition, ros1_messages};
 pub use services::node_services;
 pub use tables::plugin_table;
+pub use tcpros::{tcpros_header, xmlrpc};
 pub use tensors::plugin_tensor;
 pub use texts::{config, msg_parser, ros_args};
 pub use yarp::{yarp_bottle, yarp_object, yarp_text};
@@ -78,4 +80,6 @@ pub const TARGETS: &[Target] = &[
     ("yarp_connection", yarp_connection),
     ("ros1_definition", ros1_definition),
     ("ros1_messages", ros1_messages),
+    ("tcpros_header", tcpros_header),
+    ("xmlrpc", xmlrpc),
 ];

@@ -10,6 +10,8 @@ pub(super) fn sources() -> Vec<Arc<dyn Source>> {
     vec![
         #[cfg(feature = "zeromq")]
         Arc::new(zeromq::ZeroMqSource),
+        #[cfg(feature = "ros1")]
+        Arc::new(ros1::Ros1Source::default()),
         #[cfg(feature = "ros2")]
         Arc::new(ros2::Ros2Source::default()),
     ]
@@ -23,6 +25,22 @@ pub(super) fn ros2_with(args: crate::node::args::RosArgs) -> Arc<dyn Source> {
 
 /// Names that Wrapyfi knows. One that is not here is absent, and no mistake.
 pub(super) const KNOWN: [&str; 7] = ["zeromq", "yarp", "ros", "ros2", "websocket", "zenoh", "mqtt"];
+
+/// Messages that a subscription of Wrapyfi on ROS holds: as `variable` says, or 5.
+#[cfg(any(feature = "ros1", feature = "ros2"))]
+fn queue_size(variable: &str) -> usize {
+    const USUAL: usize = 5;
+    match std::env::var(variable) {
+        Err(_) => USUAL,
+        Ok(text) => match text.trim().parse() {
+            Ok(depth) if depth > 0 => depth,
+            _ => {
+                tracing::warn!("{variable}={text:?} is no number from 1: using {USUAL}");
+                USUAL
+            }
+        },
+    }
+}
 
 #[cfg(feature = "zeromq")]
 mod zeromq {
@@ -81,6 +99,68 @@ mod zeromq {
     }
 }
 
+#[cfg(feature = "ros1")]
+mod ros1 {
+    //! ROS 1: one node for all that goes out of a context, one for all that comes in.
+
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+
+    use super::queue_size;
+    use crate::communicator::resolve::Side;
+    use crate::communicator::source::{Planned, Source, StartError, Wanted};
+    use crate::middleware::ros1::{NAME, Ros1, Ros1Config};
+
+    /// Name of a node that none was given to, as in Wrapyfi.
+    const NODE: &str = "wrapyfi";
+
+    /// Contexts, numbered in the process.
+    static CONTEXTS: AtomicU32 = AtomicU32::new(0);
+
+    pub(super) struct Ros1Source {
+        /// Of this context.
+        number: u32,
+    }
+
+    impl Default for Ros1Source {
+        fn default() -> Self {
+            Self { number: CONTEXTS.fetch_add(1, Relaxed) }
+        }
+    }
+
+    impl Source for Ros1Source {
+        fn name(&self) -> &str {
+            NAME
+        }
+
+        fn plan(&self, wanted: &Wanted<'_>) -> Result<Planned, StartError> {
+            let ros_kwargs = wanted.options.map("ros_kwargs")?;
+            let text = |name| ros_kwargs.map(|kwargs| kwargs.text(name)).transpose();
+            let switch = |name| ros_kwargs.map(|kwargs| kwargs.switch(name)).transpose();
+            let named = text("node_name")?.flatten().unwrap_or(NODE);
+            let anonymous = switch("anonymous")?.flatten().unwrap_or(true);
+            // Two sides, two nodes: a node does not hear itself.
+            let side = if wanted.side == Side::Publisher { "" } else { "_in" };
+            let node = if anonymous {
+                format!("{named}_{:x}_{}{side}", std::process::id(), self.number)
+            } else {
+                format!("{named}{side}")
+            };
+            let mut config = Ros1Config::from_env().map_err(StartError::refused)?;
+            config.node = Some(node.clone());
+            let start = move || {
+                let started = Ros1::start(&config).map_err(StartError::refused)?;
+                Ok(Arc::new(started) as _)
+            };
+            Ok(Planned { key: node, start: Box::new(start) })
+        }
+
+        fn queue_depth(&self) -> Option<usize> {
+            Some(queue_size("WRAPYFI_ROS_QUEUE_SIZE"))
+        }
+    }
+}
+
 #[cfg(feature = "ros2")]
 mod ros2 {
     //! ROS 2: one node for all that goes out of a context, one for all that comes in.
@@ -88,14 +168,12 @@ mod ros2 {
     use std::sync::Arc;
     use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
+    use super::queue_size;
     use crate::communicator::resolve::Side;
     use crate::communicator::source::{Planned, Source, StartError, Wanted};
     use crate::middleware::ros2::{CycloneConfig, CycloneGraph, Ros2, environment};
     use crate::node::args::RosArgs;
     use crate::node::{NodeName, NodeOptions};
-
-    /// Messages a subscription of Wrapyfi holds.
-    const QUEUE_DEPTH: usize = 5;
 
     /// Nodes that no name was given to, numbered in the process.
     static NAMELESS: AtomicU32 = AtomicU32::new(0);
@@ -158,17 +236,7 @@ mod ros2 {
         }
 
         fn queue_depth(&self) -> Option<usize> {
-            let depth = std::env::var("WRAPYFI_ROS2_QUEUE_SIZE").ok();
-            let depth = depth.and_then(|text| match text.trim().parse() {
-                Ok(depth) if depth > 0 => Some(depth),
-                _ => {
-                    tracing::warn!(
-                        "WRAPYFI_ROS2_QUEUE_SIZE={text:?} is no number from 1: using {QUEUE_DEPTH}"
-                    );
-                    None
-                }
-            });
-            Some(depth.unwrap_or(QUEUE_DEPTH))
+            Some(queue_size("WRAPYFI_ROS2_QUEUE_SIZE"))
         }
     }
 

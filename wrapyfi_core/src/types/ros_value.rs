@@ -124,6 +124,23 @@ fn bytes_of(values: &Primitives) -> usize {
     }
 }
 
+/// What a function returned as the fields of a reply: a dict of them, a list in their order, nothing,
+/// or the value of the first.
+pub(crate) fn fields_of_return(
+    ros_type: RosType,
+    value: &Value,
+    max_bytes: usize,
+) -> Result<DynamicMessage, RosValueError> {
+    match value {
+        Value::Map(_) => fields_of(ros_type, value, max_bytes),
+        Value::Null => Ok(ros_type.plan().default_message()),
+        Value::List(items) | Value::Tuple(items) => {
+            fields_of_call(ros_type, items, &Map::new(), max_bytes)
+        }
+        one => fields_of_call(ros_type, std::slice::from_ref(one), &Map::new(), max_bytes),
+    }
+}
+
 /// The fields as a dict.
 pub(crate) fn value_of(fields: &DynamicMessage) -> Value {
     let pairs = fields.fields().map(|(name, field)| (Value::from(name), self::field(field)));
