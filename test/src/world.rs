@@ -373,7 +373,8 @@ impl World {
     /// # Errors
     /// Where it cannot be started.
     pub fn ros_tool(&self, tool: &str, args: &str) -> Result<Process> {
-        let mut command = self.command(Path::new("/usr/bin").join(tool).as_path(), args.split_whitespace());
+        let mut command =
+            self.command(Path::new("/usr/bin").join(tool).as_path(), args.split_whitespace());
         command.env("PYTHONUNBUFFERED", "1");
         Process::start(tool, command, &self.pillars)
     }
@@ -442,7 +443,14 @@ impl World {
             .env("ROS_HOME", self.folder.path())
             .env("ROS_LOG_DIR", self.folder.path())
             .env("NO_COLOR", "1");
-        for variable in ["ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS", "ROS_DISTRO", "ROS_HOSTNAME", "ROS_NAMESPACE", "RUST_LOG"] {
+        for variable in [
+            "ROS_LOCALHOST_ONLY",
+            "ROS_STATIC_PEERS",
+            "ROS_DISTRO",
+            "ROS_HOSTNAME",
+            "ROS_NAMESPACE",
+            "RUST_LOG",
+        ] {
             command.env_remove(variable);
         }
         command

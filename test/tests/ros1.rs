@@ -87,7 +87,8 @@ fn echo_hears_rospy_and_names_itself_to_it() -> Result {
         // Before there is a master.
         let mut echo = echo(world, &ros1(&topic), "NativeObject", 3)?;
         let _roscore = world.roscore()?;
-        let peer = world.rospy(&format!("publish --topic {topic}"), Some(r#"{"data": "[{n}, 2]"}"#))?;
+        let peer =
+            world.rospy(&format!("publish --topic {topic}"), Some(r#"{"data": "[{n}, 2]"}"#))?;
         let heard = echo.objects(3)?;
         echo.exits_with(0)?;
         let first = heard[0]["value"][0].as_u64().unwrap_or_default();
@@ -140,7 +141,8 @@ fn a_type_of_any_package_is_received_and_sent() -> Result {
     run("a_type_of_any_package_is_received_and_sent", NEEDS, |world| {
         let _roscore = world.roscore()?;
         let topic = world.topic("joints");
-        let value = r#"{"header": {"frame_id": "arm"}, "name": ["a", "b"], "position": [0.5, {n}]}"#;
+        let value =
+            r#"{"header": {"frame_id": "arm"}, "name": ["a", "b"], "position": [0.5, {n}]}"#;
         let kind = "sensor_msgs/JointState";
         let peer = world.rospy(&format!("publish --topic {topic} --type {kind}"), Some(value))?;
         let mut echo = echo(world, &ros1(&topic), "sensor_msgs/msg/JointState", 2)?;
@@ -172,13 +174,15 @@ fn a_mismatch_is_told_on_both_sides() -> Result {
     run("a_mismatch_is_told_on_both_sides", NEEDS, |world| {
         let _roscore = world.roscore()?;
         let topic = world.topic("x");
-        let peer = world.rospy(&format!("publish --topic {topic} --latch"), Some(r#"{"data": "1"}"#))?;
+        let peer =
+            world.rospy(&format!("publish --topic {topic} --latch"), Some(r#"{"data": "1"}"#))?;
         peer.messages(1)?;
         let echo = echo(world, &ros1(&topic), "Image", 1)?;
         echo.wait_until("the reason", |output| {
             let tells = |line: &String| {
                 line.contains("it refuses: topic types do not match")
-                    && line.contains("wanted is sensor_msgs/Image [060021388200f6f0f447d0fcd9c64743]")
+                    && line
+                        .contains("wanted is sensor_msgs/Image [060021388200f6f0f447d0fcd9c64743]")
             };
             output.err.iter().any(tells).then_some(())
         })?;
@@ -255,9 +259,13 @@ fn services_of_any_type_go_both_ways() -> Result {
         let call = |asked: &str| {
             let endpoint = ros1(&there);
             let args = ["call", &endpoint, "--type", "std_srvs/srv/SetBool", "--args", asked];
-            let mut call = world.wrapyfi(
-                args.into_iter().chain(["--definitions", &folder, "--timeout", "60", "--json"]),
-            )?;
+            let mut call = world.wrapyfi(args.into_iter().chain([
+                "--definitions",
+                &folder,
+                "--timeout",
+                "60",
+                "--json",
+            ]))?;
             let got = call.objects(1)?.remove(0);
             call.exits_with(0)?;
             Ok::<_, anyhow::Error>(got["value"].clone())
@@ -291,7 +299,8 @@ fn list_shows_what_the_master_knows() -> Result {
     run("list_shows_what_the_master_knows", NEEDS, |world| {
         let _roscore = world.roscore()?;
         let topic = world.topic("x");
-        let peer = world.rospy(&format!("publish --topic {topic} --latch"), Some(r#"{"data": "1"}"#))?;
+        let peer =
+            world.rospy(&format!("publish --topic {topic} --latch"), Some(r#"{"data": "1"}"#))?;
         peer.messages(1)?;
         let mut list = world.wrapyfi(["list", "ros", "--json", "--wait", "3"])?;
         list.exits_with(0)?;
@@ -319,7 +328,8 @@ fn routes_join_ros_1_and_ros_2() -> Result {
         let _there = world.bridge_named("there.yaml", &there)?;
         let _again = world.bridge_named("again.yaml", &again)?;
         let ros = "sensor_msgs/JointState";
-        let listener = world.rospy(&format!("subscribe --topic {back} --type {ros} --node ear"), None)?;
+        let listener =
+            world.rospy(&format!("subscribe --topic {back} --type {ros} --node ear"), None)?;
         let value = r#"{"header": {"frame_id": "arm"}, "name": ["a"], "velocity": [{n}]}"#;
         let _talker = world.rospy(&format!("publish --topic {from} --type {ros}"), Some(value))?;
         let got = listener.messages(2)?;
@@ -336,8 +346,8 @@ fn echo_hears(test: &str, peer: &str, message_type: &str, key: &str) -> Result {
         let _roscore = world.roscore()?;
         let topic = world.topic("x");
         let mut echo = echo(world, &ros1(&topic), message_type, 3)?;
-        let publisher =
-            world.peer("wrapyfi_peer.py", &format!("publish --mware ros --topic {topic} {peer}"))?;
+        let publisher = world
+            .peer("wrapyfi_peer.py", &format!("publish --mware ros --topic {topic} {peer}"))?;
         let heard = echo.objects(3)?;
         publisher.sent_in_a_row(key, &texts(&heard, "sha256"))?;
         echo.exits_with(0)
@@ -357,8 +367,8 @@ fn wrapyfi_hears(test: &str, peer: &str, message_type: &str) -> Result {
             "wrapyfi_peer.py",
             &format!("listen --mware ros --topic {to} --count 3 {peer}"),
         )?;
-        let publisher = world
-            .peer("wrapyfi_peer.py", &format!("publish --mware ros --topic {from} {peer}"))?;
+        let publisher =
+            world.peer("wrapyfi_peer.py", &format!("publish --mware ros --topic {from} {peer}"))?;
         publisher.sent_in_a_row("sha256", &texts(&listener.messages(3)?, "sha256"))
     })
 }
@@ -392,8 +402,8 @@ fn call_hears(test: &str, peer: &str, service_type: &str) -> Result {
     run(test, WITH_WRAPYFI, |world| {
         let _roscore = world.roscore()?;
         let service = world.topic("x");
-        let server =
-            world.peer("wrapyfi_peer.py", &format!("reply --mware ros --topic {service} {peer}"))?;
+        let server = world
+            .peer("wrapyfi_peer.py", &format!("reply --mware ros --topic {service} {peer}"))?;
         let endpoint = ros1(&service);
         for number in 0..2_usize {
             let asked = format!("[{number}]");

@@ -296,7 +296,8 @@ impl Fields<'_> {
         let nanosec = self.u32("header.stamp")?;
         let frame_id = self.text("header.frame_id")?;
         // A second that ROS 2 cannot count is as good as none.
-        let stamp = i32::try_from(sec).map_or_else(|_e| Time::default(), |sec| Time { sec, nanosec });
+        let stamp =
+            i32::try_from(sec).map_or_else(|_e| Time::default(), |sec| Time { sec, nanosec });
         Ok(Header { stamp, frame_id })
     }
 

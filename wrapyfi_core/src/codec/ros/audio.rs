@@ -74,7 +74,9 @@ fn step(sound: &AudioChunk) -> u32 {
     sound.format.bytes_per_sample() as u32 * u32::from(sound.channels)
 }
 
-pub(in crate::codec) fn decode_upstream(message: ROS2AudioMessage) -> Result<AudioChunk, DecodeError> {
+pub(in crate::codec) fn decode_upstream(
+    message: ROS2AudioMessage,
+) -> Result<AudioChunk, DecodeError> {
     decode(msg::AudioChunk {
         header: message.header,
         chunk_size: message.chunk_size,

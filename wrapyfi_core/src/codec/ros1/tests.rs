@@ -42,9 +42,10 @@ fn sound_is_mislabelled_as_wrapyfi_insists() {
     let samples: Vec<u8> = [0.5_f32, -0.5].iter().flat_map(|n| n.to_le_bytes()).collect();
     let chunk = AudioChunk::new(WHEN, 2, 1, 44_100, SampleFormat::F32Le, samples).unwrap();
     let message = bytes(&chunk.clone().into(), MessageType::AudioChunk);
-    let mut expected = b"\x07\0\0\0\x5c\xcc\x00\x6b\x00\x65\xcd\x1d\0\0\0\0\x02\0\0\0\x01\x44\xac\0\0\
+    let mut expected =
+        b"\x07\0\0\0\x5c\xcc\x00\x6b\x00\x65\xcd\x1d\0\0\0\0\x02\0\0\0\x01\x44\xac\0\0\
         \x05\0\0\0S16LE\x00\0\0\0\0\0\0\0\0\x04\0\0\0\x08\0\0\0"
-        .to_vec();
+            .to_vec();
     expected.extend_from_slice(&chunk.data);
     assert_eq!(message, expected);
     assert_eq!(read(&message, MessageType::UpstreamAudio), Ok(chunk.clone().into()));

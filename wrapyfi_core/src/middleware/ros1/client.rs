@@ -354,10 +354,7 @@ async fn seek(line: Arc<Line>, seed: u64) {
 }
 
 /// Where the server is; `None` where the node has ended.
-async fn look(
-    line: &Line,
-    known: Option<&NodeUri>,
-) -> Option<Result<NodeUri, Option<String>>> {
+async fn look(line: &Line, known: Option<&NodeUri>) -> Option<Result<NodeUri, Option<String>>> {
     let core = line.core.upgrade()?;
     let place = match core.master.lookup_service(&line.service).await {
         Ok(Some(place)) => place,
@@ -388,8 +385,9 @@ async fn look(
 
 impl Client for Ros1Client {
     fn send(&mut self, request: &Request, timeout: Duration) -> Result<Ticket, CallError> {
-        let frame = self.form.encode_request(request).map_err(|fault| {
-            CallError::Request { service: self.form.spec.service.clone(), fault }
+        let frame = self.form.encode_request(request).map_err(|fault| CallError::Request {
+            service: self.form.spec.service.clone(),
+            fault,
         })?;
         let deadline = ends(Instant::now(), timeout);
         let ticket = self.book.begin(Outgoing { frame, deadline }, timeout)?;

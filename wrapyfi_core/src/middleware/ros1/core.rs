@@ -89,7 +89,8 @@ impl Core {
 
     /// Definitions of ROS 1: what peers showed, what is installed or built in. Read at first use.
     pub(super) fn types(&self) -> MutexGuard<'_, Types> {
-        let types = self.types.get_or_init(|| Mutex::new(Types::from_environment(Rules::built_in())));
+        let types =
+            self.types.get_or_init(|| Mutex::new(Types::from_environment(Rules::built_in())));
         types.lock().unwrap_or_else(PoisonError::into_inner)
     }
 

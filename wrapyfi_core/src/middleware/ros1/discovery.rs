@@ -55,11 +55,7 @@ async fn look(core: &Core) -> Result<Vec<Discovered>, MasterError> {
 }
 
 /// Everything that is not of the node `own`.
-fn endpoints(
-    state: SystemState,
-    types: &BTreeMap<String, String>,
-    own: &str,
-) -> Vec<Discovered> {
+fn endpoints(state: SystemState, types: &BTreeMap<String, String>, own: &str) -> Vec<Discovered> {
     let SystemState { publishers, subscribers, services } = state;
     let mut all = Vec::new();
     let mut add = |owners: Owners, role: Role| {

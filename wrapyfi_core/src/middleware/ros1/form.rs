@@ -51,9 +51,11 @@ pub(super) fn offered(
             let definition = definition.text().to_owned();
             Ok(Some((Ros1Type { name, md5, definition }, Some(plan))))
         }
-        Err(error) => {
-            Err(OpenError::UnsupportedType { middleware: NAME, message_type, remedy: error.to_string() })
-        }
+        Err(error) => Err(OpenError::UnsupportedType {
+            middleware: NAME,
+            message_type,
+            remedy: error.to_string(),
+        }),
     }
 }
 
@@ -65,9 +67,9 @@ pub(super) fn shown(
 ) -> Result<Option<Plan>, String> {
     let MessageType::Ros(ros_type) = message_type else { return Ok(None) };
     let name = header.get("type").unwrap_or(ANY);
-    plan(&mut core.types(), name, header.get("message_definition"), ros_type)
-        .map(Some)
-        .map_err(|error| format!("it sends {name}, which cannot be received as {ros_type}: {error}"))
+    plan(&mut core.types(), name, header.get("message_definition"), ros_type).map(Some).map_err(
+        |error| format!("it sends {name}, which cannot be received as {ros_type}: {error}"),
+    )
 }
 
 fn plan(

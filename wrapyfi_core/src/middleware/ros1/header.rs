@@ -46,7 +46,9 @@ pub enum HeaderError {
     #[error("the connection header has more than {MAX_FIELDS} fields")]
     TooManyFields,
     /// A field that reaches beyond the end.
-    #[error("the field at byte {at} of the connection header needs {needed} bytes, {left} are left")]
+    #[error(
+        "the field at byte {at} of the connection header needs {needed} bytes, {left} are left"
+    )]
     Truncated {
         /// Where the field begins.
         at: usize,
@@ -129,7 +131,8 @@ impl Header {
                 return Err(HeaderError::Truncated { at, needed: 4, left: rest.len() });
             };
             let needed = u32::from_le_bytes(*size);
-            let field = usize::try_from(needed).ok().and_then(|needed| behind.split_at_checked(needed));
+            let field =
+                usize::try_from(needed).ok().and_then(|needed| behind.split_at_checked(needed));
             let Some((field, behind)) = field else {
                 let (needed, left) = (u64::from(needed), behind.len());
                 return Err(HeaderError::Truncated { at, needed, left });

@@ -225,18 +225,19 @@ impl Drop for Ros1 {
         let core = Arc::clone(&self.core);
         core.end("this program has ended its ROS 1 node".to_owned());
         // A thread of its own: the owner's may belong to a runtime, which must not block.
-        let end = std::thread::Builder::new().name("wrapyfi-ros1-end".to_owned()).spawn(move || {
-            runtime.block_on(async {
-                let goodbye = async {
-                    core.lingering.over().await;
-                    registrar::leave(&core).await;
-                };
-                if timeout(GOODBYE, goodbye).await.is_err() {
-                    tracing::warn!("ROS 1: ended before the master and all subscribers knew");
-                }
+        let end =
+            std::thread::Builder::new().name("wrapyfi-ros1-end".to_owned()).spawn(move || {
+                runtime.block_on(async {
+                    let goodbye = async {
+                        core.lingering.over().await;
+                        registrar::leave(&core).await;
+                    };
+                    if timeout(GOODBYE, goodbye).await.is_err() {
+                        tracing::warn!("ROS 1: ended before the master and all subscribers knew");
+                    }
+                });
+                runtime.shutdown_timeout(Duration::from_millis(200));
             });
-            runtime.shutdown_timeout(Duration::from_millis(200));
-        });
         if let Ok(end) = end {
             _ = end.join();
         }

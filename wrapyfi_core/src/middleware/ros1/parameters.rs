@@ -16,8 +16,8 @@ use tokio::sync::Notify;
 use super::core::{Core, Lingers};
 use super::xmlrpc;
 use crate::endpoint::{
-    Context, Counters, DropReason, Link, Listener, PublishError, Publisher, Receiver, Sample, Sender,
-    TakeError, TopicSpec, Wake, inbox,
+    Context, Counters, DropReason, Link, Listener, PublishError, Publisher, Receiver, Sample,
+    Sender, TakeError, TopicSpec, Wake, inbox,
 };
 use crate::types::{DataType, Map, ParameterValue, Payload, Properties, Value};
 use crate::{DecodeError, EncodeError};
@@ -272,7 +272,8 @@ fn to_value(value: xmlrpc::Value) -> Value {
         Xml::Base64(value) => Value::Bytes(value.into()),
         Xml::Array(items) => Value::List(items.into_iter().map(to_value).collect()),
         Xml::Struct(members) => {
-            let members = members.into_iter().map(|(name, value)| (Value::from(name), to_value(value)));
+            let members =
+                members.into_iter().map(|(name, value)| (Value::from(name), to_value(value)));
             Value::Map(members.collect::<Map>())
         }
         Xml::DateTime(value) => Value::from(value.to_string()),

@@ -199,10 +199,14 @@ impl Ros1Publisher {
             counters: Arc::clone(&context.counters),
             wake: context.wake.clone(),
         };
-        let publication =
-            core.advertise(topic, &md5, || Publication::new(topic, wire_type), |publication| {
+        let publication = core.advertise(
+            topic,
+            &md5,
+            || Publication::new(topic, wire_type),
+            |publication| {
                 publication.state().publishers.insert(id, entry);
-            });
+            },
+        );
         let (core, spec, sequence) = (Arc::clone(core), spec.clone(), 0);
         Self { id, core, publication, spec, plan, sequence, latches }
     }

@@ -82,8 +82,11 @@ impl Ros1Server {
         for id in over {
             let Some(open) = self.close(id) else { continue };
             self.dropped(DropReason::Expired);
-            let text =
-                format!("{:?} did not answer within {} ms", self.form.spec.service, self.timeout_ms());
+            let text = format!(
+                "{:?} did not answer within {} ms",
+                self.form.spec.service,
+                self.timeout_ms()
+            );
             _ = open.answer.send(Err(text));
         }
     }
@@ -131,7 +134,8 @@ impl Server for Ros1Server {
                 Ok(pieces) => Ok(pieces),
                 Err(fault) => {
                     self.dropped(DropReason::Unencodable);
-                    let error = ServeError::Reply { service: self.form.spec.service.clone(), fault };
+                    let error =
+                        ServeError::Reply { service: self.form.spec.service.clone(), fault };
                     _ = answer.send(Err(error.to_string()));
                     return Err(error);
                 }

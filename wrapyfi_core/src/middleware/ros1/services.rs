@@ -119,8 +119,11 @@ impl ServiceForm {
             let fields = self.read(service.request(), plan, body)?;
             return Ok(Request::default().with(fields.as_map().cloned().unwrap_or_default()));
         }
-        let malformed =
-            |reason: String| DecodeError::Malformed { format: FORMAT, path: "$.data".into(), reason };
+        let malformed = |reason: String| DecodeError::Malformed {
+            format: FORMAT,
+            path: "$.data".into(),
+            reason,
+        };
         let Some((size, text)) = body.split_first_chunk::<4>() else {
             return Err(malformed(format!("{} bytes are no request", body.len())));
         };

@@ -85,7 +85,9 @@ fn request_topic(core: &Arc<Core>, topic: &str, protocols: &Value) -> Reply {
         return Reply::error(format!("{} does not publish {topic}", core.name.full()));
     }
     let named = |protocol: &Value| match protocol {
-        Value::Array(parts) => matches!(parts.first(), Some(Value::String(name)) if name == "TCPROS"),
+        Value::Array(parts) => {
+            matches!(parts.first(), Some(Value::String(name)) if name == "TCPROS")
+        }
         _ => false,
     };
     let speaks = matches!(protocols, Value::Array(all) if all.iter().any(named));
@@ -96,11 +98,8 @@ fn request_topic(core: &Arc<Core>, topic: &str, protocols: &Value) -> Reply {
             value: Value::Array(Vec::new()),
         };
     }
-    let way = vec![
-        text("TCPROS"),
-        text(&core.tcpros.host),
-        Value::Integer(i32::from(core.tcpros.port)),
-    ];
+    let way =
+        vec![text("TCPROS"), text(&core.tcpros.host), Value::Integer(i32::from(core.tcpros.port))];
     Reply::success("ready on TCPROS", Value::Array(way))
 }
 
@@ -130,7 +129,8 @@ fn bus_info(core: &Arc<Core>) -> Value {
     let mut all = Vec::new();
     for publication in state.topics.values().flatten() {
         for link in publication.links() {
-            let words = format!("TCPROS connection on port {} to [{}]", core.tcpros.port, link.address);
+            let words =
+                format!("TCPROS connection on port {} to [{}]", core.tcpros.port, link.address);
             all.push(Value::Array(vec![
                 int(link.id),
                 text(link.peer),

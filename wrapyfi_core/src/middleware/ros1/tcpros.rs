@@ -46,10 +46,8 @@ pub(super) enum GreetingError {
 pub(super) fn prepare(stream: &TcpStream) -> io::Result<()> {
     // Nagle and delayed acknowledgements together hold small messages back for 40 ms.
     stream.set_nodelay(true)?;
-    let keepalive = TcpKeepalive::new()
-        .with_time(KEEPALIVE)
-        .with_interval(KEEPALIVE_AGAIN)
-        .with_retries(3);
+    let keepalive =
+        TcpKeepalive::new().with_time(KEEPALIVE).with_interval(KEEPALIVE_AGAIN).with_retries(3);
     SockRef::from(stream).set_tcp_keepalive(&keepalive)
 }
 

@@ -157,7 +157,8 @@ pub fn decode_reply(body: &[u8]) -> Result<Reply, XmlRpcError> {
             Err(_) => malformed("answer", xml),
         });
     };
-    let no_reply = |value: &Value| XmlRpcError::NoReply { actual: shortened(&format!("{value:?}")) };
+    let no_reply =
+        |value: &Value| XmlRpcError::NoReply { actual: shortened(&format!("{value:?}")) };
     let Value::Array(parts) = value else { return Err(no_reply(&value)) };
     match <[Value; 3]>::try_from(parts) {
         Ok([Value::Integer(status), Value::String(text), value]) => {

@@ -49,7 +49,8 @@ fn hostile_texts_are_refused_by_a_bound() {
     assert_eq!(refused(&deep), BoundsError::TooDeep.into());
     let many = "<a/>".repeat(MAX_ELEMENTS + 1);
     assert_eq!(refused(&many), BoundsError::TooMany.into());
-    let bomb = "<!DOCTYPE x [<!ENTITY a \"aaaa\"><!ENTITY b \"&a;&a;\">]><methodCall>&b;</methodCall>";
+    let bomb =
+        "<!DOCTYPE x [<!ENTITY a \"aaaa\"><!ENTITY b \"&a;&a;\">]><methodCall>&b;</methodCall>";
     assert_eq!(refused(bomb), BoundsError::Foreign("document type").into());
     assert_eq!(refused("<a><![CDATA[</a>]]></a>"), BoundsError::Foreign("CDATA section").into());
     assert_eq!(refused("<a><!-- x --></a>"), BoundsError::Foreign("comment").into());
