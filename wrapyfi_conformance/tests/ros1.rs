@@ -9,7 +9,7 @@ use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
 use ros1_common::{Master, RawPublisher, framed, greet};
-use wrapyfi_conformance::{Capabilities, PATIENCE, Rig, Side, TypeCheck, conformance_tests};
+use wrapyfi_conformance::{Capabilities, PATIENCE, Rig, Side, conformance_tests};
 use wrapyfi_core::codec::ros1::Ros1Type;
 use wrapyfi_core::endpoint::{Middleware, ServiceSpec, TopicSpec};
 use wrapyfi_core::middleware::ros1::header::Header;
@@ -76,7 +76,7 @@ impl Rig for Roscore {
         let raw = self.raw.entry(spec.topic.clone()).or_insert_with(|| {
             let Ros1Type { name, md5, .. } = Ros1Type::of(spec.message_type).unwrap();
             let fields = Header::new().with("type", name).with("md5sum", md5);
-            let raw = RawPublisher::start(master, "/raw", &spec.topic, fields);
+            let raw = RawPublisher::start(master, "/raw", &spec.topic, &fields);
             let deadline = Instant::now() + PATIENCE;
             while raw.subscribers() == 0 {
                 assert!(Instant::now() < deadline, "nobody subscribed");
@@ -100,7 +100,7 @@ impl Rig for Roscore {
             .with("callerid", "/raw")
             .with("service", &spec.service)
             .with("md5sum", "*");
-        let (mut stream, header) = greet(address.trim_start_matches("rosrpc://"), own);
+        let (mut stream, header) = greet(address.trim_start_matches("rosrpc://"), &own);
         assert_eq!(header.get("error"), None);
         stream.write_all(&framed(&framed(body))).unwrap();
         self.asking.push(stream);

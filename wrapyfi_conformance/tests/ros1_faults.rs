@@ -91,7 +91,7 @@ fn hostile_headers_are_refused_and_others_served() {
         assert!(error.contains(words), "{error}");
         assert_eq!(stream.read(&mut [0]).unwrap_or(0), 0, "the connection ends");
     }
-    let (mut stream, header) = greet(&port, subscriber("/x", STRING));
+    let (mut stream, header) = greet(&port, &subscriber("/x", STRING));
     assert_eq!(header.get("md5sum"), Some(STRING));
     source.wait_for_listener();
     source.send(&said("still here"));
@@ -104,7 +104,7 @@ fn wrong_lengths_are_counted_and_survived() {
     let master = Master::start();
     let node = node(&master, "near");
     let mut sink = Sink::open(&node, &plain("/x"));
-    let raw = RawPublisher::start(&master, "/raw", "/x", strings());
+    let raw = RawPublisher::start(&master, "/raw", "/x", &strings());
     let wake = sink.context.wake.clone();
     let joined = |count: usize| {
         wait_until(&wake, "the subscriber", || raw.subscribers() >= count);
@@ -130,7 +130,7 @@ fn a_latched_message_comes_once() {
     let master = Master::start();
     let node = node(&master, "near");
     let mut sink = Sink::open(&node, &plain("/x"));
-    let raw = RawPublisher::start(&master, "/raw", "/x", strings().with("latching", "1"));
+    let raw = RawPublisher::start(&master, "/raw", "/x", &strings().with("latching", "1"));
     let wake = sink.context.wake.clone();
     let joined = || wait_until(&wake, "the subscriber", || raw.subscribers() == 1);
     joined();
@@ -282,7 +282,7 @@ fn a_slow_subscriber_stalls_nobody() {
     let master = Master::start();
     let (near, far) = (node(&master, "near"), node(&master, "far"));
     let mut source = Source::open(&near, &plain("/x"));
-    let (_silent, _header) = greet(&data_port(&near, "/x"), subscriber("/x", "*"));
+    let (_silent, _header) = greet(&data_port(&near, "/x"), &subscriber("/x", "*"));
     let mut sink = Sink::open(&far, &plain("/x"));
     source.wait_for("both", |link| link.peers == Some(2));
     let large = "x".repeat(1 << 20);

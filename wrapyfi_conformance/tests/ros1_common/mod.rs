@@ -29,18 +29,18 @@ struct Graph {
 }
 
 /// A master at a free port, until it is dropped.
-pub struct Master {
+pub(crate) struct Master {
     port: u16,
     ends: Arc<AtomicBool>,
 }
 
 impl Master {
-    pub fn start() -> Self {
+    pub(crate) fn start() -> Self {
         Self::on(TcpListener::bind("127.0.0.1:0").unwrap())
     }
 
     /// Takes the place of one that ended.
-    pub fn at(port: u16) -> Self {
+    pub(crate) fn at(port: u16) -> Self {
         let deadline = Instant::now() + wrapyfi_conformance::PATIENCE;
         loop {
             match TcpListener::bind(("127.0.0.1", port)) {
@@ -51,7 +51,7 @@ impl Master {
         }
     }
 
-    pub fn port(&self) -> u16 {
+    pub(crate) fn port(&self) -> u16 {
         self.port
     }
 
@@ -74,11 +74,11 @@ impl Master {
         Self { port, ends }
     }
 
-    pub fn uri(&self) -> String {
+    pub(crate) fn uri(&self) -> String {
         format!("http://127.0.0.1:{}", self.port)
     }
 
-    pub fn ask(&self, method: &str, params: Vec<Value>) -> Reply {
+    pub(crate) fn ask(&self, method: &str, params: Vec<Value>) -> Reply {
         call(&self.uri(), method, params).unwrap()
     }
 }
@@ -240,7 +240,7 @@ fn read_http(stream: &mut TcpStream) -> Option<Vec<u8>> {
 }
 
 /// Calls a method of the node or master at `uri`.
-pub fn call(uri: &str, method: &str, params: Vec<Value>) -> Option<Reply> {
+pub(crate) fn call(uri: &str, method: &str, params: Vec<Value>) -> Option<Reply> {
     let address = uri.trim_start_matches("http://").trim_end_matches('/');
     let mut stream = TcpStream::connect(address).ok()?;
     let body = xmlrpc::encode_call(method, params).unwrap();
@@ -253,12 +253,12 @@ pub fn call(uri: &str, method: &str, params: Vec<Value>) -> Option<Reply> {
 }
 
 /// A TCPROS message or header, with its size.
-pub fn framed(body: &[u8]) -> Vec<u8> {
+pub(crate) fn framed(body: &[u8]) -> Vec<u8> {
     [&u32::try_from(body.len()).unwrap().to_le_bytes()[..], body].concat()
 }
 
 /// Reads what [`framed`] writes.
-pub fn read_framed(stream: &mut TcpStream) -> std::io::Result<Vec<u8>> {
+pub(crate) fn read_framed(stream: &mut TcpStream) -> std::io::Result<Vec<u8>> {
     let mut size = [0; 4];
     stream.read_exact(&mut size)?;
     let mut body = vec![0; u32::from_le_bytes(size) as usize];
@@ -267,7 +267,7 @@ pub fn read_framed(stream: &mut TcpStream) -> std::io::Result<Vec<u8>> {
 }
 
 /// Opens a connection and exchanges headers.
-pub fn greet(address: &str, own: Header) -> (TcpStream, Header) {
+pub(crate) fn greet(address: &str, own: &Header) -> (TcpStream, Header) {
     let mut stream = TcpStream::connect(address).unwrap();
     stream.write_all(&own.encode().unwrap()).unwrap();
     let header = Header::decode(&read_framed(&mut stream).unwrap()).unwrap();
@@ -275,14 +275,14 @@ pub fn greet(address: &str, own: Header) -> (TcpStream, Header) {
 }
 
 /// A raw publisher: a node whose only skill is to send bytes to whoever subscribes.
-pub struct RawPublisher {
-    pub uri: String,
+pub(crate) struct RawPublisher {
+    pub(crate) uri: String,
     subscribers: Arc<Mutex<Vec<TcpStream>>>,
 }
 
 impl RawPublisher {
     /// Publishes `topic` with these fields in its header.
-    pub fn start(master: &Master, node: &str, topic: &str, fields: Header) -> Self {
+    pub(crate) fn start(master: &Master, node: &str, topic: &str, fields: &Header) -> Self {
         let data = TcpListener::bind("127.0.0.1:0").unwrap();
         let data_port = data.local_addr().unwrap().port();
         let api = TcpListener::bind("127.0.0.1:0").unwrap();
@@ -316,12 +316,12 @@ impl RawPublisher {
     }
 
     /// Subscribers so far.
-    pub fn subscribers(&self) -> usize {
+    pub(crate) fn subscribers(&self) -> usize {
         self.subscribers.lock().unwrap().len()
     }
 
     /// Sends bytes as they are.
-    pub fn send(&self, bytes: &[u8]) {
+    pub(crate) fn send(&self, bytes: &[u8]) {
         for stream in &mut *self.subscribers.lock().unwrap() {
             // It may be gone.
             _ = stream.write_all(bytes);
@@ -329,7 +329,7 @@ impl RawPublisher {
     }
 
     /// Closes all connections.
-    pub fn hang_up(&self) {
+    pub(crate) fn hang_up(&self) {
         self.subscribers.lock().unwrap().clear();
     }
 }
