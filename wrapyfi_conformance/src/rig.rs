@@ -90,6 +90,8 @@ pub struct Capabilities {
     pub wire: bool,
     /// A listener's link counts publishers.
     pub listener_knows_peers: bool,
+    /// A topic may have several publishers at once. Elsewhere a second one waits for the name.
+    pub several_publishers: bool,
     /// A publisher's link counts every listener, not only whether there is one.
     pub publisher_counts_listeners: bool,
     /// An endpoint without a peer says so in `waiting_for`.
@@ -129,6 +131,7 @@ impl Capabilities {
     pub const FULL: Self = Self {
         wire: true,
         listener_knows_peers: true,
+        several_publishers: true,
         publisher_counts_listeners: true,
         waits_aloud: true,
         keeps_last: true,
