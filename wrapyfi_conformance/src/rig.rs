@@ -99,6 +99,8 @@ pub struct Capabilities {
     pub listener_knows_peers: bool,
     /// A listener's link counts every publisher, not only the nodes that have one.
     pub listener_counts_publishers: bool,
+    /// A topic may have several publishers at once. Elsewhere a second one waits for the name.
+    pub several_publishers: bool,
     /// A publisher's link counts every listener, not only whether there is one.
     pub publisher_counts_listeners: bool,
     /// An endpoint without a peer says so in `waiting_for`.
@@ -139,6 +141,7 @@ impl Capabilities {
         wire: true,
         listener_knows_peers: true,
         listener_counts_publishers: true,
+        several_publishers: true,
         publisher_counts_listeners: true,
         waits_aloud: true,
         keeps_last: true,

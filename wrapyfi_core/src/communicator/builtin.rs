@@ -14,6 +14,8 @@ pub(super) fn sources() -> Vec<Arc<dyn Source>> {
         Arc::new(ros1::Ros1Source::default()),
         #[cfg(feature = "ros2")]
         Arc::new(ros2::Ros2Source::default()),
+        #[cfg(feature = "yarp")]
+        Arc::new(yarp::YarpSource),
     ]
 }
 
@@ -270,6 +272,53 @@ mod ros2 {
             let wrong = ["--ros-args", "-p", "use_sim_time:=5"];
             let error = key(&wrong, Side::Publisher, &named).unwrap_err().to_string();
             assert!(error.contains("'use_sim_time'"), "{error}");
+        }
+    }
+}
+
+#[cfg(feature = "yarp")]
+mod yarp {
+    //! YARP: the name server that YARP's own configuration names, as Wrapyfi's programs find it.
+
+    use std::sync::Arc;
+
+    use crate::communicator::option::OptionError;
+    use crate::communicator::source::{Planned, Source, StartError, Wanted};
+    use crate::middleware::yarp::{Dialect, NAME, Yarp, YarpConfig};
+
+    pub(super) struct YarpSource;
+
+    impl Source for YarpSource {
+        fn name(&self) -> &str {
+            NAME
+        }
+
+        fn plan(&self, wanted: &Wanted<'_>) -> Result<Planned, StartError> {
+            let kwargs = wanted.options.map("yarp_kwargs")?;
+            let text = |name: &str| kwargs.map(|kwargs| kwargs.text(name)).transpose();
+            let server = text("name_server")?.flatten();
+            let mut config = match server {
+                Some(address) => {
+                    let fault = || OptionError {
+                        name: "name_server".to_owned(),
+                        found: format!("{address:?}"),
+                        wanted: "an address and a port, such as 127.0.0.1:10000".to_owned(),
+                    };
+                    let name_server = Some(address.parse().map_err(|_| fault())?);
+                    YarpConfig { name_server, ..YarpConfig::default() }
+                }
+                None => YarpConfig::from_env().map_err(StartError::refused)?,
+            };
+            if let Some(dialect) = text("dialect")?.flatten() {
+                config.dialect = dialect.parse::<Dialect>().map_err(StartError::refused)?;
+            }
+            config.max_message_bytes = config.max_message_bytes.max(wanted.max_message_bytes);
+            // Two sides, two instances: one instance does not hear itself.
+            let key = format!("{:?} {config:?}", wanted.side);
+            let start = move || {
+                Ok(Arc::new(Yarp::start(&config).map_err(StartError::refused)?) as _)
+            };
+            Ok(Planned { key, start: Box::new(start) })
         }
     }
 }

@@ -29,7 +29,7 @@ use crate::endpoint::{
 };
 use crate::engine::did_you_mean;
 use crate::plugin::{DeviceMaps, DeviceOption, Plugins};
-use crate::types::{DataType, Encoding, MessageType, ServiceKind};
+use crate::types::{DataType, Encoding, Map, MessageType, ServiceKind};
 
 /// Native objects that wait at a listener: as many as ZeroMQ holds for Wrapyfi's.
 const OBJECTS: usize = 1000;
@@ -154,6 +154,7 @@ impl Opening<'_> {
     fn mention(&self, options: &Options, middleware: &str) {
         if let Ok(Some(carrier)) = options.text("carrier")
             && carrier != "tcp"
+            && middleware != "yarp"
         {
             tracing::warn!("{}: {middleware} has no carrier {carrier}; it is ignored", self.method);
         }
@@ -280,6 +281,7 @@ impl Opening<'_> {
             color_order: color_order(options)?,
             limits: end.limits,
             plugins: plugins(self.context.plugins(), options)?,
+            options: for_middlewares(options)?,
             ..TopicSpec::new(end.endpoint.name.clone(), message_type)
         })
     }
@@ -312,6 +314,7 @@ impl Opening<'_> {
                 color_order: color_order(options)?,
                 limits: end.limits,
                 plugins: plugins(self.context.plugins(), options)?,
+                options: for_middlewares(options)?,
                 ..ServiceSpec::new(end.endpoint.name.clone(), kind)
             })
         })
@@ -328,6 +331,24 @@ impl Opening<'_> {
     fn refused(&self, source: OpenError) -> CallError {
         CallError::Open { method: self.method.clone(), source: Box::new(source) }
     }
+}
+
+/// Wrapyfi's options that only some middlewares have, as they read them.
+fn for_middlewares(options: &Options) -> Result<Map, OptionError> {
+    let mut map = Map::new();
+    for name in ["carrier", "out_topic_connect"] {
+        if let Some(text) = options.text(name)? {
+            map.insert(name, text);
+        }
+    }
+    if let Some(persistent) = options.switch("persistent")? {
+        map.insert("persistent", persistent);
+    }
+    // On YARP the other program is one of Wrapyfi's, unless it is said not to be.
+    let yarp = options.map("yarp_kwargs")?;
+    let told = yarp.map(|yarp| yarp.switch("wrapyfi_images")).transpose()?.flatten();
+    map.insert("wrapyfi_images", told.unwrap_or(true));
+    Ok(map)
 }
 
 /// A ROS message whose type is not said.

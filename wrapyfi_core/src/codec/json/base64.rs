@@ -54,7 +54,7 @@ pub(super) fn encoded_length(bytes: usize) -> usize {
 }
 
 /// Appends `head` followed by `body` in base64 without joining them first.
-pub(super) fn append(head: &[u8], body: &[u8], out: &mut Vec<u8>) {
+pub(crate) fn append(head: &[u8], body: &[u8], out: &mut Vec<u8>) {
     // Base64 takes three bytes at a time: only the group across the seam is put together.
     let whole = head.len() - head.len() % 3;
     let (head, rest) = head.split_at_checked(whole).unwrap_or((head, &[]));

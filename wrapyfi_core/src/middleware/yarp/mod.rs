@@ -19,6 +19,7 @@
 //! | `publisher`, `listener`, `client`, `server` | the endpoints |
 //! | `standing`, `losses`, `tasks`, `own` | what an endpoint says of itself; where its task runs |
 
+mod client;
 mod config;
 mod directory;
 mod discovery;
@@ -30,6 +31,7 @@ mod own;
 pub mod payload;
 mod publisher;
 mod retry;
+mod server;
 mod standing;
 mod tasks;
 mod tie;
@@ -52,7 +54,8 @@ pub use wrapyfi_yarp::Dialect;
 
 use crate::Limits;
 use crate::endpoint::{
-    Context, DiscoverError, Discovery, Listener, Middleware, OpenError, Publisher, TopicSpec,
+    Client, Context, DiscoverError, Discovery, Listener, Middleware, OpenError, Publisher, Server,
+    ServiceSpec, TopicSpec,
 };
 
 /// Name of this middleware in addresses.
@@ -241,6 +244,22 @@ impl Middleware for Yarp {
         context: &Context,
     ) -> Result<Box<dyn Publisher>, OpenError> {
         Ok(Box::new(publisher::YarpPublisher::open(&self.shared, spec, context)?))
+    }
+
+    fn open_client(
+        &self,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Client>, OpenError> {
+        Ok(Box::new(client::YarpClient::open(&self.shared, spec, context)?))
+    }
+
+    fn open_server(
+        &self,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Server>, OpenError> {
+        Ok(Box::new(server::YarpServer::open(&self.shared, spec, context)?))
     }
 
     fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {

@@ -12,18 +12,29 @@
 //! The table with examples: `docs/wire/yarp.md`. Nothing here has sockets or a clock. Pixels and the
 //! samples of one channel are those of the message, not copies.
 
+mod element;
 mod fault;
+mod image;
+mod joints;
 mod native;
+mod numbers;
+mod positional;
 mod requests;
+mod ros;
+mod sound;
+#[cfg(test)]
+mod tests;
+mod word;
 
 use bytes::Bytes;
 use wrapyfi_yarp::port::{Payload as Bytewise, PayloadKind};
 use wrapyfi_yarp::{Dialect, sig};
 
-use super::options::YarpOptions;
-use crate::codec::{DecodeError, EncodeError};
+use super::options::{Form, YarpOptions};
+use crate::codec::{ConvertError, DecodeError, EncodeError, convert_payload};
 use crate::endpoint::TopicSpec;
-use crate::types::{DataType, Payload, Stamp};
+use crate::types::{DataType, MessageType, Payload, Stamp};
+use element::Writer;
 
 pub use requests::{decode_reply, decode_request, encode_error, encode_reply, encode_request};
 
@@ -46,21 +57,45 @@ pub fn encode(
     options: &YarpOptions,
     dialect: Dialect,
 ) -> Result<Outgoing, EncodeError> {
+    let form = options.bottle.unwrap_or_default();
+    let writer = Writer { dialect, limits: &spec.limits };
     let wanted = spec.message_type.data_type();
     let (bytes, stamp) = match (wanted, payload) {
         (DataType::NativeObject, Payload::NativeObject(value)) => {
-            (native::encode(value, spec, options, dialect)?, None)
+            let bytes = if spec.message_type == MessageType::Text {
+                native::encode_text(value, form, writer)?
+            } else {
+                native::encode(value, form, &spec.plugins, writer)?
+            };
+            (bytes, None)
+        }
+        (DataType::Properties, Payload::Properties(properties)) => {
+            (native::encode(&properties.to_value(), form, &spec.plugins, writer)?, None)
+        }
+        (DataType::Image, Payload::Image(image)) => {
+            (image::encode(image, spec, options, dialect)?, Some(image.stamp))
+        }
+        (DataType::AudioChunk, Payload::AudioChunk(sound)) => {
+            (sound::encode(sound, dialect)?, Some(sound.stamp))
+        }
+        (DataType::RosMessage, Payload::RosMessage(message))
+            if spec.message_type == MessageType::Ros(message.ros_type) =>
+        {
+            ros::encode(message, spec, options, dialect)?
         }
         _ => {
             return Err(EncodeError::Mismatch {
-                expected: wanted.to_string(),
-                actual: payload.data_type().to_string(),
+                expected: spec.message_type.to_string(),
+                actual: match payload {
+                    Payload::RosMessage(message) => format!("a {}", message.ros_type),
+                    other => other.data_type().to_string(),
+                },
             });
         }
     };
     fault::check_size(bytes.len(), spec.limits.message_bytes)?;
     let stamp = stamp.filter(|stamp| *stamp != Stamp::default());
-    let stamp = stamp.map(|stamp: Stamp| sig::Stamp { count: 0, time_s: stamp.as_secs_f64() });
+    let stamp = stamp.map(|stamp| sig::Stamp { count: 0, time_s: stamp.as_secs_f64() });
     Ok(Outgoing { payload: Bytewise::object(bytes), stamp })
 }
 
@@ -79,16 +114,53 @@ pub fn decode(
 ) -> Result<Payload, DecodeError> {
     let bytes: &Bytes = &received.bytes;
     fault::check_received(bytes.len(), spec.limits.message_bytes)?;
-    let _stamp = time(stamp).unwrap_or(now);
-    match (spec.message_type.data_type(), received.kind) {
-        (DataType::NativeObject, PayloadKind::Bottle) => {
-            native::decode(bytes, spec, options, dialect).map(Payload::from)
-        }
-        (wanted, _) => Err(DecodeError::Mismatch {
-            expected: wanted.to_string(),
-            actual: format!("a message of {} bytes", bytes.len()),
-        }),
+    let stamp = time(stamp).unwrap_or(now);
+    let limits = &spec.limits;
+    let kind = spec.message_type.data_type();
+    if kind == DataType::Image {
+        let image = image::decode(bytes, received.kind, spec, options, dialect, stamp)?;
+        return Ok(image.into());
     }
+    if received.kind == PayloadKind::Raw {
+        let actual = format!("{} bytes that are no bottle, as carrier mjpeg brings", bytes.len());
+        return Err(fault::mismatch(spec.message_type.to_string(), actual));
+    }
+    match (spec.message_type, kind) {
+        (MessageType::Ros(ros_type), _) => {
+            ros::decode(bytes, ros_type, spec, options, dialect, stamp).map(Payload::from)
+        }
+        (_, DataType::AudioChunk) => {
+            sound::decode(bytes, options, dialect, limits, stamp).map(Payload::from)
+        }
+        (message_type, _) => {
+            let form = options.bottle.unwrap_or_default();
+            let bottle = native::bottle(bytes, dialect, limits)?;
+            if message_type == MessageType::Text {
+                return Ok(native::decode_text(&bottle, form).into());
+            }
+            let form = if kind == DataType::Properties && form != Form::Json {
+                Form::Property
+            } else {
+                form
+            };
+            let value = native::decode(&bottle, form, &spec.plugins, dialect, limits)?;
+            converted(value.into(), spec, now)
+        }
+    }
+}
+
+/// An object as what the topic carries: properties, or itself.
+fn converted(payload: Payload, spec: &TopicSpec, now: Stamp) -> Result<Payload, DecodeError> {
+    let to = spec.message_type;
+    as_decoded(convert_payload(payload, to, spec.color_order, &spec.limits, || now))
+}
+
+/// A payload made of what came: an object that is no such payload is the sender's fault.
+fn as_decoded(converted: Result<Payload, ConvertError>) -> Result<Payload, DecodeError> {
+    converted.map_err(|error| match error {
+        ConvertError::From(error) => error,
+        ConvertError::To(error) => fault::mismatch("a message", error.to_string()),
+    })
 }
 
 /// The time of an envelope; none where no clock could have shown it.

@@ -1,0 +1,136 @@
+//! ROS messages: numbers, joints, and any other type as pairs of field and value.
+//!
+//! ```text
+//!   std_msgs/msg/Float64MultiArray  ◀──▶  Vector, Matrix
+//!   sensor_msgs/msg/JointState      ◀──▶  positions
+//!   any other                       ◀──▶  (linear ((x 0.1) …)) (angular …)   or JSON (bottle: false)
+//!   header.stamp                    ◀──▶  envelope
+//! ```
+
+use bytes::Bytes;
+use wrapyfi_interfaces::dynamic::{DynamicMessage, DynamicValue};
+use wrapyfi_yarp::{Dialect, Value as Element};
+
+use super::super::options::{Form, YarpOptions};
+use super::element::Writer;
+use super::{fault, joints, native, numbers};
+use crate::codec::{DecodeError, EncodeError, json};
+use crate::endpoint::TopicSpec;
+use crate::types::{Map, RosMessage, RosType, Stamp, Value};
+
+const NUMBERS: &str = "std_msgs/msg/Float64MultiArray";
+const JOINTS: &str = "sensor_msgs/msg/JointState";
+
+/// Writes a message; its bytes, and the time of its header.
+pub(super) fn encode(
+    message: &RosMessage,
+    spec: &TopicSpec,
+    options: &YarpOptions,
+    dialect: Dialect,
+) -> Result<(Vec<u8>, Option<Stamp>), EncodeError> {
+    let fields = message.to_value(spec.limits.message_bytes).map_err(|error| {
+        let what = format!("a malformed {}: {error}", message.ros_type);
+        fault::unwritable("bottle", what, "$", "look at its publisher")
+    })?;
+    let bytes = match (message.ros_type.name(), options.bottle) {
+        (_, Some(Form::Json)) => {
+            native::bytes(&native::single(json::encode_with(&fields, &spec.plugins)?), dialect)?
+        }
+        (NUMBERS, None) => numbers::write(numbers::of_fields(&fields)?, dialect)?,
+        (JOINTS, None) => joints::write(&fields, options, dialect)?,
+        _ => native::bytes(&Writer { dialect, limits: &spec.limits }.bottle(&fields)?, dialect)?,
+    };
+    Ok((bytes, stamp(&fields)))
+}
+
+/// Reads a message. `stamp` becomes that of its header where the bytes bring none.
+pub(super) fn decode(
+    bytes: &Bytes,
+    ros_type: RosType,
+    spec: &TopicSpec,
+    options: &YarpOptions,
+    dialect: Dialect,
+    stamp: Stamp,
+) -> Result<RosMessage, DecodeError> {
+    let limits = &spec.limits;
+    let mut fields = match (ros_type.name(), options.bottle) {
+        (NUMBERS, None) => numbers::to_fields(numbers::read(bytes, dialect, limits)?)?,
+        (JOINTS, None) => joints::read(bytes, options, dialect, limits)?,
+        _ => pairs(bytes, ros_type, spec, dialect)?,
+    };
+    let defaults = ros_type.plan().default_message();
+    if fields.get("header").is_none() && defaults.get("header.stamp.nanosec").is_some() {
+        fields.insert("header", header(stamp, &options.frame_id));
+    }
+    RosMessage::from_value(ros_type, &fields.into(), limits.message_bytes)
+        .map_err(|error| fault::mismatch(ros_type.name(), format!("other fields: {error}")))
+}
+
+/// The fields in a dict: pairs of name and value, or JSON.
+fn pairs(
+    bytes: &Bytes,
+    ros_type: RosType,
+    spec: &TopicSpec,
+    dialect: Dialect,
+) -> Result<Map, DecodeError> {
+    let bottle = native::bottle(bytes, dialect, &spec.limits)?;
+    let form = match bottle.values.as_slice() {
+        [Element::String(_)] => Form::Json,
+        _ => Form::Property,
+    };
+    let value = native::decode(&bottle, form, &spec.plugins, dialect, &spec.limits)?;
+    match named(value, &ros_type.plan().default_message()) {
+        Value::Map(fields) => Ok(fields),
+        other => Err(fault::mismatch(
+            format!("the fields of a {ros_type} as pairs (name value)"),
+            format!("a {}", other.kind()),
+        )),
+    }
+}
+
+/// `value` with lists of pairs made dicts where the message has messages: text carriers know no
+/// dicts.
+pub(super) fn named(value: Value, defaults: &DynamicMessage) -> Value {
+    let map = match value {
+        Value::Map(map) => map,
+        Value::List(items) => match as_pairs(&items) {
+            Some(map) => map,
+            None => return Value::List(items),
+        },
+        other => return other,
+    };
+    let field = |(key, value): (Value, Value)| {
+        let inner = key.as_str().and_then(|name| defaults.get(name));
+        let value = match inner {
+            Some(DynamicValue::Message(inner)) => named(value, inner),
+            _ => value,
+        };
+        (key, value)
+    };
+    map.into_iter().map(field).collect::<Map>().into()
+}
+
+/// Lists of name and value as a dict.
+pub(super) fn as_pairs(items: &[Value]) -> Option<Map> {
+    let pair = |item: &Value| match item {
+        Value::List(pair) => match pair.as_slice() {
+            [key @ Value::Str(_), value] => Some((key.clone(), value.clone())),
+            _ => None,
+        },
+        _ => None,
+    };
+    items.iter().map(pair).collect()
+}
+
+fn header(stamp: Stamp, frame_id: &str) -> Map {
+    let time = Map::from([("sec", Value::from(stamp.sec)), ("nanosec", stamp.nanosec.into())]);
+    Map::from([("stamp", Value::from(time)), ("frame_id", frame_id.into())])
+}
+
+/// The time of a message's header.
+fn stamp(fields: &Value) -> Option<Stamp> {
+    let time = fields.get("header")?.get("stamp")?;
+    let sec = i32::try_from(time.get("sec")?.as_i64()?).ok()?;
+    let nanosec = u32::try_from(time.get("nanosec")?.as_i64()?).ok()?;
+    Some(Stamp { sec, nanosec })
+}
