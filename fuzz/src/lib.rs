@@ -26,6 +26,7 @@ mod tables;
 mod tensors;
 mod texts;
 mod yarp_names;
+mod yarp_payload;
 mod yarp_wire;
 
 pub use codecs::{cdr, frames, jpeg, json, npy};
@@ -39,6 +40,7 @@ pub use tables::plugin_table;
 pub use tensors::plugin_tensor;
 pub use texts::{config, msg_parser, ros_args};
 pub use yarp_names::yarp_name_lines;
+pub use yarp_payload::yarp_payload;
 pub use yarp_wire::yarp_connection;
 
 use wrapyfi_core::Limits;
@@ -50,7 +52,7 @@ pub const LIMITS: Limits = Limits { message_bytes: 1 << 20, depth: 64 };
 pub type Target = (&'static str, fn(&[u8]));
 
 /// Every target.
-pub const TARGETS: [Target; 18] = [
+pub const TARGETS: [Target; 19] = [
     ("json", json),
     ("npy", npy),
     ("frames", frames),
@@ -69,4 +71,5 @@ pub const TARGETS: [Target; 18] = [
     ("zeromq_requests", zeromq_requests),
     ("yarp_name_lines", yarp_name_lines),
     ("yarp_connection", yarp_connection),
+    ("yarp_payload", yarp_payload),
 ];

@@ -54,5 +54,5 @@ macro_rules! replays {
 replays! {
     json npy frames jpeg cdr msg_parser ros_args config plugin_tensor pickle plugin_table
     plugin_picture plugin_zarr node_services dynamic zeromq_requests yarp_name_lines
-    yarp_connection
+    yarp_connection yarp_payload
 }

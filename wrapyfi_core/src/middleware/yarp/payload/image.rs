@@ -17,9 +17,7 @@ use crate::codec::json::base64;
 use crate::codec::npy::{self, NpyArray};
 use crate::codec::{DecodeError, EncodeError, convert};
 use crate::endpoint::TopicSpec;
-use crate::types::{
-    CompressedFormat, Encoding, Image, NumpyArray, Pixels, RawPixels, Stamp,
-};
+use crate::types::{CompressedFormat, Encoding, Image, NumpyArray, Pixels, RawPixels, Stamp};
 
 /// Pixels of YARP and what ROS calls them.
 const PIXELS: [(PixelCode, Encoding); 9] = [
@@ -167,7 +165,8 @@ fn decode_raw(
     if options.wrapyfi_images && encoding == Encoding::Rgb8 && !order {
         encoding = Encoding::Bgr8;
     }
-    let size = |value: usize| u32::try_from(value).map_err(|error| fault::malformed("image", error));
+    let size =
+        |value: usize| u32::try_from(value).map_err(|error| fault::malformed("image", error));
     let (width, height) = (size(image.width())?, size(image.height())?);
     let read = if image.header().is_empty() {
         RawPixels::dense(width, height, encoding, Bytes::new())
@@ -179,7 +178,8 @@ fn decode_raw(
 }
 
 fn decode_file(bottle: &Bottle) -> Result<Pixels, DecodeError> {
-    let unlike = || fault::mismatch("an image, or a JPEG file as Wrapyfi sends it", native::shown(bottle));
+    let unlike =
+        || fault::mismatch("an image, or a JPEG file as Wrapyfi sends it", native::shown(bottle));
     match bottle.values.as_slice() {
         [Element::Blob(bytes)] => file(bytes.clone()),
         [Element::String(text)] => {
