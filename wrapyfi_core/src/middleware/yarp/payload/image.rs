@@ -34,6 +34,9 @@ const PIXELS: [(PixelCode, Encoding); 9] = [
 /// Rows whose step no header can say are tried at these multiples before they are copied.
 const QUANTA: [u16; 3] = [1, sig::DEFAULT_QUANTUM, 4096];
 
+/// How the header of every image begins: a list of four.
+const IMAGE: [u8; 8] = [0, 1, 0, 0, 4, 0, 0, 0];
+
 /// Writes a picture as messages of the topic carry it.
 pub(super) fn encode(
     image: &Image,
@@ -110,7 +113,7 @@ fn rows(options: &YarpOptions) -> Rows {
 /// A file as Wrapyfi sends it: base64 of a `.npy` file of one string of bytes.
 fn encode_file(file: &Bytes, dialect: Dialect) -> Result<Vec<u8>, EncodeError> {
     let length = file.len();
-    let array = NumpyArray::new(format!("|S{length}"), length, vec![], file.clone());
+    let array = NumpyArray::new(format!("'|S{length}'"), length, vec![], file.clone());
     let array = array.map_err(|error| {
         let what = format!("a file of {length} bytes");
         fault::unwritable("npy", what, "$", format!("compress it again: {error}"))
@@ -131,18 +134,12 @@ pub(super) fn decode(
 ) -> Result<Image, DecodeError> {
     let pixels = match kind {
         PayloadKind::Raw => file(bytes.clone())?,
-        PayloadKind::Bottle if is_file(bytes, dialect, spec) => {
-            decode_file(&native::bottle(bytes, dialect, &spec.limits)?)?
+        PayloadKind::Bottle if bytes.starts_with(&IMAGE) => {
+            Pixels::Raw(decode_raw(bytes, spec, options)?)
         }
-        PayloadKind::Bottle => Pixels::Raw(decode_raw(bytes, spec, options)?),
+        PayloadKind::Bottle => decode_file(&native::bottle(bytes, dialect, &spec.limits)?)?,
     };
     Ok(Image { stamp, frame_id: options.frame_id.clone(), pixels })
-}
-
-/// Whether the message is a bottle of one value, where an image is one of four.
-fn is_file(bytes: &Bytes, dialect: Dialect, spec: &TopicSpec) -> bool {
-    let one = bytes.get(4..8) == Some(&1_i32.to_le_bytes());
-    one && native::bottle(bytes, dialect, &spec.limits).is_ok()
 }
 
 fn decode_raw(
