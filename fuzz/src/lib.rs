@@ -29,6 +29,7 @@ mod tensors;
 mod texts;
 mod yarp;
 mod yarp_names;
+mod yarp_payload;
 mod yarp_wire;
 
 pub use codecs::{cdr, frames, jpeg, json, npy};
@@ -45,6 +46,7 @@ pub use tensors::plugin_tensor;
 pub use texts::{config, msg_parser, ros_args};
 pub use yarp::{yarp_bottle, yarp_object, yarp_text};
 pub use yarp_names::yarp_name_lines;
+pub use yarp_payload::yarp_payload;
 pub use yarp_wire::yarp_connection;
 
 use wrapyfi_core::Limits;
@@ -82,4 +84,5 @@ pub const TARGETS: &[Target] = &[
     ("ros1_messages", ros1_messages),
     ("tcpros_header", tcpros_header),
     ("xmlrpc", xmlrpc),
+    ("yarp_payload", yarp_payload),
 ];

@@ -55,5 +55,5 @@ replays! {
     json npy frames jpeg cdr msg_parser ros_args config plugin_tensor pickle plugin_table
     plugin_picture plugin_zarr node_services dynamic zeromq_requests yarp_bottle yarp_text
     yarp_object yarp_name_lines yarp_connection ros1_definition ros1_messages tcpros_header
-    xmlrpc
+    xmlrpc yarp_payload
 }
