@@ -26,6 +26,7 @@ mod trip;
 mod turn;
 mod wire;
 mod worker;
+mod yarp;
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -40,9 +41,14 @@ use results::Results;
 use trip::Trip;
 use turn::Bench;
 use wire::{Place, Wire};
+use yarp::Ride;
 
 /// Measures wrapyfi for ROS 2. Run it through `make bench`.
 #[derive(Debug, Parser)]
+#[command(
+    after_help = "Cases of YARP are named yarp-way/load; --only yarp has ports at rest and the \
+                        name server, too."
+)]
 struct Cli {
     /// Rounds in which every case that a target is made of has one turn.
     #[arg(long, default_value_t = 17)]
@@ -122,6 +128,25 @@ enum Role {
         #[arg(long)]
         domain: u32,
     },
+    /// Has a port that asks or sends, or a bare socket.
+    #[command(hide = true)]
+    YarpNear {
+        #[command(flatten)]
+        place: yarp::Place,
+    },
+    /// Has one that answers or reads.
+    #[command(hide = true)]
+    YarpFar {
+        #[command(flatten)]
+        place: yarp::Place,
+    },
+    /// Has many, at rest.
+    #[command(hide = true)]
+    YarpPorts {
+        /// Port number of the name server.
+        #[arg(long)]
+        names: u16,
+    },
     /// Receives.
     #[command(hide = true)]
     Sink {
@@ -152,6 +177,15 @@ fn main() -> Result<()> {
         }
         Some(Role::Crowd { domain }) => crowd::crowd(*domain),
         Some(Role::Onlooker { domain }) => crowd::onlooker(*domain),
+        Some(Role::YarpNear { place }) => {
+            log_warnings();
+            yarp::near(*place)
+        }
+        Some(Role::YarpFar { place }) => {
+            log_warnings();
+            yarp::far(*place)
+        }
+        Some(Role::YarpPorts { names }) => yarp::ports(*names),
         Some(Role::Source { wire, place }) => {
             log_warnings();
             worker::source(*wire, place)
@@ -186,6 +220,7 @@ fn run(cli: &Cli) -> Result<()> {
     let mut results = Results::new(cli.rounds);
     let wanted = |name: &str| cli.only.as_ref().is_none_or(|only| name.contains(only));
     let cases: Vec<Case> = Case::all().into_iter().filter(|case| wanted(&case.name())).collect();
+    let rides: Vec<Ride> = Ride::ALL.into_iter().filter(|ride| wanted(&ride.name())).collect();
     let trips: Vec<Trip> = Trip::ALL.into_iter().filter(|trip| wanted(&trip.name())).collect();
 
     let coded = cli.only.as_deref().is_none_or(|only| only == "coding");
@@ -204,6 +239,7 @@ fn run(cli: &Cli) -> Result<()> {
     for round in 1..=cli.rounds {
         results.loads.push(proc::load());
         results.micro(round, bodies.base64()?);
+        yarp(&bench, &rides, round, &mut results);
         if coded {
             results.micro(round, bodies.coding()?);
             match coding::memory(&bench.own, folder.path()) {
@@ -252,6 +288,12 @@ fn run(cli: &Cli) -> Result<()> {
             Err(error) => results.failures.push(format!("foreign endpoints: {error:#}")),
         }
     }
+    if cli.only.as_deref().is_none_or(|only| only == "yarp") {
+        match yarp::Ports::measure(&bench, if cli.quick { 5 } else { 15 }) {
+            Ok(ports) => results.ports(ports),
+            Err(error) => results.failures.push(format!("YARP ports at rest: {error:#}")),
+        }
+    }
     let targets = targets::check(&results);
     std::fs::create_dir_all(&out)?;
     std::fs::write(out.join("results.csv"), results.csv())?;
@@ -277,6 +319,31 @@ fn calls(bench: &Bench, trips: &[Trip], round: u32, results: &mut Results) {
                 results.failures.push(failure);
             }
         }
+    }
+}
+
+/// YARP, all of it in each round and backwards in every other one.
+fn yarp(bench: &Bench, rides: &[Ride], round: u32, results: &mut Results) {
+    let mut rides = rides.to_vec();
+    if round.is_multiple_of(2) {
+        rides.reverse();
+    }
+    for ride in &rides {
+        match ride.turn(bench) {
+            Ok(leg) => results.ride(round, *ride, leg),
+            Err(error) => {
+                let failure = format!("round {round}, {}: {error:#}", ride.name());
+                note(&failure);
+                results.failures.push(failure);
+            }
+        }
+    }
+    if rides.is_empty() {
+        return;
+    }
+    match yarp::registrations() {
+        Ok(figure) => results.micro(round, vec![figure]),
+        Err(error) => results.failures.push(format!("round {round}, name server: {error:#}")),
     }
 }
 
