@@ -2,6 +2,7 @@
 //!
 //! How: `README.md` beside this. What came out last: `RESULTS.md`, `results.csv`, `plot.svg`.
 
+mod asked;
 mod case;
 mod child;
 mod clock;
@@ -16,9 +17,11 @@ mod payload;
 mod plot;
 mod proc;
 mod python;
+mod registered;
 mod relay;
 mod report;
 mod results;
+mod ros1;
 mod soak;
 mod stats;
 mod targets;
@@ -34,6 +37,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, Result};
 use clap::{Parser, Subcommand};
 
+use asked::Asked;
 use case::Case;
 use payload::Kind;
 use python::Python;
@@ -59,8 +63,9 @@ struct Cli {
     /// Streams for 10 seconds instead of 60.
     #[arg(long)]
     quick: bool,
-    /// Only cases whose name (`way/payload`, `call-way/load`) contains this, in every round, and
-    /// neither streams, coding nor foreign endpoints; `coding`, `endpoints`, `fast-dds`: only that.
+    /// Only cases whose name (`way/payload`, `call-way/load`, `ask-way/payload`) contains this, in
+    /// every round, and neither streams, coding, registered methods nor foreign endpoints; `coding`,
+    /// `registered`, `endpoints`, `fast-dds`: only that.
     #[arg(long)]
     only: Option<String>,
     /// Folder for the results; default: this program's own in the repository.
@@ -115,6 +120,18 @@ enum Role {
     Far {
         #[command(flatten)]
         place: trip::Place,
+    },
+    /// Calls a registered method.
+    #[command(hide = true)]
+    Asker {
+        #[command(flatten)]
+        place: asked::Place,
+    },
+    /// Runs it for others.
+    #[command(hide = true)]
+    Asked {
+        #[command(flatten)]
+        place: asked::Place,
     },
     /// Has many endpoints.
     #[command(hide = true)]
@@ -175,6 +192,14 @@ fn main() -> Result<()> {
             log_warnings();
             trip::far(place)
         }
+        Some(Role::Asker { place }) => {
+            log_warnings();
+            asked::asker(*place)
+        }
+        Some(Role::Asked { place }) => {
+            log_warnings();
+            asked::asked(*place)
+        }
         Some(Role::Crowd { domain }) => crowd::crowd(*domain),
         Some(Role::Onlooker { domain }) => crowd::onlooker(*domain),
         Some(Role::YarpNear { place }) => {
@@ -223,6 +248,8 @@ fn run(cli: &Cli) -> Result<()> {
     let rides: Vec<Ride> = Ride::ALL.into_iter().filter(|ride| wanted(&ride.name())).collect();
     let trips: Vec<Trip> = Trip::ALL.into_iter().filter(|trip| wanted(&trip.name())).collect();
 
+    let asked: Vec<Asked> = Asked::ALL.into_iter().filter(|ask| wanted(ask.name())).collect();
+
     let coded = cli.only.as_deref().is_none_or(|only| only == "coding");
     let mut python = None;
     if coded || cases.iter().any(|case| case.way.is_python()) {
@@ -239,7 +266,7 @@ fn run(cli: &Cli) -> Result<()> {
     for round in 1..=cli.rounds {
         results.loads.push(proc::load());
         results.micro(round, bodies.base64()?);
-        yarp(&bench, &rides, round, &mut results);
+        yarp::round(&bench, &rides, round, &mut results);
         if coded {
             results.micro(round, bodies.coding()?);
             match coding::memory(&bench.own, folder.path()) {
@@ -248,6 +275,14 @@ fn run(cli: &Cli) -> Result<()> {
             }
             if let Some(python) = &mut python {
                 python_coding(python, round, &mut results);
+            }
+        }
+        if cli.only.as_deref().is_none_or(|only| only == "registered") {
+            match registered::round() {
+                Ok(figures) => results.micro(round, figures),
+                Err(error) => {
+                    results.failures.push(format!("round {round}, registered: {error:#}"));
+                }
             }
         }
         for case in order(&cases, round, cli) {
@@ -266,6 +301,10 @@ fn run(cli: &Cli) -> Result<()> {
             }
         }
         calls(&bench, &trips, round, &mut results);
+        // Python's calls are so slow that every other round is enough.
+        if cli.only.is_some() || round % 2 == 1 {
+            asks(&bench, repository, &asked, round, &mut results);
+        }
         note(&format!("round {round} of {}: {:.0} s", cli.rounds, begin.elapsed().as_secs_f64()));
     }
     drop(python);
@@ -322,28 +361,24 @@ fn calls(bench: &Bench, trips: &[Trip], round: u32, results: &mut Results) {
     }
 }
 
-/// YARP, all of it in each round and backwards in every other one.
-fn yarp(bench: &Bench, rides: &[Ride], round: u32, results: &mut Results) {
-    let mut rides = rides.to_vec();
-    if round.is_multiple_of(2) {
-        rides.reverse();
+/// Calls of registered methods; backwards in every second round that has them.
+fn asks(bench: &Bench, repository: &Path, asked: &[Asked], round: u32, results: &mut Results) {
+    let mut asked = asked.to_vec();
+    if round / 2 % 2 == 1 {
+        asked.reverse();
     }
-    for ride in &rides {
-        match ride.turn(bench) {
-            Ok(leg) => results.ride(round, *ride, leg),
+    for ask in asked {
+        if ask != Asked::Ours && results.no_python.is_some() {
+            continue;
+        }
+        match ask.turn(bench, repository) {
+            Ok(answers) => results.asked(round, ask, answers),
             Err(error) => {
-                let failure = format!("round {round}, {}: {error:#}", ride.name());
+                let failure = format!("round {round}, {}: {error:#}", ask.name());
                 note(&failure);
                 results.failures.push(failure);
             }
         }
-    }
-    if rides.is_empty() {
-        return;
-    }
-    match yarp::registrations() {
-        Ok(figure) => results.micro(round, vec![figure]),
-        Err(error) => results.failures.push(format!("round {round}, name server: {error:#}")),
     }
 }
 

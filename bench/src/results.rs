@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
+use crate::asked::{Answers, Asked};
 use crate::case::{Case, Way};
 use crate::crowd::Rest;
 use crate::estimate::Series;
@@ -27,6 +28,7 @@ pub(crate) struct Results {
     micro: Vec<(String, Series)>,
     coding: BTreeMap<Kind, BTreeMap<u32, Coding>>,
     trips: BTreeMap<Trip, BTreeMap<u32, Leg>>,
+    asked: BTreeMap<Asked, BTreeMap<u32, Answers>>,
     pub(crate) soak: Option<Soak>,
     pub(crate) rest: Option<Rest>,
     pub(crate) fast: Option<fast::Stream>,
@@ -127,6 +129,36 @@ impl Results {
             self.row(round, &trip.name(), "calls", measure, value);
         }
         self.trips.entry(trip).or_default().insert(round, leg);
+    }
+
+    /// Adds a turn of calls of a registered method.
+    pub(crate) fn asked(&mut self, round: u32, ask: Asked, answers: Answers) {
+        let q = |fraction| quantile(&answers.report.latency_us, fraction).unwrap_or(f64::NAN);
+        for (measure, value) in [
+            ("p50_us", q(0.5)),
+            ("max_us", q(1.0)),
+            ("min_us", q(0.0)),
+            ("calls", answers.report.received.into()),
+            ("server_cpu_us_per_call", answers.server_us),
+        ] {
+            self.row(round, ask.name(), "calls", measure, value);
+        }
+        self.asked.entry(ask).or_default().insert(round, answers);
+    }
+
+    /// Turns of such calls by round; `None` where none succeeded.
+    pub(crate) fn answers(&self, ask: Asked) -> Option<&BTreeMap<u32, Answers>> {
+        self.asked.get(&ask)
+    }
+
+    /// Median call in each round, and what the server used for one.
+    pub(crate) fn asked_rounds(&self, ask: Asked) -> Option<(Series, Series)> {
+        let all = self.answers(ask)?;
+        let half = |(round, answers): (&u32, &Answers)| {
+            Some((*round, median(&answers.report.latency_us)?))
+        };
+        let used = all.iter().map(|(round, answers)| (*round, answers.server_us)).collect();
+        Some((all.iter().filter_map(half).collect(), used))
     }
 
     /// Adds what a bridge at rest takes.

@@ -186,8 +186,8 @@ async fn a_receiver_that_says_nothing_stalls_nobody() {
 #[tokio::test]
 async fn replies_that_are_none_are_errors_with_a_name() {
     for (answer, what) in [
-        (&b"garbage!garbage!"[..], "not with"),
-        (b"\0\x01\0\0\xff\xff\xff\x7f", "damaged"),
+        (&b"garbage!garbage!"[..], "none of YARP's"),
+        (b"\0\x01\0\0\xff\xff\xff\x7f", "more than"),
         (b"", "closed"),
     ] {
         let (listener, network) = peer().await;

@@ -30,12 +30,12 @@ use wrapyfi_yarp::sig::{Image, PixelCode};
 use wrapyfi_yarp::{Bottle, Dialect};
 
 use crate::child::Child;
+use crate::results::Results;
 use crate::trip::Leg;
 use crate::turn::{Bench, Line};
 use crate::worker::{Order, Report};
 
 pub(crate) use far::far;
-pub(crate) use names::registrations;
 pub(crate) use near::near;
 pub(crate) use rest::{Ports, ports};
 
@@ -202,6 +202,31 @@ impl Ride {
         let Report { sent, received, .. } = calls.report;
         ensure!(sent == received && sent > 0, "{received} of {sent} arrived");
         Ok(Leg { warm, calls })
+    }
+}
+
+/// All of it, as every round has it: backwards in every other one.
+pub(crate) fn round(bench: &Bench, rides: &[Ride], round: u32, results: &mut Results) {
+    let mut rides = rides.to_vec();
+    if round.is_multiple_of(2) {
+        rides.reverse();
+    }
+    for ride in &rides {
+        match ride.turn(bench) {
+            Ok(leg) => results.ride(round, *ride, leg),
+            Err(error) => {
+                let failure = format!("round {round}, {}: {error:#}", ride.name());
+                crate::note(&failure);
+                results.failures.push(failure);
+            }
+        }
+    }
+    if rides.is_empty() {
+        return;
+    }
+    match names::registrations() {
+        Ok(figure) => results.micro(round, vec![figure]),
+        Err(error) => results.failures.push(format!("round {round}, name server: {error:#}")),
     }
 }
 

@@ -15,6 +15,12 @@ pub(super) fn sources() -> Vec<Arc<dyn Source>> {
     ]
 }
 
+/// ROS 2 with the remap rules and names of a command line.
+#[cfg(feature = "ros2")]
+pub(super) fn ros2_with(args: crate::node::args::RosArgs) -> Arc<dyn Source> {
+    Arc::new(ros2::Ros2Source::new(args))
+}
+
 /// Names that Wrapyfi knows. One that is not here is absent, and no mistake.
 pub(super) const KNOWN: [&str; 7] = ["zeromq", "yarp", "ros", "ros2", "websocket", "zenoh", "mqtt"];
 
@@ -85,7 +91,8 @@ mod ros2 {
     use crate::communicator::resolve::Side;
     use crate::communicator::source::{Planned, Source, StartError, Wanted};
     use crate::middleware::ros2::{CycloneConfig, CycloneGraph, Ros2, environment};
-    use crate::node::NodeName;
+    use crate::node::args::RosArgs;
+    use crate::node::{NodeName, NodeOptions};
 
     /// Messages a subscription of Wrapyfi holds.
     const QUEUE_DEPTH: usize = 5;
@@ -96,11 +103,18 @@ mod ros2 {
     pub(super) struct Ros2Source {
         /// Of this context's nameless nodes.
         number: u32,
+        args: Arc<RosArgs>,
     }
 
     impl Default for Ros2Source {
         fn default() -> Self {
-            Self { number: NAMELESS.fetch_add(1, Relaxed) }
+            Self::new(RosArgs::default())
+        }
+    }
+
+    impl Ros2Source {
+        pub(super) fn new(args: RosArgs) -> Self {
+            Self { number: NAMELESS.fetch_add(1, Relaxed), args: Arc::new(args) }
         }
     }
 
@@ -116,12 +130,16 @@ mod ros2 {
                 Some(name) => name.to_owned(),
                 None => format!("wrapyfi_{:x}_{}", std::process::id(), self.number),
             };
+            let options =
+                NodeOptions::resolve(&base, "/", &self.args).map_err(StartError::refused)?;
+            let own = options.name;
             // Two sides, two nodes: a node does not hear itself.
-            let name = match wanted.side {
-                Side::Publisher => base,
-                Side::Listener => format!("{base}_in"),
+            let node = match wanted.side {
+                Side::Publisher => own.clone(),
+                Side::Listener => NodeName::new(&format!("{}_in", own.name()), own.namespace())
+                    .map_err(StartError::refused)?,
             };
-            let node = NodeName::new(&name, "/").map_err(StartError::refused)?;
+            let (name, args) = (node.fqn(), Arc::clone(&self.args));
             let max_message_bytes = wanted.max_message_bytes;
             let start = move || {
                 let environment = environment::read(|name| std::env::var(name).ok())
@@ -130,8 +148,11 @@ mod ros2 {
                 let mut config = CycloneConfig::from_environment(node, &environment);
                 config.max_message_bytes = config.max_message_bytes.max(max_message_bytes);
                 let graph = CycloneGraph::new(&config).map_err(StartError::refused)?;
-                let as_it_is = |topic: &str| Ok(topic.to_owned());
-                Ok(Arc::new(Ros2::new(Arc::new(graph), as_it_is)) as _)
+                // Rules for one node are those for its own name, on both sides.
+                let remap = move |topic: &str| {
+                    args.resolve_topic(&own, topic).map_err(|error| error.to_string())
+                };
+                Ok(Arc::new(Ros2::new(Arc::new(graph), remap)) as _)
             };
             Ok(Planned { key: name, start: Box::new(start) })
         }
@@ -148,6 +169,39 @@ mod ros2 {
                 }
             });
             Some(depth.unwrap_or(QUEUE_DEPTH))
+        }
+    }
+
+    #[cfg(test)]
+    mod tests {
+        use super::*;
+        use crate::communicator::option::{OptionValue, Options};
+
+        fn key(argv: &[&str], side: Side, options: &Options) -> Result<String, StartError> {
+            let argv = argv.iter().map(|word| (*word).to_owned());
+            let none = |_: &str| Err(std::io::Error::other("no files here"));
+            let source = Ros2Source::new(RosArgs::parse(argv, none).unwrap());
+            let wanted = Wanted { side, is_service: false, options, max_message_bytes: 1 };
+            source.plan(&wanted).map(|planned| planned.key)
+        }
+
+        #[test]
+        fn the_command_line_names_both_nodes() {
+            let named = Options::default().with(
+                "ros2_kwargs",
+                OptionValue::Map(
+                    Options::default().with("node_name", OptionValue::Text("eye".into())),
+                ),
+            );
+            let lab = ["--ros-args", "-r", "__ns:=/lab"];
+            assert_eq!(key(&[], Side::Publisher, &named).unwrap(), "/eye");
+            assert_eq!(key(&lab, Side::Publisher, &named).unwrap(), "/lab/eye");
+            assert_eq!(key(&lab, Side::Listener, &named).unwrap(), "/lab/eye_in");
+            let other = ["--ros-args", "-r", "__node:=driver"];
+            assert_eq!(key(&other, Side::Listener, &named).unwrap(), "/driver_in");
+            let wrong = ["--ros-args", "-p", "use_sim_time:=5"];
+            let error = key(&wrong, Side::Publisher, &named).unwrap_err().to_string();
+            assert!(error.contains("'use_sim_time'"), "{error}");
         }
     }
 }

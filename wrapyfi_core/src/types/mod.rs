@@ -68,5 +68,6 @@ pub use value::{Tagged, Value};
 pub(crate) use element::swap_byte_order;
 pub(crate) use map::unique_members;
 pub(crate) use nested::{nested_list, rectangular};
+#[cfg_attr(not(feature = "ros2"), allow(unused_imports))]
 pub(crate) use ros_value::{fields_of, fields_of_call, value_of};
 pub(crate) use shape::element_count;

@@ -83,6 +83,7 @@ pub(crate) fn fields_of(
 }
 
 /// The fields that the arguments of a call give: in order, by name, or one dict of them all.
+#[cfg_attr(not(feature = "ros2"), allow(dead_code))]
 pub(crate) fn fields_of_call(
     ros_type: RosType,
     args: &[Value],
