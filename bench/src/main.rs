@@ -29,6 +29,7 @@ mod trip;
 mod turn;
 mod wire;
 mod worker;
+mod yarp;
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -44,9 +45,14 @@ use results::Results;
 use trip::Trip;
 use turn::Bench;
 use wire::{Place, Wire};
+use yarp::Ride;
 
 /// Measures wrapyfi for ROS 2. Run it through `make bench`.
 #[derive(Debug, Parser)]
+#[command(
+    after_help = "Cases of YARP are named yarp-way/load; --only yarp has ports at rest and the \
+                        name server, too."
+)]
 struct Cli {
     /// Rounds in which every case that a target is made of has one turn.
     #[arg(long, default_value_t = 17)]
@@ -139,6 +145,25 @@ enum Role {
         #[arg(long)]
         domain: u32,
     },
+    /// Has a port that asks or sends, or a bare socket.
+    #[command(hide = true)]
+    YarpNear {
+        #[command(flatten)]
+        place: yarp::Place,
+    },
+    /// Has one that answers or reads.
+    #[command(hide = true)]
+    YarpFar {
+        #[command(flatten)]
+        place: yarp::Place,
+    },
+    /// Has many, at rest.
+    #[command(hide = true)]
+    YarpPorts {
+        /// Port number of the name server.
+        #[arg(long)]
+        names: u16,
+    },
     /// Receives.
     #[command(hide = true)]
     Sink {
@@ -177,6 +202,15 @@ fn main() -> Result<()> {
         }
         Some(Role::Crowd { domain }) => crowd::crowd(*domain),
         Some(Role::Onlooker { domain }) => crowd::onlooker(*domain),
+        Some(Role::YarpNear { place }) => {
+            log_warnings();
+            yarp::near(*place)
+        }
+        Some(Role::YarpFar { place }) => {
+            log_warnings();
+            yarp::far(*place)
+        }
+        Some(Role::YarpPorts { names }) => yarp::ports(*names),
         Some(Role::Source { wire, place }) => {
             log_warnings();
             worker::source(*wire, place)
@@ -211,6 +245,7 @@ fn run(cli: &Cli) -> Result<()> {
     let mut results = Results::new(cli.rounds);
     let wanted = |name: &str| cli.only.as_ref().is_none_or(|only| name.contains(only));
     let cases: Vec<Case> = Case::all().into_iter().filter(|case| wanted(&case.name())).collect();
+    let rides: Vec<Ride> = Ride::ALL.into_iter().filter(|ride| wanted(&ride.name())).collect();
     let trips: Vec<Trip> = Trip::ALL.into_iter().filter(|trip| wanted(&trip.name())).collect();
 
     let asked: Vec<Asked> = Asked::ALL.into_iter().filter(|ask| wanted(ask.name())).collect();
@@ -231,6 +266,7 @@ fn run(cli: &Cli) -> Result<()> {
     for round in 1..=cli.rounds {
         results.loads.push(proc::load());
         results.micro(round, bodies.base64()?);
+        yarp::round(&bench, &rides, round, &mut results);
         if coded {
             results.micro(round, bodies.coding()?);
             match coding::memory(&bench.own, folder.path()) {
@@ -289,6 +325,12 @@ fn run(cli: &Cli) -> Result<()> {
         match crowd::run(&bench, if cli.quick { 5 } else { 15 }) {
             Ok(rest) => results.rest(rest),
             Err(error) => results.failures.push(format!("foreign endpoints: {error:#}")),
+        }
+    }
+    if cli.only.as_deref().is_none_or(|only| only == "yarp") {
+        match yarp::Ports::measure(&bench, if cli.quick { 5 } else { 15 }) {
+            Ok(ports) => results.ports(ports),
+            Err(error) => results.failures.push(format!("YARP ports at rest: {error:#}")),
         }
     }
     let targets = targets::check(&results);

@@ -1,5 +1,7 @@
 //! `RESULTS.md`.
 
+mod yarp;
+
 use std::fmt::Write as _;
 
 use anyhow::Result;
@@ -62,6 +64,7 @@ pub(crate) fn write(results: &Results, targets: &[Target]) -> Result<String> {
     if let Some(found) = &results.rest {
         rest(&mut text, found);
     }
+    yarp::tables(&mut text, results);
     limits(&mut text, results);
     size_table(&mut text)?;
     if !results.failures.is_empty() {

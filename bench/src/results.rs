@@ -16,6 +16,7 @@ use crate::stats::{median, quantile};
 use crate::trip::{Leg, Trip};
 use crate::turn::{Phase, Turn};
 use crate::worker::Report;
+use crate::yarp::{Ports, Ride};
 
 /// All rounds of all cases.
 #[derive(Default)]
@@ -31,6 +32,8 @@ pub(crate) struct Results {
     pub(crate) soak: Option<Soak>,
     pub(crate) rest: Option<Rest>,
     pub(crate) fast: Option<fast::Stream>,
+    rides: BTreeMap<Ride, BTreeMap<u32, Leg>>,
+    pub(crate) ports: Option<Ports>,
     /// Turns that failed, with the reason.
     pub(crate) failures: Vec<String>,
     /// Why there are no figures of Python Wrapyfi.
@@ -181,6 +184,46 @@ impl Results {
         let half =
             |(round, leg): (&u32, &Leg)| Some((*round, median(&leg.calls.report.latency_us)?));
         Some(self.legs(trip)?.iter().filter_map(half).collect())
+    }
+
+    /// Adds a turn of YARP's ports, or of what they are compared with.
+    pub(crate) fn ride(&mut self, round: u32, ride: Ride, leg: Leg) {
+        let q = |fraction| quantile(&leg.calls.report.latency_us, fraction).unwrap_or(f64::NAN);
+        for (measure, value) in [
+            ("p50_us", q(0.5)),
+            ("p99_us", q(0.99)),
+            ("max_us", q(1.0)),
+            ("min_us", q(0.0)),
+            ("messages", leg.calls.report.received.into()),
+            ("cpu_us_per_message", leg.calls.cpu_us),
+        ] {
+            self.row(round, &ride.name(), "yarp", measure, value);
+        }
+        self.rides.entry(ride).or_default().insert(round, leg);
+    }
+
+    /// Turns of it by round; `None` where none succeeded.
+    pub(crate) fn rides(&self, ride: Ride) -> Option<&BTreeMap<u32, Leg>> {
+        self.rides.get(&ride)
+    }
+
+    /// Its median in each round.
+    pub(crate) fn ride_halves(&self, ride: Ride) -> Option<Series> {
+        let half =
+            |(round, leg): (&u32, &Leg)| Some((*round, median(&leg.calls.report.latency_us)?));
+        Some(self.rides(ride)?.iter().filter_map(half).collect())
+    }
+
+    /// Adds what YARP's ports take at rest.
+    pub(crate) fn ports(&mut self, ports: Ports) {
+        for (measure, value) in [
+            ("percent_of_core", ports.share),
+            ("opening_ms", ports.opening_ms),
+            ("rss_mib", ports.rss_mib),
+        ] {
+            self.row(0, "yarp-ports", "rest", measure, value);
+        }
+        self.ports = Some(ports);
     }
 
     /// Adds figures of the machine and of coding.

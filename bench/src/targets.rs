@@ -5,6 +5,8 @@
 //! promised and what explains it: the minimal relay, which is the least that two hops in one chain
 //! can take.
 
+mod yarp;
+
 use crate::asked::Asked;
 use crate::case::Way::{
     self, PythonHop, RawDds, RawZmq, RelayToRos, RelayToZmq, RosToZmq, RustHop, ZmqToRos,
@@ -132,6 +134,7 @@ pub(crate) fn check(results: &Results) -> Vec<Target> {
     stream(results, &mut targets);
     to_fast_dds(results, &mut targets);
     rest(results, &mut targets);
+    yarp::check(results, &mut targets);
     targets
 }
 
