@@ -272,7 +272,8 @@ impl YarpClient {
             self.number += 1;
             let Some(outgoing) = self.book.send(self.number) else { break };
             self.desk.out.fetch_add(1, Relaxed);
-            let call = make(Arc::clone(&self.shared), Arc::clone(&self.desk), self.number, outgoing);
+            let call =
+                make(Arc::clone(&self.shared), Arc::clone(&self.desk), self.number, outgoing);
             self.shared.tasks.spawn_aside(call);
         }
         let came = std::mem::take(&mut *self.desk.outcomes());
