@@ -152,11 +152,8 @@ impl Yarp {
         let client = NameClient::new(found.server)
             .with_namespace(found.namespace)
             .with_timeout(NAMES_TIMEOUT);
-        let (client, server) = if config.embedded {
-            runtime.block_on(embed(client, config))?
-        } else {
-            (client, None)
-        };
+        let (client, server) =
+            if config.embedded { runtime.block_on(embed(client, config))? } else { (client, None) };
         let conf = client.server();
         let address = format!("{}:{}", conf.host, conf.port);
         let (shared, names) = {

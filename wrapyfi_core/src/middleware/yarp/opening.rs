@@ -6,7 +6,6 @@ use super::Shared;
 use super::retry::Retry;
 use super::standing::Standing;
 
-
 /// Opens a port with `open`, again and again until it succeeds; `standing` is told why not yet.
 /// `name` is what it depends on.
 pub(super) async fn until_open<P, F: Future<Output = Result<P, OpenError>>>(

@@ -268,6 +268,30 @@ mod tests {
     }
 
     #[test]
+    fn the_example_for_an_icub_is_a_plan() {
+        use crate::endpoint::EndpointAddress;
+        use crate::engine::{Available, Config, Plan};
+        use wrapyfi_interfaces::store::TypeStore;
+
+        #[derive(Debug, Default, serde::Deserialize)]
+        struct NoEndpoints {}
+
+        let text = include_str!("../../../../config/icub.yaml");
+        let config: Config<NoEndpoints> = Config::from_yaml(text, "icub.yaml").unwrap();
+        let known = |name, options| Available { name, check_topic: &|_| Ok(()), options };
+        let ends = [known("yarp", OPTIONS), known("ros2", &[])];
+        let plan = Plan::new(&config, &ends, &mut TypeStore::generated(), "icub.yaml").unwrap();
+        let at_yarp = |ends: [&EndpointAddress; 2]| {
+            ends.into_iter().find(|end| end.middleware == "yarp").unwrap().clone()
+        };
+        for route in &plan.routes {
+            let spec = route.topic_spec(&at_yarp([&route.from, &route.to]));
+            YarpOptions::of_topic(&spec).unwrap();
+        }
+        assert!(plan.routes.len() > 6 && plan.services.len() == 2, "{plan:?}");
+    }
+
+    #[test]
     fn options_of_others_are_left_alone() {
         assert_eq!(read(Map::from([("depth", 5)])).unwrap(), YarpOptions::default());
     }

@@ -6,7 +6,7 @@
 //!   [1] [0] [null]    ◀─▶ True, False, None
 //!   string, vocab     ◀─▶ str                    see word.rs
 //!   blob              ◀─▶ bytes
-//!   list              ◀─▶ list, tuple, set, array
+//!   list              ◀─▶ list, tuple, set, array (uint8 of one dimension: blob)
 //!   dict              ◀─▶ dict
 //! ```
 
@@ -16,7 +16,7 @@ use wrapyfi_yarp::{Bottle, Dialect, Value as Element};
 use super::{fault, word};
 use crate::Limits;
 use crate::codec::EncodeError;
-use crate::types::{Map, Value, nested_list};
+use crate::types::{Dtype, Map, Value, nested_list};
 
 /// Most numbers of an array that become values of a bottle one by one.
 const MOST_NUMBERS: usize = 1 << 20;
@@ -102,12 +102,7 @@ impl Writer<'_> {
     }
 
     /// A dict as lists of key and value.
-    pub(super) fn pairs(
-        &self,
-        map: &Map,
-        path: &str,
-        depth: usize,
-    ) -> Result<Bottle, EncodeError> {
+    pub(super) fn pairs(&self, map: &Map, path: &str, depth: usize) -> Result<Bottle, EncodeError> {
         let pair = |(key, value): (&Value, &Value)| {
             let inside = match key.as_str() {
                 Some(key) => format!("{path}.{key}"),
@@ -156,6 +151,10 @@ impl Writer<'_> {
             Value::Map(map) => Element::Dict(self.pairs(map, path, depth + 1)?),
             Value::DateTime(time) => Element::string(time.to_string()),
             Value::DateTime64(text) => Element::string(text.as_str()),
+            // Raw bytes, such as the data of a point cloud.
+            Value::Tensor(tensor) if tensor.dtype() == Dtype::U8 && tensor.shape().len() == 1 => {
+                Element::Blob(tensor.data().clone())
+            }
             Value::Tensor(tensor) => {
                 let count = tensor.element_count();
                 if count > MOST_NUMBERS {
@@ -196,10 +195,10 @@ mod tests {
             ("true false [null]", vec![true.into(), false.into(), Value::Null].into()),
             ("[set] \"a b\" x", ["[set]", "a b", "x"].into_iter().collect()),
             ("{1 255}", vec![Value::Bytes([1, 255].to_vec().into())].into()),
-            ("(1 (2)) ()", vec![
-                vec![1.into(), vec![2.into()].into()].into(),
-                Value::List(vec![]),
-            ].into()),
+            (
+                "(1 (2)) ()",
+                vec![vec![1.into(), vec![2.into()].into()].into(), Value::List(vec![])].into(),
+            ),
         ] {
             let bottle = parsed(text);
             assert_eq!(to_list(&bottle, Dialect::V3), value, "{text}");
@@ -233,7 +232,7 @@ mod tests {
 
     #[test]
     fn what_has_no_form_is_named_with_its_place() {
-        let huge = Tensor::from_elements(&[(1 << 20) + 1], vec![0_u8; (1 << 20) + 1]).unwrap();
+        let huge = Tensor::from_elements(&[(1 << 20) + 1], vec![0_i8; (1 << 20) + 1]).unwrap();
         let deep = (0..9).fold(Value::from(1), |value, _| Value::List(vec![value]));
         for (value, wanted) in [
             (Value::from(u64::MAX), "a int at $[0]; integers there have at most 64 bits"),

@@ -1,7 +1,7 @@
 //! Faults of YARP's codecs in the words of ours, and the sizes that hold for both.
 
 use wrapyfi_yarp::bottle::{BottleError, TextError};
-use wrapyfi_yarp::sig::{ImageError, SoundError, VectorError};
+use wrapyfi_yarp::sig::{ImageError, SoundError};
 
 use crate::Limits;
 use crate::codec::{DecodeError, EncodeError};
@@ -100,14 +100,5 @@ pub(super) fn sound(error: &SoundError) -> DecodeError {
             mismatch("a sound", error.to_string())
         }
         _ => malformed("sound", error),
-    }
-}
-
-/// A vector or a matrix that cannot be read.
-pub(super) fn vector(error: &VectorError) -> DecodeError {
-    match *error {
-        VectorError::TooLong { length, limit, .. } => too_large(length, limit),
-        VectorError::Other { .. } => mismatch("numbers", error.to_string()),
-        _ => malformed("vector", error),
     }
 }

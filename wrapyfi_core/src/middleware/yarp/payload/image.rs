@@ -17,9 +17,7 @@ use crate::codec::json::base64;
 use crate::codec::npy::{self, NpyArray};
 use crate::codec::{DecodeError, EncodeError, convert};
 use crate::endpoint::TopicSpec;
-use crate::types::{
-    CompressedFormat, Encoding, Image, NumpyArray, Pixels, RawPixels, Stamp,
-};
+use crate::types::{CompressedFormat, Encoding, Image, NumpyArray, Pixels, RawPixels, Stamp};
 
 /// Pixels of YARP and what ROS calls them.
 const PIXELS: [(PixelCode, Encoding); 9] = [
@@ -35,6 +33,9 @@ const PIXELS: [(PixelCode, Encoding); 9] = [
 ];
 /// Rows whose step no header can say are tried at these multiples before they are copied.
 const QUANTA: [u16; 3] = [1, sig::DEFAULT_QUANTUM, 4096];
+
+/// How the header of every image begins: a list of four.
+const IMAGE: [u8; 8] = [0, 1, 0, 0, 4, 0, 0, 0];
 
 /// Writes a picture as messages of the topic carry it.
 pub(super) fn encode(
@@ -112,7 +113,7 @@ fn rows(options: &YarpOptions) -> Rows {
 /// A file as Wrapyfi sends it: base64 of a `.npy` file of one string of bytes.
 fn encode_file(file: &Bytes, dialect: Dialect) -> Result<Vec<u8>, EncodeError> {
     let length = file.len();
-    let array = NumpyArray::new(format!("|S{length}"), length, vec![], file.clone());
+    let array = NumpyArray::new(format!("'|S{length}'"), length, vec![], file.clone());
     let array = array.map_err(|error| {
         let what = format!("a file of {length} bytes");
         fault::unwritable("npy", what, "$", format!("compress it again: {error}"))
@@ -133,18 +134,12 @@ pub(super) fn decode(
 ) -> Result<Image, DecodeError> {
     let pixels = match kind {
         PayloadKind::Raw => file(bytes.clone())?,
-        PayloadKind::Bottle if is_file(bytes, dialect, spec) => {
-            decode_file(&native::bottle(bytes, dialect, &spec.limits)?)?
+        PayloadKind::Bottle if bytes.starts_with(&IMAGE) => {
+            Pixels::Raw(decode_raw(bytes, spec, options)?)
         }
-        PayloadKind::Bottle => Pixels::Raw(decode_raw(bytes, spec, options)?),
+        PayloadKind::Bottle => decode_file(&native::bottle(bytes, dialect, &spec.limits)?)?,
     };
     Ok(Image { stamp, frame_id: options.frame_id.clone(), pixels })
-}
-
-/// Whether the message is a bottle of one value, where an image is one of four.
-fn is_file(bytes: &Bytes, dialect: Dialect, spec: &TopicSpec) -> bool {
-    let one = bytes.get(4..8) == Some(&1_i32.to_le_bytes());
-    one && native::bottle(bytes, dialect, &spec.limits).is_ok()
 }
 
 fn decode_raw(
@@ -167,7 +162,8 @@ fn decode_raw(
     if options.wrapyfi_images && encoding == Encoding::Rgb8 && !order {
         encoding = Encoding::Bgr8;
     }
-    let size = |value: usize| u32::try_from(value).map_err(|error| fault::malformed("image", error));
+    let size =
+        |value: usize| u32::try_from(value).map_err(|error| fault::malformed("image", error));
     let (width, height) = (size(image.width())?, size(image.height())?);
     let read = if image.header().is_empty() {
         RawPixels::dense(width, height, encoding, Bytes::new())
@@ -179,7 +175,8 @@ fn decode_raw(
 }
 
 fn decode_file(bottle: &Bottle) -> Result<Pixels, DecodeError> {
-    let unlike = || fault::mismatch("an image, or a JPEG file as Wrapyfi sends it", native::shown(bottle));
+    let unlike =
+        || fault::mismatch("an image, or a JPEG file as Wrapyfi sends it", native::shown(bottle));
     match bottle.values.as_slice() {
         [Element::Blob(bytes)] => file(bytes.clone()),
         [Element::String(text)] => {

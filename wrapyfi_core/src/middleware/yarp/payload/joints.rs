@@ -42,7 +42,8 @@ pub(super) fn read(
             extended(&bottle).ok_or(error)?
         }
     };
-    for (what, values) in [("positions", &position), ("velocities", &velocity), ("torques", &effort)]
+    for (what, values) in
+        [("positions", &position), ("velocities", &velocity), ("torques", &effort)]
     {
         let (names, given) = (options.joints.len(), values.len());
         let counts = names > 0 && given != names && (given > 0 || what == "positions");
@@ -91,7 +92,8 @@ pub(super) fn write(
     options: &YarpOptions,
     dialect: Dialect,
 ) -> Result<Vec<u8>, EncodeError> {
-    let position = fields.get("position").and_then(Value::as_tensor).and_then(Tensor::to_vec::<f64>);
+    let position =
+        fields.get("position").and_then(Value::as_tensor).and_then(Tensor::to_vec::<f64>);
     let position = position.unwrap_or_default();
     let names: Vec<&str> = fields
         .get("name")
@@ -105,11 +107,7 @@ pub(super) fn write(
     numbers::write(Numbers { values, shape: None }, dialect)
 }
 
-fn ordered(
-    names: &[&str],
-    position: Vec<f64>,
-    joints: &[String],
-) -> Result<Vec<f64>, EncodeError> {
+fn ordered(names: &[&str], position: Vec<f64>, joints: &[String]) -> Result<Vec<f64>, EncodeError> {
     let mismatch = |expected: String, actual: String| EncodeError::Mismatch { expected, actual };
     if !names.is_empty() && names.len() != position.len() {
         let (names, count) = (names.len(), position.len());

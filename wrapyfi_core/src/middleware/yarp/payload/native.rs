@@ -70,7 +70,9 @@ pub(super) fn decode(
             Written::Json => json::decode_with(&text.clone().into_bytes(), limits, plugins),
             Written::Either => {
                 let read = json::decode_with(&text.clone().into_bytes(), limits, plugins);
-                read.or_else(|_no_json| Ok(element::to_value(&Element::String(text.clone()), dialect)))
+                read.or_else(|_no_json| {
+                    Ok(element::to_value(&Element::String(text.clone()), dialect))
+                })
             }
         },
         (Form::Json | Form::Bottle, _) => Ok(element::to_list(bottle, dialect)),

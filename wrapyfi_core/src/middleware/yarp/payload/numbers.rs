@@ -62,7 +62,8 @@ fn of_bottle(bottle: &Bottle) -> Option<Numbers> {
     if let [rows, columns, Element::List(list)] = bottle.values.as_slice() {
         let size = |value: &Element| usize::try_from(value.as_i64()?).ok();
         let (rows, columns) = (size(rows)?, size(columns)?);
-        let values = plain(list).filter(|values| rows.checked_mul(columns) == Some(values.len()))?;
+        let values =
+            plain(list).filter(|values| rows.checked_mul(columns) == Some(values.len()))?;
         return Some(Numbers { values, shape: Some((rows, columns)) });
     }
     let rows: Vec<Vec<f64>> =
@@ -147,8 +148,9 @@ pub(super) fn write(numbers: Numbers, dialect: Dialect) -> Result<Vec<u8>, Encod
     let count = numbers.values.len();
     let written = match numbers.shape {
         None => Vector(numbers.values).encode(dialect),
-        Some((rows, columns)) => Matrix::new(rows, columns, numbers.values)
-            .and_then(|matrix| matrix.encode(dialect)),
+        Some((rows, columns)) => {
+            Matrix::new(rows, columns, numbers.values).and_then(|matrix| matrix.encode(dialect))
+        }
     };
     written.map_err(|error| {
         fault::unwritable("vector", format!("{count} numbers"), "$.data", error.to_string())

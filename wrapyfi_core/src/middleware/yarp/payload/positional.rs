@@ -49,10 +49,7 @@ fn other_fields(ros_type: RosType, error: &RosValueError) -> EncodeError {
 }
 
 /// The values of the fields, in order.
-pub(super) fn write(
-    fields: &DynamicMessage,
-    writer: Writer<'_>,
-) -> Result<Bottle, EncodeError> {
+pub(super) fn write(fields: &DynamicMessage, writer: Writer<'_>) -> Result<Bottle, EncodeError> {
     let Value::Map(fields) = value_of(fields) else { return Ok(Bottle::new()) };
     let values = fields.iter().filter(|(name, _)| name.as_str() != Some(FILLER));
     let at = |(name, value): (&Value, &Value)| {
@@ -68,8 +65,8 @@ pub(super) fn write_reply(
 ) -> Result<Bottle, EncodeError> {
     let mut bottle = write(fields, writer)?;
     if let Some((success, message)) = verdict(fields) {
-        let word = if success { GOOD } else { BAD }.map(Element::vocab).into_iter().next();
-        bottle.values = word.into_iter().collect();
+        let [word, _] = if success { GOOD } else { BAD };
+        bottle.values = vec![Element::vocab(word)];
         if !message.is_empty() {
             bottle.push(message);
         }

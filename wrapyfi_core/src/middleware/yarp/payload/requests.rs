@@ -135,7 +135,9 @@ pub fn encode_reply(
             let limit = spec.limits.message_bytes;
             positional::write_reply(&positional::reply(service.response(), &value, limit)?, writer)?
         }
-        (_, ServiceKind::NativeObject | ServiceKind::UpstreamNativeObject) if value == Value::Null => {
+        (_, ServiceKind::NativeObject | ServiceKind::UpstreamNativeObject)
+            if value == Value::Null =>
+        {
             Bottle::new()
         }
         _ => writer.bottle(&value)?,

@@ -66,9 +66,11 @@ pub(super) fn decode(
 ) -> Result<AudioChunk, DecodeError> {
     let sound = match Sound::decode(bytes, dialect, &fault::limits(limits)) {
         // Over text carriers its samples come as numbers of any width.
-        Err(error @ SoundError::NotASound { .. }) => {
-            let bottle = native::bottle(bytes, dialect, limits)?;
-            Sound::from_bottle(&bottle).map_err(|_other| fault::sound(&error))
+        Err(error @ (SoundError::NotASound { .. } | SoundError::Truncated { .. })) => {
+            let bottle =
+                native::bottle(bytes, dialect, limits).map_err(|_none| fault::sound(&error))?;
+            Sound::from_bottle(&bottle)
+                .map_err(|_other| fault::mismatch("a sound", native::shown(&bottle)))
         }
         read => read.map_err(|error| fault::sound(&error)),
     }?;

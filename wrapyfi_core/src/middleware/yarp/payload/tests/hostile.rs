@@ -7,7 +7,8 @@ use crate::endpoint::ServiceSpec;
 use crate::types::ServiceKind;
 
 fn topics() -> Vec<TopicSpec> {
-    let named = ["std_msgs/msg/Float64MultiArray", "sensor_msgs/msg/JointState", "std_msgs/msg/Header"];
+    let named =
+        ["std_msgs/msg/Float64MultiArray", "sensor_msgs/msg/JointState", "std_msgs/msg/Header"];
     let types = MessageType::ALL.into_iter().chain(named.map(|name| MessageType::Ros(ros(name))));
     types
         .flat_map(|kind| {
@@ -25,12 +26,16 @@ fn all(bytes: &Bytes, dialect: Dialect) {
         let options = YarpOptions::of_topic(&spec).unwrap();
         let sent = Bytewise::object(bytes.clone());
         if let Ok(payload) = decode(&sent, None, &spec, &options, dialect, NOW) {
-            // A picture may have no place on a port of Wrapyfi; everything else goes back.
             let back = encode(&payload, &spec, &options, dialect);
-            assert!(back.is_ok() || options.wrapyfi_images, "{back:?}");
+            // A picture may have no place on a port of Wrapyfi, and bytes have none in JSON;
+            // everything else goes back.
+            let known = matches!(&back, Err(EncodeError::Unrepresentable { format, .. })
+                if *format == "JSON" || (*format == "image" && options.wrapyfi_images));
+            assert!(back.is_ok() || known, "{back:?}");
         }
     }
-    let trigger = ServiceKind::resolve("std_srvs/srv/SetBool", &mut TypeStore::generated()).unwrap();
+    let trigger =
+        ServiceKind::resolve("std_srvs/srv/SetBool", &mut TypeStore::generated()).unwrap();
     for kind in ServiceKind::ALL.into_iter().chain([trigger]) {
         let spec = ServiceSpec::new("/s", kind);
         for bottle in [None, Some(Form::Bottle), Some(Form::Property)] {

@@ -57,7 +57,10 @@ fn the_layout_of_a_multi_array_is_followed() {
         let dims = sizes.iter().map(dim).collect::<Value>();
         let data = Tensor::from_elements(&[8], (0..8).map(f64::from).collect()).unwrap();
         let layout = Map::from([("dim", dims), ("data_offset", offset.into())]);
-        message(ros_type, &Map::from([("layout", Value::from(layout)), ("data", data.into())]).into())
+        message(
+            ros_type,
+            &Map::from([("layout", Value::from(layout)), ("data", data.into())]).into(),
+        )
     };
     for (sizes, offset, wanted) in [
         (&[][..], 0, "0.0 1.0 2.0 3.0 4.0 5.0 6.0 7.0"),
@@ -79,10 +82,8 @@ fn the_layout_of_a_multi_array_is_followed() {
 fn joints_have_names_and_radians() {
     let ros_type = ros("sensor_msgs/msg/JointState");
     let names: Value = ["neck_pitch", "neck_roll"].into_iter().collect();
-    let spec = topic(
-        MessageType::Ros(ros_type),
-        [("joints", names.clone()), ("frame_id", "head".into())],
-    );
+    let spec =
+        topic(MessageType::Ros(ros_type), [("joints", names.clone()), ("frame_id", "head".into())]);
     let options = YarpOptions::of_topic(&spec).unwrap();
     let sent = Bytewise::object(typed("180.0 -90.0"));
     let envelope = Some(sig::Stamp { count: 3, time_s: 12.5 });
@@ -132,10 +133,7 @@ fn the_extended_state_has_velocities_and_torques() {
 fn positions_are_put_into_the_order_of_the_port() {
     let ros_type = ros("sensor_msgs/msg/JointState");
     let joints: Value = ["a", "b"].into_iter().collect();
-    let spec = topic(
-        MessageType::Ros(ros_type),
-        [("joints", joints), ("degrees", false.into())],
-    );
+    let spec = topic(MessageType::Ros(ros_type), [("joints", joints), ("degrees", false.into())]);
     let state = |names: &[&str], position: &[f64]| {
         let position = Tensor::from_elements(&[position.len()], position.to_vec()).unwrap();
         let names: Value = names.iter().copied().collect();
@@ -155,34 +153,39 @@ fn positions_are_put_into_the_order_of_the_port() {
 
 #[test]
 fn any_other_message_is_pairs_of_field_and_value() {
-    let ros_type = ros("geometry_msgs/msg/TwistStamped");
+    let ros_type = ros("sensor_msgs/msg/CompressedImage");
     let spec = topic(MessageType::Ros(ros_type), []);
-    let linear = Map::from([("x", 0.5)]);
-    let twist = Map::from([("linear", Value::from(linear))]);
     let time = Map::from([("sec", 5)]);
     let header = Map::from([("stamp", Value::from(time)), ("frame_id", "base".into())]);
-    let fields = Map::from([("header", Value::from(header)), ("twist", twist.into())]);
+    let data = Value::Bytes(vec![1, 255].into());
+    let fields =
+        Map::from([("header", Value::from(header)), ("format", "png".into()), ("data", data)]);
     let payload = message(ros_type, &fields.into());
     let out = written(&payload, &spec).unwrap();
     let text = shown(&out.payload.bytes);
-    assert!(text.starts_with("(header ((stamp ((sec 5) (nanosec 0))) (frame_id base)))"), "{text}");
+    assert_eq!(
+        text,
+        "(header ((stamp ((sec 5) (nanosec 0))) (frame_id base))) (format png) (data {1 255})"
+    );
     assert_eq!(out.stamp.unwrap().time_s, 5.0);
     assert_eq!(read(out.payload.bytes, &spec).unwrap(), payload);
     // The same over a text carrier, which makes lists of dicts.
     assert_eq!(read(typed(&text), &spec).unwrap(), payload);
+    assert_eq!(read(typed(&text.replace("{1 255}", "(1 255)")), &spec).unwrap(), payload);
 
     // Who sends no header is stamped by the envelope, or on arrival.
-    let bare = value(&read(typed("(twist ((linear ((x 0.5)))))"), &spec).unwrap());
+    let bare = value(&read(typed("(format png)"), &spec).unwrap());
     let stamp = bare.get("header").unwrap().get("stamp").unwrap();
     assert_eq!(stamp.get("sec"), Some(&NOW.sec.into()));
 
     let error = read(typed("(speed 1)"), &spec).unwrap_err().to_string();
-    assert!(error.starts_with("expected geometry_msgs/msg/TwistStamped, received other fields"), "{error}");
+    let start = "expected sensor_msgs/msg/CompressedImage, received other fields: ";
+    assert!(error.starts_with(start) && error.contains("speed"), "{error}");
     assert!(read(typed("1 2 3"), &spec).is_err());
 
     let json = topic(MessageType::Ros(ros_type), [("bottle", false.into())]);
     let bytes = bytes_of(&payload, &json);
-    assert!(shown(&bytes).starts_with(r#""{\"header\": "#));
+    assert!(shown(&bytes).starts_with(r#""{\"header\": "#), "{}", shown(&bytes));
     assert_eq!(read(bytes.clone(), &json).unwrap(), payload);
     assert_eq!(read(bytes, &spec).unwrap(), payload);
 }

@@ -3,7 +3,9 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::types::{AudioChunk, CompressedFormat, Encoding, Image, Pixels, RawPixels, SampleFormat};
+use crate::types::{
+    AudioChunk, CompressedFormat, Encoding, Image, Pixels, RawPixels, SampleFormat,
+};
 
 fn picture(encoding: Encoding, width: u32, height: u32, padding: u32) -> Payload {
     let row = width * u32::try_from(encoding.bytes_per_pixel()).unwrap();

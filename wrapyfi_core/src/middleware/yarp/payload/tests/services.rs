@@ -114,9 +114,7 @@ fn services_of_ros_succeed_or_fail_in_words() {
     assert!(matches!(other, Err(DecodeError::Mismatch { .. })), "{other:?}");
     let json = service("std_srvs/srv/SetBool", [("bottle", false.into())]);
     assert!(ask(&Request::new([true.into()]), &json).contains("__wrapyfi__"));
-    let error = encode_request(
-        &Request::new([1.into(), 2.into()]), &spec, &options, Dialect::V3,
-    );
+    let error = encode_request(&Request::new([1.into(), 2.into()]), &spec, &options, Dialect::V3);
     assert!(matches!(error, Err(EncodeError::Mismatch { .. })), "{error:?}");
 }
 
