@@ -40,7 +40,7 @@ impl Rig for Named {
         several_publishers: false,
         keeps_last: false,
         ignores_own: false,
-        integer_sound: false,
+        float_sound: false,
         frame_id: false,
         types: TypeCheck::Arrival,
         ..Capabilities::FULL

@@ -43,8 +43,14 @@ struct ForwardCls;
 
 #[communicator]
 impl ForwardCls {
-    #[register(NativeObject, "$mware", "ForwardCls", "/example/native_a_msg",
-               carrier = "$carrier", should_wait = true)]
+    #[register(
+        NativeObject,
+        "$mware",
+        "ForwardCls",
+        "/example/native_a_msg",
+        carrier = "$carrier",
+        should_wait = true
+    )]
     fn send_a(&self, mware: &str, carrier: &str, msg: &str) -> String {
         _ = (mware, carrier);
         msg.to_owned()
