@@ -1,5 +1,6 @@
 //! Messages to send: small numbered ones, and one of everything.
 
+use crate::Rig;
 use wrapyfi_core::codec::jpeg;
 use wrapyfi_core::types::{
     AudioChunk, CompressedFormat, Dtype, Encoding, Image, Map, MessageType, NumpyArray, Payload,
@@ -92,6 +93,12 @@ pub fn sound(frames: u32, channels: u8, format: SampleFormat) -> Payload {
     AudioChunk::new(WHEN, frames, channels, 44_100, format, data).unwrap().into()
 }
 
+/// Samples that the middleware keeps.
+#[must_use]
+pub fn samples<R: Rig>() -> SampleFormat {
+    if R::CAPABILITIES.float_sound { SampleFormat::F32Le } else { SampleFormat::S16Le }
+}
+
 /// The same payload with a coordinate frame, where it has one.
 #[must_use]
 pub fn in_frame(payload: Payload, frame_id: &str) -> Payload {
@@ -102,13 +109,13 @@ pub fn in_frame(payload: Payload, frame_id: &str) -> Payload {
     }
 }
 
-/// A small payload of the kind that `message_type` carries.
+/// A small payload of the kind that `message_type` carries, as the middleware keeps it.
 #[must_use]
-pub fn small(message_type: MessageType) -> Payload {
+pub fn small<R: Rig>(message_type: MessageType) -> Payload {
     match message_type {
         MessageType::Image => frame(4, 3, Encoding::Bgr8),
         MessageType::CompressedImage => file(CompressedFormat::Jpeg),
-        MessageType::AudioChunk | MessageType::UpstreamAudio => sound(8, 2, SampleFormat::F32Le),
+        MessageType::AudioChunk | MessageType::UpstreamAudio => sound(8, 2, samples::<R>()),
         MessageType::Text => Value::from("a text").into(),
         _ => number(1),
     }

@@ -113,6 +113,8 @@ pub struct Capabilities {
     pub block_waits: bool,
     /// Sound keeps 16-bit samples.
     pub integer_sound: bool,
+    /// Sound keeps samples that are floats; elsewhere they become 16 bits.
+    pub float_sound: bool,
     /// Images and sound keep their coordinate frame.
     pub frame_id: bool,
     /// What becomes of messages of another type.
@@ -148,6 +150,7 @@ impl Capabilities {
         ignores_own: true,
         block_waits: true,
         integer_sound: true,
+        float_sound: true,
         frame_id: true,
         types: TypeCheck::Match,
         services: true,

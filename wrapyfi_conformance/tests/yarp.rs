@@ -40,7 +40,7 @@ impl Rig for Named {
         several_publishers: false,
         keeps_last: false,
         ignores_own: false,
-        integer_sound: false,
+        float_sound: false,
         frame_id: false,
         types: TypeCheck::Arrival,
         ..Capabilities::FULL
@@ -106,9 +106,9 @@ impl Rig for Named {
             let options = PortOptions { register: false, ..PortOptions::default() };
             let client = network.open_rpc_client(&name, &options).await.unwrap();
             client.connect(&spec.service).await.unwrap();
-            let asked = client.call_bytes(&body.to_vec().into(), Duration::from_millis(500));
-            // On its way: the server answers when it is looked at.
-            _ = asked.await;
+            // On its way: the server answers when it is looked at, later.
+            let body = body.to_vec().into();
+            _ = client.call_bytes(&body, Duration::from_millis(200)).await;
             client
         });
         asking.push(client);

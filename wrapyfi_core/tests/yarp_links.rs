@@ -7,8 +7,7 @@ use std::time::{Duration, Instant};
 
 use tokio::runtime::Runtime;
 use wrapyfi_core::endpoint::{
-    Client, Context, Link, Listener, Middleware, PublishError, Publisher, Request, Server,
-    ServiceSpec, TopicSpec,
+    Context, Link, Listener, Middleware, PublishError, Publisher, Request, ServiceSpec, TopicSpec,
 };
 use wrapyfi_core::middleware::yarp::{Yarp, YarpConfig};
 use wrapyfi_core::types::{Map, MessageType, Payload, ServiceKind, Value};
@@ -164,8 +163,8 @@ fn names_are_waited_for() {
     until(&here, "the missing port is named", || {
         sink.link().waiting_for.is_some_and(|what| what.contains("/taken"))
     });
-    let open = network.open_output("/taken", &OutputOptions::default());
-    let foreign = world.runtime.block_on(open).unwrap();
+    let options = OutputOptions::default();
+    let foreign = world.runtime.block_on(network.open_output("/taken", &options)).unwrap();
     open_way(&here, || sink.link());
     let mut source = yarp.open_publisher(&spec, &there).unwrap();
     until(&there, "the other program is named", || {

@@ -50,6 +50,18 @@ struct ForwardCls;
 impl ForwardCls {
     #[register(
         NativeObject,
+        "yarp",
+        "ForwardCls",
+        "/example/native_yarp_msg",
+        carrier = "mcast",
+        should_wait = true
+    )]
+    fn send_yarp(&self, msg: &str) -> String {
+        msg.to_owned()
+    }
+
+    #[register(
+        NativeObject,
         "zeromq",
         "ForwardCls",
         "/example/native_zmq_msg",
@@ -57,11 +69,6 @@ impl ForwardCls {
         should_wait = true
     )]
     fn send_zmq(&self, msg: &str) -> String {
-        msg.to_owned()
-    }
-
-    #[register(NativeObject, "ros2", "ForwardCls", "/example/native_ros2_msg", should_wait = true)]
-    fn send_ros2(&self, msg: &str) -> String {
         msg.to_owned()
     }
 }
@@ -162,24 +169,24 @@ fn a_message_is_mirrored() {
 
 #[test]
 fn a_message_is_forwarded() {
-    let context = context(&["zeromq", "ros2"]);
+    let context = context(&["yarp", "zeromq"]);
     let start = |first: Mode, second: Mode| {
         let mut chain = ForwardCls.communicator_in(&context);
-        chain.activate(ForwardClsMethod::SendZmq, first).unwrap();
-        chain.activate(ForwardClsMethod::SendRos2, second).unwrap();
+        chain.activate(ForwardClsMethod::SendYarp, first).unwrap();
+        chain.activate(ForwardClsMethod::SendZmq, second).unwrap();
         chain
     };
     let source = start(Mode::Publish, Mode::Disable);
     let middle = start(Mode::Listen, Mode::Publish);
     let sink = start(Mode::Disable, Mode::Listen);
     thread::scope(|scope| {
-        scope.spawn(|| assert_eq!(source.send_zmq("hi").unwrap().as_deref(), Some("hi")));
+        scope.spawn(|| assert_eq!(source.send_yarp("hi").unwrap().as_deref(), Some("hi")));
         scope.spawn(|| {
-            let msg = middle.send_zmq("").unwrap().unwrap();
-            middle.send_ros2(&msg).unwrap();
+            let msg = middle.send_yarp("").unwrap().unwrap();
+            middle.send_zmq(&msg).unwrap();
         });
-        assert_eq!(sink.send_ros2("").unwrap().as_deref(), Some("hi"));
-        assert_eq!(sink.send_zmq("").unwrap(), None);
+        assert_eq!(sink.send_zmq("").unwrap().as_deref(), Some("hi"));
+        assert_eq!(sink.send_yarp("").unwrap(), None);
     });
 }
 

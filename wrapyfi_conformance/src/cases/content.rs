@@ -3,6 +3,7 @@
 use wrapyfi_core::endpoint::TopicSpec;
 use wrapyfi_core::types::{CompressedFormat, Encoding, MessageType, Payload, SampleFormat};
 
+use super::skipped;
 use crate::payloads::{file, frame, in_frame, number, rich, sound};
 use crate::{Rig, Side, connect};
 
@@ -74,11 +75,14 @@ pub fn image_files_arrive_unchanged<R: Rig>() {
 
 /// `wrapyfi_msgs/msg/AudioChunk`.
 pub fn sound_arrives_unchanged<R: Rig>() {
-    let mut payloads = vec![
-        sound(1024, 1, SampleFormat::F32Le),
-        sound(441, 2, SampleFormat::F32Le),
-        sound(0, 1, SampleFormat::F32Le),
-    ];
+    let mut payloads = Vec::new();
+    if R::CAPABILITIES.float_sound {
+        payloads.extend([
+            sound(1024, 1, SampleFormat::F32Le),
+            sound(441, 2, SampleFormat::F32Le),
+            sound(0, 1, SampleFormat::F32Le),
+        ]);
+    }
     if R::CAPABILITIES.integer_sound {
         payloads.push(sound(441, 2, SampleFormat::S16Le));
     }
@@ -87,6 +91,9 @@ pub fn sound_arrives_unchanged<R: Rig>() {
 
 /// `wrapyfi_ros2_interfaces/msg/ROS2AudioMessage`, which carries floats.
 pub fn upstream_sound_arrives_unchanged<R: Rig>() {
+    if skipped(R::CAPABILITIES.float_sound, "to keep samples that are floats") {
+        return;
+    }
     let payloads = [sound(1024, 1, SampleFormat::F32Le), sound(441, 2, SampleFormat::F32Le)];
     arrive_unchanged::<R>(MessageType::UpstreamAudio, payloads.map(in_any_order));
 }

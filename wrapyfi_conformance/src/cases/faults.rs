@@ -65,8 +65,8 @@ pub fn what_is_malformed_is_counted_and_passed_over<R: Rig>() {
         let unusable = [DropReason::Malformed, DropReason::Mismatch, DropReason::Oversize]
             .map(|reason| now.dropped_for(reason));
         assert_eq!(unusable.iter().sum::<u64>(), sent, "{message_type}: {now:?}");
-        source.send(&small(message_type));
-        assert!(sink.receive() == small(message_type), "{message_type} after broken ones");
+        source.send(&small::<R>(message_type));
+        assert!(sink.receive() == small::<R>(message_type), "{message_type} after broken ones");
     }
 }
 
@@ -105,8 +105,8 @@ pub fn other_types_are_never_delivered<R: Rig>() {
     }
     let mut right = Source::open(rig.side(Side::Near), &spec);
     ready::<R>(&right, &sink);
-    right.send(&small(MessageType::Image));
-    assert!(sink.receive() == small(MessageType::Image));
+    right.send(&small::<R>(MessageType::Image));
+    assert!(sink.receive() == small::<R>(MessageType::Image));
 }
 
 /// A payload that the topic's type does not carry is refused at once, as unencodable.
@@ -122,11 +122,11 @@ pub fn a_payload_of_another_kind_is_refused<R: Rig>() {
             if other.data_type() == message_type.data_type() {
                 continue;
             }
-            let error = source.publisher.publish(&small(other)).unwrap_err();
+            let error = source.publisher.publish(&small::<R>(other)).unwrap_err();
             assert_eq!(error.drop_reason(), DropReason::Unencodable, "{error}");
         }
-        source.send(&small(message_type));
-        assert!(sink.receive() == small(message_type));
+        source.send(&small::<R>(message_type));
+        assert!(sink.receive() == small::<R>(message_type));
         assert_eq!(sink.counters().received, 1);
     }
 }

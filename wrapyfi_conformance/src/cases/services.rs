@@ -3,13 +3,11 @@
 use std::time::{Duration, Instant};
 
 use wrapyfi_core::endpoint::{CallError, DropReason, Request, ServeError, ServiceSpec};
-use wrapyfi_core::types::{
-    DataType, Encoding, Map, Payload, Pixels, SampleFormat, ServiceKind, Value,
-};
+use wrapyfi_core::types::{DataType, Encoding, Map, Payload, Pixels, ServiceKind, Value};
 use wrapyfi_core::{DecodeError, EncodeError};
 
 use super::skipped;
-use crate::payloads::{frame, rich, sound};
+use crate::payloads::{frame, rich, samples, sound};
 use crate::service_ends::{Caller, Clerk, SOON, call_and_serve};
 use crate::{PATIENCE, Rig, Side, wait_until};
 
@@ -85,7 +83,7 @@ pub fn every_kind_is_returned<R: Rig>() {
                 frame(640, 480, Encoding::Bgr8),
                 frame(5, 4, Encoding::Mono8),
             ],
-            DataType::AudioChunk => vec![sound(441, 2, SampleFormat::F32Le)],
+            DataType::AudioChunk => vec![sound(441, 2, samples::<R>())],
             _ => vec![rich(), list([])],
         };
         for payload in payloads {
@@ -409,7 +407,7 @@ pub fn what_is_too_large_to_return_is_told<R: Rig>() {
     small.ready();
     let ticket = small.ask_within([], Duration::from_secs(3));
     let asked = clerk.receive();
-    clerk.answer(asked.id, frame(100, 100, Encoding::Bgr8));
+    clerk.answer(asked.id, frame(90, 90, Encoding::Bgr8));
     let told = small.await_with(ticket, || _ = clerk.take()).unwrap_err();
     match &told {
         CallError::Reply { fault: DecodeError::TooLarge { limit, .. }, .. } => {

@@ -6,7 +6,7 @@
 //! ```
 //!
 //! YARP's replies have no number, so a connection carries one call at a time, and several calls have
-//! several connections. The first of them is a port with a name, as Wrapyfi's client is; it tells
+//! several connections. One more has a port with a name, as Wrapyfi's client is; it carries no calls and tells
 //! when the server goes. A connection whose call took too long is kept for its late reply for a
 //! while, so that this is counted and taken for no other.
 
@@ -176,7 +176,7 @@ async fn keep(shared: Arc<Shared>, desk: Arc<Desk>, mut stopped: Stopped) {
     });
     let port = tokio::select! {
         () = stopped.wait() => return,
-        port = opened => Arc::new(port),
+        port = opened => port,
     };
     port.name().clone_into(&mut desk.name.lock().unwrap_or_else(PoisonError::into_inner));
     tokio::select! {
@@ -187,13 +187,10 @@ async fn keep(shared: Arc<Shared>, desk: Arc<Desk>, mut stopped: Stopped) {
     desk.idle().clear();
     port.disconnect().await;
     desk.standing.waiting("YARP, which has ended");
-    // Calls that nobody waits for may hold it, too: then it closes with the last of them.
-    if let Ok(port) = Arc::try_unwrap(port) {
-        port.close().await;
-    }
+    port.close().await;
 }
 
-async fn stay_connected(shared: &Shared, desk: &Desk, port: &Arc<RpcClient>) {
+async fn stay_connected(shared: &Shared, desk: &Desk, port: &RpcClient) {
     let bell = shared.directory.watch(&desk.service);
     let (mut retry, mut time) = (Retry::default(), 0);
     let mut changes = port.connected();
@@ -205,6 +202,7 @@ async fn stay_connected(shared: &Shared, desk: &Desk, port: &Arc<RpcClient>) {
             bell.notified().await;
             continue;
         }
+        let at = shared.network.query(&desk.service).await.ok().flatten();
         if let Err(error) = port.connect(&desk.target()).await {
             desk.standing.waiting(format!("port {} to answer: {error}", desk.service));
             tokio::select! { () = bell.notified() => {}, () = retry.wait() => {} }
@@ -212,16 +210,21 @@ async fn stay_connected(shared: &Shared, desk: &Desk, port: &Arc<RpcClient>) {
         }
         retry.reset();
         time += 1;
-        changes.mark_unchanged();
-        desk.idle().push((time, Arc::clone(port)));
         desk.up.send_replace(Some(time));
         desk.standing.connected(1);
-        tokio::select! {
-            // It said goodbye.
-            _ = changes.wait_for(|now| now.outputs == 0) => {}
-            // It was registered anew, perhaps by another program, or is gone.
-            () = bell.notified() => {}
-            () = desk.failed.notified() => {}
+        loop {
+            tokio::select! {
+                // It said goodbye.
+                _ = changes.wait_for(|now| now.outputs == 0) => break,
+                () = desk.failed.notified() => break,
+                () = bell.notified() => {
+                    // The same server that was registered again is no other server.
+                    let now = shared.network.query(&desk.service).await;
+                    if now.is_ok_and(|now| now.is_some() && now != at) {
+                        break;
+                    }
+                }
+            }
         }
         desk.up.send_replace(None);
         desk.idle().clear();
