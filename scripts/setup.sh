@@ -112,6 +112,31 @@ fast_dds() {
     fi
 }
 
+# Definitions of ROS 1, and its own code that reads them. Where a system has none, the tests against them
+# are skipped.
+ros1_messages() {
+    if ! apt-cache show ros-std-msgs python3-genpy >/dev/null 2>&1; then
+        echo "setup: this system has no packages of ROS 1 (ros-std-msgs): the tests against them are skipped" >&2
+        return 0
+    fi
+    apt_packages python3-genmsg python3-genpy \
+        ros-actionlib-msgs ros-diagnostic-msgs ros-geometry-msgs ros-map-msgs ros-move-base-msgs \
+        ros-nav-msgs ros-pcl-msgs ros-roscpp-msg ros-rosgraph-msgs ros-sensor-msgs ros-shape-msgs \
+        ros-std-msgs ros-std-srvs ros-stereo-msgs ros-tf2-msgs ros-topic-tools-srvs ros-trajectory-msgs \
+        ros-visualization-msgs
+}
+
+# Debian has ROS 1; where nobody has, the tests against it are skipped.
+ros1() {
+    local packages=(python3-rosmaster python3-rosnode python3-rospy python3-rosservice python3-rostopic
+        python3-sensor-msgs python3-std-msgs python3-std-srvs)
+    if apt-cache show "${packages[@]}" >/dev/null 2>&1; then
+        apt_packages "${packages[@]}"
+    else
+        echo "setup: this system has no ROS 1 (python3-rospy): the tests against it are skipped" >&2
+    fi
+}
+
 rust_tools() {
     local tool
     for tool in rustfmt clippy; do
@@ -134,6 +159,7 @@ test)
     apt_packages iproute2 python3-venv
     workspace_tools
     fast_dds
+    ros1_messages
     rust_tools
     python_peers
     ;;

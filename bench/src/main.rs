@@ -2,6 +2,7 @@
 //!
 //! How: `README.md` beside this. What came out last: `RESULTS.md`, `results.csv`, `plot.svg`.
 
+mod asked;
 mod case;
 mod child;
 mod clock;
@@ -16,9 +17,11 @@ mod payload;
 mod plot;
 mod proc;
 mod python;
+mod registered;
 mod relay;
 mod report;
 mod results;
+mod ros1;
 mod soak;
 mod stats;
 mod targets;
@@ -26,6 +29,7 @@ mod trip;
 mod turn;
 mod wire;
 mod worker;
+mod yarp;
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -33,6 +37,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context as _, Result};
 use clap::{Parser, Subcommand};
 
+use asked::Asked;
 use case::Case;
 use payload::Kind;
 use python::Python;
@@ -40,9 +45,14 @@ use results::Results;
 use trip::Trip;
 use turn::Bench;
 use wire::{Place, Wire};
+use yarp::Ride;
 
 /// Measures wrapyfi for ROS 2. Run it through `make bench`.
 #[derive(Debug, Parser)]
+#[command(
+    after_help = "Cases of YARP are named yarp-way/load; --only yarp has ports at rest and the \
+                        name server, too."
+)]
 struct Cli {
     /// Rounds in which every case that a target is made of has one turn.
     #[arg(long, default_value_t = 17)]
@@ -53,8 +63,9 @@ struct Cli {
     /// Streams for 10 seconds instead of 60.
     #[arg(long)]
     quick: bool,
-    /// Only cases whose name (`way/payload`, `call-way/load`) contains this, in every round, and
-    /// neither streams, coding nor foreign endpoints; `coding`, `endpoints`, `fast-dds`: only that.
+    /// Only cases whose name (`way/payload`, `call-way/load`, `ask-way/payload`) contains this, in
+    /// every round, and neither streams, coding, registered methods nor foreign endpoints; `coding`,
+    /// `registered`, `endpoints`, `fast-dds`: only that.
     #[arg(long)]
     only: Option<String>,
     /// Folder for the results; default: this program's own in the repository.
@@ -110,6 +121,18 @@ enum Role {
         #[command(flatten)]
         place: trip::Place,
     },
+    /// Calls a registered method.
+    #[command(hide = true)]
+    Asker {
+        #[command(flatten)]
+        place: asked::Place,
+    },
+    /// Runs it for others.
+    #[command(hide = true)]
+    Asked {
+        #[command(flatten)]
+        place: asked::Place,
+    },
     /// Has many endpoints.
     #[command(hide = true)]
     Crowd {
@@ -121,6 +144,25 @@ enum Role {
     Onlooker {
         #[arg(long)]
         domain: u32,
+    },
+    /// Has a port that asks or sends, or a bare socket.
+    #[command(hide = true)]
+    YarpNear {
+        #[command(flatten)]
+        place: yarp::Place,
+    },
+    /// Has one that answers or reads.
+    #[command(hide = true)]
+    YarpFar {
+        #[command(flatten)]
+        place: yarp::Place,
+    },
+    /// Has many, at rest.
+    #[command(hide = true)]
+    YarpPorts {
+        /// Port number of the name server.
+        #[arg(long)]
+        names: u16,
     },
     /// Receives.
     #[command(hide = true)]
@@ -150,8 +192,25 @@ fn main() -> Result<()> {
             log_warnings();
             trip::far(place)
         }
+        Some(Role::Asker { place }) => {
+            log_warnings();
+            asked::asker(*place)
+        }
+        Some(Role::Asked { place }) => {
+            log_warnings();
+            asked::asked(*place)
+        }
         Some(Role::Crowd { domain }) => crowd::crowd(*domain),
         Some(Role::Onlooker { domain }) => crowd::onlooker(*domain),
+        Some(Role::YarpNear { place }) => {
+            log_warnings();
+            yarp::near(*place)
+        }
+        Some(Role::YarpFar { place }) => {
+            log_warnings();
+            yarp::far(*place)
+        }
+        Some(Role::YarpPorts { names }) => yarp::ports(*names),
         Some(Role::Source { wire, place }) => {
             log_warnings();
             worker::source(*wire, place)
@@ -186,7 +245,10 @@ fn run(cli: &Cli) -> Result<()> {
     let mut results = Results::new(cli.rounds);
     let wanted = |name: &str| cli.only.as_ref().is_none_or(|only| name.contains(only));
     let cases: Vec<Case> = Case::all().into_iter().filter(|case| wanted(&case.name())).collect();
+    let rides: Vec<Ride> = Ride::ALL.into_iter().filter(|ride| wanted(&ride.name())).collect();
     let trips: Vec<Trip> = Trip::ALL.into_iter().filter(|trip| wanted(&trip.name())).collect();
+
+    let asked: Vec<Asked> = Asked::ALL.into_iter().filter(|ask| wanted(ask.name())).collect();
 
     let coded = cli.only.as_deref().is_none_or(|only| only == "coding");
     let mut python = None;
@@ -204,6 +266,7 @@ fn run(cli: &Cli) -> Result<()> {
     for round in 1..=cli.rounds {
         results.loads.push(proc::load());
         results.micro(round, bodies.base64()?);
+        yarp::round(&bench, &rides, round, &mut results);
         if coded {
             results.micro(round, bodies.coding()?);
             match coding::memory(&bench.own, folder.path()) {
@@ -212,6 +275,14 @@ fn run(cli: &Cli) -> Result<()> {
             }
             if let Some(python) = &mut python {
                 python_coding(python, round, &mut results);
+            }
+        }
+        if cli.only.as_deref().is_none_or(|only| only == "registered") {
+            match registered::round() {
+                Ok(figures) => results.micro(round, figures),
+                Err(error) => {
+                    results.failures.push(format!("round {round}, registered: {error:#}"));
+                }
             }
         }
         for case in order(&cases, round, cli) {
@@ -230,6 +301,10 @@ fn run(cli: &Cli) -> Result<()> {
             }
         }
         calls(&bench, &trips, round, &mut results);
+        // Python's calls are so slow that every other round is enough.
+        if cli.only.is_some() || round % 2 == 1 {
+            asks(&bench, repository, &asked, round, &mut results);
+        }
         note(&format!("round {round} of {}: {:.0} s", cli.rounds, begin.elapsed().as_secs_f64()));
     }
     drop(python);
@@ -250,6 +325,12 @@ fn run(cli: &Cli) -> Result<()> {
         match crowd::run(&bench, if cli.quick { 5 } else { 15 }) {
             Ok(rest) => results.rest(rest),
             Err(error) => results.failures.push(format!("foreign endpoints: {error:#}")),
+        }
+    }
+    if cli.only.as_deref().is_none_or(|only| only == "yarp") {
+        match yarp::Ports::measure(&bench, if cli.quick { 5 } else { 15 }) {
+            Ok(ports) => results.ports(ports),
+            Err(error) => results.failures.push(format!("YARP ports at rest: {error:#}")),
         }
     }
     let targets = targets::check(&results);
@@ -273,6 +354,27 @@ fn calls(bench: &Bench, trips: &[Trip], round: u32, results: &mut Results) {
             Ok(leg) => results.trip(round, trip, leg),
             Err(error) => {
                 let failure = format!("round {round}, {}: {error:#}", trip.name());
+                note(&failure);
+                results.failures.push(failure);
+            }
+        }
+    }
+}
+
+/// Calls of registered methods; backwards in every second round that has them.
+fn asks(bench: &Bench, repository: &Path, asked: &[Asked], round: u32, results: &mut Results) {
+    let mut asked = asked.to_vec();
+    if round / 2 % 2 == 1 {
+        asked.reverse();
+    }
+    for ask in asked {
+        if ask != Asked::Ours && results.no_python.is_some() {
+            continue;
+        }
+        match ask.turn(bench, repository) {
+            Ok(answers) => results.asked(round, ask, answers),
+            Err(error) => {
+                let failure = format!("round {round}, {}: {error:#}", ask.name());
                 note(&failure);
                 results.failures.push(failure);
             }

@@ -15,6 +15,7 @@ use wrapyfi_core::types::Payload;
 use crate::coding::Native;
 use crate::dynamic::JointState;
 use crate::payload::{Kind, Maker, compress, decode_frames, decompress};
+use crate::ros1::Ros1;
 use crate::stats::median;
 
 /// One figure of a round, in microseconds unless its name says otherwise.
@@ -46,6 +47,7 @@ pub(crate) struct Bodies {
     kinds: Vec<(Kind, Maker)>,
     native: Native,
     joint_state: JointState,
+    ros1: Ros1,
 }
 
 impl Bodies {
@@ -70,6 +72,7 @@ impl Bodies {
             kinds: makers.collect::<Result<_>>()?,
             native: Native::new()?,
             joint_state: JointState::new()?,
+            ros1: Ros1::new()?,
         })
     }
 
@@ -106,6 +109,7 @@ impl Bodies {
             Self::codecs(*kind, maker, &mut figures)?;
         }
         figures.push(self.joint_state.round());
+        figures.extend(self.ros1.round());
         figures.extend(tcp()?);
         Ok(figures)
     }

@@ -32,7 +32,7 @@ pub(crate) struct Coding {
 }
 
 /// The interpreter: `WRAPYFI_PYTHON`, else the one `make test` installs.
-fn interpreter(repository: &Path) -> Result<PathBuf> {
+pub(crate) fn interpreter(repository: &Path) -> Result<PathBuf> {
     let path = std::env::var_os("WRAPYFI_PYTHON")
         .map_or_else(|| repository.join(".venv/bin/python"), PathBuf::from);
     let probe = "import importlib.util as u, sys; sys.exit(not all(u.find_spec(m) for m in ('wrapyfi', 'zmq')))";

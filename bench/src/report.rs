@@ -1,9 +1,12 @@
 //! `RESULTS.md`.
 
+mod yarp;
+
 use std::fmt::Write as _;
 
 use anyhow::Result;
 
+use crate::asked::Asked;
 use crate::case::Way;
 use crate::crowd::Rest;
 use crate::estimate::Verdict;
@@ -51,6 +54,7 @@ pub(crate) fn write(results: &Results, targets: &[Target]) -> Result<String> {
     latency_table(&mut text, results);
     cost_table(&mut text, results);
     trip_table(&mut text, results);
+    asked_table(&mut text, results);
     if let Some(soak) = &results.soak {
         stream(&mut text, soak);
     }
@@ -60,6 +64,7 @@ pub(crate) fn write(results: &Results, targets: &[Target]) -> Result<String> {
     if let Some(found) = &results.rest {
         rest(&mut text, found);
     }
+    yarp::tables(&mut text, results);
     limits(&mut text, results);
     size_table(&mut text)?;
     if !results.failures.is_empty() {
@@ -294,6 +299,38 @@ fn trip_table(text: &mut String, results: &Results) {
             all.len(),
             middle(&cpu),
             middle(&opening)
+        );
+    }
+}
+
+fn asked_table(text: &mut String, results: &Results) {
+    text.push_str(
+        "\n## Calls of a registered method that returns 640x480 RGB\n\n\
+         Request and reply over ZeroMQ, one call under way at a time, from arguments to an image that can\n\
+         be used. Our peers exchange pixels as they are, Python's decimal text. CPU microseconds a call of\n\
+         the server's processes, its broker included.\n\n\
+         | who | p50 | range of rounds | rounds | calls | server's CPU |\n\
+         | --- | --- | --- | --- | --- | --- |\n",
+    );
+    for ask in Asked::ALL {
+        let (Some(answers), Some((halves, used))) =
+            (results.answers(ask), results.asked_rounds(ask))
+        else {
+            continue;
+        };
+        let halves: Vec<f64> = halves.into_values().collect();
+        let used: Vec<f64> = used.into_values().collect();
+        let calls: u32 = answers.values().map(|answers| answers.report.received).sum();
+        let of = |values: &[f64], fraction| quantile(values, fraction).unwrap_or(f64::NAN);
+        _ = writeln!(
+            text,
+            "| {} | {:.0} | {:.0} to {:.0} | {} | {calls} | {:.0} |",
+            ask.title(),
+            of(&halves, 0.5),
+            of(&halves, 0.0),
+            of(&halves, 1.0),
+            halves.len(),
+            of(&used, 0.5),
         );
     }
 }

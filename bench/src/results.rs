@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
+use crate::asked::{Answers, Asked};
 use crate::case::{Case, Way};
 use crate::crowd::Rest;
 use crate::estimate::Series;
@@ -15,6 +16,7 @@ use crate::stats::{median, quantile};
 use crate::trip::{Leg, Trip};
 use crate::turn::{Phase, Turn};
 use crate::worker::Report;
+use crate::yarp::{Ports, Ride};
 
 /// All rounds of all cases.
 #[derive(Default)]
@@ -26,9 +28,12 @@ pub(crate) struct Results {
     micro: Vec<(String, Series)>,
     coding: BTreeMap<Kind, BTreeMap<u32, Coding>>,
     trips: BTreeMap<Trip, BTreeMap<u32, Leg>>,
+    asked: BTreeMap<Asked, BTreeMap<u32, Answers>>,
     pub(crate) soak: Option<Soak>,
     pub(crate) rest: Option<Rest>,
     pub(crate) fast: Option<fast::Stream>,
+    rides: BTreeMap<Ride, BTreeMap<u32, Leg>>,
+    pub(crate) ports: Option<Ports>,
     /// Turns that failed, with the reason.
     pub(crate) failures: Vec<String>,
     /// Why there are no figures of Python Wrapyfi.
@@ -126,6 +131,36 @@ impl Results {
         self.trips.entry(trip).or_default().insert(round, leg);
     }
 
+    /// Adds a turn of calls of a registered method.
+    pub(crate) fn asked(&mut self, round: u32, ask: Asked, answers: Answers) {
+        let q = |fraction| quantile(&answers.report.latency_us, fraction).unwrap_or(f64::NAN);
+        for (measure, value) in [
+            ("p50_us", q(0.5)),
+            ("max_us", q(1.0)),
+            ("min_us", q(0.0)),
+            ("calls", answers.report.received.into()),
+            ("server_cpu_us_per_call", answers.server_us),
+        ] {
+            self.row(round, ask.name(), "calls", measure, value);
+        }
+        self.asked.entry(ask).or_default().insert(round, answers);
+    }
+
+    /// Turns of such calls by round; `None` where none succeeded.
+    pub(crate) fn answers(&self, ask: Asked) -> Option<&BTreeMap<u32, Answers>> {
+        self.asked.get(&ask)
+    }
+
+    /// Median call in each round, and what the server used for one.
+    pub(crate) fn asked_rounds(&self, ask: Asked) -> Option<(Series, Series)> {
+        let all = self.answers(ask)?;
+        let half = |(round, answers): (&u32, &Answers)| {
+            Some((*round, median(&answers.report.latency_us)?))
+        };
+        let used = all.iter().map(|(round, answers)| (*round, answers.server_us)).collect();
+        Some((all.iter().filter_map(half).collect(), used))
+    }
+
     /// Adds what a bridge at rest takes.
     pub(crate) fn rest(&mut self, rest: Rest) {
         for (measure, value) in [
@@ -149,6 +184,46 @@ impl Results {
         let half =
             |(round, leg): (&u32, &Leg)| Some((*round, median(&leg.calls.report.latency_us)?));
         Some(self.legs(trip)?.iter().filter_map(half).collect())
+    }
+
+    /// Adds a turn of YARP's ports, or of what they are compared with.
+    pub(crate) fn ride(&mut self, round: u32, ride: Ride, leg: Leg) {
+        let q = |fraction| quantile(&leg.calls.report.latency_us, fraction).unwrap_or(f64::NAN);
+        for (measure, value) in [
+            ("p50_us", q(0.5)),
+            ("p99_us", q(0.99)),
+            ("max_us", q(1.0)),
+            ("min_us", q(0.0)),
+            ("messages", leg.calls.report.received.into()),
+            ("cpu_us_per_message", leg.calls.cpu_us),
+        ] {
+            self.row(round, &ride.name(), "yarp", measure, value);
+        }
+        self.rides.entry(ride).or_default().insert(round, leg);
+    }
+
+    /// Turns of it by round; `None` where none succeeded.
+    pub(crate) fn rides(&self, ride: Ride) -> Option<&BTreeMap<u32, Leg>> {
+        self.rides.get(&ride)
+    }
+
+    /// Its median in each round.
+    pub(crate) fn ride_halves(&self, ride: Ride) -> Option<Series> {
+        let half =
+            |(round, leg): (&u32, &Leg)| Some((*round, median(&leg.calls.report.latency_us)?));
+        Some(self.rides(ride)?.iter().filter_map(half).collect())
+    }
+
+    /// Adds what YARP's ports take at rest.
+    pub(crate) fn ports(&mut self, ports: Ports) {
+        for (measure, value) in [
+            ("percent_of_core", ports.share),
+            ("opening_ms", ports.opening_ms),
+            ("rss_mib", ports.rss_mib),
+        ] {
+            self.row(0, "yarp-ports", "rest", measure, value);
+        }
+        self.ports = Some(ports);
     }
 
     /// Adds figures of the machine and of coding.

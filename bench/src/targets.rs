@@ -5,6 +5,9 @@
 //! promised and what explains it: the minimal relay, which is the least that two hops in one chain
 //! can take.
 
+mod yarp;
+
+use crate::asked::Asked;
 use crate::case::Way::{
     self, PythonHop, RawDds, RawZmq, RelayToRos, RelayToZmq, RosToZmq, RustHop, ZmqToRos,
 };
@@ -15,7 +18,9 @@ use crate::crowd::Rest;
 use crate::dynamic;
 use crate::estimate::{Estimate, Limit, Series, Verdict};
 use crate::payload::Kind::{self, F32Mib, U8Rgb200, VgaJpeg, VgaRgb};
+use crate::registered;
 use crate::results::Results;
+use crate::ros1;
 use crate::trip::{Load, Trip, Way as TripWay};
 
 /// What became of a promise.
@@ -122,10 +127,14 @@ pub(crate) fn check(results: &Results) -> Vec<Target> {
         |[python, ours]| format!("{python:.0} / {ours:.0} us"),
     ));
     trips(results, &mut targets);
+    registered(results, &mut targets);
+    asked(results, &mut targets);
     joint_state(results, &mut targets);
+    ros1(results, &mut targets);
     stream(results, &mut targets);
     to_fast_dds(results, &mut targets);
     rest(results, &mut targets);
+    yarp::check(results, &mut targets);
     targets
 }
 
@@ -233,6 +242,73 @@ fn trips(results: &Results, targets: &mut Vec<Target>) {
     }
 }
 
+/// Registered methods above the method itself and above the raw endpoint.
+fn registered(results: &Results, targets: &mut Vec<Target>) {
+    let figures = |above: &str, below: &str| {
+        Some([results.figure_rounds(above)?, results.figure_rounds(below)?])
+    };
+    let more = |above: &str, below: &str| {
+        Estimate::of(figures(above, below)?, |[above, below]| above - below)
+    };
+    let micros = |[above, below]: [f64; 2]| format!("{above:.3} - {below:.3} us");
+    targets.push(Target::ratio(
+        "a registered call that publishes a small value, nobody listens: us above the method"
+            .to_owned(),
+        Some(Limit::AtMost(1.0)),
+        more(registered::UNHEARD, registered::METHOD),
+        micros,
+    ));
+    targets.push(Target::ratio(
+        "└ the same in mode none".to_owned(),
+        None,
+        more(registered::NONE, registered::METHOD),
+        micros,
+    ));
+    let over = |above: &str, below: &str| {
+        Estimate::of(figures(above, below)?, |[above, below]| above / below)
+    };
+    for (what, above, below, limit) in [
+        (
+            "registered publish and listen of a small object over ZeroMQ, against raw endpoints",
+            registered::ZMQ,
+            registered::RAW_ZMQ,
+            Some(Limit::AtMost(1.05)),
+        ),
+        ("└ the same in memory", registered::SMALL, registered::RAW_SMALL, None),
+        ("└ 640x480 RGB in memory", registered::FRAME, registered::RAW_FRAME, None),
+    ] {
+        targets.push(Target::ratio(
+            what.to_owned(),
+            limit,
+            over(above, below),
+            |[above, below]| format!("{above:.2} / {below:.2} us"),
+        ));
+    }
+}
+
+/// Calls of a registered method that returns an image.
+fn asked(results: &Results, targets: &mut Vec<Target>) {
+    let [ours, python, mixed] =
+        [Asked::Ours, Asked::Python, Asked::Mixed].map(|ask| results.asked_rounds(ask));
+    targets.push(Target::ratio(
+        "640x480 RGB by request and reply over ZeroMQ, p50, Python's peers against ours".to_owned(),
+        Some(Limit::AtLeast(100.0)),
+        python.zip(ours).and_then(|((python, _), (ours, _))| {
+            Estimate::of([&python, &ours], |[python, ours]| python / ours)
+        }),
+        |[python, ours]| format!("{python:.0} / {ours:.0} us"),
+    ));
+    targets.push(Target::ratio(
+        "the same, Python's client and our server: percent of the call that our server takes"
+            .to_owned(),
+        Some(Limit::AtMost(5.0)),
+        mixed.and_then(|(call, server)| {
+            Estimate::of([&server, &call], |[server, call]| server / call * 100.0)
+        }),
+        |[server, call]| format!("{server:.0} of {call:.0} us"),
+    ));
+}
+
 /// Messages of a type known at run time.
 fn joint_state(results: &Results, targets: &mut Vec<Target>) {
     let share = |[micros]: [f64; 1]| micros * dynamic::RATE / 1e6 * 100.0;
@@ -243,6 +319,24 @@ fn joint_state(results: &Results, targets: &mut Vec<Target>) {
         results.figure_rounds(dynamic::DECODE).and_then(|decode| Estimate::of([decode], share)),
         |[decode]| format!("{decode:.2} us each"),
     ));
+}
+
+/// Messages between ROS 1 and CDR; nothing is promised of those that are mostly strings.
+fn ros1(results: &Results, targets: &mut Vec<Target>) {
+    for (name, limit) in ros1::CASES {
+        for direction in ros1::DIRECTIONS {
+            let figure = |what| results.figure_rounds(&ros1::figure(name, what));
+            let ratio = figure(direction).zip(figure(ros1::MEMCPY)).and_then(|(ours, memcpy)| {
+                Estimate::of([ours, memcpy], |[ours, memcpy]| ours / memcpy)
+            });
+            targets.push(Target::ratio(
+                format!("ROS 1 {name}, {direction}, against memcpy of the same bytes"),
+                limit.map(Limit::AtMost),
+                ratio,
+                |[ours, memcpy]| format!("{ours:.2} / {memcpy:.2} us"),
+            ));
+        }
+    }
 }
 
 /// A bridge among foreign endpoints.

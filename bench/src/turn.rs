@@ -67,7 +67,7 @@ struct Acks {
 }
 
 /// Two free ports.
-fn ports() -> Result<(u16, u16)> {
+pub(crate) fn ports() -> Result<(u16, u16)> {
     let bind = || std::net::TcpListener::bind(("127.0.0.1", 0));
     let (one, two) = (bind()?, bind()?);
     Ok((one.local_addr()?.port(), two.local_addr()?.port()))

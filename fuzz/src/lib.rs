@@ -21,10 +21,13 @@ mod labelled;
 mod meter;
 mod pickles;
 mod requests;
+mod ros1;
 mod services;
 mod tables;
+mod tcpros;
 mod tensors;
 mod texts;
+mod yarp;
 mod yarp_names;
 mod yarp_payload;
 mod yarp_wire;
@@ -35,10 +38,13 @@ pub use labelled::{plugin_picture, plugin_zarr};
 pub use meter::{bounded, measure};
 pub use pickles::pickle;
 pub use requests::zeromq_requests;
+pub use ros1::{ros1_definition, ros1_messages};
 pub use services::node_services;
 pub use tables::plugin_table;
+pub use tcpros::{tcpros_header, xmlrpc};
 pub use tensors::plugin_tensor;
 pub use texts::{config, msg_parser, ros_args};
+pub use yarp::{yarp_bottle, yarp_object, yarp_text};
 pub use yarp_names::yarp_name_lines;
 pub use yarp_payload::yarp_payload;
 pub use yarp_wire::yarp_connection;
@@ -52,7 +58,7 @@ pub const LIMITS: Limits = Limits { message_bytes: 1 << 20, depth: 64 };
 pub type Target = (&'static str, fn(&[u8]));
 
 /// Every target.
-pub const TARGETS: [Target; 19] = [
+pub const TARGETS: &[Target] = &[
     ("json", json),
     ("npy", npy),
     ("frames", frames),
@@ -69,7 +75,14 @@ pub const TARGETS: [Target; 19] = [
     ("node_services", node_services),
     ("dynamic", dynamic),
     ("zeromq_requests", zeromq_requests),
+    ("yarp_bottle", yarp_bottle),
+    ("yarp_text", yarp_text),
+    ("yarp_object", yarp_object),
     ("yarp_name_lines", yarp_name_lines),
     ("yarp_connection", yarp_connection),
+    ("ros1_definition", ros1_definition),
+    ("ros1_messages", ros1_messages),
+    ("tcpros_header", tcpros_header),
+    ("xmlrpc", xmlrpc),
     ("yarp_payload", yarp_payload),
 ];

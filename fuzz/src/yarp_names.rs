@@ -17,10 +17,8 @@ const ANSWER: usize = 256;
 pub fn yarp_name_lines(data: &[u8]) {
     const SEPARATOR: &[u8] = b"\n----\n";
     let cut = data.windows(SEPARATOR.len()).position(|part| part == SEPARATOR);
-    let (commands, answer) = match cut {
-        Some(at) => (&data[..at], &data[at + SEPARATOR.len()..]),
-        None => (data, &b""[..]),
-    };
+    let (commands, answer) = data.split_at(cut.unwrap_or(data.len()));
+    let answer = answer.strip_prefix(SEPARATOR).unwrap_or_default();
     let limits = Limits {
         max_message_bytes: LIMITS.message_bytes,
         max_depth: LIMITS.depth,
@@ -53,13 +51,12 @@ fn serve(commands: &[u8], limits: &Limits) {
     // More lines than this cost time, and show nothing new.
     for line in commands.split(|&byte| byte == b'\n').take(256) {
         let answer = server.ask(line);
-        assert!(answer.ends_with(b"\r\n"), "an answer is lines");
-        let inner = &answer[..answer.len() - 2];
+        let inner = answer.strip_suffix(b"\r\n").expect("an answer is lines");
         if !answer.ends_with(b"*** end of message\r\n") {
             assert!(!inner.contains(&b'\n'), "a bottle is one line");
         }
         // Whoever reads lines must not find ends that a name brought along.
-        assert!(!inner.iter().any(|&byte| byte == 0), "a line has no NUL");
+        assert!(!inner.contains(&0), "a line has no NUL");
         assert!(server.names() <= most, "{} names", server.names());
     }
 }

@@ -21,8 +21,8 @@ fn limits() -> Limits {
 pub fn yarp_connection(data: &[u8]) {
     let [choice, bytes @ ..] = data else { return };
     let piece = usize::from(choice & 0x7f) + 1;
-    // Buffers double, and hold at least what is read at a time.
-    bounded(bytes, 8, 1 << 17, || {
+    // Buffers double, and are copied when events keep a part of them.
+    bounded(bytes.len(), 16, || {
         if choice & 0x80 != 0 {
             let mut reader = MjpegReader::new(&limits());
             read(

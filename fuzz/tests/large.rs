@@ -21,7 +21,7 @@ fn run(target: &str, shapes: &[(&str, &str, &str)]) {
 }
 
 fn check(target: &str, unit: &str, data: &str) {
-    let (_, body) = TARGETS.into_iter().find(|(name, _)| *name == target).unwrap();
+    let (_, body) = TARGETS.iter().find(|(name, _)| *name == target).unwrap();
     let begun = Instant::now();
     let ((), peak) = measure(|| body(data.as_bytes()));
     let (factor, took) = (peak / data.len(), begun.elapsed());
@@ -153,4 +153,63 @@ fn texts() {
             ("", "a\n", ""),
         ],
     );
+}
+
+#[test]
+fn yarp_texts() {
+    run(
+        "yarp_text",
+        &[
+            ("\0", "1 ", ""),
+            ("\0", "a,", ""),
+            ("\0", "(1) ", ""),
+            ("\0", "() ", ""),
+            ("\0{", "1 ", "}"),
+            ("\0\"", "\\n", "\""),
+            ("\0", "(", ""),
+            ("\0", ")", " a b"),
+        ],
+    );
+}
+
+#[test]
+fn ros1_definitions() {
+    let lines = |unit: &dyn Fn(usize) -> String| {
+        let mut text = String::new();
+        for n in 0..UNITS {
+            let unit = unit(n);
+            if text.len() + unit.len() > SIZE {
+                break;
+            }
+            text.push_str(&unit);
+        }
+        text
+    };
+    let separator = "=".repeat(80);
+    for (unit, text) in [
+        ("fields", lines(&|n| format!("uint8 a{n}\n"))),
+        ("strings", lines(&|n| format!("string a{n}\n"))),
+        ("fields that ROS 2 names otherwise", lines(&|n| format!("uint8 A{n}\n"))),
+        ("fields that become one", lines(&|n| format!("uint8 a{}b\n", "_".repeat(n % 500 + 1)))),
+        ("constants", lines(&|n| format!("string A{n}= a\n"))),
+        ("headers", lines(&|n| format!("Header h{n}\n"))),
+        (
+            "uses of one type",
+            lines(&|n| format!("T[] t{n}\n")) + &separator + "\nMSG: fuzz_msgs/T\nint8 x\n",
+        ),
+        (
+            "types",
+            lines(&|n| if n < 1000 { format!("T{n} t{n}\n") } else { String::new() })
+                + &lines(&|n| {
+                    if n < 1000 {
+                        format!("{separator}\nMSG: fuzz_msgs/T{n}\nbool x\n")
+                    } else {
+                        String::new()
+                    }
+                }),
+        ),
+        ("comments", lines(&|_| "# a\n".to_owned())),
+    ] {
+        check("ros1_definition", unit, &text);
+    }
 }

@@ -17,7 +17,7 @@ fn corpus(target: &str) -> Vec<PathBuf> {
 
 /// The test of the same name in the table.
 fn replay(name: &str) {
-    let (_, target) = TARGETS.into_iter().find(|(target, _)| *target == name).unwrap();
+    let (_, target) = TARGETS.iter().find(|(target, _)| *target == name).unwrap();
     let files = corpus(name);
     assert!(!files.is_empty(), "no seeds");
     let mut failed = Vec::new();
@@ -42,7 +42,7 @@ macro_rules! replays {
         #[test]
         fn every_target_is_replayed() {
             let replayed = [$(stringify!($name)),*];
-            assert_eq!(TARGETS.map(|(name, _)| name), replayed);
+            assert_eq!(TARGETS.iter().map(|(name, _)| *name).collect::<Vec<_>>(), replayed);
             for (name, _) in TARGETS {
                 let program = format!("targets/fuzz_targets/{name}.rs");
                 assert!(Path::new(env!("CARGO_MANIFEST_DIR")).join(program).exists(), "{name}");
@@ -53,6 +53,7 @@ macro_rules! replays {
 
 replays! {
     json npy frames jpeg cdr msg_parser ros_args config plugin_tensor pickle plugin_table
-    plugin_picture plugin_zarr node_services dynamic zeromq_requests yarp_name_lines
-    yarp_connection yarp_payload
+    plugin_picture plugin_zarr node_services dynamic zeromq_requests yarp_bottle yarp_text
+    yarp_object yarp_name_lines yarp_connection ros1_definition ros1_messages tcpros_header
+    xmlrpc yarp_payload
 }

@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
-"""The real Wrapyfi on ZeroMQ, as publisher or listener, client or server.
+"""The real Wrapyfi on ZeroMQ or ROS 1, as publisher or listener, client or server.
 
     wrapyfi_peer.py publish --type Image --flavour colour --topic /cam --pub-port P --sub-port S
     wrapyfi_peer.py listen  --type Image --flavour colour --topic /cam --pub-port P --count 3
     wrapyfi_peer.py reply   --type Image --flavour colour --topic /cam --rep-port P --req-port S
     wrapyfi_peer.py request --type Image --flavour colour --topic /cam --rep-port P --count 3
     wrapyfi_peer.py broker  --topic /cam --rep-port P --req-port S    the broker of its servers, without one
+    wrapyfi_peer.py publish --mware ros --topic /x            over rospy of Debian
     wrapyfi_peer.py publish --case pint --topic /x --pub-port P --sub-port S      an object of plugins.py
 
 Lines on stdout: {"event": "ready"}, {"event": "message", "index", "sha256", ...}, {"event": "done"}.
@@ -35,6 +36,7 @@ parser.add_argument("--case", help="an object of another library, by its name in
 parser.add_argument("--bare", action="store_true", help="the case's object itself, not a dict that has it")
 parser.add_argument("--cases", default="plugins", help="the module that has the case")
 parser.add_argument("--topic", required=True)
+parser.add_argument("--mware", default="zeromq", choices=["zeromq", "ros"])
 parser.add_argument("--pub-port", type=int, default=0, help="XPUB side of the broker: listeners")
 parser.add_argument("--sub-port", type=int, default=0, help="XSUB side of the broker: publishers")
 parser.add_argument("--rep-port", type=int, default=0, help="ROUTER side of the broker: clients")
@@ -56,6 +58,8 @@ if args.case:
     cases = importlib.import_module(args.cases)
     case = cases.load(args.case)
 import cv2  # noqa: E402
+if args.mware == "ros":
+    import rospy_in_venv  # noqa: E402,F401
 import numpy as np  # noqa: E402
 import wrapyfi  # noqa: E402
 from wrapyfi.connect.wrapper import MiddlewareCommunicator  # noqa: E402
@@ -75,6 +79,9 @@ if args.role == "publish":
 elif args.role == "reply":
     options.update(socket_req_port=args.req_port, start_proxy_broker=not args.no_broker,
                    proxy_broker_spawn="thread")
+if args.mware == "ros":
+    # Its test of a publisher's connection is inverted: it waits for nobody.
+    options = {"should_wait": args.role not in ("publish",)}
 channels, rate = (2 if flavour == "stereo" else 1), 16000
 frames = 441
 if args.type == "Image":
@@ -94,7 +101,7 @@ def make(seq):
 
 
 class Peer(MiddlewareCommunicator):
-    @MiddlewareCommunicator.register(args.type, "zeromq", "Peer", args.topic, **options)
+    @MiddlewareCommunicator.register(args.type, args.mware, "Peer", args.topic, **options)
     def exchange(self, seq=0):
         return (make(seq),)
 

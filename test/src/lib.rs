@@ -12,7 +12,7 @@
 //! | `WRAPYFI_POSE_MIRROR_BIN` | the example `pose_mirror`; default: beside `wrapyfi` |
 //! | `WRAPYFI_<NAME>_BIN` | a program of `examples/communicator`, for instance `WRAPYFI_FORWARDING_BIN`; default: beside `wrapyfi` |
 //! | `WRAPYFI_PYTHON` | interpreter with the Python peers; default: `.venv/bin/python` in the repository |
-//! | `WRAPYFI_REQUIRE_PEERS=1` | a missing peer fails the test instead of skipping it; not Fast DDS, which some systems lack |
+//! | `WRAPYFI_REQUIRE_PEERS=1` | a missing peer fails the test instead of skipping it; not Fast DDS and ROS 1, which some systems lack |
 //! | `CXX` | compiler of the peer on Fast DDS; default: `c++` |
 
 mod config;
@@ -52,6 +52,12 @@ pub fn ros2(name: &str) -> String {
 #[must_use]
 pub fn zeromq(topic: &str) -> String {
     format!("zeromq:{topic}")
+}
+
+/// The endpoint of a topic on ROS 1.
+#[must_use]
+pub fn ros1(topic: &str) -> String {
+    format!("ros:{topic}")
 }
 
 /// Hex SHA-256.

@@ -28,7 +28,13 @@ pub enum Need {
     /// Fast DDS 2 for C++. Some systems have none: tests that need it are skipped there, whatever
     /// `WRAPYFI_REQUIRE_PEERS` says.
     FastDds,
+    /// ROS 1 as Debian has it: rosmaster, rospy and the tools. Some systems have none: tests that need
+    /// it are skipped there, whatever `WRAPYFI_REQUIRE_PEERS` says.
+    Ros1,
 }
+
+/// The interpreter that the distribution's packages are for.
+pub(crate) const SYSTEM_PYTHON: &str = "/usr/bin/python3";
 
 /// Root of the repository.
 #[must_use]
@@ -44,8 +50,11 @@ pub fn repository() -> PathBuf {
 pub fn run(test: &str, needs: &[Need], body: impl FnOnce(&World) -> Result) -> Result {
     for need in needs {
         if let Err(reason) = check(*need) {
-            let is_required =
-                *need != Need::FastDds || !matches!(fast::program(), Err(Absent::Library(_)));
+            let is_required = match need {
+                Need::FastDds => !matches!(fast::program(), Err(Absent::Library(_))),
+                Need::Ros1 => has_package("python3-rospy"),
+                _ => true,
+            };
             if is_required && std::env::var("WRAPYFI_REQUIRE_PEERS").is_ok_and(|v| v == "1") {
                 return Err(reason).with_context(|| format!("{test} needs a peer that is missing"));
             }
@@ -65,6 +74,7 @@ fn check(need: Need) -> Result {
         Need::Example(name) => example(name).map(drop),
         Need::Python => python().map(drop),
         Need::Package(name) => package(name),
+        Need::Ros1 => ros1(),
         Need::FastDds => match fast::program() {
             Ok(_) => Ok(()),
             Err(Absent::Library(reason) | Absent::Program(reason)) => {
@@ -127,6 +137,31 @@ fn package(name: &str) -> Result {
         bail!("{} lacks the Python package {name}; run `make test`", python.display());
     }
     Ok(())
+}
+
+/// Whether the distribution has such a package, installed or not.
+fn has_package(name: &str) -> bool {
+    let shown = Command::new("apt-cache").args(["show", name]).output();
+    shown.is_ok_and(|shown| shown.status.success() && !shown.stdout.is_empty())
+}
+
+fn ros1() -> Result {
+    static FOUND: OnceLock<std::result::Result<(), String>> = OnceLock::new();
+    FOUND.get_or_init(find_ros1).clone().map_err(anyhow::Error::msg)
+}
+
+fn find_ros1() -> std::result::Result<(), String> {
+    let probe = "import importlib.util as u, sys\n\
+                 sys.exit(' '.join(m for m in ('rosmaster', 'rospy', 'rostopic', 'rosnode', 'std_srvs', 'sensor_msgs') if not u.find_spec(m)) or 0)";
+    let ran = Command::new(SYSTEM_PYTHON)
+        .args(["-c", probe])
+        .output()
+        .map_err(|error| format!("no ROS 1 peers: {SYSTEM_PYTHON}: {error}"))?;
+    if ran.status.success() {
+        return Ok(());
+    }
+    let missing = String::from_utf8_lossy(&ran.stderr);
+    Err(format!("{SYSTEM_PYTHON} lacks the packages of ROS 1: {}; run `make test`", missing.trim()))
 }
 
 fn find_python() -> std::result::Result<PathBuf, String> {

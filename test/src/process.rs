@@ -94,7 +94,8 @@ impl Process {
     }
 
     /// The rest of the test depends on this process: while it should run, its end is a failure.
-    pub(crate) fn pillar(self) -> Self {
+    #[must_use]
+    pub fn pillar(self) -> Self {
         lock(&self.pillars).push(Arc::clone(&self.shared));
         self
     }

@@ -26,6 +26,7 @@ pub struct World {
     sub_port: Reserved,
     rep_port: Reserved,
     req_port: Reserved,
+    ros_port: Reserved,
     folder: TempDir,
     pillars: Pillars,
 }
@@ -43,6 +44,7 @@ impl World {
             sub_port: reserve::port()?,
             rep_port: reserve::port()?,
             req_port: reserve::port()?,
+            ros_port: reserve::port()?,
             folder: TempDir::with_prefix("wrapyfi_e2e_")
                 .context("creating a folder for the test")?,
             pillars: Pillars::default(),
@@ -196,7 +198,15 @@ impl World {
     /// # Errors
     /// Where it cannot be started.
     pub fn bridge(&self, config: &Config) -> Result<Process> {
-        let file = self.write("bridge.yaml", config.yaml())?;
+        self.bridge_named("bridge.yaml", config)
+    }
+
+    /// As [`World::bridge`], for several at once: each has its own file.
+    ///
+    /// # Errors
+    /// Where it cannot be started.
+    pub fn bridge_named(&self, file: &str, config: &Config) -> Result<Process> {
+        let file = self.write(file, config.yaml())?;
         let args =
             [OsStr::new("bridge"), OsStr::new("--config"), file.as_os_str(), OsStr::new("--json")];
         Ok(self.wrapyfi(args)?.pillar())
@@ -325,6 +335,50 @@ impl World {
         )
     }
 
+    /// Address of this test's ROS 1 master.
+    #[must_use]
+    pub fn ros_master_uri(&self) -> String {
+        format!("http://127.0.0.1:{}", self.ros_port.number)
+    }
+
+    /// Starts a peer on rospy from `test/peers`, with the system's Python; `args` are split at
+    /// blanks, `value` is its `--value` as it is.
+    ///
+    /// # Errors
+    /// Where it cannot be started.
+    pub fn rospy(&self, args: &str, value: Option<&str>) -> Result<Process> {
+        let file = repository().join("test/peers/rospy_peer.py").into_os_string();
+        let mut all: Vec<std::ffi::OsString> = vec![file];
+        all.extend(args.split_whitespace().map(Into::into));
+        if let Some(value) = value {
+            all.extend(["--value".into(), value.into()]);
+        }
+        let mut command = self.command(Path::new(needs::SYSTEM_PYTHON), all);
+        command.env("PYTHONUTF8", "1").env("PYTHONDONTWRITEBYTECODE", "1");
+        Process::start("rospy_peer.py", command, &self.pillars)
+    }
+
+    /// Starts Debian's ROS 1 master on this test's port.
+    ///
+    /// # Errors
+    /// Where it cannot be started, or does not answer.
+    pub fn roscore(&self) -> Result<Process> {
+        let roscore = self.rospy(&format!("master --port {}", self.ros_port.number), None)?;
+        roscore.event("ready")?;
+        Ok(roscore)
+    }
+
+    /// Runs a tool of ROS 1, such as `rostopic`; `args` are split at blanks.
+    ///
+    /// # Errors
+    /// Where it cannot be started.
+    pub fn ros_tool(&self, tool: &str, args: &str) -> Result<Process> {
+        let mut command =
+            self.command(Path::new("/usr/bin").join(tool).as_path(), args.split_whitespace());
+        command.env("PYTHONUNBUFFERED", "1");
+        Process::start(tool, command, &self.pillars)
+    }
+
     /// Starts a DDS subscriber on CycloneDDS.
     ///
     /// # Errors
@@ -384,8 +438,19 @@ impl World {
             // As Wrapyfi's servers read them; for its clients the first has another meaning.
             .env("WRAPYFI_ZEROMQ_SOCKET_REP_PORT", self.req_port().to_string())
             .env("WRAPYFI_ZEROMQ_SOCKET_REQ_PORT", self.rep_port().to_string())
+            .env("ROS_MASTER_URI", self.ros_master_uri())
+            .env("ROS_IP", "127.0.0.1")
+            .env("ROS_HOME", self.folder.path())
+            .env("ROS_LOG_DIR", self.folder.path())
             .env("NO_COLOR", "1");
-        for variable in ["ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS", "ROS_DISTRO", "RUST_LOG"] {
+        for variable in [
+            "ROS_LOCALHOST_ONLY",
+            "ROS_STATIC_PEERS",
+            "ROS_DISTRO",
+            "ROS_HOSTNAME",
+            "ROS_NAMESPACE",
+            "RUST_LOG",
+        ] {
             command.env_remove(variable);
         }
         command

@@ -82,7 +82,7 @@ pub struct BridgeArgs {
     listed. With a broker that is not ours, everything is subscribed to while we look."
 )]
 pub struct ListArgs {
-    /// Only this middleware: ros2 or zeromq.
+    /// Only this middleware: ros, ros2 or zeromq. Without it all, ROS 1 where ROS_MASTER_URI is set.
     pub middleware: Option<String>,
     /// One JSON object a line for each endpoint.
     #[arg(long)]

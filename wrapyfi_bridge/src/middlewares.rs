@@ -7,7 +7,7 @@
 //!
 //! The only place that knows which middlewares exist. Those that no route uses are not started.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::net::IpAddr;
 use std::path::Path;
 use std::sync::Arc;
@@ -19,6 +19,7 @@ use wrapyfi_core::endpoint::{EndpointAddress, Middleware, Registry};
 use wrapyfi_core::engine::{
     Available, Config, ConfigError, MAX_CONFIG_BYTES, Plan, Problem, Spanned,
 };
+use wrapyfi_core::middleware::ros1::{self, Ros1, Ros1Config};
 use wrapyfi_core::middleware::ros2::graph::Graph;
 use wrapyfi_core::middleware::ros2::{
     self, CycloneConfig, CycloneGraph, NodeEndpoints, NodeHandle, Ros2,
@@ -35,10 +36,11 @@ use crate::logging;
 use crate::node::Node;
 
 /// Names under which routes and commands address the middlewares, with their rules for topics.
-fn available() -> [Available<'static>; 2] {
+fn available() -> [Available<'static>; 3] {
     [
         Available { name: "zeromq", check_topic: &zeromq::check_topic, options: &[] },
         Available { name: "ros2", check_topic: &check_ros_topic, options: &[] },
+        Available { name: ros1::NAME, check_topic: &ros1::check_name, options: &[] },
     ]
 }
 
@@ -56,6 +58,8 @@ pub struct Endpoints {
     pub zeromq: ZeroMqSection,
     /// The ROS 2 graph.
     pub ros2: Ros2Section,
+    /// The ROS 1 master.
+    pub ros: Ros1Section,
 }
 
 /// `endpoints.zeromq`; what is left out comes from the `WRAPYFI_ZEROMQ_*` variables, else from
@@ -91,6 +95,20 @@ pub enum BrokerWord {
 pub struct Ros2Section {
     pub domain_id: Option<u32>,
     pub interface: Option<String>,
+}
+
+/// `endpoints.ros`; what is left out comes from `ROS_MASTER_URI`, `ROS_HOSTNAME`, `ROS_IP` and
+/// `ROS_NAMESPACE`.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+#[allow(missing_docs)] // config/example.yaml is the manual
+pub struct Ros1Section {
+    pub master_uri: Option<String>,
+    pub hostname: Option<String>,
+    pub namespace: Option<String>,
+    pub node: Option<String>,
+    pub remap: BTreeMap<String, String>,
+    pub insecure: bool,
 }
 
 /// A configuration that was read and checked.
@@ -187,6 +205,9 @@ impl Middlewares {
             }
             middlewares.add(Arc::new(zeromq));
         }
+        if plan.uses(ros1::NAME) {
+            middlewares.add(Arc::new(start_ros1(&endpoints.ros)?));
+        }
         if plan.uses("ros2") {
             let ros2 = start_ros2(&endpoints.ros2, node, largest)?;
             middlewares.graph = Some(Arc::clone(ros2.graph()));
@@ -238,6 +259,7 @@ impl Middlewares {
             "ros2" => {
                 middlewares.add(Arc::new(Self::ros2_of_command()?));
             }
+            ros1::NAME => middlewares.add(Arc::new(start_ros1(&endpoints.ros)?)),
             other => {
                 let text = format!(
                     "middleware {other:?} is not available; available: {}",
@@ -364,6 +386,21 @@ fn start_zeromq(
         config.broker = BrokerMode::Foreign;
     }
     Ok(ZeroMq::start(&config).context("zeromq")?)
+}
+
+fn start_ros1(section: &Ros1Section) -> Result<Ros1, Failure> {
+    let mut config = Ros1Config::from_env().map_err(Failure::usage)?;
+    let Ros1Section { master_uri, hostname, namespace, node, remap, insecure } = section.clone();
+    config.master_uri = master_uri.unwrap_or(config.master_uri);
+    config.hostname = hostname.or(config.hostname);
+    config.namespace = namespace.unwrap_or(config.namespace);
+    config.node = node.or(config.node);
+    config.remaps = remap.into_iter().collect();
+    config.insecure |= insecure;
+    Ros1::start(&config).map_err(|error| match error {
+        ros1::StartError::Config(error) => Failure::usage(error),
+        other => anyhow::Error::new(other).context("ros").into(),
+    })
 }
 
 fn start_ros2(section: &Ros2Section, node: &Node, largest_message: usize) -> Result<Ros2, Failure> {

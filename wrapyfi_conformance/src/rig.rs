@@ -1,6 +1,7 @@
 //! What the suite has to know about a middleware.
 
 use wrapyfi_core::endpoint::{Middleware, ServiceSpec, TopicSpec};
+use wrapyfi_core::types::MessageType;
 
 /// The two ends of a rig's wire.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -61,6 +62,12 @@ pub trait Rig: Sized {
         unimplemented_rig("inject_request");
     }
 
+    /// The type as the middleware names it, in what its links say.
+    #[must_use]
+    fn type_name(message_type: MessageType) -> String {
+        message_type.ros_type().to_owned()
+    }
+
     /// Names that no topic of the middleware can have.
     #[must_use]
     fn invalid_names() -> Vec<String> {
@@ -90,6 +97,10 @@ pub struct Capabilities {
     pub wire: bool,
     /// A listener's link counts publishers.
     pub listener_knows_peers: bool,
+    /// A listener's link counts every publisher, not only the nodes that have one.
+    pub listener_counts_publishers: bool,
+    /// A topic may have several publishers at once. Elsewhere a second one waits for the name.
+    pub several_publishers: bool,
     /// A publisher's link counts every listener, not only whether there is one.
     pub publisher_counts_listeners: bool,
     /// An endpoint without a peer says so in `waiting_for`.
@@ -129,6 +140,8 @@ impl Capabilities {
     pub const FULL: Self = Self {
         wire: true,
         listener_knows_peers: true,
+        listener_counts_publishers: true,
+        several_publishers: true,
         publisher_counts_listeners: true,
         waits_aloud: true,
         keeps_last: true,

@@ -8,7 +8,7 @@
 //!     │
 //!   endpoint      Publisher, Listener, Middleware, Registry: the seam
 //!     │
-//!   middleware    zeromq, ros2, memory: one module each, the rest never names one
+//!   middleware    zeromq, ros1, ros2, memory: one module each, the rest never names one
 //!     │
 //!   codec         bytes <-> values, no sockets, no clocks
 //!     │

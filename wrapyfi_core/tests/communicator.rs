@@ -14,7 +14,7 @@ use wrapyfi_core::communicator::{
 use wrapyfi_core::endpoint::DropReason;
 use wrapyfi_core::middleware::memory::Memory;
 use wrapyfi_core::types::{
-    AudioChunk, Encoding, Image, RawPixels, SampleFormat, Stamp, Tensor, Value,
+    AudioChunk, Encoding, Image, Properties, RawPixels, SampleFormat, Stamp, Tensor, Value,
 };
 
 fn context() -> Context {
@@ -545,5 +545,58 @@ impl Numbers {
     #[register("NativeObject", "memory", "Numbers", "/say", should_wait = false)]
     fn say(&self) -> u64 {
         0
+    }
+}
+
+struct Choosy;
+
+#[communicator]
+impl Choosy {
+    #[register(
+        NativeObject,
+        "memory",
+        "/choosy",
+        should_wait = false,
+        message_type = "$message_type",
+        queue_size = "$queue_size"
+    )]
+    fn pick(&self, message_type: Option<String>, queue_size: Option<String>) -> Value {
+        _ = (message_type, queue_size);
+        Value::Null
+    }
+
+    #[register(Properties, "memory", "/node", timeout_ms = 20)]
+    fn settings(&self) -> Properties {
+        Properties::new()
+    }
+}
+
+#[test]
+fn a_type_or_a_number_that_is_none_is_named_with_what_may_be_written() {
+    let context = context();
+    for mode in [Mode::Publish, Mode::Listen] {
+        let mut choosy = Choosy.communicator_in(&context);
+        choosy.activate(ChoosyMethod::Pick, mode).unwrap();
+        for (message_type, queue_size, words) in [
+            (Some("Imag"), None, "option message_type is \"Imag\", and should be another one"),
+            (Some("Image"), None, "and should be a type that carries NativeObject"),
+            (None, Some("many"), "option queue_size is \"many\", and should be a whole number"),
+        ] {
+            let error = choosy
+                .pick(message_type.map(str::to_owned), queue_size.map(str::to_owned))
+                .unwrap_err();
+            assert!(matches!(error, CallError::Option { .. }), "{error:?}");
+            let text = error.to_string();
+            assert!(text.starts_with("Choosy::pick: ") && text.contains(words), "{text}");
+        }
+        // The same method with what can be is not harmed.
+        assert!(choosy.pick(None, None).is_ok());
+    }
+    let mut choosy = Choosy.communicator_in(&context);
+    for mode in [Mode::Request, Mode::Reply] {
+        choosy.activate(ChoosyMethod::Settings, mode).unwrap();
+        let error = choosy.settings().unwrap_err();
+        assert!(matches!(error, CallError::Option { .. }), "{error:?}");
+        assert!(error.to_string().contains("data type is Properties, and should be"), "{error}");
     }
 }

@@ -14,6 +14,7 @@
 //! * [`cdr`][]: serialisation.
 //! * [`store`]: finds the definition of any type; ROS 1 checksums.
 //! * [`dynamic`]: messages of any type.
+//! * [`ros1`]: types and messages of ROS 1, to ROS 2 and back.
 //! * One module a package, laid out as in ROS: [`sensor_msgs::msg::Image`], [`std_srvs::srv::SetBool`]
 //!   with its `SetBool_Request`, `SetBool_Response` and `SetBool_Event`.
 
@@ -23,6 +24,7 @@ pub mod dynamic;
 pub mod hash;
 mod message;
 pub mod parser;
+pub mod ros1;
 pub mod store;
 mod type_description;
 

@@ -7,11 +7,11 @@
 //! ```
 
 use proc_macro2::TokenStream;
-use quote::{format_ident, quote};
+use quote::{ToTokens as _, format_ident, quote};
 use syn::ext::IdentExt as _;
 
 use crate::block::Block;
-use crate::method::Method;
+use crate::method::{Method, without_self};
 use crate::register::Registration;
 use crate::wrapper::Wrapper;
 
@@ -40,7 +40,7 @@ pub(crate) fn emit(block: &Block) -> TokenStream {
         quote!(#[doc = #doc] #variant)
     });
     let all = methods.iter().map(|method| &method.variant);
-    let described = methods.iter().map(|method| describe(method, &api));
+    let described = methods.iter().map(|method| describe(method, this, &api));
     let wrappers = methods
         .iter()
         .enumerate()
@@ -160,11 +160,13 @@ pub(crate) fn emit(block: &Block) -> TokenStream {
 }
 
 /// One method as a constant.
-fn describe(method: &Method, api: &TokenStream) -> TokenStream {
+fn describe(method: &Method, this: &syn::Type, api: &TokenStream) -> TokenStream {
     let name = method.name.unraw().to_string();
     let arguments = method.arguments.iter().map(|argument| argument.name.unraw().to_string());
     let registers = method.registrations.iter().flat_map(Registration::registers);
-    let registers = registers.map(|register| register.constant(api));
+    let registers = registers.zip(&method.returns).map(|(register, returned)| {
+        register.constant(api, &without_self(returned.to_token_stream(), this))
+    });
     let receives = method.received.is_some();
     quote! {
         #api::MethodSpec {

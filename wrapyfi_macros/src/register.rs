@@ -17,7 +17,9 @@ use syn::{Expr, ExprLit, Ident, Lit, LitStr, Token, UnOp, bracketed, parenthesiz
 use crate::options::{self, Form};
 use crate::suggest::{did_you_mean, listed};
 
-const DATA_TYPES: [&str; 4] = ["NativeObject", "Image", "AudioChunk", "Properties"];
+const DATA_TYPES: [&str; 5] = ["NativeObject", "Image", "AudioChunk", "Properties", "RosMessage"];
+/// Wrapyfi's names for the last one.
+const OF_WRAPYFI: [&str; 2] = ["ROSMessage", "ROS2Message"];
 
 /// One `#[register]`: one returned value, or a list of them.
 pub(crate) enum Registration {
@@ -29,7 +31,7 @@ pub(crate) enum Registration {
 
 /// Type, place and options of one value.
 pub(crate) struct Register {
-    /// `NativeObject`, `Image`, `AudioChunk` or `Properties`.
+    /// One of `DATA_TYPES`.
     pub(crate) data_type: Ident,
     /// Text or constant; `None` is the default middleware.
     pub(crate) middleware: Option<Expr>,
@@ -197,20 +199,30 @@ impl Register {
         found
     }
 
-    /// As a constant of `wrapyfi_core::communicator::Register`.
-    pub(crate) fn constant(&self, communicator: &TokenStream) -> TokenStream {
+    /// As a constant of `wrapyfi_core::communicator::Register`, for a value of the type `returned`.
+    pub(crate) fn constant(
+        &self,
+        communicator: &TokenStream,
+        returned: &TokenStream,
+    ) -> TokenStream {
         let Self { data_type, middleware, topic, options } = self;
         let middleware = match middleware {
             Some(text) => quote!(::core::option::Option::Some(#text)),
             None => quote!(::core::option::Option::None),
         };
         let options = settings(options, communicator);
+        let ros_type = if data_type == "RosMessage" {
+            quote!(<#returned as #communicator::Payload<#communicator::kind::RosMessage>>::ROS_TYPE)
+        } else {
+            quote!(::core::option::Option::None)
+        };
         quote! {
             #communicator::Register {
                 data_type: #communicator::DataType::#data_type,
                 middleware: #middleware,
                 topic: #topic,
                 options: &#options,
+                ros_type: #ros_type,
             }
         }
     }
@@ -266,18 +278,13 @@ fn data_type(input: ParseStream<'_>) -> syn::Result<Ident> {
     if DATA_TYPES.contains(&word.as_str()) {
         return Ok(Ident::new(&word, span));
     }
-    let remedy = match word.as_str() {
-        "Properties" => {
-            "parameters are not carried by a communicator; publish a NativeObject".to_owned()
-        }
-        "ROSMessage" | "ROS2Message" => {
-            "messages of ROS types are not carried by a communicator; use a NativeObject here, or \
-             wrapyfi_core::middleware::ros2::AnyPublisher"
-                .to_owned()
-        }
-        _ => format!("{}data types are {}", did_you_mean(&word, DATA_TYPES), listed(DATA_TYPES)),
-    };
-    Err(syn::Error::new(span, format!("`{word}` is no data type here; {remedy}")))
+    if OF_WRAPYFI.contains(&word.as_str()) {
+        return Ok(Ident::new("RosMessage", span));
+    }
+    let hint = did_you_mean(&word, DATA_TYPES.into_iter().chain(OF_WRAPYFI));
+    let text =
+        format!("`{word}` is no data type here; {hint}data types are {}", listed(DATA_TYPES));
+    Err(syn::Error::new(span, text))
 }
 
 /// A text, or a constant that is one.

@@ -9,9 +9,21 @@
 //! * [`sig`]: images, sounds, vectors and time stamps; the same bytes read as a bottle, too.
 //! * [`dialect`]: YARP 4 moved the codes of floats; nothing on the wire says which one is spoken.
 //! * [`port`] and [`wire`]: ports of every carrier over tokio, and their bytes without sockets.
+//! * [`name`] and [`server`]: name servers, seen from those who ask them, and one to embed.
 //! * [`limits`]: what is refused, so that no peer can make this process run out of memory.
 //!
 //! Codecs and [`wire`] take bytes and give values: no sockets, no threads, no clock.
+//!
+//! ```
+//! use bytes::Bytes;
+//! use wrapyfi_yarp::{Bottle, Dialect, Limits};
+//!
+//! let bottle = Bottle::from_text(b"[set] pos 2 (fast true)", &Limits::default())?;
+//! let bytes = Bytes::from(bottle.encode(Dialect::V3)?);
+//! let (again, _) = Bottle::decode(&bytes, Dialect::V3, &Limits::default())?;
+//! assert_eq!(again.find("pos").and_then(|value| value.as_i64()), Some(2));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod bottle;
 pub mod dialect;

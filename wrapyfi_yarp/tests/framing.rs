@@ -1,5 +1,5 @@
 //! The framers, whatever the pieces that bytes come in, and whatever the bytes are.
-#![allow(clippy::unwrap_used, clippy::panic, clippy::indexing_slicing)]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use bytes::{Bytes, BytesMut};
 use proptest::prelude::*;
@@ -159,9 +159,14 @@ proptest! {
             assembler.push(datagram).ok();
             assembler.push(&datagram::seal(0, datagram)).ok();
         }
-        Sender::parse(&bytes).receiver_modifier();
-        admin::split_destination(&String::from_utf8_lossy(&bytes));
-        mjpeg::with_envelope(&Bytes::copy_from_slice(&bytes), b"1 2.5");
+        // A byte that is no text becomes three.
+        prop_assert!(Sender::parse(&bytes).name.len() <= 3 * bytes.len());
+        let text = String::from_utf8_lossy(&bytes);
+        if let Some((carrier, name)) = admin::split_destination(&text) {
+            prop_assert!(carrier.is_none() || name.starts_with('/'));
+        }
+        let picture = mjpeg::with_envelope(&Bytes::copy_from_slice(&bytes), b"1 2.5");
+        prop_assert!(picture.len() >= bytes.len());
     }
 
     #[test]

@@ -1,6 +1,9 @@
 //! Recordings in which the name server speaks first: it tells changes, and it makes persistent
 //! connections. The other side is played from the recording, its bytes are compared.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
+
 use std::time::Duration;
 
 use serde_json::Value as Json;
@@ -187,7 +190,7 @@ async fn persistent_connections_are_made_as_recorded() {
             let mut stream = accept(&sender, file).await;
             play(&mut stream, steps, file).await;
         }
-        while server.status().counts.get("link_made").is_none() {
+        while !server.status().counts.contains_key("link_made") {
             tokio::task::yield_now().await;
         }
         server.stop().await;

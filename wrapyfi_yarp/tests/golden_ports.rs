@@ -1,5 +1,5 @@
 //! Conversations recorded from real YARP, with our ports in the place of either side.
-#![allow(clippy::unwrap_used, clippy::panic, clippy::indexing_slicing)]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 #[path = "golden/conversation.rs"]
 mod conversation;

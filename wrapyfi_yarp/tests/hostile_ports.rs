@@ -1,5 +1,5 @@
 //! Peers that break the rules, and what it costs a port: a counter.
-#![allow(clippy::unwrap_used, clippy::panic, clippy::indexing_slicing)]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
 
 use std::time::Duration;
 
@@ -186,8 +186,8 @@ async fn a_receiver_that_says_nothing_stalls_nobody() {
 #[tokio::test]
 async fn replies_that_are_none_are_errors_with_a_name() {
     for (answer, what) in [
-        (&b"garbage!garbage!"[..], "not with"),
-        (b"\0\x01\0\0\xff\xff\xff\x7f", "damaged"),
+        (&b"garbage!garbage!"[..], "none of YARP's"),
+        (b"\0\x01\0\0\xff\xff\xff\x7f", "more than"),
         (b"", "closed"),
     ] {
         let (listener, network) = peer().await;
@@ -195,7 +195,7 @@ async fn replies_that_are_none_are_errors_with_a_name() {
         let server = tokio::spawn(async move {
             let (mut stream, _) = listener.accept().await.unwrap();
             stream.write_all(&number::encode(1)).await.unwrap();
-            let mut request = [0; 32 + 8 + 20];
+            let mut request = [0; 20 + 50]; // header and message
             stream.read_exact(&mut request).await.unwrap();
             stream.write_all(answer).await.unwrap();
             if answer.is_empty() {

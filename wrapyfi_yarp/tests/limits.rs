@@ -38,7 +38,7 @@ fn negative_lengths_are_refused() {
 #[test]
 fn nesting_ends_at_the_limit() {
     let nested = |depth: usize| {
-        let mut list = vec![256, 1].repeat(depth - 1);
+        let mut list = [256, 1].repeat(depth - 1);
         list.extend([256, 0]);
         words(&list)
     };

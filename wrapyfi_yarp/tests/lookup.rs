@@ -90,3 +90,15 @@ fn envelopes_of_other_kinds_are_no_stamps() {
     assert_eq!(stamp.to_envelope(), "3 1700000001");
     assert_eq!(Stamp::from_envelope(b"3 1700000001"), Some(stamp));
 }
+
+/// YARP quotes `true` and `false` and forgets these: its text is met, not bettered.
+#[test]
+fn words_that_text_takes_for_something_else() {
+    let words = ["null", "inf", "nan", "true"];
+    let strings: Bottle = words.into_iter().map(Value::string).collect();
+    assert_eq!(strings.to_text(), "null inf nan \"true\"");
+    let read = bottle(&strings.to_text());
+    assert_eq!(read.values[0], Value::vocab("null"));
+    assert_eq!(read.values[1], Value::Float64(f64::INFINITY));
+    assert_eq!(read.values[3], Value::string("true"));
+}

@@ -1,5 +1,8 @@
 //! Our client, our name server and our ports together, over real sockets on the loopback interface.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
+
 use std::time::Duration;
 
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
@@ -277,7 +280,7 @@ async fn a_name_server_that_answers_nonsense_is_named() {
         let answers = async {
             let (mut stream, _) = listener.accept().await.unwrap();
             let mut request = [0; 64];
-            let _ = stream.read(&mut request).await.unwrap();
+            assert!(stream.read(&mut request).await.unwrap() > 0);
             stream.write_all(answer).await.unwrap();
         };
         let (error, ()) = tokio::join!(client.query("/a"), answers);
@@ -337,7 +340,9 @@ async fn bad_peers_do_not_disturb_the_server() {
 
     // A line without an end, a long command, a bottle bomb.
     let mut endless = open().await;
-    let _ = endless.write_all(&[b"NAME_SERVER ".as_slice(), &[b'x'; 8192]].concat()).await;
+    let line = [b"NAME_SERVER ".as_slice(), &[b'x'; 8192]].concat();
+    // It may be cut off before all of it is written.
+    endless.write_all(&line).await.unwrap_or_default();
     until("the endless line is counted", async || count("line_too_long") == 1).await;
     let mut long = open().await;
     long.write_all(format!("NAME_SERVER query /{}\n", "x".repeat(300)).as_bytes()).await.unwrap();
@@ -371,7 +376,7 @@ async fn bad_peers_do_not_disturb_the_server() {
     }
     let mut surplus = open().await;
     until("the surplus is counted", async || {
-        let _ = surplus.write_all(b"x").await;
+        surplus.write_all(b"x").await.unwrap_or_default();
         if count("too_many_connections") == 0 {
             surplus = open().await;
         }
@@ -426,5 +431,32 @@ async fn a_browser_sees_ports_and_changes_nothing() {
     let page = get(&post).await;
     assert!(page.contains("only these commands are done here"), "{page}");
     assert!(server.client().query("/cam").await.unwrap().is_some());
+    server.stop().await;
+}
+
+#[tokio::test]
+async fn a_server_is_found_by_multicast() {
+    use wrapyfi_yarp::name::multicast::{Discovery, discover};
+
+    // Any UDP port that is free: nobody else hears us there.
+    let free = std::net::UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+    let options =
+        NameServerOptions { port: 0, discovery_port: Some(free), ..NameServerOptions::default() };
+    let server = NameServer::start(options).await.unwrap();
+    let asked = Discovery {
+        port: free,
+        interface: std::net::Ipv4Addr::LOCALHOST,
+        wait: PATIENCE / 3,
+        ..Discovery::default()
+    };
+    let found = discover(&asked).await.unwrap().expect("nobody answers");
+    assert_eq!(&found, server.registration());
+    let other = Discovery {
+        namespace: "/elsewhere".to_owned(),
+        tries: 1,
+        wait: Duration::from_millis(200),
+        ..asked
+    };
+    assert_eq!(discover(&other).await.unwrap(), None);
     server.stop().await;
 }

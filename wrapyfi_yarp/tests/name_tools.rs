@@ -1,5 +1,8 @@
 //! What YARP's tools send, taken from their source where no recording has it.
 
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
+
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 use wrapyfi_yarp::server::{NameServer, NameServerOptions};

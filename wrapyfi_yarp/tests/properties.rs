@@ -134,8 +134,9 @@ proptest! {
         let limits = Limits::default();
         let read = Bottle::from_text_as(&text, dialect, &limits);
         // Vocabs are cut to their letters, brackets and all, and lose those beyond ASCII: as in
-        // YARP, their text need not read as the same.
-        if let Some(bottle) = read.ok().filter(|_| !text.contains(&b'[')) {
+        // YARP, their text need not read as the same. The string null reads as a vocab.
+        let odd = |text: &[u8]| text.contains(&b'[') || text.windows(4).any(|word| word == b"null");
+        if let Some(bottle) = read.ok().filter(|bottle| !odd(&bottle.to_text_bytes())) {
             let written = bottle.to_text_bytes();
             prop_assert!(text_is_complete(&written), "{:?}", bottle);
             let again = Bottle::from_text_as(&written, dialect, &limits).unwrap();
@@ -154,6 +155,7 @@ proptest! {
 
     #[test]
     fn strings_return_through_text(text: String) {
+        prop_assume!(!["null", "inf", "nan"].contains(&text.as_str()), "as in YARP");
         let bottle = Bottle::from(vec![Value::string(text.as_str())]);
         let read = Bottle::from_text(bottle.to_text().as_bytes(), &Limits::default()).unwrap();
         prop_assert_eq!(read, bottle);

@@ -13,6 +13,7 @@
 //! | [`frames`] | Wrapyfi's ZeroMQ messages | docs/wire/zeromq.md |
 //! | [`requests`] | requests and replies on ZeroMQ | docs/wire/zeromq-requests.md |
 //! | [`ros`] | the ROS messages of the data model | docs/wire/ros2.md |
+//! | [`ros1`] | the ROS 1 messages of the data model | docs/ros1.md |
 //! | [`jpeg`] | JPEG files | |
 //! | [`image_file`] | image files of other formats | |
 //! | [`pickle`] | pickles of plug-in objects, as data | docs/wire/pickle.md |
@@ -30,6 +31,7 @@ pub mod pickle;
 mod picture;
 pub mod requests;
 pub mod ros;
+pub mod ros1;
 mod sound;
 
 pub use convert::{ConvertError, convert_payload, is_convertible};

@@ -10,13 +10,39 @@ pub(super) fn sources() -> Vec<Arc<dyn Source>> {
     vec![
         #[cfg(feature = "zeromq")]
         Arc::new(zeromq::ZeroMqSource),
+        #[cfg(feature = "ros1")]
+        Arc::new(ros1::Ros1Source::default()),
         #[cfg(feature = "ros2")]
         Arc::new(ros2::Ros2Source::default()),
+        #[cfg(feature = "yarp")]
+        Arc::new(yarp::YarpSource),
     ]
+}
+
+/// ROS 2 with the remap rules and names of a command line.
+#[cfg(feature = "ros2")]
+pub(super) fn ros2_with(args: crate::node::args::RosArgs) -> Arc<dyn Source> {
+    Arc::new(ros2::Ros2Source::new(args))
 }
 
 /// Names that Wrapyfi knows. One that is not here is absent, and no mistake.
 pub(super) const KNOWN: [&str; 7] = ["zeromq", "yarp", "ros", "ros2", "websocket", "zenoh", "mqtt"];
+
+/// Messages that a subscription of Wrapyfi on ROS holds: as `variable` says, or 5.
+#[cfg(any(feature = "ros1", feature = "ros2"))]
+fn queue_size(variable: &str) -> usize {
+    const USUAL: usize = 5;
+    match std::env::var(variable) {
+        Err(_) => USUAL,
+        Ok(text) => match text.trim().parse() {
+            Ok(depth) if depth > 0 => depth,
+            _ => {
+                tracing::warn!("{variable}={text:?} is no number from 1: using {USUAL}");
+                USUAL
+            }
+        },
+    }
+}
 
 #[cfg(feature = "zeromq")]
 mod zeromq {
@@ -75,6 +101,68 @@ mod zeromq {
     }
 }
 
+#[cfg(feature = "ros1")]
+mod ros1 {
+    //! ROS 1: one node for all that goes out of a context, one for all that comes in.
+
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+
+    use super::queue_size;
+    use crate::communicator::resolve::Side;
+    use crate::communicator::source::{Planned, Source, StartError, Wanted};
+    use crate::middleware::ros1::{NAME, Ros1, Ros1Config};
+
+    /// Name of a node that none was given to, as in Wrapyfi.
+    const NODE: &str = "wrapyfi";
+
+    /// Contexts, numbered in the process.
+    static CONTEXTS: AtomicU32 = AtomicU32::new(0);
+
+    pub(super) struct Ros1Source {
+        /// Of this context.
+        number: u32,
+    }
+
+    impl Default for Ros1Source {
+        fn default() -> Self {
+            Self { number: CONTEXTS.fetch_add(1, Relaxed) }
+        }
+    }
+
+    impl Source for Ros1Source {
+        fn name(&self) -> &str {
+            NAME
+        }
+
+        fn plan(&self, wanted: &Wanted<'_>) -> Result<Planned, StartError> {
+            let ros_kwargs = wanted.options.map("ros_kwargs")?;
+            let text = |name| ros_kwargs.map(|kwargs| kwargs.text(name)).transpose();
+            let switch = |name| ros_kwargs.map(|kwargs| kwargs.switch(name)).transpose();
+            let named = text("node_name")?.flatten().unwrap_or(NODE);
+            let anonymous = switch("anonymous")?.flatten().unwrap_or(true);
+            // Two sides, two nodes: a node does not hear itself.
+            let side = if wanted.side == Side::Publisher { "" } else { "_in" };
+            let node = if anonymous {
+                format!("{named}_{:x}_{}{side}", std::process::id(), self.number)
+            } else {
+                format!("{named}{side}")
+            };
+            let mut config = Ros1Config::from_env().map_err(StartError::refused)?;
+            config.node = Some(node.clone());
+            let start = move || {
+                let started = Ros1::start(&config).map_err(StartError::refused)?;
+                Ok(Arc::new(started) as _)
+            };
+            Ok(Planned { key: node, start: Box::new(start) })
+        }
+
+        fn queue_depth(&self) -> Option<usize> {
+            Some(queue_size("WRAPYFI_ROS_QUEUE_SIZE"))
+        }
+    }
+}
+
 #[cfg(feature = "ros2")]
 mod ros2 {
     //! ROS 2: one node for all that goes out of a context, one for all that comes in.
@@ -82,13 +170,12 @@ mod ros2 {
     use std::sync::Arc;
     use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
+    use super::queue_size;
     use crate::communicator::resolve::Side;
     use crate::communicator::source::{Planned, Source, StartError, Wanted};
     use crate::middleware::ros2::{CycloneConfig, CycloneGraph, Ros2, environment};
-    use crate::node::NodeName;
-
-    /// Messages a subscription of Wrapyfi holds.
-    const QUEUE_DEPTH: usize = 5;
+    use crate::node::args::RosArgs;
+    use crate::node::{NodeName, NodeOptions};
 
     /// Nodes that no name was given to, numbered in the process.
     static NAMELESS: AtomicU32 = AtomicU32::new(0);
@@ -96,11 +183,18 @@ mod ros2 {
     pub(super) struct Ros2Source {
         /// Of this context's nameless nodes.
         number: u32,
+        args: Arc<RosArgs>,
     }
 
     impl Default for Ros2Source {
         fn default() -> Self {
-            Self { number: NAMELESS.fetch_add(1, Relaxed) }
+            Self::new(RosArgs::default())
+        }
+    }
+
+    impl Ros2Source {
+        pub(super) fn new(args: RosArgs) -> Self {
+            Self { number: NAMELESS.fetch_add(1, Relaxed), args: Arc::new(args) }
         }
     }
 
@@ -116,12 +210,16 @@ mod ros2 {
                 Some(name) => name.to_owned(),
                 None => format!("wrapyfi_{:x}_{}", std::process::id(), self.number),
             };
+            let options =
+                NodeOptions::resolve(&base, "/", &self.args).map_err(StartError::refused)?;
+            let own = options.name;
             // Two sides, two nodes: a node does not hear itself.
-            let name = match wanted.side {
-                Side::Publisher => base,
-                Side::Listener => format!("{base}_in"),
+            let node = match wanted.side {
+                Side::Publisher => own.clone(),
+                Side::Listener => NodeName::new(&format!("{}_in", own.name()), own.namespace())
+                    .map_err(StartError::refused)?,
             };
-            let node = NodeName::new(&name, "/").map_err(StartError::refused)?;
+            let (name, args) = (node.fqn(), Arc::clone(&self.args));
             let max_message_bytes = wanted.max_message_bytes;
             let start = move || {
                 let environment = environment::read(|name| std::env::var(name).ok())
@@ -130,24 +228,97 @@ mod ros2 {
                 let mut config = CycloneConfig::from_environment(node, &environment);
                 config.max_message_bytes = config.max_message_bytes.max(max_message_bytes);
                 let graph = CycloneGraph::new(&config).map_err(StartError::refused)?;
-                let as_it_is = |topic: &str| Ok(topic.to_owned());
-                Ok(Arc::new(Ros2::new(Arc::new(graph), as_it_is)) as _)
+                // Rules for one node are those for its own name, on both sides.
+                let remap = move |topic: &str| {
+                    args.resolve_topic(&own, topic).map_err(|error| error.to_string())
+                };
+                Ok(Arc::new(Ros2::new(Arc::new(graph), remap)) as _)
             };
             Ok(Planned { key: name, start: Box::new(start) })
         }
 
         fn queue_depth(&self) -> Option<usize> {
-            let depth = std::env::var("WRAPYFI_ROS2_QUEUE_SIZE").ok();
-            let depth = depth.and_then(|text| match text.trim().parse() {
-                Ok(depth) if depth > 0 => Some(depth),
-                _ => {
-                    tracing::warn!(
-                        "WRAPYFI_ROS2_QUEUE_SIZE={text:?} is no number from 1: using {QUEUE_DEPTH}"
-                    );
-                    None
+            Some(queue_size("WRAPYFI_ROS2_QUEUE_SIZE"))
+        }
+    }
+
+    #[cfg(test)]
+    mod tests {
+        use super::*;
+        use crate::communicator::option::{OptionValue, Options};
+
+        fn key(argv: &[&str], side: Side, options: &Options) -> Result<String, StartError> {
+            let argv = argv.iter().map(|word| (*word).to_owned());
+            let none = |_: &str| Err(std::io::Error::other("no files here"));
+            let source = Ros2Source::new(RosArgs::parse(argv, none).unwrap());
+            let wanted = Wanted { side, is_service: false, options, max_message_bytes: 1 };
+            source.plan(&wanted).map(|planned| planned.key)
+        }
+
+        #[test]
+        fn the_command_line_names_both_nodes() {
+            let named = Options::default().with(
+                "ros2_kwargs",
+                OptionValue::Map(
+                    Options::default().with("node_name", OptionValue::Text("eye".into())),
+                ),
+            );
+            let lab = ["--ros-args", "-r", "__ns:=/lab"];
+            assert_eq!(key(&[], Side::Publisher, &named).unwrap(), "/eye");
+            assert_eq!(key(&lab, Side::Publisher, &named).unwrap(), "/lab/eye");
+            assert_eq!(key(&lab, Side::Listener, &named).unwrap(), "/lab/eye_in");
+            let other = ["--ros-args", "-r", "__node:=driver"];
+            assert_eq!(key(&other, Side::Listener, &named).unwrap(), "/driver_in");
+            let wrong = ["--ros-args", "-p", "use_sim_time:=5"];
+            let error = key(&wrong, Side::Publisher, &named).unwrap_err().to_string();
+            assert!(error.contains("'use_sim_time'"), "{error}");
+        }
+    }
+}
+
+#[cfg(feature = "yarp")]
+mod yarp {
+    //! YARP: the name server that YARP's own configuration names, as Wrapyfi's programs find it.
+
+    use std::sync::Arc;
+
+    use crate::communicator::option::OptionError;
+    use crate::communicator::source::{Planned, Source, StartError, Wanted};
+    use crate::middleware::yarp::{Dialect, NAME, Yarp, YarpConfig};
+
+    pub(super) struct YarpSource;
+
+    impl Source for YarpSource {
+        fn name(&self) -> &str {
+            NAME
+        }
+
+        fn plan(&self, wanted: &Wanted<'_>) -> Result<Planned, StartError> {
+            let kwargs = wanted.options.map("yarp_kwargs")?;
+            let text = |name: &str| kwargs.map(|kwargs| kwargs.text(name)).transpose();
+            let server = text("name_server")?.flatten();
+            let mut config = match server {
+                Some(address) => {
+                    let fault = || OptionError {
+                        name: "name_server".to_owned(),
+                        found: format!("{address:?}"),
+                        wanted: "an address and a port, such as 127.0.0.1:10000".to_owned(),
+                    };
+                    let name_server = Some(address.parse().map_err(|_| fault())?);
+                    YarpConfig { name_server, ..YarpConfig::default() }
                 }
-            });
-            Some(depth.unwrap_or(QUEUE_DEPTH))
+                None => YarpConfig::from_env().map_err(StartError::refused)?,
+            };
+            if let Some(dialect) = text("dialect")?.flatten() {
+                config.dialect = dialect.parse::<Dialect>().map_err(StartError::refused)?;
+            }
+            config.max_message_bytes = config.max_message_bytes.max(wanted.max_message_bytes);
+            // Two sides, two instances: one instance does not hear itself.
+            let key = format!("{:?} {config:?}", wanted.side);
+            let start = move || {
+                Ok(Arc::new(Yarp::start(&config).map_err(StartError::refused)?) as _)
+            };
+            Ok(Planned { key, start: Box::new(start) })
         }
     }
 }

@@ -17,6 +17,8 @@ use super::source::{Running, Source, StartError, Wanted};
 use crate::endpoint::Middleware;
 use crate::engine::ConfigError;
 use crate::plugin::Plugins;
+use crate::types::{MessageTypeError, RosType};
+use wrapyfi_interfaces::store::TypeStore;
 
 /// What communicators share. Cheap to clone.
 ///
@@ -42,6 +44,8 @@ struct Shared {
     known: Vec<String>,
     default_middleware: String,
     plugins: Plugins,
+    /// Where definitions of ROS types are found.
+    types: Mutex<TypeStore>,
     configuration: Mutex<Configuration>,
     /// Instances made so far, by class.
     instances: Mutex<BTreeMap<&'static str, usize>>,
@@ -91,6 +95,7 @@ impl Context {
             known: Vec::new(),
             default_middleware: None,
             plugins: Plugins::standard(),
+            types: None,
             configuration: Configuration::default(),
         }
     }
@@ -126,6 +131,12 @@ impl Context {
 
     pub(super) fn plugins(&self) -> &Plugins {
         &self.0.plugins
+    }
+
+    /// A ROS type by its name.
+    pub(super) fn ros_type(&self, name: &str) -> Result<RosType, MessageTypeError> {
+        let resolved = lock(&self.0.types).resolve_name(name).map_err(Box::new)?;
+        Ok(RosType::new(&resolved)?)
     }
 
     pub(super) fn find(&self, name: &str) -> Found {
@@ -202,6 +213,7 @@ pub struct ContextBuilder {
     known: Vec<String>,
     default_middleware: Option<String>,
     plugins: Plugins,
+    types: Option<TypeStore>,
     configuration: Configuration,
 }
 
@@ -217,6 +229,23 @@ impl ContextBuilder {
     pub fn source(mut self, source: Arc<dyn Source>) -> Self {
         self.sources.push(source);
         self
+    }
+
+    /// Names the nodes on ROS 2 and remaps their topics and services as a command line with
+    /// `--ros-args` says: `__node`, `__ns`, rules for names. What is read of the nodes beside that,
+    /// parameters and levels of the log, [`RosArgs`](crate::node::args::RosArgs) tells the program.
+    ///
+    /// ```
+    /// use wrapyfi_core::communicator::Context;
+    /// use wrapyfi_core::node::{args::RosArgs, read_params_file};
+    /// let args = RosArgs::parse(std::env::args().skip(1), read_params_file)?;
+    /// let context = Context::builder().ros_args(args).build();
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    #[cfg(feature = "ros2")]
+    #[must_use]
+    pub fn ros_args(self, args: crate::node::args::RosArgs) -> Self {
+        self.source(builtin::ros2_with(args))
     }
 
     /// This middleware and those added after it; none of this crate's own.
@@ -249,6 +278,14 @@ impl ContextBuilder {
         self
     }
 
+    /// Where definitions of ROS types are found; else installed packages (`AMENT_PREFIX_PATH`), then
+    /// what this crate is built with.
+    #[must_use]
+    pub fn types(mut self, types: TypeStore) -> Self {
+        self.types = Some(types);
+        self
+    }
+
     /// Modes by class and method.
     #[must_use]
     pub fn configuration(mut self, configuration: Configuration) -> Self {
@@ -272,6 +309,9 @@ impl ContextBuilder {
             known,
             default_middleware: default_middleware.unwrap_or_else(|| "zeromq".to_owned()),
             plugins: self.plugins,
+            types: Mutex::new(
+                self.types.unwrap_or_else(|| TypeStore::from_environment().or_generated()),
+            ),
             configuration: Mutex::new(self.configuration),
             instances: Mutex::default(),
             live: Mutex::default(),

@@ -37,6 +37,8 @@ pub struct Register {
     pub topic: &'static str,
     /// Options as written.
     pub options: &'static [(&'static str, Literal)],
+    /// ROS name of the returned type, where that is a generated message.
+    pub ros_type: Option<&'static str>,
 }
 
 /// The value of an option as written.

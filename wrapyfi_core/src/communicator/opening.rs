@@ -15,6 +15,7 @@ use super::inlet::{Inlet, Manners};
 use super::mode::Mode;
 use super::option::{OptionError, OptionValue, Options};
 use super::outlet::Outlet;
+use super::payload::generated;
 use super::resolve::{Resolved, Side};
 use super::rules::Rules;
 use super::server::ServerEnd;
@@ -28,7 +29,7 @@ use crate::endpoint::{
 };
 use crate::engine::did_you_mean;
 use crate::plugin::{DeviceMaps, DeviceOption, Plugins};
-use crate::types::{DataType, Encoding, MessageType, ServiceKind};
+use crate::types::{DataType, Encoding, Map, MessageType, ServiceKind};
 
 /// Native objects that wait at a listener: as many as ZeroMQ holds for Wrapyfi's.
 const OBJECTS: usize = 1000;
@@ -108,11 +109,11 @@ impl Opening<'_> {
         }
         if mode.listens() {
             let end = self.end(value, source, Side::Listener, false)?;
-            channel.inlet = Some(self.inlet(value.data_type, &end)?);
+            channel.inlet = Some(self.inlet(value, &end)?);
         }
         if mode.sends() {
             let end = self.end(value, source, Side::Publisher, false)?;
-            channel.outlet = Some(self.outlet(value.data_type, &end)?);
+            channel.outlet = Some(self.outlet(value, &end)?);
         }
         if mode == Mode::Request {
             let end = self.end(value, source, Side::Listener, true)?;
@@ -120,7 +121,7 @@ impl Opening<'_> {
         }
         if mode == Mode::Reply {
             let end = self.end(value, source, Side::Publisher, true)?;
-            channel.server = Some(self.server(value.data_type, &end)?);
+            channel.server = Some(Arc::new(self.server(value.data_type, &end)?));
         }
         Ok(channel)
     }
@@ -153,21 +154,22 @@ impl Opening<'_> {
     fn mention(&self, options: &Options, middleware: &str) {
         if let Ok(Some(carrier)) = options.text("carrier")
             && carrier != "tcp"
+            && middleware != "yarp"
         {
             tracing::warn!("{}: {middleware} has no carrier {carrier}; it is ignored", self.method);
         }
     }
 
-    fn inlet(&self, data_type: DataType, end: &End) -> Result<Inlet, CallError> {
-        let (spec, manners) = (self.topic_spec(data_type, end)?, self.manners(&end.options)?);
+    fn inlet(&self, value: &Resolved, end: &End) -> Result<Inlet, CallError> {
+        let (spec, manners) = (self.topic_spec(value, end)?, self.manners(&end.options)?);
         let context = endpoint::Context::default();
         let listener = end.middleware.open_listener(&spec, &context);
         let listener = listener.map_err(|source| self.refused(source))?;
         Ok(Inlet::new(end.endpoint.clone(), listener, &context, manners))
     }
 
-    fn outlet(&self, data_type: DataType, end: &End) -> Result<Arc<Outlet>, CallError> {
-        let (spec, manners) = (self.topic_spec(data_type, end)?, self.manners(&end.options)?);
+    fn outlet(&self, value: &Resolved, end: &End) -> Result<Arc<Outlet>, CallError> {
+        let (spec, manners) = (self.topic_spec(value, end)?, self.manners(&end.options)?);
         let wake = self.live.runtime().bell();
         let context = endpoint::Context { wake, ..endpoint::Context::default() };
         let publisher = end.middleware.open_publisher(&spec, &context);
@@ -204,9 +206,14 @@ impl Opening<'_> {
         })
     }
 
-    fn topic_spec(&self, data_type: DataType, end: &End) -> Result<TopicSpec, CallError> {
+    fn topic_spec(&self, value: &Resolved, end: &End) -> Result<TopicSpec, CallError> {
+        let data_type = value.data_type;
         self.read(|| {
             let options = &end.options;
+            if data_type == DataType::RosMessage {
+                let message_type = self.ros_type(value, options)?;
+                return self.topic_of(message_type, data_type, end);
+            }
             let message_type = match options.word::<MessageType>("message_type")? {
                 Some(written) if written.data_type() == data_type => written,
                 Some(other) => return Err(other_kind("message_type", &other, data_type)),
@@ -219,26 +226,63 @@ impl Opening<'_> {
                     DataType::RosMessage => return Err(untyped()),
                 },
             };
-            let depth = options.number::<u32>("queue_size")?.map(|depth| depth.max(1));
-            let by_default = if data_type == DataType::NativeObject { OBJECTS } else { MEDIA };
-            let queue_depth = match depth {
-                Some(depth) => usize::try_from(depth).unwrap_or(usize::MAX),
-                None => end.queue_depth.unwrap_or(by_default),
-            };
-            let preset = qos(options)?;
-            let mut qos: Qos = preset.map_or_else(Qos::default, Into::into);
-            if preset.is_none() || depth.is_some() {
-                qos.history = History::KeepLast(u32::try_from(queue_depth).unwrap_or(u32::MAX));
+            self.topic_of(message_type, data_type, end)
+        })
+    }
+
+    /// The type of a ROS message: that of the Rust type, or the one that is written.
+    fn ros_type(&self, value: &Resolved, options: &Options) -> Result<MessageType, OptionError> {
+        let written = options.text("message_type")?;
+        let unusable = |name: &str, reason: String| OptionError {
+            name: "message_type".to_owned(),
+            found: format!("{name:?}"),
+            wanted: format!("a type whose definition is found: {reason}"),
+        };
+        let ros_type = match (value.ros_type, written) {
+            (Some(own), Some(other)) if own != other => {
+                return Err(OptionError {
+                    name: "message_type".to_owned(),
+                    found: format!("{other:?}"),
+                    wanted: format!("{own}, which is what the method returns, or left out"),
+                });
             }
-            Ok(TopicSpec {
-                qos,
-                match_peers: preset.is_none(),
-                queue: QueueSpec { depth: queue_depth, overflow: Overflow::DropOldest },
-                color_order: color_order(options)?,
-                limits: end.limits,
-                plugins: plugins(self.context.plugins(), options)?,
-                ..TopicSpec::new(end.endpoint.name.clone(), message_type)
-            })
+            // Its definition is the one that the Rust type was made of, whatever is installed.
+            (Some(own), _) => generated(own).map_err(|error| unusable(own, error.to_string()))?,
+            (None, written) => {
+                let name = written.ok_or_else(untyped)?;
+                self.context.ros_type(name).map_err(|error| unusable(name, error.to_string()))?
+            }
+        };
+        Ok(MessageType::Ros(ros_type))
+    }
+
+    fn topic_of(
+        &self,
+        message_type: MessageType,
+        data_type: DataType,
+        end: &End,
+    ) -> Result<TopicSpec, OptionError> {
+        let options = &end.options;
+        let depth = options.number::<u32>("queue_size")?.map(|depth| depth.max(1));
+        let by_default = if data_type == DataType::NativeObject { OBJECTS } else { MEDIA };
+        let queue_depth = match depth {
+            Some(depth) => usize::try_from(depth).unwrap_or(usize::MAX),
+            None => end.queue_depth.unwrap_or(by_default),
+        };
+        let preset = qos(options)?;
+        let mut qos: Qos = preset.map_or_else(Qos::default, Into::into);
+        if preset.is_none() || depth.is_some() {
+            qos.history = History::KeepLast(u32::try_from(queue_depth).unwrap_or(u32::MAX));
+        }
+        Ok(TopicSpec {
+            qos,
+            match_peers: preset.is_none(),
+            queue: QueueSpec { depth: queue_depth, overflow: Overflow::DropOldest },
+            color_order: color_order(options)?,
+            limits: end.limits,
+            plugins: plugins(self.context.plugins(), options)?,
+            options: for_middlewares(options)?,
+            ..TopicSpec::new(end.endpoint.name.clone(), message_type)
         })
     }
 
@@ -254,7 +298,13 @@ impl Opening<'_> {
                     DataType::Image if is_jpg(options)? => ServiceKind::CompressedImage,
                     DataType::Image => ServiceKind::Image,
                     DataType::Properties | DataType::RosMessage => {
-                        return Err(other_kind("data type", &data_type, DataType::NativeObject));
+                        return Err(OptionError {
+                            name: "data type".to_owned(),
+                            found: data_type.to_string(),
+                            wanted: "NativeObject, Image or AudioChunk in modes request and reply \
+                                     (services of any ROS type are AnyClient and AnyServer)"
+                                .to_owned(),
+                        });
                     }
                 },
             };
@@ -264,6 +314,7 @@ impl Opening<'_> {
                 color_order: color_order(options)?,
                 limits: end.limits,
                 plugins: plugins(self.context.plugins(), options)?,
+                options: for_middlewares(options)?,
                 ..ServiceSpec::new(end.endpoint.name.clone(), kind)
             })
         })
@@ -280,6 +331,24 @@ impl Opening<'_> {
     fn refused(&self, source: OpenError) -> CallError {
         CallError::Open { method: self.method.clone(), source: Box::new(source) }
     }
+}
+
+/// Wrapyfi's options that only some middlewares have, as they read them.
+fn for_middlewares(options: &Options) -> Result<Map, OptionError> {
+    let mut map = Map::new();
+    for name in ["carrier", "out_topic_connect"] {
+        if let Some(text) = options.text(name)? {
+            map.insert(name, text);
+        }
+    }
+    if let Some(persistent) = options.switch("persistent")? {
+        map.insert("persistent", persistent);
+    }
+    // On YARP the other program is one of Wrapyfi's, unless it is said not to be.
+    let yarp = options.map("yarp_kwargs")?;
+    let told = yarp.map(|yarp| yarp.switch("wrapyfi_images")).transpose()?.flatten();
+    map.insert("wrapyfi_images", told.unwrap_or(true));
+    Ok(map)
 }
 
 /// A ROS message whose type is not said.

@@ -5,11 +5,17 @@
 //!   R ◀─ from_payload ─ types::Payload ◀── listener
 //! ```
 
+use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
+
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::EncodeError;
-use crate::types::{self, AudioChunk, DataType, TypedError, from_value, to_value};
+use crate::types::{self, AudioChunk, DataType, RosType, TypedError, from_value, to_value};
+use wrapyfi_interfaces::Message;
+use wrapyfi_interfaces::cdr::CdrError;
+use wrapyfi_interfaces::store::TypeStore;
 
 /// The data types of `#[register]` as types.
 pub mod kind {
@@ -25,6 +31,9 @@ pub mod kind {
     /// Parameters of a node.
     #[derive(Debug, Clone, Copy)]
     pub struct Properties;
+    /// A message of a ROS type.
+    #[derive(Debug, Clone, Copy)]
+    pub struct RosMessage;
 }
 
 /// What a method registered under the data type `K` may return.
@@ -35,13 +44,18 @@ pub mod kind {
 /// | `Image` | [`types::Image`]; `Option` of it, whose `None` is not sent |
 /// | `AudioChunk` | [`types::AudioChunk`]; `Option` of it, whose `None` is not sent |
 /// | `Properties` | [`types::Properties`]; `Option` of it, whose `None` is not sent |
+/// | `RosMessage` | every generated message ([`Message`]); [`types::RosMessage`], whose type the option `message_type` names |
 #[diagnostic::on_unimplemented(
     message = "`{Self}` cannot be returned by a method registered under this data type",
     label = "not carried under this data type",
     note = "NativeObject carries `Value` and what is `Serialize + DeserializeOwned`, Image carries \
-            `types::Image`, AudioChunk carries `types::AudioChunk`, Properties carries `types::Properties`"
+            `types::Image`, AudioChunk carries `types::AudioChunk`, Properties carries `types::Properties`, RosMessage carries \
+            generated messages of `wrapyfi_interfaces` and `types::RosMessage`"
 )]
 pub trait Payload<K>: Sized {
+    /// Name of the ROS type that the Rust type is, where it is one.
+    const ROS_TYPE: Option<&'static str> = None;
+
     /// The message, or `None` where there is nothing to send.
     ///
     /// # Errors
@@ -81,6 +95,25 @@ pub enum PayloadError {
         wanted: String,
         /// As it is.
         actual: String,
+    },
+    /// A message of another ROS type, or of another definition of it.
+    #[error("a message of {actual} where one of {expected} should be")]
+    RosType {
+        /// As registered.
+        expected: String,
+        /// What it is.
+        actual: String,
+    },
+    /// Bytes that are no message of their type.
+    #[error(transparent)]
+    Cdr(#[from] CdrError),
+    /// The definition of a generated message cannot be used.
+    #[error("{name} cannot be used: {reason}")]
+    Definition {
+        /// The type.
+        name: &'static str,
+        /// Why.
+        reason: String,
     },
     /// The middleware has no form for it.
     #[error(transparent)]
@@ -138,6 +171,56 @@ media! {
     Properties => types::Properties,
 }
 
+impl Payload<kind::RosMessage> for types::RosMessage {
+    fn to_payload(&self) -> Result<Option<types::Payload>, PayloadError> {
+        Ok(Some(self.clone().into()))
+    }
+
+    fn from_payload(payload: types::Payload) -> Result<Self, PayloadError> {
+        match payload {
+            types::Payload::RosMessage(message) => Ok(message),
+            other => Err(other_kind(DataType::RosMessage, &other)),
+        }
+    }
+}
+
+impl<M: Message> Payload<kind::RosMessage> for M {
+    const ROS_TYPE: Option<&'static str> = Some(<M as Message>::ROS_TYPE);
+
+    fn to_payload(&self) -> Result<Option<types::Payload>, PayloadError> {
+        let ros_type = generated(<M as Message>::ROS_TYPE)?;
+        Ok(Some(types::RosMessage::new(ros_type, self.encode().to_bytes()).into()))
+    }
+
+    fn from_payload(payload: types::Payload) -> Result<Self, PayloadError> {
+        let message = <types::RosMessage as Payload<kind::RosMessage>>::from_payload(payload)?;
+        if message.ros_type.type_hash() != M::TYPE_HASH {
+            let (name, hash) = (message.ros_type.name(), message.ros_type.type_hash());
+            return Err(PayloadError::RosType {
+                expected: format!("{} ({})", <M as Message>::ROS_TYPE, M::TYPE_HASH),
+                actual: format!("{name} ({hash})"),
+            });
+        }
+        // Its size was limited where it came in.
+        Ok(M::decode(&message.cdr, message.cdr.len())?)
+    }
+}
+
+/// The type of a generated message, looked up once.
+pub(super) fn generated(name: &'static str) -> Result<RosType, PayloadError> {
+    static KNOWN: Mutex<BTreeMap<&'static str, RosType>> = Mutex::new(BTreeMap::new());
+    let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(ros_type) = known.get(name) {
+        return Ok(*ros_type);
+    }
+    let unusable = |reason: String| PayloadError::Definition { name, reason };
+    let resolved = TypeStore::generated().resolve_name(name);
+    let resolved = resolved.map_err(|error| unusable(error.to_string()))?;
+    let ros_type = RosType::new(&resolved).map_err(|error| unusable(error.to_string()))?;
+    known.insert(name, ros_type);
+    Ok(ros_type)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -152,6 +235,28 @@ mod tests {
         let wrong: Result<(u8, u8), _> =
             Payload::<kind::NativeObject>::from_payload(Value::Str("no".into()).into());
         assert!(wrong.is_err());
+    }
+
+    #[test]
+    fn a_ros_message_is_a_generated_one_or_one_by_name() {
+        use wrapyfi_interfaces::geometry_msgs::msg::{Twist, Vector3};
+        type Text = wrapyfi_interfaces::std_msgs::msg::String;
+        let twist = Twist { linear: Vector3 { x: 1.5, ..Vector3::default() }, ..Twist::default() };
+        assert_eq!(<Twist as Payload<kind::RosMessage>>::ROS_TYPE, Some("geometry_msgs/msg/Twist"));
+        assert_eq!(<types::RosMessage as Payload<kind::RosMessage>>::ROS_TYPE, None);
+        let payload = Payload::<kind::RosMessage>::to_payload(&twist).unwrap().unwrap();
+        let by_name: types::RosMessage =
+            Payload::<kind::RosMessage>::from_payload(payload.clone()).unwrap();
+        assert_eq!(by_name.ros_type.name(), "geometry_msgs/msg/Twist");
+        let back: Twist = Payload::<kind::RosMessage>::from_payload(payload.clone()).unwrap();
+        assert_eq!(back, twist);
+        let other: Result<Text, _> = Payload::<kind::RosMessage>::from_payload(payload);
+        let error = other.unwrap_err().to_string();
+        assert!(error.starts_with("a message of geometry_msgs/msg/Twist (RIHS01_"), "{error}");
+        assert!(error.contains("where one of std_msgs/msg/String (RIHS01_"), "{error}");
+        let cut = types::RosMessage::new(by_name.ros_type, by_name.cdr.slice(..12));
+        let cut: Result<Twist, _> = Payload::<kind::RosMessage>::from_payload(cut.into());
+        assert!(matches!(cut, Err(PayloadError::Cdr(_))), "{cut:?}");
     }
 
     #[test]

@@ -28,6 +28,7 @@ pub(super) struct Resolved {
     /// `None` where an argument unselected it.
     pub(super) middleware: Option<String>,
     pub(super) topic: String,
+    pub(super) ros_type: Option<&'static str>,
     options: Options,
 }
 
@@ -91,7 +92,8 @@ impl FirstCall<'_> {
             other => return Err(self.fault("topic", &other)),
         };
         let options = Options::from_literals(register.options, &mut |text| self.replace(text))?;
-        Ok(Resolved { data_type: register.data_type, middleware, topic, options })
+        let Register { data_type, ros_type, .. } = *register;
+        Ok(Resolved { data_type, middleware, topic, ros_type, options })
     }
 
     fn fault(&self, name: &str, found: &OptionValue) -> CallError {
@@ -153,6 +155,7 @@ mod tests {
                     ("should_wait", Literal::Text("$1")),
                     ("listener_kwargs", Literal::Map(&[("in_topic", Literal::Text("$0"))])),
                 ],
+                ros_type: None,
             }],
             receives: false,
         }],

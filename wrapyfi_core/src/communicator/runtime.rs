@@ -3,7 +3,7 @@
 //! ```text
 //!   first call ── job ──▶ ┌─────────┐ ◀── ring ── publishers whose peers come and go
 //!   async call ── timer ▶ │ runtime │ ── look ──▶ outlets: does anybody listen?
-//!                         └─────────┘
+//!                         └─────────┘ ── flush ─▶ servers with replies that are not heard yet
 //! ```
 //!
 //! A message does not pass through it: a call takes and publishes on its own thread, so that the
@@ -19,6 +19,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use super::outlet::Outlet;
+use super::server::ServerEnd;
 use crate::endpoint::Wake;
 
 /// Longest time between two looks at the outlets.
@@ -46,6 +47,8 @@ struct Shared {
 struct Work {
     jobs: Vec<Job>,
     outlets: Vec<Weak<Outlet>>,
+    /// Those that keep replies.
+    servers: Vec<Weak<ServerEnd>>,
     timers: BinaryHeap<Reverse<Timer>>,
 }
 
@@ -117,6 +120,17 @@ impl Runtime {
         self.shared.bell.ring();
     }
 
+    /// Sends the replies that a server keeps, as soon as they are heard.
+    pub(super) fn flush(&self, server: &Arc<ServerEnd>) {
+        let server = Arc::downgrade(server);
+        let mut work = self.shared.lock();
+        if !work.servers.iter().any(|known| known.ptr_eq(&server)) {
+            work.servers.push(server);
+        }
+        drop(work);
+        self.shared.bell.ring();
+    }
+
     /// To be rung when a publisher's peers change.
     pub(super) fn bell(&self) -> Wake {
         self.shared.bell.clone()
@@ -182,8 +196,26 @@ impl Shared {
         }
     }
 
-    /// Looks at every outlet; when one of them wants to be looked at again.
+    /// Looks at every outlet and flushes servers; when one of them wants to be looked at again.
     fn look(&self, now: Instant) -> Option<Instant> {
+        let (flushed, looked) = (self.flush(now), self.look_at_outlets(now));
+        flushed.into_iter().chain(looked).min()
+    }
+
+    fn flush(&self, now: Instant) -> Option<Instant> {
+        let servers = std::mem::take(&mut self.lock().servers);
+        let mut next = None;
+        for server in servers {
+            let again = server.upgrade().and_then(|server| server.flush(now));
+            if let Some(again) = again {
+                next = Some(next.map_or(again, |next: Instant| next.min(again)));
+                self.lock().servers.push(server);
+            }
+        }
+        next
+    }
+
+    fn look_at_outlets(&self, now: Instant) -> Option<Instant> {
         let outlets: Vec<_> = {
             let mut work = self.lock();
             work.outlets.retain(|outlet| outlet.strong_count() > 0);

@@ -3,6 +3,7 @@
 //! ```text
 //!   client elsewhere ─▶ ServerEnd ─▶ Heard: arguments, decoded one by one
 //!                    ◀─ answer ◀──── what the body returned
+//!                        └ kept while the client does not hear yet ◀─ flushed ─ the library's thread
 //! ```
 
 use std::sync::{Arc, Mutex};
@@ -16,6 +17,7 @@ use super::error::CallError;
 use super::inlet::Manners;
 use super::payload::Payload;
 use super::rules::Rules;
+use super::runtime::Runtime;
 use super::session::Session;
 use crate::endpoint::{
     self, Counters, CountersSnapshot, EndpointAddress, Link, Request, RequestId, Server,
@@ -24,6 +26,10 @@ use crate::types::{self, from_value};
 
 /// Shortest time between two lines about requests that could not be served.
 const SAY_EVERY: Duration = Duration::from_secs(5);
+/// How often kept replies are looked at: that their clients hear now rings no bell here.
+const FLUSH_EVERY: Duration = Duration::from_millis(10);
+/// How long a server that is closed goes on with kept replies.
+const LINGER: Duration = Duration::from_secs(1);
 
 /// Runs a method for others.
 pub(super) struct ServerEnd {
@@ -69,6 +75,23 @@ impl ServerEnd {
         format!("a request to {}", self.endpoint)
     }
 
+    /// Sends kept replies whose clients hear now; when to do it again, where some are left.
+    pub(super) fn flush(&self, now: Instant) -> Option<Instant> {
+        let mut state = lock(&self.state);
+        if state.server.kept() == 0 {
+            return None;
+        }
+        state.server.flush();
+        (state.server.kept() > 0).then(|| now + FLUSH_EVERY)
+    }
+
+    /// Has the library's thread send what is kept: nobody may call the method again.
+    fn leave_kept_to(self: &Arc<Self>, runtime: &Runtime) {
+        if lock(&self.state).server.kept() > 0 {
+            runtime.flush(self);
+        }
+    }
+
     /// The next usable request.
     fn look(&self) -> Look<Option<endpoint::IncomingRequest>> {
         let mut state = lock(&self.state);
@@ -104,6 +127,15 @@ impl ServerEnd {
                 self.say(&mut state, &error);
                 Ok(())
             }
+        }
+    }
+}
+
+impl Drop for ServerEnd {
+    fn drop(&mut self) {
+        let end = Instant::now() + LINGER;
+        while self.flush(Instant::now()).is_some() && Instant::now() < end {
+            std::thread::sleep(FLUSH_EVERY);
         }
     }
 }
@@ -145,11 +177,11 @@ impl Heard<'_> {
     fn tell(&mut self, reason: &str) {
         let Some((index, id)) = self.asked.take() else { return };
         let server = self.session.channels.get(index).and_then(|channel| channel.server.as_ref());
-        if let Some(server) = server
-            && let Err(error) = server.reply(id, Err(reason.to_owned()))
-        {
+        let Some(server) = server else { return };
+        if let Err(error) = server.reply(id, Err(reason.to_owned())) {
             tracing::debug!("{}: {error}", self.session.method);
         }
+        self.session.leave_kept(server);
     }
 }
 
@@ -224,7 +256,7 @@ impl Session {
 
     fn answered<K, R: Payload<K>>(
         &self,
-        server: &ServerEnd,
+        server: &Arc<ServerEnd>,
         heard: &mut Heard<'_>,
         value: &R,
     ) -> Result<(), CallError> {
@@ -249,11 +281,19 @@ impl Session {
             }
         };
         let Some((_, id)) = heard.asked.take() else { return Ok(()) };
-        server.reply(id, Ok(payload)).map_err(|source| CallError::Reply {
+        let replied = server.reply(id, Ok(payload)).map_err(|source| CallError::Reply {
             method: self.method.clone(),
             endpoint: server.endpoint.to_string(),
             source: Box::new(source),
-        })
+        });
+        self.leave_kept(server);
+        replied
+    }
+
+    fn leave_kept(&self, server: &Arc<ServerEnd>) {
+        if let Some(live) = self.live.upgrade() {
+            server.leave_kept_to(live.runtime());
+        }
     }
 
     fn heard(&self, index: usize, request: Option<endpoint::IncomingRequest>) -> Option<Heard<'_>> {
@@ -278,12 +318,86 @@ impl Session {
         server.bell.wait_async(&mut patience, live.runtime(), waited_for, || server.look()).await
     }
 
-    fn servers(&self) -> impl Iterator<Item = (usize, &ServerEnd)> {
+    fn servers(&self) -> impl Iterator<Item = (usize, &Arc<ServerEnd>)> {
         let channels = self.channels.iter().enumerate();
         channels.filter_map(|(index, channel)| Some((index, channel.server.as_ref()?)))
     }
 
-    fn server(&self, index: usize) -> Option<&ServerEnd> {
+    fn server(&self, index: usize) -> Option<&Arc<ServerEnd>> {
         self.channels.get(index)?.server.as_ref()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
+
+    use super::*;
+
+    /// A server whose client hears at the fourth look.
+    struct HardOfHearing {
+        flushes: Arc<AtomicUsize>,
+        sent: Option<super::super::answer::Asked<usize>>,
+    }
+
+    impl Server for HardOfHearing {
+        fn take(&mut self) -> Result<Option<endpoint::IncomingRequest>, endpoint::ServeError> {
+            Ok(None)
+        }
+
+        fn reply(
+            &mut self,
+            _: RequestId,
+            _: Result<types::Payload, String>,
+        ) -> Result<usize, endpoint::ServeError> {
+            Ok(0)
+        }
+
+        fn deadline(&self) -> Option<Instant> {
+            None
+        }
+
+        fn link(&self) -> Link {
+            Link::default()
+        }
+
+        fn kept(&self) -> usize {
+            self.sent.iter().count()
+        }
+
+        fn flush(&mut self) {
+            if self.flushes.fetch_add(1, SeqCst) == 3
+                && let Some(sent) = self.sent.take()
+            {
+                sent.give(4);
+            }
+        }
+    }
+
+    fn end() -> (ServerEnd, super::super::answer::Answer<usize>, Arc<AtomicUsize>) {
+        let (asked, sent) = super::super::answer::answer();
+        let flushes = Arc::new(AtomicUsize::new(0));
+        let server = HardOfHearing { flushes: Arc::clone(&flushes), sent: Some(asked) };
+        let address = EndpointAddress { middleware: "test".to_owned(), name: "/x".to_owned() };
+        let manners = Manners { should_wait: true, timeout: None, rules: Rules::default() };
+        let context = endpoint::Context::default();
+        (ServerEnd::new(address, Box::new(server), &context, manners), sent, flushes)
+    }
+
+    #[test]
+    fn a_kept_reply_is_sent_though_the_method_is_not_called_again() {
+        let (runtime, (end, sent, flushes)) = (Runtime::start(), end());
+        let end = Arc::new(end);
+        end.leave_kept_to(&runtime);
+        assert_eq!(sent.wait(), Some(4));
+        drop((end, runtime));
+        assert_eq!(flushes.load(SeqCst), 4, "nothing is kept any more");
+    }
+
+    #[test]
+    fn a_server_that_is_closed_sends_what_it_kept() {
+        let (end, sent, _) = end();
+        drop(end);
+        assert_eq!(sent.wait(), Some(4));
     }
 }

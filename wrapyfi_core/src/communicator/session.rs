@@ -36,7 +36,7 @@ pub(super) struct Channel {
     pub(super) outlet: Option<Arc<Outlet>>,
     pub(super) inlet: Option<Inlet>,
     pub(super) client: Option<ClientEnd>,
-    pub(super) server: Option<ServerEnd>,
+    pub(super) server: Option<Arc<ServerEnd>>,
     /// Where it would be, for status.
     pub(super) absent: Option<String>,
 }
@@ -78,7 +78,7 @@ impl Channel {
         let inlet =
             self.inlet.iter().map(|end| (&end.endpoint, end.link(), end.counters.snapshot()));
         let client = self.client.iter().map(ClientEnd::status);
-        let server = self.server.iter().map(ServerEnd::status);
+        let server = self.server.iter().map(|server| server.status());
         outlet.chain(inlet).chain(client).chain(server)
     }
 
@@ -260,7 +260,7 @@ impl Session {
         self.inlets().for_each(|(_, inlet)| inlet.ring());
         for channel in &self.channels {
             channel.client.iter().for_each(ClientEnd::ring);
-            channel.server.iter().for_each(ServerEnd::ring);
+            channel.server.iter().for_each(|server| server.ring());
         }
     }
 

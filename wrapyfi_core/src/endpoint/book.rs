@@ -71,6 +71,14 @@ impl<T> Book<T> {
         self.ended.push_back((ticket, reply));
     }
 
+    /// A call ends without a reply, if anybody waits for it still.
+    #[cfg_attr(not(feature = "yarp"), allow(dead_code))]
+    pub(crate) fn failed(&mut self, sequence: i64, error: CallError) {
+        if let Some(ticket) = self.calls.reply(sequence) {
+            self.ended.push_back((ticket, Err(error)));
+        }
+    }
+
     /// Ends the calls whose time is over; `why` says how far one came.
     pub(crate) fn expire(&mut self, why: impl Fn(Stage) -> String) {
         let now = Instant::now();

@@ -2,6 +2,8 @@
 //! knows its types beyond its constructor.
 
 pub mod memory;
+#[cfg(feature = "ros1")]
+pub mod ros1;
 #[cfg(feature = "ros2")]
 pub mod ros2;
 #[cfg(feature = "yarp")]

@@ -83,6 +83,7 @@ pub(crate) fn fields_of(
 }
 
 /// The fields that the arguments of a call give: in order, by name, or one dict of them all.
+#[cfg_attr(not(feature = "ros2"), allow(dead_code))]
 pub(crate) fn fields_of_call(
     ros_type: RosType,
     args: &[Value],
@@ -120,6 +121,23 @@ fn bytes_of(values: &Primitives) -> usize {
         Primitives::I64(v) => v.len().saturating_mul(8),
         Primitives::U64(v) => v.len().saturating_mul(8),
         Primitives::F64(v) => v.len().saturating_mul(8),
+    }
+}
+
+/// What a function returned as the fields of a reply: a dict of them, a list in their order, nothing,
+/// or the value of the first.
+pub(crate) fn fields_of_return(
+    ros_type: RosType,
+    value: &Value,
+    max_bytes: usize,
+) -> Result<DynamicMessage, RosValueError> {
+    match value {
+        Value::Map(_) => fields_of(ros_type, value, max_bytes),
+        Value::Null => Ok(ros_type.plan().default_message()),
+        Value::List(items) | Value::Tuple(items) => {
+            fields_of_call(ros_type, items, &Map::new(), max_bytes)
+        }
+        one => fields_of_call(ros_type, std::slice::from_ref(one), &Map::new(), max_bytes),
     }
 }
 

@@ -2,7 +2,7 @@
 // Each test file uses a part; in tests a panic is the right answer.
 #![allow(dead_code, unreachable_pub, clippy::unwrap_used, clippy::indexing_slicing)]
 
-use wrapyfi_core::communicator::{Context, Mode, communicator};
+use wrapyfi_core::communicator::{CallError, Context, Mode, communicator};
 use wrapyfi_core::types::{AudioChunk, Encoding, Image, RawPixels, SampleFormat, Stamp, Tensor};
 
 /// Long enough for the slowest machine; reached only by failures.
@@ -151,6 +151,11 @@ pub fn a_wait_ends_in_time(mware: &str, here: &Context) {
     let error = ours.state(mware, 20).unwrap_err().to_string();
     assert!(error.contains("Robot::state: waited"), "{error}");
     assert!(error.contains(&format!("a message on {mware}:/robot/state")), "{error}");
+    ours.activate(RobotMethod::State, Mode::Request).unwrap();
+    let error = ours.state(mware, 20).unwrap_err();
+    assert!(matches!(error, CallError::Unanswered { .. }), "{error:?}");
+    let text = error.to_string();
+    assert!(text.starts_with("Robot::state: ") && text.contains("within 20 ms"), "{text}");
 }
 
 /// Runs a future on this thread.

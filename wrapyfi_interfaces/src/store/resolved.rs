@@ -48,7 +48,7 @@ impl ResolvedType {
     }
 
     /// Asks `find` for `name` and all that it refers to, for each once.
-    pub(super) fn collect(
+    pub(crate) fn collect(
         dialect: Dialect,
         name: &TypeName,
         mut find: impl FnMut(&TypeName, Option<&TypeName>) -> Result<MessageDefinition, ResolveError>,

@@ -107,7 +107,7 @@ pub(super) fn write_full<'d>(
 }
 
 /// One definition as text, without comments: constants first, as ROS 1 checksums want them.
-fn definition_text(dialect: Dialect, definition: &MessageDefinition) -> String {
+pub(crate) fn definition_text(dialect: Dialect, definition: &MessageDefinition) -> String {
     let constants = definition
         .constants
         .iter()
@@ -137,7 +137,7 @@ fn name_in_field(name: &TypeName) -> String {
 }
 
 /// What ROS 1 calls two messages of ROS 2.
-pub(super) fn ros1_builtin(name: &TypeName) -> Option<&'static str> {
+pub(crate) fn ros1_builtin(name: &TypeName) -> Option<&'static str> {
     match (name.package(), name.name()) {
         ("builtin_interfaces", "Time") => Some("time"),
         ("builtin_interfaces", "Duration") => Some("duration"),

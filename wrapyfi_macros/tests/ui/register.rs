@@ -8,8 +8,8 @@ impl Camera {
     #[register(Imge, "zeromq", "/a")]
     fn data_type(&self) {}
 
-    #[register(ROS2Message, "ros2", "/a")]
-    fn no_ros_messages(&self) {}
+    #[register(Ros2Mesage, "ros2", "/a")]
+    fn misspelt_ros_message(&self) {}
 
     #[register]
     fn nothing(&self) {}

@@ -10,8 +10,10 @@
 
 mod error;
 mod kind;
+mod property;
 mod read;
 mod scan;
+mod serde;
 mod text_read;
 mod text_write;
 mod value;
@@ -20,6 +22,7 @@ mod write;
 use bytes::Bytes;
 
 pub use error::{BottleError, EncodeError, TextError};
+pub use property::Property;
 pub use scan::BottleScan;
 pub use text_read::text_is_complete;
 pub(crate) use text_write::significant;
@@ -165,7 +168,10 @@ impl Bottle {
         String::from_utf8_lossy(&self.to_text_bytes()).into_owned()
     }
 
-    /// The text form, on one line, with every byte of its strings.
+    /// The text form, on one line, with every byte of its strings. As in YARP, reading it back loses
+    /// the widths of numbers, dictionaries (they become lists), letters of vocabs beyond ASCII, and
+    /// strings that are `null`, `inf` or `nan`, which have no quotes. Use serde where nothing may be
+    /// lost.
     #[must_use]
     pub fn to_text_bytes(&self) -> Vec<u8> {
         let mut text = Vec::new();

@@ -7,9 +7,9 @@ use super::kind::{Code, Kind, LIST};
 use super::{Bottle, Text, Value, Vocab, Vocab64};
 use crate::{Dialect, Limits};
 
-/// Elements for which a list of mixed kinds reserves memory before it has read them: a sender that
-/// claims more than it sends gains nothing.
-const RESERVED: usize = 64;
+/// Elements for which a list of mixed kinds reserves memory before it has read them: lists in lists
+/// that claim more than they send gain nothing.
+const RESERVED: usize = 4;
 /// Least bytes that an element with its code takes: an int8.
 const LEAST: usize = 5;
 

@@ -24,6 +24,7 @@ use crate::port::names::{NameRequest, Registration};
 use crate::wire::{Command, Step};
 use crate::{Bottle, Limits, Value};
 
+mod register;
 mod seam;
 
 /// How long YARP's own programs wait for a name server.
@@ -102,6 +103,7 @@ struct Settings {
     namespace: String,
     timeout: Duration,
     limits: Limits,
+    environment: Environment,
 }
 
 impl NameClient {
@@ -113,16 +115,26 @@ impl NameClient {
             namespace: super::conf::DEFAULT_NAMESPACE.to_owned(),
             timeout: DEFAULT_TIMEOUT,
             limits: Limits::default(),
+            environment: Environment::default(),
         }))
     }
 
-    /// A client of the name server that this machine's configuration names.
+    /// A client of the name server that this machine's configuration names. Ports are registered
+    /// under the names, numbers and addresses that the environment gives them.
     ///
     /// # Errors
     /// When there is no usable configuration; the error names the file.
     pub fn from_environment(environment: &Environment) -> Result<Self, ConfError> {
         let Located { conf, namespace, .. } = locate(environment)?;
-        Ok(Self::new(conf).with_namespace(namespace))
+        Ok(Self::new(conf).with_namespace(namespace).with_environment(environment.clone()))
+    }
+
+    /// The same, registering ports as the environment wants them: see
+    /// [`Environment::port_naming`] and [`Environment::ip_prefix`].
+    #[must_use]
+    pub fn with_environment(mut self, environment: Environment) -> Self {
+        Arc::make_mut(&mut self.0).environment = environment;
+        self
     }
 
     /// The same for a name server of another name.
@@ -188,41 +200,13 @@ impl NameClient {
 
     /// Registers a port, which takes the name from whoever had it.
     pub async fn register(&self, request: &NameRequest) -> Result<Registration, NameError> {
-        let command = self.register_command(request)?;
+        let command = self.register_command(&self.adapted(request)?)?;
         // YARP's own ports end this line with both bytes, and the others with one.
         let answer = self.one_line(&command, "\r\n").await?;
         match self.registration(&command, &answer)? {
             Some(registration) => Ok(registration),
             None => Err(self.refused(&command, &answer)),
         }
-    }
-
-    fn register_command(&self, request: &NameRequest) -> Result<String, NameError> {
-        let NameRequest { name, carrier, host, port, type_name } = request;
-        // The name server completes these.
-        self.checked(&match name.strip_prefix('=') {
-            Some(tail) => format!("/{tail}"),
-            None => name.clone(),
-        })?;
-        let mut command = format!("register {name}");
-        let some = carrier.is_some() || host.is_some() || port.is_some() || type_name.is_some();
-        if some {
-            let word = |word: &Option<String>| word.clone().unwrap_or_else(|| "...".to_owned());
-            // As YARP asks for any port, depending on whether a type follows.
-            let any = if type_name.is_some() { "-1" } else { "..." };
-            let port = port.map_or_else(|| any.to_owned(), |port| port.to_string());
-            for word in [word(carrier), word(host), port].iter().chain(type_name) {
-                if word.is_empty()
-                    || word.contains(|letter: char| letter.is_whitespace() || letter == '"')
-                {
-                    let reason = format!("cannot be registered with {word:?}");
-                    return Err(NameError::BadName { name: name.clone(), reason });
-                }
-                command.push(' ');
-                command.push_str(word);
-            }
-        }
-        Ok(command)
     }
 
     /// Forgets a port; one that is not known is no error.

@@ -14,11 +14,11 @@ use tokio::net::TcpStream;
 use tokio::time::timeout;
 
 use super::io::write_all;
-use crate::bottle::{BottleError, Frame};
+use crate::bottle::{BottleError, BottleScan, Frame};
 use crate::wire::message::{self, read_ack};
 use crate::wire::text::{self, BottleLines, Lines};
 use crate::wire::{Body, Carrier, Command, Fault, Sender, Step, header, number};
-use crate::{Bottle, Dialect, Limits};
+use crate::{Dialect, Limits};
 
 /// Why a connection to a port did not do what it should.
 #[derive(Debug, thiserror::Error)]
@@ -226,6 +226,7 @@ impl Link {
     }
 
     async fn binary_reply(&mut self) -> Result<Option<Bytes>, LinkError> {
+        let mut scan = BottleScan::new(self.options.dialect, &self.options.limits);
         loop {
             // A bottle cannot begin with these letters: its first number has no list bit.
             if self.carrier == Carrier::Tcp && self.buffer.starts_with(&number::ACK) {
@@ -234,15 +235,12 @@ impl Link {
             }
             let more = match self.buffer.len() {
                 length @ 0..8 => 8 - length,
-                _ => {
-                    let (dialect, limits) = (self.options.dialect, &self.options.limits);
-                    match Bottle::frame(&self.buffer, dialect, limits)? {
-                        Frame::Complete(size) => {
-                            return Ok(Some(self.buffer.split_to(size).freeze()));
-                        }
-                        Frame::NeedMore(more) => more.max(1),
+                _ => match scan.advance(&self.buffer)? {
+                    Frame::Complete(size) => {
+                        return Ok(Some(self.buffer.split_to(size).freeze()));
                     }
-                }
+                    Frame::NeedMore(more) => more.max(1),
+                },
             };
             self.fill(more).await?;
         }

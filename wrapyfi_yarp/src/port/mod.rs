@@ -48,6 +48,7 @@ mod ports;
 mod rpc_client;
 mod rpc_server;
 pub mod session;
+mod spare;
 mod target;
 mod tools;
 

@@ -158,6 +158,15 @@ impl RpcClient {
         self.owner.core.add_output(server).await.map(drop)
     }
 
+    /// Forgets the server, so that another one, or the same at another address, can be connected.
+    /// Whether there was one.
+    pub async fn disconnect(&self) -> bool {
+        match self.server() {
+            Some((name, _)) => self.owner.core.remove_output(&name).await,
+            None => false,
+        }
+    }
+
     /// Sends a request; its reply, `None` when the server took it and said nothing.
     ///
     /// Requests of one client wait for each other. When this is dropped early, or runs out of

@@ -52,6 +52,7 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 
 use super::Counters;
+use super::spare::Spare;
 use crate::wire::admin;
 use crate::wire::header::{self, HeaderReader};
 use crate::wire::http::Request;
@@ -171,6 +172,7 @@ pub struct Session {
     stream: TcpStream,
     peer: SocketAddr,
     buffer: BytesMut,
+    spare: Spare,
     opening: Opening,
     carrier: Option<Carrier>,
     reader: Reader,
@@ -247,7 +249,19 @@ impl Session {
             }
         };
         let (envelope, owed, ended, options) = (None, false, false, options.clone());
-        Ok(Self { stream, peer, buffer, opening, carrier, reader, envelope, owed, ended, options })
+        Ok(Self {
+            stream,
+            peer,
+            buffer,
+            spare: Spare::default(),
+            opening,
+            carrier,
+            reader,
+            envelope,
+            owed,
+            ended,
+            options,
+        })
     }
 
     /// Who opened it, and how.
@@ -335,6 +349,9 @@ impl Session {
                         self.envelope = envelope;
                     }
                     let envelope = self.envelope.clone();
+                    if let Body::Binary(payload) = &incoming.body {
+                        self.spare.keep(payload);
+                    }
                     return Ok(Some(Event::Data(Data { body: incoming.body, envelope, reply })));
                 }
                 Command::Admin => {
@@ -411,7 +428,7 @@ impl Session {
 
     /// Reads at least one byte, straight to where it stays; false at the end.
     async fn fill(&mut self, more: usize) -> Result<bool, SessionError> {
-        self.buffer.reserve(more.max(READ_BYTES));
+        self.spare.make_room(&mut self.buffer, more.max(READ_BYTES));
         match self.stream.read_buf(&mut self.buffer).await {
             Ok(count) => Ok(count > 0),
             // How a text sender closes with our `Welcome` unread.

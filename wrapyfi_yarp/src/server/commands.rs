@@ -82,7 +82,7 @@ impl Words<'_> {
 
 impl NameState {
     /// Knows only the name server itself.
-    pub(crate) fn new(own: Registration, discovery_port: u16, limits: NameServerLimits) -> Self {
+    pub(crate) fn new(own: &Registration, discovery_port: u16, limits: NameServerLimits) -> Self {
         let subscriptions = Subscriptions::new(limits.max_subscriptions);
         Self { registry: Registry::new(own, discovery_port, limits), subscriptions }
     }
@@ -117,12 +117,10 @@ impl NameState {
             "query" => Outcome::reply(self.query(&rest.word(0), bottle)),
             "list" => {
                 let prefix = rest.word(0);
-                let names = self.registry.names(&prefix).map(str::to_owned).collect();
-                Outcome::reply(self.contacts(names, bottle))
+                Outcome::reply(self.contacts(self.registry.names(&prefix), bottle))
             }
             "runners" => {
-                let names =
-                    self.registry.names_with("yarprun", "true").map(str::to_owned).collect();
+                let names = self.registry.names_with("yarprun", "true");
                 Outcome::reply(self.contacts(names, bottle))
             }
             "set" => self.set(&rest, bottle),
@@ -256,8 +254,8 @@ impl NameState {
         Reply::Lines(contact.iter().map(reply::registration).collect())
     }
 
-    fn contacts(&self, names: Vec<String>, bottle: bool) -> Reply {
-        let contacts = names.iter().filter_map(|name| self.registry.find(name, ""));
+    fn contacts<'a>(&self, names: impl Iterator<Item = &'a str>, bottle: bool) -> Reply {
+        let contacts = names.filter_map(|name| self.registry.find(name, ""));
         if bottle {
             let ports = contacts.map(|contact| Bottle::from(reply::port(Some(&contact))).into());
             return Reply::Bottle([Value::from("ports")].into_iter().chain(ports).collect());

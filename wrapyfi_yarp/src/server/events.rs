@@ -139,7 +139,7 @@ pub(super) async fn connect(destination: &str, shared: &Arc<Shared>) -> Result<S
     let mut sender = Sender::new(&*shared.own.name);
     let carrier = match sender.qualify(&target.carrier) {
         "" => Carrier::Tcp,
-        name => name.parse().map_err(|_| unknown())?,
+        name => name.parse().map_err(|_unknown| unknown())?,
     };
     let text = sender.carrier_text(carrier);
     let opened = open(carrier, &sender, &found.host, found.port, &shared.options.wire);
@@ -252,6 +252,8 @@ async fn goodbye(mut stream: TcpStream, carrier: Carrier) -> std::io::Result<()>
     // The reader closes when it has read all: until then nothing of it may be lost.
     let mut rest = [0; 64];
     let end = async { while stream.read(&mut rest).await.is_ok_and(|read| read > 0) {} };
-    let _ = tokio::time::timeout(FAREWELL, end).await;
+    if tokio::time::timeout(FAREWELL, end).await.is_err() {
+        tracing::debug!(target: "wrapyfi_yarp::server", "a reader did not close: cut off");
+    }
     Ok(())
 }

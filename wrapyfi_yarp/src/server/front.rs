@@ -247,12 +247,12 @@ async fn administer(request: &Bottle, shared: &Arc<Shared>) -> Bottle {
         Request::Version => admin::version(),
         Request::Help => admin::help(),
         Request::Add { destination } => match events::connect(&destination, shared).await {
-            Ok(done) => admin::done(done),
-            Err(why) => admin::failed(why),
+            Ok(done) => admin::done(&done),
+            Err(why) => admin::failed(&why),
         },
         Request::Remove { name } => {
             match (remove_output(&name, shared), remove_input(&name, shared)) {
-                (Ok(done), _) | (Err(_), Ok(done)) => admin::done(done),
+                (Ok(done), _) | (Err(_), Ok(done)) => admin::done(&done),
                 (Err(out), Err(inward)) => admin::failed(format!("{out}\r\n{inward}")),
             }
         }

@@ -8,7 +8,6 @@
 //! Only commands that change nothing are done for a browser: any page it shows could send the
 //! others, too. YARP's server does them all.
 
-use std::fmt::Write as _;
 use std::net::IpAddr;
 use std::sync::Arc;
 
@@ -56,11 +55,9 @@ fn html(shared: &Shared, command: &str, shown: &str) -> String {
     for (path, text) in
         [("data=list", "All ports"), ("", "connections"), ("data=help", "help"), ("r", "read")]
     {
-        // Writing into a string cannot fail.
-        let _ = writeln!(page, "(<a href=\"{base}/{path}\">{text}</a>)&nbsp;&nbsp;");
+        page += &format!("(<a href=\"{base}/{path}\">{text}</a>)&nbsp;&nbsp;\n");
     }
-    let _ = write!(
-        page,
+    page += &format!(
         "</p>\n<p>\n<form method=\"post\" action=\"{base}/form\"><input type=text name=data \
          value=\"{command}\"><input type=submit value=\"send data\"></form></p>\n<pre>\n\r\n{shown}\n\n"
     );

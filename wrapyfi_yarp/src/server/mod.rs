@@ -150,7 +150,7 @@ impl NameServer {
             carrier: "tcp".to_owned(),
         };
         let group = options.discovery_port.unwrap_or(crate::name::environment::DEFAULT_PORT);
-        let state = NameState::new(own.clone(), group, options.limits.clone());
+        let state = NameState::new(&own, group, options.limits.clone());
         let (stop, stopping) = watch::channel(false);
         let shared = Arc::new(Shared {
             own,
@@ -217,8 +217,7 @@ impl NameServer {
     /// Ends it: connections are closed, readers of changes are told goodbye, the port is free when
     /// this returns.
     pub async fn stop(mut self) {
-        // Nobody listening means that everything has ended.
-        let _ = self.stop.send(true);
+        self.stop.send_replace(true);
         while self.front.join_next().await.is_some() {}
         self.discovery.shutdown().await;
         tracing::info!(target: "wrapyfi_yarp::server", address = %self.address, "name server ended");

@@ -26,7 +26,7 @@ impl Offline {
             port: 10_000,
             carrier: "tcp".to_owned(),
         };
-        Self { state: NameState::new(own, 10_000, kept), limits, now: Duration::ZERO }
+        Self { state: NameState::new(&own, 10_000, kept), limits, now: Duration::ZERO }
     }
 
     /// What it answers to a line of the text carriers.

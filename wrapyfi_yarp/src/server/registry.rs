@@ -79,7 +79,7 @@ pub(crate) struct Registry {
 
 impl Registry {
     /// Knows the name server itself, and the group on which it can be found.
-    pub(crate) fn new(own: Registration, discovery_port: u16, limits: NameServerLimits) -> Self {
+    pub(crate) fn new(own: &Registration, discovery_port: u16, limits: NameServerLimits) -> Self {
         let mut registry = Self {
             own: own.clone(),
             ports: BTreeMap::new(),
@@ -88,7 +88,7 @@ impl Registry {
             allocator: Allocator::new(own.port),
             limits,
         };
-        registry.insert(&own, None);
+        registry.insert(own, None);
         registry.properties(&own.name, "nameserver", vec!["true".to_owned()]);
         registry.insert(
             &Registration {

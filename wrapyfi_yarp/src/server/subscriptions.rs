@@ -92,7 +92,7 @@ impl Subscriptions {
         }
         let mut links = Vec::new();
         for end in [&src, &dest] {
-            if end.carrier == "topic" {
+            if end.carrier == "topic" && !self.is_topic(&end.name) {
                 links.extend(self.add_topic(&end.name, known)?);
             }
         }

@@ -123,7 +123,8 @@ impl Sound {
     ) -> Result<Self, SoundError> {
         let per_channel = per_channel(samples.len(), channels)?;
         let mut data = Vec::with_capacity(samples.len() * SAMPLE_BYTES);
-        for channel in 0..channels {
+        // Without samples there may be any number of channels.
+        for channel in 0..channels.min(samples.len()) {
             let of_channel = samples.iter().skip(channel).step_by(channels);
             data.extend(of_channel.flat_map(|sample| sample.to_le_bytes()));
         }

@@ -94,7 +94,8 @@ impl Command {
             Self::Describe => b"*".to_vec(),
             Self::Reverse => b"r".to_vec(),
             Self::Help => b"?".to_vec(),
-            Self::Unknown(key) => vec![*key],
+            // 0 stands for no text at all.
+            Self::Unknown(key) => Some(*key).filter(|&key| key != 0).into_iter().collect(),
         }
     }
 

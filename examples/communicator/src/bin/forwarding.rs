@@ -27,6 +27,9 @@ struct Options {
     /// Second middleware
     #[arg(long, default_value = "ros2")]
     mware_b: String,
+    /// Carrier of the first middleware, where it is YARP
+    #[arg(long, default_value = "tcp")]
+    carrier: String,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -40,9 +43,10 @@ struct ForwardCls;
 
 #[communicator]
 impl ForwardCls {
-    #[register(NativeObject, "$mware", "ForwardCls", "/example/native_a_msg", should_wait = true)]
-    fn send_a(&self, mware: &str, msg: &str) -> String {
-        _ = mware;
+    #[register(NativeObject, "$mware", "ForwardCls", "/example/native_a_msg",
+               carrier = "$carrier", should_wait = true)]
+    fn send_a(&self, mware: &str, carrier: &str, msg: &str) -> String {
+        _ = (mware, carrier);
         msg.to_owned()
     }
 
@@ -55,7 +59,7 @@ impl ForwardCls {
 
 fn main() -> anyhow::Result<()> {
     log_to_stderr();
-    let Options { role, mware_a, mware_b } = Options::parse();
+    let Options { role, mware_a, mware_b, carrier } = Options::parse();
     let mut chain = ForwardCls.communicator();
     let (first, second) = match role {
         Role::Source => (Mode::Publish, Mode::Disable),
@@ -70,9 +74,9 @@ fn main() -> anyhow::Result<()> {
         let passed = match role {
             Role::Source => {
                 pause();
-                chain.send_a(&mware_a, &format!("message {number}"))?
+                chain.send_a(&mware_a, &carrier, &format!("message {number}"))?
             }
-            Role::Forward => match chain.send_a(&mware_a, "")? {
+            Role::Forward => match chain.send_a(&mware_a, &carrier, "")? {
                 Some(msg) => chain.send_b(&mware_b, &msg)?,
                 None => None,
             },

@@ -12,7 +12,9 @@ use std::time::{Duration, Instant};
 use wrapyfi_core::endpoint::{Discovered, Discovery, Role};
 use wrapyfi_core::middleware::ros2::graph::TopicDescription;
 use wrapyfi_core::types::{MessageType, RosType};
-use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
+use wrapyfi_interfaces::parser::{Dialect, TypeName};
+use wrapyfi_interfaces::ros1::{Rules, Types};
+use wrapyfi_interfaces::store::{ResolveError, ResolvedType, TypeStore};
 
 use crate::exit::Failure;
 
@@ -41,12 +43,25 @@ pub(crate) fn definitions(folders: &[PathBuf]) -> Result<TypeStore, Failure> {
 pub(super) fn resolve(name: &str, folders: &[PathBuf]) -> Result<ResolvedType, Failure> {
     let mut store = definitions(folders)
         .map_err(|failure| Failure::Usage(format!("--definitions {failure}")))?;
-    store.resolve_name(name).map_err(|error| Failure::Usage(format!("{error} (--definitions DIR)")))
+    store.resolve_name(name).map_err(|error| undefined(&error))
 }
 
-/// The type `name` as one that every middleware carries.
+fn undefined(error: &ResolveError) -> Failure {
+    Failure::Usage(format!("{error} (--definitions DIR)"))
+}
+
+/// The type `name` as one that every middleware carries. Where no ROS 2 is installed, most of its types
+/// are at hand as those of ROS 1.
 pub(super) fn message_type(name: &str, folders: &[PathBuf]) -> Result<MessageType, Failure> {
-    RosType::new(&resolve(name, folders)?).map(MessageType::Ros).map_err(Failure::usage)
+    let mut store = definitions(folders)
+        .map_err(|failure| Failure::Usage(format!("--definitions {failure}")))?;
+    let resolved = store.resolve_name(name).or_else(|error| {
+        let name = TypeName::parse(Dialect::Ros2, name).ok();
+        let mut types = Types::new(Rules::built_in(), store);
+        let built_in = name.and_then(|name| types.ros2_type_named(&name).ok());
+        built_in.ok_or_else(|| undefined(&error))
+    })?;
+    RosType::new(&resolved).map(MessageType::Ros).map_err(Failure::usage)
 }
 
 /// Tells in words who announces another type on our topic; each endpoint once.

@@ -6,6 +6,7 @@
 //! ```
 
 use std::io::{self, Write as _};
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
@@ -14,11 +15,12 @@ use wrapyfi_core::Limits;
 use wrapyfi_core::codec::{self, json};
 use wrapyfi_core::endpoint::{CallError, Context, Request, ServeError, Server, ServiceSpec};
 use wrapyfi_core::endpoint::{EndpointAddress, TopicSpec};
+use wrapyfi_core::middleware::ros1;
 use wrapyfi_core::types::{Map, Payload, ServiceKind, Stamp, Value};
 
 use crate::canonical::canonical;
 use crate::cli::{CallArgs, ServeArgs, ServiceName};
-use crate::command::{WAIT_SLICE, echo};
+use crate::command::{WAIT_SLICE, any, echo};
 use crate::describe::{describe, summary};
 use crate::exit::Failure;
 use crate::input;
@@ -31,7 +33,10 @@ use crate::shutdown::Shutdown;
 /// Exit code 3 when there was no reply in time, 2 when type or arguments are wrong, 1 when the server
 /// answered with an error.
 pub(super) fn call(args: &CallArgs, shutdown: &Shutdown) -> Result<(), Failure> {
-    let kind = args.service_type.as_ref().map_or(Ok(ServiceKind::NativeObject), kind)?;
+    let kind = match &args.service_type {
+        None => ServiceKind::NativeObject,
+        Some(name) => kind(name, &args.endpoint, &args.definitions)?,
+    };
     if args.value.is_some() {
         let text = format!("{}: --value is for ros2; give --args and --kwargs", args.endpoint);
         return Err(Failure::Usage(text));
@@ -73,8 +78,19 @@ fn left(at: Instant) -> Duration {
     at.saturating_duration_since(Instant::now())
 }
 
-fn kind(name: &ServiceName) -> Result<ServiceKind, Failure> {
-    name.0.parse().map_err(Failure::usage)
+/// What is asked for: a function of Wrapyfi, or on ROS 1 any service.
+fn kind(
+    name: &ServiceName,
+    endpoint: &EndpointAddress,
+    folders: &[PathBuf],
+) -> Result<ServiceKind, Failure> {
+    if endpoint.middleware != ros1::NAME {
+        return name.0.parse().map_err(Failure::usage);
+    }
+    let mut store = any::definitions(folders)
+        .map_err(|failure| Failure::Usage(format!("--definitions {failure}")))?;
+    ServiceKind::resolve(&name.0, &mut store)
+        .map_err(|error| Failure::Usage(format!("{error} (--definitions DIR)")))
 }
 
 /// Positional arguments: a JSON list in Wrapyfi's dialect.
@@ -109,7 +125,7 @@ fn value(option: &str, text: &str) -> Result<Value, Failure> {
 /// # Errors
 /// Exit code 2 when type, service or reply is wrong, 1 when the transport fails.
 pub(super) fn serve(args: &ServeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
-    let kind = kind(&args.service_type)?;
+    let kind = kind(&args.service_type, &args.endpoint, &args.definitions)?;
     let spec = ServiceSpec::new(&args.endpoint.name, kind);
     let constant = constant(args, &spec)?;
     let context = Context::default();

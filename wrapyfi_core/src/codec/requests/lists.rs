@@ -30,9 +30,11 @@ pub(super) fn write_image(raw: RawPixels, spec: &ServiceSpec) -> Result<Vec<u8>,
     };
     // Three bytes are the shortest number with its comma and its space.
     super::check_size((array.data.len() / size).saturating_mul(3), spec)?;
-    let mut out = b"{\"img\": ".to_vec();
+    // Nearly all numbers of a picture have three digits at most.
+    let mut out = Vec::with_capacity((array.data.len() / size).saturating_mul(5) + 64);
+    out.extend_from_slice(b"{\"img\": ");
     let write = |bytes: &[u8], out: &mut Vec<u8>| match *bytes {
-        [byte] => write_integer(i64::from(byte), out),
+        [byte] => write_byte(byte, out),
         [a, b] => write_integer(i64::from(u16::from_le_bytes([a, b])), out),
         [a, b, c, d] if encoding == Encoding::I32C1 => {
             write_integer(i64::from(i32::from_le_bytes([a, b, c, d])), out);
@@ -106,6 +108,13 @@ fn list<'a>(
         write(part, out);
     }
     out.push(b']');
+}
+
+/// Decimal digits of a byte: a picture has millions of them.
+fn write_byte(value: u8, out: &mut Vec<u8>) {
+    let digits = [b'0' + value / 100, b'0' + value / 10 % 10, b'0' + value % 10];
+    let first = usize::from(value < 100) + usize::from(value < 10);
+    out.extend_from_slice(digits.get(first..).unwrap_or_default());
 }
 
 fn write_integer(value: i64, out: &mut Vec<u8>) {

@@ -31,10 +31,17 @@ pub(super) fn encode(sound: &AudioChunk) -> Result<CdrParts, EncodeError> {
 
 /// Writes what Python Wrapyfi accepts: floats under the label of integers.
 pub(super) fn encode_upstream(sound: &AudioChunk) -> Result<CdrParts, EncodeError> {
+    upstream_message(sound).map(|message| message.encode())
+}
+
+/// The fields that Python Wrapyfi accepts.
+pub(in crate::codec) fn upstream_message(
+    sound: &AudioChunk,
+) -> Result<ROS2AudioMessage, EncodeError> {
     check(sound)?;
     let sound = sound.to_format(SampleFormat::F32Le);
     countable("data", sound.data.len())?;
-    let message = ROS2AudioMessage {
+    Ok(ROS2AudioMessage {
         header: header(sound.stamp, &sound.frame_id),
         chunk_size: sound.frames,
         channels: sound.channels,
@@ -45,8 +52,7 @@ pub(super) fn encode_upstream(sound: &AudioChunk) -> Result<CdrParts, EncodeErro
         coding_format: String::new(),
         step: step(&sound),
         data: sound.data,
-    };
-    Ok(message.encode())
+    })
 }
 
 /// The fields are public, so they may contradict each other.
@@ -68,7 +74,9 @@ fn step(sound: &AudioChunk) -> u32 {
     sound.format.bytes_per_sample() as u32 * u32::from(sound.channels)
 }
 
-pub(super) fn decode_upstream(message: ROS2AudioMessage) -> Result<AudioChunk, DecodeError> {
+pub(in crate::codec) fn decode_upstream(
+    message: ROS2AudioMessage,
+) -> Result<AudioChunk, DecodeError> {
     decode(msg::AudioChunk {
         header: message.header,
         chunk_size: message.chunk_size,

@@ -9,6 +9,11 @@ use crate::codec::{DecodeError, EncodeError};
 use crate::types::{CompressedFormat, Encoding, Image, Pixels, RawPixels};
 
 pub(super) fn encode_raw(image: &Image) -> Result<CdrParts, EncodeError> {
+    raw_message(image).map(|message| message.encode())
+}
+
+/// The fields of an uncompressed image.
+pub(in crate::codec) fn raw_message(image: &Image) -> Result<msg::Image, EncodeError> {
     let Pixels::Raw(raw) = &image.pixels else {
         return Err(mismatch("a raw image for sensor_msgs/msg/Image", &image.pixels));
     };
@@ -22,7 +27,7 @@ pub(super) fn encode_raw(image: &Image) -> Result<CdrParts, EncodeError> {
         },
     )?;
     countable("data", raw.data.len())?;
-    let message = msg::Image {
+    Ok(msg::Image {
         header: header(image.stamp, &image.frame_id),
         height: raw.height,
         width: raw.width,
@@ -30,29 +35,32 @@ pub(super) fn encode_raw(image: &Image) -> Result<CdrParts, EncodeError> {
         is_bigendian: 0,
         step: raw.step,
         data: raw.data.clone(),
-    };
-    Ok(message.encode())
+    })
 }
 
 pub(super) fn encode_file(image: &Image) -> Result<CdrParts, EncodeError> {
+    file_message(image).map(|message| message.encode())
+}
+
+/// The fields of an image file.
+pub(in crate::codec) fn file_message(image: &Image) -> Result<msg::CompressedImage, EncodeError> {
     let Pixels::Compressed { format, data } = &image.pixels else {
         let expected = "a jpeg or png image for sensor_msgs/msg/CompressedImage";
         return Err(mismatch(expected, &image.pixels));
     };
     countable("data", data.len())?;
-    let message = msg::CompressedImage {
+    Ok(msg::CompressedImage {
         header: header(image.stamp, &image.frame_id),
         format: format.name().to_owned(),
         data: data.clone(),
-    };
-    Ok(message.encode())
+    })
 }
 
 fn mismatch(expected: &str, pixels: &Pixels) -> EncodeError {
     EncodeError::Mismatch { expected: expected.to_owned(), actual: describe_pixels(pixels) }
 }
 
-pub(super) fn decode_raw(message: msg::Image) -> Result<Image, DecodeError> {
+pub(in crate::codec) fn decode_raw(message: msg::Image) -> Result<Image, DecodeError> {
     let stamp = stamp(&message.header);
     let msg::Image { header, height, width, encoding, is_bigendian, step, data } = message;
     let encoding = Encoding::from_name(&encoding).ok_or_else(|| DecodeError::Mismatch {
@@ -67,7 +75,7 @@ pub(super) fn decode_raw(message: msg::Image) -> Result<Image, DecodeError> {
     Ok(Image { stamp, frame_id: header.frame_id, pixels: raw.into() })
 }
 
-pub(super) fn decode_file(message: msg::CompressedImage) -> Result<Image, DecodeError> {
+pub(in crate::codec) fn decode_file(message: msg::CompressedImage) -> Result<Image, DecodeError> {
     let stamp = stamp(&message.header);
     let msg::CompressedImage { header, format, data } = message;
     let unknown = || DecodeError::Mismatch {

@@ -12,8 +12,8 @@
 //! Conversions that cost time, such as JPEG, belong to whoever calls: here a payload of another
 //! form is a mismatch.
 
-mod audio;
-mod image;
+pub(super) mod audio;
+pub(super) mod image;
 mod native;
 mod text;
 
@@ -219,7 +219,7 @@ fn describe_pixels(pixels: &Pixels) -> String {
 }
 
 /// Text of a message for an error: short, and quoted.
-fn quote(text: &str) -> String {
+pub(super) fn quote(text: &str) -> String {
     const SHOWN: usize = 40;
     match text.char_indices().nth(SHOWN) {
         None => format!("{text:?}"),

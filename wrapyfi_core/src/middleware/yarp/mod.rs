@@ -1,4 +1,338 @@
 //! YARP: ports, the name server and what YARP's programs send.
+//!
+//! ```text
+//!   Publisher /cam ─▶ OutputPort /cam ══ any carrier ══▶ /cam:in7 ─▶ Listener     (or yarp read)
+//!   Client ─▶ /rpc:in3 ◀══ requests, replies ══▶ /rpc ◀─ Server                   (or yarp rpc)
+//!        └────────── names: one registrar, one directory ──────────┘
+//!                      name server: YARP's, or ours inside this process
+//! ```
+//!
+//! No YARP library is needed. One runtime with two threads carries all ports; an idle port costs
+//! nothing. Who is there is told by the name server, never asked for in turns.
+//!
+//! | module | one idea |
+//! | --- | --- |
+//! | `config`, `options` | settings of the middleware; of a topic or service |
+//! | `payload` | bytes of messages ⇄ payloads |
+//! | `directory`, `discovery` | the names there are, and who waits for one |
+//! | `opening`, `tie`, `retry` | ports that open, connections that stay, whatever ends meanwhile |
+//! | `publisher`, `listener`, `client`, `server` | the endpoints |
+//! | `standing`, `losses`, `tasks`, `own` | what an endpoint says of itself; where its task runs |
 
+mod client;
+mod config;
+mod directory;
+mod discovery;
+mod listener;
+mod losses;
+mod opening;
 pub mod options;
+mod own;
 pub mod payload;
+mod publisher;
+mod retry;
+mod server;
+mod standing;
+mod tasks;
+mod tie;
+
+use std::net::{IpAddr, SocketAddr};
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::runtime::{Builder, Handle, Runtime};
+use wrapyfi_yarp::name::conf::ConfError;
+use wrapyfi_yarp::name::registrar::RegistrarOptions;
+use wrapyfi_yarp::name::{NameClient, Registrar};
+use wrapyfi_yarp::port::names::Names;
+use wrapyfi_yarp::port::{Network, Timeouts};
+use wrapyfi_yarp::server::{NameServer, NameServerError, NameServerOptions};
+
+pub use config::YarpConfig;
+pub use options::OPTIONS;
+pub use wrapyfi_yarp::Dialect;
+
+use crate::Limits;
+use crate::endpoint::{
+    Client, Context, DiscoverError, Discovery, Listener, Middleware, OpenError, Publisher, Server,
+    ServiceSpec, TopicSpec,
+};
+
+/// Name of this middleware in addresses.
+pub const NAME: &str = "yarp";
+
+/// Longest name of a port: YARP reads 1000 bytes with its end, and a reader's name has a number.
+const MAX_NAME_BYTES: usize = 900;
+/// Threads that carry all ports.
+const THREADS: usize = 2;
+/// Longest time that a request to the name server may take.
+const NAMES_TIMEOUT: Duration = Duration::from_secs(5);
+
+/// The middleware `yarp`.
+///
+/// Dropping it closes the ports of all its endpoints and ends its name server, within two seconds.
+pub struct Yarp {
+    shared: Arc<Shared>,
+    server: Option<NameServer>,
+    runtime: Option<Runtime>,
+    address: String,
+}
+
+/// What endpoints share.
+struct Shared {
+    network: Network,
+    registrar: Registrar,
+    directory: Arc<directory::Directory>,
+    own: own::OwnPorts,
+    tasks: tasks::Tasks,
+    send_queue: usize,
+}
+
+impl Shared {
+    /// Why a port of ours is not found under its name, where that is so.
+    fn taken(&self, name: &str) -> Option<String> {
+        let status = self.registrar.status();
+        let taken = status.borrow().taken.iter().any(|taken| taken == name);
+        taken.then(|| {
+            format!("the name {name}, which another program took from us: end that one, or set option port")
+        })
+    }
+}
+
+/// Why YARP could not be started.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum StartError {
+    /// Nobody says where the name server is.
+    #[error("no name server is known: {0}")]
+    NameServer(#[from] ConfError),
+    /// No name server runs, and ours cannot.
+    #[error(transparent)]
+    Embedded(#[from] NameServerError),
+    /// The address of the embedded name server is none of this machine's.
+    #[error("a name server embedded here needs an address of this machine, not {host:?}")]
+    Host {
+        /// Host as configured.
+        host: String,
+    },
+    /// Other machines could reach our ports.
+    #[error(
+        "ports on {ip} can be reached by other machines, and anyone there could send to them: use \
+         127.0.0.1, or set insecure: true where the network is trusted"
+    )]
+    NotLoopback {
+        /// Address asked for.
+        ip: IpAddr,
+    },
+    /// The system refused.
+    #[error("YARP could not start: {reason}")]
+    Transport {
+        /// What it said.
+        reason: String,
+    },
+}
+
+impl Yarp {
+    /// Starts the runtime and, where that is wanted and none answers yet, the name server.
+    ///
+    /// # Errors
+    /// When nobody says where the name server is, or ours cannot run. A name server elsewhere that
+    /// does not answer yet is no error: it is waited for.
+    pub fn start(config: &YarpConfig) -> Result<Self, StartError> {
+        if !config.ip.is_loopback() && !config.insecure {
+            return Err(StartError::NotLoopback { ip: config.ip });
+        }
+        let found = config.find()?;
+        let runtime = Builder::new_multi_thread()
+            .worker_threads(THREADS)
+            .thread_name("wrapyfi-yarp")
+            .enable_all()
+            .build()
+            .map_err(|error| StartError::Transport { reason: error.to_string() })?;
+        let client = NameClient::new(found.server)
+            .with_namespace(found.namespace)
+            .with_timeout(NAMES_TIMEOUT);
+        let (client, server) =
+            if config.embedded { runtime.block_on(embed(client, config))? } else { (client, None) };
+        let conf = client.server();
+        let address = format!("{}:{}", conf.host, conf.port);
+        let (shared, names) = {
+            let _inside = runtime.enter();
+            let registrar = Registrar::start(client.clone(), RegistrarOptions::default());
+            let names: Arc<dyn Names> = Arc::new(registrar.clone());
+            let network = Network::builder()
+                .shared_names(names)
+                .dialect(config.dialect)
+                .limits(wrapyfi_yarp::Limits {
+                    max_message_bytes: config.max_message_bytes,
+                    ..wrapyfi_yarp::Limits::default()
+                })
+                .timeouts(Timeouts { close: Duration::from_millis(500), ..Timeouts::default() })
+                .listen(config.ip);
+            let network = if config.ip.is_unspecified() {
+                network.build()
+            } else {
+                network.host(config.ip.to_string()).build()
+            };
+            let directory = Arc::new(directory::Directory::new(&client));
+            let tasks = tasks::Tasks::new(runtime.handle().clone());
+            let (own, send_queue) = (own::OwnPorts::default(), config.send_queue.max(1));
+            let shared = Shared { network, registrar, directory, own, tasks, send_queue };
+            (Arc::new(shared), client)
+        };
+        let (directory, registrar) = (Arc::clone(&shared.directory), shared.registrar.clone());
+        shared.tasks.spawn_aside(directory::follow(directory, names, registrar));
+        Ok(Self { shared, server, runtime: Some(runtime), address })
+    }
+
+    /// Host and port of the name server.
+    #[must_use]
+    pub fn name_server(&self) -> &str {
+        &self.address
+    }
+
+    /// Where the name server listens that runs in this process, if one does.
+    #[must_use]
+    pub fn embedded(&self) -> Option<SocketAddr> {
+        self.server.as_ref().map(NameServer::address)
+    }
+}
+
+/// Starts a name server, unless one answers there.
+async fn embed(
+    client: NameClient,
+    config: &YarpConfig,
+) -> Result<(NameClient, Option<NameServer>), StartError> {
+    let conf = client.server().clone();
+    if conf.port != 0 && client.query(client.namespace()).await.is_ok_and(|found| found.is_some()) {
+        tracing::info!("a name server runs at {}:{} already", conf.host, conf.port);
+        return Ok((client, None));
+    }
+    let ip = match conf.host.as_str() {
+        "localhost" => IpAddr::from([127, 0, 0, 1]),
+        host => host.parse().map_err(|_| StartError::Host { host: host.to_owned() })?,
+    };
+    let options = NameServerOptions {
+        ip,
+        port: conf.port,
+        namespace: client.namespace().to_owned(),
+        insecure: config.insecure,
+        dialect: config.dialect,
+        ..NameServerOptions::default()
+    };
+    let server = NameServer::start(options).await?;
+    let client = server.client().with_timeout(NAMES_TIMEOUT);
+    Ok((client, Some(server)))
+}
+
+impl Middleware for Yarp {
+    fn name(&self) -> &str {
+        NAME
+    }
+
+    fn open_listener(
+        &self,
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Listener>, OpenError> {
+        Ok(Box::new(listener::YarpListener::open(&self.shared, spec, context)?))
+    }
+
+    fn open_publisher(
+        &self,
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Publisher>, OpenError> {
+        Ok(Box::new(publisher::YarpPublisher::open(&self.shared, spec, context)?))
+    }
+
+    fn open_client(
+        &self,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Client>, OpenError> {
+        Ok(Box::new(client::YarpClient::open(&self.shared, spec, context)?))
+    }
+
+    fn open_server(
+        &self,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Server>, OpenError> {
+        Ok(Box::new(server::YarpServer::open(&self.shared, spec, context)?))
+    }
+
+    fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
+        Ok(Box::new(discovery::YarpDiscovery::new(&self.shared)))
+    }
+}
+
+impl Drop for Yarp {
+    fn drop(&mut self) {
+        let Some(runtime) = self.runtime.take() else { return };
+        let (shared, server) = (Arc::clone(&self.shared), self.server.take());
+        let ended = async move {
+            shared.tasks.end().await;
+            if let Some(server) = server {
+                server.stop().await;
+            }
+        };
+        let most = Limits::SHUTDOWN * 3 / 4;
+        if Handle::try_current().is_ok() {
+            // Inside somebody's runtime nothing may wait.
+            runtime.spawn(ended);
+            return runtime.shutdown_background();
+        }
+        runtime.block_on(async {
+            if tokio::time::timeout(most, ended).await.is_err() {
+                tracing::debug!("ports did not close within {most:?}");
+            }
+        });
+        runtime.shutdown_timeout(Limits::SHUTDOWN - most);
+    }
+}
+
+impl std::fmt::Debug for Yarp {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Yarp").field("name_server", &self.address).finish_non_exhaustive()
+    }
+}
+
+/// Checks the name of a topic or service, which is the name of a port.
+///
+/// # Errors
+/// What is wrong with the name.
+pub fn check_topic(name: &str) -> Result<(), String> {
+    name_fault(name).map_or(Ok(()), |fault| Err(fault.to_owned()))
+}
+
+/// The rule that a name breaks, if any.
+fn name_fault(name: &str) -> Option<&'static str> {
+    if !name.starts_with('/') || name.len() < 2 {
+        return Some("it must begin with / and go on, such as /icub/cam/left");
+    }
+    if name.len() > MAX_NAME_BYTES {
+        return Some("it is longer than 900 bytes; YARP reads 1000 at most");
+    }
+    if name.ends_with('/') {
+        return Some("it ends with /; leave that out");
+    }
+    let forbidden = |letter: char| {
+        letter.is_control() || letter.is_whitespace() || "\"\\,(){}[]".contains(letter)
+    };
+    if name.contains(forbidden) {
+        return Some("it has a blank, a quote, a comma or a bracket, which YARP's commands use");
+    }
+    if name.contains(":/") {
+        return Some("it contains :/, which YARP takes for the end of a carrier");
+    }
+    None
+}
+
+fn check_name(name: &str) -> Result<(), OpenError> {
+    check_topic(name).map_err(|reason| OpenError::InvalidName {
+        middleware: NAME,
+        topic: name.to_owned(),
+        reason,
+    })
+}

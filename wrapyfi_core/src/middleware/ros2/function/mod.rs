@@ -26,8 +26,8 @@ use crate::codec::requests;
 use crate::codec::{json, ros};
 use crate::endpoint::{OpenError, Request, ServiceSpec};
 use crate::types::{
-    DataType, Map, MessageType, Payload, RosService, RosType, RosValueError, ServiceKind, Value,
-    fields_of, fields_of_call, value_of,
+    DataType, MessageType, Payload, RosService, RosValueError, ServiceKind, fields_of_call,
+    fields_of_return, value_of,
 };
 use crate::{DecodeError, EncodeError};
 
@@ -147,7 +147,7 @@ impl Function {
             Messages::Wrapped { returned, .. } => returned,
             Messages::Fields(service) => {
                 let Payload::NativeObject(value) = returned else { return Ok(message) };
-                return reply_fields(service.response(), value, self.spec.limits.message_bytes)
+                return fields_of_return(service.response(), value, self.spec.limits.message_bytes)
                     .map_err(|error| unsuitable(&error));
             }
         };
@@ -217,23 +217,6 @@ impl Function {
 
     fn payload(&self, cdr: &Bytes, message_type: MessageType) -> Result<Payload, DecodeError> {
         ros::decode_with(cdr, message_type, &self.spec.limits, &self.spec.plugins)
-    }
-}
-
-/// What a function returned as the fields of a reply: a dict of them, a list in their order, nothing,
-/// or the value of the first.
-fn reply_fields(
-    ros_type: RosType,
-    value: &Value,
-    max_bytes: usize,
-) -> Result<DynamicMessage, RosValueError> {
-    match value {
-        Value::Map(_) => fields_of(ros_type, value, max_bytes),
-        Value::Null => Ok(ros_type.plan().default_message()),
-        Value::List(items) | Value::Tuple(items) => {
-            fields_of_call(ros_type, items, &Map::new(), max_bytes)
-        }
-        one => fields_of_call(ros_type, std::slice::from_ref(one), &Map::new(), max_bytes),
     }
 }
 

@@ -1,0 +1,366 @@
+//! Where the master is, who we are there, and at which address other nodes find us.
+//!
+//! ```text
+//!   ROS_MASTER_URI, ROS_HOSTNAME, ROS_IP, ROS_NAMESPACE ─▶ Ros1Config ─▶ Ros1::start
+//! ```
+
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, ToSocketAddrs, UdpSocket};
+
+use super::names::{NameError, NodeName};
+
+/// Port of a master whose address names none.
+const MASTER_PORT: u16 = 11311;
+
+/// Settings of [`Ros1`](super::Ros1).
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Ros1Config {
+    /// Address of the master (`ROS_MASTER_URI`).
+    pub master_uri: String,
+    /// Name or address under which other nodes reach this one (`ROS_HOSTNAME`, else `ROS_IP`).
+    /// Without one: loopback where the master is there, else the address that faces the master.
+    pub hostname: Option<String>,
+    /// Namespace of relative names (`ROS_NAMESPACE`).
+    pub namespace: String,
+    /// Name of the node. Without one it is `wrapyfi` and a number that nobody else has, as Python
+    /// Wrapyfi's anonymous node. A node that takes a name which another has ends that one.
+    pub node: Option<String>,
+    /// Names that mean others: `from`, `to`.
+    pub remaps: Vec<(String, String)>,
+    /// Allows sockets on addresses that other machines reach (`WRAPYFI_ROS_INSECURE`). ROS 1 has no
+    /// authentication and no encryption: whoever reaches the port may publish and call.
+    pub insecure: bool,
+    /// Most connections from other nodes at once.
+    pub connections: usize,
+}
+
+impl Default for Ros1Config {
+    fn default() -> Self {
+        Self {
+            master_uri: format!("http://localhost:{MASTER_PORT}"),
+            hostname: None,
+            namespace: "/".to_owned(),
+            node: None,
+            remaps: Vec::new(),
+            insecure: false,
+            connections: 256,
+        }
+    }
+}
+
+/// Why the settings cannot work.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ConfigError {
+    /// The master's address is none.
+    #[error(
+        "master_uri {uri:?} (ROS_MASTER_URI) is no address of a master: {reason}; write it as \
+         http://host:11311"
+    )]
+    MasterUri {
+        /// As configured.
+        uri: String,
+        /// What is wrong.
+        reason: String,
+    },
+    /// A name breaks the rules.
+    #[error(transparent)]
+    Name(#[from] NameError),
+    /// The own host name has no address.
+    #[error("hostname {hostname:?} (ROS_HOSTNAME, ROS_IP) has no address: {reason}")]
+    Hostname {
+        /// As configured.
+        hostname: String,
+        /// What the system said.
+        reason: String,
+    },
+    /// Other machines would reach the sockets.
+    #[error(
+        "ROS 1 on {address} is open to other machines, and nothing is authenticated or encrypted \
+         there: keep it on 127.0.0.1 (ROS_IP), or say insecure: true under endpoints.ros \
+         (WRAPYFI_ROS_INSECURE=1)"
+    )]
+    Open {
+        /// Address that would be bound.
+        address: IpAddr,
+    },
+    /// A switch that is neither on nor off.
+    #[error("{name}={value:?} is neither True nor False")]
+    Switch {
+        /// Variable.
+        name: &'static str,
+        /// Its value.
+        value: String,
+    },
+    /// Set, but to nothing.
+    #[error("{name} is set to nothing: give it a value or unset it")]
+    Empty {
+        /// Variable.
+        name: &'static str,
+    },
+    /// Not text.
+    #[error("{name} is not UTF-8 text")]
+    NotText {
+        /// Variable.
+        name: &'static str,
+    },
+}
+
+/// An address on the net as ROS 1 writes it: `http://host:port/`.
+#[derive(Debug, Clone, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub(super) struct NodeUri {
+    pub(super) host: String,
+    pub(super) port: u16,
+}
+
+impl std::fmt::Display for NodeUri {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if self.host.contains(':') {
+            write!(f, "http://[{}]:{}/", self.host, self.port)
+        } else {
+            write!(f, "http://{}:{}/", self.host, self.port)
+        }
+    }
+}
+
+impl NodeUri {
+    /// Reads `scheme://host:port/`; without a port the one of a master.
+    pub(super) fn parse(text: &str) -> Result<Self, String> {
+        const LONGEST: usize = 512;
+        if text.len() > LONGEST {
+            return Err(format!("it is {} bytes long, the limit is {LONGEST}", text.len()));
+        }
+        // rosrpc:// is the address of a service.
+        let rest = ["http://", "rosrpc://"].iter().find_map(|scheme| text.strip_prefix(scheme));
+        let rest = rest.ok_or("it does not begin with http://")?;
+        let authority = rest.split(['/', '?', '#']).next().unwrap_or_default();
+        if authority.contains('@') {
+            return Err("it holds a user name, for which ROS 1 has no use".to_owned());
+        }
+        let (host, port) = match authority.strip_prefix('[').and_then(|v6| v6.split_once(']')) {
+            Some((host, "")) => (host, None),
+            Some((host, port)) => (host, Some(port.strip_prefix(':').ok_or("no port behind ]")?)),
+            None => match authority.rsplit_once(':') {
+                Some((host, port)) => (host, Some(port)),
+                None => (authority, None),
+            },
+        };
+        if host.is_empty() {
+            return Err("it names no host".to_owned());
+        }
+        if host.contains(|letter: char| letter.is_control() || letter.is_whitespace()) {
+            return Err(format!("{host:?} is no host"));
+        }
+        let port = match port {
+            None => MASTER_PORT,
+            Some(port) => match port.parse() {
+                Ok(port) if port > 0 => port,
+                _ => return Err(format!("{port:?} is no port from 1 to 65535")),
+            },
+        };
+        Ok(Self { host: host.to_owned(), port })
+    }
+}
+
+/// What the settings come to.
+#[derive(Debug, Clone)]
+pub(super) struct Resolved {
+    pub(super) master: NodeUri,
+    pub(super) node: NodeName,
+    /// What other nodes are told.
+    pub(super) advertised: String,
+    /// Where the sockets are.
+    pub(super) bind: IpAddr,
+}
+
+impl Ros1Config {
+    /// The defaults, changed by `ROS_MASTER_URI`, `ROS_HOSTNAME`, `ROS_IP`, `ROS_NAMESPACE` and
+    /// `WRAPYFI_ROS_INSECURE`.
+    ///
+    /// # Errors
+    /// When a variable has a value that means nothing; the error names it.
+    pub fn from_env() -> Result<Self, ConfigError> {
+        Self::from_lookup(|name| match std::env::var(name) {
+            Ok(value) => Ok(Some(value)),
+            Err(std::env::VarError::NotPresent) => Ok(None),
+            Err(std::env::VarError::NotUnicode(_)) => Err(ConfigError::NotText { name }),
+        })
+    }
+
+    fn from_lookup(
+        lookup: impl Fn(&'static str) -> Result<Option<String>, ConfigError>,
+    ) -> Result<Self, ConfigError> {
+        let text = |name| match lookup(name)? {
+            Some(value) if value.trim().is_empty() => Err(ConfigError::Empty { name }),
+            Some(value) => Ok(Some(value.trim().to_owned())),
+            None => Ok(None),
+        };
+        let name = "WRAPYFI_ROS_INSECURE";
+        let insecure = match text(name)? {
+            None => false,
+            Some(value) => match value.to_ascii_lowercase().as_str() {
+                "true" | "1" => true,
+                "false" | "0" => false,
+                _ => return Err(ConfigError::Switch { name, value }),
+            },
+        };
+        let default = Self::default();
+        let hostname = match text("ROS_HOSTNAME")? {
+            Some(hostname) => Some(hostname),
+            None => text("ROS_IP")?,
+        };
+        // An empty namespace is the root, also in ROS 1's own tools.
+        let namespace = lookup("ROS_NAMESPACE")?.unwrap_or(default.namespace);
+        let master_uri = text("ROS_MASTER_URI")?.unwrap_or(default.master_uri);
+        Ok(Self { master_uri, hostname, namespace, insecure, ..Self::default() })
+    }
+
+    /// Checks everything that can be known before anything starts. May ask the system for the address
+    /// of a host name.
+    pub(super) fn resolve(&self) -> Result<Resolved, ConfigError> {
+        let master = NodeUri::parse(&self.master_uri)
+            .map_err(|reason| ConfigError::MasterUri { uri: self.master_uri.clone(), reason })?;
+        let name = self.node.clone().unwrap_or_else(anonymous);
+        let mut node = NodeName::new(&name, &self.namespace)?;
+        for (from, to) in &self.remaps {
+            node.remap(from, to)?;
+        }
+        let (advertised, own) = match &self.hostname {
+            Some(hostname) => {
+                let own = address_of(hostname).map_err(|reason| ConfigError::Hostname {
+                    hostname: hostname.clone(),
+                    reason,
+                })?;
+                (hostname.trim_matches(['[', ']']).to_owned(), own)
+            }
+            None => {
+                let own = facing(&master);
+                (own.to_string(), own)
+            }
+        };
+        if !own.is_loopback() && !self.insecure {
+            return Err(ConfigError::Open { address: own });
+        }
+        // A host name may stand for another address on other machines: any of ours will do.
+        let bind = if own.is_loopback() { own } else { unspecified(own) };
+        Ok(Resolved { master, node, advertised, bind })
+    }
+}
+
+fn unspecified(like: IpAddr) -> IpAddr {
+    match like {
+        IpAddr::V4(_) => Ipv4Addr::UNSPECIFIED.into(),
+        IpAddr::V6(_) => std::net::Ipv6Addr::UNSPECIFIED.into(),
+    }
+}
+
+/// `wrapyfi` and what no other node has: the process, and a count of the time in it.
+fn anonymous() -> String {
+    use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+    static NEXT: AtomicU64 = AtomicU64::new(0);
+    let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+    let millis = since.map_or(0, |since| since.as_millis());
+    format!("wrapyfi_{}_{millis}_{}", std::process::id(), NEXT.fetch_add(1, Relaxed))
+}
+
+fn address_of(host: &str) -> Result<IpAddr, String> {
+    let bare = host.trim_matches(['[', ']']);
+    if let Ok(ip) = bare.parse() {
+        return Ok(ip);
+    }
+    let found: Vec<SocketAddr> =
+        (bare, 0).to_socket_addrs().map_err(|error| error.to_string())?.collect();
+    // ROS 1 speaks IPv4 unless it is told otherwise.
+    let preferred = found.iter().find(|address| address.is_ipv4()).or(found.first());
+    preferred.map(SocketAddr::ip).ok_or_else(|| "the name has no address".to_owned())
+}
+
+/// Our address as the master sees it: no packet is sent for it.
+fn facing(master: &NodeUri) -> IpAddr {
+    let loopback = IpAddr::from(Ipv4Addr::LOCALHOST);
+    let Ok(address) = address_of(&master.host) else { return loopback };
+    if address.is_loopback() {
+        return address;
+    }
+    let ask = || {
+        let socket = UdpSocket::bind((unspecified(address), 0))?;
+        socket.connect((address, master.port))?;
+        socket.local_addr()
+    };
+    ask().map_or(loopback, |own| own.ip())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn from(pairs: &[(&str, &str)]) -> Result<Ros1Config, ConfigError> {
+        Ros1Config::from_lookup(|name| {
+            Ok(pairs.iter().find(|(n, _)| *n == name).map(|(_, v)| (*v).to_owned()))
+        })
+    }
+
+    #[test]
+    fn an_empty_environment_is_the_default() {
+        assert_eq!(from(&[]), Ok(Ros1Config::default()));
+        let resolved = Ros1Config::default().resolve().unwrap();
+        assert!(resolved.bind.is_loopback());
+        assert_eq!(resolved.master, NodeUri { host: "localhost".into(), port: 11311 });
+        assert!(resolved.node.full().starts_with("/wrapyfi_"), "{}", resolved.node.full());
+    }
+
+    #[test]
+    fn variables_replace_defaults_and_the_host_name_wins() {
+        let config = from(&[
+            ("ROS_MASTER_URI", "http://10.0.0.1:11411"),
+            ("ROS_IP", "10.0.0.2"),
+            ("ROS_HOSTNAME", "127.0.0.1"),
+            ("ROS_NAMESPACE", "/arm"),
+        ])
+        .unwrap();
+        assert_eq!(config.hostname.as_deref(), Some("127.0.0.1"));
+        assert_eq!(config.namespace, "/arm");
+        let resolved = config.resolve().unwrap();
+        assert_eq!(resolved.master, NodeUri { host: "10.0.0.1".into(), port: 11411 });
+        assert_eq!(resolved.advertised, "127.0.0.1");
+        assert!(resolved.node.full().starts_with("/arm/wrapyfi_"));
+    }
+
+    #[test]
+    fn other_machines_are_let_in_only_by_word() {
+        let open = from(&[("ROS_IP", "10.0.0.2")]).unwrap();
+        let refused = open.resolve().unwrap_err();
+        assert!(matches!(refused, ConfigError::Open { .. }), "{refused}");
+        assert!(refused.to_string().contains("insecure: true"), "{refused}");
+        let allowed = Ros1Config { insecure: true, ..open }.resolve().unwrap();
+        assert!(allowed.bind.is_unspecified());
+        assert_eq!(allowed.advertised, "10.0.0.2");
+        assert!(from(&[("WRAPYFI_ROS_INSECURE", "True")]).unwrap().insecure);
+    }
+
+    #[test]
+    fn values_without_meaning_are_named() {
+        assert!(from(&[("ROS_IP", " ")]).unwrap_err().to_string().contains("ROS_IP"));
+        assert!(from(&[("WRAPYFI_ROS_INSECURE", "perhaps")]).is_err());
+        for uri in ["localhost:11311", "http://", "http://a:0", "http://a:x", "http://a b:1", "x"] {
+            let config = Ros1Config { master_uri: uri.to_owned(), ..Ros1Config::default() };
+            let error = config.resolve().unwrap_err().to_string();
+            assert!(error.contains("ROS_MASTER_URI") && error.contains(uri), "{error}");
+        }
+        let node = Ros1Config { node: Some("1x".to_owned()), ..Ros1Config::default() };
+        assert!(matches!(node.resolve(), Err(ConfigError::Name(_))));
+    }
+
+    #[test]
+    fn addresses_read_as_nodes_write_them() {
+        let read = |text: &str| NodeUri::parse(text).unwrap();
+        let uri = |host: &str, port| NodeUri { host: host.to_owned(), port };
+        assert_eq!(read("http://robot:1234/"), uri("robot", 1234));
+        assert_eq!(read("rosrpc://robot:1234"), uri("robot", 1234));
+        assert_eq!(read("http://[::1]:5/"), uri("::1", 5));
+        assert_eq!(read("http://robot"), uri("robot", 11311));
+        assert_eq!(read("http://[::1]:5/").to_string(), "http://[::1]:5/");
+        for wrong in ["http://user@robot:1/", "ftp://robot:1/", "http://[::1]5", ""] {
+            assert!(NodeUri::parse(wrong).is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,133 @@
+//! What other ROS 1 nodes publish, subscribe to and offer, as the master tells.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::time::Duration;
+
+use tokio::task::AbortHandle;
+
+use super::core::Core;
+use super::master::{MasterError, Owners, SystemState};
+use crate::endpoint::{DiscoverError, Discovered, Discovery, Role};
+
+/// Time between two looks: the master tells nobody by itself.
+const LOOK: Duration = Duration::from_millis(250);
+
+/// Looks until it is dropped.
+pub(super) struct Ros1Discovery {
+    seen: Arc<Mutex<Seen>>,
+    task: AbortHandle,
+}
+
+#[derive(Default)]
+struct Seen {
+    endpoints: Vec<Discovered>,
+    /// Why nothing is seen.
+    fault: Option<String>,
+}
+
+impl Ros1Discovery {
+    pub(super) fn new(core: &Arc<Core>) -> Self {
+        let waiting = format!("master {}", core.master.uri());
+        let seen = Arc::new(Mutex::new(Seen { fault: Some(waiting), ..Seen::default() }));
+        let task = core.handle.spawn(watch(Arc::downgrade(core), Arc::clone(&seen)));
+        Self { seen, task: task.abort_handle() }
+    }
+}
+
+async fn watch(core: Weak<Core>, seen: Arc<Mutex<Seen>>) {
+    loop {
+        let Some(core) = core.upgrade() else { return };
+        let now = match look(&core).await {
+            Ok(endpoints) => Seen { endpoints, fault: None },
+            Err(error) => Seen { endpoints: Vec::new(), fault: Some(error.to_string()) },
+        };
+        drop(core);
+        *seen.lock().unwrap_or_else(PoisonError::into_inner) = now;
+        tokio::time::sleep(LOOK).await;
+    }
+}
+
+async fn look(core: &Core) -> Result<Vec<Discovered>, MasterError> {
+    let types: BTreeMap<String, String> = core.master.topic_types().await?.into_iter().collect();
+    let state = core.master.system_state().await?;
+    Ok(endpoints(state, &types, core.name.full()))
+}
+
+/// Everything that is not of the node `own`.
+fn endpoints(state: SystemState, types: &BTreeMap<String, String>, own: &str) -> Vec<Discovered> {
+    let SystemState { publishers, subscribers, services } = state;
+    let mut all = Vec::new();
+    let mut add = |owners: Owners, role: Role| {
+        for (name, nodes) in owners {
+            let known = types.get(&name).filter(|name| *name != "*");
+            let type_name = if role == Role::Server { None } else { known };
+            for node in nodes.into_iter().filter(|node| node != own) {
+                all.push(Discovered {
+                    name: name.clone(),
+                    role,
+                    type_name: type_name.cloned(),
+                    type_hash: None,
+                    qos: None,
+                    node: Some(node),
+                    count: 1,
+                    traffic: None,
+                });
+            }
+        }
+    };
+    add(publishers, Role::Publisher);
+    add(subscribers, Role::Listener);
+    add(services, Role::Server);
+    all.sort_by(|a, b| (&a.name, a.role, &a.node).cmp(&(&b.name, b.role, &b.node)));
+    all
+}
+
+impl Discovery for Ros1Discovery {
+    fn endpoints(&mut self) -> Result<Vec<Discovered>, DiscoverError> {
+        Ok(self.seen.lock().unwrap_or_else(PoisonError::into_inner).endpoints.clone())
+    }
+
+    fn waiting_for(&self) -> Option<String> {
+        self.seen.lock().unwrap_or_else(PoisonError::into_inner).fault.clone()
+    }
+}
+
+impl Drop for Ros1Discovery {
+    fn drop(&mut self) {
+        self.task.abort();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn others_are_listed_in_order_with_their_types() {
+        let of = |name: &str, nodes: &[&str]| {
+            (name.to_owned(), nodes.iter().map(|node| (*node).to_owned()).collect::<Vec<_>>())
+        };
+        let state = SystemState {
+            publishers: vec![of("/b", &["/talker", "/own"]), of("/a", &["/other"])],
+            subscribers: vec![of("/b", &["/ear"])],
+            services: vec![of("/add", &["/adder"])],
+        };
+        let types =
+            [("/b", "std_msgs/String"), ("/a", "*")].map(|(a, b)| (a.to_owned(), b.to_owned()));
+        let found = endpoints(state, &types.into(), "/own");
+        let short = found.iter().map(|one| {
+            let node = one.node.as_deref().unwrap_or_default();
+            (one.name.as_str(), one.role, one.type_name.as_deref(), node)
+        });
+        assert_eq!(
+            short.collect::<Vec<_>>(),
+            [
+                ("/a", Role::Publisher, None, "/other"),
+                ("/add", Role::Server, None, "/adder"),
+                ("/b", Role::Publisher, Some("std_msgs/String"), "/talker"),
+                ("/b", Role::Listener, Some("std_msgs/String"), "/ear"),
+            ]
+        );
+    }
+}

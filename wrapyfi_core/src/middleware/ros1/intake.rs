@@ -1,0 +1,446 @@
+//! A topic that is received: one connection to each of its publishers.
+//!
+//! ```text
+//!   publishers (master) ─ update ─▶ [ connection task … ] ─▶ inbox ─▶ Ros1Listener::take
+//!     requestTopic ─▶ connect ─▶ header ─▶ messages ─▶ lost: back-off, again while it is listed
+//! ```
+//!
+//! A publisher that the master no longer lists keeps its connection until it closes it: a master that
+//! was restarted knows nobody at first. Under policy `block` a task that finds no room stops reading,
+//! and TCP holds its publisher back.
+
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::time::{Duration, Instant};
+
+use bytes::Bytes;
+use tokio::io::AsyncReadExt as _;
+use tokio::net::TcpStream;
+use tokio::sync::Notify;
+use tokio::task::AbortHandle;
+use tokio::time::{sleep_until, timeout};
+use wrapyfi_interfaces::ros1::Plan;
+
+use super::backoff::Backoff;
+use super::config::NodeUri;
+use super::core::Core;
+use super::form;
+use super::header::Header;
+use super::http;
+use super::slave_info::BusLink;
+use super::splitter::{Piece, Splitter};
+use super::tcpros;
+use super::xmlrpc::{Reply, SUCCESS, Value, text};
+use crate::codec::ros1::Ros1Type;
+use crate::endpoint::{DropReason, Overflow, Sender, Wake};
+use crate::types::MessageType;
+
+/// Most publishers of one topic.
+const MAX_PUBLISHERS: usize = 256;
+
+/// A message as it came.
+#[derive(Debug)]
+pub(super) struct Arrival {
+    pub(super) message: Bytes,
+    pub(super) received_at: Instant,
+    /// Which publisher sent it.
+    pub(super) source: u64,
+    /// It sends its last message to whoever comes.
+    pub(super) latched: bool,
+    /// How it is read, where its type has no codec of its own.
+    pub(super) plan: Option<Plan>,
+}
+
+/// What is received.
+pub(super) struct Wanted {
+    pub(super) wire_type: Ros1Type,
+    pub(super) message_type: MessageType,
+    /// Largest message in bytes.
+    pub(super) limit: usize,
+}
+
+pub(super) struct Intake {
+    core: Weak<Core>,
+    topic: String,
+    wanted: Wanted,
+    inbox: Sender<Arrival>,
+    wake: Wake,
+    /// Rung when room was made.
+    pub(super) room: Notify,
+    peers: Mutex<Peers>,
+}
+
+#[derive(Default)]
+struct Peers {
+    by_uri: BTreeMap<NodeUri, Peer>,
+    closed: bool,
+}
+
+/// One publisher.
+struct Peer {
+    id: u64,
+    /// The master names it.
+    listed: bool,
+    /// The socket at its end, while messages flow.
+    address: Option<String>,
+    /// Why they did not at the last try.
+    fault: Option<String>,
+    task: Option<AbortHandle>,
+    /// Rung when the master named it again: it may have something new.
+    again: Arc<Notify>,
+    count: Arc<Count>,
+    /// Its last message, where it latches: one that comes again with a new connection is no news.
+    last: Option<(usize, u64)>,
+}
+
+#[derive(Default)]
+struct Count {
+    messages: AtomicU64,
+    bytes: AtomicU64,
+}
+
+impl Intake {
+    pub(super) fn new(
+        core: &Arc<Core>,
+        topic: &str,
+        wanted: Wanted,
+        inbox: Sender<Arrival>,
+        wake: Wake,
+    ) -> Arc<Self> {
+        Arc::new(Self {
+            core: Arc::downgrade(core),
+            topic: topic.to_owned(),
+            wanted,
+            inbox,
+            wake,
+            room: Notify::new(),
+            peers: Mutex::default(),
+        })
+    }
+
+    fn peers(&self) -> MutexGuard<'_, Peers> {
+        self.peers.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(super) fn wake(&self) -> &Wake {
+        &self.wake
+    }
+
+    pub(super) fn type_name(&self) -> &str {
+        &self.wanted.wire_type.name
+    }
+
+    /// Publishers that are connected, and why those are not that are not.
+    pub(super) fn connected(&self) -> (usize, Option<String>) {
+        let peers = self.peers();
+        let up = peers.by_uri.values().filter(|peer| peer.address.is_some());
+        let why = peers.by_uri.iter().find_map(|(uri, peer)| {
+            peer.fault.as_ref().map(|reason| format!("publisher {uri}: {reason}"))
+        });
+        (up.count(), why)
+    }
+
+    /// Its connections, for the slave API.
+    pub(super) fn links(&self) -> Vec<BusLink> {
+        let peers = self.peers();
+        let link = |(uri, peer): (&NodeUri, &Peer)| {
+            let address = peer.address.as_ref()?;
+            Some(BusLink {
+                id: peer.id,
+                peer: uri.to_string(),
+                address: address.clone(),
+                connected: true,
+                messages: peer.count.messages.load(Relaxed),
+                bytes: peer.count.bytes.load(Relaxed),
+            })
+        };
+        peers.by_uri.iter().filter_map(link).collect()
+    }
+
+    /// Ends all connections for good.
+    pub(super) fn close(&self) {
+        let mut peers = self.peers();
+        peers.closed = true;
+        for peer in std::mem::take(&mut peers.by_uri).into_values() {
+            peer.task.iter().for_each(AbortHandle::abort);
+        }
+    }
+
+    /// Takes what the master says about who publishes.
+    pub(super) fn update(self: &Arc<Self>, publishers: &[NodeUri]) {
+        let Some(core) = self.core.upgrade() else { return };
+        let mut peers = self.peers();
+        if peers.closed {
+            return;
+        }
+        for (uri, peer) in &mut peers.by_uri {
+            peer.listed = publishers.contains(uri);
+        }
+        peers.by_uri.retain(|_, peer| {
+            let stays = peer.listed || peer.address.is_some();
+            if !stays {
+                peer.task.iter().for_each(AbortHandle::abort);
+            }
+            stays
+        });
+        for uri in publishers {
+            if let Some(peer) = peers.by_uri.get(uri) {
+                peer.again.notify_one();
+                continue;
+            }
+            if peers.by_uri.len() >= MAX_PUBLISHERS {
+                tracing::warn!(
+                    topic = self.topic,
+                    "ROS 1: publisher {uri} is left out: {MAX_PUBLISHERS} are the limit"
+                );
+                break;
+            }
+            let (id, again) = (core.next_id(), Arc::new(Notify::new()));
+            let connection = Connection {
+                intake: Arc::clone(self),
+                core: Arc::downgrade(&core),
+                uri: uri.clone(),
+                id,
+                again: Arc::clone(&again),
+                count: Arc::default(),
+                latched: false,
+                plan: None,
+            };
+            let peer = Peer {
+                id,
+                listed: true,
+                address: None,
+                fault: None,
+                task: None,
+                again,
+                count: Arc::clone(&connection.count),
+                last: None,
+            };
+            peers.by_uri.insert(uri.clone(), peer);
+            let task = core.handle.spawn(connection.keep()).abort_handle();
+            if let Some(peer) = peers.by_uri.get_mut(uri) {
+                peer.task = Some(task);
+            }
+        }
+        drop(peers);
+        self.wake.ring();
+    }
+
+    /// Notes how a connection is: where it leads, or why there is none. False where nobody wants it
+    /// any more.
+    fn note(&self, uri: &NodeUri, state: Result<String, String>) -> bool {
+        let mut peers = self.peers();
+        let Some(peer) = peers.by_uri.get_mut(uri) else { return false };
+        let stays = peer.listed || state.is_ok();
+        let changed = match state {
+            Ok(address) => {
+                peer.fault = None;
+                peer.address.replace(address).is_none()
+            }
+            Err(reason) => {
+                let is_news = peer.fault.as_ref() != Some(&reason);
+                if is_news && stays {
+                    tracing::warn!(topic = self.topic, "ROS 1: publisher {uri}: {reason}");
+                }
+                peer.fault = Some(reason);
+                peer.address.take().is_some() || is_news
+            }
+        };
+        if !stays {
+            peers.by_uri.remove(uri);
+        }
+        drop(peers);
+        if changed {
+            self.wake.ring();
+        }
+        stays
+    }
+
+    /// True for the message that a publisher which latches sent last, when it comes once more with
+    /// a new connection.
+    fn came_before(&self, uri: &NodeUri, message: &Bytes, first: bool) -> bool {
+        use std::hash::{DefaultHasher, Hasher as _};
+        let mut hasher = DefaultHasher::new();
+        hasher.write(message);
+        let print = Some((message.len(), hasher.finish()));
+        let mut peers = self.peers();
+        let Some(peer) = peers.by_uri.get_mut(uri) else { return false };
+        let again = first && peer.last == print;
+        peer.last = print;
+        again
+    }
+}
+
+/// The task of one publisher.
+struct Connection {
+    intake: Arc<Intake>,
+    core: Weak<Core>,
+    uri: NodeUri,
+    id: u64,
+    again: Arc<Notify>,
+    count: Arc<Count>,
+    latched: bool,
+    plan: Option<Plan>,
+}
+
+impl Connection {
+    /// Connects, receives, and connects again while the master names the publisher.
+    async fn keep(mut self) {
+        let mut backoff = Backoff::new(self.id);
+        loop {
+            let reason = match self.open().await {
+                Ok(stream) => {
+                    let address = stream.peer_addr().map(|a| a.to_string()).unwrap_or_default();
+                    if !self.intake.note(&self.uri, Ok(address)) {
+                        return;
+                    }
+                    backoff.reset();
+                    self.receive(stream).await
+                }
+                Err(reason) => reason,
+            };
+            if !self.intake.note(&self.uri, Err(reason)) {
+                return;
+            }
+            // Sooner where the master says that the publisher has something new.
+            _ = timeout(backoff.wait(), self.again.notified()).await;
+        }
+    }
+
+    /// A connection on which messages follow, or why there is none.
+    async fn open(&mut self) -> Result<TcpStream, String> {
+        let core = self.core.upgrade().ok_or("the node has ended")?;
+        let (host, port) = self.ask(&core).await?;
+        let wire_type = &self.intake.wanted.wire_type;
+        let own = Header::new()
+            .with("callerid", core.name.full())
+            .with("topic", &self.intake.topic)
+            .with("type", &wire_type.name)
+            .with("md5sum", &wire_type.md5)
+            .with("message_definition", &wire_type.definition)
+            .with("tcp_nodelay", "1");
+        let mut stream = tcpros::connect(&host, port).await?;
+        let header = tcpros::greet(&mut stream, &own).await.map_err(|error| error.to_string())?;
+        if let Some(error) = header.get("error") {
+            return Err(format!(
+                "it refuses: {}; wanted is {} [{}]: have both use the same definition",
+                shortened(error),
+                wire_type.name,
+                wire_type.md5
+            ));
+        }
+        let (name, md5) = (header.get("type").unwrap_or("*"), header.get("md5sum").unwrap_or("*"));
+        if !wire_type.fits(md5) {
+            return Err(format!(
+                "it sends {} [{}], wanted is {} [{}]: have both use the same definition",
+                shortened(name),
+                shortened(md5),
+                wire_type.name,
+                wire_type.md5
+            ));
+        }
+        self.plan = form::shown(&core, &header, self.intake.wanted.message_type)
+            .map_err(|error| shortened(&error))?;
+        self.latched = header.is_set("latching");
+        Ok(stream)
+    }
+
+    /// Where the publisher sends the topic.
+    async fn ask(&self, core: &Core) -> Result<(String, u16), String> {
+        let protocols = Value::Array(vec![Value::Array(vec![text("TCPROS")])]);
+        let params = vec![text(core.name.full()), text(&self.intake.topic), protocols];
+        let reply = http::call(&self.uri, "requestTopic", params).await;
+        let Reply { status, text: words, value } = reply.map_err(|error| error.to_string())?;
+        if status != SUCCESS {
+            return Err(format!("it does not send the topic: {}", shortened(&words)));
+        }
+        match &value {
+            Value::Array(parts) => match parts.as_slice() {
+                [Value::String(_), Value::String(host), Value::Integer(port), ..] => {
+                    let port = u16::try_from(*port).map_err(|_e| format!("port {port} is none"))?;
+                    Ok((host.clone(), port))
+                }
+                [] => Err("it does not speak TCPROS".to_owned()),
+                _ => Err("it names no way to the topic".to_owned()),
+            },
+            _ => Err("it names no way to the topic".to_owned()),
+        }
+    }
+
+    /// Receives until the connection ends; why it did.
+    async fn receive(&self, mut stream: TcpStream) -> String {
+        let mut splitter = Splitter::new(self.intake.wanted.limit);
+        let counters = self.intake.inbox.counters();
+        let mut first = true;
+        loop {
+            loop {
+                let message = match splitter.next() {
+                    Ok(None) => break,
+                    Ok(Some(Piece::Message(message))) => message,
+                    Ok(Some(Piece::Oversize(size))) => {
+                        counters.received(size);
+                        counters.dropped(DropReason::Oversize);
+                        first = false;
+                        continue;
+                    }
+                    Err(lost) => return lost.to_string(),
+                };
+                let size = message.len() + 4;
+                counters.received(size);
+                self.count.messages.fetch_add(1, Relaxed);
+                self.count.bytes.fetch_add(size as u64, Relaxed);
+                let is_first = std::mem::take(&mut first);
+                if self.latched && self.intake.came_before(&self.uri, &message, is_first) {
+                    counters.dropped(DropReason::Duplicate);
+                    continue;
+                }
+                self.deliver(message).await;
+            }
+            match stream.read_buf(&mut splitter.space()).await {
+                Ok(0) => return "it closed the connection".to_owned(),
+                Ok(bytes) => splitter.filled(bytes),
+                Err(error) => return format!("the connection broke: {error}"),
+            }
+        }
+    }
+
+    /// Puts a message into the inbox, under policy `block` when there is room.
+    async fn deliver(&self, message: Bytes) {
+        let Intake { inbox, room, .. } = &*self.intake;
+        let (source, latched, plan) = (self.id, self.latched, self.plan.clone());
+        let mut arrival = Arrival { message, received_at: Instant::now(), source, latched, plan };
+        let Err(back) = inbox.push(arrival) else { return };
+        arrival = back;
+        let wait = match inbox.spec().overflow {
+            Overflow::Block(wait) => wait,
+            _ => Duration::ZERO,
+        };
+        let deadline = tokio::time::Instant::now().checked_add(wait);
+        let forever = || tokio::time::Instant::now() + Duration::from_secs(1 << 30);
+        let deadline = deadline.unwrap_or_else(forever);
+        loop {
+            // Before the try, so that room made between the two is not missed.
+            let made = room.notified();
+            tokio::pin!(made);
+            made.as_mut().enable();
+            match inbox.push(arrival) {
+                Ok(()) => return,
+                Err(back) => arrival = back,
+            }
+            tokio::select! {
+                () = made => {}
+                () = sleep_until(deadline) => return inbox.give_up(arrival),
+            }
+        }
+    }
+}
+
+/// Foreign words for a log line.
+fn shortened(text: &str) -> String {
+    const SHOWN: usize = 400;
+    match text.char_indices().nth(SHOWN) {
+        None => text.to_owned(),
+        Some((end, _)) => format!("{}…", text.get(..end).unwrap_or_default()),
+    }
+}

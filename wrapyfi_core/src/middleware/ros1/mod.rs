@@ -1,0 +1,254 @@
+//! ROS 1 over the network: topics, services and parameters of a running `roscore`, with nothing of
+//! ROS 1 installed here.
+//!
+//! ```text
+//!                      master (roscore)
+//!        register, look up ▲      │ publisherUpdate, paramUpdate
+//!   ┌──────────────────────┴──────▼──────────────────────────┐
+//!   │ Core: endpoints by name     slave API (XML-RPC)        │
+//!   └──▲─────────────────────────────────────────────────────┘
+//!      │ one TCPROS connection for each pair of publisher and listener, for each call under way
+//!   Ros1Listener ◀═══ publishers      Ros1Publisher ═══▶ subscribers      Ros1Client, Ros1Server
+//! ```
+//!
+//! One instance is one node of ROS 1. Its sockets live on two threads of a runtime of their own; a
+//! publisher writes to its subscribers on the caller's thread as long as they keep up.
+//!
+//! | module | one idea |
+//! | --- | --- |
+//! | `config`, `names` | environment and settings; what names mean |
+//! | `header`, `xmlrpc`, `splitter` | bytes of connections, without sockets |
+//! | `http`, `master`, `slave`, `slave_info` | XML-RPC: calls, the master's API, ours |
+//! | `core`, `registrations`, `registrar` | the node; what the master should know, and that it does |
+//! | `tcpros` | connections: opened, accepted, refused |
+//! | `intake`, `listener` | a topic received |
+//! | `publication`, `outlet` | a topic sent, one subscriber of it |
+//! | `services`, `service_host`, `server`, `client` | services |
+//! | `parameters` | properties |
+//! | `form` | messages of any type as payloads |
+//! | `discovery` | what other nodes have |
+//! | `backoff` | waits between tries |
+
+mod backoff;
+mod client;
+mod config;
+mod core;
+mod discovery;
+mod form;
+pub mod header;
+mod http;
+mod intake;
+mod listener;
+mod master;
+mod names;
+mod outlet;
+mod parameters;
+mod publication;
+mod registrar;
+mod registrations;
+mod server;
+mod service_host;
+mod services;
+mod slave;
+mod slave_info;
+mod splitter;
+mod tcpros;
+pub mod xmlrpc;
+
+use std::net::{IpAddr, SocketAddr};
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::net::TcpListener;
+use tokio::runtime::{Builder, Runtime};
+use tokio::time::timeout;
+
+pub use config::{ConfigError, Ros1Config};
+pub use master::MasterError;
+pub use names::{NameError, NodeName, check_name};
+
+use self::config::{NodeUri, Resolved};
+use self::core::Core;
+use crate::endpoint::{
+    Client, Context, DiscoverError, Discovery, Listener, Middleware, OpenError, Publisher, Server,
+    ServiceSpec, TopicSpec,
+};
+
+/// Name of this middleware in addresses.
+pub const NAME: &str = "ros";
+
+/// Threads on which the sockets live: one more than a topic that is large can keep busy.
+const THREADS: usize = 2;
+/// Longest time in which the node says goodbye to the master and sends its last messages.
+const GOODBYE: Duration = Duration::from_millis(1500);
+
+/// The middleware `ros`.
+///
+/// Dropping it tells the master, sends what is queued, and closes all connections, within two seconds.
+pub struct Ros1 {
+    core: Arc<Core>,
+    /// `None` once it is dropped.
+    runtime: Option<Runtime>,
+}
+
+/// Why ROS 1 could not be started.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum StartError {
+    /// The settings cannot work.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The system gave no socket or no thread.
+    #[error("ROS 1 could not start: {0}")]
+    System(#[from] std::io::Error),
+}
+
+impl Ros1 {
+    /// Opens the node's two ports and begins to look for the master, which need not run yet.
+    ///
+    /// # Errors
+    /// When the settings cannot work, or the system gives no sockets.
+    pub fn start(config: &Ros1Config) -> Result<Self, StartError> {
+        let Resolved { master, node, advertised, bind } = config.resolve()?;
+        let runtime = Builder::new_multi_thread()
+            .worker_threads(THREADS)
+            .thread_name("wrapyfi-ros1")
+            .enable_all()
+            .build()?;
+        let (api_socket, api_port) = bound(&runtime, bind)?;
+        let (data_socket, data_port) = bound(&runtime, bind)?;
+        let api = NodeUri { host: advertised.clone(), port: api_port };
+        let data = NodeUri { host: advertised, port: data_port };
+        let master = master::Master::new(master, node.full(), &api.to_string());
+        let core = Core::new(node, master, api, data, runtime.handle().clone());
+        let answers = Arc::new(slave::Slave(Arc::downgrade(&core)));
+        runtime.spawn(http::serve(api_socket, answers, config.connections));
+        runtime.spawn(tcpros::accept(data_socket, Arc::downgrade(&core), config.connections));
+        runtime.spawn(registrar::keep(Arc::clone(&core)));
+        tracing::info!(node = core.name.full(), master = %core.master.uri(), "ROS 1: node started");
+        Ok(Self { core, runtime: Some(runtime) })
+    }
+
+    /// Absolute name of the node.
+    #[must_use]
+    pub fn node_name(&self) -> &str {
+        self.core.name.full()
+    }
+
+    /// Address of the node's XML-RPC server, as the master tells others.
+    #[must_use]
+    pub fn api_uri(&self) -> String {
+        self.core.api.to_string()
+    }
+
+    fn resolve(&self, name: &str) -> Result<String, OpenError> {
+        self.core.name.resolve(name).map_err(|error| OpenError::InvalidName {
+            middleware: NAME,
+            topic: name.to_owned(),
+            reason: error.reason,
+        })
+    }
+}
+
+/// A socket on a free port.
+fn bound(runtime: &Runtime, ip: IpAddr) -> std::io::Result<(TcpListener, u16)> {
+    let socket = runtime.block_on(TcpListener::bind(SocketAddr::new(ip, 0)))?;
+    let port = socket.local_addr()?.port();
+    Ok((socket, port))
+}
+
+impl Middleware for Ros1 {
+    fn name(&self) -> &str {
+        NAME
+    }
+
+    fn open_listener(
+        &self,
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Listener>, OpenError> {
+        let topic = self.resolve(&spec.topic)?;
+        Ok(match form::wanted(&self.core, spec.message_type) {
+            Some(wire_type) => {
+                let core = &self.core;
+                Box::new(listener::Ros1Listener::open(core, &topic, wire_type, spec, context))
+            }
+            None => {
+                Box::new(parameters::ParameterListener::open(&self.core, &topic, spec, context))
+            }
+        })
+    }
+
+    fn open_publisher(
+        &self,
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Publisher>, OpenError> {
+        let topic = self.resolve(&spec.topic)?;
+        Ok(match form::offered(&self.core, spec)? {
+            Some(offer) => {
+                let core = &self.core;
+                Box::new(publication::Ros1Publisher::open(core, &topic, offer, spec, context))
+            }
+            None => {
+                Box::new(parameters::ParameterPublisher::open(&self.core, &topic, spec, context))
+            }
+        })
+    }
+
+    fn open_client(
+        &self,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Client>, OpenError> {
+        let service = self.resolve(&spec.service)?;
+        Ok(Box::new(client::Ros1Client::open(&self.core, &service, spec, context)?))
+    }
+
+    fn open_server(
+        &self,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Server>, OpenError> {
+        let service = self.resolve(&spec.service)?;
+        Ok(Box::new(server::Ros1Server::open(&self.core, &service, spec, context)?))
+    }
+
+    fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
+        Ok(Box::new(discovery::Ros1Discovery::new(&self.core)))
+    }
+}
+
+impl Drop for Ros1 {
+    fn drop(&mut self) {
+        let Some(runtime) = self.runtime.take() else { return };
+        let core = Arc::clone(&self.core);
+        core.end("this program has ended its ROS 1 node".to_owned());
+        // A thread of its own: the owner's may belong to a runtime, which must not block.
+        let end =
+            std::thread::Builder::new().name("wrapyfi-ros1-end".to_owned()).spawn(move || {
+                runtime.block_on(async {
+                    let goodbye = async {
+                        core.lingering.over().await;
+                        registrar::leave(&core).await;
+                    };
+                    if timeout(GOODBYE, goodbye).await.is_err() {
+                        tracing::warn!("ROS 1: ended before the master and all subscribers knew");
+                    }
+                });
+                runtime.shutdown_timeout(Duration::from_millis(200));
+            });
+        if let Ok(end) = end {
+            _ = end.join();
+        }
+    }
+}
+
+impl std::fmt::Debug for Ros1 {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Ros1")
+            .field("node", &self.core.name.full())
+            .field("master", &self.core.master.uri().to_string())
+            .finish_non_exhaustive()
+    }
+}

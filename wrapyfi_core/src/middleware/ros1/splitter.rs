@@ -1,0 +1,204 @@
+//! A TCPROS stream as messages: `u32 size │ body │ u32 size │ body …`
+//!
+//! ```text
+//!   socket ─▶ small buffer (many messages a read) ─▶ Message
+//!        └─▶ buffer of the declared size (large messages, read straight into place) ─▶ Message
+//! ```
+//!
+//! No socket: [`Splitter::space`] says where bytes go, [`Splitter::next`] what they make. A message is
+//! a part of the buffer it was read into, never a copy; a buffer is used again once its messages are
+//! gone.
+
+use bytes::buf::Limit;
+use bytes::{BufMut as _, Bytes, BytesMut};
+
+/// Bytes of the size in front of a message.
+const SIZE: usize = 4;
+/// Space for small messages; what is larger gets a buffer of its own.
+const SMALL: usize = 64 * 1024;
+/// Beyond this no node sends, so it is no size but a stream that lost its place. roscpp draws the line
+/// at the same size.
+const ABSURD: usize = 1_000_000_000;
+
+/// What came.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) enum Piece {
+    /// A message without its size.
+    Message(Bytes),
+    /// A message over the limit, so many bytes large. It is read and thrown away.
+    Oversize(usize),
+}
+
+/// A size that cannot be one.
+#[derive(Debug, PartialEq, Eq, thiserror::Error)]
+#[error("a message of {0} bytes is announced: the stream has lost its place")]
+pub(super) struct Lost(pub(super) usize);
+
+#[derive(Debug)]
+pub(super) struct Splitter {
+    limit: usize,
+    small: BytesMut,
+    large: BytesMut,
+    /// Bytes that the large buffer still waits for.
+    missing: usize,
+    /// Bytes to throw away.
+    skip: usize,
+}
+
+impl Splitter {
+    /// Messages of at most `limit` bytes.
+    pub(super) fn new(limit: usize) -> Self {
+        Self { limit, small: BytesMut::new(), large: BytesMut::new(), missing: 0, skip: 0 }
+    }
+
+    /// Where the next bytes go.
+    pub(super) fn space(&mut self) -> Limit<&mut BytesMut> {
+        if self.missing > 0 {
+            return (&mut self.large).limit(self.missing);
+        }
+        // Takes the same memory again where nobody holds a message in it.
+        if self.small.capacity() - self.small.len() < SMALL / 2 {
+            self.small.reserve(SMALL);
+        }
+        let room = self.small.capacity() - self.small.len();
+        (&mut self.small).limit(room)
+    }
+
+    /// So many bytes were put into [`Splitter::space`].
+    pub(super) fn filled(&mut self, bytes: usize) {
+        self.missing = self.missing.saturating_sub(bytes);
+    }
+
+    /// What the bytes so far make; `None` where more are needed.
+    pub(super) fn next(&mut self) -> Result<Option<Piece>, Lost> {
+        if self.missing > 0 {
+            return Ok(None);
+        }
+        if !self.large.is_empty() {
+            return Ok(Some(Piece::Message(self.large.split().freeze())));
+        }
+        let thrown = self.skip.min(self.small.len());
+        drop(self.small.split_to(thrown));
+        self.skip -= thrown;
+        let Some(size) = self.small.first_chunk::<SIZE>() else { return Ok(None) };
+        let size = usize::try_from(u32::from_le_bytes(*size)).unwrap_or(usize::MAX);
+        if size > ABSURD {
+            return Err(Lost(size));
+        }
+        if size > self.limit {
+            drop(self.small.split_to(SIZE));
+            self.skip = size;
+            return Ok(Some(Piece::Oversize(size)));
+        }
+        if self.small.len() - SIZE >= size {
+            drop(self.small.split_to(SIZE));
+            return Ok(Some(Piece::Message(self.small.split_to(size).freeze())));
+        }
+        if size > SMALL / 2 {
+            drop(self.small.split_to(SIZE));
+            let begun = self.small.split();
+            self.large.reserve(size);
+            self.large.extend_from_slice(&begun);
+            self.missing = size - begun.len();
+        }
+        Ok(None)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Feeds `stream` in portions of at most `portion` bytes.
+    fn split(stream: &[u8], portion: usize, limit: usize) -> Result<Vec<Piece>, Lost> {
+        let mut splitter = Splitter::new(limit);
+        let mut pieces = Vec::new();
+        let mut rest = stream;
+        while !rest.is_empty() {
+            let mut space = splitter.space();
+            let bytes = portion.min(rest.len()).min(space.remaining_mut());
+            assert!(bytes > 0, "no space");
+            let (now, later) = rest.split_at(bytes);
+            space.put_slice(now);
+            splitter.filled(bytes);
+            rest = later;
+            while let Some(piece) = splitter.next()? {
+                pieces.push(piece);
+            }
+        }
+        Ok(pieces)
+    }
+
+    fn framed(body: &[u8]) -> Vec<u8> {
+        [&u32::try_from(body.len()).unwrap().to_le_bytes()[..], body].concat()
+    }
+
+    #[test]
+    fn a_large_message_is_read_into_place() {
+        let body = vec![7; 300_000];
+        let stream = [framed(&body), framed(b"after")].concat();
+        let mut splitter = Splitter::new(1 << 20);
+        splitter.space().put_slice(&stream[..1000]);
+        splitter.filled(1000);
+        assert_eq!(splitter.next(), Ok(None));
+        assert_eq!(splitter.space().remaining_mut(), 300_004 - 1000, "and not a byte of the next");
+        let pieces = split(&stream, 100_000, 1 << 20).unwrap();
+        assert_eq!(pieces, [Piece::Message(body.into()), Piece::Message("after".into())]);
+    }
+
+    #[test]
+    fn memory_is_used_again_when_the_message_is_gone() {
+        let mut splitter = Splitter::new(1 << 20);
+        let mut places = Vec::new();
+        for _ in 0..3 {
+            let stream = framed(&vec![1; 200_000]);
+            let mut rest = &stream[..];
+            while !rest.is_empty() {
+                let bytes = rest.len().min(splitter.space().remaining_mut());
+                splitter.space().put_slice(&rest[..bytes]);
+                splitter.filled(bytes);
+                rest = &rest[bytes..];
+                if let Some(Piece::Message(message)) = splitter.next().unwrap() {
+                    places.push(message.as_ptr());
+                }
+            }
+        }
+        assert_eq!(places.len(), 3);
+        assert_eq!(places[1], places[2]);
+    }
+
+    #[test]
+    fn what_is_too_large_is_passed_over_and_what_is_absurd_ends_it() {
+        let stream = [framed(&[1; 90_000]), framed(b"next"), framed(b"")].concat();
+        let pieces = split(&stream, 5000, 80_000).unwrap();
+        let expected =
+            [Piece::Oversize(90_000), Piece::Message("next".into()), Piece::Message("".into())];
+        assert_eq!(pieces, expected);
+        assert_eq!(split(b"\xff\xff\xff\xff....", 8, 100), Err(Lost(0xffff_ffff)));
+    }
+
+    proptest! {
+        #[test]
+        fn however_the_stream_is_cut_the_messages_are_the_same(
+            bodies in proptest::collection::vec((0_usize..100_000, any::<u8>()), 1..6),
+            portion in 1_usize..70_000,
+        ) {
+            const LIMIT: usize = 80_000;
+            let portion = portion.max(50);
+            let bodies: Vec<Vec<u8>> =
+                bodies.into_iter().map(|(size, fill)| vec![fill; size]).collect();
+            let stream: Vec<u8> = bodies.iter().flat_map(|body| framed(body)).collect();
+            let expected: Vec<Piece> = bodies
+                .into_iter()
+                .map(|body| if body.len() > LIMIT {
+                    Piece::Oversize(body.len())
+                } else {
+                    Piece::Message(body.into())
+                })
+                .collect();
+            prop_assert_eq!(split(&stream, portion, LIMIT).unwrap(), expected);
+        }
+    }
+}

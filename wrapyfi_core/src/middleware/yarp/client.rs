@@ -1,0 +1,363 @@
+//! Calls a service: a port that asks.
+//!
+//! ```text
+//!   send ─▶ Book ── the server is there ──▶ a task each: idle connection, or one more ══▶ /rpc
+//!   take ◀── payload::decode_reply ◀── desk ◀── bytes, or why there are none ◀───────────┘
+//! ```
+//!
+//! YARP's replies have no number, so a connection carries one call at a time, and several calls have
+//! several connections. The first of them is a port with a name, as Wrapyfi's client is; it tells
+//! when the server goes. A connection whose call took too long is kept for its late reply for a
+//! while, so that this is counted and taken for no other.
+
+use std::collections::VecDeque;
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use bytes::Bytes;
+use tokio::sync::{Notify, watch};
+use wrapyfi_yarp::Dialect;
+use wrapyfi_yarp::port::{CallError as PortCallError, LinkError, PortOptions, RpcClient};
+
+use super::Shared;
+use super::opening::{numbered, until_open};
+use super::options::YarpOptions;
+use super::payload;
+use super::retry::Retry;
+use super::standing::Standing;
+use super::tasks::{Stop, Stopped};
+use crate::endpoint::book::Book;
+use crate::endpoint::calls::{Stage, ends};
+use crate::endpoint::{
+    CallError, Client, Context, Link, OpenError, Reply, Request, ServiceSpec, Ticket, Wake,
+};
+use crate::types::Stamp;
+
+/// How long after its time a reply may come and still be known as late.
+const LATE: Duration = Duration::from_secs(30);
+
+/// A request until it is sent.
+struct Outgoing {
+    body: Bytes,
+    deadline: Instant,
+}
+
+/// Calls one service.
+pub(super) struct YarpClient {
+    spec: ServiceSpec,
+    book: Book<Outgoing>,
+    desk: Arc<Desk>,
+    shared: Arc<Shared>,
+    number: i64,
+    _stop: Stop,
+}
+
+/// What came of a call.
+enum Outcome {
+    Reply(Bytes),
+    /// The server took the request and has no answer.
+    Silence,
+    /// The connection failed after the request went out.
+    Lost(String),
+}
+
+/// What the client shares with its tasks.
+struct Desk {
+    service: String,
+    options: YarpOptions,
+    dialect: Dialect,
+    standing: Standing,
+    outcomes: Mutex<VecDeque<(i64, Outcome, Instant)>>,
+    /// Connections without a call, and which of the server's times they belong to.
+    idle: Mutex<Vec<(u64, Arc<RpcClient>)>>,
+    /// Which of the times it is that the server is connected; none while it is not.
+    up: watch::Sender<Option<u64>>,
+    /// Rung when a connection to it failed.
+    failed: Notify,
+    /// Calls that have a connection, those included that nobody waits for.
+    out: AtomicUsize,
+    name: Mutex<String>,
+}
+
+impl Desk {
+    fn outcomes(&self) -> MutexGuard<'_, VecDeque<(i64, Outcome, Instant)>> {
+        self.outcomes.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn idle(&self) -> MutexGuard<'_, Vec<(u64, Arc<RpcClient>)>> {
+        self.idle.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn target(&self) -> String {
+        format!("{}:/{}", self.options.carrier, self.service)
+    }
+
+    /// A connection to the server as it is now; `None` when it is lost.
+    async fn connection(&self, shared: &Shared, time: u64) -> Option<Arc<RpcClient>> {
+        let free = {
+            let mut idle = self.idle();
+            idle.retain(|(known, _)| *known == time);
+            idle.pop()
+        };
+        if let Some((_, free)) = free {
+            return Some(free);
+        }
+        let base = self.name.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let options = PortOptions { register: false, ..PortOptions::default() };
+        // A name of its own: a server keeps one connection of each.
+        let name = format!("{base}/{}", numbered(""));
+        let client = match shared.network.open_rpc_client(&name, &options).await {
+            Ok(client) => client,
+            Err(error) => {
+                tracing::debug!(service = self.service, %error, "no connection");
+                return None;
+            }
+        };
+        match client.connect(&self.target()).await {
+            Ok(()) => Some(Arc::new(client)),
+            Err(error) => {
+                tracing::debug!(service = self.service, %error, "no connection");
+                None
+            }
+        }
+    }
+
+    /// Makes one call. Until the request is out, a server that is lost is waited for; `None` when
+    /// its time was over before.
+    async fn call(&self, shared: &Shared, body: &Bytes, deadline: Instant) -> Option<Outcome> {
+        let mut up = self.up.subscribe();
+        let left = || deadline.saturating_duration_since(Instant::now());
+        loop {
+            let time = tokio::time::timeout(left(), up.wait_for(Option::is_some)).await;
+            let time = (*time.ok()?.ok()?)?;
+            if let Some(client) = self.connection(shared, time).await {
+                if left().is_zero() {
+                    // It must not be carried out late.
+                    self.idle().push((time, client));
+                    return None;
+                }
+                match client.call_bytes(body, left() + LATE).await {
+                    Ok(reply) => {
+                        self.idle().push((time, client));
+                        return Some(reply.map_or(Outcome::Silence, Outcome::Reply));
+                    }
+                    Err(error) if was_not_sent(&error) => {}
+                    Err(error) => {
+                        self.failed.notify_one();
+                        return Some(Outcome::Lost(error.to_string()));
+                    }
+                }
+            }
+            // The keeper looks at the server; until then nothing is tried.
+            self.failed.notify_one();
+            let changed = up.wait_for(|now| *now != Some(time));
+            tokio::time::timeout(left(), changed).await.ok()?.ok()?;
+        }
+    }
+}
+
+/// Whether the server cannot have seen the request.
+fn was_not_sent(error: &PortCallError) -> bool {
+    matches!(
+        error,
+        PortCallError::Link { error: LinkError::Connect { .. }, .. }
+            | PortCallError::NotConnected(_)
+    )
+}
+
+/// The life of the port that has a name: it knows whether the server is there.
+async fn keep(shared: Arc<Shared>, desk: Arc<Desk>, mut stopped: Stopped) {
+    let opened = until_open(&shared, &desk.service, &desk.standing, || {
+        let own = desk.options.port.clone();
+        let name = own.unwrap_or_else(|| numbered(&desk.service));
+        let network = shared.network.clone();
+        async move { network.open_rpc_client(&name, &PortOptions::default()).await }
+    });
+    let port = tokio::select! {
+        () = stopped.wait() => return,
+        port = opened => Arc::new(port),
+    };
+    port.name().clone_into(&mut desk.name.lock().unwrap_or_else(PoisonError::into_inner));
+    tokio::select! {
+        () = stopped.wait() => {}
+        () = stay_connected(&shared, &desk, &port) => {}
+    }
+    desk.up.send_replace(None);
+    desk.idle().clear();
+    port.disconnect().await;
+    desk.standing.waiting("YARP, which has ended");
+    // Calls that nobody waits for may hold it, too: then it closes with the last of them.
+    if let Ok(port) = Arc::try_unwrap(port) {
+        port.close().await;
+    }
+}
+
+async fn stay_connected(shared: &Shared, desk: &Desk, port: &Arc<RpcClient>) {
+    let bell = shared.directory.watch(&desk.service);
+    let (mut retry, mut time) = (Retry::default(), 0);
+    let mut changes = port.connected();
+    loop {
+        if !shared.directory.knows(&desk.service) {
+            let away = shared.directory.waiting_for();
+            let nobody = || format!("port {}, which no program has opened", desk.service);
+            desk.standing.waiting(away.unwrap_or_else(nobody));
+            bell.notified().await;
+            continue;
+        }
+        if let Err(error) = port.connect(&desk.target()).await {
+            desk.standing.waiting(format!("port {} to answer: {error}", desk.service));
+            tokio::select! { () = bell.notified() => {}, () = retry.wait() => {} }
+            continue;
+        }
+        retry.reset();
+        time += 1;
+        changes.mark_unchanged();
+        desk.idle().push((time, Arc::clone(port)));
+        desk.up.send_replace(Some(time));
+        desk.standing.connected(1);
+        tokio::select! {
+            // It said goodbye.
+            _ = changes.wait_for(|now| now.outputs == 0) => {}
+            // It was registered anew, perhaps by another program, or is gone.
+            () = bell.notified() => {}
+            () = desk.failed.notified() => {}
+        }
+        desk.up.send_replace(None);
+        desk.idle().clear();
+        desk.standing.waiting(format!("port {} to answer", desk.service));
+        port.disconnect().await;
+    }
+}
+
+impl YarpClient {
+    pub(super) fn open(
+        shared: &Arc<Shared>,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> Result<Self, OpenError> {
+        let options = YarpOptions::of_service(spec)?;
+        super::check_name(&spec.service)?;
+        if let Some(port) = &options.port {
+            super::check_name(port)?;
+        }
+        let waiting = format!("port {} to answer", spec.service);
+        let desk = Arc::new(Desk {
+            service: spec.service.clone(),
+            options,
+            dialect: shared.network.dialect(),
+            standing: Standing::new(context.wake.clone(), waiting),
+            outcomes: Mutex::default(),
+            idle: Mutex::default(),
+            up: watch::Sender::new(None),
+            failed: Notify::new(),
+            out: AtomicUsize::new(0),
+            name: Mutex::default(),
+        });
+        let (stop, stopped) = shared.tasks.stop();
+        shared.tasks.spawn(keep(Arc::clone(shared), Arc::clone(&desk), stopped));
+        let book = Book::new(&spec.service, spec.pending, &context.counters);
+        let (spec, shared) = (spec.clone(), Arc::clone(shared));
+        Ok(Self { spec, book, desk, shared, number: 0, _stop: stop })
+    }
+
+    /// Sends what can be sent, takes what has come, ends what took too long.
+    fn turn(&mut self) {
+        // Late replies have their connections still: twice the calls is the most.
+        let most = self.spec.pending.saturating_mul(2);
+        while self.desk.up.borrow().is_some()
+            && self.desk.out.load(Relaxed) < most
+            && self.book.next_to_send().is_some()
+        {
+            self.number += 1;
+            let Some(outgoing) = self.book.send(self.number) else { break };
+            self.desk.out.fetch_add(1, Relaxed);
+            let call = make(Arc::clone(&self.shared), Arc::clone(&self.desk), self.number, outgoing);
+            self.shared.tasks.spawn_aside(call);
+        }
+        let came = std::mem::take(&mut *self.desk.outcomes());
+        for (number, outcome, at) in came {
+            self.end(number, outcome, at);
+        }
+        let waiting_for = self.desk.standing.link().waiting_for;
+        self.book.expire(|stage| match (stage, &waiting_for) {
+            (Stage::Waiting, Some(what)) => format!("still waiting for {what}"),
+            (Stage::Waiting, None) => "earlier calls of it are not answered either".to_owned(),
+            (Stage::Sent, Some(what)) => format!("its server is gone: waiting for {what}"),
+            (Stage::Sent, None) => "its server has not answered".to_owned(),
+        });
+    }
+
+    fn end(&mut self, number: i64, outcome: Outcome, at: Instant) {
+        let service = self.spec.service.clone();
+        let body = match outcome {
+            Outcome::Reply(body) => body,
+            Outcome::Silence => {
+                let reason = "its port took the request and does not answer requests".to_owned();
+                return self.book.failed(number, CallError::Transport { service, reason });
+            }
+            Outcome::Lost(why) => {
+                let reason = format!("{why}; it may have been carried out, or not");
+                return self.book.failed(number, CallError::Transport { service, reason });
+            }
+        };
+        let (spec, desk) = (&self.spec, &self.desk);
+        self.book.answered(number, body.len(), at, || {
+            let now = Stamp::now();
+            match payload::decode_reply(&body, spec, &desk.options, desk.dialect, now) {
+                Ok(Ok(payload)) => Ok(payload),
+                Ok(Err(reason)) => Err(CallError::Refused { service, reason }),
+                Err(fault) => Err(CallError::Reply { service, fault }),
+            }
+        });
+    }
+}
+
+/// The task of one call.
+async fn make(shared: Arc<Shared>, desk: Arc<Desk>, number: i64, outgoing: Outgoing) {
+    let outcome = desk.call(&shared, &outgoing.body, outgoing.deadline).await;
+    desk.out.fetch_sub(1, Relaxed);
+    if let Some(outcome) = outcome {
+        desk.outcomes().push_back((number, outcome, Instant::now()));
+    }
+    desk.standing.wake().ring();
+}
+
+impl Client for YarpClient {
+    fn send(&mut self, request: &Request, timeout: Duration) -> Result<Ticket, CallError> {
+        let Desk { options, dialect, .. } = &*self.desk;
+        let body = payload::encode_request(request, &self.spec, options, *dialect);
+        let service = || self.spec.service.clone();
+        let body = body.map_err(|fault| CallError::Request { service: service(), fault })?;
+        let deadline = ends(Instant::now(), timeout);
+        let ticket = self.book.begin(Outgoing { body, deadline }, timeout)?;
+        self.turn();
+        Ok(ticket)
+    }
+
+    fn take(&mut self) -> Option<(Ticket, Result<Reply, CallError>)> {
+        self.turn();
+        self.book.take()
+    }
+
+    fn take_only(&mut self, ticket: Ticket) -> Option<Result<Reply, CallError>> {
+        self.turn();
+        self.book.take_only(ticket)
+    }
+
+    fn cancel(&mut self, ticket: Ticket) {
+        self.book.cancel(ticket);
+    }
+
+    fn deadline(&self) -> Option<Instant> {
+        self.book.deadline()
+    }
+
+    fn link(&self) -> Link {
+        self.desk.standing.link()
+    }
+
+    fn wake(&self) -> &Wake {
+        self.desk.standing.wake()
+    }
+}

@@ -1,0 +1,177 @@
+//! The names there are, as the name server tells them, and who waits for one.
+//!
+//! ```text
+//!   name server ── list, then [add], [del] ──▶ Directory ── names() ──▶ discovery
+//!                     one connection             │
+//!                                                └─ rings those who watch that name
+//! ```
+//!
+//! One connection tells all changes, so that nobody has to ask again and again whether a port is
+//! there. When the name server ends and comes back, everybody is rung: a new one knows nothing.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::time::Duration;
+
+use tokio::sync::Notify;
+use wrapyfi_yarp::name::events::NameEvents;
+use wrapyfi_yarp::name::{NameClient, NameEvent, Registrar};
+
+use super::retry::Retry;
+
+/// What the name server has told.
+#[derive(Debug)]
+pub(super) struct Directory {
+    server: String,
+    inner: Mutex<Inner>,
+}
+
+#[derive(Debug, Default)]
+struct Inner {
+    /// Counts the times that the name server was reached; none while it is away.
+    reached: Option<u64>,
+    times: u64,
+    failure: Option<String>,
+    /// Of ports; multicast groups are none.
+    names: BTreeSet<String>,
+    watchers: BTreeMap<String, Vec<Weak<Notify>>>,
+}
+
+impl Directory {
+    pub(super) fn new(client: &NameClient) -> Self {
+        let conf = client.server();
+        Self { server: format!("{}:{}", conf.host, conf.port), inner: Mutex::default() }
+    }
+
+    fn inner(&self) -> MutexGuard<'_, Inner> {
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Which of the times it is that the name server is reached; none while it is away.
+    pub(super) fn reached(&self) -> Option<u64> {
+        self.inner().reached
+    }
+
+    /// Whether a port of this name is registered.
+    pub(super) fn knows(&self, name: &str) -> bool {
+        self.inner().names.contains(name)
+    }
+
+    /// All names.
+    pub(super) fn names(&self) -> Vec<String> {
+        self.inner().names.iter().cloned().collect()
+    }
+
+    /// Why nothing is known; none while the name server is there.
+    pub(super) fn waiting_for(&self) -> Option<String> {
+        let inner = self.inner();
+        if inner.reached.is_some() {
+            return None;
+        }
+        let why = inner.failure.as_ref().map(|why| format!(" ({why})")).unwrap_or_default();
+        Some(format!("name server {}{why}: start one with `wrapyfi yarpserver`", self.server))
+    }
+
+    /// A bell that rings when this name comes or goes, and when the name server does.
+    pub(super) fn watch(&self, name: &str) -> Arc<Notify> {
+        let bell = Arc::new(Notify::new());
+        let mut inner = self.inner();
+        let watchers = inner.watchers.entry(name.to_owned()).or_default();
+        watchers.retain(|watcher| watcher.strong_count() > 0);
+        watchers.push(Arc::downgrade(&bell));
+        bell
+    }
+
+    fn ring_all(&self) {
+        let mut inner = self.inner();
+        inner.watchers.retain(|_, watchers| {
+            watchers.retain(|watcher| watcher.upgrade().is_some_and(|bell| ring(&bell)));
+            !watchers.is_empty()
+        });
+    }
+
+    fn apply(&self, event: NameEvent) {
+        let mut inner = self.inner();
+        let name = match event {
+            NameEvent::Added(name) => {
+                inner.names.insert(name.clone());
+                name
+            }
+            NameEvent::Removed(name) => {
+                inner.names.remove(&name);
+                name
+            }
+        };
+        if let Some(watchers) = inner.watchers.get(&name) {
+            watchers.iter().filter_map(Weak::upgrade).for_each(|bell| _ = ring(&bell));
+        }
+    }
+
+    fn found(&self, names: impl Iterator<Item = String>) {
+        let mut inner = self.inner();
+        inner.times += 1;
+        inner.reached = Some(inner.times);
+        inner.failure = None;
+        inner.names = names.collect();
+        drop(inner);
+        self.ring_all();
+    }
+
+    fn lost(&self, why: &dyn std::fmt::Display) {
+        let mut inner = self.inner();
+        let was = inner.reached.take().is_some();
+        inner.failure = Some(why.to_string());
+        drop(inner);
+        if was {
+            self.ring_all();
+        }
+    }
+}
+
+fn ring(bell: &Notify) -> bool {
+    bell.notify_one();
+    true
+}
+
+/// Keeps the directory up to date for as long as it is run.
+pub(super) async fn follow(directory: Arc<Directory>, client: NameClient, registrar: Registrar) {
+    let mut retry = Retry::new(Duration::from_millis(50));
+    let mut status = registrar.status();
+    loop {
+        let lost = status.borrow_and_update().lost;
+        let told = listen(&directory, &client, &mut retry);
+        // A machine that vanished closes nothing; the registrar asks it now and then.
+        let silent = status.wait_for(|status| status.lost > lost);
+        tokio::select! {
+            error = told => directory.lost(&error),
+            Ok(_) = silent => directory.lost(&"its connection was lost"),
+        }
+        retry.wait().await;
+    }
+}
+
+/// Hears one name server until it ends.
+async fn listen(
+    directory: &Directory,
+    client: &NameClient,
+    retry: &mut Retry,
+) -> Box<dyn std::fmt::Display + Send> {
+    let mut events = match NameEvents::open(client).await {
+        Ok(events) => events,
+        Err(error) => return Box::new(error),
+    };
+    match client.list("").await {
+        Ok(found) => {
+            let ports = found.into_iter().filter(|port| port.carrier != "mcast");
+            directory.found(ports.map(|port| port.name));
+        }
+        Err(error) => return Box::new(error),
+    }
+    retry.reset();
+    loop {
+        match events.next().await {
+            Ok(event) => directory.apply(event),
+            Err(error) => return Box::new(error),
+        }
+    }
+}

@@ -1,0 +1,237 @@
+//! A topic received: an input port of ours, tied to the port that has the topic's name.
+//!
+//! ```text
+//!   /cam ══▶ /cam:in7 ── size? ── ours? ──▶ inbox ──▶ Listener::take ── payload::decode
+//!                         │ oversize │ own_publication     each connection's task; block: it waits
+//! ```
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use tokio::sync::Notify;
+use wrapyfi_yarp::Dialect;
+use wrapyfi_yarp::port::{Answer, PortOptions, Received, RpcServer};
+
+use super::Shared;
+use super::losses::Losses;
+use super::opening::{numbered, until_open};
+use super::options::YarpOptions;
+use super::payload;
+use super::standing::Standing;
+use super::tasks::{Stop, Stopped};
+use super::tie::Tie;
+use crate::endpoint::{
+    Context, DropReason, Link, Listener, OpenError, Overflow, Receiver, Sample, Sender, TakeError,
+    TopicSpec, inbox,
+};
+use crate::types::Stamp;
+
+/// Receives one topic.
+pub(super) struct YarpListener {
+    spec: TopicSpec,
+    options: YarpOptions,
+    dialect: Dialect,
+    inbox: Receiver<Arrival>,
+    inlet: Arc<Inlet>,
+    _stop: Stop,
+}
+
+/// A message as it came.
+struct Arrival {
+    received: Received,
+    received_at: Instant,
+    stamp: Stamp,
+}
+
+/// What the listener shares with its port.
+struct Inlet {
+    /// A port that answers nothing: its function runs on the connection's own task.
+    port: Mutex<Option<RpcServer>>,
+    standing: Arc<Standing>,
+    inbox: Sender<Arrival>,
+    limit: usize,
+    /// Rung when a message left a full inbox.
+    room: Notify,
+    losses: Losses,
+}
+
+impl Inlet {
+    fn port(&self) -> MutexGuard<'_, Option<RpcServer>> {
+        self.port.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Names of the ports that send.
+    fn sources(&self) -> Vec<String> {
+        let port = self.port();
+        let status = port.as_ref().map(RpcServer::status).unwrap_or_default();
+        let sources = status.into_iter().filter(|one| one.incoming && one.name.starts_with('/'));
+        sources.map(|one| one.name).collect()
+    }
+
+    /// Counts what never became a message.
+    fn count_losses(&self) {
+        if let Some(port) = &*self.port() {
+            self.losses.count(port.counters(), self.inbox.counters());
+        }
+    }
+
+    /// Takes a message in; under policy `block` its connection waits here.
+    async fn put(&self, received: Received, shared: &Shared) {
+        let counters = self.inbox.counters();
+        let bytes = received.payload.bytes.len();
+        counters.received(bytes);
+        if shared.own.contains(&received.from) {
+            return counters.dropped(DropReason::OwnPublication);
+        }
+        if bytes > self.limit {
+            return counters.dropped(DropReason::Oversize);
+        }
+        let received_at = Instant::now();
+        let arrival = Arrival { received, received_at, stamp: Stamp::now() };
+        let Err(mut held) = self.inbox.push(arrival) else { return };
+        let wait = match self.inbox.spec().overflow {
+            Overflow::Block(wait) => wait,
+            _ => Duration::ZERO,
+        };
+        let over = tokio::time::sleep(wait);
+        tokio::pin!(over);
+        loop {
+            let room = self.room.notified();
+            tokio::pin!(room);
+            // Registered before the try, so that no room is missed.
+            room.as_mut().enable();
+            match self.inbox.push(held) {
+                Ok(()) => return,
+                Err(back) => held = back,
+            }
+            tokio::select! {
+                () = room => {}
+                () = &mut over => return self.inbox.give_up(held),
+            }
+        }
+    }
+}
+
+impl YarpListener {
+    pub(super) fn open(
+        shared: &Arc<Shared>,
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> Result<Self, OpenError> {
+        let options = YarpOptions::of_topic(spec)?;
+        super::check_name(&spec.topic)?;
+        if let Some(port) = &options.port {
+            super::check_name(port)?;
+        }
+        let (sender, receiver) =
+            inbox(spec.queue, Arc::clone(&context.counters), context.wake.clone());
+        let waiting = format!("port {} to send", spec.topic);
+        let inlet = Arc::new(Inlet {
+            port: Mutex::default(),
+            standing: Arc::new(Standing::new(context.wake.clone(), waiting)),
+            inbox: sender,
+            limit: spec.limits.message_bytes,
+            room: Notify::new(),
+            losses: Losses::default(),
+        });
+        let (stop, stopped) = shared.tasks.stop();
+        let (topic, wanted) = (spec.topic.clone(), options.clone());
+        shared.tasks.spawn(keep(Arc::clone(shared), Arc::clone(&inlet), topic, wanted, stopped));
+        Ok(Self {
+            spec: spec.clone(),
+            options,
+            dialect: shared.network.dialect(),
+            inbox: receiver,
+            inlet,
+            _stop: stop,
+        })
+    }
+
+    fn pop(&self) -> Option<Arrival> {
+        let arrival = self.inbox.pop()?;
+        if matches!(self.spec.queue.overflow, Overflow::Block(_)) {
+            self.inlet.room.notify_waiters();
+        }
+        Some(arrival)
+    }
+}
+
+/// The life of a port.
+async fn keep(
+    shared: Arc<Shared>,
+    inlet: Arc<Inlet>,
+    topic: String,
+    options: YarpOptions,
+    mut stopped: Stopped,
+) {
+    let opened = until_open(&shared, &topic, &inlet.standing, || {
+        let name = options.port.clone().unwrap_or_else(|| numbered(&topic));
+        let (network, shared, inlet) =
+            (shared.network.clone(), Arc::clone(&shared), Arc::clone(&inlet));
+        async move {
+            let port_options = PortOptions::default();
+            network
+                .serve(&name, &port_options, move |received, _| {
+                    let (shared, inlet) = (Arc::clone(&shared), Arc::clone(&inlet));
+                    async move {
+                        inlet.put(received, &shared).await;
+                        Answer::Nothing
+                    }
+                })
+                .await
+        }
+    });
+    let port = tokio::select! {
+        () = stopped.wait() => return,
+        port = opened => port,
+    };
+    let (tie, changes) = (Tie::from(&topic, port.name(), &options), port.connected());
+    *inlet.port() = Some(port);
+    let counted = async {
+        let mut changes = changes.clone();
+        loop {
+            changes.mark_unchanged();
+            inlet.count_losses();
+            match inlet.sources().len() {
+                0 => {}
+                senders => inlet.standing.connected(senders),
+            }
+            if changes.changed().await.is_err() {
+                return;
+            }
+        }
+    };
+    let tied = || inlet.sources().iter().any(|source| source == tie.other());
+    tokio::select! {
+        () = stopped.wait() => {}
+        () = counted => {}
+        () = tie.keep(&shared, changes.clone(), tied, Some(&inlet.standing)) => {}
+    }
+    tie.forget(&shared).await;
+    let port = inlet.port().take();
+    if let Some(port) = port {
+        port.close().await;
+    }
+    inlet.standing.waiting("YARP, which has ended");
+}
+
+impl Listener for YarpListener {
+    fn take(&mut self) -> Result<Option<Sample>, TakeError> {
+        let Some(Arrival { received, received_at, stamp }) = self.pop() else { return Ok(None) };
+        let (spec, options) = (&self.spec, &self.options);
+        let sent_at = received.stamp();
+        let payload =
+            payload::decode(&received.payload, sent_at, spec, options, self.dialect, stamp)?;
+        let wire_bytes = received.payload.bytes.len();
+        Ok(Some(Sample { payload, wire_bytes, received_at }))
+    }
+
+    fn discard(&mut self) -> bool {
+        self.pop().is_some()
+    }
+
+    fn link(&self) -> Link {
+        self.inlet.count_losses();
+        self.inlet.standing.link()
+    }
+}

@@ -1,0 +1,41 @@
+//! Opens a port, however long its name is taken or the name server is away.
+
+use wrapyfi_yarp::port::OpenError;
+
+use super::Shared;
+use super::retry::Retry;
+use super::standing::Standing;
+
+/// Opens a port with `open`, again and again until it succeeds; `standing` is told why not yet.
+/// `name` is what it depends on.
+pub(super) async fn until_open<P, F: Future<Output = Result<P, OpenError>>>(
+    shared: &Shared,
+    name: &str,
+    standing: &Standing,
+    mut open: impl FnMut() -> F,
+) -> P {
+    let bell = shared.directory.watch(name);
+    let mut retry = Retry::default();
+    loop {
+        match open().await {
+            Ok(port) => return port,
+            Err(OpenError::Taken(name)) => standing.waiting(format!(
+                "the name {name}, which another program's port has: end that one, or set option \
+                 port"
+            )),
+            Err(error) => {
+                let away = shared.directory.waiting_for();
+                standing.waiting(away.unwrap_or_else(|| error.to_string()));
+            }
+        }
+        tokio::select! { () = bell.notified() => {}, () = retry.wait() => {} }
+    }
+}
+
+/// A name for a port that nobody has to know: that of what it reads, with a number, as Wrapyfi's.
+pub(super) fn numbered(topic: &str) -> String {
+    use std::hash::{BuildHasher, Hasher};
+    // Keys of the map that nobody uses: what the standard library has for random numbers.
+    let number = std::hash::RandomState::new().build_hasher().finish() % 100_000;
+    format!("{topic}:in{number}")
+}

@@ -1,0 +1,190 @@
+//! A topic published: an output port that anybody may connect.
+//!
+//! ```text
+//!   publish ── payload::encode ──▶ OutputPort ══▶ readers            the caller's thread, then tasks
+//!   task: opens the port, counts its readers, keeps it tied to `out_topic_connect`
+//! ```
+
+use std::sync::atomic::{AtomicI32, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use tokio::sync::watch;
+use wrapyfi_yarp::Dialect;
+use wrapyfi_yarp::port::{Connected, Message, OutputOptions, OutputPort, Overflow, PortOptions};
+
+use super::Shared;
+use super::opening::until_open;
+use super::options::YarpOptions;
+use super::payload::{self, Outgoing};
+use super::standing::Standing;
+use super::tasks::{Stop, Stopped};
+use super::tie::Tie;
+use crate::endpoint::{
+    Context, Counters, DropReason, Link, OpenError, PublishError, Publisher, TopicSpec,
+};
+use crate::types::Payload;
+
+/// Sends one topic.
+pub(super) struct YarpPublisher {
+    spec: TopicSpec,
+    options: YarpOptions,
+    dialect: Dialect,
+    depth: usize,
+    outlet: Arc<Outlet>,
+    counters: Arc<Counters>,
+    shared: Arc<Shared>,
+    count: AtomicI32,
+    _stop: Stop,
+}
+
+/// What the publisher shares with its task.
+#[derive(Debug)]
+struct Outlet {
+    name: String,
+    port: Mutex<Option<OutputPort>>,
+    standing: Arc<Standing>,
+}
+
+impl Outlet {
+    fn port(&self) -> MutexGuard<'_, Option<OutputPort>> {
+        self.port.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn has_output_to(&self, name: &str) -> bool {
+        let port = self.port();
+        let status = port.as_ref().map(OutputPort::status).unwrap_or_default();
+        status.iter().any(|one| !one.incoming && one.name == name)
+    }
+}
+
+impl YarpPublisher {
+    pub(super) fn open(
+        shared: &Arc<Shared>,
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> Result<Self, OpenError> {
+        let options = YarpOptions::of_topic(spec)?;
+        let name = options.port.clone().unwrap_or_else(|| spec.topic.clone());
+        super::check_name(&name)?;
+        let waiting = format!("port {name} to open");
+        let standing = Arc::new(Standing::new(context.wake.clone(), waiting));
+        let outlet = Arc::new(Outlet { name, port: Mutex::default(), standing });
+        let (stop, stopped) = shared.tasks.stop();
+        let task = keep(Arc::clone(shared), Arc::clone(&outlet), options.clone(), stopped);
+        shared.tasks.spawn(task);
+        Ok(Self {
+            spec: spec.clone(),
+            options,
+            dialect: shared.network.dialect(),
+            depth: shared.send_queue,
+            outlet,
+            counters: Arc::clone(&context.counters),
+            shared: Arc::clone(shared),
+            count: AtomicI32::new(0),
+            _stop: stop,
+        })
+    }
+
+    fn nobody(&self) -> PublishError {
+        PublishError::NoConsumer { topic: self.spec.topic.clone() }
+    }
+}
+
+/// The life of a port.
+async fn keep(
+    shared: Arc<Shared>,
+    outlet: Arc<Outlet>,
+    options: YarpOptions,
+    mut stopped: Stopped,
+) {
+    let name = outlet.name.as_str();
+    let wanted = OutputOptions {
+        port: PortOptions::default(),
+        queue: shared.send_queue,
+        // The publisher is told what finds no room, as on ZeroMQ.
+        overflow: Overflow::DropNewest,
+    };
+    let opened = until_open(&shared, name, &outlet.standing, || {
+        let (network, wanted) = (shared.network.clone(), wanted.clone());
+        async move { network.open_output(name, &wanted).await }
+    });
+    let port = tokio::select! {
+        () = stopped.wait() => return,
+        port = opened => port,
+    };
+    let changes = port.connected();
+    shared.own.insert(name);
+    *outlet.port() = Some(port);
+    let tie = options.out_topic_connect.as_deref().map(|to| Tie::to(to, name, &options));
+    let kept = async {
+        let Some(tie) = &tie else { return std::future::pending().await };
+        let tied = || outlet.has_output_to(tie.other());
+        tie.keep(&shared, changes.clone(), tied, None).await;
+    };
+    tokio::select! {
+        () = stopped.wait() => {}
+        () = count_readers(changes.clone(), &outlet) => {}
+        () = kept => {}
+    }
+    let port = outlet.port().take();
+    if let Some(tie) = &tie {
+        tie.forget(&shared).await;
+    }
+    if let Some(port) = port {
+        port.close().await;
+    }
+    shared.own.remove(name);
+    outlet.standing.waiting("YARP, which has ended");
+}
+
+/// Tells how many read, for as long as the port lives.
+async fn count_readers(mut changes: watch::Receiver<Connected>, outlet: &Outlet) {
+    loop {
+        match changes.borrow_and_update().outputs {
+            0 => outlet.standing.waiting(format!("a reader of {}", outlet.name)),
+            readers => outlet.standing.connected(readers),
+        }
+        if changes.changed().await.is_err() {
+            return;
+        }
+    }
+}
+
+impl Publisher for YarpPublisher {
+    /// While nobody is connected nothing is encoded: [`PublishError::NoConsumer`]. Where some readers
+    /// are too slow, what they miss is counted as `send_queue_full`.
+    fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {
+        if self.outlet.port().as_ref().is_none_or(|port| port.connected().borrow().outputs == 0) {
+            return Err(self.nobody());
+        }
+        let Outgoing { payload, stamp } =
+            payload::encode(payload, &self.spec, &self.options, self.dialect)?;
+        let bytes = payload.bytes.len();
+        let mut message = Message::new(payload);
+        if let Some(stamp) = stamp {
+            let count = self.count.fetch_add(1, Relaxed);
+            message = message.stamped(wrapyfi_yarp::sig::Stamp { count, ..stamp });
+        }
+        let written = match self.outlet.port().as_ref() {
+            Some(port) => port.write(message),
+            None => return Err(self.nobody()),
+        };
+        if written.targets == 0 {
+            return Err(self.nobody());
+        }
+        if written.dropped == written.targets {
+            let (topic, depth) = (self.spec.topic.clone(), self.depth);
+            return Err(PublishError::QueueFull { topic, depth });
+        }
+        (0..written.dropped).for_each(|_| self.counters.dropped(DropReason::SendQueueFull));
+        Ok(bytes)
+    }
+
+    fn link(&self) -> Link {
+        let link = self.outlet.standing.link();
+        match self.shared.taken(&self.outlet.name) {
+            Some(why) => Link { waiting_for: Some(why), ..link },
+            None => link,
+        }
+    }
+}

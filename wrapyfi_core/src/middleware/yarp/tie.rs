@@ -1,0 +1,153 @@
+//! Keeps one connection between a port of ours and another one.
+//!
+//! ```text
+//!   persistent   name server: subscribe /cam ─▶ /cam:in7        it connects whenever both are there
+//!   otherwise    /cam: [add] tcp://cam:in7                      we ask, and ask again
+//!   neither      nobody called /cam: waits for its name, without asking
+//! ```
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::sync::watch;
+use wrapyfi_yarp::name::client::Persistence;
+use wrapyfi_yarp::port::Connected;
+
+use super::Shared;
+use super::options::YarpOptions;
+use super::retry::Retry;
+use super::standing::Standing;
+
+/// How long the name server is given for its part before it is reminded.
+const PATIENCE: Duration = Duration::from_millis(200);
+/// Longest time that a farewell to the name server may take.
+const FAREWELL: Duration = Duration::from_millis(500);
+
+/// A connection that should be.
+#[derive(Debug, Clone)]
+pub(super) struct Tie {
+    source: String,
+    destination: String,
+    carrier: String,
+    persistent: bool,
+    /// The one that is ours.
+    own: String,
+}
+
+impl Tie {
+    /// From `source` to our port `own`.
+    pub(super) fn from(source: &str, own: &str, options: &YarpOptions) -> Self {
+        Self::new(source, own, own, options)
+    }
+
+    /// From our port `own` to `destination`.
+    pub(super) fn to(destination: &str, own: &str, options: &YarpOptions) -> Self {
+        Self::new(own, destination, own, options)
+    }
+
+    fn new(source: &str, destination: &str, own: &str, options: &YarpOptions) -> Self {
+        Self {
+            source: source.to_owned(),
+            destination: destination.to_owned(),
+            carrier: options.carrier.clone(),
+            persistent: options.persistent,
+            own: own.to_owned(),
+        }
+    }
+
+    /// The one that is not ours.
+    pub(super) fn other(&self) -> &str {
+        if self.own == self.source { &self.destination } else { &self.source }
+    }
+
+    fn full_destination(&self) -> String {
+        format!("{}:/{}", self.carrier, self.destination)
+    }
+
+    /// Sees to it, for as long as it is run. `tied` says whether it is there, `changed` when to look
+    /// again; `standing` is told why it is not.
+    pub(super) async fn keep(
+        &self,
+        shared: &Shared,
+        mut changed: watch::Receiver<Connected>,
+        tied: impl Fn() -> bool,
+        standing: Option<&Arc<Standing>>,
+    ) {
+        let say = |what: String| {
+            if let Some(standing) = standing.filter(|_| !tied()) {
+                standing.waiting(what);
+            }
+        };
+        let bell = shared.directory.watch(self.other());
+        let (mut retry, mut subscribed) = (Retry::new(PATIENCE), None);
+        loop {
+            let reached = shared.directory.reached();
+            if reached.is_none() {
+                say(shared.directory.waiting_for().unwrap_or_default());
+                bell.notified().await;
+                continue;
+            }
+            if self.persistent && subscribed != reached {
+                let to = self.full_destination();
+                let (names, open) = (shared.registrar.client(), Persistence::Open);
+                if let Err(error) = names.subscribe(&self.source, &to, open).await {
+                    say(format!("the name server to connect it: {error}"));
+                    tokio::select! { () = bell.notified() => {}, () = retry.wait() => {} }
+                    continue;
+                }
+                subscribed = reached;
+            }
+            // Seen before the look, so that no change is missed.
+            changed.mark_unchanged();
+            if tied() {
+                retry.reset();
+                tokio::select! {
+                    () = bell.notified() => {}
+                    Ok(()) = changed.changed() => {}
+                }
+                continue;
+            }
+            if !shared.directory.knows(self.other()) {
+                say(format!("port {}, which no program has opened", self.other()));
+                tokio::select! {
+                    () = bell.notified() => {}
+                    Ok(()) = changed.changed() => {}
+                }
+                continue;
+            }
+            let mut failure = None;
+            if !self.persistent {
+                let (from, to) = (&self.source, &self.destination);
+                let asked = shared.network.connect(from, to, Some(&self.carrier)).await;
+                failure = asked.err();
+            }
+            match failure {
+                Some(error) => say(format!("port {} to connect: {error}", self.other())),
+                None => say(format!("port {} to connect", self.other())),
+            }
+            tokio::select! {
+                () = bell.notified() => continue,
+                Ok(()) = changed.changed() => continue,
+                () = retry.wait() => {}
+            }
+            if self.persistent && !tied() {
+                // An announcement makes the name server look at what should be connected.
+                if let Err(error) = shared.registrar.client().announce(&self.own, true).await {
+                    tracing::debug!(own = self.own, %error, "the name server was not reminded");
+                }
+            }
+        }
+    }
+
+    /// Takes the wish back at the name server, which would keep it for ever.
+    pub(super) async fn forget(&self, shared: &Shared) {
+        if !self.persistent {
+            return;
+        }
+        let names = shared.registrar.client();
+        let forgotten = names.unsubscribe(&self.source, &self.destination);
+        if let Ok(Err(error)) = tokio::time::timeout(FAREWELL, forgotten).await {
+            tracing::debug!(own = self.own, %error, "a persistent connection stays known");
+        }
+    }
+}

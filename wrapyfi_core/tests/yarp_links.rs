@@ -1,0 +1,268 @@
+//! Connections of YARP endpoints that outlive everybody else: peers and name servers that end and
+//! come back, names that are taken, ports that others connect.
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+use std::net::{Ipv4Addr, SocketAddr};
+use std::time::{Duration, Instant};
+
+use tokio::runtime::Runtime;
+use wrapyfi_core::endpoint::{
+    Client, Context, Link, Listener, Middleware, PublishError, Publisher, Request, Server,
+    ServiceSpec, TopicSpec,
+};
+use wrapyfi_core::middleware::yarp::{Yarp, YarpConfig};
+use wrapyfi_core::types::{Map, MessageType, Payload, ServiceKind, Value};
+use wrapyfi_yarp::name::{NameClient, NameServerConf};
+use wrapyfi_yarp::port::{InputOptions, Network, OutputOptions};
+use wrapyfi_yarp::server::{NameServer, NameServerOptions};
+use wrapyfi_yarp::{Bottle, Value as Element};
+
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// A name server of its own, that can be ended and started again.
+struct World {
+    runtime: Runtime,
+    server: Option<NameServer>,
+    address: SocketAddr,
+}
+
+impl World {
+    fn new() -> Self {
+        let mut threads = tokio::runtime::Builder::new_multi_thread();
+        let runtime = threads.worker_threads(1).enable_all().build().unwrap();
+        let server = runtime.block_on(start(0));
+        let address = server.address();
+        Self { runtime, server: Some(server), address }
+    }
+
+    fn end(&mut self) {
+        self.runtime.block_on(self.server.take().unwrap().stop());
+    }
+
+    fn begin(&mut self) {
+        self.server = Some(self.runtime.block_on(start(self.address.port())));
+    }
+
+    fn yarp(&self) -> Yarp {
+        let name_server = Some(self.address);
+        Yarp::start(&YarpConfig { name_server, ..YarpConfig::default() }).unwrap()
+    }
+
+    /// Ports of somebody else.
+    fn network(&self) -> Network {
+        let host = self.address.ip().to_string();
+        let conf = NameServerConf { host, port: self.address.port() };
+        Network::builder().names(NameClient::new(conf)).listen(self.address.ip()).build()
+    }
+}
+
+async fn start(port: u16) -> NameServer {
+    NameServer::start(NameServerOptions { port, ..NameServerOptions::default() }).await.unwrap()
+}
+
+fn topic(name: &str, options: Map) -> TopicSpec {
+    TopicSpec { options, ..TopicSpec::new(name, MessageType::NativeObject) }
+}
+
+fn number(n: i64) -> Payload {
+    Value::from(n).into()
+}
+
+#[track_caller]
+fn until(context: &Context, what: &str, mut holds: impl FnMut() -> bool) {
+    let deadline = Instant::now() + PATIENCE;
+    while !holds() {
+        assert!(Instant::now() < deadline, "never: {what}");
+        context.wake.wait(Duration::from_millis(10));
+    }
+}
+
+#[track_caller]
+fn open_way(context: &Context, link: impl Fn() -> Link) {
+    until(context, "the way is open", || link().peers > Some(0) && link().waiting_for.is_none());
+}
+
+#[track_caller]
+fn flows(
+    source: &mut dyn Publisher,
+    (sink, context): (&mut dyn Listener, &Context),
+    numbers: std::ops::Range<i64>,
+) {
+    for n in numbers {
+        source.publish(&number(n)).unwrap();
+        let mut came = None;
+        until(context, "the message", || {
+            came = sink.take().unwrap();
+            came.is_some()
+        });
+        assert_eq!(came.unwrap().payload, number(n));
+    }
+}
+
+/// Both kinds of connections flow while the name server is away, and find each other again after.
+#[test]
+fn a_name_server_may_end_and_come_back() {
+    let mut world = World::new();
+    let (near, far) = (world.yarp(), world.yarp());
+    for persistent in [true, false] {
+        let spec = topic(&format!("/kept_{persistent}"), Map::from([("persistent", persistent)]));
+        let (here, there) = (Context::default(), Context::default());
+        let mut sink = near.open_listener(&spec, &here).unwrap();
+        let mut source = far.open_publisher(&spec, &there).unwrap();
+        open_way(&here, || sink.link());
+        open_way(&there, || source.link());
+        flows(&mut *source, (&mut *sink, &here), 0..5);
+        world.end();
+        flows(&mut *source, (&mut *sink, &here), 5..10);
+        world.begin();
+        // Known again, without anybody asking them to.
+        let names = world.network();
+        let registered = || {
+            let found = world.runtime.block_on(names.list("")).unwrap();
+            let of_topic = found.iter().filter(|port| port.name.starts_with(&spec.topic));
+            of_topic.count() == 2
+        };
+        until(&here, "both are registered again", registered);
+        drop(source);
+        until(&here, "the publisher is gone", || sink.link().peers == Some(0));
+        let mut source = far.open_publisher(&spec, &there).unwrap();
+        open_way(&here, || sink.link());
+        open_way(&there, || source.link());
+        flows(&mut *source, (&mut *sink, &here), 10..15);
+        assert_eq!(here.counters.snapshot().received, 15, "each of them once");
+    }
+}
+
+/// What is opened before there is a name server says so, and works when one comes.
+#[test]
+fn a_name_server_may_come_last() {
+    let mut world = World::new();
+    world.end();
+    let yarp = world.yarp();
+    let (here, there) = (Context::default(), Context::default());
+    let spec = topic("/early", Map::new());
+    let mut sink = yarp.open_listener(&spec, &here).unwrap();
+    let mut far = None;
+    until(&here, "it is said", || {
+        sink.link().waiting_for.is_some_and(|what| what.contains("name server"))
+    });
+    world.begin();
+    let mut source = far.insert(world.yarp()).open_publisher(&spec, &there).unwrap();
+    open_way(&here, || sink.link());
+    open_way(&there, || source.link());
+    flows(&mut *source, (&mut *sink, &here), 0..3);
+}
+
+/// A listener names what it waits for, and a name that another program has is waited for.
+#[test]
+fn names_are_waited_for() {
+    let world = World::new();
+    let (yarp, network) = (world.yarp(), world.network());
+    let (here, there) = (Context::default(), Context::default());
+    let spec = topic("/taken", Map::new());
+    let sink = yarp.open_listener(&spec, &here).unwrap();
+    until(&here, "the missing port is named", || {
+        sink.link().waiting_for.is_some_and(|what| what.contains("/taken"))
+    });
+    let open = network.open_output("/taken", &OutputOptions::default());
+    let foreign = world.runtime.block_on(open).unwrap();
+    open_way(&here, || sink.link());
+    let mut source = yarp.open_publisher(&spec, &there).unwrap();
+    until(&there, "the other program is named", || {
+        source.link().waiting_for.is_some_and(|what| what.contains("another program"))
+    });
+    let refused = source.publish(&number(1)).unwrap_err();
+    assert!(matches!(refused, PublishError::NoConsumer { .. }), "{refused}");
+    world.runtime.block_on(foreign.close());
+    open_way(&there, || source.link());
+    // Its own instance does not hear it, and says so in its counters.
+    source.publish(&number(2)).unwrap();
+    until(&here, "the echo", || here.counters.snapshot().received == 1);
+    assert_eq!(here.counters.snapshot().dropped(), 1);
+}
+
+/// `port` names our port, so that others connect it; `out_topic_connect` connects it ourselves.
+#[test]
+fn ports_have_the_names_that_are_asked_for() {
+    let world = World::new();
+    let (yarp, network) = (world.yarp(), world.network());
+    let (here, there) = (Context::default(), Context::default());
+    let (reader, writer) = world.runtime.block_on(async {
+        let reader = network.open_input("/view/in", &InputOptions::default()).await.unwrap();
+        let writer = network.open_output("/cam/out", &OutputOptions::default()).await.unwrap();
+        (reader, writer)
+    });
+    for persistent in [true, false] {
+        let options = Map::from([
+            ("port", Value::from("/bridge/view:o")),
+            ("out_topic_connect", "/view/in".into()),
+            ("persistent", persistent.into()),
+            ("bottle", true.into()),
+        ]);
+        let mut source = yarp.open_publisher(&topic("/view", options), &there).unwrap();
+        open_way(&there, || source.link());
+        source.publish(&Value::List(vec![1.into(), "two".into()]).into()).unwrap();
+        let heard = world.runtime.block_on(reader.recv()).unwrap();
+        assert_eq!(&*heard.from, "/bridge/view:o");
+        drop(source);
+        until(&there, "the connection is gone", || reader.connected().borrow().inputs == 0);
+    }
+    let options = Map::from([("port", "/bridge/cam:i")]);
+    let mut sink = yarp.open_listener(&topic("/cam", options), &here).unwrap();
+    // From outside, as `yarp connect` does it.
+    until(&here, "the port is open", || {
+        let open = network.connect("/cam/out", "/bridge/cam:i", Some("fast_tcp"));
+        world.runtime.block_on(open).is_ok()
+    });
+    open_way(&here, || sink.link());
+    let words = Bottle::from(vec![Element::string("\"hello\"")]);
+    writer.write_bottle(&words).unwrap();
+    until(&here, "the message", || sink.take().unwrap().is_some());
+    world.runtime.block_on(async {
+        reader.close().await;
+        writer.close().await;
+    });
+}
+
+/// A server that ends without a word is found again at another address.
+#[test]
+fn a_server_that_vanishes_is_called_again() {
+    let world = World::new();
+    let yarp = world.yarp();
+    let (here, there) = (Context::default(), Context::default());
+    let spec = ServiceSpec::new("/answers", ServiceKind::NativeObject);
+    let mut client = yarp.open_client(&spec, &here).unwrap();
+    for round in 1..=3 {
+        let far = world.yarp();
+        let mut server = far.open_server(&spec, &there).unwrap();
+        let asked = Request::new([round.into()]);
+        let mut ticket = client.send(&asked, PATIENCE).unwrap();
+        until(&here, "an answer", || {
+            while let Ok(Some(request)) = server.take() {
+                let answer = Value::List(request.request.args);
+                server.reply(request.id, Ok(answer.into())).unwrap();
+            }
+            match client.take_only(ticket) {
+                Some(Ok(reply)) => {
+                    assert_eq!(reply.payload, Value::List(vec![round.into()]).into());
+                    true
+                }
+                Some(Err(_)) => {
+                    ticket = client.send(&asked, PATIENCE).unwrap();
+                    false
+                }
+                None => false,
+            }
+        });
+    }
+}
+
+#[test]
+fn other_machines_do_not_reach_ports_unless_they_may() {
+    let ip = Ipv4Addr::UNSPECIFIED.into();
+    let name_server = Some((Ipv4Addr::LOCALHOST, 1).into());
+    let config = YarpConfig { ip, name_server, ..YarpConfig::default() };
+    let refused = Yarp::start(&config).unwrap_err();
+    assert!(refused.to_string().contains("insecure: true"), "{refused}");
+    drop(Yarp::start(&YarpConfig { insecure: true, ..config }).unwrap());
+}
