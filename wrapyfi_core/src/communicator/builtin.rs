@@ -304,7 +304,7 @@ mod yarp {
                         found: format!("{address:?}"),
                         wanted: "an address and a port, such as 127.0.0.1:10000".to_owned(),
                     };
-                    let name_server = Some(address.parse().map_err(|_| fault())?);
+                    let name_server = Some(address.parse().map_err(|_text| fault())?);
                     YarpConfig { name_server, ..YarpConfig::default() }
                 }
                 None => YarpConfig::from_env().map_err(StartError::refused)?,
