@@ -7,6 +7,8 @@ use clap::{Args, Parser, Subcommand};
 use wrapyfi_core::endpoint::EndpointAddress;
 use wrapyfi_core::types::MessageType;
 
+use crate::options::EndpointOptions;
+
 /// Wrapyfi for ROS 2: native objects, arrays, images and sound between ZeroMQ and ROS 2.
 #[derive(Debug, Parser)]
 #[command(
@@ -82,7 +84,8 @@ pub struct BridgeArgs {
     listed. With a broker that is not ours, everything is subscribed to while we look."
 )]
 pub struct ListArgs {
-    /// Only this middleware: ros, ros2 or zeromq. Without it all, ROS 1 where ROS_MASTER_URI is set.
+    /// Only this middleware: ros, ros2, yarp or zeromq. Without it all, ROS 1 where ROS_MASTER_URI is
+    /// set and YARP where yarp.conf says where its name server is.
     pub middleware: Option<String>,
     /// One JSON object a line for each endpoint.
     #[arg(long)]
@@ -97,6 +100,9 @@ pub struct ListArgs {
 pub struct EchoArgs {
     /// Where to listen.
     pub endpoint: EndpointAddress,
+    /// Settings of the endpoint.
+    #[command(flatten)]
+    pub options: EndpointOptions,
     /// Type of the messages: NativeObject, Image, CompressedImage, AudioChunk, Properties or any ROS
     /// type. On ROS 2 it may be left out: it is what the topic's endpoints announce. Properties there
     /// are the parameters of the node that the endpoint names.
@@ -127,6 +133,9 @@ pub struct EchoArgs {
 pub struct PubArgs {
     /// Where to publish.
     pub endpoint: EndpointAddress,
+    /// Settings of the endpoint.
+    #[command(flatten)]
+    pub options: EndpointOptions,
     /// Type of the messages: NativeObject, Image, CompressedImage, AudioChunk, Properties or any ROS
     /// type. Properties on ROS 2 are the parameters of the node that the endpoint names: they are set.
     #[arg(long = "type", value_name = "T")]
@@ -162,6 +171,9 @@ pub struct PubArgs {
 pub struct CallArgs {
     /// Which service, for instance ros2:/add_two_ints.
     pub endpoint: EndpointAddress,
+    /// Settings of the endpoint.
+    #[command(flatten)]
+    pub options: EndpointOptions,
     /// Type of the service: NativeObject, Image, CompressedImage, AudioChunk, or on ROS 2 any type.
     /// It may be left out: on ROS 2 it is what the servers announce, on ZeroMQ NativeObject.
     #[arg(long = "type", value_name = "T")]
@@ -217,6 +229,9 @@ impl ServicePorts {
 pub struct ServeArgs {
     /// Which service, for instance ros2:/add_two_ints.
     pub endpoint: EndpointAddress,
+    /// Settings of the endpoint.
+    #[command(flatten)]
+    pub options: EndpointOptions,
     /// Type of the service: NativeObject, Image, CompressedImage, AudioChunk, or on ROS 2 any type.
     #[arg(long = "type", value_name = "T")]
     pub service_type: ServiceName,

@@ -9,6 +9,8 @@
 //!   middlewares   configuration -> middlewares in a registry
 //!   canonical native objects as text that every language hashes alike
 //!   describe  a payload as one JSON object, with its digest
+//!   options   --option of the command line
+//!   yarp      the section `endpoints.yarp`
 //!   overrides  qos_overrides of the node -> routes
 //!   input     JSON, .npy, PNG, JPEG, WAV -> a payload
 //!   table     route status as a table or as JSON
@@ -25,6 +27,8 @@ pub mod input;
 pub mod logging;
 pub mod middlewares;
 pub mod node;
+pub mod options;
 pub mod overrides;
 pub mod shutdown;
 pub mod table;
+pub mod yarp;

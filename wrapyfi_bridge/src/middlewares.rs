@@ -24,6 +24,7 @@ use wrapyfi_core::middleware::ros2::graph::Graph;
 use wrapyfi_core::middleware::ros2::{
     self, CycloneConfig, CycloneGraph, NodeEndpoints, NodeHandle, Ros2,
 };
+use wrapyfi_core::middleware::yarp;
 use wrapyfi_core::middleware::zeromq::{self, BrokerMode, ZeroMq, ZeroMqConfig};
 use wrapyfi_core::node::parameters::ParameterStore;
 
@@ -34,13 +35,15 @@ use crate::command::any;
 use crate::exit::Failure;
 use crate::logging;
 use crate::node::Node;
+use crate::yarp::YarpSection;
 
 /// Names under which routes and commands address the middlewares, with their rules for topics.
-fn available() -> [Available<'static>; 3] {
+fn available() -> [Available<'static>; 4] {
     [
         Available { name: "zeromq", check_topic: &zeromq::check_topic, options: &[] },
         Available { name: "ros2", check_topic: &check_ros_topic, options: &[] },
         Available { name: ros1::NAME, check_topic: &ros1::check_name, options: &[] },
+        Available { name: yarp::NAME, check_topic: &yarp::check_topic, options: yarp::OPTIONS },
     ]
 }
 
@@ -60,6 +63,8 @@ pub struct Endpoints {
     pub ros2: Ros2Section,
     /// The ROS 1 master.
     pub ros: Ros1Section,
+    /// YARP's name server, and our ports.
+    pub yarp: YarpSection,
 }
 
 /// `endpoints.zeromq`; what is left out comes from the `WRAPYFI_ZEROMQ_*` variables, else from
@@ -138,6 +143,7 @@ pub fn load(file: &Path) -> Result<Loaded, Failure> {
         .map_err(|error| Failure::usage(format!("{name}: {error}")))?;
     let config: Config<Endpoints> = Config::from_yaml(&text, &name).map_err(Failure::usage)?;
     check_zeromq(&config.endpoints.zeromq)
+        .and_then(|()| config.endpoints.yarp.check())
         .map_err(|problem| ConfigError { file: name.clone(), problems: vec![problem] })
         .map_err(Failure::usage)?;
     // As seen from the file, wherever the program was started.
@@ -205,6 +211,9 @@ impl Middlewares {
             }
             middlewares.add(Arc::new(zeromq));
         }
+        if plan.uses(yarp::NAME) {
+            middlewares.add(Arc::new(endpoints.yarp.start(largest)?));
+        }
         if plan.uses(ros1::NAME) {
             middlewares.add(Arc::new(start_ros1(&endpoints.ros)?));
         }
@@ -259,6 +268,7 @@ impl Middlewares {
             "ros2" => {
                 middlewares.add(Arc::new(Self::ros2_of_command()?));
             }
+            yarp::NAME => middlewares.add(Arc::new(endpoints.yarp.start(largest)?)),
             ros1::NAME => middlewares.add(Arc::new(start_ros1(&endpoints.ros)?)),
             other => {
                 let text = format!(

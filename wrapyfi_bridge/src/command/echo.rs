@@ -51,6 +51,7 @@ pub(super) fn known(
         qos: args.qos.map_or(start, Qos::from),
         match_peers: args.qos.is_none(),
         queue: QueueSpec { depth: 100, overflow: Overflow::DropOldest },
+        options: args.options.map(),
         ..TopicSpec::new(&args.endpoint.name, message_type)
     };
     let middleware =

@@ -11,6 +11,7 @@ use std::time::Instant;
 use anyhow::Context as _;
 use wrapyfi_core::endpoint::{Discovered, Discovery, EndpointAddress, Wake};
 use wrapyfi_core::middleware::ros1;
+use wrapyfi_core::middleware::yarp::{self, YarpConfig};
 
 use super::WAIT_SLICE;
 use crate::cli::ListArgs;
@@ -34,11 +35,12 @@ struct Side {
 pub fn run(args: &ListArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let all = Middlewares::names();
     let wanted: Vec<_> = match &args.middleware {
-        // Without this variable nobody has said that there is a ROS 1.
-        None if std::env::var_os("ROS_MASTER_URI").is_none() => {
-            all.into_iter().filter(|name| *name != ros1::NAME).collect()
-        }
-        None => all,
+        // Nobody has said that there is a ROS 1 without this variable, or a YARP without this file.
+        None => all
+            .into_iter()
+            .filter(|name| *name != ros1::NAME || std::env::var_os("ROS_MASTER_URI").is_some())
+            .filter(|name| *name != yarp::NAME || YarpConfig::from_env().is_ok())
+            .collect(),
         Some(name) => match all.iter().find(|known| *known == name) {
             Some(known) => vec![*known],
             None => {

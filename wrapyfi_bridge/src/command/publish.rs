@@ -25,8 +25,11 @@ pub fn run(args: &PubArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         (TypeName::Ros(name), "ros2") => return any::publish::run(args, name, shutdown),
         (TypeName::Ros(name), _) => any::message_type(name, &args.definitions)?,
     };
-    let spec =
-        TopicSpec { qos: args.qos.into(), ..TopicSpec::new(&args.endpoint.name, message_type) };
+    let spec = TopicSpec {
+        qos: args.qos.into(),
+        options: args.options.map(),
+        ..TopicSpec::new(&args.endpoint.name, message_type)
+    };
     let payload = match (&args.value, &args.file) {
         (Some(text), _) => input::from_json(text, &spec),
         (None, Some(file)) => input::from_file(file, &spec),

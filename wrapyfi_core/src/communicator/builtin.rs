@@ -315,9 +315,8 @@ mod yarp {
             config.max_message_bytes = config.max_message_bytes.max(wanted.max_message_bytes);
             // Two sides, two instances: one instance does not hear itself.
             let key = format!("{:?} {config:?}", wanted.side);
-            let start = move || {
-                Ok(Arc::new(Yarp::start(&config).map_err(StartError::refused)?) as _)
-            };
+            let start =
+                move || Ok(Arc::new(Yarp::start(&config).map_err(StartError::refused)?) as _);
             Ok(Planned { key, start: Box::new(start) })
         }
     }

@@ -68,6 +68,6 @@ pub use value::{Tagged, Value};
 pub(crate) use element::swap_byte_order;
 pub(crate) use map::unique_members;
 pub(crate) use nested::{nested_list, rectangular};
-#[cfg_attr(not(any(feature = "ros1", feature = "ros2")), allow(unused_imports))]
-pub(crate) use ros_value::{fields_of_call, fields_of_return, value_of};
+#[allow(unused_imports, reason = "which of them are used depends on the middlewares")]
+pub(crate) use ros_value::{fields_of, fields_of_call, fields_of_return, value_of};
 pub(crate) use shape::element_count;

@@ -45,7 +45,8 @@ pub(super) fn call(args: &CallArgs, shutdown: &Shutdown) -> Result<(), Failure> 
         args: arguments("--args", args.args.as_deref())?,
         kwargs: keywords("--kwargs", args.kwargs.as_deref())?,
     };
-    let spec = ServiceSpec::new(&args.endpoint.name, kind);
+    let options = args.options.map();
+    let spec = ServiceSpec { options, ..ServiceSpec::new(&args.endpoint.name, kind) };
     let context = Context::default();
     let middlewares = Middlewares::for_service(&args.endpoint, Role::Client, &args.ports)?;
     let middleware =
@@ -126,7 +127,8 @@ fn value(option: &str, text: &str) -> Result<Value, Failure> {
 /// Exit code 2 when type, service or reply is wrong, 1 when the transport fails.
 pub(super) fn serve(args: &ServeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let kind = kind(&args.service_type, &args.endpoint, &args.definitions)?;
-    let spec = ServiceSpec::new(&args.endpoint.name, kind);
+    let options = args.options.map();
+    let spec = ServiceSpec { options, ..ServiceSpec::new(&args.endpoint.name, kind) };
     let constant = constant(args, &spec)?;
     let context = Context::default();
     let middlewares = Middlewares::for_service(&args.endpoint, Role::Server, &args.ports)?;

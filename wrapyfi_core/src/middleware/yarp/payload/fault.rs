@@ -41,7 +41,7 @@ fn too_large(actual: usize, limit: usize) -> DecodeError {
 }
 
 /// Bytes that break the format.
-pub(super) fn malformed(format: &'static str, reason: impl ToString) -> DecodeError {
+pub(super) fn malformed(format: &'static str, reason: &impl ToString) -> DecodeError {
     DecodeError::Malformed { format, path: "$".to_owned(), reason: reason.to_string() }
 }
 

@@ -163,7 +163,7 @@ fn decode_raw(
         encoding = Encoding::Bgr8;
     }
     let size =
-        |value: usize| u32::try_from(value).map_err(|error| fault::malformed("image", error));
+        |value: usize| u32::try_from(value).map_err(|error| fault::malformed("image", &error));
     let (width, height) = (size(image.width())?, size(image.height())?);
     let read = if image.header().is_empty() {
         RawPixels::dense(width, height, encoding, Bytes::new())
@@ -171,7 +171,7 @@ fn decode_raw(
         let step = size(image.header().stride)?;
         RawPixels::new(width, height, encoding, step, image.data().clone())
     };
-    read.map_err(|error| fault::malformed("image", error))
+    read.map_err(|error| fault::malformed("image", &error))
 }
 
 fn decode_file(bottle: &Bottle) -> Result<Pixels, DecodeError> {

@@ -70,7 +70,7 @@ pub(super) fn read(
 
 fn field(values: Vec<f64>) -> Result<Value, DecodeError> {
     let tensor = Tensor::from_elements(&[values.len()], values);
-    tensor.map(Value::from).map_err(|error| fault::malformed("vector", error))
+    tensor.map(Value::from).map_err(|error| fault::malformed("vector", &error))
 }
 
 /// Positions, velocities and torques of a `stateExt:o`; those that it calls invalid are left out.

@@ -82,7 +82,7 @@ pub(super) fn to_fields(numbers: Numbers) -> Result<Map, DecodeError> {
         Some((rows, columns)) => vec![dim("rows", rows, count), dim("columns", columns, columns)],
     };
     let data = Tensor::from_elements(&[count], values);
-    let data = data.map_err(|error| fault::malformed("vector", error))?;
+    let data = data.map_err(|error| fault::malformed("vector", &error))?;
     let layout = Map::from([("dim", Value::List(dims)), ("data_offset", 0.into())]);
     Ok(Map::from([("layout", Value::from(layout)), ("data", data.into())]))
 }

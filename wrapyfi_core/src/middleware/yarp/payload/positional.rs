@@ -14,7 +14,9 @@ use super::element::{self, Writer};
 use super::{fault, requests, ros};
 use crate::codec::{DecodeError, EncodeError};
 use crate::endpoint::{Request, ServiceSpec};
-use crate::types::{Map, RosType, RosValueError, Value, fields_of, fields_of_call, value_of};
+use crate::types::{
+    Map, RosType, RosValueError, Value, fields_of_call, fields_of_return, value_of,
+};
 
 /// The field that the generator of ROS puts into messages without any.
 const FILLER: &str = "structure_needs_at_least_one_member";
@@ -32,13 +34,13 @@ pub(super) fn call(
     read.map_err(|error| other_fields(ros_type, &error))
 }
 
-/// The fields of a reply that a dict gives.
+/// The fields of a reply that a function returned: a dict of them, or their values in order.
 pub(super) fn reply(
     ros_type: RosType,
     value: &Value,
     limit: usize,
 ) -> Result<DynamicMessage, EncodeError> {
-    fields_of(ros_type, value, limit).map_err(|error| other_fields(ros_type, &error))
+    fields_of_return(ros_type, value, limit).map_err(|error| other_fields(ros_type, &error))
 }
 
 fn other_fields(ros_type: RosType, error: &RosValueError) -> EncodeError {
@@ -116,9 +118,10 @@ pub(super) fn read_reply(
         },
     };
     let named = ros::named(given.into(), &defaults);
-    let fields = fields_of(ros_type, &named, spec.limits.message_bytes).map_err(|error| {
-        fault::mismatch(format!("the fields of a {ros_type}"), format!("others: {error}"))
-    })?;
+    let fields =
+        fields_of_return(ros_type, &named, spec.limits.message_bytes).map_err(|error| {
+            fault::mismatch(format!("the fields of a {ros_type}"), format!("others: {error}"))
+        })?;
     Ok(Ok(value_of(&fields)))
 }
 

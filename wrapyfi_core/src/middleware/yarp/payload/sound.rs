@@ -75,7 +75,7 @@ pub(super) fn decode(
         read => read.map_err(|error| fault::sound(&error)),
     }?;
     let damaged = |what: &str, value: &dyn std::fmt::Display, limit: u64| {
-        fault::malformed("sound", format!("{what} {value}, from 1 to {limit} are read"))
+        fault::malformed("sound", &format!("{what} {value}, from 1 to {limit} are read"))
     };
     let channels = u8::try_from(sound.channels())
         .map_err(|_many| damaged("channels:", &sound.channels(), u8::MAX.into()))?;
@@ -89,6 +89,6 @@ pub(super) fn decode(
         sound.to_interleaved().into_iter().flat_map(i16::to_le_bytes).collect()
     };
     let chunk = AudioChunk::new(stamp, frames, channels, rate, SampleFormat::S16Le, data);
-    let chunk = chunk.map_err(|error| fault::malformed("sound", error))?;
+    let chunk = chunk.map_err(|error| fault::malformed("sound", &error))?;
     Ok(AudioChunk { frame_id: options.frame_id.clone(), ..chunk })
 }

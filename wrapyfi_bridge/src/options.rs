@@ -1,0 +1,67 @@
+//! `--option NAME=VALUE`: settings of one endpoint that only some middlewares have.
+
+use std::str::FromStr;
+
+use bytes::Bytes;
+use clap::Args;
+use wrapyfi_core::Limits;
+use wrapyfi_core::codec::json;
+use wrapyfi_core::types::{Map, Value};
+
+/// Settings of the endpoint, as `options` of a route.
+#[derive(Debug, Clone, Default, Args)]
+pub struct EndpointOptions {
+    /// Setting of the endpoint that its middleware knows, such as carrier=udp on yarp; may be given more
+    /// than once. Values are JSON, or text as it stands.
+    #[arg(long = "option", value_name = "NAME=VALUE")]
+    pub options: Vec<EndpointOption>,
+}
+
+/// One setting.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EndpointOption {
+    name: String,
+    value: Value,
+}
+
+impl FromStr for EndpointOption {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (name, value) = text
+            .split_once('=')
+            .filter(|(name, _)| !name.is_empty())
+            .ok_or_else(|| format!("{text:?} is no setting: write it as carrier=udp"))?;
+        let read = json::decode(&Bytes::copy_from_slice(value.as_bytes()), &Limits::default());
+        let value = read.unwrap_or_else(|_text| value.into());
+        Ok(Self { name: name.to_owned(), value })
+    }
+}
+
+impl EndpointOptions {
+    /// As an endpoint takes them; the last one of a name counts.
+    #[must_use]
+    pub fn map(&self) -> Map {
+        self.options.iter().map(|option| (option.name.as_str(), option.value.clone())).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_are_json_or_text() {
+        let read = |text: &str| text.parse::<EndpointOption>().unwrap();
+        let options = EndpointOptions {
+            options: ["carrier=udp", "persistent=false", "joints=[\"a\", \"b\"]", "carrier=mcast"]
+                .map(read)
+                .to_vec(),
+        };
+        let map = options.map();
+        assert_eq!(map.get("carrier"), Some(&"mcast".into()));
+        assert_eq!(map.get("persistent"), Some(&false.into()));
+        assert_eq!(map.get("joints"), Some(&Value::from_iter(["a", "b"])));
+        assert!("udp".parse::<EndpointOption>().unwrap_err().contains("carrier=udp"));
+    }
+}
