@@ -213,17 +213,19 @@ async fn stay_connected(shared: &Shared, desk: &Desk, port: &RpcClient) {
         desk.up.send_replace(Some(time));
         desk.standing.connected(1);
         loop {
-            tokio::select! {
+            let rung = tokio::select! {
                 // It said goodbye.
-                _ = changes.wait_for(|now| now.outputs == 0) => break,
-                () = desk.failed.notified() => break,
-                () = bell.notified() => {
-                    // The same server that was registered again is no other server.
-                    let now = shared.network.query(&desk.service).await;
-                    if now.is_ok_and(|now| now.is_some() && now != at) {
-                        break;
-                    }
-                }
+                _ = changes.wait_for(|now| now.outputs == 0) => false,
+                () = desk.failed.notified() => false,
+                () = bell.notified() => true,
+            };
+            // The same server that was registered again is no other server.
+            let stays = rung && {
+                let now = shared.network.query(&desk.service).await;
+                now.is_ok_and(|now| now.is_none() || now == at)
+            };
+            if !stays {
+                break;
             }
         }
         desk.up.send_replace(None);

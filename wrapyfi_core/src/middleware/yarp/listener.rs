@@ -202,10 +202,16 @@ async fn keep(
         }
     };
     let tied = || inlet.sources().iter().any(|source| source == tie.other());
+    let say = |why: String| {
+        // Somebody else may have connected us.
+        if inlet.sources().is_empty() {
+            inlet.standing.waiting(why);
+        }
+    };
     tokio::select! {
         () = stopped.wait() => {}
         () = counted => {}
-        () = tie.keep(&shared, changes.clone(), tied, Some(&inlet.standing)) => {}
+        () = tie.keep(&shared, changes.clone(), tied, say) => {}
     }
     tie.forget(&shared).await;
     let port = inlet.port().take();

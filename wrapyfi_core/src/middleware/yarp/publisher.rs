@@ -119,7 +119,7 @@ async fn keep(
     let kept = async {
         let Some(tie) = &tie else { return std::future::pending().await };
         let tied = || outlet.has_output_to(tie.other());
-        tie.keep(&shared, changes.clone(), tied, None).await;
+        tie.keep(&shared, changes.clone(), tied, |_why| {}).await;
     };
     tokio::select! {
         () = stopped.wait() => {}

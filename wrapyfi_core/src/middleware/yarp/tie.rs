@@ -6,7 +6,6 @@
 //!   neither      nobody called /cam: waits for its name, without asking
 //! ```
 
-use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::sync::watch;
@@ -16,7 +15,6 @@ use wrapyfi_yarp::port::Connected;
 use super::Shared;
 use super::options::YarpOptions;
 use super::retry::Retry;
-use super::standing::Standing;
 
 /// How long the name server is given for its part before it is reminded.
 const PATIENCE: Duration = Duration::from_millis(200);
@@ -65,19 +63,14 @@ impl Tie {
     }
 
     /// Sees to it, for as long as it is run. `tied` says whether it is there, `changed` when to look
-    /// again; `standing` is told why it is not.
+    /// again; `say` is told why it is not.
     pub(super) async fn keep(
         &self,
         shared: &Shared,
         mut changed: watch::Receiver<Connected>,
         tied: impl Fn() -> bool,
-        standing: Option<&Arc<Standing>>,
+        say: impl Fn(String),
     ) {
-        let say = |what: String| {
-            if let Some(standing) = standing.filter(|_| !tied()) {
-                standing.waiting(what);
-            }
-        };
         let bell = shared.directory.watch(self.other());
         let (mut retry, mut subscribed) = (Retry::new(PATIENCE), None);
         loop {
