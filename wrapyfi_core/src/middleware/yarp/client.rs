@@ -6,8 +6,8 @@
 //! ```
 //!
 //! YARP's replies have no number, so a connection carries one call at a time, and several calls have
-//! several connections. One more has a port with a name, as Wrapyfi's client is; it carries no calls and tells
-//! when the server goes. A connection whose call took too long is kept for its late reply for a
+//! several connections. One more has a port with a name, as Wrapyfi's client is; it carries no calls
+//! and tells when the server goes. A connection whose call took too long is kept for its late reply for a
 //! while, so that this is counted and taken for no other.
 
 use std::collections::VecDeque;
