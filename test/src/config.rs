@@ -60,6 +60,7 @@ impl Config {
             sub_port,
             broker: "embedded",
             requests: None,
+            endpoints: Vec::new(),
             more: Vec::new(),
             routes: Vec::new(),
         }
