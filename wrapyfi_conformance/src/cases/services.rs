@@ -4,12 +4,13 @@ use std::time::{Duration, Instant};
 
 use wrapyfi_core::endpoint::{CallError, DropReason, Request, ServeError, ServiceSpec};
 use wrapyfi_core::types::{
-    AudioChunk, DataType, Encoding, Image, Map, Payload, Pixels, ServiceKind, Stamp, Value,
+    AudioChunk, DataType, Encoding, Image, Map, Payload, Pixels, SampleFormat, ServiceKind, Stamp,
+    Value,
 };
 use wrapyfi_core::{DecodeError, EncodeError};
 
 use super::skipped;
-use crate::payloads::{frame, rich, samples, sound};
+use crate::payloads::{frame, rich, sound};
 use crate::service_ends::{Caller, Clerk, SOON, call_and_serve};
 use crate::{PATIENCE, Rig, Side, wait_until};
 
@@ -95,7 +96,7 @@ pub fn every_kind_is_returned<R: Rig>() {
                 frame(640, 480, Encoding::Bgr8),
                 frame(5, 4, Encoding::Mono8),
             ],
-            DataType::AudioChunk => vec![sound(441, 2, samples::<R>())],
+            DataType::AudioChunk => vec![sound(441, 2, SampleFormat::F32Le)],
             _ => vec![rich(), list([])],
         };
         for payload in payloads {

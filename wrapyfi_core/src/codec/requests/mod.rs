@@ -244,7 +244,7 @@ fn form(image: Image, spec: &ServiceSpec) -> Result<Image, EncodeError> {
 }
 
 /// The picture as the client asked for it, whichever form came.
-fn reform(image: Image, spec: &ServiceSpec) -> Result<Image, DecodeError> {
+pub(crate) fn reform(image: Image, spec: &ServiceSpec) -> Result<Image, DecodeError> {
     let wants_file = spec.kind.message_type() == MessageType::CompressedImage;
     if wants_file == matches!(image.pixels, Pixels::Compressed { .. }) {
         return Ok(image);

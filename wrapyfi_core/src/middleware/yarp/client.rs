@@ -27,12 +27,13 @@ use super::payload;
 use super::retry::Retry;
 use super::standing::Standing;
 use super::tasks::{Stop, Stopped};
+use crate::codec::requests::reform;
 use crate::endpoint::book::Book;
 use crate::endpoint::calls::{Stage, ends};
 use crate::endpoint::{
     CallError, Client, Context, Link, OpenError, Reply, Request, ServiceSpec, Ticket, Wake,
 };
-use crate::types::Stamp;
+use crate::types::{Payload, Stamp};
 
 /// How long after its time a reply may come and still be known as late.
 const LATE: Duration = Duration::from_secs(30);
@@ -311,6 +312,11 @@ impl YarpClient {
         self.book.answered(number, body.len(), at, || {
             let now = Stamp::now();
             match payload::decode_reply(&body, spec, &desk.options, desk.dialect, now) {
+                // Servers send pixels; a service of files gives files.
+                Ok(Ok(Payload::Image(image))) => match reform(image, spec) {
+                    Ok(image) => Ok(image.into()),
+                    Err(fault) => Err(CallError::Reply { service, fault }),
+                },
                 Ok(Ok(payload)) => Ok(payload),
                 Ok(Err(reason)) => Err(CallError::Refused { service, reason }),
                 Err(fault) => Err(CallError::Reply { service, fault }),
