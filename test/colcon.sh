@@ -88,8 +88,8 @@ for file in \
     install/wrapyfi_msgs/share/ament_index/resource_index/rosidl_interfaces/wrapyfi_msgs \
     install/wrapyfi_bridge/lib/wrapyfi_bridge/{bridge,wrapyfi} \
     install/wrapyfi_bridge/bin/wrapyfi \
-    install/wrapyfi_core/share/ament_index/resource_index/rust_packages/{wrapyfi_core,wrapyfi_interfaces,wrapyfi_macros} \
-    install/wrapyfi_core/share/{wrapyfi_core,wrapyfi_interfaces,wrapyfi_macros}/rust/Cargo.toml \
+    install/wrapyfi_core/share/ament_index/resource_index/rust_packages/{wrapyfi_core,wrapyfi_interfaces,wrapyfi_macros,wrapyfi_yarp} \
+    install/wrapyfi_core/share/{wrapyfi_core,wrapyfi_interfaces,wrapyfi_macros,wrapyfi_yarp}/rust/Cargo.toml \
     install/wrapyfi/share/wrapyfi/launch/bridge.launch.py \
     install/wrapyfi/share/wrapyfi/config/example.yaml; do
     [ -e "$file" ] || fail "$file was not installed"

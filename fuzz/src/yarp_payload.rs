@@ -1,5 +1,7 @@
 //! The target of what YARP's ports bring: payloads, requests and replies.
 
+#![allow(clippy::indexing_slicing, reason = "every index is below the length")]
+
 use bytes::Bytes;
 use wrapyfi_core::codec::EncodeError;
 use wrapyfi_core::endpoint::{ServiceSpec, TopicSpec};

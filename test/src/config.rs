@@ -45,6 +45,8 @@ pub struct Config {
     broker: &'static str,
     /// Ports of requests and replies, where services are routed.
     requests: Option<(u16, u16)>,
+    /// Sections of other endpoints.
+    endpoints: Vec<String>,
     more: Vec<String>,
     routes: Vec<Route>,
 }
@@ -76,6 +78,14 @@ impl Config {
         self
     }
 
+    /// YARP with a name server in the bridge, on this world's port.
+    #[must_use]
+    pub fn yarp(mut self, world: &World) -> Self {
+        let address = format!("127.0.0.1:{}", world.yarp_port());
+        self.endpoints.push(format!("  yarp: {{ name_server: \"{address}\", embedded: true }}\n"));
+        self
+    }
+
     /// Adds a key of the file itself; `value` is YAML.
     #[must_use]
     pub fn with(mut self, key: &str, value: &str) -> Self {
@@ -93,13 +103,14 @@ impl Config {
     /// The file's text.
     #[must_use]
     pub fn yaml(&self) -> String {
-        let Self { pub_port, sub_port, broker, requests, more, routes } = self;
+        let Self { pub_port, sub_port, broker, requests, endpoints, more, routes } = self;
+        let endpoints = endpoints.concat();
         let requests = requests.map_or_else(String::new, |(rep_port, req_port)| {
             format!("    rep_port: {rep_port}\n    req_port: {req_port}\n")
         });
         let more = more.concat();
         let mut text = format!(
-            "endpoints:\n  zeromq:\n    ip: 127.0.0.1\n    pub_port: {pub_port}\n    sub_port: {sub_port}\n    broker: {broker}\n{requests}{more}routes:\n"
+            "endpoints:\n  zeromq:\n    ip: 127.0.0.1\n    pub_port: {pub_port}\n    sub_port: {sub_port}\n    broker: {broker}\n{requests}{endpoints}{more}routes:\n"
         );
         for route in routes {
             for (index, (key, value)) in route.pairs.iter().enumerate() {

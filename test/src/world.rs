@@ -27,6 +27,7 @@ pub struct World {
     rep_port: Reserved,
     req_port: Reserved,
     ros_port: Reserved,
+    yarp_port: Reserved,
     folder: TempDir,
     pillars: Pillars,
 }
@@ -45,6 +46,7 @@ impl World {
             rep_port: reserve::port()?,
             req_port: reserve::port()?,
             ros_port: reserve::port()?,
+            yarp_port: reserve::port()?,
             folder: TempDir::with_prefix("wrapyfi_e2e_")
                 .context("creating a folder for the test")?,
             pillars: Pillars::default(),
@@ -73,6 +75,20 @@ impl World {
     #[must_use]
     pub fn req_port(&self) -> u16 {
         self.req_port.number
+    }
+
+    /// Port of the YARP name server.
+    #[must_use]
+    pub fn yarp_port(&self) -> u16 {
+        self.yarp_port.number
+    }
+
+    /// Tells the programs of this test where the YARP name server is, as `yarp.conf` does.
+    ///
+    /// # Errors
+    /// Where the file cannot be written.
+    pub fn yarp_conf(&self) -> Result {
+        self.write("yarp.conf", format!("127.0.0.1 {} yarp\n", self.yarp_port())).map(drop)
     }
 
     /// A topic name of this test, `/…/base`.
@@ -442,6 +458,7 @@ impl World {
             .env("ROS_IP", "127.0.0.1")
             .env("ROS_HOME", self.folder.path())
             .env("ROS_LOG_DIR", self.folder.path())
+            .env("YARP_CONFIG_HOME", self.folder.path())
             .env("NO_COLOR", "1");
         for variable in [
             "ROS_LOCALHOST_ONLY",

@@ -282,7 +282,7 @@ mod yarp {
 
     use std::sync::Arc;
 
-    use crate::communicator::option::OptionError;
+    use crate::communicator::option::{OptionError, Options};
     use crate::communicator::source::{Planned, Source, StartError, Wanted};
     use crate::middleware::yarp::{Dialect, NAME, Yarp, YarpConfig};
 
@@ -291,6 +291,20 @@ mod yarp {
     impl Source for YarpSource {
         fn name(&self) -> &str {
             NAME
+        }
+
+        fn absent(&self, options: &Options) -> Option<String> {
+            // An option that cannot be read is told by whoever plans.
+            let kwargs = options.map("yarp_kwargs").ok().flatten();
+            if kwargs
+                .is_some_and(|kwargs| matches!(kwargs.text("name_server"), Ok(Some(_)) | Err(_)))
+            {
+                return None;
+            }
+            match YarpConfig::from_env() {
+                Err(error) if error.is_missing() => Some(error.to_string()),
+                _ => None,
+            }
         }
 
         fn plan(&self, wanted: &Wanted<'_>) -> Result<Planned, StartError> {
@@ -304,7 +318,7 @@ mod yarp {
                         found: format!("{address:?}"),
                         wanted: "an address and a port, such as 127.0.0.1:10000".to_owned(),
                     };
-                    let name_server = Some(address.parse().map_err(|_| fault())?);
+                    let name_server = Some(address.parse().map_err(|_text| fault())?);
                     YarpConfig { name_server, ..YarpConfig::default() }
                 }
                 None => YarpConfig::from_env().map_err(StartError::refused)?,

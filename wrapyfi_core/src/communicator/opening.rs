@@ -68,17 +68,19 @@ impl Opening<'_> {
             tracing::debug!("{}: no middleware is selected for {}", self.method, value.topic);
             return Ok(Channel::default());
         };
+        let absent = |why: String| {
+            tracing::warn!(
+                "{}: middleware {name} is not available here ({why}), so what would come from \
+                 {name}:{} is None and what would go there is not sent",
+                self.method,
+                value.topic
+            );
+            Ok(Channel { absent: Some(name.clone()), ..Channel::default() })
+        };
         let source = match self.context.find(name) {
             Found::Source(source) => source,
             Found::Absent => {
-                tracing::warn!(
-                    "{}: middleware {name} is not available here (available: {}), so what would \
-                     come from {name}:{} is None and what would go there is not sent",
-                    self.method,
-                    self.context.middlewares().join(", "),
-                    value.topic
-                );
-                return Ok(Channel { absent: Some(name.clone()), ..Channel::default() });
+                return absent(format!("available: {}", self.context.middlewares().join(", ")));
             }
             Found::Unknown => {
                 let available = self.context.middlewares();
@@ -90,7 +92,11 @@ impl Opening<'_> {
                 });
             }
         };
-        self.open_ends(value, &*source)
+        let (_, options) = value.side(Side::Listener).map_err(|fault| self.option(fault))?;
+        match source.absent(&options) {
+            Some(why) => absent(why),
+            None => self.open_ends(value, &*source),
+        }
     }
 
     fn open_ends(&self, value: &Resolved, source: &dyn Source) -> Result<Channel, CallError> {

@@ -24,6 +24,13 @@ pub trait Source: Send + Sync {
     /// When an option or the environment has a value that means nothing.
     fn plan(&self, wanted: &Wanted<'_>) -> Result<Planned, StartError>;
 
+    /// Why it is not available on this machine although this program knows it, if that is so: a value
+    /// on it is `None` then, as on one that was not built in.
+    fn absent(&self, options: &Options) -> Option<String> {
+        _ = options;
+        None
+    }
+
     /// Messages that wait at a listener, unless `queue_size` says otherwise.
     fn queue_depth(&self) -> Option<usize> {
         None

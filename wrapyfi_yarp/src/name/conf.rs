@@ -94,6 +94,14 @@ pub enum ConfError {
     Environment(#[from] EnvironmentError),
 }
 
+impl ConfError {
+    /// True when nobody has said where a name server is, rather than said it wrongly.
+    #[must_use]
+    pub fn is_missing(&self) -> bool {
+        matches!(self, Self::Missing { .. } | Self::NoFolder)
+    }
+}
+
 impl NameServerConf {
     /// Reads what a configuration file says: `HOST PORT [MODE]`, or the group `[name]` of an ini
     /// file with `host`, `port` and `mode`.

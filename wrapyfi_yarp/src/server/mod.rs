@@ -242,5 +242,7 @@ fn reachable(ip: IpAddr) -> IpAddr {
         socket.connect((crate::name::DISCOVERY_GROUP, 9))?;
         socket.local_addr()
     });
-    local.map_or(IpAddr::V4(Ipv4Addr::LOCALHOST), |address| address.ip())
+    // Where no interface leads anywhere, only this machine is left.
+    let local = local.ok().map(|address| address.ip()).filter(|ip| !ip.is_unspecified());
+    local.unwrap_or(IpAddr::V4(Ipv4Addr::LOCALHOST))
 }

@@ -210,7 +210,7 @@ async fn embed(
     }
     let ip = match conf.host.as_str() {
         "localhost" => IpAddr::from([127, 0, 0, 1]),
-        host => host.parse().map_err(|_| StartError::Host { host: host.to_owned() })?,
+        host => host.parse().map_err(|_text| StartError::Host { host: host.to_owned() })?,
     };
     let options = NameServerOptions {
         ip,
