@@ -121,6 +121,8 @@ pub struct Capabilities {
     pub types: TypeCheck,
     /// Requests and replies.
     pub services: bool,
+    /// Pictures and sound that are returned keep their time; elsewhere it is that of their arrival.
+    pub reply_stamps: bool,
     /// A reply that is too large for its client is dropped before it is known whose it is: the call
     /// ends at its time.
     pub drops_large_replies_unread: bool,
@@ -154,6 +156,7 @@ impl Capabilities {
         frame_id: true,
         types: TypeCheck::Match,
         services: true,
+        reply_stamps: true,
         drops_large_replies_unread: false,
     };
 }

@@ -41,6 +41,7 @@ impl Rig for Named {
         keeps_last: false,
         ignores_own: false,
         float_sound: false,
+        reply_stamps: false,
         frame_id: false,
         types: TypeCheck::Arrival,
         ..Capabilities::FULL
