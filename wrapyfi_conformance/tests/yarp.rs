@@ -46,10 +46,6 @@ impl Rig for Named {
         types: TypeCheck::Arrival,
         ..Capabilities::FULL
     };
-    const KNOWN_FAULTS: &'static [(&'static str, &'static str)] = &[
-        ("every_kind_is_returned", "what Wrapyfi returns over YARP has no time stamp"),
-        ("what_is_too_large_to_return_is_told", "what Wrapyfi returns over YARP has no time stamp"),
-    ];
 
     fn start() -> Self {
         let near = side((Ipv4Addr::LOCALHOST, 0).into(), true);
