@@ -39,7 +39,7 @@
 //!   holds it back.
 //! * Handled in here: goodbye, unknown commands and their hint, `?`, messages that do not decode,
 //!   fixed text for an unknown header. All of it is counted in [`SessionOptions::counters`].
-//! * udp and mcast connections only say where datagrams come: [`super::datagrams`] takes the
+//! * udp and mcast connections only say where datagrams come: the module `datagrams` takes the
 //!   session apart and goes on.
 
 use std::io;
