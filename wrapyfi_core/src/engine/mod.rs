@@ -21,7 +21,7 @@
 //! let mut registry = Registry::new();
 //! registry.register(bus.clone());
 //! let route = RouteSpec::new("memory:/in".parse()?, "memory:/out".parse()?, MessageType::NativeObject);
-//! let mut engine = Engine::new(Plan { routes: vec![route] }, &registry);
+//! let mut engine = Engine::new(Plan { routes: vec![route], ..Plan::default() }, &registry);
 //!
 //! let mut out = bus.open_listener(&TopicSpec::new("/out", MessageType::NativeObject), &Context::default())?;
 //! let mut source = bus.open_publisher(&TopicSpec::new("/in", MessageType::NativeObject), &Context::default())?;
