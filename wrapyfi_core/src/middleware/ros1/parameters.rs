@@ -95,7 +95,7 @@ impl Listener for ParameterListener {
             let expected = "a namespace of parameters".to_owned();
             DecodeError::Mismatch { expected, actual: error.to_string() }
         })?;
-        Ok(Some(Sample { payload: properties.into(), wire_bytes, received_at }))
+        Ok(Some(Sample { payload: properties.into(), wire_bytes, received_at, origin: None }))
     }
 
     fn discard(&mut self) -> bool {
