@@ -62,6 +62,8 @@ struct Origins {
     /// Kept theirs, are gone, and were not told of.
     departed: Vec<u64>,
     look_at: Option<Instant>,
+    /// How many publishers matched at the last look.
+    matched: usize,
     /// Whether all publishers that there are keep theirs, as of this change.
     all_keep: (u64, Option<bool>),
 }
@@ -157,11 +159,14 @@ impl Ros2Listener {
             let all = (!peers.is_empty()).then(|| peers.iter().all(keep));
             self.origins.all_keep = (changes, all);
         }
-        if self.origins.known.is_empty() || self.origins.look_at.is_some_and(|at| now < at) {
+        let state = self.inlet.lock();
+        let matched = state.reader.as_ref().map_or(0, |reader| reader.matched());
+        let is_due = self.origins.look_at.is_none_or(|at| now >= at);
+        if self.origins.known.is_empty() || !(is_due || matched != self.origins.matched) {
             return;
         }
+        self.origins.matched = matched;
         self.origins.look_at = Some(now + LOOK_EVERY);
-        let state = self.inlet.lock();
         let readers = state.reader.iter().chain(state.old.as_ref().map(|(old, _)| old));
         let Some(there) = readers.map(|reader| reader.publishers()).collect::<Option<Vec<_>>>()
         else {
