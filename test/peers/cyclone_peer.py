@@ -29,6 +29,7 @@ parser.add_argument("--encoding", default="", help="image encoding; default by f
 parser.add_argument("--frame-id", default="")
 parser.add_argument("--best-effort", action="store_true")
 parser.add_argument("--transient-local", action="store_true")
+parser.add_argument("--fields", type=json.loads, help="publish a message with these fields, JSON without blanks")
 parser.add_argument("--text", help="publish this as it is in a std_msgs/msg/String")
 parser.add_argument("--depth", type=int, default=50)
 parser.add_argument("--hash", help="type hash to announce instead of the right one")
@@ -107,6 +108,15 @@ def blank(ros_type):
     return struct(ros_type)(**values)
 
 
+def fill(message, fields):
+    for name, value in fields.items():
+        if isinstance(value, dict):
+            fill(getattr(message, name), value)
+        else:
+            setattr(message, name, value)
+    return message
+
+
 def qos(user_data=b""):
     infinite = duration(infinite=True)
     found = Qos(Policy.Reliability.BestEffort if args.best_effort else Policy.Reliability.Reliable(infinite),
@@ -126,6 +136,8 @@ def make(seq):
         now = time.time_ns()
         message.header.stamp.sec, message.header.stamp.nanosec = now // 10 ** 9, now % 10 ** 9
         message.header.frame_id = args.frame_id
+    if args.fields is not None:
+        return fill(message, args.fields), {"fields": args.fields}
     if args.text is not None:
         message.data = args.text
         return message, {"text": args.text}

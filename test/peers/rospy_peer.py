@@ -6,6 +6,9 @@
     rospy_peer.py master    --port P                          a roscore: master and parameter server
     rospy_peer.py serve     --topic /x                        std_srvs/SetBool, refuses False
     rospy_peer.py param     --topic /x [--value JSON]         sets or prints a parameter
+    rospy_peer.py params    --topic /x                        prints a namespace, and at every change; a line
+                                                              on stdin sets: {"gain": 2.5, "old": null}
+    rospy_peer.py log       --value TEXT                      rospy.logwarn
 
 In a published value {n} stands for the number of the message. Lines on stdout: {"event": "ready"}, of a
 subscriber {"event": "matched"}, and {"event": "message", "index", "value"}: the fields, bytes as their SHA-256.
@@ -17,7 +20,7 @@ import os
 import sys
 
 parser = argparse.ArgumentParser()
-parser.add_argument("role", choices=["publish", "subscribe", "master", "serve", "param"])
+parser.add_argument("role", choices=["publish", "subscribe", "master", "serve", "param", "params", "log"])
 parser.add_argument("--topic", default="/x")
 parser.add_argument("--type", default="std_msgs/String")
 parser.add_argument("--value")
@@ -30,7 +33,8 @@ args = parser.parse_args()
 
 from lines import leave, leaving, say, watch_stdin  # noqa: E402
 
-watch_stdin()
+if args.role != "params":
+    watch_stdin()
 
 if args.role == "master":
     import rosmaster.master
@@ -112,6 +116,32 @@ elif args.role == "serve":
     service = rospy.Service(args.topic, SetBool, answer)
     say("ready")
     leaving.wait()
+elif args.role == "log":
+    # rospy keeps its last line for who comes later.
+    rospy.logwarn(args.value)
+    say("message", index=0, value=args.value)
+    leaving.wait()
+elif args.role == "params":
+    import threading
+
+    def obey():
+        for line in sys.stdin:
+            for name, value in json.loads(line).items():
+                if value is None:
+                    rospy.delete_param(args.topic + "/" + name)
+                else:
+                    rospy.set_param(args.topic + "/" + name, value)
+        leaving.set()
+
+    threading.Thread(target=obey, daemon=True).start()
+    say("ready")
+    last = None
+    while not leaving.is_set():
+        now = rospy.get_param(args.topic, {})
+        if now != last:
+            say("message", index=0, value=now)
+            last = now
+        leaving.wait(0.05)
 elif args.role == "param":
     if args.value is not None:
         rospy.set_param(args.topic, json.loads(args.value))
