@@ -29,6 +29,7 @@ parser.add_argument("--encoding", default="", help="image encoding; default by f
 parser.add_argument("--frame-id", default="")
 parser.add_argument("--best-effort", action="store_true")
 parser.add_argument("--transient-local", action="store_true")
+parser.add_argument("--text", help="publish this as it is in a std_msgs/msg/String")
 parser.add_argument("--depth", type=int, default=50)
 parser.add_argument("--hash", help="type hash to announce instead of the right one")
 parser.add_argument("--humble-node", help="announce the endpoint as this node's, as ROS 2 Humble does")
@@ -125,6 +126,9 @@ def make(seq):
         now = time.time_ns()
         message.header.stamp.sec, message.header.stamp.nanosec = now // 10 ** 9, now % 10 ** 9
         message.header.frame_id = args.frame_id
+    if args.text is not None:
+        message.data = args.text
+        return message, {"text": args.text}
     if args.type == "std_msgs/msg/String":
         value = payload.native(seq, flavour or "small")
         message.data = encode_json(value)

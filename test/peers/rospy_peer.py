@@ -7,8 +7,8 @@
     rospy_peer.py serve     --topic /x                        std_srvs/SetBool, refuses False
     rospy_peer.py param     --topic /x [--value JSON]         sets or prints a parameter
 
-In a published value {n} stands for the number of the message. Lines on stdout: {"event": "ready"}, then
-{"event": "message", "index", "value"}: the fields, bytes as their SHA-256.
+In a published value {n} stands for the number of the message. Lines on stdout: {"event": "ready"}, of a
+subscriber {"event": "matched"}, and {"event": "message", "index", "value"}: the fields, bytes as their SHA-256.
 """
 import argparse
 import hashlib
@@ -98,6 +98,9 @@ elif args.role == "subscribe":
 
     subscriber = rospy.Subscriber(args.topic, kind, heard, queue_size=100)
     say("ready")
+    while subscriber.get_num_connections() == 0 and not leaving.is_set():
+        leaving.wait(0.01)
+    say("matched")
     leaving.wait()
 elif args.role == "serve":
     from std_srvs.srv import SetBool, SetBoolResponse

@@ -312,7 +312,12 @@ impl Middleware for Latched {
 impl Listener for LatchedListener {
     fn take(&mut self) -> Result<Option<Sample>, crate::endpoint::TakeError> {
         let next = self.aside.take().or_else(|| self.waiting.pop());
-        Ok(next.map(|n| Sample { payload: number(n), wire_bytes: 0, received_at: Instant::now() }))
+        Ok(next.map(|n| Sample {
+            payload: number(n),
+            wire_bytes: 0,
+            received_at: Instant::now(),
+            origin: None,
+        }))
     }
 
     fn set_aside(&mut self) -> Option<u64> {

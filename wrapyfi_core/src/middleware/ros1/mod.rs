@@ -22,7 +22,7 @@
 //! | `core`, `registrations`, `registrar` | the node; what the master should know, and that it does |
 //! | `tcpros` | connections: opened, accepted, refused |
 //! | `intake`, `listener` | a topic received |
-//! | `publication`, `outlet` | a topic sent, one subscriber of it |
+//! | `publication`, `kept`, `outlet` | a topic sent, what is kept of it, one subscriber |
 //! | `services`, `service_host`, `server`, `client` | services |
 //! | `parameters` | properties |
 //! | `form` | messages of any type as payloads |
@@ -38,6 +38,7 @@ mod form;
 pub mod header;
 mod http;
 mod intake;
+mod kept;
 mod listener;
 mod master;
 mod names;

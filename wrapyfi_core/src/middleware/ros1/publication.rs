@@ -3,7 +3,7 @@
 //! ```text
 //!   Ros1Publisher ┐                        ┌▶ Outlet ─▶ subscriber
 //!   Ros1Publisher ┴─▶ Publication ─────────┴▶ Outlet ─▶ subscriber
-//!                       └ latched: the last message of each publisher, for who comes later
+//!                       └ Kept: what is latched, for who comes later
 //! ```
 
 use std::borrow::Cow;
@@ -16,12 +16,13 @@ use wrapyfi_interfaces::ros1::Plan;
 use super::core::Core;
 use super::form;
 use super::header::Header;
+use super::kept::Kept;
 use super::outlet::{Frame, Outlet};
 use super::slave_info::BusLink;
 use super::tcpros::Accepted;
 use crate::codec::ros1::Ros1Type;
 use crate::endpoint::{
-    Context, Counters, Durability, History, Link, PublishError, Publisher, TopicSpec, Wake,
+    Context, Counters, Durability, History, Link, Origin, PublishError, Publisher, TopicSpec, Wake,
 };
 use crate::types::{Encoding, MessageType, Payload, Pixels};
 use crate::{EncodeError, Limits, codec};
@@ -45,7 +46,7 @@ struct State {
 /// One publisher of this node.
 struct Entry {
     latches: bool,
-    last: Option<Frame>,
+    kept: Kept,
     depth: usize,
     counters: Arc<Counters>,
     wake: Wake,
@@ -99,12 +100,12 @@ impl Publication {
     }
 
     /// Sends to all subscribers; how many there are.
-    fn send(&self, publisher: u64, frame: &Frame) -> usize {
+    fn send(&self, publisher: u64, frame: &Frame, keep: Keep) -> usize {
         let mut state = self.state();
         let State { publishers, outlets, .. } = &mut *state;
         let Some(entry) = publishers.get_mut(&publisher) else { return 0 };
-        if entry.latches {
-            entry.last = Some(frame.clone());
+        if let Keep::LastOf(origin) = keep {
+            entry.kept.keep(origin, frame, &self.topic);
         }
         for outlet in outlets.iter() {
             outlet.push(frame, entry.depth, &entry.counters);
@@ -157,13 +158,20 @@ impl Publication {
             return false;
         }
         for entry in state.publishers.values() {
-            if let Some(last) = &entry.last {
-                outlet.push(last, KEEP_ALL, &entry.counters);
+            for kept in entry.kept.frames() {
+                outlet.push(kept, KEEP_ALL, &entry.counters);
             }
         }
         state.outlets.push(Arc::clone(outlet));
         true
     }
+}
+
+/// Whether a message is kept for who comes later, and as whose last one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Keep {
+    No,
+    LastOf(Option<u64>),
 }
 
 /// Sends to one topic.
@@ -174,7 +182,10 @@ pub(super) struct Ros1Publisher {
     spec: TopicSpec,
     plan: Option<Plan>,
     sequence: u32,
+    /// As it was opened: whatever it publishes.
     latches: bool,
+    /// All that its source publishes is kept there.
+    source_latches: bool,
 }
 
 impl Ros1Publisher {
@@ -194,7 +205,7 @@ impl Ros1Publisher {
         let id = core.next_id();
         let entry = Entry {
             latches,
-            last: None,
+            kept: Kept::new(spec.limits.message_bytes),
             depth,
             counters: Arc::clone(&context.counters),
             wake: context.wake.clone(),
@@ -208,7 +219,7 @@ impl Ros1Publisher {
             },
         );
         let (core, spec, sequence) = (Arc::clone(core), spec.clone(), 0);
-        Self { id, core, publication, spec, plan, sequence, latches }
+        Self { id, core, publication, spec, plan, sequence, latches, source_latches: false }
     }
 
     fn encode(&mut self, payload: &Payload) -> Result<Frame, EncodeError> {
@@ -217,6 +228,19 @@ impl Ros1Publisher {
         let size: usize = pieces.iter().map(bytes::Bytes::len).sum();
         let (actual, limit) = (size as u64, u64::from(u32::MAX));
         Frame::new(pieces).ok_or(EncodeError::TooLarge { actual, limit })
+    }
+
+    /// While nobody subscribes nothing is encoded, unless it is kept.
+    fn send(&mut self, payload: &Payload, keep: Keep) -> Result<usize, PublishError> {
+        if keep == Keep::No && self.publication.subscribers() == 0 {
+            return Err(PublishError::NoConsumer { topic: self.spec.topic.clone() });
+        }
+        let frame = self.encode(payload)?;
+        let reached = self.publication.send(self.id, &frame, keep);
+        if reached == 0 && keep == Keep::No {
+            return Err(PublishError::NoConsumer { topic: self.spec.topic.clone() });
+        }
+        Ok(frame.len())
     }
 }
 
@@ -241,18 +265,41 @@ pub(super) fn formed<'p>(
 }
 
 impl Publisher for Ros1Publisher {
-    /// While nobody subscribes nothing is encoded, unless the last message is kept.
     fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {
-        if !self.latches && self.publication.subscribers() == 0 {
-            return Err(PublishError::NoConsumer { topic: self.spec.topic.clone() });
+        let keep = if self.latches { Keep::LastOf(None) } else { Keep::No };
+        self.send(payload, keep)
+    }
+
+    fn forward(
+        &mut self,
+        payload: &Payload,
+        origin: Option<Origin>,
+    ) -> Result<usize, PublishError> {
+        match origin {
+            Some(Origin { publisher, keeps_last: true })
+                if self.latches || self.spec.match_peers =>
+            {
+                self.send(payload, Keep::LastOf(Some(publisher)))
+            }
+            _ => self.publish(payload),
         }
-        let frame = self.encode(payload)?;
-        let bytes = frame.len();
-        let reached = self.publication.send(self.id, &frame);
-        if reached == 0 && !self.latches {
-            return Err(PublishError::NoConsumer { topic: self.spec.topic.clone() });
+    }
+
+    fn forget(&mut self, publisher: u64) {
+        if let Some(entry) = self.publication.state().publishers.get_mut(&self.id) {
+            entry.kept.forget(Some(publisher));
         }
-        Ok(bytes)
+    }
+
+    fn follow_source(&mut self, keeps_last: Option<bool>) {
+        let Some(keeps_last) = keeps_last.filter(|_| self.spec.match_peers) else { return };
+        if keeps_last == self.source_latches {
+            return;
+        }
+        self.source_latches = keeps_last;
+        if let Some(entry) = self.publication.state().publishers.get_mut(&self.id) {
+            entry.latches = self.latches || keeps_last;
+        }
     }
 
     fn link(&self) -> Link {
@@ -261,7 +308,8 @@ impl Publisher for Ros1Publisher {
             let nobody = || format!("a ROS 1 node that subscribes to {}", self.publication.topic);
             self.core.fault().unwrap_or_else(nobody)
         });
-        Link { peers: Some(peers), waiting_for, keeps_last: self.latches }
+        let keeps_last = self.latches || self.source_latches;
+        Link { peers: Some(peers), waiting_for, keeps_last }
     }
 }
 

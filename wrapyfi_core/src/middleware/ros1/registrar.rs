@@ -7,7 +7,7 @@
 //! ```
 
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use tokio::time::timeout;
 
@@ -15,7 +15,6 @@ use super::backoff::Backoff;
 use super::core::Core;
 use super::master::MasterError;
 use super::registrations::{Kind, Step};
-use super::xmlrpc::Value;
 
 /// How often the master is looked at.
 const LOOK: Duration = Duration::from_secs(1);
@@ -91,12 +90,10 @@ async fn take(core: &Arc<Core>, step: &Step) -> Result<(), MasterError> {
             }
             Kind::Service => master.register_service(&key.name, &address()).await,
             Kind::Parameter => {
+                let asked = Instant::now();
+                // An empty struct where there is no such parameter.
                 let value = master.subscribe_param(&key.name).await?;
-                // An empty struct says that there is no such parameter.
-                let is_set = !matches!(&value, Value::Struct(members) if members.is_empty());
-                if is_set {
-                    super::parameters::arrived(core, &key.name, &value);
-                }
+                super::parameters::arrived(core, &key.name, &value, asked);
                 Ok(())
             }
         },

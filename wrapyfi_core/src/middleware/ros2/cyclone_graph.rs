@@ -17,6 +17,7 @@ use super::dds_terms::{ENCLAVE, discovered, end_user_data, to_dds, user_data};
 use super::discovery_info::{DiscoveryInfo, EndpointKind, Gid};
 use super::domain::{DomainError, DomainLease};
 use super::graph::{
+    Replay,
     CdrClient, CdrReader, CdrServer, CdrWriter, DiscoveredEndpoint, Graph, GraphError, NodeWatch,
     Notify, PeerWatch, ServiceDescription, ServiceMapping, TopicDescription,
 };
@@ -138,12 +139,22 @@ impl CycloneGraph {
         topic: &TopicDescription,
         on_match: Notify,
     ) -> Result<Box<dyn CdrWriter>, GraphError> {
+        self.write_dds(topic, Replay::History, on_match)
+    }
+
+    fn write_dds(
+        &self,
+        topic: &TopicDescription,
+        replay: Replay,
+        on_match: Notify,
+    ) -> Result<Box<dyn CdrWriter>, GraphError> {
         let fault = |code| stack("creating a writer", &topic.name, code);
         let events = Events::new(&topic.name, topic.qos.reliability, on_match);
         let user_data = user_data(topic);
         let names = (topic.name.as_str(), topic.type_name.as_str());
-        let raw = RawWriter::new(&self.0.participant, names, &qos(topic, &user_data), events)
-            .map_err(fault)?;
+        let qos = EndpointQos { replay, ..qos(topic, &user_data) };
+        let raw =
+            RawWriter::new(&self.0.participant, names, &qos, events).map_err(fault)?;
         let gid = raw.guid().map_err(fault)?;
         let listed = Listed::new(&self.0, EndpointKind::Writer, gid);
         let ways = Ways::new(&self.0, topic);
@@ -179,6 +190,7 @@ impl CycloneGraph {
             user_data,
             // A node may call its own services.
             ignore_local: false,
+            replay: Replay::History,
         };
         let events = || Events::new(&service.name, Reliability::Reliable, Arc::clone(on_event));
         // As ROS 2 does: the reader first, so that no reply finds nobody.
@@ -206,6 +218,15 @@ impl Graph for CycloneGraph {
         on_match: Notify,
     ) -> Result<Box<dyn CdrWriter>, GraphError> {
         self.advertise_dds(&to_dds(topic)?, on_match)
+    }
+
+    fn advertise_with(
+        &self,
+        topic: &TopicDescription,
+        replay: Replay,
+        on_match: Notify,
+    ) -> Result<Box<dyn CdrWriter>, GraphError> {
+        self.write_dds(&to_dds(topic)?, replay, on_match)
     }
 
     fn subscribe(
@@ -307,5 +328,11 @@ impl Drop for Node {
 
 fn qos<'a>(topic: &TopicDescription, user_data: &'a str) -> EndpointQos<'a> {
     // A node does not hear itself: this is what keeps routes from looping.
-    EndpointQos { qos: topic.qos, max_blocking: MAX_BLOCKING, user_data, ignore_local: true }
+    EndpointQos {
+        qos: topic.qos,
+        max_blocking: MAX_BLOCKING,
+        user_data,
+        ignore_local: true,
+        replay: Replay::History,
+    }
 }

@@ -38,6 +38,19 @@ pub struct TopicDescription {
     pub max_bytes: usize,
 }
 
+/// What a transient-local writer gives readers that come later.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Replay {
+    /// Its history, as in ROS 2.
+    #[default]
+    History,
+    /// Its last message, however long its history for readers that are there is.
+    Last,
+    /// Nothing. It is announced as durability `TRANSIENT`, which readers that ask for transient local
+    /// take, and which no DDS stack keeps without a program of its own for that.
+    Nothing,
+}
+
 /// A node on a ROS 2 graph: creates writers and readers of serialised messages.
 pub trait Graph: Send + Sync {
     /// Name of the node that owns the endpoints.
@@ -52,6 +65,21 @@ pub trait Graph: Send + Sync {
         topic: &TopicDescription,
         on_match: Notify,
     ) -> Result<Box<dyn CdrWriter>, GraphError>;
+
+    /// As [`Graph::advertise`], where readers that ask for what was sent before are given something
+    /// else than the writer's history. A stack that cannot gives them the history.
+    ///
+    /// # Errors
+    /// When the DDS stack refuses.
+    fn advertise_with(
+        &self,
+        topic: &TopicDescription,
+        replay: Replay,
+        on_match: Notify,
+    ) -> Result<Box<dyn CdrWriter>, GraphError> {
+        _ = replay;
+        self.advertise(topic, on_match)
+    }
 
     /// Creates a reader and announces it. `on_data` is called from a DDS thread when samples or
     /// matches change, possibly before this returns.
@@ -223,6 +251,17 @@ pub trait CdrReader: Send {
 
     /// Writers matched now.
     fn matched(&self) -> usize;
+
+    /// Those writers, as [`CdrSample::publisher`] has them; `None` where the stack does not tell.
+    fn publishers(&self) -> Option<Vec<u64>> {
+        None
+    }
+
+    /// The GUID of one of them.
+    fn publisher_gid(&self, publisher: u64) -> Option<[u8; 16]> {
+        _ = publisher;
+        None
+    }
 
     /// Samples lost or rejected before they could be taken, since the last call.
     fn lost(&mut self) -> u64;

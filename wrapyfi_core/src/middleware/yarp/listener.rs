@@ -229,7 +229,7 @@ impl Listener for YarpListener {
         let payload =
             payload::decode(&received.payload, sent_at, spec, options, self.dialect, stamp)?;
         let wire_bytes = received.payload.bytes.len();
-        Ok(Some(Sample { payload, wire_bytes, received_at }))
+        Ok(Some(Sample { payload, wire_bytes, received_at, origin: None }))
     }
 
     fn discard(&mut self) -> bool {
