@@ -63,6 +63,7 @@ use std::time::Duration;
 use tokio::net::TcpListener;
 use tokio::runtime::{Builder, Runtime};
 use tokio::time::timeout;
+use wrapyfi_interfaces::ros1::Rules;
 
 pub use config::{ConfigError, Ros1Config};
 pub use master::MasterError;
@@ -122,6 +123,9 @@ impl Ros1 {
         let data = NodeUri { host: advertised, port: data_port };
         let master = master::Master::new(master, node.full(), &api.to_string());
         let core = Core::new(node, master, api, data, runtime.handle().clone());
+        if config.mapping_rules != Rules::built_in() {
+            core.use_rules(config.mapping_rules.clone());
+        }
         let answers = Arc::new(slave::Slave(Arc::downgrade(&core)));
         runtime.spawn(http::serve(api_socket, answers, config.connections));
         runtime.spawn(tcpros::accept(data_socket, Arc::downgrade(&core), config.connections));
