@@ -70,7 +70,7 @@ pub(super) fn within(key: &str, path: &str) -> Option<String> {
 }
 
 /// `None` for one that is to be deleted.
-pub(super) fn to_xml(value: &ParameterValue) -> Option<xmlrpc::Value> {
+pub(super) fn to_xml(value: &ParameterValue) -> Option<Xml> {
     fn list<T>(items: &[T], one: impl Fn(&T) -> Xml) -> Xml {
         Xml::Array(items.iter().map(one).collect())
     }
@@ -89,7 +89,7 @@ pub(super) fn to_xml(value: &ParameterValue) -> Option<xmlrpc::Value> {
     })
 }
 
-pub(super) fn to_value(value: xmlrpc::Value) -> Value {
+pub(super) fn to_value(value: Xml) -> Value {
     match value {
         Xml::Integer(value) => Value::from(i64::from(value)),
         Xml::Long(value) => Value::from(value),
@@ -109,7 +109,7 @@ pub(super) fn to_value(value: xmlrpc::Value) -> Value {
 }
 
 /// About as many bytes as it takes on the wire.
-pub(super) fn size(value: &xmlrpc::Value) -> usize {
+pub(super) fn size(value: &Xml) -> usize {
     match value {
         Xml::String(text) => text.len(),
         Xml::Base64(bytes) => bytes.len(),
