@@ -11,6 +11,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::net::IpAddr;
 use std::path::Path;
 use std::sync::Arc;
+use std::time::Duration;
 
 use anyhow::Context as _;
 use serde::Deserialize;
@@ -27,7 +28,9 @@ use wrapyfi_core::middleware::ros2::{
 use wrapyfi_core::middleware::yarp;
 use wrapyfi_core::middleware::zeromq::{self, BrokerMode, ZeroMq, ZeroMqConfig};
 use wrapyfi_core::node::parameters::ParameterStore;
+use wrapyfi_core::types::MessageType;
 
+use wrapyfi_interfaces::parser::{Dialect, TypeName};
 use wrapyfi_interfaces::store::TypeStore;
 
 use crate::cli::ServicePorts;
@@ -36,6 +39,9 @@ use crate::exit::Failure;
 use crate::logging;
 use crate::node::Node;
 use crate::yarp::YarpSection;
+
+/// How long publishers on ROS 1 have to show a type that nobody here has.
+const LEARNING: Duration = Duration::from_secs(5);
 
 /// Names under which routes and commands address the middlewares, with their rules for topics.
 fn available() -> [Available<'static>; 4] {
@@ -132,6 +138,51 @@ pub struct Loaded {
 /// # Errors
 /// Exit code 2 with every fault, each with its line.
 pub fn load(file: &Path) -> Result<Loaded, Failure> {
+    load_with(file, |_, _| Ok(()))
+}
+
+/// As [`load`]; types of routes from ROS 1 that nobody here has are asked from their publishers.
+///
+/// # Errors
+/// As [`load`], and exit code 1 when ROS 1 does not start.
+pub fn load_and_learn(file: &Path) -> Result<Loaded, Failure> {
+    load_with(file, learn)
+}
+
+/// Asks the publishers on ROS 1 for what no place of definitions has.
+fn learn(config: &Config<Endpoints>, types: &mut TypeStore) -> Result<(), Failure> {
+    let mut node = None;
+    for entry in &config.routes {
+        let route = &entry.value;
+        let Some((ros1::NAME, topic)) =
+            route.from.as_ref().and_then(|from| from.value.split_once(':'))
+        else {
+            continue;
+        };
+        let wanted = route.from_type.as_ref().unwrap_or(&route.message_type);
+        if MessageType::resolve(&wanted.value, types).is_ok() {
+            continue;
+        }
+        let Ok(name) = TypeName::parse(Dialect::Ros2, &wanted.value) else { continue };
+        let ros1 = match &mut node {
+            Some(ros1) => ros1,
+            none => none.insert(start_ros1(&config.endpoints.ros)?),
+        };
+        match ros1.learn(topic, &name, LEARNING) {
+            Ok(found) => {
+                tracing::info!("{name} is what a publisher of ros:{topic} shows");
+                types.add_resolved(&found);
+            }
+            Err(error) => tracing::warn!("{error}"),
+        }
+    }
+    Ok(())
+}
+
+fn load_with(
+    file: &Path,
+    learn: impl FnOnce(&Config<Endpoints>, &mut TypeStore) -> Result<(), Failure>,
+) -> Result<Loaded, Failure> {
     let name = file.display().to_string();
     let size =
         std::fs::metadata(file).map_err(|error| Failure::usage(format!("{name}: {error}")))?;
@@ -152,6 +203,7 @@ pub fn load(file: &Path) -> Result<Loaded, Failure> {
         config.definitions.iter().map(|folder| beside.join(&folder.value)).collect();
     let mut types = any::definitions(&folders)
         .map_err(|failure| Failure::Usage(format!("{name}: definitions {failure}")))?;
+    learn(&config, &mut types)?;
     let plan = Plan::new(&config, &available(), &mut types, &name).map_err(Failure::usage)?;
     Ok(Loaded { endpoints: config.endpoints, plan, types })
 }

@@ -25,7 +25,7 @@
 //! | `publication`, `outlet` | a topic sent, one subscriber of it |
 //! | `services`, `service_host`, `server`, `client` | services |
 //! | `parameters` | properties |
-//! | `form` | messages of any type as payloads |
+//! | `form`, `learn` | messages of any type as payloads; types that nobody here has |
 //! | `discovery` | what other nodes have |
 //! | `backoff` | waits between tries |
 
@@ -38,6 +38,7 @@ mod form;
 pub mod header;
 mod http;
 mod intake;
+mod learn;
 mod listener;
 mod master;
 mod names;
@@ -64,6 +65,7 @@ use tokio::runtime::{Builder, Runtime};
 use tokio::time::timeout;
 
 pub use config::{ConfigError, Ros1Config};
+pub use learn::LearnError;
 pub use master::MasterError;
 pub use names::{NameError, NodeName, check_name};
 
