@@ -9,7 +9,7 @@
 //!
 //! | environment | meaning |
 //! | --- | --- |
-//! | `WRAPYFI_CHURN_ROUNDS` | rounds; default 15, the whole test has 50 |
+//! | `WRAPYFI_CHURN_ROUNDS` | rounds; default 50 |
 //! | `WRAPYFI_CHURN_SEED` | what decides who is killed; default: another every time, printed |
 
 #![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
@@ -196,7 +196,7 @@ fn registered(world: &World, ways: &[Way]) -> Result {
 #[test]
 fn a_bridge_outlives_what_is_killed_around_it() -> Result {
     run("a_bridge_outlives_what_is_killed_around_it", NEEDS, |world| {
-        let rounds = setting("WRAPYFI_CHURN_ROUNDS")?.unwrap_or(15);
+        let rounds = setting("WRAPYFI_CHURN_ROUNDS")?.unwrap_or(50);
         let seed = setting("WRAPYFI_CHURN_SEED")?.unwrap_or_else(|| std::process::id().into());
         writeln!(std::io::stderr(), "WRAPYFI_CHURN_SEED={seed} WRAPYFI_CHURN_ROUNDS={rounds}")?;
         let mut chance = Chance(seed);

@@ -151,11 +151,12 @@ fn roscpp_is_told_of_a_mismatch_and_others_are_served() -> Result {
         right.exits_with(0)?;
         drop(talker);
 
-        // It subscribes to another type: both sides are told, and the next one is served.
+        // It subscribes to another type: it is refused by name, which roscpp logs nowhere, and the next
+        // one is served.
         let endpoint = ros1(&here);
         let args = ["pub", &endpoint, "--type", "Text", "--value", "\"still\"", "--rate", "50"];
         let publisher = world.wrapyfi(args)?;
-        let args = format!("subscribe --topic {here} --type {IMAGE} --node stranger --debug");
+        let args = format!("subscribe --topic {here} --type {IMAGE} --node stranger");
         let stranger = world.roscpp(&args, None)?;
         let told = |line: &String| {
             line.contains("/stranger wants topic")
@@ -165,10 +166,6 @@ fn roscpp_is_told_of_a_mismatch_and_others_are_served() -> Result {
         publisher.wait_until("the warning", |output| output.err.iter().any(told).then_some(()))?;
         let friend = world.roscpp(&format!("subscribe --topic {here} --node friend"), None)?;
         assert_eq!(friend.messages(3)?[2]["value"], "still");
-        stranger.wait_until("the refusal", |output| {
-            let all = output.out.iter().chain(&output.err);
-            all.into_iter().any(told).then_some(())
-        })?;
         assert!(stranger.wait_until("no message", |o| Some(o.events("message")))?.is_empty());
         Ok(())
     })

@@ -132,7 +132,6 @@ fn a_type_made_a_moment_ago_crosses_ros_2_and_comes_back() -> Result {
         let there = world.embedded().route(Route::new(&ros1(&from), &ros2(&middle), &kind));
         let again = world.foreign().with("definitions", "[interfaces]");
         let again = again.route(Route::new(&ros2(&middle), &ros1(&to), &kind));
-        let there = world.bridge_named("there.yaml", &there)?;
         let again = world.bridge_named("again.yaml", &again)?;
 
         let rospy = |role: &str, topic: &str, value: Option<&str>| {
@@ -146,6 +145,7 @@ fn a_type_made_a_moment_ago_crosses_ros_2_and_comes_back() -> Result {
         let mut value = package.value.clone();
         value["blob"] = json!([1, 2, 253]);
         let talker = rospy("publish", &from, Some(&value.to_string()))?;
+        let there = world.bridge_named("there.yaml", &there)?;
         let heard = ear.messages(3).map_err(|error| {
             error.context(format!("{}\n{}\n{}", there.tail(), again.tail(), talker.tail()))
         })?;
@@ -173,11 +173,11 @@ fn a_service_of_ros_1_is_called_from_ros_2() -> Result {
         let _server = world.rospy(&format!("serve --topic {there}"), None)?;
         let (folder, endpoint) = (world.definitions(&[SET])?, ros2(&here));
         for (asked, answer) in [
-            ("[true]", json!({"success": true, "message": "so be it"})),
-            ("[false]", json!({"success": false, "message": "no"})),
+            (r#"{"data": true}"#, json!({"success": true, "message": "so be it"})),
+            (r#"{"data": false}"#, json!({"success": false, "message": "no"})),
         ] {
             let kind = ["--type", "std_srvs/srv/SetBool", "--definitions", &folder];
-            let args = ["call", &endpoint, "--args", asked, "--json", "--timeout", "60"];
+            let args = ["call", &endpoint, "--value", asked, "--json", "--timeout", "60"];
             let mut call = world.wrapyfi(args.into_iter().chain(kind))?;
             call.exits_with(0).map_err(|error| error.context(bridge.tail()))?;
             assert_eq!(call.objects(1)?[0]["value"], answer);

@@ -9,9 +9,8 @@
 //   test ─ arguments ─▶ node ═ TCPROS of roscpp ═▶ the program under test ═▶ node ─▶ stdout, JSON lines
 //
 // `--node` is its name. In a published text {n} stands for the number of the message; the pixels of an
-// image follow from its number (`pixel`). `--debug` shows what roscpp logs of its connections. Lines on
-// stdout: `ready`, `message`, `reply`, `done`. It leaves at SIGTERM or when stdin closes, and sends until
-// then, or `--count` messages.
+// image follow from its number (`pixel`). Lines on stdout: `ready`, `message`, `reply`, `done`. It leaves at
+// SIGTERM or when stdin closes, and sends until then, or `--count` messages.
 #include <cstdlib>
 #include <map>
 #include <stdexcept>
@@ -198,7 +197,7 @@ int main(int argc, char** argv) {
         }
         for (int at = 2; at < argc; ++at) {
             const std::string name = argv[at];
-            const bool is_flag = name == "--latch" || name == "--persistent" || name == "--debug";
+            const bool is_flag = name == "--latch" || name == "--persistent";
             if (!is_flag && at + 1 == argc) {
                 throw std::invalid_argument(name + " needs a value");
             }
@@ -207,10 +206,6 @@ int main(int argc, char** argv) {
         watch_stdin();
         // Only what ROS reads itself: names of topics come as they are.
         ros::init(ros::M_string(), argument("--node", "ros1_cpp"), ros::init_options::NoSigintHandler);
-        if (flag("--debug")) {
-            ros::console::set_logger_level(ROSCONSOLE_DEFAULT_NAME, ros::console::levels::Debug);
-            ros::console::notifyLoggerLevelsChanged();
-        }
         run(argv[1]);
         ros::shutdown();
     } catch (const std::exception& problem) {
