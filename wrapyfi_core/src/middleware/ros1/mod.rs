@@ -27,9 +27,7 @@
 //! | `parameters` | properties |
 //! | `form` | messages of any type as payloads |
 //! | `discovery` | what other nodes have |
-//! | `backoff` | waits between tries |
 
-mod backoff;
 mod client;
 mod config;
 mod core;
