@@ -22,7 +22,6 @@ use tokio::task::AbortHandle;
 use tokio::time::{sleep_until, timeout};
 use wrapyfi_interfaces::ros1::Plan;
 
-use super::backoff::Backoff;
 use super::config::NodeUri;
 use super::core::Core;
 use super::form;
@@ -32,6 +31,7 @@ use super::slave_info::BusLink;
 use super::splitter::{Piece, Splitter};
 use super::tcpros;
 use super::xmlrpc::{Reply, SUCCESS, Value, text};
+use crate::backoff::Backoff;
 use crate::codec::ros1::Ros1Type;
 use crate::endpoint::{Counters, DropReason, Overflow, Sender, Wake};
 use crate::types::MessageType;
@@ -332,7 +332,7 @@ struct Connection {
 impl Connection {
     /// Connects, receives, and connects again while the master names the publisher.
     async fn keep(mut self) {
-        let mut backoff = Backoff::new(self.id);
+        let mut backoff = Backoff::of_process(self.id);
         loop {
             let reason = match self.open().await {
                 Ok(stream) => {

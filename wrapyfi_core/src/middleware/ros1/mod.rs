@@ -27,9 +27,7 @@
 //! | `parameters` | properties |
 //! | `form`, `shown` | messages of any type as payloads; types that nobody here has |
 //! | `discovery` | what other nodes have |
-//! | `backoff` | waits between tries |
 
-mod backoff;
 mod client;
 mod config;
 mod core;
