@@ -10,7 +10,6 @@
 //!   canonical native objects as text that every language hashes alike
 //!   describe  a payload as one JSON object, with its digest
 //!   options   --option of the command line
-//!   yarp      the section `endpoints.yarp`
 //!   overrides  qos_overrides of the node -> routes
 //!   input     JSON, .npy, PNG, JPEG, WAV -> a payload
 //!   table     route status as a table or as JSON
@@ -31,4 +30,3 @@ pub mod options;
 pub mod overrides;
 pub mod shutdown;
 pub mod table;
-pub mod yarp;

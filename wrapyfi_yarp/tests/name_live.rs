@@ -129,6 +129,22 @@ async fn changes_are_heard_on_a_connection_of_ours() {
 }
 
 #[tokio::test]
+async fn two_programs_hear_changes_side_by_side() {
+    let server = server().await;
+    let client = server.client();
+    let mut both =
+        [NameEvents::open(&client).await.unwrap(), NameEvents::open(&client).await.unwrap()];
+    until("both readers are there", async || server.status().readers == 2).await;
+    client.register(&named("/a")).await.unwrap();
+    for events in &mut both {
+        let event = tokio::time::timeout(PATIENCE, events.next()).await.unwrap().unwrap();
+        assert_eq!(event, NameEvent::Added("/a".into()));
+    }
+    drop(both);
+    server.stop().await;
+}
+
+#[tokio::test]
 async fn a_thousand_ports_have_numbers_of_their_own() {
     let server = server().await;
     let client = server.client();

@@ -12,10 +12,10 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::backoff::Backoff;
 use super::plan::RouteSpec;
 use super::route::{RouteState, RouteStatus};
 use crate::Throttle;
+use crate::backoff::Backoff;
 use crate::codec::convert_payload;
 use crate::endpoint::{
     Context, DropReason, Listener, Middleware, OpenError, Publisher, Qos, QosChange, Registry,

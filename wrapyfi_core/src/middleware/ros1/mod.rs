@@ -25,11 +25,9 @@
 //! | `publication`, `kept`, `outlet` | a topic sent, what is kept of it, one subscriber |
 //! | `services`, `service_host`, `server`, `client` | services |
 //! | `parameters` | properties |
-//! | `form` | messages of any type as payloads |
+//! | `form`, `shown` | messages of any type as payloads; types that nobody here has |
 //! | `discovery` | what other nodes have |
-//! | `backoff` | waits between tries |
 
-mod backoff;
 mod client;
 mod config;
 mod core;
@@ -50,6 +48,7 @@ mod registrations;
 mod server;
 mod service_host;
 mod services;
+mod shown;
 mod slave;
 mod slave_info;
 mod splitter;
@@ -63,8 +62,10 @@ use std::time::Duration;
 use tokio::net::TcpListener;
 use tokio::runtime::{Builder, Runtime};
 use tokio::time::timeout;
+use wrapyfi_interfaces::ros1::Rules;
 
 pub use config::{ConfigError, Ros1Config};
+pub use shown::LearnError;
 pub use master::MasterError;
 pub use names::{NameError, NodeName, check_name};
 
@@ -122,6 +123,9 @@ impl Ros1 {
         let data = NodeUri { host: advertised, port: data_port };
         let master = master::Master::new(master, node.full(), &api.to_string());
         let core = Core::new(node, master, api, data, runtime.handle().clone());
+        if config.mapping_rules != Rules::built_in() {
+            core.use_rules(config.mapping_rules.clone());
+        }
         let answers = Arc::new(slave::Slave(Arc::downgrade(&core)));
         runtime.spawn(http::serve(api_socket, answers, config.connections));
         runtime.spawn(tcpros::accept(data_socket, Arc::downgrade(&core), config.connections));

@@ -11,17 +11,17 @@ use std::time::{Duration, Instant};
 
 use tokio::time::timeout;
 
-use super::backoff::Backoff;
 use super::core::Core;
 use super::master::MasterError;
 use super::registrations::{Kind, Step};
+use crate::backoff::Backoff;
 
 /// How often the master is looked at.
 const LOOK: Duration = Duration::from_secs(1);
 
 /// Registers what is wanted, for as long as the node lives.
 pub(super) async fn keep(core: Arc<Core>) {
-    let mut backoff = Backoff::new(core.next_id());
+    let mut backoff = Backoff::of_process(core.next_id());
     let mut pid = None;
     loop {
         let wait = match round(&core, &mut pid).await {

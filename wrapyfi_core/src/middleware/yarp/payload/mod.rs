@@ -100,7 +100,7 @@ pub fn encode(
 }
 
 /// Reads a message of the topic. `stamp` is that of its envelope; `now` stands in where there is
-/// none.
+/// none. A message that only the other dialect can read is read in that one.
 ///
 /// # Errors
 /// When the bytes are no message of the topic's type, or exceed its limits.
@@ -112,8 +112,21 @@ pub fn decode(
     dialect: Dialect,
     now: Stamp,
 ) -> Result<Payload, DecodeError> {
+    fault::check_received(received.bytes.len(), spec.limits.message_bytes)?;
+    native::in_either(&received.bytes, dialect, &spec.limits, |dialect| {
+        decode_as(received, stamp, spec, options, dialect, now)
+    })
+}
+
+fn decode_as(
+    received: &Bytewise,
+    stamp: Option<sig::Stamp>,
+    spec: &TopicSpec,
+    options: &YarpOptions,
+    dialect: Dialect,
+    now: Stamp,
+) -> Result<Payload, DecodeError> {
     let bytes: &Bytes = &received.bytes;
-    fault::check_received(bytes.len(), spec.limits.message_bytes)?;
     let stamp = time(stamp).unwrap_or(now);
     let limits = &spec.limits;
     let kind = spec.message_type.data_type();

@@ -3,10 +3,15 @@
 use std::net::{IpAddr, SocketAddr};
 
 use serde::Deserialize;
-use wrapyfi_core::engine::{Problem, Spanned};
-use wrapyfi_core::middleware::yarp::{Dialect, StartError, Yarp, YarpConfig};
+use wrapyfi_core::engine::{Available, Problem, Spanned};
+pub(super) use wrapyfi_core::middleware::yarp::NAME;
+use wrapyfi_core::middleware::yarp::{self, Dialect, StartError, Yarp, YarpConfig};
 
 use crate::exit::Failure;
+
+/// The middleware as routes and commands address it, with its rules for topics.
+pub(super) const AVAILABLE: Available<'static> =
+    Available { name: NAME, check_topic: &yarp::check_topic, options: yarp::OPTIONS };
 
 /// `endpoints.yarp`; what is left out comes from YARP's own configuration (`yarp.conf`).
 #[derive(Debug, Clone, Default, Deserialize)]

@@ -1,0 +1,232 @@
+//! From a configuration to middlewares that run.
+//!
+//! ```text
+//!   bridge.yaml ─ load ─▶ Endpoints + Plan ─ Middlewares::for_plan ─▶ Registry
+//!   endpoint on the command line ────────── Middlewares::for_endpoint ─▶ Registry
+//!
+//!   learn                      types of routes from their publishers
+//!   load                       a configuration file -> sections and routes
+//!   zeromq, ros2, ros1, yarp   a section each, and the middleware that it makes
+//!   demo                       the parties of `wrapyfi demo`
+//! ```
+//!
+//! The only place that knows which middlewares exist. Those that no route uses are not started.
+
+mod demo;
+mod learn;
+mod load;
+mod ros1;
+mod ros2;
+mod yarp;
+mod zeromq;
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use anyhow::Context as _;
+use wrapyfi_core::Limits;
+use wrapyfi_core::endpoint::{EndpointAddress, Middleware, Registry};
+use wrapyfi_core::engine::{Available, Plan};
+use wrapyfi_core::middleware::ros2::graph::Graph;
+use wrapyfi_core::middleware::ros2::{NodeEndpoints, NodeHandle, Ros2};
+use wrapyfi_core::node::parameters::ParameterStore;
+use wrapyfi_interfaces::store::TypeStore;
+
+pub use self::demo::DemoMiddlewares;
+pub use self::load::{Endpoints, Loaded, load, load_and_learn};
+pub use self::ros1::Ros1Section;
+pub use self::ros2::Ros2Section;
+pub use self::yarp::{DialectWord, YarpSection};
+pub use self::zeromq::{BrokerWord, ZeroMqSection};
+use crate::cli::ServicePorts;
+use crate::exit::Failure;
+use crate::logging;
+use crate::node::Node;
+
+/// Names under which routes and commands address the middlewares, with their rules for topics.
+fn available() -> [Available<'static>; 4] {
+    [zeromq::AVAILABLE, ros2::AVAILABLE, ros1::AVAILABLE, yarp::AVAILABLE]
+}
+
+/// Which end of a topic a command is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// It listens: Wrapyfi's listeners never start a broker.
+    Listener,
+    /// It publishes: Wrapyfi's publishers start the broker when there is none.
+    Publisher,
+    /// It calls: Wrapyfi's clients never start a broker.
+    Client,
+    /// It serves: Wrapyfi's servers start the broker of requests where there is none.
+    Server,
+}
+
+/// Middlewares at work.
+#[derive(Default)]
+pub struct Middlewares {
+    registry: Registry,
+    /// The graph of the ROS 2 node, where there is one.
+    graph: Option<Arc<dyn Graph>>,
+}
+
+impl Middlewares {
+    /// The middlewares that `plan` uses, as the ROS 2 node `node`.
+    ///
+    /// # Errors
+    /// Exit code 2 for settings that cannot work, 1 when one does not start.
+    pub fn for_plan(endpoints: &Endpoints, plan: &Plan, node: &Node) -> Result<Self, Failure> {
+        let largest = plan.largest_message();
+        let mut middlewares = Self::default();
+        if plan.uses("zeromq") {
+            let zeromq = endpoints.zeromq.start(None, largest)?;
+            let ends = plan.services.iter().flat_map(|route| [&route.offered, &route.service]);
+            if ends.into_iter().any(|end| end.middleware == "zeromq") {
+                // A server of Wrapyfi's that was told not to start one relies on it.
+                zeromq.start_services().context("zeromq")?;
+            }
+            middlewares.add(Arc::new(zeromq));
+        }
+        if plan.uses(yarp::NAME) {
+            middlewares.add(Arc::new(endpoints.yarp.start(largest)?));
+        }
+        if plan.uses(ros1::NAME) {
+            middlewares.add(Arc::new(endpoints.ros.start()?));
+        }
+        if plan.uses("ros2") {
+            let ros2 = endpoints.ros2.start(node, largest)?;
+            middlewares.graph = Some(Arc::clone(ros2.graph()));
+            middlewares.add(Arc::new(ros2));
+        }
+        Ok(middlewares)
+    }
+
+    /// What the node has beside its topics: parameters, descriptions of the types that are named, log,
+    /// clock.
+    /// It ends with the result; nothing where no route is on ROS 2.
+    ///
+    /// # Errors
+    /// Exit code 1 when the DDS stack refuses.
+    pub fn offer_node(
+        &self,
+        node: &Node,
+        parameters: ParameterStore,
+        types: (&mut TypeStore, &BTreeSet<&'static str>),
+    ) -> Result<Option<OfferedNode>, Failure> {
+        let Some(graph) = &self.graph else { return Ok(None) };
+        let offered = NodeEndpoints::start(graph, parameters).context("ros2")?;
+        let (store, names) = types;
+        offered.handle().types(|described| {
+            for name in names {
+                if let Err(error) = described.add_named(store, name) {
+                    tracing::warn!("{name} is not described: {error}");
+                }
+            }
+        });
+        if node.logs_to_rosout() {
+            logging::publish_to(Some(offered.handle().clone()));
+        }
+        Ok(Some(OfferedNode(offered)))
+    }
+
+    /// The one middleware that `address` names, for a command.
+    ///
+    /// # Errors
+    /// As [`Middlewares::for_plan`].
+    pub fn for_endpoint(address: &EndpointAddress, role: Role) -> Result<Self, Failure> {
+        let mut middlewares = Self::default();
+        let endpoints = Endpoints::default();
+        let largest = Limits::default().message_bytes;
+        match address.middleware.as_str() {
+            "zeromq" => {
+                middlewares.add(Arc::new(endpoints.zeromq.start(Some(role), largest)?));
+            }
+            "ros2" => {
+                middlewares.add(Arc::new(Self::ros2_of_command()?));
+            }
+            yarp::NAME => middlewares.add(Arc::new(endpoints.yarp.start(largest)?)),
+            ros1::NAME => middlewares.add(Arc::new(endpoints.ros.start()?)),
+            other => {
+                let text = format!(
+                    "middleware {other:?} is not available; available: {}",
+                    available().map(|known| known.name).join(", ")
+                );
+                return Err(Failure::Usage(text));
+            }
+        }
+        Ok(middlewares)
+    }
+
+    /// As [`Middlewares::for_endpoint`], with the ports of requests and replies that were given.
+    ///
+    /// # Errors
+    /// As [`Middlewares::for_plan`].
+    pub fn for_service(
+        address: &EndpointAddress,
+        role: Role,
+        ports: &ServicePorts,
+    ) -> Result<Self, Failure> {
+        if address.middleware != "zeromq" {
+            if ports.any() {
+                let text = format!("{address}: --rep-port and --req-port are for zeromq");
+                return Err(Failure::Usage(text));
+            }
+            return Self::for_endpoint(address, role);
+        }
+        let ServicePorts { rep_port, req_port } = *ports;
+        let section = ZeroMqSection { rep_port, req_port, ..ZeroMqSection::default() };
+        let mut middlewares = Self::default();
+        let largest = Limits::default().message_bytes;
+        middlewares.add(Arc::new(section.start(Some(role), largest)?));
+        Ok(middlewares)
+    }
+
+    /// ROS 2 as the hidden node of a command.
+    ///
+    /// # Errors
+    /// As [`Middlewares::for_plan`].
+    pub fn ros2_of_command() -> Result<Ros2, Failure> {
+        let node = Node::hidden().map_err(Failure::usage)?;
+        Ros2Section::default().start(&node, Limits::default().message_bytes)
+    }
+
+    /// Only `ros2`.
+    #[must_use]
+    pub fn with_ros2(ros2: Arc<Ros2>) -> Self {
+        let mut middlewares = Self::default();
+        middlewares.add(ros2);
+        middlewares
+    }
+
+    /// Names of all that there are.
+    #[must_use]
+    pub fn names() -> Vec<&'static str> {
+        available().map(|known| known.name).into()
+    }
+
+    /// The middlewares by name.
+    #[must_use]
+    pub fn registry(&self) -> &Registry {
+        &self.registry
+    }
+
+    fn add(&mut self, middleware: Arc<dyn Middleware>) {
+        self.registry.register(middleware);
+    }
+}
+
+/// The node's own endpoints; they end with it.
+pub struct OfferedNode(NodeEndpoints);
+
+impl OfferedNode {
+    /// The node as the rest of the program uses it.
+    #[must_use]
+    pub fn handle(&self) -> &NodeHandle {
+        self.0.handle()
+    }
+}
+
+impl Drop for OfferedNode {
+    fn drop(&mut self) {
+        logging::publish_to(None);
+    }
+}

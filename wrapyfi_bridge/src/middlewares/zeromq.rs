@@ -1,0 +1,102 @@
+//! `endpoints.zeromq` of a configuration, and the middleware that it makes.
+
+use std::net::IpAddr;
+
+use anyhow::Context as _;
+use serde::Deserialize;
+use wrapyfi_core::engine::{Available, Problem, Spanned};
+use wrapyfi_core::middleware::zeromq::{self, BrokerMode, ZeroMq, ZeroMqConfig};
+
+use super::Role;
+use crate::exit::Failure;
+
+/// The middleware as routes and commands address it, with its rules for topics.
+pub(super) const AVAILABLE: Available<'static> =
+    Available { name: "zeromq", check_topic: &zeromq::check_topic, options: &[] };
+
+/// `endpoints.zeromq`; what is left out comes from the `WRAPYFI_ZEROMQ_*` variables, else from
+/// Wrapyfi's defaults.
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+#[allow(missing_docs)] // config/example.yaml is the manual
+pub struct ZeroMqSection {
+    pub ip: Option<Spanned<String>>,
+    pub pub_port: Option<u16>,
+    pub sub_port: Option<u16>,
+    pub rep_port: Option<u16>,
+    pub req_port: Option<u16>,
+    pub broker: Option<BrokerWord>,
+    pub monitor_topic: Option<String>,
+    pub send_hwm: Option<u16>,
+    pub insecure: bool,
+}
+
+/// Who runs the broker.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[allow(missing_docs)]
+pub enum BrokerWord {
+    Embedded,
+    Foreign,
+}
+
+impl ZeroMqSection {
+    /// An address that other machines reach is refused before anything starts.
+    pub fn check(&self) -> Result<(), Problem> {
+        match &self.ip {
+            Some(ip) if !self.insecure => match ip.value.parse::<IpAddr>() {
+                Ok(address) if !address.is_loopback() => Err(Problem::at(
+                    ip.referenced,
+                    format!(
+                        "ip {address} is open to other machines, and nothing is encrypted there; use \
+                         127.0.0.1, or write insecure: true"
+                    ),
+                )),
+                _ => Ok(()),
+            },
+            _ => Ok(()),
+        }
+    }
+
+    /// Starts the middleware, for a command in the `role` that is given, else for routes.
+    ///
+    /// # Errors
+    /// Exit code 2 for settings that cannot work, 1 when it does not start.
+    pub fn start(&self, role: Option<Role>, largest_message: usize) -> Result<ZeroMq, Failure> {
+        let config = match role {
+            Some(Role::Client) => ZeroMqConfig::from_env_of_client(),
+            _ => ZeroMqConfig::from_env(),
+        };
+        let mut config = config.map_err(Failure::usage)?;
+        if let Some(ip) = &self.ip {
+            config.ip.clone_from(&ip.value);
+        }
+        if let Some(topic) = &self.monitor_topic {
+            config.monitor_topic.clone_from(topic);
+        }
+        config.pub_port = self.pub_port.unwrap_or(config.pub_port);
+        config.sub_port = self.sub_port.unwrap_or(config.sub_port);
+        config.rep_port = self.rep_port.unwrap_or(config.rep_port);
+        config.req_port = self.req_port.unwrap_or(config.req_port);
+        config.send_hwm = self.send_hwm.unwrap_or(config.send_hwm);
+        config.insecure |= self.insecure;
+        config.max_frame_bytes = config.max_frame_bytes.max(largest_message);
+        match self.broker {
+            Some(BrokerWord::Embedded) => config.broker = BrokerMode::Embedded,
+            Some(BrokerWord::Foreign) => config.broker = BrokerMode::Foreign,
+            None => (),
+        }
+        config.service_broker = match (self.broker, role) {
+            (None, Some(Role::Client)) => BrokerMode::Foreign,
+            (None, _) => config.service_broker,
+            (Some(_), _) => config.broker,
+        };
+        // What a command does not use is not started for it.
+        if self.broker.is_none()
+            && matches!(role, Some(Role::Listener | Role::Client | Role::Server))
+        {
+            config.broker = BrokerMode::Foreign;
+        }
+        Ok(ZeroMq::start(&config).context("zeromq")?)
+    }
+}
