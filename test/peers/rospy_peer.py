@@ -5,10 +5,14 @@
     rospy_peer.py subscribe --topic /x --type std_msgs/String [--count N]
     rospy_peer.py master    --port P                          a roscore: master and parameter server
     rospy_peer.py serve     --topic /x                        std_srvs/SetBool, refuses False
+    rospy_peer.py serve     --topic /x --type demo/Say --value '{"sum": "=request.a + 1"}'     = is an expression
+    rospy_peer.py call      --topic /x --type demo/Say --value '{"a": 3}' [--count N]
     rospy_peer.py param     --topic /x [--value JSON]         sets or prints a parameter
 
-In a published value {n} stands for the number of the message. Lines on stdout: {"event": "ready"}, of a
-subscriber {"event": "matched"}, and {"event": "message", "index", "value"}: the fields, bytes as their SHA-256.
+In a published value {n} stands for the number of the message. Types come from Debian's packages, or from
+--definitions, a folder with `package/msg/Type.msg` and `package/srv/Type.srv`: genpy makes their classes on the
+spot. Lines on stdout: {"event": "ready"}, of a subscriber {"event": "matched"}, then {"event": "message",
+"index", "value"}: the fields, bytes as their SHA-256; the same as `reply` where it called.
 """
 import argparse
 import hashlib
@@ -17,10 +21,11 @@ import os
 import sys
 
 parser = argparse.ArgumentParser()
-parser.add_argument("role", choices=["publish", "subscribe", "master", "serve", "param"])
+parser.add_argument("role", choices=["publish", "subscribe", "master", "serve", "call", "param"])
 parser.add_argument("--topic", default="/x")
 parser.add_argument("--type", default="std_msgs/String")
 parser.add_argument("--value")
+parser.add_argument("--definitions")
 parser.add_argument("--node", default="rospy_peer")
 parser.add_argument("--latch", action="store_true")
 parser.add_argument("--count", type=int, default=0, help="0: until stdin closes")
@@ -62,13 +67,60 @@ def plain(value):
     return value
 
 
+def definitions():
+    """What genmsg needs to read a type: its context and where packages are."""
+    import genmsg.msg_loader
+    folder = args.definitions
+    packages = {name: [os.path.join(folder, name, "msg")] for name in os.listdir(folder)}
+    search = {name: [f"/usr/share/{name}/msg"] for name in ("std_msgs", "geometry_msgs", "sensor_msgs")}
+    return genmsg.msg_loader.MsgContext.create_default(), {**search, **packages}
+
+
+def generated(context, spec, search):
+    """The class of a message that no package has compiled."""
+    import genmsg.gentools
+    import genmsg.msg_loader
+    import genpy.dynamic
+    genmsg.msg_loader.load_depends(context, spec, search)
+    full = spec.full_name
+    return genpy.dynamic.generate_dynamic(full, genmsg.gentools.compute_full_text(context, spec))[full]
+
+
+def message_class():
+    if not args.definitions:
+        return roslib.message.get_message_class(args.type)
+    import genmsg.msg_loader
+    context, search = definitions()
+    return generated(context, genmsg.msg_loader.load_msg_by_type(context, args.type, search), search)
+
+
+def service_class():
+    if not args.definitions:
+        return roslib.message.get_service_class(args.type)
+    import genmsg.gentools
+    import genmsg.msg_loader
+    context, search = definitions()
+    package, name = args.type.split("/")
+    file = os.path.join(args.definitions, package, "srv", name + ".srv")
+    spec = genmsg.msg_loader.load_srv_from_file(context, file, args.type)
+    request = generated(context, spec.request, search)
+    response = generated(context, spec.response, search)
+    return type(name, (), {"_type": args.type, "_md5sum": genmsg.gentools.compute_md5(context, spec),
+                           "_request_class": request, "_response_class": response})
+
+
+def filled(message, value):
+    genpy.message.fill_message_args(message, [value])
+    return message
+
+
 def finish():
     rospy.signal_shutdown("done")
     leave()
 
 
 if args.role == "publish":
-    kind = roslib.message.get_message_class(args.type)
+    kind = message_class()
     publisher = rospy.Publisher(args.topic, kind, queue_size=100, latch=args.latch)
     say("ready")
     index = 0
@@ -76,9 +128,7 @@ if args.role == "publish":
         if not args.latch and publisher.get_num_connections() == 0:
             leaving.wait(0.01)
             continue
-        message = kind()
-        value = json.loads(args.value.replace("{n}", str(index)))
-        genpy.message.fill_message_args(message, [value])
+        message = filled(kind(), json.loads(args.value.replace("{n}", str(index))))
         publisher.publish(message)
         say("message", index=index, value=plain(message))
         index += 1
@@ -86,7 +136,7 @@ if args.role == "publish":
     say("done", count=index)
     leaving.wait()
 elif args.role == "subscribe":
-    kind = roslib.message.get_message_class(args.type)
+    kind = message_class()
     index = [0]
 
     def heard(message):
@@ -101,6 +151,31 @@ elif args.role == "subscribe":
     while subscriber.get_num_connections() == 0 and not leaving.is_set():
         leaving.wait(0.01)
     say("matched")
+    leaving.wait()
+elif args.role == "serve" and args.value:
+    kind = service_class()
+
+    def answer(request):
+        say("message", index=0, value=plain(request))
+        expression = lambda value: isinstance(value, str) and value.startswith("=")
+        value = {name: eval(value[1:]) if expression(value) else value  # the test's own words
+                 for name, value in json.loads(args.value).items()}
+        return filled(kind._response_class(), value)
+
+    service = rospy.Service(args.topic, kind, answer)
+    say("ready")
+    leaving.wait()
+elif args.role == "call":
+    kind = service_class()
+    say("ready")
+    rospy.wait_for_service(args.topic)
+    proxy = rospy.ServiceProxy(args.topic, kind)
+    for index in range(args.count):
+        try:
+            say("reply", index=index, value=plain(proxy(filled(kind._request_class(), json.loads(args.value)))))
+        except rospy.ServiceException as problem:
+            say("reply", index=index, error=str(problem))
+    say("done")
     leaving.wait()
 elif args.role == "serve":
     from std_srvs.srv import SetBool, SetBoolResponse

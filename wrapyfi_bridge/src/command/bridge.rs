@@ -49,7 +49,7 @@ pub fn run_node(
     options: Options,
     shutdown: &Shutdown,
 ) -> Result<(), Failure> {
-    let Loaded { endpoints, mut plan, types: mut store } = middlewares::load(config)?;
+    let Loaded { endpoints, mut plan, types: mut store } = middlewares::load_and_learn(config)?;
     overrides::apply(&mut plan, node, &mut parameters).map_err(Failure::usage)?;
     warn_of_unused(&parameters);
     let middlewares = Middlewares::for_plan(&endpoints, &plan, node)?;

@@ -6,6 +6,7 @@ use serde::Deserialize;
 use wrapyfi_core::engine::{Config, ConfigError, MAX_CONFIG_BYTES, Plan, Problem, Spanned};
 use wrapyfi_interfaces::store::TypeStore;
 
+use super::learn;
 use super::ros1::Ros1Section;
 use super::ros2::Ros2Section;
 use super::yarp::YarpSection;
@@ -43,6 +44,21 @@ pub struct Loaded {
 /// # Errors
 /// Exit code 2 with every fault, each with its line.
 pub fn load(file: &Path) -> Result<Loaded, Failure> {
+    load_with(file, |_, _| Ok(()))
+}
+
+/// As [`load`]; types of routes from ROS 1 that nobody here has are asked from their publishers.
+///
+/// # Errors
+/// As [`load`], and exit code 1 when ROS 1 does not start.
+pub fn load_and_learn(file: &Path) -> Result<Loaded, Failure> {
+    load_with(file, learn::from_publishers)
+}
+
+fn load_with(
+    file: &Path,
+    learn: impl FnOnce(&Config<Endpoints>, &mut TypeStore) -> Result<(), Failure>,
+) -> Result<Loaded, Failure> {
     let name = file.display().to_string();
     let size =
         std::fs::metadata(file).map_err(|error| Failure::usage(format!("{name}: {error}")))?;
@@ -69,6 +85,7 @@ pub fn load(file: &Path) -> Result<Loaded, Failure> {
             any::add_standard(&name.value, &folders, &mut types);
         }
     }
+    learn(&config, &mut types)?;
     let plan =
         Plan::new(&config, &super::available(), &mut types, &name).map_err(Failure::usage)?;
     Ok(Loaded { endpoints: config.endpoints, plan, types })

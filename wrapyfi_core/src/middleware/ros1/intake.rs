@@ -356,7 +356,7 @@ impl Connection {
     /// A connection on which messages follow, or why there is none.
     async fn open(&mut self) -> Result<TcpStream, String> {
         let core = self.core.upgrade().ok_or("the node has ended")?;
-        let (host, port) = self.ask(&core).await?;
+        let (host, port) = way(&core, &self.uri, &self.intake.topic).await?;
         let wire_type = &self.intake.wanted.wire_type;
         let own = Header::new()
             .with("callerid", core.name.full())
@@ -389,28 +389,6 @@ impl Connection {
             .map_err(|error| shortened(&error))?;
         self.latched = header.is_set("latching");
         Ok(stream)
-    }
-
-    /// Where the publisher sends the topic.
-    async fn ask(&self, core: &Core) -> Result<(String, u16), String> {
-        let protocols = Value::Array(vec![Value::Array(vec![text("TCPROS")])]);
-        let params = vec![text(core.name.full()), text(&self.intake.topic), protocols];
-        let reply = http::call(&self.uri, "requestTopic", params).await;
-        let Reply { status, text: words, value } = reply.map_err(|error| error.to_string())?;
-        if status != SUCCESS {
-            return Err(format!("it does not send the topic: {}", shortened(&words)));
-        }
-        match &value {
-            Value::Array(parts) => match parts.as_slice() {
-                [Value::String(_), Value::String(host), Value::Integer(port), ..] => {
-                    let port = u16::try_from(*port).map_err(|_e| format!("port {port} is none"))?;
-                    Ok((host.clone(), port))
-                }
-                [] => Err("it does not speak TCPROS".to_owned()),
-                _ => Err("it names no way to the topic".to_owned()),
-            },
-            _ => Err("it names no way to the topic".to_owned()),
-        }
     }
 
     /// Receives until the connection ends; why it did.
@@ -488,8 +466,30 @@ impl Connection {
     }
 }
 
+/// Where the publisher sends the topic.
+pub(super) async fn way(core: &Core, uri: &NodeUri, topic: &str) -> Result<(String, u16), String> {
+    let protocols = Value::Array(vec![Value::Array(vec![text("TCPROS")])]);
+    let params = vec![text(core.name.full()), text(topic), protocols];
+    let reply = http::call(uri, "requestTopic", params).await;
+    let Reply { status, text: words, value } = reply.map_err(|error| error.to_string())?;
+    if status != SUCCESS {
+        return Err(format!("it does not send the topic: {}", shortened(&words)));
+    }
+    match &value {
+        Value::Array(parts) => match parts.as_slice() {
+            [Value::String(_), Value::String(host), Value::Integer(port), ..] => {
+                let port = u16::try_from(*port).map_err(|_e| format!("port {port} is none"))?;
+                Ok((host.clone(), port))
+            }
+            [] => Err("it does not speak TCPROS".to_owned()),
+            _ => Err("it names no way to the topic".to_owned()),
+        },
+        _ => Err("it names no way to the topic".to_owned()),
+    }
+}
+
 /// Foreign words for a log line.
-fn shortened(text: &str) -> String {
+pub(super) fn shortened(text: &str) -> String {
     const SHOWN: usize = 400;
     match text.char_indices().nth(SHOWN) {
         None => text.to_owned(),

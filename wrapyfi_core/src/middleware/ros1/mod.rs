@@ -25,7 +25,7 @@
 //! | `publication`, `kept`, `outlet` | a topic sent, what is kept of it, one subscriber |
 //! | `services`, `service_host`, `server`, `client` | services |
 //! | `parameters` | properties |
-//! | `form` | messages of any type as payloads |
+//! | `form`, `shown` | messages of any type as payloads; types that nobody here has |
 //! | `discovery` | what other nodes have |
 
 mod client;
@@ -48,6 +48,7 @@ mod registrations;
 mod server;
 mod service_host;
 mod services;
+mod shown;
 mod slave;
 mod slave_info;
 mod splitter;
@@ -64,6 +65,7 @@ use tokio::time::timeout;
 use wrapyfi_interfaces::ros1::Rules;
 
 pub use config::{ConfigError, Ros1Config};
+pub use shown::LearnError;
 pub use master::MasterError;
 pub use names::{NameError, NodeName, check_name};
 

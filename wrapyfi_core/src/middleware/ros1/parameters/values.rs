@@ -165,7 +165,7 @@ mod tests {
             ("camera".to_owned(), Xml::Struct([("rate".to_owned(), Xml::Integer(30))].into())),
         ];
         let flat = flatten(Xml::Struct(members.into()));
-        assert_eq!(flat.parameters, Properties::from([("camera.rate", 30)]));
+        assert_eq!(flat.parameters, Properties::from([("camera.rate", 30_i64)]));
         let mut names: Vec<&str> = flat.faults.iter().map(|(name, _)| name.as_str()).collect();
         names.sort_unstable();
         assert_eq!(names, ["mixed", "rows", "structs"]);

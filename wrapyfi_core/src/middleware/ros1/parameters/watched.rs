@@ -72,7 +72,7 @@ impl Book {
         }
         self.known = newer;
         let before = std::mem::replace(&mut self.faulty, faults.into_iter().collect());
-        let news = self.faulty.iter().filter(|(name, why)| before.get(*name) != Some(why));
+        let news = self.faulty.iter().filter(|(name, why)| before.get(*name) != Some(*why));
         for (_, why) in news {
             if self.faults.len() < MAX_FAULTS {
                 self.faults.push_back(why.clone());
@@ -248,9 +248,9 @@ mod tests {
     fn all_are_told_first_then_what_changed_and_what_vanished() {
         let (mut book, now) = (Book::default(), Instant::now());
         book.heard(flat([("a", 1), ("b", 2)]), now);
-        assert_eq!(told(&mut book), [one("a", 1), one("b", 2)]);
+        assert_eq!(told(&mut book), [one("a", 1_i64), one("b", 2_i64)]);
         book.heard(flat([("a", 1), ("b", 3)]), now);
-        assert_eq!(told(&mut book), [one("b", 3)]);
+        assert_eq!(told(&mut book), [one("b", 3_i64)]);
         book.heard(flat([("b", 3)]), now);
         assert_eq!(told(&mut book), [one("a", ParameterValue::NotSet)]);
         book.heard(flat([("b", 3)]), now);
@@ -262,18 +262,18 @@ mod tests {
         let (mut book, before) = (Book::default(), Instant::now());
         book.heard(flat([("a", 1)]), before);
         told(&mut book);
-        assert!(book.setting("a", &2.into()));
+        assert!(book.setting("a", &ParameterValue::Integer(2)));
         // Asked before it was set, or while.
         book.heard(flat([("a", 1)]), before);
         book.was_set("a", true);
         book.heard(flat([("a", 1)]), before);
         assert_eq!(told(&mut book), []);
-        assert!(!book.setting("a", &2.into()), "it is so already");
+        assert!(!book.setting("a", &ParameterValue::Integer(2)), "it is so already");
         let after = Instant::now() + Duration::from_millis(1);
         book.heard(flat([("a", 2)]), after);
         assert_eq!(told(&mut book), []);
         book.heard(flat([("a", 1)]), after);
-        assert_eq!(told(&mut book), [one("a", 1)], "set back by somebody else");
+        assert_eq!(told(&mut book), [one("a", 1_i64)], "set back by somebody else");
         assert!(book.setting("a", &ParameterValue::NotSet));
         book.was_set("a", true);
         book.heard(flat([]), Instant::now() + Duration::from_millis(1));
@@ -285,10 +285,10 @@ mod tests {
         let (mut book, now) = (Book::default(), Instant::now());
         book.heard(flat([("a", 1)]), now);
         told(&mut book);
-        assert!(book.setting("a", &2.into()));
+        assert!(book.setting("a", &ParameterValue::Integer(2)));
         book.was_set("a", false);
         book.heard(flat([("a", 1)]), now);
-        assert_eq!(told(&mut book), [one("a", 1)]);
+        assert_eq!(told(&mut book), [one("a", 1_i64)]);
     }
 
     #[test]
