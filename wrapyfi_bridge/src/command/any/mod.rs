@@ -39,10 +39,11 @@ pub(crate) fn definitions(folders: &[PathBuf]) -> Result<TypeStore, Failure> {
     Ok(store)
 }
 
-/// The definition of `name`, in the places of [`definitions`].
+/// The definition of `name`, in the places of [`definitions`] or as [`add_standard`] has it.
 pub(super) fn resolve(name: &str, folders: &[PathBuf]) -> Result<ResolvedType, Failure> {
     let mut store = definitions(folders)
         .map_err(|failure| Failure::Usage(format!("--definitions {failure}")))?;
+    add_standard(name, folders, &mut store);
     store.resolve_name(name).map_err(|error| undefined(&error))
 }
 
@@ -52,10 +53,7 @@ fn undefined(error: &ResolveError) -> Failure {
 
 /// The type `name` as one that every middleware carries.
 pub(super) fn message_type(name: &str, folders: &[PathBuf]) -> Result<MessageType, Failure> {
-    let mut store = definitions(folders)
-        .map_err(|failure| Failure::Usage(format!("--definitions {failure}")))?;
-    add_standard(name, folders, &mut store);
-    let resolved = store.resolve_name(name).map_err(|error| undefined(&error))?;
+    let resolved = resolve(name, folders)?;
     RosType::new(&resolved).map(MessageType::Ros).map_err(Failure::usage)
 }
 
