@@ -11,7 +11,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::net::IpAddr;
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use serde::Deserialize;
@@ -40,7 +40,7 @@ use crate::logging;
 use crate::node::Node;
 use crate::yarp::YarpSection;
 
-/// How long publishers on ROS 1 have to show a type that nobody here has.
+/// How long publishers on ROS 1 have to show the types that nobody here has.
 const LEARNING: Duration = Duration::from_secs(5);
 
 /// Names under which routes and commands address the middlewares, with their rules for topics.
@@ -152,6 +152,7 @@ pub fn load_and_learn(file: &Path) -> Result<Loaded, Failure> {
 /// Asks the publishers on ROS 1 for what no place of definitions has.
 fn learn(config: &Config<Endpoints>, types: &mut TypeStore) -> Result<(), Failure> {
     let mut node = None;
+    let begin = Instant::now();
     for entry in &config.routes {
         let route = &entry.value;
         let Some((ros1::NAME, topic)) =
@@ -168,7 +169,7 @@ fn learn(config: &Config<Endpoints>, types: &mut TypeStore) -> Result<(), Failur
             Some(ros1) => ros1,
             none => none.insert(start_ros1(&config.endpoints.ros)?),
         };
-        match ros1.learn(topic, &name, LEARNING) {
+        match ros1.learn(topic, &name, LEARNING.saturating_sub(begin.elapsed())) {
             Ok(found) => {
                 tracing::info!("{name} is what a publisher of ros:{topic} shows");
                 types.add_resolved(&found);
