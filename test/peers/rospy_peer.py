@@ -22,6 +22,7 @@ import hashlib
 import json
 import os
 import sys
+import types
 
 parser = argparse.ArgumentParser()
 parser.add_argument("role", choices=["publish", "subscribe", "master", "serve", "call", "param", "params", "log"])
@@ -87,7 +88,15 @@ def generated(context, spec, search):
     import genpy.dynamic
     genmsg.msg_loader.load_depends(context, spec, search)
     full = spec.full_name
-    return genpy.dynamic.generate_dynamic(full, genmsg.gentools.compute_full_text(context, spec))[full]
+    made = genpy.dynamic.generate_dynamic(full, genmsg.gentools.compute_full_text(context, spec))
+    # genpy looks for the classes of fields in packages: these are as if they were installed.
+    for name, kind in made.items():
+        package, name = name.split("/")
+        if os.path.isdir(os.path.join(args.definitions, package)):
+            module = sys.modules.setdefault(package, types.ModuleType(package))
+            module.msg = sys.modules.setdefault(package + ".msg", types.ModuleType(package + ".msg"))
+            setattr(module.msg, name, kind)
+    return made[full]
 
 
 def message_class():
@@ -161,10 +170,12 @@ elif args.role == "serve" and args.value:
 
     def answer(request):
         say("message", index=0, value=plain(request))
-        expression = lambda value: isinstance(value, str) and value.startswith("=")
-        value = {name: eval(value[1:]) if expression(value) else value  # the test's own words
-                 for name, value in json.loads(args.value).items()}
-        return filled(kind._response_class(), value)
+        value = json.loads(args.value)
+        computed = {name: one for name, one in value.items() if isinstance(one, str) and one.startswith("=")}
+        response = filled(kind._response_class(), {name: one for name, one in value.items() if name not in computed})
+        for name, one in computed.items():
+            setattr(response, name, eval(one[1:], {"request": request}))  # the test's own words
+        return response
 
     service = rospy.Service(args.topic, kind, answer)
     say("ready")
