@@ -107,8 +107,11 @@ impl Readers {
         let (queue, waiting) = mpsc::channel(limits.max_waiting_events);
         let (kind, carrier) = carrier;
         let mut inner = self.inner();
-        // A second connection to the same reader takes the place of the first.
-        inner.readers.retain(|reader| reader.name != name);
+        // A second connection to the same port takes the place of the first. Those that are no ports
+        // may well have one name: every program that listens to us calls itself the same.
+        if name.starts_with('/') {
+            inner.readers.retain(|reader| reader.name != name);
+        }
         if inner.ended || inner.readers.len() >= limits.max_readers {
             shared.counters.add("too_many_readers");
             return false;
