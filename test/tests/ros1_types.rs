@@ -159,6 +159,26 @@ fn a_type_made_a_moment_ago_crosses_ros_2_and_comes_back() -> Result {
     })
 }
 
+#[test]
+fn a_type_that_nobody_shows_is_refused_with_the_remedy() -> Result {
+    run("a_type_that_nobody_shows_is_refused_with_the_remedy", NEEDS, |world| {
+        let _roscore = world.roscore()?;
+        let (from, kind) = (world.topic("from"), format!("pkg_{:x}/msg/Whole", random()));
+        let config = world.embedded().route(Route::new(&ros1(&from), &ros2(&from), &kind));
+        let file = world.write("bridge.yaml", config.yaml())?.display().to_string();
+        let mut bridge = world.wrapyfi(["bridge", "--config", &file])?;
+        bridge.exits_with(2)?;
+        let said = bridge.stderr();
+        for words in [
+            "nobody publishes it; start the publisher first, or give a folder with the definition",
+            &format!("{kind} is defined nowhere"),
+        ] {
+            assert!(said.contains(words), "{words}: {said}");
+        }
+        Ok(())
+    })
+}
+
 /// A service route, with the definitions at hand.
 fn joined(world: &World, service: &str, offered: &str, kind: &str) -> Result<Process> {
     world.definitions(&[SET, ADD])?;

@@ -151,12 +151,11 @@ fn definitions_that_recurse_or_lack_a_part_are_refused() {
     let line = "=".repeat(80);
     let md5 = "0123456789abcdef0123456789abcdef";
     for (definition, words) in [
-        ("int32 a\nPair next\n".to_owned(), "demo/Pair"),
-        (format!("Part part\n{line}\nMSG: demo/Part\nPair back\n"), "demo/Pa"),
-        ("int32 a\nPart part\n".to_owned(), "demo/Part"),
+        ("int32 a\nPair next\n".to_owned(), "contains itself"),
+        (format!("Part part\n{line}\nMSG: demo/Part\nPair back\n"), "contains itself"),
+        ("int32 a\nPart part\n".to_owned(), "Part is defined nowhere"),
         ("int32 a\nint32 b\n".to_owned(), md5),
-        ("int32[".to_owned(), "int32["),
-        (format!("int32 {}\n", "a".repeat(1 << 18)), "demo/Pair"),
+        ("int32[ a\n".to_owned(), "int32["),
     ] {
         let master = Master::start();
         let near = node(&master, "near");
