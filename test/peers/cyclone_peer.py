@@ -31,6 +31,7 @@ parser.add_argument("--plain", action="store_true", help="only the fields of wha
 parser.add_argument("--text", help="std_msgs/msg/String: the text itself, with {n} for the number")
 parser.add_argument("--best-effort", action="store_true")
 parser.add_argument("--transient-local", action="store_true")
+parser.add_argument("--fields", type=json.loads, help="publish a message with these fields, JSON without blanks")
 parser.add_argument("--depth", type=int, default=50)
 parser.add_argument("--hash", help="type hash to announce instead of the right one")
 parser.add_argument("--humble-node", help="announce the endpoint as this node's, as ROS 2 Humble does")
@@ -108,6 +109,15 @@ def blank(ros_type):
     return struct(ros_type)(**values)
 
 
+def fill(message, fields):
+    for name, value in fields.items():
+        if isinstance(value, dict):
+            fill(getattr(message, name), value)
+        else:
+            setattr(message, name, value)
+    return message
+
+
 def qos(user_data=b""):
     infinite = duration(infinite=True)
     found = Qos(Policy.Reliability.BestEffort if args.best_effort else Policy.Reliability.Reliable(infinite),
@@ -127,6 +137,8 @@ def make(seq):
         now = time.time_ns()
         message.header.stamp.sec, message.header.stamp.nanosec = now // 10 ** 9, now % 10 ** 9
         message.header.frame_id = args.frame_id
+    if args.fields is not None:
+        return fill(message, args.fields), {"fields": args.fields}
     if args.type == "std_msgs/msg/String" and args.text is not None:
         message.data = args.text.replace("{n}", str(seq))
         return message, {"value": message.data}

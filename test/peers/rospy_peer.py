@@ -8,6 +8,9 @@
     rospy_peer.py serve     --topic /x --type demo/Say --value '{"sum": "=request.a + 1"}'     = is an expression
     rospy_peer.py call      --topic /x --type demo/Say --value '{"a": 3}' [--count N]
     rospy_peer.py param     --topic /x [--value JSON]         sets or prints a parameter
+    rospy_peer.py params    --topic /x                        prints a namespace, and at every change; a line
+                                                              on stdin sets: {"gain": 2.5, "old": null}
+    rospy_peer.py log       --value TEXT                      rospy.logwarn
 
 In a published value {n} stands for the number of the message. Types come from Debian's packages, or from
 --definitions, a folder with `package/msg/Type.msg` and `package/srv/Type.srv`: genpy makes their classes on the
@@ -19,9 +22,10 @@ import hashlib
 import json
 import os
 import sys
+import types
 
 parser = argparse.ArgumentParser()
-parser.add_argument("role", choices=["publish", "subscribe", "master", "serve", "call", "param"])
+parser.add_argument("role", choices=["publish", "subscribe", "master", "serve", "call", "param", "params", "log"])
 parser.add_argument("--topic", default="/x")
 parser.add_argument("--type", default="std_msgs/String")
 parser.add_argument("--value")
@@ -35,7 +39,8 @@ args = parser.parse_args()
 
 from lines import leave, leaving, say, watch_stdin  # noqa: E402
 
-watch_stdin()
+if args.role != "params":
+    watch_stdin()
 
 if args.role == "master":
     import rosmaster.master
@@ -83,7 +88,15 @@ def generated(context, spec, search):
     import genpy.dynamic
     genmsg.msg_loader.load_depends(context, spec, search)
     full = spec.full_name
-    return genpy.dynamic.generate_dynamic(full, genmsg.gentools.compute_full_text(context, spec))[full]
+    made = genpy.dynamic.generate_dynamic(full, genmsg.gentools.compute_full_text(context, spec))
+    # genpy looks for the classes of fields in packages: these are as if they were installed.
+    for name, kind in made.items():
+        package, name = name.split("/")
+        if os.path.isdir(os.path.join(args.definitions, package)):
+            module = sys.modules.setdefault(package, types.ModuleType(package))
+            module.msg = sys.modules.setdefault(package + ".msg", types.ModuleType(package + ".msg"))
+            setattr(module.msg, name, kind)
+    return made[full]
 
 
 def message_class():
@@ -157,10 +170,12 @@ elif args.role == "serve" and args.value:
 
     def answer(request):
         say("message", index=0, value=plain(request))
-        expression = lambda value: isinstance(value, str) and value.startswith("=")
-        value = {name: eval(value[1:]) if expression(value) else value  # the test's own words
-                 for name, value in json.loads(args.value).items()}
-        return filled(kind._response_class(), value)
+        value = json.loads(args.value)
+        computed = {name: one for name, one in value.items() if isinstance(one, str) and one.startswith("=")}
+        response = filled(kind._response_class(), {name: one for name, one in value.items() if name not in computed})
+        for name, one in computed.items():
+            setattr(response, name, eval(one[1:], {"request": request}))  # the test's own words
+        return response
 
     service = rospy.Service(args.topic, kind, answer)
     say("ready")
@@ -187,6 +202,32 @@ elif args.role == "serve":
     service = rospy.Service(args.topic, SetBool, answer)
     say("ready")
     leaving.wait()
+elif args.role == "log":
+    # rospy keeps its last line for who comes later.
+    rospy.logwarn(args.value)
+    say("message", index=0, value=args.value)
+    leaving.wait()
+elif args.role == "params":
+    import threading
+
+    def obey():
+        for line in sys.stdin:
+            for name, value in json.loads(line).items():
+                if value is None:
+                    rospy.delete_param(args.topic + "/" + name)
+                else:
+                    rospy.set_param(args.topic + "/" + name, value)
+        leaving.set()
+
+    threading.Thread(target=obey, daemon=True).start()
+    say("ready")
+    last = None
+    while not leaving.is_set():
+        now = rospy.get_param(args.topic, {})
+        if now != last:
+            say("message", index=0, value=now)
+            last = now
+        leaving.wait(0.05)
 elif args.role == "param":
     if args.value is not None:
         rospy.set_param(args.topic, json.loads(args.value))

@@ -37,6 +37,7 @@ mod config;
 mod config_devices;
 mod config_error;
 mod config_qos;
+mod conventions;
 #[expect(clippy::module_inception, reason = "the engine is this module's one main type")]
 mod engine;
 mod plan;

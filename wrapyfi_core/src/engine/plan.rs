@@ -8,6 +8,7 @@ use super::config::{Config, Defaults, OverflowConfig, RouteConfig, Spanned};
 use super::config_devices::DevicesConfig;
 use super::config_error::{ConfigError, Problem, did_you_mean};
 use super::config_qos::{QosConfig, QosOverride};
+use super::conventions;
 use super::plan_options;
 use super::plan_service::{self, ServiceRouteSpec};
 use crate::Limits;
@@ -77,7 +78,7 @@ impl RouteSpec {
     pub fn topic_spec(&self, address: &EndpointAddress) -> TopicSpec {
         let at_source = *address == self.from;
         let changed = if at_source { self.from_override } else { self.to_override };
-        TopicSpec {
+        let mut spec = TopicSpec {
             topic: address.name.clone(),
             message_type: if at_source { self.from_type } else { self.message_type },
             qos: self.qos.qos(),
@@ -88,7 +89,11 @@ impl RouteSpec {
             limits: self.limits,
             plugins: self.plugins.clone(),
             options: self.options.clone(),
+        };
+        if self.qos == QosConfig::default() {
+            conventions::apply(&mut spec, address, at_source);
         }
+        spec
     }
 }
 

@@ -24,7 +24,7 @@ use crate::codec::ros1::Ros1Type;
 use crate::endpoint::{
     Context, Counters, Durability, History, Link, Origin, PublishError, Publisher, TopicSpec, Wake,
 };
-use crate::types::{Encoding, MessageType, Payload, Pixels};
+use crate::types::{Encoding, Image, MessageType, Payload, Pixels};
 use crate::{EncodeError, Limits, codec};
 
 /// Messages that a publisher without a depth keeps for a slow subscriber.
@@ -244,7 +244,8 @@ impl Ros1Publisher {
     }
 }
 
-/// The payload in the form that the type carries: pixels, or a file.
+/// The payload in the form that the type carries: pixels, or a file. Wrapyfi's listeners take colour
+/// as `bgr8` only, so pixels in the other order are turned, unless `color_order` asks for that order.
 pub(super) fn formed<'p>(
     payload: &'p Payload,
     message_type: MessageType,
@@ -258,7 +259,13 @@ pub(super) fn formed<'p>(
         _ => true,
     };
     if fits {
-        return Ok(Cow::Borrowed(payload));
+        return Ok(match &image.pixels {
+            Pixels::Raw(raw) if raw.encoding == Encoding::Rgb8 && color_order == Encoding::Bgr8 => {
+                let pixels = Pixels::Raw(raw.clone().swap_red_blue());
+                Cow::Owned(Payload::Image(Image { pixels, ..image.clone() }))
+            }
+            _ => Cow::Borrowed(payload),
+        });
     }
     let image = codec::convert(image.clone(), message_type, color_order, limits)?;
     Ok(Cow::Owned(Payload::Image(image)))
@@ -317,5 +324,33 @@ impl Drop for Ros1Publisher {
     fn drop(&mut self) {
         self.publication.state().publishers.remove(&self.id);
         self.core.unadvertise(&self.publication.topic, &self.publication);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::types::RawPixels;
+
+    fn encoding_of(pixels: RawPixels, color_order: Encoding) -> (Encoding, Vec<u8>) {
+        let payload = Payload::Image(Image::new(crate::types::Stamp::default(), pixels));
+        let formed = formed(&payload, MessageType::Image, color_order, &Limits::default()).unwrap();
+        let Payload::Image(Image { pixels: Pixels::Raw(raw), .. }) = formed.into_owned() else {
+            panic!("pixels stay pixels");
+        };
+        (raw.encoding, raw.data.to_vec())
+    }
+
+    #[test]
+    fn colour_is_as_wrapyfi_takes_it_unless_the_other_order_is_asked_for() {
+        let pixel =
+            |encoding, bytes: &[u8]| RawPixels::dense(1, 1, encoding, bytes.to_vec()).unwrap();
+        let red = || pixel(Encoding::Rgb8, &[255, 1, 0]);
+        assert_eq!(encoding_of(red(), Encoding::Bgr8), (Encoding::Bgr8, vec![0, 1, 255]));
+        assert_eq!(encoding_of(red(), Encoding::Rgb8), (Encoding::Rgb8, vec![255, 1, 0]));
+        let blue = || pixel(Encoding::Bgr8, &[255, 1, 0]);
+        assert_eq!(encoding_of(blue(), Encoding::Rgb8), (Encoding::Bgr8, vec![255, 1, 0]));
+        let grey = pixel(Encoding::Mono8, &[9]);
+        assert_eq!(encoding_of(grey, Encoding::Bgr8), (Encoding::Mono8, vec![9]));
     }
 }

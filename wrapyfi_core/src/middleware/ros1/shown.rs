@@ -6,6 +6,8 @@
 //!
 //! The connection ends with the header: nothing is registered and no message is received.
 
+use std::sync::Arc;
+use std::sync::mpsc::channel;
 use std::time::{Duration, Instant};
 
 use tokio::time::{sleep, timeout};
@@ -51,11 +53,14 @@ pub enum LearnError {
         /// What was found last.
         reason: String,
     },
+    /// The node ended meanwhile.
+    #[error("the ROS 1 node has ended")]
+    Ended,
 }
 
 impl Ros1 {
     /// The ROS 2 type `name`, made from what a publisher of `topic` shows. Asks again and again for as
-    /// long as `patience`; blocks the caller.
+    /// long as `patience`, once at least; blocks the caller.
     ///
     /// # Errors
     /// When nobody shows it in time.
@@ -70,20 +75,35 @@ impl Ros1 {
             .name
             .resolve(topic)
             .map_err(|error| LearnError::Topic { topic: topic.to_owned(), reason: error.reason })?;
-        let deadline = Instant::now() + patience;
-        self.core.handle.block_on(async {
-            loop {
-                let reason = match shown(&self.core, &topic, name).await {
-                    Ok(found) => return Ok(found),
-                    Err(reason) => reason,
-                };
-                if Instant::now() >= deadline {
-                    let name = name.to_string();
-                    return Err(LearnError::NotShown { topic, name, patience, reason });
-                }
-                sleep(LOOK).await;
-            }
-        })
+        let (core, name) = (Arc::clone(&self.core), name.clone());
+        let (tell, told) = channel();
+        // A task, and a channel of threads: the caller may itself be a task of some runtime.
+        self.core.handle.spawn(async move {
+            // The caller waits.
+            _ = tell.send(ask(&core, topic, name, patience).await);
+        });
+        told.recv().unwrap_or(Err(LearnError::Ended))
+    }
+}
+
+/// Asks again and again.
+async fn ask(
+    core: &Core,
+    topic: String,
+    name: TypeName,
+    patience: Duration,
+) -> Result<ResolvedType, LearnError> {
+    let begin = Instant::now();
+    loop {
+        let reason = match shown(core, &topic, &name).await {
+            Ok(found) => return Ok(found),
+            Err(reason) => reason,
+        };
+        if begin.elapsed() >= patience {
+            let name = name.to_string();
+            return Err(LearnError::NotShown { topic, name, patience, reason });
+        }
+        sleep(LOOK).await;
     }
 }
 

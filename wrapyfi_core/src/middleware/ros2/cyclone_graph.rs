@@ -17,9 +17,8 @@ use super::dds_terms::{ENCLAVE, discovered, end_user_data, to_dds, user_data};
 use super::discovery_info::{DiscoveryInfo, EndpointKind, Gid};
 use super::domain::{DomainError, DomainLease};
 use super::graph::{
-    Replay,
     CdrClient, CdrReader, CdrServer, CdrWriter, DiscoveredEndpoint, Graph, GraphError, NodeWatch,
-    Notify, PeerWatch, ServiceDescription, ServiceMapping, TopicDescription,
+    Notify, PeerWatch, Replay, ServiceDescription, ServiceMapping, TopicDescription,
 };
 use super::names;
 use super::owners::Owners;
@@ -153,8 +152,7 @@ impl CycloneGraph {
         let user_data = user_data(topic);
         let names = (topic.name.as_str(), topic.type_name.as_str());
         let qos = EndpointQos { replay, ..qos(topic, &user_data) };
-        let raw =
-            RawWriter::new(&self.0.participant, names, &qos, events).map_err(fault)?;
+        let raw = RawWriter::new(&self.0.participant, names, &qos, events).map_err(fault)?;
         let gid = raw.guid().map_err(fault)?;
         let listed = Listed::new(&self.0, EndpointKind::Writer, gid);
         let ways = Ways::new(&self.0, topic);

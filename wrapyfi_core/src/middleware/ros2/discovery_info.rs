@@ -15,8 +15,8 @@ use std::time::Duration;
 use wrapyfi_interfaces::Message;
 use wrapyfi_interfaces::rmw_dds_common::msg::{self, NodeEntitiesInfo, ParticipantEntitiesInfo};
 
-use super::graph::Replay;
 use super::cyclone::{EndpointQos, Entity, Events, RawWriter, ReturnCode, WriteFault};
+use super::graph::Replay;
 use crate::endpoint::{Durability, History, Qos, Reliability};
 use crate::node::NodeName;
 

@@ -21,8 +21,8 @@ use super::matching::{CALM, Matching};
 use super::payload;
 use crate::Limits;
 use crate::endpoint::{
-    AnnouncedDurability, Context, DropReason, Durability, Link, Listener, Origin, Overflow, Qos, QosChange, QosEvent, Receiver,
-    Review, Sample, TakeError, TopicSpec,
+    AnnouncedDurability, Context, DropReason, Durability, Link, Listener, Origin, Overflow, Qos,
+    QosChange, QosEvent, Receiver, Review, Sample, TakeError, TopicSpec,
 };
 use crate::plugin::Plugins;
 use crate::types::MessageType;
@@ -123,6 +123,8 @@ impl Ros2Listener {
         let arrived = self.receiver.pop();
         if self.blocks {
             self.inlet.drain();
+        } else {
+            self.inlet.make_up();
         }
         arrived.or_else(|| self.receiver.pop())
     }
@@ -155,7 +157,8 @@ impl Ros2Listener {
         let changes = self.follower.changes();
         if self.origins.all_keep.0 != changes {
             let peers = self.follower.peers();
-            let keep = |peer: &DiscoveredEndpoint| peer.qos.durability > AnnouncedDurability::Volatile;
+            let keep =
+                |peer: &DiscoveredEndpoint| peer.qos.durability > AnnouncedDurability::Volatile;
             let all = (!peers.is_empty()).then(|| peers.iter().all(keep));
             self.origins.all_keep = (changes, all);
         }

@@ -50,7 +50,12 @@ impl Origins {
     }
 
     /// Enters a writer that is new; messages are held until `opens`.
-    pub(super) fn enter(&mut self, origin: u64, writer: Box<dyn CdrWriter>, opens: Option<Instant>) {
+    pub(super) fn enter(
+        &mut self,
+        origin: u64,
+        writer: Box<dyn CdrWriter>,
+        opens: Option<Instant>,
+    ) {
         let (held, written) = (VecDeque::new(), None);
         self.open.insert(origin, Own { writer, opens, held, written });
     }
@@ -223,11 +228,10 @@ mod tests {
         let mut bench = Bench::new();
         bench.enter(1, 0);
         bench.enter(2, 0);
-        assert_eq!([bench.write(1, 7), bench.write(2, 8), bench.write(3, 9)], [
-            Some(0),
-            Some(0),
-            None
-        ]);
+        assert_eq!(
+            [bench.write(1, 7), bench.write(2, 8), bench.write(3, 9)],
+            [Some(0), Some(0), None]
+        );
         assert_eq!(bench.notes(), ["1:7", "2:8"]);
     }
 

@@ -30,11 +30,12 @@ use super::origins::{MAX_ORIGINS, Origins};
 use super::payload;
 use crate::endpoint::{
     AnnouncedDurability, Context, Counters, DropReason, Durability, History, Link, Origin,
-    PinnedQos, PublishError, Publisher, Qos, QosChange, QosEvent, QosPolicy, Reliability, Review, TopicSpec,
+    PinnedQos, PublishError, Publisher, Qos, QosChange, QosEvent, QosPolicy, Reliability, Review,
+    TopicSpec,
 };
-use crate::{EncodeError, Limits};
 use crate::plugin::Plugins;
 use crate::types::{Encoding, MessageType, Payload};
+use crate::{EncodeError, Limits};
 
 /// How long a new writer is given to be known to all subscribers, and an old one to be rid of what
 /// it holds.
@@ -61,6 +62,8 @@ pub(super) struct Ros2Publisher {
     /// What the writer gives those who come later.
     replay: Replay,
     follows: bool,
+    /// The source is followed again from then on: the last try failed.
+    follow_again: Option<Instant>,
     /// Told that there are too many origins.
     told_full: bool,
     pinned: PinnedQos,
@@ -104,6 +107,7 @@ impl Ros2Publisher {
             source_keeps: None,
             replay: Replay::History,
             follows: spec.match_peers,
+            follow_again: None,
             told_full: false,
             pinned: spec.pinned,
             color_order: spec.color_order,
@@ -157,7 +161,8 @@ impl Ros2Publisher {
             if !std::mem::replace(&mut self.told_full, true) {
                 tracing::warn!(
                     topic = self.topic.name,
-                    "more than {MAX_ORIGINS} publishers keep their last message: those of the                      others are kept together, the newest only"
+                    "more than {MAX_ORIGINS} publishers keep their last message: those of the \
+                     others are kept together, the newest only"
                 );
             }
             return Ok(false);
@@ -173,9 +178,8 @@ impl Ros2Publisher {
         }
         let on_match = Arc::clone(&self.on_match);
         let writer = self.graph.advertise_with(&topic, Replay::Last, on_match)?;
-        let volatile = |peer: &DiscoveredEndpoint| {
-            peer.qos.durability == AnnouncedDurability::Volatile
-        };
+        let volatile =
+            |peer: &DiscoveredEndpoint| peer.qos.durability == AnnouncedDurability::Volatile;
         let opens = self.follower.peers().iter().any(volatile).then(|| now + HANDOVER);
         self.origins.enter(origin, writer, opens);
         // To be rung when messages may go.
@@ -236,7 +240,10 @@ impl Publisher for Ros2Publisher {
         origin: Option<Origin>,
     ) -> Result<usize, PublishError> {
         let now = Instant::now();
-        let kept = self.follows || self.topic.qos.durability == Durability::TransientLocal;
+        // A history that is asked for is one of all.
+        let one = self.topic.qos.durability == Durability::TransientLocal
+            && self.topic.qos.history == History::KeepLast(1);
+        let kept = self.follows || one;
         let Some(Origin { publisher, keeps_last: true }) = origin.filter(|_| kept) else {
             return self.publish(payload);
         };
@@ -287,7 +294,9 @@ impl Publisher for Ros2Publisher {
         }
         self.events.note(self.origins.qos_events(), now);
         let mut look = self.follower.look(&self.topic.qos, now);
-        look.switch = look.switch.or_else(|| self.after_source());
+        if self.follow_again.is_none_or(|at| now >= at) {
+            look.switch = look.switch.or_else(|| self.after_source());
+        }
         let (origins_next, faults) = self.origins.look(now);
         for error in faults {
             self.counters.dropped(DropReason::SendFailed);
@@ -303,6 +312,7 @@ impl Publisher for Ros2Publisher {
                 }
                 Err(error) => {
                     self.follower.retry(now + CALM);
+                    self.follow_again = Some(now + CALM);
                     review.warnings.push(format!("cannot be opened again with {to}: {error}"));
                 }
             }

@@ -13,9 +13,7 @@ use tokio::sync::Notify;
 use super::values::{to_xml, under};
 use super::watched;
 use crate::EncodeError;
-use crate::endpoint::{
-    Context, Counters, DropReason, Link, PublishError, Publisher, TopicSpec,
-};
+use crate::endpoint::{Context, Counters, DropReason, Link, PublishError, Publisher, TopicSpec};
 use crate::middleware::ros1::core::{Core, Lingers};
 use crate::middleware::ros1::xmlrpc;
 use crate::types::{DataType, Payload};
@@ -54,7 +52,12 @@ impl Outbox {
 }
 
 impl ParameterPublisher {
-    pub(in crate::middleware::ros1) fn open(core: &Arc<Core>, key: &str, spec: &TopicSpec, context: &Context) -> Self {
+    pub(in crate::middleware::ros1) fn open(
+        core: &Arc<Core>,
+        key: &str,
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> Self {
         let outbox = Arc::<Outbox>::default();
         core.handle.spawn(send(
             Arc::downgrade(core),

@@ -42,7 +42,9 @@ impl Flat {
             }
             return;
         }
-        let one = Value::Map(std::iter::once((Value::from(name.as_str()), to_value(value))).collect::<Map>());
+        let one = Value::Map(
+            std::iter::once((Value::from(name.as_str()), to_value(value))).collect::<Map>(),
+        );
         match Properties::from_value(&one) {
             Ok(one) => {
                 for (name, value) in one {
@@ -130,7 +132,10 @@ mod tests {
         assert_eq!(under("/x", "a/b..c"), "/x/a/b/c");
         assert_eq!(within("/x", "/x/camera/rate/").as_deref(), Some("camera.rate"));
         assert_eq!(within("/", "/gain").as_deref(), Some("gain"));
-        assert_eq!([within("/x", "/xy/gain"), within("/x", "/y"), within("/x", "/x")], [None, None, None]);
+        assert_eq!(
+            [within("/x", "/xy/gain"), within("/x", "/y"), within("/x", "/x")],
+            [None, None, None]
+        );
     }
 
     #[test]
@@ -161,7 +166,10 @@ mod tests {
         let members = [
             ("rows".to_owned(), list(vec![list(vec![Xml::Integer(1)])])),
             ("mixed".to_owned(), list(vec![Xml::Integer(1), text("a")])),
-            ("structs".to_owned(), list(vec![Xml::Struct([("a".to_owned(), Xml::Integer(1))].into())])),
+            (
+                "structs".to_owned(),
+                list(vec![Xml::Struct([("a".to_owned(), Xml::Integer(1))].into())]),
+            ),
             ("camera".to_owned(), Xml::Struct([("rate".to_owned(), Xml::Integer(30))].into())),
         ];
         let flat = flatten(Xml::Struct(members.into()));
@@ -169,7 +177,11 @@ mod tests {
         let mut names: Vec<&str> = flat.faults.iter().map(|(name, _)| name.as_str()).collect();
         names.sort_unstable();
         assert_eq!(names, ["mixed", "rows", "structs"]);
-        assert!(flat.faults.iter().all(|(name, why)| why.contains(name.as_str())), "{:?}", flat.faults);
+        assert!(
+            flat.faults.iter().all(|(name, why)| why.contains(name.as_str())),
+            "{:?}",
+            flat.faults
+        );
         let single = flatten(Xml::Integer(5));
         assert_eq!(single.faults[0].1, "properties are a namespace of parameters, not int");
     }

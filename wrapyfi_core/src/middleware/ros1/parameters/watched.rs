@@ -11,9 +11,7 @@ use std::time::{Duration, Instant};
 
 use super::values::{Flat, flatten, size, to_value, within};
 use crate::DecodeError;
-use crate::endpoint::{
-    Context, Counters, Link, Listener, Sample, TakeError, TopicSpec, Wake,
-};
+use crate::endpoint::{Context, Counters, Link, Listener, Sample, TakeError, TopicSpec, Wake};
 use crate::middleware::ros1::core::Core;
 use crate::middleware::ros1::xmlrpc;
 use crate::types::{Map, ParameterValue, Properties, Value};

@@ -11,10 +11,10 @@
 
 use std::time::Duration;
 
-use crate::middleware::ros2::graph::Replay;
 use crate::endpoint::{
     AnnouncedDurability, AnnouncedQos, Durability, History, Liveliness, Qos, Reliability,
 };
+use crate::middleware::ros2::graph::Replay;
 
 /// What an endpoint asks for.
 #[derive(Debug, Clone, Copy)]

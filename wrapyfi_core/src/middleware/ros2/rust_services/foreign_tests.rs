@@ -9,8 +9,7 @@ use crate::middleware::ros2::config::CycloneConfig;
 use crate::middleware::ros2::cyclone::{EndpointQos, Entity, Events, RawReader, RawWriter};
 use crate::middleware::ros2::domain::DomainLease;
 use crate::middleware::ros2::graph::{
-    Replay,
-    GraphError, Notify, Peers, ServiceDescription, ServiceMapping, wait_until,
+    GraphError, Notify, Peers, Replay, ServiceDescription, ServiceMapping, wait_until,
 };
 use crate::node::NodeName;
 
