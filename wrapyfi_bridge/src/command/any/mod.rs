@@ -58,15 +58,17 @@ pub(super) fn message_type(name: &str, folders: &[PathBuf]) -> Result<MessageTyp
 }
 
 /// Adds the message `name` to a store that does not find it. Where no ROS 2 is installed, most of its
-/// types are at hand as those of ROS 1.
+/// types are at hand as those of ROS 1, built in or below `ROS_PACKAGE_PATH`.
 pub(crate) fn add_standard(name: &str, folders: &[PathBuf], store: &mut TypeStore) {
     if store.resolve_name(name).is_ok() {
         return;
     }
     let Ok(parsed) = TypeName::parse(Dialect::Ros2, name) else { return };
     let Ok(theirs) = definitions(folders) else { return };
+    let mut types = Types::new(Rules::built_in(), theirs);
+    types.add_ros1_path(&std::env::var_os("ROS_PACKAGE_PATH").unwrap_or_default());
     // What is wrong with it is said by the store, when it is asked.
-    if let Ok(found) = Types::new(Rules::built_in(), theirs).ros2_type_named(&parsed) {
+    if let Ok(found) = types.ros2_type_named(&parsed) {
         store.add_resolved(&found);
     }
 }
