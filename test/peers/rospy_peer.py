@@ -7,7 +7,7 @@
     rospy_peer.py serve     --topic /x                        std_srvs/SetBool, refuses False
     rospy_peer.py param     --topic /x [--value JSON]         sets or prints a parameter
 
-In a published value {n} stands for the number of the message. Lines on stdout: {"event": "ready"}, then
+With --definition FILE the type is made from that full text, and is in no package. In a published value {n} stands for the number of the message. Lines on stdout: {"event": "ready"}, then
 {"event": "message", "index", "value"}: the fields, bytes as their SHA-256.
 """
 import argparse
@@ -20,6 +20,7 @@ parser = argparse.ArgumentParser()
 parser.add_argument("role", choices=["publish", "subscribe", "master", "serve", "param"])
 parser.add_argument("--topic", default="/x")
 parser.add_argument("--type", default="std_msgs/String")
+parser.add_argument("--definition")
 parser.add_argument("--value")
 parser.add_argument("--node", default="rospy_peer")
 parser.add_argument("--latch", action="store_true")
@@ -62,13 +63,21 @@ def plain(value):
     return value
 
 
+def message_class():
+    if args.definition is None:
+        return roslib.message.get_message_class(args.type)
+    import genpy.dynamic
+    with open(args.definition) as file:
+        return genpy.dynamic.generate_dynamic(args.type, file.read())[args.type]
+
+
 def finish():
     rospy.signal_shutdown("done")
     leave()
 
 
 if args.role == "publish":
-    kind = roslib.message.get_message_class(args.type)
+    kind = message_class()
     publisher = rospy.Publisher(args.topic, kind, queue_size=100, latch=args.latch)
     say("ready")
     index = 0
@@ -86,7 +95,7 @@ if args.role == "publish":
     say("done", count=index)
     leaving.wait()
 elif args.role == "subscribe":
-    kind = roslib.message.get_message_class(args.type)
+    kind = message_class()
     index = [0]
 
     def heard(message):

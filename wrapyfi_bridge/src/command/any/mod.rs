@@ -149,6 +149,7 @@ mod tests {
             node: Some("/base".into()),
             count: 1,
             traffic: None,
+            mark: None,
         }
     }
 

@@ -21,12 +21,13 @@
 //! | `http`, `master`, `slave`, `slave_info` | XML-RPC: calls, the master's API, ours |
 //! | `core`, `registrations`, `registrar` | the node; what the master should know, and that it does |
 //! | `tcpros` | connections: opened, accepted, refused |
-//! | `intake`, `listener` | a topic received |
+//! | `request`, `intake`, `listener` | a topic received |
 //! | `publication`, `outlet` | a topic sent, one subscriber of it |
 //! | `services`, `service_host`, `server`, `client` | services |
 //! | `parameters` | properties |
 //! | `form` | messages of any type as payloads |
-//! | `discovery` | what other nodes have |
+//! | `discovery`, `marks` | what other nodes have, and which of it bridges made |
+//! | `learn`, `probe` | the types of it |
 //! | `backoff` | waits between tries |
 
 mod backoff;
@@ -38,14 +39,18 @@ mod form;
 pub mod header;
 mod http;
 mod intake;
+mod learn;
 mod listener;
+mod marks;
 mod master;
 mod names;
 mod outlet;
 mod parameters;
+mod probe;
 mod publication;
 mod registrar;
 mod registrations;
+mod request;
 mod server;
 mod service_host;
 mod services;
@@ -62,6 +67,7 @@ use std::time::Duration;
 use tokio::net::TcpListener;
 use tokio::runtime::{Builder, Runtime};
 use tokio::time::timeout;
+use wrapyfi_interfaces::store::TypeStore;
 
 pub use config::{ConfigError, Ros1Config};
 pub use master::MasterError;
@@ -70,9 +76,10 @@ pub use names::{NameError, NodeName, check_name};
 use self::config::{NodeUri, Resolved};
 use self::core::Core;
 use crate::endpoint::{
-    Client, Context, DiscoverError, Discovery, Listener, Middleware, OpenError, Publisher, Server,
-    ServiceSpec, TopicSpec,
+    Client, Context, DiscoverError, Discovered, Discovery, LearnError, Learned, Listener,
+    Middleware, OpenError, Publisher, Server, ServiceSpec, TopicSpec, Traits,
 };
+use crate::types::ServiceKind;
 
 /// Name of this middleware in addresses.
 pub const NAME: &str = "ros";
@@ -216,6 +223,26 @@ impl Middleware for Ros1 {
 
     fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
         Ok(Box::new(discovery::Ros1Discovery::new(&self.core)))
+    }
+
+    fn traits(&self) -> Traits {
+        Traits { any_ros_type: true, tells_own: true, shows_marks: true }
+    }
+
+    fn learn_topic(
+        &self,
+        found: &Discovered,
+        types: &mut TypeStore,
+    ) -> Result<Learned, LearnError> {
+        learn::topic(&self.core, found, types)
+    }
+
+    fn learn_service(
+        &self,
+        found: &Discovered,
+        types: &mut TypeStore,
+    ) -> Result<ServiceKind, LearnError> {
+        learn::service(&self.core, found, types)
     }
 }
 

@@ -15,7 +15,7 @@ use super::backoff::Backoff;
 use super::core::Core;
 use super::master::MasterError;
 use super::registrations::{Kind, Step};
-use super::xmlrpc::Value;
+use super::xmlrpc::{Value, text};
 
 /// How often the master is looked at.
 const LOOK: Duration = Duration::from_secs(1);
@@ -90,6 +90,7 @@ async fn take(core: &Arc<Core>, step: &Step) -> Result<(), MasterError> {
                 Ok(())
             }
             Kind::Service => master.register_service(&key.name, &address()).await,
+            Kind::Mark => master.set_param(&key.name, text(type_name)).await,
             Kind::Parameter => {
                 let value = master.subscribe_param(&key.name).await?;
                 // An empty struct says that there is no such parameter.
@@ -105,6 +106,7 @@ async fn take(core: &Arc<Core>, step: &Step) -> Result<(), MasterError> {
             Kind::Subscriber => master.unregister_subscriber(&key.name).await,
             Kind::Service => master.unregister_service(&key.name, &address()).await,
             Kind::Parameter => master.unsubscribe_param(&key.name).await,
+            Kind::Mark => master.delete_param(&key.name).await,
         },
     }
 }

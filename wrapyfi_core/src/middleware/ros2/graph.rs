@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 
-use crate::endpoint::{AnnouncedQos, Qos, Wake};
+use crate::endpoint::{AnnouncedQos, BridgeMark, Qos, Wake};
 use crate::node::NodeName;
 
 pub use service::{
@@ -53,6 +53,21 @@ pub trait Graph: Send + Sync {
         on_match: Notify,
     ) -> Result<Box<dyn CdrWriter>, GraphError>;
 
+    /// As [`Graph::advertise`], with a mark in USER_DATA where there is room for it: a bridge made
+    /// the writer by pattern.
+    ///
+    /// # Errors
+    /// As [`Graph::advertise`].
+    fn advertise_marked(
+        &self,
+        topic: &TopicDescription,
+        mark: Option<&BridgeMark>,
+        on_match: Notify,
+    ) -> Result<Box<dyn CdrWriter>, GraphError> {
+        _ = mark;
+        self.advertise(topic, on_match)
+    }
+
     /// Creates a reader and announces it. `on_data` is called from a DDS thread when samples or
     /// matches change, possibly before this returns.
     ///
@@ -86,6 +101,20 @@ pub trait Graph: Send + Sync {
         service: &ServiceDescription,
         on_event: Notify,
     ) -> Result<Box<dyn CdrServer>, GraphError>;
+
+    /// As [`Graph::server`], with a mark as in [`Graph::advertise_marked`].
+    ///
+    /// # Errors
+    /// As [`Graph::server`].
+    fn server_marked(
+        &self,
+        service: &ServiceDescription,
+        mark: Option<&BridgeMark>,
+        on_event: Notify,
+    ) -> Result<Box<dyn CdrServer>, GraphError> {
+        _ = mark;
+        self.server(service, on_event)
+    }
 
     /// The endpoints that exist now as far as discovery knows, those of this node included.
     ///
@@ -163,6 +192,8 @@ pub struct DiscoveredEndpoint {
     pub qos: AnnouncedQos,
     /// True for an endpoint of this participant.
     pub is_own: bool,
+    /// The mark of a bridge that made it by pattern.
+    pub mark: Option<BridgeMark>,
 }
 
 /// Waits until `condition` holds, looking whenever `wake` rings; false after `timeout`.

@@ -22,8 +22,8 @@ use super::matching::{CALM, Matching};
 use super::payload;
 use crate::Limits;
 use crate::endpoint::{
-    Context, Counters, Durability, History, Link, PublishError, Publisher, Qos, QosChange,
-    QosEvent, Review, TopicSpec,
+    BridgeMark, Context, Counters, Durability, History, Link, PublishError, Publisher, Qos,
+    QosChange, QosEvent, Review, TopicSpec,
 };
 use crate::plugin::Plugins;
 use crate::types::{Encoding, MessageType, Payload};
@@ -51,6 +51,7 @@ pub(super) struct Ros2Publisher {
     limits: Limits,
     plugins: Plugins,
     follower: Follower,
+    mark: Option<BridgeMark>,
 }
 
 impl Ros2Publisher {
@@ -75,7 +76,8 @@ impl Ros2Publisher {
         let matching = spec.match_peers.then(|| Matching::new(false, topic.qos, spec.pinned));
         Ok(Self {
             graph: Arc::clone(graph),
-            writer: graph.advertise(topic, Arc::clone(&on_match))?,
+            writer: graph.advertise_marked(topic, spec.mark.as_ref(), Arc::clone(&on_match))?,
+            mark: spec.mark.clone(),
             new: None,
             old: None,
             topic: topic.clone(),
@@ -93,7 +95,8 @@ impl Ros2Publisher {
     /// Opens a writer with `qos` beside the one there is.
     fn reopen(&mut self, qos: Qos, now: Instant) -> Result<(), GraphError> {
         let topic = TopicDescription { qos, ..self.topic.clone() };
-        let writer = self.graph.advertise(&topic, Arc::clone(&self.on_match))?;
+        let mark = self.mark.as_ref();
+        let writer = self.graph.advertise_marked(&topic, mark, Arc::clone(&self.on_match))?;
         self.topic = topic;
         // One that was new until now was never used.
         self.new = Some((writer, now + HANDOVER));

@@ -47,20 +47,16 @@ impl Discovery for YarpDiscovery {
         let (names, own) = (self.shared.directory.names(), self.shared.registrar.client());
         let mut counts: BTreeMap<(&str, Role), u64> = BTreeMap::new();
         // The name server's own names are no endpoints.
-        let ports = names.iter().filter(|name| *name != own.namespace() && *name != "fallback");
+        let ports = names
+            .iter()
+            .filter(|name| *name != own.namespace() && *name != "fallback")
+            .filter(|name| !self.shared.own.contains(name));
         for name in ports {
             *counts.entry(role(name)).or_default() += 1;
         }
-        let found = counts.into_iter().map(|((name, role), count)| Discovered {
-            name: name.to_owned(),
-            role,
-            type_name: None,
-            type_hash: None,
-            qos: None,
-            node: None,
-            count,
-            traffic: None,
-        });
+        let found = counts
+            .into_iter()
+            .map(|((name, role), count)| Discovered { count, ..Discovered::new(name, role) });
         Ok(found.collect())
     }
 
