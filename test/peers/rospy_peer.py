@@ -14,8 +14,9 @@
 
 In a published value {n} stands for the number of the message. Types come from Debian's packages, or from
 --definitions, a folder with `package/msg/Type.msg` and `package/srv/Type.srv`: genpy makes their classes on the
-spot. Lines on stdout: {"event": "ready"}, of a subscriber {"event": "matched"}, then {"event": "message",
-"index", "value"}: the fields, bytes as their SHA-256; the same as `reply` where it called.
+spot; or from --definition, a file with the full text of --type. Lines on stdout: {"event": "ready"}, of a subscriber
+{"event": "matched"}, then {"event": "message", "index", "value"}: the fields, bytes as their SHA-256; the same as
+`reply` where it called.
 """
 import argparse
 import hashlib
@@ -28,6 +29,7 @@ parser = argparse.ArgumentParser()
 parser.add_argument("role", choices=["publish", "subscribe", "master", "serve", "call", "param", "params", "log"])
 parser.add_argument("--topic", default="/x")
 parser.add_argument("--type", default="std_msgs/String")
+parser.add_argument("--definition")
 parser.add_argument("--value")
 parser.add_argument("--definitions")
 parser.add_argument("--node", default="rospy_peer")
@@ -100,6 +102,10 @@ def generated(context, spec, search):
 
 
 def message_class():
+    if args.definition:
+        import genpy.dynamic
+        with open(args.definition) as file:
+            return genpy.dynamic.generate_dynamic(args.type, file.read())[args.type]
     if not args.definitions:
         return roslib.message.get_message_class(args.type)
     import genmsg.msg_loader

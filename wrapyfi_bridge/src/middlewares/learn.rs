@@ -31,7 +31,9 @@ pub(super) fn from_publishers(
         else {
             continue;
         };
-        let wanted = route.from_type.as_ref().unwrap_or(&route.message_type);
+        let Some(wanted) = route.from_type.as_ref().or(route.message_type.as_ref()) else {
+            continue;
+        };
         if MessageType::resolve(&wanted.value, types).is_ok() {
             continue;
         }

@@ -158,6 +158,7 @@ mod tests {
             node: Some("/base".into()),
             count: 1,
             traffic: None,
+            mark: None,
         }
     }
 

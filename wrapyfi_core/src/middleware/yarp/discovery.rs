@@ -151,7 +151,9 @@ impl Discovery for YarpDiscovery {
     fn endpoints(&mut self) -> Result<Vec<Discovered>, DiscoverError> {
         let (mut names, own) = (self.shared.directory.names(), self.shared.registrar.client());
         // The name server's own names are no endpoints.
-        names.retain(|name| name != own.namespace() && name != "fallback");
+        names.retain(|name| {
+            name != own.namespace() && name != "fallback" && !self.shared.own.contains(name)
+        });
         self.ask(&names);
         let mut counts: BTreeMap<(&str, Role), u64> = BTreeMap::new();
         let asked = self.asked.known();
@@ -159,16 +161,9 @@ impl Discovery for YarpDiscovery {
             let traffic = asked.get(name).and_then(|(_, traffic)| *traffic);
             *counts.entry(role(name, traffic)).or_default() += 1;
         }
-        let found = counts.into_iter().map(|((name, role), count)| Discovered {
-            name: name.to_owned(),
-            role,
-            type_name: None,
-            type_hash: None,
-            qos: None,
-            node: None,
-            count,
-            traffic: None,
-        });
+        let found = counts
+            .into_iter()
+            .map(|((name, role), count)| Discovered { count, ..Discovered::new(name, role) });
         Ok(found.collect())
     }
 
