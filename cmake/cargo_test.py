@@ -133,6 +133,7 @@ def main():
     parser.add_argument("--package", required=True)
     parser.add_argument("--target-dir", required=True, type=pathlib.Path)
     parser.add_argument("--result", required=True, type=pathlib.Path)
+    parser.add_argument("--doc-tests", action="store_true", help="also those of all crates")
     options = parser.parse_args()
     crate = options.package
 
@@ -144,7 +145,9 @@ def main():
     )
     targets = next(p["targets"] for p in metadata["packages"] if p["name"] == crate)
     is_library = any("lib" in t["kind"] or "proc-macro" in t["kind"] for t in targets)
-    built = ["--release", "--locked", "--package", crate]
+    # Of the whole workspace wherever one crate can be chosen from it: for a crate alone Cargo unites
+    # other features, and compiles again what `colcon build` has compiled.
+    built = ["--release", "--locked", "--workspace"]
     nextest = subprocess.run(
         [options.cargo, "nextest", "--version"], env=env, capture_output=True
     ).returncode == 0
@@ -159,8 +162,8 @@ def main():
             settings = pathlib.Path(metadata["workspace_root"], ".config", "nextest.toml").read_text()
             config.write_text(f"{settings}\n[store]\ndir = {json.dumps(store)}\n")
             status, text = run(
-                [options.cargo, "nextest", "run", *built, "--profile", "colcon", "--no-tests=pass"]
-                + ["--config-file", str(config)],
+                [options.cargo, "nextest", "run", *built, "-E", f"package(={crate})"]
+                + ["--profile", "colcon", "--no-tests=pass", "--config-file", str(config)],
                 env,
             )
             junit = pathlib.Path(store, "colcon", "junit.xml")
@@ -169,7 +172,8 @@ def main():
     else:
         kinds = ["--lib"] if is_library else []
         status, text = run(
-            [options.cargo, "test", *built, *kinds, "--bins", "--tests", "--no-fail-fast", "--", "--show-output"]
+            [options.cargo, "test", "--release", "--locked", "--package", crate, *kinds]
+            + ["--bins", "--tests", "--no-fail-fast", "--", "--show-output"]
             # With one thread libtest starts the line before the test runs, and stray output splits it.
             + [f"--test-threads={max(2, os.cpu_count() or 2)}"],
             env,
@@ -177,7 +181,7 @@ def main():
         cases += from_libtest(crate, text)
     if status != 0 and not any(c.failure for c in cases):
         cases.append(Case(crate, "run", failure=f"exit status {status}\n{text}"))
-    if is_library:
+    if options.doc_tests:
         status, text = run([options.cargo, "test", *built, "--doc", "--no-fail-fast"], env)
         documented = list(from_libtest(crate, text))
         if status != 0 and not any(c.failure for c in documented):

@@ -6,7 +6,8 @@
 #   wrapyfi_cargo_build()                    builds the workspace as part of `all`
 #   wrapyfi_cargo_install_programs(NAME...)  to lib/<package>, where `ros2 run` looks
 #   wrapyfi_cargo_install_crates(NAME...)    normalised sources to share/NAME/rust, and their index marker
-#   wrapyfi_cargo_test(NAME [TIMEOUT s])     one CTest entry that runs the tests of crate NAME
+#   wrapyfi_cargo_test(NAME [TIMEOUT s] [DOC_TESTS])  one CTest entry that runs the tests of crate NAME,
+#                                            and with DOC_TESTS the doc tests of all crates
 
 get_filename_component(WRAPYFI_WORKSPACE "${CMAKE_CURRENT_LIST_DIR}/.." ABSOLUTE)
 set(WRAPYFI_RUST_MINIMUM 1.89)
@@ -101,16 +102,20 @@ function(wrapyfi_cargo_install_crates)
 endfunction()
 
 function(wrapyfi_cargo_test _crate)
-  cmake_parse_arguments(_arg "" "TIMEOUT" "" ${ARGN})
+  cmake_parse_arguments(_arg "DOC_TESTS" "TIMEOUT" "" ${ARGN})
   if(NOT _arg_TIMEOUT)
     set(_arg_TIMEOUT 600)
+  endif()
+  set(_doc_tests "")
+  if(_arg_DOC_TESTS)
+    set(_doc_tests --doc-tests)
   endif()
   get_executable_path(_python Python3::Interpreter BUILD)
   set(_result "${AMENT_TEST_RESULTS_DIR}/${PROJECT_NAME}/${_crate}.xunit.xml")
   ament_add_test(${_crate}
     COMMAND "${_python}" "${WRAPYFI_WORKSPACE}/cmake/cargo_test.py"
       --cargo "${CARGO_EXECUTABLE}" --target-dir "${WRAPYFI_CARGO_TARGET_DIR}"
-      --package "${_crate}" --result "${_result}"
+      --package "${_crate}" --result "${_result}" ${_doc_tests}
     RESULT_FILE "${_result}"
     WORKING_DIRECTORY "${WRAPYFI_WORKSPACE}"
     TIMEOUT ${_arg_TIMEOUT})

@@ -135,6 +135,13 @@ ros1() {
     else
         echo "setup: this system has no ROS 1 (python3-rospy): the tests against it are skipped" >&2
     fi
+    # Another peer is compiled against it.
+    packages=(libroscpp-dev libsensor-msgs-dev libstd-msgs-dev libstd-srvs-dev)
+    if apt-cache show "${packages[@]}" >/dev/null 2>&1; then
+        apt_packages "${packages[@]}"
+    else
+        echo "setup: this system has no roscpp (libroscpp-dev): the tests against it are skipped" >&2
+    fi
 }
 
 rust_tools() {
@@ -160,6 +167,7 @@ test)
     workspace_tools
     fast_dds
     ros1_messages
+    ros1
     rust_tools
     python_peers
     ;;

@@ -25,6 +25,7 @@ mod ros1;
 mod soak;
 mod stats;
 mod targets;
+mod tcpros;
 mod trip;
 mod turn;
 mod wire;
@@ -42,6 +43,7 @@ use case::Case;
 use payload::Kind;
 use python::Python;
 use results::Results;
+use tcpros::Hop;
 use trip::Trip;
 use turn::Bench;
 use wire::{Place, Wire};
@@ -65,7 +67,7 @@ struct Cli {
     quick: bool,
     /// Only cases whose name (`way/payload`, `call-way/load`, `ask-way/payload`) contains this, in
     /// every round, and neither streams, coding, registered methods nor foreign endpoints; `coding`,
-    /// `registered`, `endpoints`, `fast-dds`: only that.
+    /// `registered`, `endpoints`, `fast-dds`: only that; `ros1`: all of ROS 1.
     #[arg(long)]
     only: Option<String>,
     /// Folder for the results; default: this program's own in the repository.
@@ -164,6 +166,33 @@ enum Role {
         #[arg(long)]
         names: u16,
     },
+    /// Publishes on ROS 1.
+    #[command(hide = true)]
+    Ros1Source {
+        #[command(flatten)]
+        place: tcpros::Place,
+    },
+    /// Receives what became of it.
+    #[command(hide = true)]
+    Ros1Sink {
+        #[command(flatten)]
+        place: tcpros::Place,
+        /// Port of the source that is told of arrivals.
+        #[arg(long)]
+        acks: u16,
+    },
+    /// Sends images on ROS 1, or on a bare socket.
+    #[command(hide = true)]
+    Ros1Near {
+        #[command(flatten)]
+        place: tcpros::PairPlace,
+    },
+    /// Receives them.
+    #[command(hide = true)]
+    Ros1Far {
+        #[command(flatten)]
+        place: tcpros::PairPlace,
+    },
     /// Receives.
     #[command(hide = true)]
     Sink {
@@ -211,6 +240,22 @@ fn main() -> Result<()> {
             yarp::far(*place)
         }
         Some(Role::YarpPorts { names }) => yarp::ports(*names),
+        Some(Role::Ros1Source { place }) => {
+            log_warnings();
+            worker::source_on(|| tcpros::outgoing(place))
+        }
+        Some(Role::Ros1Sink { place, acks }) => {
+            log_warnings();
+            worker::sink_on(|| tcpros::incoming(place), *acks)
+        }
+        Some(Role::Ros1Near { place }) => {
+            log_warnings();
+            tcpros::near(place)
+        }
+        Some(Role::Ros1Far { place }) => {
+            log_warnings();
+            tcpros::far(place)
+        }
         Some(Role::Source { wire, place }) => {
             log_warnings();
             worker::source(*wire, place)
@@ -250,6 +295,17 @@ fn run(cli: &Cli) -> Result<()> {
 
     let asked: Vec<Asked> = Asked::ALL.into_iter().filter(|ask| wanted(ask.name())).collect();
 
+    let hops: Vec<Hop> = Hop::ALL.into_iter().filter(|hop| wanted(&hop.name())).collect();
+    let mut master = None;
+    if !hops.is_empty() {
+        match tcpros::Master::start(&bench, repository) {
+            Ok(started) => master = Some(started),
+            Err(error) => {
+                note(&format!("without ROS 1: {error:#}"));
+                results.failures.push(format!("ROS 1: {error:#}"));
+            }
+        }
+    }
     let coded = cli.only.as_deref().is_none_or(|only| only == "coding");
     let mut python = None;
     if coded || cases.iter().any(|case| case.way.is_python()) {
@@ -267,6 +323,12 @@ fn run(cli: &Cli) -> Result<()> {
         results.loads.push(proc::load());
         results.micro(round, bodies.base64()?);
         yarp::round(&bench, &rides, round, &mut results);
+        if let Some(master) = &mut master {
+            tcpros::round(&bench, master, &hops, round, &mut results);
+        }
+        if cli.only.as_deref() == Some("ros1") {
+            results.micro(round, bodies.ros1());
+        }
         if coded {
             results.micro(round, bodies.coding()?);
             match coding::memory(&bench.own, folder.path()) {
@@ -331,6 +393,17 @@ fn run(cli: &Cli) -> Result<()> {
         match yarp::Ports::measure(&bench, if cli.quick { 5 } else { 15 }) {
             Ok(ports) => results.ports(ports),
             Err(error) => results.failures.push(format!("YARP ports at rest: {error:#}")),
+        }
+    }
+    if let Some(master) = master.as_mut().filter(|_| wanted("ros1")) {
+        for way in [tcpros::Way::Bridge, tcpros::Way::Rospy] {
+            let seconds = if cli.quick { 10 } else { 60 };
+            match tcpros::streams(&bench, master, way, seconds) {
+                Ok(streams) => results.streams(way, streams),
+                Err(error) => {
+                    results.failures.push(format!("streams, {}: {error:#}", way.title()));
+                }
+            }
         }
     }
     let targets = targets::check(&results);

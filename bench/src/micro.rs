@@ -76,6 +76,11 @@ impl Bodies {
         })
     }
 
+    /// Messages of ROS 1 to CDR and back.
+    pub(crate) fn ros1(&self) -> Vec<Figure> {
+        self.ros1.round()
+    }
+
     /// memcpy and base64 alone, which bridged ways are compared with.
     pub(crate) fn base64(&self) -> Result<Vec<Figure>> {
         let mut figures = Vec::new();
@@ -109,7 +114,7 @@ impl Bodies {
             Self::codecs(*kind, maker, &mut figures)?;
         }
         figures.push(self.joint_state.round());
-        figures.extend(self.ros1.round());
+        figures.extend(self.ros1());
         figures.extend(tcp()?);
         Ok(figures)
     }

@@ -1,5 +1,6 @@
 //! `RESULTS.md`.
 
+mod ros1;
 mod yarp;
 
 use std::fmt::Write as _;
@@ -65,6 +66,7 @@ pub(crate) fn write(results: &Results, targets: &[Target]) -> Result<String> {
         rest(&mut text, found);
     }
     yarp::tables(&mut text, results);
+    ros1::tables(&mut text, results);
     limits(&mut text, results);
     size_table(&mut text)?;
     if !results.failures.is_empty() {

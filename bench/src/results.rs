@@ -13,6 +13,7 @@ use crate::payload::Kind;
 use crate::python::Coding;
 use crate::soak::Soak;
 use crate::stats::{median, quantile};
+use crate::tcpros::{self, Hop, Streams};
 use crate::trip::{Leg, Trip};
 use crate::turn::{Phase, Turn};
 use crate::worker::Report;
@@ -34,6 +35,8 @@ pub(crate) struct Results {
     pub(crate) fast: Option<fast::Stream>,
     rides: BTreeMap<Ride, BTreeMap<u32, Leg>>,
     pub(crate) ports: Option<Ports>,
+    hops: BTreeMap<Hop, BTreeMap<u32, Leg>>,
+    streams: BTreeMap<tcpros::Way, Streams>,
     /// Turns that failed, with the reason.
     pub(crate) failures: Vec<String>,
     /// Why there are no figures of Python Wrapyfi.
@@ -224,6 +227,59 @@ impl Results {
             self.row(0, "yarp-ports", "rest", measure, value);
         }
         self.ports = Some(ports);
+    }
+
+    /// Adds a turn on ROS 1.
+    pub(crate) fn hop(&mut self, round: u32, hop: Hop, leg: Leg) {
+        let Phase { report, cpu_us, .. } = &leg.calls;
+        let q = |fraction| quantile(&report.latency_us, fraction).unwrap_or(f64::NAN);
+        let values = [
+            ("p50_us", q(0.5)),
+            ("p99_us", q(0.99)),
+            ("max_us", q(1.0)),
+            ("min_us", q(0.0)),
+            ("sent", report.sent.into()),
+            ("received", report.received.into()),
+            ("duplicates", report.duplicates.into()),
+            ("cpu_us_per_message", *cpu_us),
+        ];
+        for (measure, value) in values {
+            self.row(round, &hop.name(), "ros1", measure, value);
+        }
+        self.hops.entry(hop).or_default().insert(round, leg);
+    }
+
+    /// Turns of it by round; `None` where none succeeded.
+    pub(crate) fn hops(&self, hop: Hop) -> Option<&BTreeMap<u32, Leg>> {
+        self.hops.get(&hop)
+    }
+
+    /// A quantile of its times in each round.
+    pub(crate) fn hop_rounds(&self, hop: Hop, fraction: f64) -> Option<Series> {
+        let one = |(round, leg): (&u32, &Leg)| {
+            Some((*round, quantile(&leg.calls.report.latency_us, fraction)?))
+        };
+        Some(self.hops(hop)?.iter().filter_map(one).collect())
+    }
+
+    /// Adds what became of two streams of ROS 1.
+    pub(crate) fn streams(&mut self, way: tcpros::Way, streams: Streams) {
+        let name = format!("ros1-{}/streams", way.name());
+        self.row(0, &name, "stream", "percent_of_core", streams.share);
+        for (load, report) in &streams.reports {
+            for (measure, value) in
+                [("sent", report.sent), ("received", report.received), ("refused", report.refused)]
+            {
+                let measure = format!("{}_{measure}", load.name());
+                self.row(0, &name, "stream", &measure, value.into());
+            }
+        }
+        self.streams.insert(way, streams);
+    }
+
+    /// Streams of ROS 1 by what carried them.
+    pub(crate) fn streams_of(&self, way: tcpros::Way) -> Option<&Streams> {
+        self.streams.get(&way)
     }
 
     /// Adds figures of the machine and of coding.

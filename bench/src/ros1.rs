@@ -82,7 +82,8 @@ impl Writer {
     }
 }
 
-fn image(width: u32, height: u32) -> Vec<u8> {
+/// `sensor_msgs/Image`, stamped 1 700 000 000 s.
+pub(crate) fn image(width: u32, height: u32) -> Vec<u8> {
     let size = width * height * 3;
     let start = Writer::default().header().u32(height).u32(width).text("bgr8");
     let pixels = vec![0x5a; usize::try_from(size).unwrap_or_default()];
@@ -98,7 +99,8 @@ fn cloud(points: u32) -> Vec<u8> {
     writer.bytes(&[0]).u32(16).u32(points * 16).u32(points * 16).bytes(&data).bytes(&[1]).0
 }
 
-fn transforms(count: u32) -> Vec<u8> {
+/// `tf2_msgs/TFMessage`, stamped likewise.
+pub(crate) fn transforms(count: u32) -> Vec<u8> {
     let one = |writer: Writer| writer.header().text("left_arm_link_3").floats(7);
     (0..count).fold(Writer::default().u32(count), |writer, _| one(writer)).0
 }

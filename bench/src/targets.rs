@@ -5,6 +5,7 @@
 //! promised and what explains it: the minimal relay, which is the least that two hops in one chain
 //! can take.
 
+mod ros1;
 mod yarp;
 
 use crate::asked::Asked;
@@ -20,7 +21,6 @@ use crate::estimate::{Estimate, Limit, Series, Verdict};
 use crate::payload::Kind::{self, F32Mib, U8Rgb200, VgaJpeg, VgaRgb};
 use crate::registered;
 use crate::results::Results;
-use crate::ros1;
 use crate::trip::{Load, Trip, Way as TripWay};
 
 /// What became of a promise.
@@ -130,7 +130,7 @@ pub(crate) fn check(results: &Results) -> Vec<Target> {
     registered(results, &mut targets);
     asked(results, &mut targets);
     joint_state(results, &mut targets);
-    ros1(results, &mut targets);
+    ros1::check(results, &mut targets);
     stream(results, &mut targets);
     to_fast_dds(results, &mut targets);
     rest(results, &mut targets);
@@ -319,24 +319,6 @@ fn joint_state(results: &Results, targets: &mut Vec<Target>) {
         results.figure_rounds(dynamic::DECODE).and_then(|decode| Estimate::of([decode], share)),
         |[decode]| format!("{decode:.2} us each"),
     ));
-}
-
-/// Messages between ROS 1 and CDR; nothing is promised of those that are mostly strings.
-fn ros1(results: &Results, targets: &mut Vec<Target>) {
-    for (name, limit) in ros1::CASES {
-        for direction in ros1::DIRECTIONS {
-            let figure = |what| results.figure_rounds(&ros1::figure(name, what));
-            let ratio = figure(direction).zip(figure(ros1::MEMCPY)).and_then(|(ours, memcpy)| {
-                Estimate::of([ours, memcpy], |[ours, memcpy]| ours / memcpy)
-            });
-            targets.push(Target::ratio(
-                format!("ROS 1 {name}, {direction}, against memcpy of the same bytes"),
-                limit.map(Limit::AtMost),
-                ratio,
-                |[ours, memcpy]| format!("{ours:.2} / {memcpy:.2} us"),
-            ));
-        }
-    }
 }
 
 /// A bridge among foreign endpoints.

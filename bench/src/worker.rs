@@ -19,7 +19,7 @@ use anyhow::{Context as _, Result};
 use serde::{Deserialize, Serialize};
 
 use crate::clock;
-use crate::wire::{Outgoing, Place, Wire, incoming, outgoing};
+use crate::wire::{Incoming, Outgoing, Place, Wire, incoming, outgoing};
 
 /// Messages at the start of a process that are reported but not counted.
 const WARM: u32 = 8;
@@ -27,6 +27,8 @@ const WARM: u32 = 8;
 const SILENCE: Duration = Duration::from_secs(2);
 /// How long to look for the way to open.
 const OPENING: u64 = 20_000_000_000;
+/// Messages at a fixed rate after which the source looks what it was told.
+const HEAR_EVERY: u32 = 100;
 /// Bytes of an acknowledgement: number and time.
 const ACK: usize = 16;
 
@@ -67,11 +69,16 @@ pub(crate) struct Report {
 
 /// Runs a source: prints the port where it wants to be told of arrivals, then obeys.
 pub(crate) fn source(wire: Wire, place: &Place) -> Result<()> {
+    source_on(|| outgoing(wire, place))
+}
+
+/// The same with what `open` opens.
+pub(crate) fn source_on(open: impl FnOnce() -> Result<Box<dyn Outgoing>>) -> Result<()> {
     let listener = TcpListener::bind(("127.0.0.1", 0))?;
     say(&serde_json::json!({ "acks": listener.local_addr()?.port() }))?;
     let (acks, _) = listener.accept()?;
     acks.set_nodelay(true)?;
-    let way = outgoing(wire, place)?;
+    let way = open()?;
     let mut source = Source { way, acks, partial: Vec::new(), next: 1 };
     for line in std::io::stdin().lock().lines() {
         let report = match serde_json::from_str(&line?)? {
@@ -93,9 +100,14 @@ pub(crate) fn say(value: &serde_json::Value) -> Result<()> {
 
 /// Runs a sink until the source is gone.
 pub(crate) fn sink(wire: Wire, place: &Place, acks: u16) -> Result<()> {
+    sink_on(|| incoming(wire, place), acks)
+}
+
+/// The same with what `open` opens.
+pub(crate) fn sink_on(open: impl FnOnce() -> Result<Box<dyn Incoming>>, acks: u16) -> Result<()> {
     let mut acks = TcpStream::connect(("127.0.0.1", acks))?;
     acks.set_nodelay(true)?;
-    let mut way = incoming(wire, place)?;
+    let mut way = open()?;
     let mut gone = acks.try_clone()?;
     std::thread::spawn(move || {
         // The source never writes: this returns when it ends.
@@ -174,6 +186,12 @@ impl Source {
         let mut ledger = Ledger::default();
         let start = clock::now() + 2_000_000;
         for index in 0..count {
+            if index % HEAR_EVERY == HEAR_EVERY - 1 {
+                // What was told is taken in between, or a long stream would hold the sink up.
+                self.acks.set_nonblocking(true)?;
+                self.hear(&mut ledger, Duration::from_millis(1))?;
+                self.acks.set_nonblocking(false)?;
+            }
             let due = start + u64::try_from(period * u128::from(index))?;
             self.way.prepare(self.next)?;
             ledger.report.awake_ns += clock::wait_until(due);

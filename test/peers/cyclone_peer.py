@@ -27,8 +27,11 @@ parser.add_argument("--rate", type=float, default=20.0)
 parser.add_argument("--flavour")
 parser.add_argument("--encoding", default="", help="image encoding; default by flavour")
 parser.add_argument("--frame-id", default="")
+parser.add_argument("--plain", action="store_true", help="only the fields of what is received")
+parser.add_argument("--text", help="std_msgs/msg/String: the text itself, with {n} for the number")
 parser.add_argument("--best-effort", action="store_true")
 parser.add_argument("--transient-local", action="store_true")
+parser.add_argument("--fields", type=json.loads, help="publish a message with these fields, JSON without blanks")
 parser.add_argument("--depth", type=int, default=50)
 parser.add_argument("--hash", help="type hash to announce instead of the right one")
 parser.add_argument("--humble-node", help="announce the endpoint as this node's, as ROS 2 Humble does")
@@ -106,6 +109,15 @@ def blank(ros_type):
     return struct(ros_type)(**values)
 
 
+def fill(message, fields):
+    for name, value in fields.items():
+        if isinstance(value, dict):
+            fill(getattr(message, name), value)
+        else:
+            setattr(message, name, value)
+    return message
+
+
 def qos(user_data=b""):
     infinite = duration(infinite=True)
     found = Qos(Policy.Reliability.BestEffort if args.best_effort else Policy.Reliability.Reliable(infinite),
@@ -125,6 +137,11 @@ def make(seq):
         now = time.time_ns()
         message.header.stamp.sec, message.header.stamp.nanosec = now // 10 ** 9, now % 10 ** 9
         message.header.frame_id = args.frame_id
+    if args.fields is not None:
+        return fill(message, args.fields), {"fields": args.fields}
+    if args.type == "std_msgs/msg/String" and args.text is not None:
+        message.data = args.text.replace("{n}", str(seq))
+        return message, {"value": message.data}
     if args.type == "std_msgs/msg/String":
         value = payload.native(seq, flavour or "small")
         message.data = encode_json(value)
@@ -200,6 +217,8 @@ def decode_json(text, tensors=()):
 def facts(message):
     """Fields of a message; byte arrays by length and hash, native objects by digest too."""
     found = {"fields": plain(message)}
+    if args.plain:
+        return found
     if hasattr(message, "header"):
         found["stamp"] = message.header.stamp.sec + message.header.stamp.nanosec / 1e9
     if hasattr(message, "data") and not isinstance(message.data, str):

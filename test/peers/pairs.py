@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Every data type in every mode, the twin of test/pairs: one method for each kind on a topic of its own.
 
-    pairs.py --mode reemit --kinds object,jpg --way-in /a --way-out /b
+    pairs.py --mode reemit --kinds object,jpg --way-in /a --way-out /b [--mware ros]
 
 Lines on stdout: {"event": "message", "kind", "sent", "received"}, one for each call in which something was
 sent or received. A method that was given something returns it turned around, else a message that depends on
@@ -20,6 +20,8 @@ import sys  # noqa: E402
 import threading  # noqa: E402
 import traceback  # noqa: E402
 
+if "ros" in sys.argv:
+    import rospy_in_venv  # noqa: E402,F401
 import numpy as np  # noqa: E402
 from wrapyfi.connect.wrapper import MiddlewareCommunicator  # noqa: E402
 
@@ -28,6 +30,7 @@ from lines import leave, leaving, say, watch_stdin  # noqa: E402
 
 parser = argparse.ArgumentParser()
 parser.add_argument("--mode", required=True)
+parser.add_argument("--mware", default="zeromq", choices=["zeromq", "ros"])
 parser.add_argument("--kinds", required=True)
 parser.add_argument("--way-in", required=True)
 parser.add_argument("--way-out", required=True)
@@ -118,8 +121,12 @@ def exchange(kind):
     if args.mode not in ("request", "reply"):
         options = {**options, "listener_kwargs": {"in_topic": f"{args.way_in}/{kind}"},
                    "publisher_kwargs": {"out_topic": f"{args.way_out}/{kind}"}}
+    # On ROS its test of a publisher's connection is inverted: it waits for nobody.
+    waits = args.mware == "zeromq" or args.mode != "publish"
+    if args.mware == "ros" and args.mode in ("transceive", "reemit"):
+        options["publisher_kwargs"]["should_wait"] = False
     return MiddlewareCommunicator.register(
-        data_type, "zeromq", "Exchange", f"{args.way_in}/{kind}", should_wait=True, **options)(method)
+        data_type, args.mware, "Exchange", f"{args.way_in}/{kind}", should_wait=waits, **options)(method)
 
 
 def main():
@@ -137,7 +144,7 @@ def main():
                 # Arguments are a tuple, and Wrapyfi makes lists of the tuples inside one.
                 del asked["pair"], asked["deep"]
             # By place, as the twin in Rust has them: a request sends them all.
-            (value,) = getattr(node, kind)("zeromq", args.way_in, args.way_out, asked)
+            (value,) = getattr(node, kind)(args.mware, args.way_in, args.way_out, asked)
             sent, received = state.made, state.given
             if args.mode in ("listen", "transceive", "request"):
                 received = facts(kind, value)

@@ -8,6 +8,8 @@ import types
 
 sys.path.append("/usr/lib/python3/dist-packages")
 
+import genmsg.gentools  # noqa: E402
+import genmsg.msg_loader  # noqa: E402
 import genpy.dynamic  # noqa: E402
 
 HEADER = """
@@ -38,10 +40,20 @@ def _make(name, definition):
 ROSAudioMessage = _make("ROSAudioMessage", AUDIO + HEADER)
 
 
+def _service_md5(name, definition):
+    """As genmsg has it."""
+    context = genmsg.msg_loader.MsgContext.create_default()
+    for full, text in (("std_msgs/Header", HEADER.split("Header\n", 1)[1]),
+                       ("wrapyfi_ros_interfaces/ROSAudioMessage", AUDIO)):
+        context.register(full, genmsg.msg_loader.load_msg_from_string(context, text, full))
+    spec = genmsg.msg_loader.load_srv_from_string(context, definition, f"wrapyfi_ros_interfaces/{name}")
+    return genmsg.gentools.compute_md5(context, spec)
+
+
 class ROSAudioService:
     _type = "wrapyfi_ros_interfaces/ROSAudioService"
-    # Of `string request` and of the response: genmsg 0.6.
-    _md5sum = "955caa7702ad2185dceb7a0219b1db2f"
+    _md5sum = _service_md5("ROSAudioService",
+                           "string request\n---\nwrapyfi_ros_interfaces/ROSAudioMessage response\n")
     _request_class = _make("ROSAudioServiceRequest", "string request\n")
     _response_class = _make(
         "ROSAudioServiceResponse",

@@ -87,6 +87,13 @@ impl Config {
         self
     }
 
+    /// Adds a section of another endpoint; `yaml` is whole lines, indented by two.
+    #[must_use]
+    pub fn endpoint(mut self, yaml: &str) -> Self {
+        self.endpoints.push(yaml.to_owned());
+        self
+    }
+
     /// Adds a key of the file itself; `value` is YAML.
     #[must_use]
     pub fn with(mut self, key: &str, value: &str) -> Self {

@@ -12,11 +12,12 @@
 //! | `WRAPYFI_POSE_MIRROR_BIN` | the example `pose_mirror`; default: beside `wrapyfi` |
 //! | `WRAPYFI_<NAME>_BIN` | a program of `examples/communicator`, for instance `WRAPYFI_FORWARDING_BIN`; default: beside `wrapyfi` |
 //! | `WRAPYFI_PYTHON` | interpreter with the Python peers; default: `.venv/bin/python` in the repository |
-//! | `WRAPYFI_REQUIRE_PEERS=1` | a missing peer fails the test instead of skipping it; not Fast DDS and ROS 1, which some systems lack |
-//! | `CXX` | compiler of the peer on Fast DDS; default: `c++` |
+//! | `WRAPYFI_REQUIRE_PEERS=1` | a missing peer fails the test instead of skipping it; not Fast DDS, ROS 1 and roscpp, which some systems lack |
+//! | `CXX` | compiler of the peers on Fast DDS and roscpp; default: `c++` |
 
 mod config;
-mod fast;
+mod cpp;
+mod master;
 mod needs;
 mod process;
 mod reserve;
@@ -28,6 +29,7 @@ mod world;
 use std::time::Duration;
 
 pub use config::{Config, Route};
+pub use master::{Books, Owners};
 pub use needs::{Need, repository, run};
 pub use process::{Output, Process};
 pub use ros_node::{RosImage, RosNode, Spoken};

@@ -7,7 +7,7 @@ use std::sync::OnceLock;
 
 use anyhow::{Context as _, bail};
 
-use crate::fast::{self, Absent};
+use crate::cpp;
 use crate::{Result, World};
 
 /// Something a test cannot do without.
@@ -33,6 +33,9 @@ pub enum Need {
     /// ROS 1 as Debian has it: rosmaster, rospy and the tools. Some systems have none: tests that need
     /// it are skipped there, whatever `WRAPYFI_REQUIRE_PEERS` says.
     Ros1,
+    /// A compiler and roscpp. Some systems have none: tests that need it are skipped there, whatever
+    /// `WRAPYFI_REQUIRE_PEERS` says.
+    Roscpp,
 }
 
 /// The interpreter that the distribution's packages are for.
@@ -53,8 +56,9 @@ pub fn run(test: &str, needs: &[Need], body: impl FnOnce(&World) -> Result) -> R
     for need in needs {
         if let Err(reason) = check(*need) {
             let is_required = match need {
-                Need::FastDds => !matches!(fast::program(), Err(Absent::Library(_))),
+                Need::FastDds => !cpp::FAST_DDS.lacks_library(),
                 Need::Ros1 => has_package("python3-rospy"),
+                Need::Roscpp => !cpp::ROSCPP.lacks_library() || has_package("libroscpp-dev"),
                 _ => true,
             };
             if is_required && std::env::var("WRAPYFI_REQUIRE_PEERS").is_ok_and(|v| v == "1") {
@@ -78,12 +82,8 @@ fn check(need: Need) -> Result {
         Need::Python => python().map(drop),
         Need::Package(name) => package(name),
         Need::Ros1 => ros1(),
-        Need::FastDds => match fast::program() {
-            Ok(_) => Ok(()),
-            Err(Absent::Library(reason) | Absent::Program(reason)) => {
-                Err(anyhow::Error::msg(reason))
-            }
-        },
+        Need::FastDds => cpp::FAST_DDS.or_why_not().map(drop),
+        Need::Roscpp => cpp::ROSCPP.or_why_not().map(drop),
     }
 }
 

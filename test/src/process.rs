@@ -263,6 +263,20 @@ impl Process {
             .with_context(|| format!("sending SIGTERM to {}", self.name))
     }
 
+    /// Sends SIGKILL and waits for the end: the process tells nobody.
+    ///
+    /// # Errors
+    /// Where it cannot be signalled, or does not end.
+    pub fn kill(&mut self) -> Result {
+        self.shared.should_run.store(false, Relaxed);
+        self.child.kill().with_context(|| format!("killing {}", self.name))?;
+        let status = self.child.wait()?;
+        if status.code().is_some() {
+            bail!("{} had ended before: {status}\n{}", self.name, self.tail());
+        }
+        Ok(())
+    }
+
     /// Waits for its end and returns the exit code.
     ///
     /// # Errors

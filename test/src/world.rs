@@ -7,10 +7,10 @@ use std::process::Command;
 use anyhow::Context as _;
 use tempfile::TempDir;
 
-use crate::fast::{self, Absent};
+use crate::cpp;
 use crate::process::Pillars;
 use crate::reserve::{self, Reserved};
-use crate::{Config, Process, Result, RosNode, Route, needs, repository};
+use crate::{Books, Config, Process, Result, RosNode, Route, needs, repository};
 
 /// Keeps CycloneDDS on the loopback interface, without multicast, which `lo` often cannot do.
 const LOOPBACK: &str = "<CycloneDDS><Domain Id=\"any\"><General><Interfaces><NetworkInterface name=\"lo\"/></Interfaces>\
@@ -291,10 +291,7 @@ impl World {
     /// # Errors
     /// Where there is none, or it cannot be started.
     pub fn fast_peer(&self, args: &str) -> Result<Process> {
-        let program = fast::program().map_err(|absent| match absent {
-            Absent::Library(reason) | Absent::Program(reason) => anyhow::Error::msg(reason),
-        })?;
-        let command = self.command(&program, args.split_whitespace());
+        let command = self.command(&cpp::FAST_DDS.or_why_not()?, args.split_whitespace());
         Process::start("fast_peer", command, &self.pillars)
     }
 
@@ -384,6 +381,17 @@ impl World {
         Process::start("rospy_peer.py", command, &self.pillars)
     }
 
+    /// Starts a node of roscpp; `args` are split at blanks, `value` is its `--value` as it is.
+    ///
+    /// # Errors
+    /// Where there is none, or it cannot be started.
+    pub fn roscpp(&self, args: &str, value: Option<&str>) -> Result<Process> {
+        let program = cpp::ROSCPP.or_why_not()?;
+        let value = value.into_iter().flat_map(|value| ["--value", value]);
+        let command = self.command(&program, args.split_whitespace().chain(value));
+        Process::start("ros1_cpp", command, &self.pillars)
+    }
+
     /// Starts Debian's ROS 1 master on this test's port.
     ///
     /// # Errors
@@ -392,6 +400,14 @@ impl World {
         let roscore = self.rospy(&format!("master --port {}", self.ros_port.number), None)?;
         roscore.event("ready")?;
         Ok(roscore)
+    }
+
+    /// What nodes have registered at this test's ROS 1 master.
+    ///
+    /// # Errors
+    /// Where it does not answer.
+    pub fn ros_books(&self) -> Result<Books> {
+        Books::ask(self.ros_port.number)
     }
 
     /// Runs a tool of ROS 1, such as `rostopic`; `args` are split at blanks.

@@ -3,6 +3,7 @@
 #![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
 
 use std::net::TcpListener;
+use std::path::Path;
 
 use serde_json::Value;
 use wrapyfi_e2e::{Need, Output, Process, Result, Route, World, run};
@@ -117,12 +118,43 @@ fn a_bridge_ends_by_itself_after_its_seconds() -> Result {
     })
 }
 
+/// Calls that were answered, or messages that came, by name, as the demo's last table has them.
+fn demo_received(table: &str) -> Vec<(String, u64)> {
+    let last = table.rsplit("a ROS 2 node receives").next().unwrap_or_default();
+    let row = |line: &str| {
+        let mut words = line.split_whitespace();
+        let (name, _type, got) = (words.next()?, words.next()?, words.next()?);
+        Some((name.to_owned(), got.parse().ok()?))
+    };
+    last.lines().filter_map(row).collect()
+}
+
 #[test]
 fn the_demo_delivers_on_every_route() -> Result {
     run("the_demo_delivers_on_every_route", PROGRAM, |world| {
+        // A YARP network of the user's that is away: the demo neither needs nor changes it.
+        let conf = "127.0.0.1 1 yarp\n";
+        world.write("yarp.conf", conf)?;
         let mut demo = world.wrapyfi(["demo", "--seconds", "5"])?;
         demo.exits_with(0)?;
-        assert!(!demo.stdout().trim().is_empty(), "the demo shows what arrives");
+        let told = demo.stdout();
+        let received = demo_received(&told);
+        let names: Vec<_> = received.iter().map(|(name, _)| name.as_str()).collect();
+        let expected = [
+            "/camera/image_raw",
+            "/camera/image_raw/compressed",
+            "/microphone",
+            "/object",
+            "/object/json",
+            "/robot/cam/left/image_raw",
+            "/robot/ears",
+            "/robot/light",
+        ];
+        assert_eq!(names, expected, "{told}");
+        assert!(received.iter().all(|(_, count)| *count > 0), "{told}");
+        assert!(told.contains("YARP name server on 127.0.0.1:"), "{told}");
+        assert!(!told.contains("YARP name server on 127.0.0.1:1,"), "{told}");
+        assert_eq!(std::fs::read_to_string(world.path("yarp.conf"))?, conf);
         Ok(())
     })
 }
@@ -187,6 +219,23 @@ fn help_and_version_are_success() -> Result {
 }
 
 // Configurations --------------------------------------------------------------------------------
+
+#[test]
+fn every_configuration_that_comes_with_it_is_valid() -> Result {
+    run("every_configuration_that_comes_with_it_is_valid", PROGRAM, |world| {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../config");
+        let mut count = 0;
+        for entry in std::fs::read_dir(folder)? {
+            let file = entry?.path();
+            let mut check = world.wrapyfi(["check", &file.display().to_string()])?;
+            check.exits_with(0)?;
+            assert!(check.stdout().contains(" -> "), "{}: {}", file.display(), check.stdout());
+            count += 1;
+        }
+        assert!(count >= 4, "{count} files in config/");
+        Ok(())
+    })
+}
 
 /// A configuration that must be refused, the line of the fault, and words of the complaint.
 struct Bad {

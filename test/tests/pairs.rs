@@ -1,17 +1,18 @@
 //! Every pair of modes with every data type, between programs of this library and real Python Wrapyfi
 //! scripts: `test/pairs` and its twin `test/peers/pairs.py`.
 //!
-//! | pair | Rust to Rust | Rust to Python | Python to Rust | Rust to Rust on ROS 2 |
-//! | --- | --- | --- | --- | --- |
-//! | publish, listen | O I J S R | O I J S R | O I J S | O T I J S R, P |
-//! | publish, receive | O I J S R | Wrapyfi has no receiver that works | O I J S | O T I J S R |
-//! | transceive, reemit | O I J S R | O I J S | O I J S | O T I J S R |
-//! | request, reply | O I J S | O I J S | O I J S | O I J S |
+//! | pair | Rust to Rust | Rust to Python | Python to Rust | Rust to Rust on ROS 2 | Rust to Rust on ROS 1 | Rust to Python on ROS 1 | Python to Rust on ROS 1 |
+//! | --- | --- | --- | --- | --- | --- | --- | --- |
+//! | publish, listen | O I J S R | O I J S R | O I J S | O T I J S R, P | O I J S R | O I J S | O I J S |
+//! | publish, receive | O I J S R | Wrapyfi has no receiver that works | O I J S | O T I J S R | O I J S R | | |
+//! | transceive, reemit | O I J S R | O I J S | O I J S | O T I J S R | O I J S R | O I J S | O I J S |
+//! | request, reply | O I J S | O I J S | O I J S | O I J S | O I S | O I S | O I S |
 //!
 //! O: native objects with tuples, sets, dates, integers beyond 64 bits and NumPy arrays. T: the same as
 //! Python Wrapyfi writes them on ROS 2, in a string. I: raw images. J: images with `jpg`. S: sound. R: ROS
 //! messages, of a generated type and of one by name; a Python listener gets a dict. P: the parameters of a node, which are set and watched but neither asked for nor sent on. "To" says who is in
-//! the first of the two modes. Without an installation of ROS 2, Python's Wrapyfi speaks ZeroMQ only.
+//! the first of the two modes. Without an installation of ROS 2, Python's Wrapyfi speaks ZeroMQ and, with
+//! Debian's rospy, ROS 1. Its services of ROS 1 have no `jpg`.
 
 #![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
 
@@ -40,7 +41,7 @@ fn start(
     let args = format!("--mode {mode} --kinds {kinds} --way-in {way_in} --way-out {way_out}");
     let process = match language {
         Rust => world.example("pairs", &format!("{args} --mware {mware}")),
-        Python => world.peer("pairs.py", &args),
+        Python => world.peer("pairs.py", &format!("{args} --mware {mware}")),
     };
     Ok(process?.pillar())
 }
@@ -89,9 +90,15 @@ fn pair(
     mware: &str,
     kinds: &str,
 ) -> Result {
-    let python = [Need::Program, Need::Example("pairs"), Need::Python];
-    let needs = if (from, to) == (Rust, Rust) { &python[..2] } else { &python };
-    run(test, needs, |world| {
+    let mut needs = vec![Need::Program, Need::Example("pairs")];
+    if (from, to) != (Rust, Rust) {
+        needs.push(Need::Python);
+    }
+    if mware == "ros" {
+        needs.push(Need::Ros1);
+    }
+    run(test, &needs, |world| {
+        let _roscore = (mware == "ros").then(|| world.roscore()).transpose()?;
         let _broker = (mware == "zeromq").then(|| world.broker()).transpose()?;
         let (there, back) = (world.topic("there"), world.topic("back"));
         // A service has one name.
@@ -160,6 +167,34 @@ pairs! {
     request_in_python_and_reply_of_sound: "request" of Python, "reply" of Rust, "sound" on "zeromq";
     request_and_reply_on_ros2:
         "request" of Rust, "reply" of Rust, "object,image,jpg,sound" on "ros2";
+
+    publish_and_listen_on_ros1:
+        "publish" of Rust, "listen" of Rust, "object,image,jpg,sound,twist,joints" on "ros";
+    publish_and_listen_in_python_on_ros1:
+        "publish" of Rust, "listen" of Python, "object,image,jpg,sound" on "ros";
+    publish_in_python_and_listen_on_ros1:
+        "publish" of Python, "listen" of Rust, "object,image,jpg,sound" on "ros";
+    publish_and_receive_on_ros1:
+        "publish" of Rust, "receive" of Rust, "object,image,jpg,sound,twist,joints" on "ros";
+    transceive_and_reemit_on_ros1:
+        "transceive" of Rust, "reemit" of Rust, "object,image,jpg,sound,twist,joints" on "ros";
+    transceive_and_reemit_in_python_on_ros1:
+        "transceive" of Rust, "reemit" of Python, "object,image,jpg,sound" on "ros";
+    transceive_in_python_and_reemit_on_ros1:
+        "transceive" of Python, "reemit" of Rust, "object,image,jpg,sound" on "ros";
+    request_and_reply_on_ros1: "request" of Rust, "reply" of Rust, "object,image,sound" on "ros";
+    request_and_reply_in_python_of_objects_on_ros1:
+        "request" of Rust, "reply" of Python, "object" on "ros";
+    request_and_reply_in_python_of_images_on_ros1:
+        "request" of Rust, "reply" of Python, "image" on "ros";
+    request_and_reply_in_python_of_sound_on_ros1:
+        "request" of Rust, "reply" of Python, "sound" on "ros";
+    request_in_python_and_reply_of_objects_on_ros1:
+        "request" of Python, "reply" of Rust, "object" on "ros";
+    request_in_python_and_reply_of_images_on_ros1:
+        "request" of Python, "reply" of Rust, "image" on "ros";
+    request_in_python_and_reply_of_sound_on_ros1:
+        "request" of Python, "reply" of Rust, "sound" on "ros";
 }
 
 /// A publisher sets the parameters of a node that is none of ours, and a listener hears of it.

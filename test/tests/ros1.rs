@@ -397,6 +397,25 @@ pairs! { wrapyfi_hears:
     wrapyfi_hears_sound_through_us("--type AudioChunk --flavour stereo", "AudioChunk");
 }
 
+/// Its listeners take `bgr8` only; the nodes of a robot have whatever they have.
+#[test]
+fn wrapyfi_hears_images_of_ros_2_whose_red_comes_first() -> Result {
+    run("wrapyfi_hears_images_of_ros_2_whose_red_comes_first", WITH_WRAPYFI, |world| {
+        let _roscore = world.roscore()?;
+        let (from, to) = (world.topic("from"), world.topic("to"));
+        let route = Route::new(&ros2(&from), &ros1(&to), "Image");
+        let bridge = world.bridge(&world.embedded().route(route))?;
+        let listener = world.peer(
+            "wrapyfi_peer.py",
+            &format!("listen --mware ros --topic {to} --count 3 --type Image --flavour colour"),
+        )?;
+        let image = "sensor_msgs/msg/Image";
+        let publisher = world.dds_publisher(&from, image, "--flavour colour --encoding rgb8")?;
+        let heard = listener.messages(3).map_err(|e| e.context(bridge.tail()))?;
+        publisher.sent_in_a_row("sha256", &texts(&heard, "sha256"))
+    })
+}
+
 /// The real Wrapyfi serves on rospy; `wrapyfi call` must find the same hashes.
 fn call_hears(test: &str, peer: &str, service_type: &str) -> Result {
     run(test, WITH_WRAPYFI, |world| {

@@ -132,7 +132,9 @@ fn run(argv: impl Iterator<Item = String>, whole: Option<Whole>) -> Result<(), F
     let shutdown = Shutdown::on_signals().context("cannot catch signals")?;
     let Parameters { configuration, options } = parameters;
     let (loaded, name) = match configuration {
-        Configuration::File(file) => (middlewares::load(&file)?, file.display().to_string()),
+        Configuration::File(file) => {
+            (middlewares::load_and_learn(&file)?, file.display().to_string())
+        }
         Configuration::BuiltIn(text, name) => (middlewares::load_text(&text, name)?, name.into()),
     };
     bridge::run_node(loaded, &name, &node, store, options, &shutdown)

@@ -73,6 +73,7 @@
 #[allow(unused_extern_crates, reason = "the macros name the crate as seen from outside")]
 extern crate self as wrapyfi_core;
 
+mod backoff;
 pub mod codec;
 pub mod communicator;
 pub mod endpoint;

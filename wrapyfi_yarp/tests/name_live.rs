@@ -128,6 +128,25 @@ async fn changes_are_heard_on_a_connection_of_ours() {
     assert!(end.is_err(), "{end:?}");
 }
 
+/// Programs that listen call themselves the same, and none may end the others.
+#[tokio::test]
+async fn many_hear_changes_at_once() {
+    let server = server().await;
+    let client = server.client();
+    let mut all = Vec::new();
+    for readers in 1..=3 {
+        all.push(NameEvents::open(&client).await.unwrap());
+        until("the reader", async || server.status().readers == readers).await;
+    }
+    client.register(&named("/heard")).await.unwrap();
+    for events in &mut all {
+        let heard = tokio::time::timeout(PATIENCE, events.next()).await.expect("an event");
+        assert_eq!(heard.unwrap(), NameEvent::Added("/heard".to_owned()));
+    }
+    drop(all);
+    server.stop().await;
+}
+
 #[tokio::test]
 async fn a_thousand_ports_have_numbers_of_their_own() {
     let server = server().await;

@@ -34,7 +34,8 @@ pub fn run(args: &BridgeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let options = Options { seconds: args.seconds, json: args.json };
     let node = Node::bridge().map_err(Failure::usage)?;
     let parameters = node.parameters().map_err(Failure::usage)?;
-    let (loaded, name) = (middlewares::load(&args.config)?, args.config.display().to_string());
+    let (loaded, name) =
+        (middlewares::load_and_learn(&args.config)?, args.config.display().to_string());
     run_node(loaded, &name, &node, parameters, options, shutdown)
 }
 

@@ -1,10 +1,12 @@
 //! What `wrapyfi demo` runs on: middlewares of three parties on one host.
 
+use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::Arc;
 
 use anyhow::Context as _;
 use wrapyfi_core::endpoint::{Middleware, Registry};
 use wrapyfi_core::middleware::ros2::{self, CycloneConfig, CycloneGraph, Ros2};
+use wrapyfi_core::middleware::yarp::{Yarp, YarpConfig};
 use wrapyfi_core::middleware::zeromq::{BrokerMode, ZeroMq, ZeroMqConfig};
 
 use crate::exit::Failure;
@@ -12,18 +14,22 @@ use crate::node::Node;
 
 /// The three parties of the demo, each with sockets of its own.
 pub struct DemoMiddlewares {
-    sources: ZeroMq,
     bridge: Registry,
+    // After the bridge's: ports are unregistered where the name server still is.
+    sources: Registry,
     viewer: Ros2,
     broker: String,
+    name_server: String,
     domain_id: u32,
 }
 
 impl DemoMiddlewares {
-    /// Starts the bridge's side with its embedded broker, then the sources' and the viewer's.
+    /// Starts the bridge's side with its broker, the sources' with a YARP name server, and the
+    /// viewer's.
     ///
     /// Everything stays on this host: ROS 2 discovery is limited to it unless
-    /// `ROS_AUTOMATIC_DISCOVERY_RANGE` says otherwise.
+    /// `ROS_AUTOMATIC_DISCOVERY_RANGE` says otherwise. The name server has a free port and is told to
+    /// nobody, so that the user's own YARP network, if there is one, is left alone.
     ///
     /// # Errors
     /// Exit code 1 when a middleware does not start.
@@ -42,7 +48,18 @@ impl DemoMiddlewares {
         (config.pub_port, config.sub_port) = (bridge_side.pub_port(), bridge_side.sub_port());
         config.broker = BrokerMode::Foreign;
         let broker = format!("{}:{}/{}", config.ip, config.pub_port, config.sub_port);
-        let sources = ZeroMq::start(&config).context("zeromq")?;
+        let mut sources = Registry::new();
+        sources.register(Arc::new(ZeroMq::start(&config).context("zeromq")?));
+        let robot_side = Yarp::start(&YarpConfig {
+            name_server: Some(SocketAddr::from((Ipv4Addr::LOCALHOST, 0))),
+            embedded: true,
+            ..YarpConfig::default()
+        });
+        let robot_side = robot_side.context("yarp")?;
+        let config = YarpConfig { name_server: robot_side.embedded(), ..YarpConfig::default() };
+        let yarp = Yarp::start(&config).context("yarp")?;
+        let name_server = robot_side.name_server().to_owned();
+        sources.register(Arc::new(robot_side));
 
         let graph = |name: &str| -> Result<_, Failure> {
             let lookup = |name: &str| match (name, std::env::var(name).ok()) {
@@ -60,13 +77,14 @@ impl DemoMiddlewares {
         let (viewer, _) = graph("wrapyfi_demo_viewer")?;
         let mut bridge = Registry::new();
         bridge.register(Arc::new(bridge_side));
+        bridge.register(Arc::new(yarp));
         bridge.register(Arc::new(ros2));
-        Ok(Self { sources, bridge, viewer, broker, domain_id })
+        Ok(Self { sources, bridge, viewer, broker, name_server, domain_id })
     }
 
     /// What the sources publish on.
     #[must_use]
-    pub fn sources(&self) -> &dyn Middleware {
+    pub fn sources(&self) -> &Registry {
         &self.sources
     }
 
@@ -86,6 +104,12 @@ impl DemoMiddlewares {
     #[must_use]
     pub fn broker(&self) -> &str {
         &self.broker
+    }
+
+    /// Address and port of the YARP name server.
+    #[must_use]
+    pub fn name_server(&self) -> &str {
+        &self.name_server
     }
 
     /// DDS domain of the demo.

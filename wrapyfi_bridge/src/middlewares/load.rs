@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use serde::Deserialize;
-use wrapyfi_core::engine::{Carried, Config, ConfigError, MAX_CONFIG_BYTES, Plan};
+use wrapyfi_core::engine::{Carried, Config, ConfigError, MAX_CONFIG_BYTES, Plan, Problem};
 use wrapyfi_interfaces::store::TypeStore;
 
+use super::learn;
 use super::ros1::Ros1Section;
 use super::ros2::Ros2Section;
 use super::yarp::YarpSection;
@@ -43,6 +44,21 @@ pub struct Loaded {
 /// # Errors
 /// Exit code 2 with every fault, each with its line.
 pub fn load(file: &Path) -> Result<Loaded, Failure> {
+    load_with(file, |_, _| Ok(()))
+}
+
+/// As [`load`]; types of routes from ROS 1 that nobody here has are asked from their publishers.
+///
+/// # Errors
+/// As [`load`], and exit code 1 when ROS 1 does not start.
+pub fn load_and_learn(file: &Path) -> Result<Loaded, Failure> {
+    load_with(file, learn::from_publishers)
+}
+
+fn load_with(
+    file: &Path,
+    learn: impl FnOnce(&Config<Endpoints>, &mut TypeStore) -> Result<(), Failure>,
+) -> Result<Loaded, Failure> {
     let name = file.display().to_string();
     let size =
         std::fs::metadata(file).map_err(|error| Failure::usage(format!("{name}: {error}")))?;
@@ -53,7 +69,7 @@ pub fn load(file: &Path) -> Result<Loaded, Failure> {
     let text = std::fs::read_to_string(file)
         .map_err(|error| Failure::usage(format!("{name}: {error}")))?;
     // As seen from the file, wherever the program was started.
-    read(&text, &name, file.parent().unwrap_or(Path::new("")))
+    read(&text, &name, file.parent().unwrap_or(Path::new("")), learn)
 }
 
 /// Reads and checks a configuration that is in no file; `name` stands for it in errors.
@@ -61,25 +77,40 @@ pub fn load(file: &Path) -> Result<Loaded, Failure> {
 /// # Errors
 /// As [`load`].
 pub fn load_text(text: &str, name: &str) -> Result<Loaded, Failure> {
-    read(text, name, Path::new(""))
+    read(text, name, Path::new(""), |_, _| Ok(()))
 }
 
-fn read(text: &str, name: &str, beside: &Path) -> Result<Loaded, Failure> {
-    let config: Config<Endpoints> = Config::from_yaml(text, name).map_err(Failure::usage)?;
-    config
-        .endpoints
-        .zeromq
-        .check()
-        .and_then(|()| config.endpoints.yarp.check())
+fn read(
+    text: &str,
+    name: &str,
+    beside: &Path,
+    learn: impl FnOnce(&Config<Endpoints>, &mut TypeStore) -> Result<(), Failure>,
+) -> Result<Loaded, Failure> {
+    let mut config: Config<Endpoints> = Config::from_yaml(text, name).map_err(Failure::usage)?;
+    check(&mut config.endpoints, beside)
         .map_err(|problem| ConfigError { file: name.to_owned(), problems: vec![problem] })
         .map_err(Failure::usage)?;
     let folders: Vec<_> =
         config.definitions.iter().map(|folder| beside.join(&folder.value)).collect();
     let mut types = any::definitions(&folders)
         .map_err(|failure| Failure::Usage(format!("{name}: definitions {failure}")))?;
+    for entry in &config.routes {
+        let (at_both, at_source) = (&entry.value.message_type, &entry.value.from_type);
+        for name in [at_both, at_source].into_iter().flatten() {
+            any::add_standard(&name.value, &folders, &mut types);
+        }
+    }
+    learn(&config, &mut types)?;
     let plan = Plan::new(&config, &super::available(), &mut types, name).map_err(Failure::usage)?;
     check_services(&plan).map_err(|fault| Failure::Usage(format!("{name}: {fault}")))?;
     Ok(Loaded { endpoints: config.endpoints, plan, types })
+}
+
+/// Finds what can be found wrong before anything is started, and reads what the sections name.
+fn check(endpoints: &mut Endpoints, beside: &Path) -> Result<(), Problem> {
+    endpoints.zeromq.check()?;
+    endpoints.yarp.check()?;
+    endpoints.ros.read_rules(beside)
 }
 
 /// Services that cannot be found by name are refused before anything starts.
@@ -97,4 +128,49 @@ fn check_services(plan: &Plan) -> Result<(), String> {
             pattern.name
         ))
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use wrapyfi_interfaces::ros1::Rules;
+
+    use super::*;
+
+    fn written(folder: &Path, name: &str, text: &str) -> std::path::PathBuf {
+        let path = folder.join(name);
+        std::fs::write(&path, text).unwrap();
+        path
+    }
+
+    #[test]
+    fn the_example_of_a_robot_with_a_base_on_ros_1_is_valid_without_any_ros() {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../config/from_ros1.yaml");
+        let loaded = load(&file).unwrap();
+        assert!(loaded.plan.routes.len() > 8 && loaded.plan.services.len() == 2, "{loaded:?}");
+        let map = loaded.plan.routes.iter().find(|route| route.name == "map").unwrap();
+        assert_eq!(map.message_type.ros_type(), "nav_msgs/msg/OccupancyGrid");
+    }
+
+    #[test]
+    fn mapping_rules_are_read_from_beside_the_file_and_faults_have_their_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let config = |rules: &str| {
+            format!(
+                "endpoints:\n  ros: {{ mapping_rules: [{rules}] }}\nroutes:\n  - {{ from: \"ros:/a\", \
+                 to: \"ros2:/a\", type: Text }}\n"
+            )
+        };
+        let rules = "[{ros1_package_name: base_msgs, ros2_package_name: base_interfaces}]";
+        written(folder.path(), "rules.yaml", rules);
+        let file = written(folder.path(), "bridge.yaml", &config("rules.yaml"));
+        let loaded = load(&file).unwrap();
+        assert_eq!(loaded.endpoints.ros.rules, Rules::from_yaml(rules).unwrap());
+
+        written(folder.path(), "bad.yaml", "[{ros1_package_name: base_msgs, ros2: x}]");
+        for name in ["bad.yaml", "none.yaml"] {
+            let file = written(folder.path(), "bridge.yaml", &config(name));
+            let told = load(&file).unwrap_err().to_string();
+            assert!(told.contains("bridge.yaml:2:") && told.contains(name), "{told}");
+        }
+    }
 }

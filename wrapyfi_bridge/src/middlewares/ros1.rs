@@ -1,11 +1,13 @@
 //! `endpoints.ros` of a configuration, and the middleware that it makes.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use serde::Deserialize;
-use wrapyfi_core::engine::Available;
+use wrapyfi_core::engine::{Available, MAX_CONFIG_BYTES, Problem, Spanned};
 pub(super) use wrapyfi_core::middleware::ros1::NAME;
 use wrapyfi_core::middleware::ros1::{self, Ros1, Ros1Config, StartError};
+use wrapyfi_interfaces::ros1::Rules;
 
 use crate::exit::Failure;
 
@@ -24,22 +26,51 @@ pub struct Ros1Section {
     pub namespace: Option<String>,
     pub node: Option<String>,
     pub remap: BTreeMap<String, String>,
+    pub mapping_rules: Vec<Spanned<String>>,
     pub insecure: bool,
+    /// What those files say, once they were read.
+    #[serde(skip)]
+    pub rules: Rules,
 }
 
 impl Ros1Section {
+    /// Reads the files of mapping rules, whose paths are as seen from `folder`.
+    ///
+    /// # Errors
+    /// The first file that cannot be read or is wrong.
+    pub fn read_rules(&mut self, folder: &Path) -> Result<(), Problem> {
+        for file in &self.mapping_rules {
+            let wrong = |reason: &dyn std::fmt::Display| {
+                let text = format!("mapping_rules {:?}: {reason}", file.value);
+                Problem::at(file.referenced, text)
+            };
+            let path = folder.join(&file.value);
+            let size = std::fs::metadata(&path).map_err(|error| wrong(&error))?.len();
+            if size > MAX_CONFIG_BYTES as u64 {
+                let text = format!("{size} bytes long, the limit is {MAX_CONFIG_BYTES}");
+                return Err(wrong(&text));
+            }
+            let text = std::fs::read_to_string(&path).map_err(|error| wrong(&error))?;
+            let rules = Rules::from_yaml(&text).map_err(|error| wrong(&error))?;
+            self.rules = std::mem::take(&mut self.rules).then(rules);
+        }
+        Ok(())
+    }
+
     /// Starts the middleware.
     ///
     /// # Errors
     /// Exit code 2 for settings that cannot work, 1 when it does not start.
     pub fn start(&self) -> Result<Ros1, Failure> {
         let mut config = Ros1Config::from_env().map_err(Failure::usage)?;
-        let Ros1Section { master_uri, hostname, namespace, node, remap, insecure } = self.clone();
+        let Ros1Section { master_uri, hostname, namespace, node, remap, insecure, rules, .. } =
+            self.clone();
         config.master_uri = master_uri.unwrap_or(config.master_uri);
         config.hostname = hostname.or(config.hostname);
         config.namespace = namespace.unwrap_or(config.namespace);
         config.node = node.or(config.node);
         config.remaps = remap.into_iter().collect();
+        config.mapping_rules = rules;
         config.insecure |= insecure;
         Ros1::start(&config).map_err(|error| match error {
             StartError::Config(error) => Failure::usage(error),

@@ -72,6 +72,7 @@ mod rules;
 mod runtime;
 mod server;
 mod session;
+mod settings;
 mod source;
 mod wait;
 

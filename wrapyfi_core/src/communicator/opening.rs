@@ -13,23 +13,25 @@ use super::context::{Context, Found, Live};
 use super::error::CallError;
 use super::inlet::{Inlet, Manners};
 use super::mode::Mode;
-use super::option::{OptionError, OptionValue, Options};
+use super::option::{OptionError, Options};
 use super::outlet::Outlet;
 use super::payload::generated;
 use super::resolve::{Resolved, Side};
 use super::rules::Rules;
 use super::server::ServerEnd;
 use super::session::{Channel, Session};
+use super::settings::{
+    color_order, for_middlewares, is_jpg, limits, other_kind, plugins, qos, untyped,
+};
 use super::source::{Source, StartError, Wanted};
 use super::wait::Stop;
 use crate::Limits;
 use crate::endpoint::{
-    self, EndpointAddress, History, Middleware, OpenError, Overflow, Qos, QosPreset, QueueSpec,
-    ServiceSpec, TopicSpec,
+    self, EndpointAddress, History, Middleware, OpenError, Overflow, Qos, QueueSpec, ServiceSpec,
+    TopicSpec,
 };
 use crate::engine::did_you_mean;
-use crate::plugin::{DeviceMaps, DeviceOption, Plugins};
-use crate::types::{DataType, Encoding, Map, MessageType, ServiceKind};
+use crate::types::{DataType, MessageType, ServiceKind};
 
 /// Native objects that wait at a listener: as many as ZeroMQ holds for Wrapyfi's.
 const OBJECTS: usize = 1000;
@@ -337,114 +339,4 @@ impl Opening<'_> {
     fn refused(&self, source: OpenError) -> CallError {
         CallError::Open { method: self.method.clone(), source: Box::new(source) }
     }
-}
-
-/// Wrapyfi's options that only some middlewares have, as they read them.
-fn for_middlewares(options: &Options) -> Result<Map, OptionError> {
-    let mut map = Map::new();
-    for name in ["carrier", "out_topic_connect"] {
-        if let Some(text) = options.text(name)? {
-            map.insert(name, text);
-        }
-    }
-    if let Some(persistent) = options.switch("persistent")? {
-        map.insert("persistent", persistent);
-    }
-    // On YARP the other program is one of Wrapyfi's, unless it is said not to be.
-    let yarp = options.map("yarp_kwargs")?;
-    let told = yarp.map(|yarp| yarp.switch("wrapyfi_images")).transpose()?.flatten();
-    map.insert("wrapyfi_images", told.unwrap_or(true));
-    Ok(map)
-}
-
-/// A ROS message whose type is not said.
-fn untyped() -> OptionError {
-    OptionError {
-        name: "message_type".to_owned(),
-        found: "not given".to_owned(),
-        wanted: "the type of the message, as package/msg/Type".to_owned(),
-    }
-}
-
-fn other_kind(name: &str, found: &dyn std::fmt::Display, wanted: DataType) -> OptionError {
-    OptionError {
-        name: name.to_owned(),
-        found: found.to_string(),
-        wanted: format!("a type that carries {wanted}"),
-    }
-}
-
-fn is_jpg(options: &Options) -> Result<bool, OptionError> {
-    match options.get("jpg") {
-        // Wrapyfi's settings of the encoder.
-        Some(OptionValue::Map(_)) => Ok(true),
-        _ => Ok(options.switch("jpg")?.unwrap_or(false)),
-    }
-}
-
-fn limits(options: &Options) -> Result<Limits, OptionError> {
-    let mib = options.number::<usize>("max_message_mib")?;
-    Ok(match mib {
-        Some(mib) => Limits { message_bytes: mib.saturating_mul(Limits::MIB), ..Limits::default() },
-        None => Limits::default(),
-    })
-}
-
-fn qos(options: &Options) -> Result<Option<QosPreset>, OptionError> {
-    options
-        .text("qos")?
-        .map(|word| match word {
-            "default" => Ok(QosPreset::Default),
-            "sensor_data" => Ok(QosPreset::SensorData),
-            "latched" => Ok(QosPreset::Latched),
-            other => Err(OptionError {
-                name: "qos".to_owned(),
-                found: format!("{other:?}"),
-                wanted: "default, sensor_data or latched".to_owned(),
-            }),
-        })
-        .transpose()
-}
-
-fn color_order(options: &Options) -> Result<Encoding, OptionError> {
-    match options.text("encoding")? {
-        None | Some("bgr8") => Ok(Encoding::Bgr8),
-        Some("rgb8") => Ok(Encoding::Rgb8),
-        Some(other) => Err(OptionError {
-            name: "encoding".to_owned(),
-            found: format!("{other:?}"),
-            wanted: "bgr8 or rgb8".to_owned(),
-        }),
-    }
-}
-
-/// The plug-ins with the device maps of the options.
-fn plugins(plugins: &Plugins, options: &Options) -> Result<Plugins, OptionError> {
-    let mut maps = Vec::new();
-    for (name, value) in options.iter() {
-        let is_load = name.starts_with("load_") && name.ends_with("_device");
-        let is_map = name.starts_with("map_") && name.ends_with("_devices");
-        match value {
-            OptionValue::Text(device) if is_load => {
-                maps.push((name, DeviceOption::Load(device.clone())));
-            }
-            OptionValue::Map(devices) if is_map => {
-                let pairs = devices.iter().map(|(from, to)| match to {
-                    OptionValue::Text(to) => Ok((from.to_owned(), to.clone())),
-                    other => Err(Options::fault(name, other, "devices by device")),
-                });
-                maps.push((name, DeviceOption::Map(pairs.collect::<Result<_, _>>()?)));
-            }
-            _ => {}
-        }
-    }
-    if maps.is_empty() {
-        return Ok(plugins.clone());
-    }
-    let maps = DeviceMaps::from_options(maps).map_err(|error| OptionError {
-        name: "load_…_device or map_…_devices".to_owned(),
-        found: "not usable".to_owned(),
-        wanted: format!("other devices: {error}"),
-    })?;
-    Ok(plugins.clone().with_devices(maps))
 }

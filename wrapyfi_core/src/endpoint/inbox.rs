@@ -104,6 +104,22 @@ impl<T> Sender<T> {
         Ok(())
     }
 
+    /// Queues `message` where there is room, whatever the policy.
+    ///
+    /// # Errors
+    /// Hands the message back when the queue is full.
+    pub fn offer(&self, message: T) -> Result<(), T> {
+        let shared = &*self.0;
+        let mut queue = shared.lock();
+        if queue.len() >= shared.spec.depth.max(1) {
+            return Err(message);
+        }
+        queue.push_back(message);
+        drop(queue);
+        shared.wake.ring();
+        Ok(())
+    }
+
     /// True when the next push is accepted without a drop.
     #[must_use]
     pub fn has_room(&self) -> bool {

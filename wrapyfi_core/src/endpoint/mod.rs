@@ -23,6 +23,7 @@ mod inbox;
 mod latency;
 mod learn;
 mod mark;
+mod origin;
 mod qos;
 mod qos_match;
 mod qos_pinned;
@@ -45,6 +46,7 @@ pub use latency::{Latency, LatencySummary};
 pub use learn::{LearnError, Learned};
 pub(crate) use learn::{service_of_name, topic_of_name};
 pub use mark::{BridgeMark, ParseMarkError};
+pub use origin::Origin;
 pub use qos::{Durability, History, Liveliness, Qos, QosPreset, Reliability};
 pub use qos_match::{MatchedQos, QosPolicy, QosWarning, listener_qos, mismatches, publisher_qos};
 pub use qos_pinned::PinnedQos;
@@ -198,6 +200,19 @@ pub trait Listener: Send {
         self.discard().then_some(1)
     }
 
+    /// A publisher that keeps its last message and has gone: ended, killed, or out of reach. `None`
+    /// where there is none that was not told yet. Told after its last message was taken; it is the
+    /// number that the messages had in [`Origin::publisher`].
+    fn departed(&mut self) -> Option<u64> {
+        None
+    }
+
+    /// Whether all publishers keep their last message for who comes later; `None` where there are
+    /// none, or nobody can tell.
+    fn keeps_last(&self) -> Option<bool> {
+        None
+    }
+
     /// What the listener is connected to now.
     fn link(&self) -> Link;
 
@@ -216,6 +231,31 @@ pub trait Publisher: Send {
     /// # Errors
     /// The message was not sent, and why.
     fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError>;
+
+    /// As [`Publisher::publish`], where it is known whose message it is. A publisher that keeps
+    /// messages keeps the last one of each origin that does so too, until [`Publisher::forget`].
+    ///
+    /// # Errors
+    /// As [`Publisher::publish`].
+    fn forward(
+        &mut self,
+        payload: &Payload,
+        origin: Option<Origin>,
+    ) -> Result<usize, PublishError> {
+        _ = origin;
+        self.publish(payload)
+    }
+
+    /// An origin has gone: who comes later is no longer given its last message.
+    fn forget(&mut self, publisher: u64) {
+        _ = publisher;
+    }
+
+    /// Told now and again what [`Listener::keeps_last`] says of the source. A publisher that was
+    /// opened with [`TopicSpec::match_peers`] offers the same.
+    fn follow_source(&mut self, keeps_last: Option<bool>) {
+        _ = keeps_last;
+    }
 
     /// What the publisher is connected to now. A publisher without consumer need not be given
     /// anything, except where [`Link::keeps_last`] says that later consumers will want it.
@@ -260,6 +300,8 @@ pub struct Sample {
     pub wire_bytes: usize,
     /// When its last byte was here.
     pub received_at: Instant,
+    /// Whose it is, where the listener can tell.
+    pub origin: Option<Origin>,
 }
 
 /// State of an endpoint's connection, for status tables and for waiting.

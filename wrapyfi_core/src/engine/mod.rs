@@ -32,12 +32,12 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-mod backoff;
 mod candidate;
 mod config;
 mod config_devices;
 mod config_error;
 mod config_qos;
+mod conventions;
 #[expect(clippy::module_inception, reason = "the engine is this module's one main type")]
 mod engine;
 mod pattern;

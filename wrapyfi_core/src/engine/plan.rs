@@ -8,6 +8,7 @@ use super::config::{Config, Defaults, OverflowConfig, RouteConfig, Spanned};
 use super::config_devices::DevicesConfig;
 use super::config_error::{ConfigError, Problem};
 use super::config_qos::{QosConfig, QosOverride};
+use super::conventions;
 use super::plan_address::address;
 use super::plan_options;
 use super::plan_pattern::{self, PatternSpec};
@@ -86,7 +87,7 @@ impl RouteSpec {
     pub fn topic_spec(&self, address: &EndpointAddress) -> TopicSpec {
         let at_source = *address == self.from;
         let changed = if at_source { self.from_override } else { self.to_override };
-        TopicSpec {
+        let mut spec = TopicSpec {
             topic: address.name.clone(),
             message_type: if at_source { self.from_type } else { self.message_type },
             qos: self.qos.qos(),
@@ -99,7 +100,11 @@ impl RouteSpec {
             options: self.options.clone(),
             mark: self.mark.clone().filter(|_| !at_source),
             shun: self.mark.as_ref().filter(|_| at_source).map(|_| self.to.middleware.clone()),
+        };
+        if self.qos == QosConfig::default() {
+            conventions::apply(&mut spec, address, at_source);
         }
+        spec
     }
 }
 

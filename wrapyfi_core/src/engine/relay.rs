@@ -12,10 +12,10 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::backoff::Backoff;
 use super::plan::RouteSpec;
 use super::route::{RouteState, RouteStatus};
 use crate::Throttle;
+use crate::backoff::Backoff;
 use crate::codec::convert_payload;
 use crate::endpoint::{
     Context, Counters, DropReason, Listener, Middleware, OpenError, Publisher, Qos, QosChange,
@@ -173,6 +173,9 @@ impl Relay {
 
     /// Lets both ends look at their peers; when they want to look again.
     fn review(&mut self, now: Instant) -> Option<Instant> {
+        if let (Some(listener), Some(publisher)) = (&self.source.open, &mut self.sink.open) {
+            publisher.follow_source(listener.keeps_last());
+        }
         let source = self.source.open.as_mut().map(|listener| listener.review(now));
         let sink = self.sink.open.as_mut().map(|publisher| publisher.review(now));
         let source = source.and_then(|found| self.source.note(found, &self.spec.name));
@@ -231,6 +234,9 @@ impl Relay {
                     self.last_loss = Some((now, text));
                 }
             }
+        }
+        while let Some(gone) = listener.departed() {
+            publisher.forget(gone);
         }
         moved
     }
@@ -325,11 +331,11 @@ fn forward(
     sample: Sample,
     publisher: &mut dyn Publisher,
 ) -> Result<(usize, Instant), (DropReason, String)> {
-    let Sample { payload, received_at, .. } = sample;
+    let Sample { payload, received_at, origin, .. } = sample;
     let payload =
         convert_payload(payload, spec.message_type, spec.color_order, &spec.limits, Stamp::now)
             .map_err(|error| (error.drop_reason(), error.to_string()))?;
-    match publisher.publish(&payload) {
+    match publisher.forward(&payload, origin) {
         Ok(bytes) => Ok((bytes, received_at)),
         Err(error) => Err((error.drop_reason(), error.to_string())),
     }

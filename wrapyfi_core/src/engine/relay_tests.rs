@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::*;
-use crate::endpoint::{Overflow, QueueSpec, TopicSpec};
+use crate::endpoint::{Origin, Overflow, QueueSpec, TopicSpec};
 use crate::middleware::memory::Memory;
 use crate::types::{Map, MessageType, Payload, Properties, Tensor, Value};
 
@@ -312,7 +312,12 @@ impl Middleware for Latched {
 impl Listener for LatchedListener {
     fn take(&mut self) -> Result<Option<Sample>, crate::endpoint::TakeError> {
         let next = self.aside.take().or_else(|| self.waiting.pop());
-        Ok(next.map(|n| Sample { payload: number(n), wire_bytes: 0, received_at: Instant::now() }))
+        Ok(next.map(|n| Sample {
+            payload: number(n),
+            wire_bytes: 0,
+            received_at: Instant::now(),
+            origin: None,
+        }))
     }
 
     fn set_aside(&mut self) -> Option<u64> {
@@ -347,4 +352,98 @@ fn what_a_publisher_keeps_waits_for_the_first_consumer() {
     assert_eq!(drain(sink.as_mut()), [number(3)]);
     let counters = relay.status().counters;
     assert_eq!((counters.sent, counters.dropped()), (1, 2));
+}
+
+/// A source of two publishers, of which the second leaves, and a destination that writes down what
+/// it is told.
+struct Noted(Arc<std::sync::Mutex<Vec<String>>>);
+
+struct Two {
+    waiting: Vec<u64>,
+    gone: Option<u64>,
+}
+
+struct NotingPublisher(Arc<std::sync::Mutex<Vec<String>>>);
+
+impl Middleware for Noted {
+    fn name(&self) -> &str {
+        "noted"
+    }
+
+    fn open_listener(&self, _: &TopicSpec, _: &Context) -> Result<Box<dyn Listener>, OpenError> {
+        Ok(Box::new(Two { waiting: vec![2, 1], gone: Some(2) }))
+    }
+
+    fn open_publisher(&self, _: &TopicSpec, _: &Context) -> Result<Box<dyn Publisher>, OpenError> {
+        Ok(Box::new(NotingPublisher(Arc::clone(&self.0))))
+    }
+}
+
+impl Listener for Two {
+    fn take(&mut self) -> Result<Option<Sample>, crate::endpoint::TakeError> {
+        let next = self.waiting.pop();
+        Ok(next.map(|publisher| Sample {
+            payload: number(0),
+            wire_bytes: 0,
+            received_at: Instant::now(),
+            origin: Some(Origin { publisher, keeps_last: true }),
+        }))
+    }
+
+    fn departed(&mut self) -> Option<u64> {
+        self.gone.take()
+    }
+
+    fn keeps_last(&self) -> Option<bool> {
+        Some(true)
+    }
+
+    fn link(&self) -> crate::endpoint::Link {
+        crate::endpoint::Link { peers: Some(2), ..Default::default() }
+    }
+}
+
+impl NotingPublisher {
+    fn note(&self, what: String) {
+        self.0.lock().unwrap().push(what);
+    }
+}
+
+impl Publisher for NotingPublisher {
+    fn publish(&mut self, _: &Payload) -> Result<usize, crate::endpoint::PublishError> {
+        panic!("the origin is known")
+    }
+
+    fn forward(
+        &mut self,
+        _: &Payload,
+        origin: Option<Origin>,
+    ) -> Result<usize, crate::endpoint::PublishError> {
+        self.note(format!("message of {}", origin.unwrap().publisher));
+        Ok(0)
+    }
+
+    fn forget(&mut self, publisher: u64) {
+        self.note(format!("{publisher} is gone"));
+    }
+
+    fn follow_source(&mut self, keeps_last: Option<bool>) {
+        self.note(format!("kept: {keeps_last:?}"));
+    }
+
+    fn link(&self) -> crate::endpoint::Link {
+        crate::endpoint::Link { peers: Some(1), ..Default::default() }
+    }
+}
+
+#[test]
+fn whose_message_it_is_goes_along_and_who_is_gone_is_told_after_it() {
+    let notes = Arc::default();
+    let mut registry = Registry::new();
+    registry.register(Arc::new(Noted(Arc::clone(&notes))));
+    let ends = ("noted:/in".parse().unwrap(), "noted:/out".parse().unwrap());
+    let spec = RouteSpec::new(ends.0, ends.1, MessageType::NativeObject);
+    Relay::new(spec, &registry, 1).step(Instant::now());
+    let expected = ["kept: Some(true)", "message of 1", "message of 2", "2 is gone"];
+    assert_eq!(*notes.lock().unwrap(), expected);
 }

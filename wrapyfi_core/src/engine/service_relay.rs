@@ -12,11 +12,11 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::backoff::Backoff;
 use super::plan_service::ServiceRouteSpec;
 use super::relay::{DEGRADED_FOR, REVIEW_EVERY, Step};
 use super::route::{RouteState, RouteStatus};
 use crate::Throttle;
+use crate::backoff::Backoff;
 use crate::endpoint::{
     CallError, Client, Context, Counters, DropReason, Middleware, OpenError, Registry, RequestId,
     ServeError, Server, Ticket, Wake,

@@ -242,8 +242,12 @@ impl Publisher for MemoryPublisher {
         topic.listeners.retain(|(listener, _)| !listener.is_closed());
         for (listener, context) in &topic.listeners {
             context.counters.received(0);
-            let sample =
-                Sample { payload: payload.clone(), wire_bytes: 0, received_at: Instant::now() };
+            let sample = Sample {
+                payload: payload.clone(),
+                wire_bytes: 0,
+                received_at: Instant::now(),
+                origin: None,
+            };
             if let Err(sample) = listener.push(sample) {
                 listener.give_up(sample);
             }

@@ -98,6 +98,11 @@ impl Types {
         }
     }
 
+    /// Takes over a type of ROS 2 that was found elsewhere, such as in a folder of a program's own.
+    pub fn add_ros2(&mut self, resolved: &ResolvedType) {
+        self.ros2.add_resolved(resolved);
+    }
+
     /// The rules.
     #[must_use]
     pub fn rules(&self) -> &Rules {

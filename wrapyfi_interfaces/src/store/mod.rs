@@ -166,6 +166,13 @@ impl TypeStore {
         self.parse(name, text, &format!("definition of {name}"))
     }
 
+    /// Adds a type that was found elsewhere, with all it refers to. What is known already stays.
+    pub fn add_resolved(&mut self, resolved: &ResolvedType) {
+        for (name, definition) in resolved.definitions() {
+            self.known.entry(name.clone()).or_insert_with(|| definition.clone());
+        }
+    }
+
     /// Finds a type by its name as text, for instance `sensor_msgs/msg/Image`.
     ///
     /// # Errors

@@ -33,6 +33,7 @@ impl Default for Timeouts {
     }
 }
 
+#[derive(Clone)]
 pub(super) struct Shared {
     pub(super) names: Arc<dyn Names>,
     pub(super) dialect: Dialect,
@@ -91,6 +92,16 @@ impl Network {
     #[must_use]
     pub fn dialect(&self) -> Dialect {
         self.0.dialect
+    }
+
+    /// The same network, where ports opened from now on encode bottles so: a robot may have programs
+    /// of YARP 3 and of YARP 4.
+    #[must_use]
+    pub fn with_dialect(&self, dialect: Dialect) -> Self {
+        if self.0.dialect == dialect {
+            return self.clone();
+        }
+        Self(Arc::new(Shared { dialect, ..(*self.0).clone() }))
     }
 
     /// What its ports refuse.

@@ -107,8 +107,9 @@ impl Readers {
         let (queue, waiting) = mpsc::channel(limits.max_waiting_events);
         let (kind, carrier) = carrier;
         let mut inner = self.inner();
-        // A second connection to the same reader takes the place of the first.
-        inner.readers.retain(|reader| reader.name != name);
+        // A second connection to the same port takes the place of the first. Readers that are no ports
+        // may share a name, as all our clients do.
+        inner.readers.retain(|reader| reader.name != name || !name.starts_with('/'));
         if inner.ended || inner.readers.len() >= limits.max_readers {
             shared.counters.add("too_many_readers");
             return false;

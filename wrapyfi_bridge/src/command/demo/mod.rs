@@ -1,14 +1,19 @@
 //! `wrapyfi demo`: the main job on built-in sources.
 //!
 //! ```text
-//!   sources ── ZeroMQ ──▶ broker ──▶ bridge (node wrapyfi_demo) ── DDS ──▶ viewer
-//!   camera, microphone,                                       (node wrapyfi_demo_viewer)
-//!   objects                                                    rates and latencies
+//!   scripts: camera, microphone, objects ── ZeroMQ ──▶ broker ─┐
+//!   robot: camera, ears ── YARP ports ─────────────────────────┼─▶ bridge ── DDS ──▶ viewer
+//!   robot: light, an rpc port ◀─▶ YARP ◀───────────────────────┘    (node             (node wrapyfi_demo_viewer)
+//!                                                              wrapyfi_demo)    rates, latencies, calls
 //! ```
 //!
-//! Nothing is short-circuited: sources and viewer know only sockets and topics, as programs of
-//! their own would.
+//! Nothing is short-circuited: scripts, robot and viewer know only sockets, ports and topics, as
+//! programs of their own would.
 
+mod caller;
+mod robot;
+mod routes;
+mod scenes;
 mod sources;
 mod viewer;
 
@@ -16,8 +21,7 @@ use std::io::{IsTerminal as _, Write as _};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
-use wrapyfi_core::engine::{Engine, Plan, RouteSpec};
-use wrapyfi_core::types::MessageType;
+use wrapyfi_core::engine::Engine;
 
 use self::sources::Sources;
 use self::viewer::Viewer;
@@ -27,23 +31,15 @@ use crate::middlewares::DemoMiddlewares;
 use crate::shutdown::Shutdown;
 use crate::table;
 
-/// What the demo carries: name of the route, ZeroMQ topic, ROS 2 topic, type.
-const ROUTES: [(&str, &str, &str, MessageType); 5] = [
-    ("camera", "/demo/camera", "/camera/image_raw", MessageType::Image),
-    ("camera jpeg", "/demo/jpeg", "/camera/image_raw/compressed", MessageType::CompressedImage),
-    ("microphone", "/demo/microphone", "/microphone", MessageType::AudioChunk),
-    ("object", "/demo/object", "/object", MessageType::NativeObject),
-    ("object as text", "/demo/text", "/object/json", MessageType::StringJson),
-];
-
 /// Runs for `--seconds`, or until the process is asked to end.
 ///
 /// # Errors
-/// Exit code 1 when a route delivered nothing; the message names it and its state.
+/// Exit code 1 when a topic delivered nothing or a call failed; the message names the route and its
+/// state.
 pub fn run(args: &DemoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let middlewares = DemoMiddlewares::start()?;
-    let plan = plan().context("demo routes")?;
-    let mut viewer = Viewer::open(middlewares.viewer(), &ROUTES)?;
+    let plan = routes::plan().context("demo routes")?;
+    let mut viewer = Viewer::open(middlewares.viewer())?;
     let running =
         Engine::new(plan, middlewares.bridge()).start().context("cannot start the routes")?;
     let sources = Sources::start(middlewares.sources())?;
@@ -61,9 +57,10 @@ pub fn run(args: &DemoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         let elapsed = tick.elapsed();
         tick = Instant::now();
         screen.show(&format!(
-            "{:.0} s: ZeroMQ broker on {}, ROS 2 domain {}\n\n{}\n{}",
+            "{:.0} s: ZeroMQ broker on {}, YARP name server on {}, ROS 2 domain {}\n\n{}\n{}",
             start.elapsed().as_secs_f64(),
             middlewares.broker(),
+            middlewares.name_server(),
             middlewares.domain_id(),
             table::table(&before, &now, elapsed),
             viewer.table(elapsed),
@@ -75,25 +72,18 @@ pub fn run(args: &DemoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     }
     drop(sources);
     let last = running.stop();
-    let silent = viewer.silent();
-    if silent.is_empty() {
+    let faults: Vec<String> = viewer
+        .faults()
+        .into_iter()
+        .map(|(route, fault)| {
+            let state = last.iter().find(|it| it.name == route).map(|it| it.state.to_string());
+            format!("{route}: {fault} ({})", state.as_deref().unwrap_or("no such route"))
+        })
+        .collect();
+    if faults.is_empty() {
         return Ok(());
     }
-    let reasons: Vec<String> = last
-        .iter()
-        .filter(|route| silent.iter().any(|topic| route.to.ends_with(topic)))
-        .map(|route| format!("{} ({})", route.name, route.state))
-        .collect();
-    Err(anyhow!("nothing arrived on: {}", reasons.join("; ")).into())
-}
-
-fn plan() -> anyhow::Result<Plan> {
-    let route = |&(name, from, to, message_type): &(&str, &str, &str, MessageType)| {
-        let (from, to) = (format!("zeromq:{from}").parse()?, format!("ros2:{to}").parse()?);
-        let route = RouteSpec::new(from, to, message_type);
-        anyhow::Ok(RouteSpec { name: name.to_owned(), ..route })
-    };
-    Ok(Plan { routes: ROUTES.iter().map(route).collect::<anyhow::Result<_>>()?, ..Plan::default() })
+    Err(anyhow!("{}", faults.join("; ")).into())
 }
 
 /// Redraws in place on a terminal, appends elsewhere.

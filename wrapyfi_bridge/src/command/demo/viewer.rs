@@ -1,24 +1,30 @@
-//! The demo's ROS 2 node: receives every topic as any node would, and measures.
+//! The demo's ROS 2 node: receives every topic and calls the service as any node would, and measures.
 
 use std::fmt::Write as _;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use wrapyfi_core::endpoint::{Context, Latency, Listener, Middleware, TopicSpec, Wake};
+use wrapyfi_core::endpoint::{
+    Context, Latency, LatencySummary, Listener, Middleware, TopicSpec, Wake,
+};
 use wrapyfi_core::types::{MessageType, Payload, Stamp, Value};
 
+use super::caller::Caller;
+use super::routes::{self, LIGHT, LIGHT_SERVICE, TOPICS};
+use super::scenes::SENT_AT;
 use crate::shutdown::Shutdown;
 
-/// Key under which the demo's objects carry the time they were sent.
-pub(super) const SENT_AT: &str = "sent_at";
-
-/// Listens to the demo's topics.
+/// Listens to the demo's topics, and calls its service.
 pub(super) struct Viewer {
     wake: Wake,
-    topics: Vec<Topic>,
+    topics: Vec<Seen>,
+    caller: Caller,
+    called: (u64, u64),
 }
 
-struct Topic {
+/// A topic and what was seen of it.
+struct Seen {
+    route: &'static str,
     name: &'static str,
     message_type: MessageType,
     listener: Box<dyn Listener>,
@@ -29,37 +35,36 @@ struct Topic {
 }
 
 impl Viewer {
-    pub(super) fn open(
-        middleware: &dyn Middleware,
-        routes: &[(&'static str, &'static str, &'static str, MessageType)],
-    ) -> anyhow::Result<Self> {
+    pub(super) fn open(middleware: &dyn Middleware) -> anyhow::Result<Self> {
         let wake = Wake::new();
-        let open = |&(_, _, name, message_type): &(&str, &str, &'static str, MessageType)| {
-            let context = Context { wake: wake.clone(), ..Context::default() };
+        let context = || Context { wake: wake.clone(), ..Context::default() };
+        let open = |topic: &routes::Topic| {
             let listener = middleware
-                .open_listener(&TopicSpec::new(name, message_type), &context)
-                .with_context(|| format!("viewer of {name}"))?;
-            let latency = Latency::default();
-            anyhow::Ok(Topic {
-                name,
-                message_type,
+                .open_listener(&TopicSpec::new(topic.to, topic.message_type), &context())
+                .with_context(|| format!("viewer of {}", topic.to))?;
+            anyhow::Ok(Seen {
+                route: topic.name,
+                name: topic.to,
+                message_type: topic.message_type,
                 listener,
                 received: 0,
                 bytes: 0,
                 shown: (0, 0),
-                latency,
+                latency: Latency::default(),
             })
         };
-        let topics = routes.iter().map(open).collect::<anyhow::Result<_>>()?;
-        Ok(Self { wake, topics })
+        let topics = TOPICS.iter().map(open).collect::<anyhow::Result<_>>()?;
+        let caller = Caller::open(middleware, (LIGHT_SERVICE, routes::light()?), &context())?;
+        Ok(Self { wake, topics, caller, called: (0, 0) })
     }
 
-    /// Receives until `until`; true when the process was asked to end.
+    /// Receives and calls until `until`; true when the process was asked to end.
     pub(super) fn watch(&mut self, until: Instant, shutdown: &Shutdown) -> bool {
         loop {
             for topic in &mut self.topics {
                 topic.drain();
             }
+            self.caller.step(Instant::now());
             if shutdown.requested() {
                 return true;
             }
@@ -71,40 +76,57 @@ impl Viewer {
         }
     }
 
-    /// Topics on which nothing arrived.
-    pub(super) fn silent(&self) -> Vec<&'static str> {
-        self.topics.iter().filter(|topic| topic.received == 0).map(|topic| topic.name).collect()
+    /// Names of routes that did not deliver, and what is missing.
+    pub(super) fn faults(&self) -> Vec<(&'static str, String)> {
+        let silent = self.topics.iter().filter(|topic| topic.received == 0);
+        let silent =
+            silent.map(|topic| (topic.route, format!("nothing arrived on {}", topic.name)));
+        silent.chain(self.caller.fault().map(|fault| (LIGHT, fault))).collect()
     }
 
     /// What arrived, with rates over the time since the last call.
     pub(super) fn table(&mut self, elapsed: Duration) -> String {
-        let seconds = elapsed.as_secs_f64().max(1e-9);
         let mut out = format!(
             "{:<28}  {:<27} {:>6} {:>6} {:>6} {:>6} {:>6}\n",
             "a ROS 2 node receives", "type", "got", "Hz", "MB/s", "p50 ms", "p99 ms"
         );
         for topic in &mut self.topics {
-            let (received, bytes) =
-                std::mem::replace(&mut topic.shown, (topic.received, topic.bytes));
+            let total = (topic.received, topic.bytes);
+            let before = std::mem::replace(&mut topic.shown, total);
+            let type_name = topic.message_type.ros_type().replace("/msg", "");
             let latency = topic.latency.summary();
-            // Writing to a String cannot fail.
-            let _infallible = writeln!(
-                out,
-                "{:<28}  {:<27} {:>6} {:>6.1} {:>6.2} {:>6.2} {:>6.2}",
-                topic.name,
-                topic.message_type.ros_type().replace("/msg", ""),
-                topic.received,
-                (topic.received - received) as f64 / seconds,
-                (topic.bytes - bytes) as f64 / seconds / 1e6,
-                latency.p50_us as f64 / 1e3,
-                latency.p99_us as f64 / 1e3,
-            );
+            row(&mut out, topic.name, &type_name, (before, total, elapsed), latency);
         }
+        let total = self.caller.answered();
+        let before = std::mem::replace(&mut self.called, total);
+        let (name, type_name) = (self.caller.service(), self.caller.type_name());
+        row(&mut out, name, &type_name, (before, total, elapsed), self.caller.latency());
         out
     }
 }
 
-impl Topic {
+/// Writes a row: how many and how many bytes there were before, are now, and the time between.
+fn row(
+    out: &mut String,
+    name: &str,
+    type_name: &str,
+    (before, total, elapsed): ((u64, u64), (u64, u64), Duration),
+    latency: LatencySummary,
+) {
+    let seconds = elapsed.as_secs_f64().max(1e-9);
+    // Writing to a String cannot fail.
+    let _infallible = writeln!(
+        out,
+        "{name:<28}  {type_name:<27} {:>6} {:>6.1} {:>6.2} {:>6.2} {:>6.2}",
+        total.0,
+        (total.0 - before.0) as f64 / seconds,
+        (total.1 - before.1) as f64 / seconds / 1e6,
+        latency.p50_us as f64 / 1e3,
+        latency.p99_us as f64 / 1e3,
+    );
+}
+
+impl Seen {
     fn drain(&mut self) {
         loop {
             match self.listener.take() {

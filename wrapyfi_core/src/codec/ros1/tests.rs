@@ -14,7 +14,7 @@ fn read(message: &[u8], message_type: MessageType) -> Result<Payload, DecodeErro
 
 const WHEN: Stamp = Stamp { sec: 1_795_214_428, nanosec: 500_000_000 };
 
-/// Checked against genpy 0.6.16: `String(data='{"a": 1}')`.
+/// As genpy 0.6.16 writes `String(data='{"a": 1}')`.
 #[test]
 fn an_object_is_a_string() {
     let payload = Payload::from(Value::from(crate::types::Map::from([("a", 1)])));
@@ -36,7 +36,8 @@ fn an_image_has_its_fields_and_its_pixels() {
     assert_eq!(read(expected, MessageType::Image), Ok(payload));
 }
 
-/// Wrapyfi's listeners want the wrong label and the right length.
+/// Wrapyfi's listeners want the wrong label and the right length. The bytes and the checksum are those of
+/// genpy 0.6.16 for the definition.
 #[test]
 fn sound_is_mislabelled_as_wrapyfi_insists() {
     let samples: Vec<u8> = [0.5_f32, -0.5].iter().flat_map(|n| n.to_le_bytes()).collect();
@@ -52,6 +53,8 @@ fn sound_is_mislabelled_as_wrapyfi_insists() {
     let integers = chunk.to_format(SampleFormat::S16Le);
     let again = bytes(&integers.into(), MessageType::AudioChunk);
     assert_eq!(again.len(), message.len(), "floats all the same");
+    let known = Ros1Type::of(MessageType::AudioChunk).unwrap();
+    assert_eq!(known.md5, "b4f9a59da632adf088673f2154727d2f");
 }
 
 #[test]

@@ -19,13 +19,13 @@ use tokio::sync::{Notify, watch};
 use tokio::task::AbortHandle;
 use tokio::time::{timeout, timeout_at};
 
-use super::backoff::Backoff;
 use super::config::NodeUri;
 use super::core::Core;
 use super::header::Header;
 use super::services::{self, MAX_ERROR_BYTES, ServiceForm, ServiceType};
 use super::tcpros;
 use crate::DecodeError;
+use crate::backoff::Backoff;
 use crate::endpoint::book::Book;
 use crate::endpoint::calls::{Stage, ends};
 use crate::endpoint::{
@@ -331,7 +331,7 @@ async fn hear(stream: &mut TcpStream, limit: usize) -> std::io::Result<(Outcome,
 
 /// Knows where the server is, for as long as the client lives.
 async fn seek(line: Arc<Line>, seed: u64) {
-    let mut backoff = Backoff::new(seed);
+    let mut backoff = Backoff::of_process(seed);
     loop {
         let known = line.place.borrow().clone();
         let wait = match look(&line, known.as_ref()).await {

@@ -6,6 +6,8 @@
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, ToSocketAddrs, UdpSocket};
 
+use wrapyfi_interfaces::ros1::Rules;
+
 use super::names::{NameError, NodeName};
 
 /// Port of a master whose address names none.
@@ -26,6 +28,8 @@ pub struct Ros1Config {
     pub node: Option<String>,
     /// Names that mean others: `from`, `to`.
     pub remaps: Vec<(String, String)>,
+    /// Which types of ROS 1 and ROS 2 belong together, before the rules that are built in.
+    pub mapping_rules: Rules,
     /// Allows sockets on addresses that other machines reach (`WRAPYFI_ROS_INSECURE`). ROS 1 has no
     /// authentication and no encryption: whoever reaches the port may publish and call.
     pub insecure: bool,
@@ -41,6 +45,7 @@ impl Default for Ros1Config {
             namespace: "/".to_owned(),
             node: None,
             remaps: Vec::new(),
+            mapping_rules: Rules::built_in(),
             insecure: false,
             connections: 256,
         }

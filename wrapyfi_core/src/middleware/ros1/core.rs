@@ -92,6 +92,11 @@ impl Core {
         })
     }
 
+    /// Rules about pairs of types, for a node that has not used any definition yet.
+    pub(super) fn use_rules(&self, rules: Rules) {
+        self.types.get_or_init(|| Mutex::new(Types::from_environment(rules)));
+    }
+
     /// Definitions of ROS 1: what peers showed, what is installed or built in. Read at first use.
     pub(super) fn types(&self) -> MutexGuard<'_, Types> {
         let types =

@@ -25,7 +25,9 @@ pub(super) const ANY: &str = "*";
 pub(super) fn wanted(core: &Core, message_type: MessageType) -> Option<Ros1Type> {
     let MessageType::Ros(ros_type) = message_type else { return Ros1Type::of(message_type) };
     // The name is for people; which definition it is the publisher shows.
-    let likely = core.types().towards_ros1(ros_type.resolved().name(), None);
+    let mut types = core.types();
+    types.add_ros2(ros_type.resolved());
+    let likely = types.towards_ros1(ros_type.resolved().name(), None);
     let name = likely.map_or_else(|_e| ANY.to_owned(), |(definition, _)| definition.ros1_name());
     Some(Ros1Type { name, md5: ANY.to_owned(), definition: String::new() })
 }
@@ -40,6 +42,8 @@ pub(super) fn offered(
         return Ok(Ros1Type::of(message_type).map(|known| (known, None)));
     };
     let mut types = core.types();
+    // Whoever resolved it may have looked where this node does not.
+    types.add_ros2(ros_type.resolved());
     let towards = types.towards_ros1(ros_type.resolved().name(), None);
     let pair = towards.and_then(|(definition, _)| {
         let plan = Plan::compile(definition.resolved(), ros_type.resolved(), types.rules())?;

@@ -22,7 +22,6 @@ use tokio::task::AbortHandle;
 use tokio::time::{sleep_until, timeout};
 use wrapyfi_interfaces::ros1::Plan;
 
-use super::backoff::Backoff;
 use super::config::NodeUri;
 use super::core::Core;
 use super::form;
@@ -31,8 +30,9 @@ use super::request::{request_topic, shortened};
 use super::slave_info::BusLink;
 use super::splitter::{Piece, Splitter};
 use super::tcpros;
+use crate::backoff::Backoff;
 use crate::codec::ros1::Ros1Type;
-use crate::endpoint::{BridgeMark, DropReason, Overflow, Sender, Wake};
+use crate::endpoint::{BridgeMark, Counters, DropReason, Overflow, Sender, Wake};
 use crate::types::MessageType;
 
 /// Field of a connection header: the mark of a bridge that publishes a topic by pattern.
@@ -40,6 +40,9 @@ pub(super) const MARK: &str = "wrapyfi_bridge";
 
 /// Most publishers of one topic.
 const MAX_PUBLISHERS: usize = 256;
+/// How long the message that a publisher keeps waits for room, whatever the queue's policy: those of
+/// many publishers come at once, and none of them comes again.
+const KEPT_WAITS: Duration = Duration::from_secs(1);
 
 /// A message as it came.
 #[derive(Debug)]
@@ -78,6 +81,8 @@ pub(super) struct Intake {
 #[derive(Default)]
 struct Peers {
     by_uri: BTreeMap<NodeUri, Peer>,
+    /// Publishers that latched, are gone, and were not told of.
+    departed: Vec<u64>,
     closed: bool,
 }
 
@@ -88,6 +93,8 @@ struct Peer {
     listed: bool,
     /// The socket at its end, while messages flow.
     address: Option<String>,
+    /// It sends its last message to whoever comes.
+    latches: bool,
     /// Why they did not at the last try.
     fault: Option<String>,
     task: Option<AbortHandle>,
@@ -131,6 +138,10 @@ impl Intake {
         &self.wake
     }
 
+    pub(super) fn counters(&self) -> &Counters {
+        self.inbox.counters()
+    }
+
     pub(super) fn type_name(&self) -> &str {
         &self.wanted.wire_type.name
     }
@@ -143,6 +154,19 @@ impl Intake {
             peer.fault.as_ref().map(|reason| format!("publisher {uri}: {reason}"))
         });
         (up.count(), why)
+    }
+
+    /// Whether all publishers that are connected latch.
+    pub(super) fn all_latch(&self) -> Option<bool> {
+        let peers = self.peers();
+        let mut up = peers.by_uri.values().filter(|peer| peer.address.is_some()).peekable();
+        up.peek()?;
+        Some(up.all(|peer| peer.latches))
+    }
+
+    /// A publisher that latched and has gone.
+    pub(super) fn departed(&self) -> Option<u64> {
+        self.peers().departed.pop()
     }
 
     /// Its connections, for the slave API.
@@ -181,10 +205,12 @@ impl Intake {
         for (uri, peer) in &mut peers.by_uri {
             peer.listed = publishers.contains(uri);
         }
-        peers.by_uri.retain(|_, peer| {
+        let Peers { by_uri, departed, .. } = &mut *peers;
+        by_uri.retain(|_, peer| {
             let stays = peer.listed || peer.address.is_some();
             if !stays {
                 peer.task.iter().for_each(AbortHandle::abort);
+                peer.depart(departed);
             }
             stays
         });
@@ -215,6 +241,7 @@ impl Intake {
                 id,
                 listed: true,
                 address: None,
+                latches: false,
                 fault: None,
                 task: None,
                 again,
@@ -233,13 +260,17 @@ impl Intake {
 
     /// Notes how a connection is: where it leads, or why there is none. False where nobody wants it
     /// any more.
-    fn note(&self, uri: &NodeUri, state: Result<String, String>) -> bool {
+    fn note(&self, uri: &NodeUri, state: Result<(String, bool), String>) -> bool {
         let mut peers = self.peers();
-        let Some(peer) = peers.by_uri.get_mut(uri) else { return false };
+        let Peers { by_uri, departed, .. } = &mut *peers;
+        let Some(peer) = by_uri.get_mut(uri) else { return false };
         let stays = peer.listed || state.is_ok();
         let changed = match state {
-            Ok(address) => {
+            Ok((address, latches)) => {
                 peer.fault = None;
+                peer.latches = latches;
+                // What was not told yet is no longer so.
+                departed.retain(|id| *id != peer.id);
                 peer.address.replace(address).is_none()
             }
             Err(reason) => {
@@ -248,11 +279,16 @@ impl Intake {
                     tracing::warn!(topic = self.topic, "ROS 1: publisher {uri}: {reason}");
                 }
                 peer.fault = Some(reason);
-                peer.address.take().is_some() || is_news
+                let was_up = peer.address.take().is_some();
+                // A connection that broke is made again; a node that is gone cannot be reached.
+                if !was_up || !stays {
+                    peer.depart(departed);
+                }
+                was_up || is_news
             }
         };
         if !stays {
-            peers.by_uri.remove(uri);
+            by_uri.remove(uri);
         }
         drop(peers);
         if changed {
@@ -276,6 +312,15 @@ impl Intake {
     }
 }
 
+impl Peer {
+    /// It is gone, and its last message with it: should it come back, that is news.
+    fn depart(&mut self, departed: &mut Vec<u64>) {
+        if self.last.take().is_some() {
+            departed.push(self.id);
+        }
+    }
+}
+
 /// The task of one publisher.
 struct Connection {
     intake: Arc<Intake>,
@@ -291,12 +336,12 @@ struct Connection {
 impl Connection {
     /// Connects, receives, and connects again while the master names the publisher.
     async fn keep(mut self) {
-        let mut backoff = Backoff::new(self.id);
+        let mut backoff = Backoff::of_process(self.id);
         loop {
             let reason = match self.open().await {
                 Ok(stream) => {
                     let address = stream.peer_addr().map(|a| a.to_string()).unwrap_or_default();
-                    if !self.intake.note(&self.uri, Ok(address)) {
+                    if !self.intake.note(&self.uri, Ok((address, self.latched))) {
                         return;
                     }
                     backoff.reset();
@@ -390,7 +435,7 @@ impl Connection {
                     counters.dropped(DropReason::Duplicate);
                     continue;
                 }
-                self.deliver(message).await;
+                self.deliver(message, is_first).await;
             }
             match stream.read_buf(&mut splitter.space()).await {
                 Ok(0) => return "it closed the connection".to_owned(),
@@ -400,17 +445,21 @@ impl Connection {
         }
     }
 
-    /// Puts a message into the inbox, under policy `block` when there is room.
-    async fn deliver(&self, message: Bytes) {
+    /// Puts a message into the inbox, under policy `block` when there is room; so too the one that a
+    /// publisher kept for us.
+    async fn deliver(&self, message: Bytes, is_first: bool) {
         let Intake { inbox, room, .. } = &*self.intake;
         let (source, latched, plan) = (self.id, self.latched, self.plan.clone());
         let mut arrival = Arrival { message, received_at: Instant::now(), source, latched, plan };
-        let Err(back) = inbox.push(arrival) else { return };
-        arrival = back;
+        let blocks = matches!(inbox.spec().overflow, Overflow::Block(_));
         let wait = match inbox.spec().overflow {
             Overflow::Block(wait) => wait,
+            _ if latched && is_first => KEPT_WAITS,
             _ => Duration::ZERO,
         };
+        let pushed = if wait.is_zero() { inbox.push(arrival) } else { inbox.offer(arrival) };
+        let Err(back) = pushed else { return };
+        arrival = back;
         let deadline = tokio::time::Instant::now().checked_add(wait);
         let forever = || tokio::time::Instant::now() + Duration::from_secs(1 << 30);
         let deadline = deadline.unwrap_or_else(forever);
@@ -419,13 +468,16 @@ impl Connection {
             let made = room.notified();
             tokio::pin!(made);
             made.as_mut().enable();
-            match inbox.push(arrival) {
+            match inbox.offer(arrival) {
                 Ok(()) => return,
                 Err(back) => arrival = back,
             }
             tokio::select! {
                 () = made => {}
-                () = sleep_until(deadline) => return inbox.give_up(arrival),
+                () = sleep_until(deadline) => {
+                    let left = if blocks { Err(arrival) } else { inbox.push(arrival) };
+                    return left.err().map(|arrival| inbox.give_up(arrival)).unwrap_or_default();
+                }
             }
         }
     }

@@ -12,7 +12,9 @@ use super::core::Core;
 use super::form;
 use super::intake::{Arrival, Intake, Wanted};
 use crate::codec::ros1::Ros1Type;
-use crate::endpoint::{Context, Link, Listener, Receiver, Sample, TakeError, TopicSpec, inbox};
+use crate::endpoint::{
+    Context, DropReason, Link, Listener, Origin, Receiver, Sample, TakeError, TopicSpec, inbox,
+};
 
 /// Receives one topic.
 pub(super) struct Ros1Listener {
@@ -64,9 +66,10 @@ impl Ros1Listener {
 impl Listener for Ros1Listener {
     fn take(&mut self) -> Result<Option<Sample>, TakeError> {
         let Some(arrival) = self.next() else { return Ok(None) };
-        let Arrival { message, received_at, plan, .. } = arrival;
+        let Arrival { message, received_at, plan, source, latched } = arrival;
         let payload = form::decode(&message, plan.as_ref(), &self.spec)?;
-        Ok(Some(Sample { payload, wire_bytes: message.len() + 4, received_at }))
+        let origin = Some(Origin { publisher: source, keeps_last: latched });
+        Ok(Some(Sample { payload, wire_bytes: message.len() + 4, received_at, origin }))
     }
 
     fn discard(&mut self) -> bool {
@@ -80,6 +83,22 @@ impl Listener for Ros1Listener {
             return Some(1);
         }
         Some(u64::from(self.aside.insert(arrival.source, arrival).is_some()))
+    }
+
+    fn departed(&mut self) -> Option<u64> {
+        // Not before the last of its messages.
+        if !self.inbox.is_empty() {
+            return None;
+        }
+        let gone = self.intake.departed()?;
+        if self.aside.remove(&gone).is_some() {
+            self.intake.counters().dropped(DropReason::NoConsumer);
+        }
+        Some(gone)
+    }
+
+    fn keeps_last(&self) -> Option<bool> {
+        self.intake.all_latch()
     }
 
     fn link(&self) -> Link {

@@ -22,15 +22,13 @@
 //! | `core`, `registrations`, `registrar` | the node; what the master should know, and that it does |
 //! | `tcpros` | connections: opened, accepted, refused |
 //! | `request`, `intake`, `listener` | a topic received |
-//! | `publication`, `outlet` | a topic sent, one subscriber of it |
+//! | `publication`, `kept`, `outlet` | a topic sent, what is kept of it, one subscriber |
 //! | `services`, `service_host`, `server`, `client` | services |
 //! | `parameters` | properties |
 //! | `form` | messages of any type as payloads |
 //! | `discovery`, `marks` | what other nodes have, and which of it bridges made |
-//! | `learn`, `probe` | the types of it |
-//! | `backoff` | waits between tries |
+//! | `learn`, `probe`, `shown` | the types of it; types that nobody here has |
 
-mod backoff;
 mod client;
 mod config;
 mod core;
@@ -39,6 +37,7 @@ mod form;
 pub mod header;
 mod http;
 mod intake;
+mod kept;
 mod learn;
 mod listener;
 mod marks;
@@ -54,6 +53,7 @@ mod request;
 mod server;
 mod service_host;
 mod services;
+mod shown;
 mod slave;
 mod slave_info;
 mod splitter;
@@ -67,11 +67,13 @@ use std::time::Duration;
 use tokio::net::TcpListener;
 use tokio::runtime::{Builder, Runtime};
 use tokio::time::timeout;
+use wrapyfi_interfaces::ros1::Rules;
 use wrapyfi_interfaces::store::TypeStore;
 
 pub use config::{ConfigError, Ros1Config};
 pub use master::MasterError;
 pub use names::{NameError, NodeName, check_name};
+pub use shown::AskTypeError;
 
 use self::config::{NodeUri, Resolved};
 use self::core::Core;
@@ -128,6 +130,9 @@ impl Ros1 {
         let data = NodeUri { host: advertised, port: data_port };
         let master = master::Master::new(master, node.full(), &api.to_string());
         let core = Core::new(node, master, api, data, runtime.handle().clone());
+        if config.mapping_rules != Rules::built_in() {
+            core.use_rules(config.mapping_rules.clone());
+        }
         let answers = Arc::new(slave::Slave(Arc::downgrade(&core)));
         runtime.spawn(http::serve(api_socket, answers, config.connections));
         runtime.spawn(tcpros::accept(data_socket, Arc::downgrade(&core), config.connections));

@@ -3,7 +3,7 @@
 //! ```text
 //!   Ros1Publisher ┐                        ┌▶ Outlet ─▶ subscriber
 //!   Ros1Publisher ┴─▶ Publication ─────────┴▶ Outlet ─▶ subscriber
-//!                       └ latched: the last message of each publisher, for who comes later
+//!                       └ Kept: what is latched, for who comes later
 //! ```
 
 use std::borrow::Cow;
@@ -17,16 +17,17 @@ use super::core::Core;
 use super::form;
 use super::header::Header;
 use super::intake::MARK;
+use super::kept::Kept;
 use super::marks::Marked;
 use super::outlet::{Frame, Outlet};
 use super::slave_info::BusLink;
 use super::tcpros::Accepted;
 use crate::codec::ros1::Ros1Type;
 use crate::endpoint::{
-    BridgeMark, Context, Counters, Durability, History, Link, PublishError, Publisher, Role,
-    TopicSpec, Wake,
+    BridgeMark, Context, Counters, Durability, History, Link, Origin, PublishError, Publisher,
+    Role, TopicSpec, Wake,
 };
-use crate::types::{Encoding, MessageType, Payload, Pixels};
+use crate::types::{Encoding, Image, MessageType, Payload, Pixels};
 use crate::{EncodeError, Limits, codec};
 
 /// Messages that a publisher without a depth keeps for a slow subscriber.
@@ -50,7 +51,7 @@ struct State {
 /// One publisher of this node.
 struct Entry {
     latches: bool,
-    last: Option<Frame>,
+    kept: Kept,
     depth: usize,
     counters: Arc<Counters>,
     wake: Wake,
@@ -104,12 +105,12 @@ impl Publication {
     }
 
     /// Sends to all subscribers; how many there are.
-    fn send(&self, publisher: u64, frame: &Frame) -> usize {
+    fn send(&self, publisher: u64, frame: &Frame, keep: Keep) -> usize {
         let mut state = self.state();
         let State { publishers, outlets, .. } = &mut *state;
         let Some(entry) = publishers.get_mut(&publisher) else { return 0 };
-        if entry.latches {
-            entry.last = Some(frame.clone());
+        if let Keep::LastOf(origin) = keep {
+            entry.kept.keep(origin, frame, &self.topic);
         }
         for outlet in outlets.iter() {
             outlet.push(frame, entry.depth, &entry.counters);
@@ -166,13 +167,20 @@ impl Publication {
             return false;
         }
         for entry in state.publishers.values() {
-            if let Some(last) = &entry.last {
-                outlet.push(last, KEEP_ALL, &entry.counters);
+            for kept in entry.kept.frames() {
+                outlet.push(kept, KEEP_ALL, &entry.counters);
             }
         }
         state.outlets.push(Arc::clone(outlet));
         true
     }
+}
+
+/// Whether a message is kept for who comes later, and as whose last one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Keep {
+    No,
+    LastOf(Option<u64>),
 }
 
 /// Sends to one topic.
@@ -183,7 +191,10 @@ pub(super) struct Ros1Publisher {
     spec: TopicSpec,
     plan: Option<Plan>,
     sequence: u32,
+    /// As it was opened: whatever it publishes.
     latches: bool,
+    /// All that its source publishes is kept there.
+    source_latches: bool,
     marked: Option<Marked>,
 }
 
@@ -204,7 +215,7 @@ impl Ros1Publisher {
         let id = core.next_id();
         let entry = Entry {
             latches,
-            last: None,
+            kept: Kept::new(spec.limits.message_bytes),
             depth,
             counters: Arc::clone(&context.counters),
             wake: context.wake.clone(),
@@ -227,7 +238,7 @@ impl Ros1Publisher {
             core.mark(marked);
         }
         let (core, spec, sequence) = (Arc::clone(core), spec.clone(), 0);
-        Self { id, core, publication, spec, plan, sequence, latches, marked }
+        Self { id, core, publication, spec, plan, sequence, latches, source_latches: false, marked }
     }
 
     fn encode(&mut self, payload: &Payload) -> Result<Frame, EncodeError> {
@@ -237,9 +248,23 @@ impl Ros1Publisher {
         let (actual, limit) = (size as u64, u64::from(u32::MAX));
         Frame::new(pieces).ok_or(EncodeError::TooLarge { actual, limit })
     }
+
+    /// While nobody subscribes nothing is encoded, unless it is kept.
+    fn send(&mut self, payload: &Payload, keep: Keep) -> Result<usize, PublishError> {
+        if keep == Keep::No && self.publication.subscribers() == 0 {
+            return Err(PublishError::NoConsumer { topic: self.spec.topic.clone() });
+        }
+        let frame = self.encode(payload)?;
+        let reached = self.publication.send(self.id, &frame, keep);
+        if reached == 0 && keep == Keep::No {
+            return Err(PublishError::NoConsumer { topic: self.spec.topic.clone() });
+        }
+        Ok(frame.len())
+    }
 }
 
-/// The payload in the form that the type carries: pixels, or a file.
+/// The payload in the form that the type carries: pixels, or a file. Wrapyfi's listeners take colour
+/// as `bgr8` only, so pixels in the other order are turned, unless `color_order` asks for that order.
 pub(super) fn formed<'p>(
     payload: &'p Payload,
     message_type: MessageType,
@@ -253,25 +278,54 @@ pub(super) fn formed<'p>(
         _ => true,
     };
     if fits {
-        return Ok(Cow::Borrowed(payload));
+        return Ok(match &image.pixels {
+            Pixels::Raw(raw) if raw.encoding == Encoding::Rgb8 && color_order == Encoding::Bgr8 => {
+                let pixels = Pixels::Raw(raw.clone().swap_red_blue());
+                Cow::Owned(Payload::Image(Image { pixels, ..image.clone() }))
+            }
+            _ => Cow::Borrowed(payload),
+        });
     }
     let image = codec::convert(image.clone(), message_type, color_order, limits)?;
     Ok(Cow::Owned(Payload::Image(image)))
 }
 
 impl Publisher for Ros1Publisher {
-    /// While nobody subscribes nothing is encoded, unless the last message is kept.
     fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {
-        if !self.latches && self.publication.subscribers() == 0 {
-            return Err(PublishError::NoConsumer { topic: self.spec.topic.clone() });
+        let keep = if self.latches { Keep::LastOf(None) } else { Keep::No };
+        self.send(payload, keep)
+    }
+
+    fn forward(
+        &mut self,
+        payload: &Payload,
+        origin: Option<Origin>,
+    ) -> Result<usize, PublishError> {
+        match origin {
+            Some(Origin { publisher, keeps_last: true })
+                if self.latches || self.spec.match_peers =>
+            {
+                self.send(payload, Keep::LastOf(Some(publisher)))
+            }
+            _ => self.publish(payload),
         }
-        let frame = self.encode(payload)?;
-        let bytes = frame.len();
-        let reached = self.publication.send(self.id, &frame);
-        if reached == 0 && !self.latches {
-            return Err(PublishError::NoConsumer { topic: self.spec.topic.clone() });
+    }
+
+    fn forget(&mut self, publisher: u64) {
+        if let Some(entry) = self.publication.state().publishers.get_mut(&self.id) {
+            entry.kept.forget(Some(publisher));
         }
-        Ok(bytes)
+    }
+
+    fn follow_source(&mut self, keeps_last: Option<bool>) {
+        let Some(keeps_last) = keeps_last.filter(|_| self.spec.match_peers) else { return };
+        if keeps_last == self.source_latches {
+            return;
+        }
+        self.source_latches = keeps_last;
+        if let Some(entry) = self.publication.state().publishers.get_mut(&self.id) {
+            entry.latches = self.latches || keeps_last;
+        }
     }
 
     fn link(&self) -> Link {
@@ -280,7 +334,8 @@ impl Publisher for Ros1Publisher {
             let nobody = || format!("a ROS 1 node that subscribes to {}", self.publication.topic);
             self.core.fault().unwrap_or_else(nobody)
         });
-        Link { peers: Some(peers), waiting_for, keeps_last: self.latches }
+        let keeps_last = self.latches || self.source_latches;
+        Link { peers: Some(peers), waiting_for, keeps_last }
     }
 }
 
@@ -291,5 +346,33 @@ impl Drop for Ros1Publisher {
             self.core.unmark(marked);
         }
         self.core.unadvertise(&self.publication.topic, &self.publication);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::types::RawPixels;
+
+    fn encoding_of(pixels: RawPixels, color_order: Encoding) -> (Encoding, Vec<u8>) {
+        let payload = Payload::Image(Image::new(crate::types::Stamp::default(), pixels));
+        let formed = formed(&payload, MessageType::Image, color_order, &Limits::default()).unwrap();
+        let Payload::Image(Image { pixels: Pixels::Raw(raw), .. }) = formed.into_owned() else {
+            panic!("pixels stay pixels");
+        };
+        (raw.encoding, raw.data.to_vec())
+    }
+
+    #[test]
+    fn colour_is_as_wrapyfi_takes_it_unless_the_other_order_is_asked_for() {
+        let pixel =
+            |encoding, bytes: &[u8]| RawPixels::dense(1, 1, encoding, bytes.to_vec()).unwrap();
+        let red = || pixel(Encoding::Rgb8, &[255, 1, 0]);
+        assert_eq!(encoding_of(red(), Encoding::Bgr8), (Encoding::Bgr8, vec![0, 1, 255]));
+        assert_eq!(encoding_of(red(), Encoding::Rgb8), (Encoding::Rgb8, vec![255, 1, 0]));
+        let blue = || pixel(Encoding::Bgr8, &[255, 1, 0]);
+        assert_eq!(encoding_of(blue(), Encoding::Rgb8), (Encoding::Bgr8, vec![255, 1, 0]));
+        let grey = pixel(Encoding::Mono8, &[9]);
+        assert_eq!(encoding_of(grey, Encoding::Bgr8), (Encoding::Mono8, vec![9]));
     }
 }

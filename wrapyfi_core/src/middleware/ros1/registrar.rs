@@ -7,22 +7,22 @@
 //! ```
 
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use tokio::time::timeout;
 
-use super::backoff::Backoff;
 use super::core::Core;
 use super::master::MasterError;
 use super::registrations::{Kind, Step};
-use super::xmlrpc::{Value, text};
+use super::xmlrpc::text;
+use crate::backoff::Backoff;
 
 /// How often the master is looked at.
 const LOOK: Duration = Duration::from_secs(1);
 
 /// Registers what is wanted, for as long as the node lives.
 pub(super) async fn keep(core: Arc<Core>) {
-    let mut backoff = Backoff::new(core.next_id());
+    let mut backoff = Backoff::of_process(core.next_id());
     let mut pid = None;
     loop {
         let wait = match round(&core, &mut pid).await {
@@ -92,12 +92,10 @@ async fn take(core: &Arc<Core>, step: &Step) -> Result<(), MasterError> {
             Kind::Service => master.register_service(&key.name, &address()).await,
             Kind::Mark => master.set_param(&key.name, text(type_name)).await,
             Kind::Parameter => {
+                let asked = Instant::now();
+                // An empty struct where there is no such parameter.
                 let value = master.subscribe_param(&key.name).await?;
-                // An empty struct says that there is no such parameter.
-                let is_set = !matches!(&value, Value::Struct(members) if members.is_empty());
-                if is_set {
-                    super::parameters::arrived(core, &key.name, &value);
-                }
+                super::parameters::arrived(core, &key.name, &value, asked);
                 Ok(())
             }
         },

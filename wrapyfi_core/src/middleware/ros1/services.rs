@@ -62,6 +62,8 @@ impl ServiceForm {
             return Ok(Self { spec: spec.clone(), wire_type: known(spec.kind), any: None });
         };
         let mut types = core.types();
+        // Whoever resolved it may have looked where this node does not.
+        types.add_ros2(service.resolved());
         let found = types.service_towards_ros1(service.resolved().name()).and_then(|found| {
             let (definition, rules) = (found.definition, types.rules());
             let (asked, answered) = (service.request(), service.response());

@@ -55,6 +55,14 @@ impl Aside {
         Some(message)
     }
 
+    /// Drops the message of a publisher that is gone; false where there is none.
+    pub(super) fn forget(&mut self, publisher: u64) -> bool {
+        let at = self.kept.iter().position(|kept| kept.publisher == publisher);
+        let Some(message) = at.and_then(|at| self.kept.remove(at)) else { return false };
+        self.bytes -= message.cdr.len();
+        true
+    }
+
     /// How many are kept.
     pub(super) fn len(&self) -> usize {
         self.kept.len()
@@ -82,6 +90,9 @@ mod tests {
             [(1, 10), (2, 20), (1, 11), (1, 12)].map(|(who, n)| aside.keep(message(who, n)));
         assert_eq!((dropped, aside.len()), ([0, 0, 1, 1], 2));
         assert_eq!(all(&mut aside), [(2, 20), (1, 12)]);
+        assert_eq!((aside.len(), aside.bytes), (0, 0));
+        aside.keep(message(3, 30));
+        assert_eq!([aside.forget(4), aside.forget(3), aside.forget(3)], [false, true, false]);
         assert_eq!((aside.len(), aside.bytes), (0, 0));
     }
 

@@ -133,6 +133,14 @@ impl CdrReader for CycloneReader {
         self.raw.events().matched()
     }
 
+    fn publishers(&self) -> Option<Vec<u64>> {
+        self.raw.writer_handles().ok()
+    }
+
+    fn publisher_gid(&self, publisher: u64) -> Option<[u8; 16]> {
+        self.raw.writer(publisher).map(|peer| peer.guid)
+    }
+
     fn lost(&mut self) -> u64 {
         self.raw.events().take_lost()
     }

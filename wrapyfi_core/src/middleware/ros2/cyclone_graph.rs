@@ -18,7 +18,7 @@ use super::discovery_info::{DiscoveryInfo, EndpointKind, Gid};
 use super::domain::{DomainError, DomainLease};
 use super::graph::{
     CdrClient, CdrReader, CdrServer, CdrWriter, DiscoveredEndpoint, Graph, GraphError, NodeWatch,
-    Notify, PeerWatch, ServiceDescription, ServiceMapping, TopicDescription,
+    Notify, PeerWatch, Replay, ServiceDescription, ServiceMapping, TopicDescription, WriterTraits,
 };
 use super::names;
 use super::owners::Owners;
@@ -138,21 +138,21 @@ impl CycloneGraph {
         topic: &TopicDescription,
         on_match: Notify,
     ) -> Result<Box<dyn CdrWriter>, GraphError> {
-        self.writer(topic, None, on_match)
+        self.write_dds(topic, WriterTraits::default(), on_match)
     }
 
-    fn writer(
+    fn write_dds(
         &self,
         topic: &TopicDescription,
-        mark: Option<&BridgeMark>,
+        WriterTraits { replay, mark }: WriterTraits<'_>,
         on_match: Notify,
     ) -> Result<Box<dyn CdrWriter>, GraphError> {
         let fault = |code| stack("creating a writer", &topic.name, code);
         let events = Events::new(&topic.name, topic.qos.reliability, on_match);
         let user_data = marked(user_data(topic), mark);
         let names = (topic.name.as_str(), topic.type_name.as_str());
-        let raw = RawWriter::new(&self.0.participant, names, &qos(topic, &user_data), events)
-            .map_err(fault)?;
+        let qos = EndpointQos { replay, ..qos(topic, &user_data) };
+        let raw = RawWriter::new(&self.0.participant, names, &qos, events).map_err(fault)?;
         let gid = raw.guid().map_err(fault)?;
         let listed = Listed::new(&self.0, EndpointKind::Writer, gid);
         let ways = Ways::new(&self.0, topic);
@@ -190,6 +190,7 @@ impl CycloneGraph {
             user_data,
             // A node may call its own services.
             ignore_local: false,
+            replay: Replay::History,
         };
         let events = || Events::new(&service.name, Reliability::Reliable, Arc::clone(on_event));
         // As ROS 2 does: the reader first, so that no reply finds nobody.
@@ -219,13 +220,13 @@ impl Graph for CycloneGraph {
         self.advertise_dds(&to_dds(topic)?, on_match)
     }
 
-    fn advertise_marked(
+    fn advertise_with(
         &self,
         topic: &TopicDescription,
-        mark: Option<&BridgeMark>,
+        traits: WriterTraits<'_>,
         on_match: Notify,
     ) -> Result<Box<dyn CdrWriter>, GraphError> {
-        self.writer(&to_dds(topic)?, mark, on_match)
+        self.write_dds(&to_dds(topic)?, traits, on_match)
     }
 
     fn subscribe(
@@ -337,5 +338,11 @@ impl Drop for Node {
 
 fn qos<'a>(topic: &TopicDescription, user_data: &'a str) -> EndpointQos<'a> {
     // A node does not hear itself: this is what keeps routes from looping.
-    EndpointQos { qos: topic.qos, max_blocking: MAX_BLOCKING, user_data, ignore_local: true }
+    EndpointQos {
+        qos: topic.qos,
+        max_blocking: MAX_BLOCKING,
+        user_data,
+        ignore_local: true,
+        replay: Replay::History,
+    }
 }

@@ -16,6 +16,7 @@ use wrapyfi_interfaces::Message;
 use wrapyfi_interfaces::rmw_dds_common::msg::{self, NodeEntitiesInfo, ParticipantEntitiesInfo};
 
 use super::cyclone::{EndpointQos, Entity, Events, RawWriter, ReturnCode, WriteFault};
+use super::graph::Replay;
 use crate::endpoint::{Durability, History, Qos, Reliability};
 use crate::node::NodeName;
 
@@ -55,6 +56,7 @@ impl DiscoveryInfo {
             max_blocking: Duration::from_millis(100),
             user_data: &user_data,
             ignore_local: true,
+            replay: Replay::History,
         };
         let events = Events::new(TOPIC, Reliability::Reliable, Arc::new(|| {}));
         let names = (TOPIC, ParticipantEntitiesInfo::DDS_TYPE);

@@ -11,7 +11,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::diagnosis::Diagnosis;
-use super::graph::QosEvents;
+use super::graph::{DiscoveredEndpoint, QosEvents};
 use super::matching::{Decision, Matching};
 use crate::endpoint::{Counters, Link, Qos, QosEvent};
 
@@ -52,6 +52,16 @@ impl Follower {
         keeps_last: bool,
     ) -> Link {
         self.diagnosis.link(matched, incompatible, own, keeps_last)
+    }
+
+    /// Grows when peers come, change or go.
+    pub(super) fn changes(&self) -> u64 {
+        self.diagnosis.changes()
+    }
+
+    /// Peers that carry the endpoint's type.
+    pub(super) fn peers(&self) -> Vec<DiscoveredEndpoint> {
+        self.diagnosis.peers()
     }
 
     /// Looks at the peers of an endpoint that has `own`, if there is news or it is time.

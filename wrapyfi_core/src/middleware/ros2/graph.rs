@@ -38,6 +38,28 @@ pub struct TopicDescription {
     pub max_bytes: usize,
 }
 
+/// What only some writers have.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct WriterTraits<'a> {
+    /// What it gives readers that come later, where it is transient local.
+    pub replay: Replay,
+    /// A mark in USER_DATA, where there is room for it: a bridge made the writer by pattern.
+    pub mark: Option<&'a BridgeMark>,
+}
+
+/// What a transient-local writer gives readers that come later.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Replay {
+    /// Its history, as in ROS 2.
+    #[default]
+    History,
+    /// Its last message, however long its history for readers that are there is.
+    Last,
+    /// Nothing. It is announced as durability `TRANSIENT`, which readers that ask for transient local
+    /// take, and which no DDS stack keeps without a program of its own for that.
+    Nothing,
+}
+
 /// A node on a ROS 2 graph: creates writers and readers of serialised messages.
 pub trait Graph: Send + Sync {
     /// Name of the node that owns the endpoints.
@@ -53,18 +75,18 @@ pub trait Graph: Send + Sync {
         on_match: Notify,
     ) -> Result<Box<dyn CdrWriter>, GraphError>;
 
-    /// As [`Graph::advertise`], with a mark in USER_DATA where there is room for it: a bridge made
-    /// the writer by pattern.
+    /// As [`Graph::advertise`], for a writer that is not as others are. A stack that cannot make one
+    /// makes an ordinary one.
     ///
     /// # Errors
     /// As [`Graph::advertise`].
-    fn advertise_marked(
+    fn advertise_with(
         &self,
         topic: &TopicDescription,
-        mark: Option<&BridgeMark>,
+        traits: WriterTraits<'_>,
         on_match: Notify,
     ) -> Result<Box<dyn CdrWriter>, GraphError> {
-        _ = mark;
+        _ = traits;
         self.advertise(topic, on_match)
     }
 
@@ -102,7 +124,7 @@ pub trait Graph: Send + Sync {
         on_event: Notify,
     ) -> Result<Box<dyn CdrServer>, GraphError>;
 
-    /// As [`Graph::server`], with a mark as in [`Graph::advertise_marked`].
+    /// As [`Graph::server`], with a mark as in [`WriterTraits::mark`].
     ///
     /// # Errors
     /// As [`Graph::server`].
@@ -254,6 +276,17 @@ pub trait CdrReader: Send {
 
     /// Writers matched now.
     fn matched(&self) -> usize;
+
+    /// Those writers, as [`CdrSample::publisher`] has them; `None` where the stack does not tell.
+    fn publishers(&self) -> Option<Vec<u64>> {
+        None
+    }
+
+    /// The GUID of one of them.
+    fn publisher_gid(&self, publisher: u64) -> Option<[u8; 16]> {
+        _ = publisher;
+        None
+    }
 
     /// Samples lost or rejected before they could be taken, since the last call.
     fn lost(&mut self) -> u64;

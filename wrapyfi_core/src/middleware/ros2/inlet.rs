@@ -9,8 +9,12 @@
 //! has room for, each for the deadline at most. The publisher is not held back: Cyclone does that
 //! by stopping the thread that delivers every topic of the process, discovery in its wake, so that
 //! a bounded reader would let one slow consumer stop all of them.
+//!
+//! What many publishers have kept comes at once, and is not sent again: the first message of each is
+//! held likewise, whatever the policy.
 
-use std::collections::VecDeque;
+use std::collections::{HashSet, VecDeque};
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -22,6 +26,13 @@ use super::replays::{Replays, Through};
 use crate::endpoint::{
     Context, Counters, DropReason, Overflow, QueueSpec, Receiver, Sender, Wake, inbox,
 };
+
+/// How long the first message of a publisher waits for room.
+const FIRST_WAITS: Duration = Duration::from_secs(1);
+/// First messages that are held.
+const MAX_FIRST: usize = 256;
+/// Publishers whose first message is known to have come.
+const MAX_PUBLISHERS: usize = 4096;
 
 /// A message as it arrived.
 #[derive(Debug)]
@@ -39,6 +50,8 @@ pub(super) struct Inlet {
     pub(super) counters: Arc<Counters>,
     pub(super) wake: Wake,
     topic: String,
+    /// Messages are held.
+    holds: AtomicBool,
 }
 
 pub(super) struct InletState {
@@ -49,8 +62,10 @@ pub(super) struct InletState {
     /// None where there is never a second reader.
     pub(super) replays: Option<Replays>,
     events: EventLog,
-    /// Under policy `block`: arrived when the queue was full, oldest first.
-    held: VecDeque<Arrived>,
+    /// Arrived when the queue was full, oldest first, and how long each may wait.
+    held: VecDeque<(Arrived, Duration)>,
+    /// Publishers that were heard.
+    heard: HashSet<u64>,
     warned_oversize: bool,
 }
 
@@ -70,8 +85,10 @@ impl Inlet {
                 replays: matches.then(Replays::default),
                 events: EventLog::new(&context.counters, topic, true),
                 held: VecDeque::new(),
+                heard: HashSet::new(),
                 warned_oversize: false,
             }),
+            holds: AtomicBool::new(false),
             sender,
             counters: Arc::clone(&context.counters),
             wake: context.wake.clone(),
@@ -88,7 +105,7 @@ impl Inlet {
     pub(super) fn drain(&self) {
         let mut guard = self.lock();
         self.refill(&mut guard.held);
-        let InletState { reader, old, replays, events, held, warned_oversize } = &mut *guard;
+        let InletState { reader, old, replays, events, held, heard, warned_oversize } = &mut *guard;
         let Some(reader) = reader else { return };
         events.note(reader.qos_events(), Instant::now());
         // What an old reader loses beside it is not lost.
@@ -98,7 +115,16 @@ impl Inlet {
         }
         let old = old.as_mut().map(|(old, _)| (old, Through::Old));
         for (reader, through) in old.into_iter().chain([(reader, Through::New)]) {
-            self.empty((reader.as_mut(), through), replays.as_mut(), held, warned_oversize);
+            let queue = (&mut *held, &mut *heard);
+            self.empty((reader.as_mut(), through), replays.as_mut(), queue, warned_oversize);
+        }
+        self.holds.store(!held.is_empty(), Relaxed);
+    }
+
+    /// Moves what is held into the queue, where there is room now.
+    pub(super) fn make_up(&self) {
+        if self.holds.load(Relaxed) {
+            self.drain();
         }
     }
 
@@ -107,7 +133,7 @@ impl Inlet {
         &self,
         (reader, through): (&mut dyn CdrReader, Through),
         mut replays: Option<&mut Replays>,
-        held: &mut VecDeque<Arrived>,
+        (held, heard): (&mut VecDeque<(Arrived, Duration)>, &mut HashSet<u64>),
         warned_oversize: &mut bool,
     ) {
         loop {
@@ -122,7 +148,11 @@ impl Inlet {
                         self.counters.dropped(DropReason::Duplicate);
                         continue;
                     }
-                    self.place(Arrived { cdr: sample.cdr, at, publisher }, held);
+                    if heard.len() >= MAX_PUBLISHERS && !heard.contains(&publisher) {
+                        heard.clear();
+                    }
+                    let is_first = publisher != 0 && heard.insert(publisher);
+                    self.place(Arrived { cdr: sample.cdr, at, publisher }, is_first, held);
                 }
                 Ok(None) => return,
                 Err(GraphError::TooLarge { actual, limit, .. }) => {
@@ -145,32 +175,56 @@ impl Inlet {
         }
     }
 
-    /// Moves held messages into the queue; those that waited too long are dropped.
-    fn refill(&self, held: &mut VecDeque<Arrived>) {
-        while let Some(oldest) = held.pop_front() {
-            if let Err(oldest) = self.sender.push(oldest) {
-                if oldest.at.elapsed() < self.patience() {
-                    held.push_front(oldest);
+    /// Moves held messages into the queue; those that waited too long go as the policy says.
+    fn refill(&self, held: &mut VecDeque<(Arrived, Duration)>) {
+        while let Some((oldest, patience)) = held.pop_front() {
+            if let Err(oldest) = self.sender.offer(oldest) {
+                if oldest.at.elapsed() < patience {
+                    held.push_front((oldest, patience));
                     return;
                 }
-                self.sender.give_up(oldest);
+                self.push(oldest);
             }
         }
     }
 
     /// Queues a message behind those that are held, or holds it.
-    fn place(&self, message: Arrived, held: &mut VecDeque<Arrived>) {
-        let message = if held.is_empty() {
-            match self.sender.push(message) {
+    fn place(&self, message: Arrived, is_first: bool, held: &mut VecDeque<(Arrived, Duration)>) {
+        let policy = self.patience();
+        // None overtakes another: both may be of one publisher. Nor does it wait longer by that.
+        let behind = held.back().map_or(Duration::ZERO, |(last, patience)| {
+            (last.at + *patience).saturating_duration_since(message.at)
+        });
+        let first = if is_first { FIRST_WAITS } else { Duration::ZERO };
+        let patience = policy.max(first).max(behind);
+        let message = if !held.is_empty() {
+            message
+        } else if patience.is_zero() {
+            return self.push(message);
+        } else {
+            match self.sender.offer(message) {
                 Ok(()) => return,
                 Err(message) => message,
             }
-        } else {
-            message
         };
-        if held.len() < self.sender.spec().depth.max(1) && !self.patience().is_zero() {
-            held.push_back(message);
+        let room = self.sender.spec().depth.max(1);
+        if policy.is_zero() {
+            held.push_back((message, patience));
+            if held.len() > MAX_FIRST
+                && let Some((oldest, _)) = held.pop_front()
+            {
+                self.push(oldest);
+            }
+        } else if held.len() < room {
+            held.push_back((message, policy));
         } else {
+            self.sender.give_up(message);
+        }
+    }
+
+    /// Queues a message as the policy says.
+    fn push(&self, message: Arrived) {
+        if let Err(message) = self.sender.push(message) {
             self.sender.give_up(message);
         }
     }
@@ -191,11 +245,15 @@ mod tests {
 
     /// What a reader holds: sizes of messages, those over the limit as errors.
     #[derive(Clone, Default)]
-    struct Waiting(Arc<Mutex<VecDeque<Result<usize, usize>>>>);
+    struct Waiting(Arc<Mutex<VecDeque<(Result<usize, usize>, u64)>>>);
 
     impl Waiting {
         fn put(&self, message: Result<usize, usize>) {
-            self.0.lock().unwrap().push_back(message);
+            self.put_of(0, message);
+        }
+
+        fn put_of(&self, publisher: u64, message: Result<usize, usize>) {
+            self.0.lock().unwrap().push_back((message, publisher));
         }
     }
 
@@ -205,12 +263,12 @@ mod tests {
         fn take(&mut self) -> Result<Option<CdrSample>, GraphError> {
             match self.0.0.lock().unwrap().pop_front() {
                 None => Ok(None),
-                Some(Ok(size)) => Ok(Some(CdrSample {
+                Some((Ok(size), publisher)) => Ok(Some(CdrSample {
                     cdr: vec![0; size].into(),
                     source_timestamp_ns: 0,
-                    publisher: 0,
+                    publisher,
                 })),
-                Some(Err(actual)) => {
+                Some((Err(actual), _)) => {
                     Err(GraphError::TooLarge { topic: "/t".into(), actual, limit: 100 })
                 }
             }
@@ -251,6 +309,29 @@ mod tests {
         assert_eq!(now.dropped_for(DropReason::QueueFull), 1);
         let sizes: Vec<_> = std::iter::from_fn(|| receiver.pop()).map(|m| m.cdr.len()).collect();
         assert_eq!(sizes, [20, 30]);
+    }
+
+    #[test]
+    fn the_first_message_of_each_publisher_is_held_whatever_the_policy() {
+        let (inlet, receiver, waiting, context) = open(Overflow::DropOldest, 0);
+        for publisher in 1..=5 {
+            waiting.put_of(publisher, Ok(usize::try_from(publisher).unwrap()));
+        }
+        waiting.put_of(5, Ok(6));
+        inlet.drain();
+        assert_eq!(context.counters.snapshot().dropped(), 0);
+        let mut sizes = Vec::new();
+        while let Some(message) = receiver.pop() {
+            sizes.push(message.cdr.len());
+            inlet.make_up();
+        }
+        assert_eq!(sizes, [1, 2, 3, 4, 5, 6]);
+        // From then on the newest count.
+        for size in 10..=13 {
+            waiting.put_of(1, Ok(size));
+        }
+        inlet.drain();
+        assert_eq!(context.counters.snapshot().dropped_for(DropReason::QueueFull), 2);
     }
 
     #[test]

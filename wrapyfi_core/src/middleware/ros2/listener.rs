@@ -8,20 +8,21 @@
 //! A listener that follows its publishers' quality of service is opened again when they change: the
 //! new reader is there before the old one goes, and what comes from both is passed on once.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::aside::Aside;
 use super::diagnosis::{Diagnosis, Names};
 use super::follow::Follower;
-use super::graph::{Graph, GraphError, Notify, TopicDescription};
+use super::graph::{DiscoveredEndpoint, Graph, GraphError, Notify, TopicDescription};
 use super::inlet::{Arrived, Inlet};
 use super::matching::{CALM, Matching};
 use super::payload;
 use crate::Limits;
 use crate::endpoint::{
-    Context, DropReason, Durability, Link, Listener, Overflow, Qos, QosChange, QosEvent, Receiver,
-    Review, Sample, TakeError, TopicSpec,
+    AnnouncedDurability, Context, DropReason, Durability, Link, Listener, Origin, Overflow, Qos,
+    QosChange, QosEvent, Receiver, Review, Sample, TakeError, TopicSpec,
 };
 use crate::plugin::Plugins;
 use crate::types::MessageType;
@@ -30,6 +31,10 @@ use crate::types::MessageType;
 const OVERLAP: Duration = Duration::from_secs(1);
 /// The same where the new one does not match as many: some of those will not come back.
 const LONGEST_OVERLAP: Duration = Duration::from_secs(3);
+/// How often it is looked whether publishers that keep messages are still there.
+const LOOK_EVERY: Duration = Duration::from_millis(200);
+/// Publishers that are remembered.
+const MAX_ORIGINS: usize = 4096;
 
 /// A ROS 2 subscription.
 pub(super) struct Ros2Listener {
@@ -44,7 +49,23 @@ pub(super) struct Ros2Listener {
     limits: Limits,
     plugins: Plugins,
     follower: Follower,
+    follows: bool,
     aside: Aside,
+    origins: Origins,
+}
+
+/// Who published what was taken.
+#[derive(Default)]
+struct Origins {
+    /// Whether each keeps its last message.
+    known: BTreeMap<u64, bool>,
+    /// Kept theirs, are gone, and were not told of.
+    departed: Vec<u64>,
+    look_at: Option<Instant>,
+    /// How many publishers matched at the last look.
+    matched: usize,
+    /// Whether all publishers that there are keep theirs, as of this change.
+    all_keep: (u64, Option<bool>),
 }
 
 impl Ros2Listener {
@@ -91,7 +112,9 @@ impl Ros2Listener {
             limits: spec.limits,
             plugins: spec.plugins.clone(),
             follower: Follower::new(diagnosis, matching),
+            follows: spec.match_peers,
             aside: Aside::new(spec.limits.message_bytes),
+            origins: Origins::default(),
         })
     }
 
@@ -100,8 +123,67 @@ impl Ros2Listener {
         let arrived = self.receiver.pop();
         if self.blocks {
             self.inlet.drain();
+        } else {
+            self.inlet.make_up();
         }
         arrived.or_else(|| self.receiver.pop())
+    }
+
+    /// Whether a publisher's last message is for those who come later.
+    fn keeps(&mut self, publisher: u64) -> bool {
+        let asked = self.topic.qos.durability == Durability::TransientLocal;
+        // What a publisher says before the subscription follows it is kept there, too.
+        if publisher == 0 || !(asked || self.follows) {
+            return asked;
+        }
+        if let Some(keeps) = self.origins.known.get(&publisher) {
+            return *keeps;
+        }
+        let gid = {
+            let state = self.inlet.lock();
+            state.reader.as_ref().and_then(|reader| reader.publisher_gid(publisher))
+        };
+        let peers = self.follower.peers();
+        let peer = peers.iter().find(|peer| Some(peer.gid) == gid);
+        let keeps = peer.map_or(asked, |peer| peer.qos.durability > AnnouncedDurability::Volatile);
+        if self.origins.known.len() < MAX_ORIGINS {
+            self.origins.known.insert(publisher, keeps);
+        }
+        keeps
+    }
+
+    /// Looks who is gone, and what those who are there keep.
+    fn look_at_origins(&mut self, now: Instant) {
+        let changes = self.follower.changes();
+        if self.origins.all_keep.0 != changes {
+            let peers = self.follower.peers();
+            let keep =
+                |peer: &DiscoveredEndpoint| peer.qos.durability > AnnouncedDurability::Volatile;
+            let all = (!peers.is_empty()).then(|| peers.iter().all(keep));
+            self.origins.all_keep = (changes, all);
+        }
+        let state = self.inlet.lock();
+        let matched = state.reader.as_ref().map_or(0, |reader| reader.matched());
+        let is_due = self.origins.look_at.is_none_or(|at| now >= at);
+        if self.origins.known.is_empty() || !(is_due || matched != self.origins.matched) {
+            return;
+        }
+        self.origins.matched = matched;
+        self.origins.look_at = Some(now + LOOK_EVERY);
+        let readers = state.reader.iter().chain(state.old.as_ref().map(|(old, _)| old));
+        let Some(there) = readers.map(|reader| reader.publishers()).collect::<Option<Vec<_>>>()
+        else {
+            return;
+        };
+        drop(state);
+        let Origins { known, departed, .. } = &mut self.origins;
+        known.retain(|publisher, keeps| {
+            let stays = there.iter().flatten().any(|one| one == publisher);
+            if !stays && *keeps {
+                departed.push(*publisher);
+            }
+            stays
+        });
     }
 
     /// Opens a reader with `qos` beside the one there is.
@@ -148,10 +230,12 @@ impl Ros2Listener {
 impl Listener for Ros2Listener {
     fn take(&mut self) -> Result<Option<Sample>, TakeError> {
         let next = self.aside.pop().or_else(|| self.next());
-        let Some(Arrived { cdr, at, .. }) = next else { return Ok(None) };
+        let Some(Arrived { cdr, at, publisher }) = next else { return Ok(None) };
+        let keeps_last = self.keeps(publisher);
+        let origin = (publisher != 0).then_some(Origin { publisher, keeps_last });
         let wire_bytes = cdr.len();
         let payload = payload::decode(&cdr, self.message_type, &self.limits, &self.plugins)?;
-        Ok(Some(Sample { payload, wire_bytes, received_at: at }))
+        Ok(Some(Sample { payload, wire_bytes, received_at: at, origin }))
     }
 
     fn discard(&mut self) -> bool {
@@ -160,10 +244,23 @@ impl Listener for Ros2Listener {
 
     fn set_aside(&mut self) -> Option<u64> {
         let message = self.next()?;
-        Some(match self.topic.qos.durability {
-            Durability::Volatile => 1,
-            Durability::TransientLocal => self.aside.keep(message),
-        })
+        Some(if self.keeps(message.publisher) { self.aside.keep(message) } else { 1 })
+    }
+
+    fn departed(&mut self) -> Option<u64> {
+        // Not before the last of its messages.
+        if !self.receiver.is_empty() {
+            return None;
+        }
+        let gone = self.origins.departed.pop()?;
+        if self.aside.forget(gone) {
+            self.inlet.counters.dropped(DropReason::NoConsumer);
+        }
+        Some(gone)
+    }
+
+    fn keeps_last(&self) -> Option<bool> {
+        self.origins.all_keep.1
     }
 
     fn link(&self) -> Link {
@@ -179,6 +276,7 @@ impl Listener for Ros2Listener {
     }
 
     fn review(&mut self, now: Instant) -> Review {
+        self.look_at_origins(now);
         // One change at a time: a third reader would cost the first before the second is known.
         if let Some(overlap_ends) = self.close_old(now) {
             let qos = Some(self.topic.qos);

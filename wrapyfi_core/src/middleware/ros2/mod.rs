@@ -3,6 +3,7 @@
 //! ```text
 //!   Ros2 (Middleware) ─ names ─ listener (inlet), publisher: payload <-> CDR; any: any type <-> CDR
 //!     │
+//!     │                 origins: writers of publishers that keep their last message
 //!     │                 parameters: those of other nodes
 //!     │                 follow, matching, diagnosis, replays: quality of service that fits the peers
 //!   graph               the trait: CDR bytes and discovery facts
@@ -59,6 +60,7 @@ mod matching;
 mod names;
 mod node_endpoints;
 mod node_handle;
+mod origins;
 mod owners;
 mod parameters;
 mod payload;

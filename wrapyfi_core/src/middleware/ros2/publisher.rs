@@ -11,22 +11,32 @@
 //!   old writer ── used ──────────────┬── lingers, for what is not acknowledged ── closed
 //!   new writer ── is discovered ─────┴── used
 //! ```
+//!
+//! What a publisher at the other end keeps for those who come later goes through a writer of its own
+//! (`origins`).
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use wrapyfi_interfaces::cdr::CdrParts;
+
 use super::diagnosis::{Diagnosis, Names};
 use super::follow::{EventLog, Follower};
-use super::graph::{CdrWriter, Graph, GraphError, Notify, TopicDescription};
+use super::graph::{
+    CdrWriter, DiscoveredEndpoint, Graph, GraphError, Notify, Replay, TopicDescription,
+    WriterTraits,
+};
 use super::matching::{CALM, Matching};
+use super::origins::{MAX_ORIGINS, Origins};
 use super::payload;
-use crate::Limits;
 use crate::endpoint::{
-    BridgeMark, Context, Counters, Durability, History, Link, PublishError, Publisher, Qos,
-    QosChange, QosEvent, Review, TopicSpec,
+    AnnouncedDurability, BridgeMark, Context, Counters, DropReason, Durability, History, Link,
+    Origin, PinnedQos, PublishError, Publisher, Qos, QosChange, QosEvent, QosPolicy, Reliability,
+    Review, TopicSpec,
 };
 use crate::plugin::Plugins;
 use crate::types::{Encoding, MessageType, Payload};
+use crate::{EncodeError, Limits};
 
 /// How long a new writer is given to be known to all subscribers, and an old one to be rid of what
 /// it holds.
@@ -47,6 +57,17 @@ pub(super) struct Ros2Publisher {
     counters: Arc<Counters>,
     events: EventLog,
     message_type: MessageType,
+    origins: Origins,
+    /// Whether the publishers at the other end keep their last message, where that is followed.
+    source_keeps: Option<bool>,
+    /// What the writer gives those who come later.
+    replay: Replay,
+    follows: bool,
+    /// The source is followed again from then on: the last try failed.
+    follow_again: Option<Instant>,
+    /// Told that there are too many origins.
+    told_full: bool,
+    pinned: PinnedQos,
     color_order: Encoding,
     limits: Limits,
     plugins: Plugins,
@@ -74,9 +95,10 @@ impl Ros2Publisher {
             Arc::clone(&on_match),
         )?;
         let matching = spec.match_peers.then(|| Matching::new(false, topic.qos, spec.pinned));
+        let traits = WriterTraits { mark: spec.mark.as_ref(), ..WriterTraits::default() };
         Ok(Self {
             graph: Arc::clone(graph),
-            writer: graph.advertise_marked(topic, spec.mark.as_ref(), Arc::clone(&on_match))?,
+            writer: graph.advertise_with(topic, traits, Arc::clone(&on_match))?,
             mark: spec.mark.clone(),
             new: None,
             old: None,
@@ -85,6 +107,13 @@ impl Ros2Publisher {
             counters: Arc::clone(&context.counters),
             events: EventLog::new(&context.counters, &topic.name, false),
             message_type,
+            origins: Origins::default(),
+            source_keeps: None,
+            replay: Replay::History,
+            follows: spec.match_peers,
+            follow_again: None,
+            told_full: false,
+            pinned: spec.pinned,
             color_order: spec.color_order,
             limits: spec.limits,
             plugins: spec.plugins.clone(),
@@ -95,12 +124,94 @@ impl Ros2Publisher {
     /// Opens a writer with `qos` beside the one there is.
     fn reopen(&mut self, qos: Qos, now: Instant) -> Result<(), GraphError> {
         let topic = TopicDescription { qos, ..self.topic.clone() };
-        let mark = self.mark.as_ref();
-        let writer = self.graph.advertise_marked(&topic, mark, Arc::clone(&self.on_match))?;
+        let replay = self.wanted_replay();
+        let traits = WriterTraits { replay, mark: self.mark.as_ref() };
+        let writer = self.graph.advertise_with(&topic, traits, Arc::clone(&self.on_match))?;
         self.topic = topic;
+        self.replay = replay;
         // One that was new until now was never used.
         self.new = Some((writer, now + HANDOVER));
         Ok(())
+    }
+
+    /// What those who come later are to be given: what the publishers at the other end keep, where
+    /// they are followed and known.
+    fn wanted_replay(&self) -> Replay {
+        match self.source_keeps {
+            None => self.replay,
+            Some(true) => Replay::Last,
+            Some(false) => Replay::Nothing,
+        }
+    }
+
+    /// What the publishers at the other end make of the quality of service, and why, if it is not so.
+    fn after_source(&self) -> Option<(Qos, String)> {
+        let qos = self.topic.qos;
+        let keeps = qos.durability == Durability::TransientLocal;
+        let why = match self.source_keeps? {
+            true if !keeps => "what it carries is kept for later subscribers by its publishers",
+            true if self.replay == Replay::Nothing => "its publishers keep their last message now",
+            false if keeps && self.replay != Replay::Nothing => "its publishers keep nothing",
+            _ => return None,
+        };
+        Some((Qos { durability: Durability::TransientLocal, ..qos }, why.to_owned()))
+    }
+
+    /// The writer of an origin that keeps its last message: true where there is one.
+    fn has_own_writer(&mut self, origin: u64, now: Instant) -> Result<bool, GraphError> {
+        if self.origins.has(origin) {
+            return Ok(true);
+        }
+        if self.origins.is_full() {
+            if !std::mem::replace(&mut self.told_full, true) {
+                tracing::warn!(
+                    topic = self.topic.name,
+                    "more than {MAX_ORIGINS} publishers keep their last message: those of the \
+                     others are kept together, the newest only"
+                );
+            }
+            return Ok(false);
+        }
+        let qos = Qos {
+            durability: Durability::TransientLocal,
+            reliability: Reliability::Reliable,
+            ..self.topic.qos
+        };
+        let topic = TopicDescription { qos: self.pinned.apply(qos), ..self.topic.clone() };
+        if topic.qos.durability == Durability::Volatile {
+            return Ok(false);
+        }
+        let on_match = Arc::clone(&self.on_match);
+        let traits = WriterTraits { replay: Replay::Last, mark: self.mark.as_ref() };
+        let writer = self.graph.advertise_with(&topic, traits, on_match)?;
+        let volatile =
+            |peer: &DiscoveredEndpoint| peer.qos.durability == AnnouncedDurability::Volatile;
+        let opens = self.follower.peers().iter().any(volatile).then(|| now + HANDOVER);
+        self.origins.enter(origin, writer, opens);
+        // To be rung when messages may go.
+        if opens.is_some() {
+            (self.on_match)();
+        }
+        Ok(true)
+    }
+
+    fn encode(&self, payload: &Payload) -> Result<CdrParts, EncodeError> {
+        let (order, limits) = (self.color_order, &self.limits);
+        payload::encode(payload, self.message_type, order, limits, &self.plugins)
+    }
+
+    fn fault(&self, error: GraphError) -> PublishError {
+        match (error, self.topic.qos.history) {
+            (GraphError::Timeout { topic, .. }, History::KeepLast(depth)) => {
+                let depth = usize::try_from(depth).unwrap_or(usize::MAX);
+                PublishError::QueueFull { topic, depth }
+            }
+            // A keep-all queue is bounded by bytes: the stack's own words say more.
+            (error, _) => PublishError::Transport {
+                topic: self.topic.name.clone(),
+                reason: error.to_string(),
+            },
+        }
     }
 
     /// Hands over from one writer to the next, and closes the one before; when to look again.
@@ -123,34 +234,61 @@ impl Ros2Publisher {
 
 impl Publisher for Ros2Publisher {
     fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {
-        let cdr = payload::encode(
-            payload,
-            self.message_type,
-            self.color_order,
-            &self.limits,
-            &self.plugins,
-        )?;
+        let cdr = self.encode(payload)?;
         let parts: Vec<&[u8]> = cdr.pieces().iter().map(AsRef::as_ref).collect();
-        self.writer.write(&parts).map_err(|error| match (error, self.topic.qos.history) {
-            (GraphError::Timeout { topic, .. }, History::KeepLast(depth)) => {
-                let depth = usize::try_from(depth).unwrap_or(usize::MAX);
-                PublishError::QueueFull { topic, depth }
-            }
-            // A keep-all queue is bounded by bytes: the stack's own words say more.
-            (error, _) => PublishError::Transport {
-                topic: self.topic.name.clone(),
-                reason: error.to_string(),
-            },
-        })?;
+        self.writer.write(&parts).map_err(|error| self.fault(error))?;
         Ok(cdr.len())
     }
 
+    fn forward(
+        &mut self,
+        payload: &Payload,
+        origin: Option<Origin>,
+    ) -> Result<usize, PublishError> {
+        let now = Instant::now();
+        // A history that is asked for is one of all.
+        let one = self.topic.qos.durability == Durability::TransientLocal
+            && self.topic.qos.history == History::KeepLast(1);
+        let kept = self.follows || one;
+        let Some(Origin { publisher, keeps_last: true }) = origin.filter(|_| kept) else {
+            return self.publish(payload);
+        };
+        if !self.has_own_writer(publisher, now).map_err(|error| self.fault(error))? {
+            return self.publish(payload);
+        }
+        let cdr = self.encode(payload)?;
+        let bytes = cdr.len();
+        match self.origins.write(publisher, cdr, now) {
+            Some(Ok(lost)) => {
+                let lost = u64::try_from(lost).unwrap_or(u64::MAX);
+                self.counters.dropped_many(DropReason::SendQueueFull, lost);
+                Ok(bytes)
+            }
+            Some(Err(error)) => Err(self.fault(error)),
+            None => self.publish(payload),
+        }
+    }
+
+    fn forget(&mut self, publisher: u64) {
+        self.origins.forget(publisher, Instant::now(), HANDOVER);
+    }
+
+    fn follow_source(&mut self, keeps_last: Option<bool>) {
+        // What is laid down from outside is not followed.
+        let follows = self.follows && !self.pinned.holds(QosPolicy::Durability);
+        if follows && keeps_last.is_some() {
+            self.source_keeps = keeps_last;
+        }
+    }
+
     fn link(&self) -> Link {
-        let keeps_last = self.topic.qos.durability == Durability::TransientLocal;
+        let keeps_last = self.topic.qos.durability == Durability::TransientLocal
+            && self.replay != Replay::Nothing;
         let (writer, matched) = match &self.new {
             Some((new, _)) => (new, self.writer.matched().max(new.matched())),
             None => (&self.writer, self.writer.matched()),
         };
+        let matched = matched.max(self.origins.matched());
         self.follower.link(matched, writer.incompatible(), &self.topic.qos, keeps_last)
     }
 
@@ -160,7 +298,16 @@ impl Publisher for Ros2Publisher {
         if let Some((new, _)) = &mut self.new {
             new.prepare();
         }
-        let look = self.follower.look(&self.topic.qos, now);
+        self.events.note(self.origins.qos_events(), now);
+        let mut look = self.follower.look(&self.topic.qos, now);
+        if self.follow_again.is_none_or(|at| now >= at) {
+            look.switch = look.switch.or_else(|| self.after_source());
+        }
+        let (origins_next, faults) = self.origins.look(now);
+        for error in faults {
+            self.counters.dropped(DropReason::SendFailed);
+            tracing::warn!(topic = self.topic.name, "a message that was held is lost: {error}");
+        }
         let mut review = Review { warnings: look.complaints, next: look.next, ..Review::default() };
         if let Some((to, why)) = look.switch {
             let from = self.topic.qos;
@@ -171,11 +318,13 @@ impl Publisher for Ros2Publisher {
                 }
                 Err(error) => {
                     self.follower.retry(now + CALM);
+                    self.follow_again = Some(now + CALM);
                     review.warnings.push(format!("cannot be opened again with {to}: {error}"));
                 }
             }
         }
-        review.next = review.next.into_iter().chain(self.hand_over(now)).min();
+        let others = self.hand_over(now).into_iter().chain(origins_next);
+        review.next = review.next.into_iter().chain(others).min();
         review.qos = Some(self.topic.qos);
         review
     }

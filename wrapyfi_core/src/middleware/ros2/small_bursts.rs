@@ -27,7 +27,7 @@ use super::cyclone_graph::{CycloneGraph, MAX_BLOCKING, Node};
 use super::dds_terms::user_data;
 use super::discovery_info::{EndpointKind, Gid};
 use super::domain::DomainLease;
-use super::graph::{Graph as _, NodeWatch, ServiceMapping, TopicDescription};
+use super::graph::{Graph as _, NodeWatch, Replay, ServiceMapping, TopicDescription};
 use super::vendor;
 use crate::endpoint::{Durability, Reliability};
 
@@ -241,6 +241,7 @@ impl Ways {
             max_blocking: MAX_BLOCKING,
             user_data: &user_data,
             ignore_local: true,
+            replay: Replay::History,
         };
         let events = Events::new(&topic.name, topic.qos.reliability, Arc::new(|| {}));
         let names = (topic.name.as_str(), topic.type_name.as_str());

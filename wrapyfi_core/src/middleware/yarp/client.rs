@@ -108,7 +108,7 @@ impl Desk {
         let options = PortOptions { register: false, ..PortOptions::default() };
         // A name of its own: a server keeps one connection of each.
         let name = format!("{base}/{}", numbered(""));
-        let client = match shared.network.open_rpc_client(&name, &options).await {
+        let client = match shared.network(&self.options).open_rpc_client(&name, &options).await {
             Ok(client) => client,
             Err(error) => {
                 tracing::debug!(service = self.service, %error, "no connection");
@@ -172,7 +172,7 @@ async fn keep(shared: Arc<Shared>, desk: Arc<Desk>, mut stopped: Stopped) {
     let opened = until_open(&shared, &desk.service, &desk.standing, || {
         let own = desk.options.port.clone();
         let name = own.unwrap_or_else(|| numbered(&desk.service));
-        let network = shared.network.clone();
+        let network = shared.network(&desk.options);
         async move { network.open_rpc_client(&name, &PortOptions::default()).await }
     });
     let port = tokio::select! {
@@ -250,8 +250,8 @@ impl YarpClient {
         let waiting = format!("port {} to answer", spec.service);
         let desk = Arc::new(Desk {
             service: spec.service.clone(),
+            dialect: shared.network(&options).dialect(),
             options,
-            dialect: shared.network.dialect(),
             standing: Standing::new(context.wake.clone(), waiting),
             outcomes: Mutex::default(),
             idle: Mutex::default(),

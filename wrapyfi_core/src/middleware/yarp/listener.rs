@@ -139,8 +139,8 @@ impl YarpListener {
         shared.tasks.spawn(keep(Arc::clone(shared), Arc::clone(&inlet), topic, wanted, stopped));
         Ok(Self {
             spec: spec.clone(),
+            dialect: shared.network(&options).dialect(),
             options,
-            dialect: shared.network.dialect(),
             inbox: receiver,
             inlet,
             _stop: stop,
@@ -167,7 +167,7 @@ async fn keep(
     let opened = until_open(&shared, &topic, &inlet.standing, || {
         let name = options.port.clone().unwrap_or_else(|| numbered(&topic));
         let (network, shared, inlet) =
-            (shared.network.clone(), Arc::clone(&shared), Arc::clone(&inlet));
+            (shared.network(&options), Arc::clone(&shared), Arc::clone(&inlet));
         async move {
             let port_options = PortOptions::default();
             network
@@ -229,7 +229,7 @@ impl Listener for YarpListener {
         let payload =
             payload::decode(&received.payload, sent_at, spec, options, self.dialect, stamp)?;
         let wire_bytes = received.payload.bytes.len();
-        Ok(Some(Sample { payload, wire_bytes, received_at }))
+        Ok(Some(Sample { payload, wire_bytes, received_at, origin: None }))
     }
 
     fn discard(&mut self) -> bool {

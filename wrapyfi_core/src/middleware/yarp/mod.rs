@@ -89,6 +89,13 @@ struct Shared {
 }
 
 impl Shared {
+    /// The network in which an endpoint with these options opens its port.
+    fn network(&self, options: &options::YarpOptions) -> Network {
+        options
+            .dialect
+            .map_or_else(|| self.network.clone(), |dialect| self.network.with_dialect(dialect))
+    }
+
     /// Why a port of ours is not found under its name, where that is so.
     fn taken(&self, name: &str) -> Option<String> {
         let status = self.registrar.status();

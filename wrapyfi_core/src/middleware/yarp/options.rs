@@ -6,6 +6,8 @@
 //!
 //! Options that are not listed here belong to the other end of a route and are left alone.
 
+use wrapyfi_yarp::Dialect;
+
 use crate::endpoint::{OpenError, ServiceSpec, TopicSpec};
 use crate::types::{Map, Value};
 
@@ -15,6 +17,7 @@ pub const OPTIONS: &[&str] = &[
     "carrier",
     "command",
     "degrees",
+    "dialect",
     "frame_id",
     "joints",
     "out_topic_connect",
@@ -56,6 +59,9 @@ pub struct YarpOptions {
     pub joints: Vec<String>,
     /// `degrees`: whether angles are in degrees on YARP's side (true); they are radians in ROS.
     pub degrees: bool,
+    /// `dialect`: how our port writes bottles, and how the peer's replies are read: `v3` or `v4`; that
+    /// of the configuration unless given. Messages of either are read.
+    pub dialect: Option<Dialect>,
     /// `packed_rows`: whether rows of images lie as Wrapyfi has them, without the padding that
     /// their header announces (false).
     pub packed_rows: bool,
@@ -80,6 +86,7 @@ impl Default for YarpOptions {
             port: None,
             joints: Vec::new(),
             degrees: true,
+            dialect: None,
             packed_rows: false,
             wrapyfi_images: false,
             bottle: None,
@@ -104,6 +111,11 @@ impl YarpOptions {
     /// As [`YarpOptions::of_topic`].
     pub fn of_service(spec: &ServiceSpec) -> Result<Self, OpenError> {
         Self::read(&spec.options, &spec.service)
+    }
+
+    /// Whether pictures go out as the files of carrier `mjpeg`.
+    pub(super) fn sends_files(&self) -> bool {
+        self.carrier.split('+').next() == Some("mjpeg")
     }
 
     /// Reads `options` of the topic or service `name`.
@@ -139,6 +151,10 @@ impl YarpOptions {
                 self.command = Some(text.ok_or("words as text, such as \"[set] [pos]\"")?.into());
             }
             "degrees" => self.degrees = value.as_bool().ok_or(SWITCH)?,
+            "dialect" => {
+                let word = value.as_str().and_then(|text| text.parse().ok());
+                self.dialect = Some(word.ok_or("v3 (YARP 3) or v4 (YARP 4)")?);
+            }
             "frame_id" => value.as_str().ok_or("a text")?.clone_into(&mut self.frame_id),
             "joints" => self.joints = names(value).ok_or("a list of different names")?,
             "out_topic_connect" => self.out_topic_connect = Some(port(value).ok_or(PORT)?),
@@ -220,6 +236,7 @@ mod tests {
             ("port", "/bridge/head".into()),
             ("joints", joints),
             ("degrees", false.into()),
+            ("dialect", "v4".into()),
             ("packed_rows", true.into()),
             ("wrapyfi_images", true.into()),
             ("bottle", "property".into()),
@@ -235,6 +252,7 @@ mod tests {
             port: Some("/bridge/head".into()),
             joints: vec!["neck".into(), "eye".into()],
             degrees: false,
+            dialect: Some(Dialect::V4),
             packed_rows: true,
             wrapyfi_images: true,
             bottle: Some(Form::Property),
@@ -254,6 +272,7 @@ mod tests {
             ("carrier", "tcp /x".into(), "it must be tcp,"),
             ("persistent", 1.into(), "is 1, it must be true or false"),
             ("degrees", "yes".into(), "is \"yes\", it must be true or false"),
+            ("dialect", 4.into(), "is 4, it must be v3 (YARP 3) or v4 (YARP 4)"),
             ("port", "bridge".into(), "must be the name of a port, which begins with /"),
             ("out_topic_connect", "/a b".into(), "must be the name of a port"),
             ("joints", repeated, "is [\"neck\", \"neck\"], it must be a list of different names"),

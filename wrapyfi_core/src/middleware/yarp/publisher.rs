@@ -74,8 +74,8 @@ impl YarpPublisher {
         shared.tasks.spawn(task);
         Ok(Self {
             spec: spec.clone(),
+            dialect: shared.network(&options).dialect(),
             options,
-            dialect: shared.network.dialect(),
             depth: shared.send_queue,
             outlet,
             counters: Arc::clone(&context.counters),
@@ -105,7 +105,7 @@ async fn keep(
         overflow: Overflow::DropNewest,
     };
     let opened = until_open(&shared, name, &outlet.standing, || {
-        let (network, wanted) = (shared.network.clone(), wanted.clone());
+        let (network, wanted) = (shared.network(&options), wanted.clone());
         async move { network.open_output(name, &wanted).await }
     });
     let port = tokio::select! {

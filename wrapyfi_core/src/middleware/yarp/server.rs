@@ -142,8 +142,8 @@ impl YarpServer {
         let desk = Arc::new(Desk {
             name,
             spec: spec.clone(),
+            dialect: shared.network(&options).dialect(),
             options,
-            dialect: shared.network.dialect(),
             context: context.clone(),
             standing: Standing::new(context.wake.clone(), waiting),
             port: Mutex::default(),
@@ -181,7 +181,7 @@ impl YarpServer {
 async fn keep(shared: Arc<Shared>, desk: Arc<Desk>, mut stopped: Stopped) {
     let name = desk.name.as_str();
     let opened = until_open(&shared, name, &desk.standing, || {
-        let (network, desk) = (shared.network.clone(), Arc::clone(&desk));
+        let (network, desk) = (shared.network(&desk.options), Arc::clone(&desk));
         async move {
             let wanted = PortOptions::default();
             network

@@ -101,7 +101,7 @@ impl Listener for ZeroMqListener {
         let Some(arrival) = self.pop() else { return Ok(None) };
         let payload = frames::decode(&arrival.frames, &self.spec, arrival.stamp)?;
         let Arrival { wire_bytes, received_at, .. } = arrival;
-        Ok(Some(Sample { payload, wire_bytes, received_at }))
+        Ok(Some(Sample { payload, wire_bytes, received_at, origin: None }))
     }
 
     fn discard(&mut self) -> bool {

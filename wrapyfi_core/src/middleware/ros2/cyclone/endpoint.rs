@@ -230,6 +230,11 @@ impl RawReader {
         matched::peers(&self.0.entity, Side::Reader)
     }
 
+    /// What samples of the writers that it is matched with name them by.
+    pub(crate) fn writer_handles(&self) -> Result<Vec<u64>, ReturnCode> {
+        matched::handles(&self.0.entity, Side::Reader)
+    }
+
     /// The writer of a sample, while it is matched.
     pub(crate) fn writer(&self, handle: u64) -> Option<Peer> {
         matched::peer(&self.0.entity, Side::Reader, handle)

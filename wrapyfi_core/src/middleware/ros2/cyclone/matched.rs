@@ -32,6 +32,12 @@ const MAX_PEERS: usize = 1 << 14;
 
 /// All peers of an endpoint.
 pub(super) fn peers(endpoint: &Entity, side: Side) -> Result<Vec<Peer>, ReturnCode> {
+    let handles = handles(endpoint, side)?;
+    Ok(handles.into_iter().filter_map(|handle| peer(endpoint, side, handle)).collect())
+}
+
+/// What Cyclone knows the peers of an endpoint by.
+pub(super) fn handles(endpoint: &Entity, side: Side) -> Result<Vec<u64>, ReturnCode> {
     let mut handles = vec![0; 16];
     loop {
         let (room, count) = (handles.len(), endpoint.handle());
@@ -49,11 +55,10 @@ pub(super) fn peers(endpoint: &Entity, side: Side) -> Result<Vec<Peer>, ReturnCo
         let found = usize::try_from(found).unwrap_or(0);
         if found <= room || room >= MAX_PEERS {
             handles.truncate(found);
-            break;
+            return Ok(handles);
         }
         handles.resize(found.min(MAX_PEERS), 0);
     }
-    Ok(handles.into_iter().filter_map(|handle| peer(endpoint, side, handle)).collect())
 }
 
 /// The peer with this handle, if it is still matched.

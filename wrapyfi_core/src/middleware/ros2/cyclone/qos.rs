@@ -14,6 +14,7 @@ use std::time::Duration;
 use crate::endpoint::{
     AnnouncedDurability, AnnouncedQos, Durability, History, Liveliness, Qos, Reliability,
 };
+use crate::middleware::ros2::graph::Replay;
 
 /// What an endpoint asks for.
 #[derive(Debug, Clone, Copy)]
@@ -26,6 +27,8 @@ pub(crate) struct EndpointQos<'a> {
     pub(crate) user_data: &'a str,
     /// Whether endpoints of the same participant are not heard.
     pub(crate) ignore_local: bool,
+    /// What a transient-local writer gives those who come later.
+    pub(crate) replay: Replay,
 }
 
 /// Owns a `dds_qos_t`.
@@ -97,8 +100,19 @@ impl QosObject {
             // Disposing has no meaning on topics without keys.
             cyclors::dds_qset_writer_data_lifecycle(qos.0, false);
             cyclors::dds_qset_lifespan(qos.0, nanoseconds(wanted.qos.lifespan));
-            if wanted.qos.durability == Durability::TransientLocal {
-                cyclors::dds_qset_durability_service(qos.0, 0, kind, depth, any, any, any);
+            match (wanted.qos.durability, wanted.replay) {
+                (Durability::Volatile, _) => {}
+                (Durability::TransientLocal, Replay::History) => {
+                    cyclors::dds_qset_durability_service(qos.0, 0, kind, depth, any, any, any);
+                }
+                (Durability::TransientLocal, Replay::Last) => {
+                    let kind = cyclors::dds_history_kind_DDS_HISTORY_KEEP_LAST;
+                    cyclors::dds_qset_durability_service(qos.0, 0, kind, 1, any, any, any);
+                }
+                (Durability::TransientLocal, Replay::Nothing) => cyclors::dds_qset_durability(
+                    qos.0,
+                    cyclors::dds_durability_kind_DDS_DURABILITY_TRANSIENT,
+                ),
             }
         }
         qos

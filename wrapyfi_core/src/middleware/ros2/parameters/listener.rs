@@ -79,7 +79,8 @@ impl Listener for PropertiesListener {
         self.whole = false;
         let wire_bytes = told.size();
         self.counters.received(wire_bytes);
-        Ok(Some(Sample { payload: told.into(), wire_bytes, received_at: Instant::now() }))
+        let (payload, received_at) = (told.into(), Instant::now());
+        Ok(Some(Sample { payload, wire_bytes, received_at, origin: None }))
     }
 
     fn discard(&mut self) -> bool {

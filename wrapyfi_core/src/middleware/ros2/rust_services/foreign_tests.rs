@@ -9,7 +9,7 @@ use crate::middleware::ros2::config::CycloneConfig;
 use crate::middleware::ros2::cyclone::{EndpointQos, Entity, Events, RawReader, RawWriter};
 use crate::middleware::ros2::domain::DomainLease;
 use crate::middleware::ros2::graph::{
-    GraphError, Notify, Peers, ServiceDescription, ServiceMapping, wait_until,
+    GraphError, Notify, Peers, Replay, ServiceDescription, ServiceMapping, wait_until,
 };
 use crate::node::NodeName;
 
@@ -39,6 +39,7 @@ fn cyclone(config: &CycloneConfig, written: (&str, &str), read: (&str, &str)) ->
         max_blocking: Duration::from_millis(100),
         user_data: "",
         ignore_local: true,
+        replay: Replay::History,
     };
     let events = |name| Events::new(name, Reliability::Reliable, Arc::new(|| {}));
     let reader = RawReader::new(&participant, read, &qos, events(read.0)).unwrap();

@@ -13,7 +13,7 @@ use bytes::Bytes;
 use wrapyfi_yarp::{Bottle, Dialect, Value as Element};
 
 use super::super::options::YarpOptions;
-use super::numbers::{self, Numbers};
+use super::numbers::{self, Numbers, Width};
 use super::{fault, native};
 use crate::Limits;
 use crate::codec::{DecodeError, EncodeError};
@@ -104,7 +104,7 @@ pub(super) fn write(
     if options.degrees {
         values.iter_mut().for_each(|value| *value = value.to_degrees());
     }
-    numbers::write(Numbers { values, shape: None }, dialect)
+    numbers::write(Numbers { values, shape: None }, Width::Float64, dialect)
 }
 
 fn ordered(names: &[&str], position: Vec<f64>, joints: &[String]) -> Result<Vec<f64>, EncodeError> {

@@ -7,6 +7,7 @@
 //! ```
 
 use bytes::Bytes;
+use wrapyfi_yarp::bottle::Frame;
 use wrapyfi_yarp::{Bottle, Dialect, Value as Element};
 
 use super::super::options::Form;
@@ -16,6 +17,28 @@ use crate::Limits;
 use crate::codec::{DecodeError, EncodeError, json};
 use crate::plugin::Plugins;
 use crate::types::Value;
+
+/// Reads a message with `read`: in `dialect`, or in the other one where its bytes are whole in that
+/// one alone. The length of a message is known, so the sizes of floats tell who wrote them.
+pub(super) fn in_either<T>(
+    bytes: &Bytes,
+    dialect: Dialect,
+    limits: &Limits,
+    read: impl Fn(Dialect) -> Result<T, DecodeError>,
+) -> Result<T, DecodeError> {
+    read(dialect).or_else(|error| {
+        let bounds = fault::limits(limits);
+        let whole = |dialect| {
+            let frame = Bottle::frame(bytes, dialect, &bounds);
+            matches!(frame, Ok(Frame::Complete(length)) if length == bytes.len())
+        };
+        if whole(dialect) || !whole(dialect.other()) {
+            return Err(error);
+        }
+        // What is wrong with it there is what is wrong with it.
+        read(dialect.other())
+    })
+}
 
 /// Reads the bottle that a message is.
 pub(super) fn bottle(

@@ -1,9 +1,13 @@
-//! Vectors and matrices: `std_msgs/msg/Float64MultiArray`.
+//! Vectors and matrices: `std_msgs/msg/Float64MultiArray`, `Float32MultiArray`, `Int32MultiArray`.
 //!
 //! ```text
 //!   Vector  1 2 3                ◀──▶  dim: [elements: 3]
 //!   Matrix  2 3 (1 2 3 4 5 6)    ◀──▶  dim: [rows: 2, columns: 3], row by row
 //! ```
+//!
+//! What comes may be numbers of any kind, as long as the message can hold them. What goes out is
+//! `VectorOf<int>` for the last one; `VectorOf<float>` for the second one in dialect V4, which V3 lacks:
+//! there, as for everything else, it is YARP's `Vector` of float64. Its matrices have no other.
 
 use bytes::Bytes;
 use wrapyfi_yarp::sig::{Matrix, Vector};
@@ -16,6 +20,67 @@ use crate::types::{Map, Tensor, Value};
 
 /// Most dimensions of an array that YARP has a form for.
 const DIMENSIONS: usize = 2;
+
+/// What the numbers of a message are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Width {
+    Float64,
+    Float32,
+    Int32,
+}
+
+impl Width {
+    /// That of a ROS type which is an array of numbers.
+    pub(super) fn of(ros_type: &str) -> Option<Self> {
+        match ros_type {
+            "std_msgs/msg/Float64MultiArray" => Some(Self::Float64),
+            "std_msgs/msg/Float32MultiArray" => Some(Self::Float32),
+            "std_msgs/msg/Int32MultiArray" => Some(Self::Int32),
+            _ => None,
+        }
+    }
+
+    /// The numbers in the data of a message; none where it is something else.
+    fn read(self, data: &Tensor) -> Option<Vec<f64>> {
+        match self {
+            Self::Float64 => data.to_vec::<f64>(),
+            Self::Float32 => Some(data.to_vec::<f32>()?.into_iter().map(f64::from).collect()),
+            Self::Int32 => Some(data.to_vec::<i32>()?.into_iter().map(f64::from).collect()),
+        }
+    }
+
+    /// Numbers as the data of a message.
+    fn data(self, values: Vec<f64>) -> Result<Tensor, DecodeError> {
+        let count = [values.len()];
+        let data = match self {
+            Self::Float64 => Tensor::from_elements(&count, values),
+            Self::Float32 => {
+                #[allow(clippy::cast_possible_truncation)]
+                // to the nearest: that is the message's width
+                let values = values.into_iter().map(|value| value as f32).collect();
+                Tensor::from_elements(&count, values)
+            }
+            Self::Int32 => {
+                let values: Result<Vec<i32>, _> = values.into_iter().map(integer).collect();
+                Tensor::from_elements(&count, values?)
+            }
+        };
+        data.map_err(|error| fault::malformed("vector", &error))
+    }
+}
+
+/// A number that is one of 32 bits.
+fn integer(value: f64) -> Result<i32, DecodeError> {
+    #[allow(clippy::cast_possible_truncation)] // compared with what it was
+    let whole = value as i32;
+    if f64::from(whole) == value {
+        return Ok(whole);
+    }
+    Err(fault::mismatch(
+        "integers of 32 bits",
+        format!("{value}: use std_msgs/msg/Float64MultiArray"),
+    ))
+}
 
 /// Numbers, and rows and columns where they are a matrix.
 #[derive(Debug, Clone, PartialEq)]
@@ -74,15 +139,14 @@ fn of_bottle(bottle: &Bottle) -> Option<Numbers> {
 }
 
 /// The fields of the message.
-pub(super) fn to_fields(numbers: Numbers) -> Result<Map, DecodeError> {
+pub(super) fn to_fields(numbers: Numbers, width: Width) -> Result<Map, DecodeError> {
     let Numbers { values, shape } = numbers;
     let count = values.len();
     let dims: Vec<Value> = match shape {
         None => vec![dim("elements", count, count)],
         Some((rows, columns)) => vec![dim("rows", rows, count), dim("columns", columns, columns)],
     };
-    let data = Tensor::from_elements(&[count], values);
-    let data = data.map_err(|error| fault::malformed("vector", &error))?;
+    let data = width.data(values)?;
     let layout = Map::from([("dim", Value::List(dims)), ("data_offset", 0.into())]);
     Ok(Map::from([("layout", Value::from(layout)), ("data", data.into())]))
 }
@@ -93,8 +157,8 @@ fn dim(label: &str, size: usize, stride: usize) -> Value {
 }
 
 /// The numbers in the fields of a message.
-pub(super) fn of_fields(fields: &Value) -> Result<Numbers, EncodeError> {
-    let data = fields.get("data").and_then(Value::as_tensor).and_then(Tensor::to_vec::<f64>);
+pub(super) fn of_fields(fields: &Value, width: Width) -> Result<Numbers, EncodeError> {
+    let data = fields.get("data").and_then(Value::as_tensor).and_then(|data| width.read(data));
     let data = data.unwrap_or_default();
     let layout = fields.get("layout");
     let number = |map: Option<&Value>, key: &str| {
@@ -144,11 +208,24 @@ fn beyond(offset: usize, wanted: usize, given: usize) -> EncodeError {
 }
 
 /// Writes a vector or a matrix.
-pub(super) fn write(numbers: Numbers, dialect: Dialect) -> Result<Vec<u8>, EncodeError> {
+#[allow(clippy::cast_possible_truncation)] // they were of that width in the message
+pub(super) fn write(
+    numbers: Numbers,
+    width: Width,
+    dialect: Dialect,
+) -> Result<Vec<u8>, EncodeError> {
     let count = numbers.values.len();
-    let written = match numbers.shape {
-        None => Vector(numbers.values).encode(dialect),
-        Some((rows, columns)) => {
+    let written = match (numbers.shape, width, dialect) {
+        (None, Width::Int32, _) => {
+            Vector::<i32>(numbers.values.into_iter().map(|value| value as i32).collect())
+                .encode(dialect)
+        }
+        (None, Width::Float32, Dialect::V4) => {
+            Vector::<f32>(numbers.values.into_iter().map(|value| value as f32).collect())
+                .encode(dialect)
+        }
+        (None, _, _) => Vector(numbers.values).encode(dialect),
+        (Some((rows, columns)), _, _) => {
             Matrix::new(rows, columns, numbers.values).and_then(|matrix| matrix.encode(dialect))
         }
     };

@@ -65,8 +65,8 @@ pub fn encode_request(
     finish(&bottle, spec, dialect)
 }
 
-/// Reads a request. Whoever types one sends its arguments in order; a dict in last place has those
-/// with names. The words of option `command` are taken off.
+/// Reads a request, of either dialect. Whoever types one sends its arguments in order; a dict in
+/// last place has those with names. The words of option `command` are taken off.
 ///
 /// # Errors
 /// When it is no request of the service, or exceeds a limit.
@@ -76,7 +76,19 @@ pub fn decode_request(
     options: &YarpOptions,
     dialect: Dialect,
 ) -> Result<Request, DecodeError> {
-    let mut bottle = read(bytes, spec, dialect)?;
+    fault::check_received(bytes.len(), spec.limits.message_bytes)?;
+    native::in_either(bytes, dialect, &spec.limits, |dialect| {
+        decode_request_as(bytes, spec, options, dialect)
+    })
+}
+
+fn decode_request_as(
+    bytes: &Bytes,
+    spec: &ServiceSpec,
+    options: &YarpOptions,
+    dialect: Dialect,
+) -> Result<Request, DecodeError> {
+    let mut bottle = native::bottle(bytes, dialect, &spec.limits)?;
     let writer = Writer { dialect, limits: &spec.limits };
     let words = words(options, writer).unwrap_or_default();
     if !words.is_empty() && bottle.values.starts_with(&words.values) {

@@ -1,9 +1,9 @@
 //! ROS messages: numbers, joints, and any other type as pairs of field and value.
 //!
 //! ```text
-//!   std_msgs/msg/Float64MultiArray  ◀──▶  Vector, Matrix
-//!   sensor_msgs/msg/JointState      ◀──▶  positions
-//!   any other                       ◀──▶  (linear ((x 0.1) …)) (angular …)   or JSON (bottle: false)
+//!   std_msgs/msg/Float64MultiArray, Float32…, Int32…  ◀──▶  Vector, Matrix
+//!   sensor_msgs/msg/JointState                        ◀──▶  positions
+//!   any other  ◀──▶  (linear ((x 0.1) …)) (angular …)   or JSON (bottle: false)
 //!   header.stamp                    ◀──▶  envelope
 //! ```
 
@@ -13,12 +13,12 @@ use wrapyfi_yarp::{Dialect, Value as Element};
 
 use super::super::options::{Form, YarpOptions};
 use super::element::Writer;
+use super::numbers::Width;
 use super::{fault, joints, native, numbers};
 use crate::codec::{DecodeError, EncodeError, json};
 use crate::endpoint::TopicSpec;
 use crate::types::{Map, RosMessage, RosType, Stamp, Value};
 
-const NUMBERS: &str = "std_msgs/msg/Float64MultiArray";
 const JOINTS: &str = "sensor_msgs/msg/JointState";
 
 /// Writes a message; its bytes, and the time of its header.
@@ -32,12 +32,15 @@ pub(super) fn encode(
         let what = format!("a malformed {}: {error}", message.ros_type);
         fault::unwritable("bottle", what, "$", "look at its publisher")
     })?;
-    let bytes = match (message.ros_type.name(), options.bottle) {
-        (_, Some(Form::Json)) => {
+    let name = message.ros_type.name();
+    let bytes = match (name, Width::of(name), options.bottle) {
+        (_, _, Some(Form::Json)) => {
             native::bytes(&native::single(json::encode_with(&fields, &spec.plugins)?), dialect)?
         }
-        (NUMBERS, None) => numbers::write(numbers::of_fields(&fields)?, dialect)?,
-        (JOINTS, None) => joints::write(&fields, options, dialect)?,
+        (JOINTS, _, None) => joints::write(&fields, options, dialect)?,
+        (_, Some(width), None) => {
+            numbers::write(numbers::of_fields(&fields, width)?, width, dialect)?
+        }
         _ => native::bytes(&Writer { dialect, limits: &spec.limits }.bottle(&fields)?, dialect)?,
     };
     Ok((bytes, stamp(&fields)))
@@ -53,9 +56,12 @@ pub(super) fn decode(
     stamp: Stamp,
 ) -> Result<RosMessage, DecodeError> {
     let limits = &spec.limits;
-    let mut fields = match (ros_type.name(), options.bottle) {
-        (NUMBERS, None) => numbers::to_fields(numbers::read(bytes, dialect, limits)?)?,
-        (JOINTS, None) => joints::read(bytes, options, dialect, limits)?,
+    let name = ros_type.name();
+    let mut fields = match (name, Width::of(name), options.bottle) {
+        (JOINTS, _, None) => joints::read(bytes, options, dialect, limits)?,
+        (_, Some(width), None) => {
+            numbers::to_fields(numbers::read(bytes, dialect, limits)?, width)?
+        }
         _ => pairs(bytes, ros_type, spec, dialect)?,
     };
     let defaults = ros_type.plan().default_message();

@@ -64,7 +64,13 @@ pub(super) fn decode(
     limits: &Limits,
     stamp: Stamp,
 ) -> Result<AudioChunk, DecodeError> {
-    let sound = match Sound::decode(bytes, dialect, &fault::limits(limits)) {
+    let bounds = fault::limits(limits);
+    let read = match Sound::decode(bytes, dialect, &bounds) {
+        // What follows the samples in YARP 4 is no bottle, but the number of elements tells.
+        Err(SoundError::OtherVersion { .. }) => Sound::decode(bytes, dialect.other(), &bounds),
+        read => read,
+    };
+    let sound = match read {
         // Over text carriers its samples come as numbers of any width.
         Err(error @ (SoundError::NotASound { .. } | SoundError::Truncated { .. })) => {
             let bottle =

@@ -4,14 +4,14 @@ use super::*;
 use crate::types::{AudioChunk, CompressedFormat, Encoding, Image, Pixels, SampleFormat, Tensor};
 use serde_json::Value as Json;
 
-fn file(name: &str) -> Json {
+pub(super) fn file(name: &str) -> Json {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
     let path = folder.join("../wrapyfi_yarp/tests/golden").join(name);
     let text = std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{name}: {error}"));
     serde_json::from_str(&text).unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
-fn hex(text: &str) -> Vec<u8> {
+pub(super) fn hex(text: &str) -> Vec<u8> {
     let digits = text.as_bytes().chunks(2);
     digits.map(|two| u8::from_str_radix(str::from_utf8(two).unwrap(), 16).unwrap()).collect()
 }

@@ -1,4 +1,5 @@
-//! Waits between tries: growing, capped, and spread so that a hundred routes do not knock together.
+//! Waits between tries: growing, capped, and spread so that a hundred routes or peers do not knock
+//! together.
 
 use std::time::Duration;
 
@@ -7,18 +8,24 @@ use crate::Limits;
 /// Exponential back-off from [`Limits::RECONNECT_MIN`] to [`Limits::RECONNECT_MAX`] with jitter
 /// from a seed, so that a run can be repeated.
 #[derive(Debug, Clone)]
-pub(super) struct Backoff {
+pub(crate) struct Backoff {
     next: Duration,
     random: u64,
 }
 
 impl Backoff {
-    pub(super) fn new(seed: u64) -> Self {
+    pub(crate) fn new(seed: u64) -> Self {
         Self { next: Limits::RECONNECT_MIN, random: seed | 1 }
     }
 
+    /// As [`Backoff::new`], with waits that differ from those of other processes with this seed: they
+    /// knock at the same doors.
+    pub(crate) fn of_process(seed: u64) -> Self {
+        Self::new(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ u64::from(std::process::id()))
+    }
+
     /// How long to wait before the next try: between half of the current step and all of it.
-    pub(super) fn wait(&mut self) -> Duration {
+    pub(crate) fn wait(&mut self) -> Duration {
         // xorshift64: jitter needs no better source, and the seed repeats it.
         self.random ^= self.random << 13;
         self.random ^= self.random >> 7;
@@ -30,7 +37,7 @@ impl Backoff {
     }
 
     /// The try succeeded.
-    pub(super) fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         self.next = Limits::RECONNECT_MIN;
     }
 }

@@ -1,0 +1,292 @@
+//! Types that nobody knew when wrapyfi was built, through bridges: made up by the test itself, with
+//! names of the moment. rospy makes its classes on the spot, the bridge learns them from the
+//! connection.
+
+#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
+
+use std::collections::hash_map::RandomState;
+use std::hash::{BuildHasher as _, Hasher as _};
+
+use serde_json::{Value, json};
+use wrapyfi_e2e::{Need, Process, Result, Route, ServiceMapping, World, ros1, ros2, run, sha256};
+
+const NEEDS: &[Need] = &[Need::Program, Need::Ros1];
+const SET: (&str, &str) =
+    ("std_srvs/srv/SetBool.srv", "bool data\n---\nbool success\nstring message\n");
+const ADD: (&str, &str) =
+    ("example_interfaces/srv/AddTwoInts.srv", "int64 a\nint64 b\n---\nint64 sum\n");
+
+/// A number that no other run has.
+fn random() -> u64 {
+    RandomState::new().build_hasher().finish()
+}
+
+/// A package with two messages and a service, its fields in an order of the moment.
+struct Package {
+    name: String,
+    /// Definitions as ROS 1 has them, and as ROS 2 has them.
+    ros1: [(String, String); 3],
+    ros2: [(String, String); 3],
+    /// All fields of the larger message; every number is one that 32-bit floats have, too.
+    value: Value,
+}
+
+impl Package {
+    fn new() -> Self {
+        let seed = random();
+        let name = format!("pkg_{seed:x}");
+        let mut fields = [
+            "bool flag",
+            "int8 a",
+            "uint8 b",
+            "int16 c",
+            "uint16 d",
+            "int32 e",
+            "uint32 f",
+            "int64 g",
+            "uint64 h",
+            "float32 i",
+            "float64 j",
+            "string text",
+            "time stamp",
+            "duration pause",
+            "uint8[] blob",
+            "float64[3] triple",
+            "string[] words",
+            "int16[] list",
+            "Part part",
+            "Part[] parts",
+            "Part[2] pair",
+            "Header header",
+        ];
+        // Fisher and Yates, with what the seed gives.
+        let mut state = seed;
+        for at in (1..fields.len()).rev() {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            let other = usize::try_from(state >> 33).unwrap_or(0) % (at + 1);
+            fields.swap(at, other);
+        }
+        let part = "string name\nfloat32[] values\nuint8 KIND=3\n".to_owned();
+        let whole = fields.join("\n") + "\nint32 LIMIT=-5\nstring WORD=made # up\n";
+        let service = "Part part\nint64 times\n---\nPart[] parts\n".to_owned();
+        let in_ros2 = |text: &str| {
+            let text = format!("\n{text}").replace("\nHeader ", "\nstd_msgs/Header ");
+            let text = text.replace("\ntime ", "\nbuiltin_interfaces/Time ");
+            let text = text.replace("\nduration ", "\nbuiltin_interfaces/Duration ");
+            text.replace("string WORD=made # up", "string WORD=\"made # up\"")
+        };
+        let path = |file: &str| format!("{name}/{file}");
+        let files = ["msg/Part.msg", "msg/Whole.msg", "srv/Repeat.srv"].map(path);
+        let texts = [part, whole, service];
+        let ros2 = std::array::from_fn(|at| (files[at].clone(), in_ros2(&texts[at])));
+        let ros1 = std::array::from_fn(|at| (files[at].clone(), texts[at].clone()));
+        let one = |name: &str| json!({"name": name, "values": [0.5, -1.25]});
+        let value = json!({
+            "flag": true, "a": -7, "b": 200, "c": -30000, "d": 60000, "e": -2_000_000_000,
+            "f": 4_000_000_000_u32, "g": -9_000_000_000_000_i64, "h": 9_000_000_000_000_u64,
+            "i": 0.75, "j": 0.1, "text": "gr\u{fc}n", "stamp": {"secs": 12, "nsecs": 34},
+            "pause": {"secs": -3, "nsecs": 5}, "triple": [1.5, 2.5, 3.5], "words": ["x", "", "z"],
+            "list": [1, -2, 3], "part": one("p"), "parts": [one("q"), one("r")],
+            "pair": [one("s"), one("t")],
+            "header": {"seq": 0, "stamp": {"secs": 7, "nsecs": 8}, "frame_id": "base"},
+        });
+        Self { name, ros1, ros2, value }
+    }
+
+    /// Writes what rospy is to read, away from where a bridge looks.
+    fn for_rospy(&self, world: &World) -> Result<String> {
+        for (file, text) in &self.ros1 {
+            let path = world.path("ros1").join(file);
+            path.parent().map_or(Ok(()), std::fs::create_dir_all)?;
+            std::fs::write(path, text)?;
+        }
+        Ok(world.path("ros1").display().to_string())
+    }
+
+    /// Writes what a bridge is to read that meets the types on ROS 2 only.
+    fn for_ros2(&self, world: &World) -> Result<String> {
+        let files = self.ros2.each_ref().map(|(file, text)| (file.as_str(), text.as_str()));
+        world.definitions(&files)
+    }
+}
+
+/// A message without the number that each publisher gives its headers.
+fn unnumbered(mut message: Value) -> Value {
+    if let Some(header) = message["header"].as_object_mut() {
+        header.remove("seq");
+    }
+    message
+}
+
+/// ROS 1 to ROS 2 by what the publisher shows, and back to ROS 1 for a node that insists on its
+/// checksum.
+#[test]
+fn a_type_made_a_moment_ago_crosses_ros_2_and_comes_back() -> Result {
+    run("a_type_made_a_moment_ago_crosses_ros_2_and_comes_back", NEEDS, |world| {
+        let package = Package::new();
+        let (folder, _) = (package.for_rospy(world)?, package.for_ros2(world)?);
+        let _roscore = world.roscore()?;
+        let [from, middle, to] = ["from", "middle", "to"].map(|name| world.topic(name));
+        let kind = format!("{}/msg/Whole", package.name);
+        // This one has no definition but the publisher's.
+        let there = world.embedded().route(Route::new(&ros1(&from), &ros2(&middle), &kind));
+        let again = world.foreign().with("definitions", "[interfaces]");
+        let again = again.route(Route::new(&ros2(&middle), &ros1(&to), &kind));
+        let again = world.bridge_named("again.yaml", &again)?;
+
+        let rospy = |role: &str, topic: &str, value: Option<&str>| {
+            let kind = format!("{}/Whole", package.name);
+            let args = format!(
+                "{role} --topic {topic} --type {kind} --node {role}_node --definitions {folder}"
+            );
+            world.rospy(&args, value)
+        };
+        let ear = rospy("subscribe", &to, None)?;
+        let mut value = package.value.clone();
+        value["blob"] = json!([1, 2, 253]);
+        let talker = rospy("publish", &from, Some(&value.to_string()))?;
+        let there = world.bridge_named("there.yaml", &there)?;
+        let heard = ear.messages(3).map_err(|error| {
+            error.context(format!("{}\n{}\n{}", there.tail(), again.tail(), talker.tail()))
+        })?;
+        let mut sent = talker.messages(1)?.remove(0);
+        // What arrives is bytes.
+        sent["value"]["blob"] = json!({"sha256": sha256(&[1, 2, 253]), "size": 3});
+        for one in heard {
+            assert_eq!(unnumbered(one["value"].clone()), unnumbered(sent["value"].clone()));
+        }
+        Ok(())
+    })
+}
+
+#[test]
+fn a_type_that_nobody_shows_is_refused_with_the_remedy() -> Result {
+    run("a_type_that_nobody_shows_is_refused_with_the_remedy", NEEDS, |world| {
+        let _roscore = world.roscore()?;
+        let (from, kind) = (world.topic("from"), format!("pkg_{:x}/msg/Whole", random()));
+        let config = world.embedded().route(Route::new(&ros1(&from), &ros2(&from), &kind));
+        let file = world.write("bridge.yaml", config.yaml())?.display().to_string();
+        let mut bridge = world.wrapyfi(["bridge", "--config", &file])?;
+        bridge.exits_with(2)?;
+        let said = bridge.stderr();
+        for words in [
+            "nobody publishes it; start the publisher first, or give a folder with the definition",
+            &format!("{kind} is defined nowhere"),
+        ] {
+            assert!(said.contains(words), "{words}: {said}");
+        }
+        Ok(())
+    })
+}
+
+/// A service route, with the definitions at hand.
+fn joined(world: &World, service: &str, offered: &str, kind: &str) -> Result<Process> {
+    world.definitions(&[SET, ADD])?;
+    let route = Route::service(service, offered, kind);
+    world.bridge(&world.embedded().with("definitions", "[interfaces]").route(route))
+}
+
+#[test]
+fn a_service_of_ros_1_is_called_from_ros_2() -> Result {
+    run("a_service_of_ros_1_is_called_from_ros_2", NEEDS, |world| {
+        let _roscore = world.roscore()?;
+        let (there, here) = (world.topic("there"), world.topic("here"));
+        let bridge = joined(world, &ros1(&there), &ros2(&here), "std_srvs/srv/SetBool")?;
+        let _server = world.rospy(&format!("serve --topic {there}"), None)?;
+        let (folder, endpoint) = (world.definitions(&[SET])?, ros2(&here));
+        for (asked, answer) in [
+            (r#"{"data": true}"#, json!({"success": true, "message": "so be it"})),
+            (r#"{"data": false}"#, json!({"success": false, "message": "no"})),
+        ] {
+            let kind = ["--type", "std_srvs/srv/SetBool", "--definitions", &folder];
+            let args = ["call", &endpoint, "--value", asked, "--json", "--timeout", "60"];
+            let mut call = world.wrapyfi(args.into_iter().chain(kind))?;
+            call.exits_with(0).map_err(|error| error.context(bridge.tail()))?;
+            assert_eq!(call.objects(1)?[0]["value"], answer);
+        }
+        Ok(())
+    })
+}
+
+#[test]
+fn a_service_of_ros_2_is_called_from_ros_1() -> Result {
+    run("a_service_of_ros_2_is_called_from_ros_1", NEEDS, |world| {
+        let _roscore = world.roscore()?;
+        let (there, here) = (world.topic("there"), world.topic("here"));
+        let bridge = joined(world, &ros2(&there), &ros1(&here), "std_srvs/srv/SetBool")?;
+        let (folder, endpoint) = (world.definitions(&[SET])?, ros2(&there));
+        let answer = r#"{"success": true, "message": "from ROS 2"}"#;
+        let args = ["serve", &endpoint, "--type", "std_srvs/srv/SetBool", "--value", answer];
+        let server = world.wrapyfi(args.into_iter().chain(["--definitions", &folder, "--json"]))?;
+        let client = world.rospy(
+            &format!("call --topic {here} --type std_srvs/SetBool --count 3"),
+            Some(r#"{"data": true}"#),
+        )?;
+        client.event("done").map_err(|error| error.context(bridge.tail()))?;
+        for reply in client.wait_until("the replies", |output| Some(output.events("reply")))? {
+            let expected = json!({"success": true, "message": "from ROS 2"});
+            assert_eq!(reply["value"], expected, "{reply}");
+        }
+        assert_eq!(server.objects(3)?[2]["value"]["data"], true);
+        Ok(())
+    })
+}
+
+/// Both ways at once with an independent node of ROS 2.
+#[test]
+fn sums_are_made_on_the_other_side() -> Result {
+    run("sums_are_made_on_the_other_side", NEEDS, |world| {
+        let _roscore = world.roscore()?;
+        let [there, here, back, front] = ["a", "b", "c", "d"].map(|name| world.topic(name));
+        let folder = world.definitions(&[ADD])?;
+        let kind = "example_interfaces/srv/AddTwoInts";
+        let config = world.embedded().with("definitions", "[interfaces]");
+        let config = config.route(Route::service(&ros1(&there), &ros2(&here), kind));
+        let config = config.route(Route::service(&ros2(&back), &ros1(&front), kind));
+        let bridge = world.bridge(&config)?;
+        let of = |role: &str, topic: &str, value: &str| {
+            let args = format!(
+                "{role} --topic {topic} --type example_interfaces/AddTwoInts --node {role}_node \
+                 --count 2 --definitions {folder}"
+            );
+            world.rospy(&args, Some(value))
+        };
+        let _server = of("serve", &there, r#"{"sum": "=request.a + request.b"}"#)?;
+        let mut node = world.ros_node("sums")?;
+        let asker = node.ask_for_sums(&here, ServiceMapping::Cyclone)?;
+        assert_eq!(asker.first(40, 2).map_err(|error| error.context(bridge.tail()))?, 42);
+        assert_eq!(asker.next(-1, i64::MAX)?, i64::MAX - 1);
+
+        let _adder = node.serve_sums(&back, ServiceMapping::Cyclone)?;
+        let client = of("call", &front, r#"{"a": 3, "b": -5}"#)?;
+        client.event("done").map_err(|error| error.context(bridge.tail()))?;
+        let replies = client.wait_until("the replies", |output| Some(output.events("reply")))?;
+        assert_eq!(replies.last().map(|reply| reply["value"].clone()), Some(json!({"sum": -2})));
+        Ok(())
+    })
+}
+
+/// A service with messages inside, made up a moment ago, from ROS 2 to a server on ROS 1.
+#[test]
+fn a_service_made_a_moment_ago_crosses() -> Result {
+    run("a_service_made_a_moment_ago_crosses", NEEDS, |world| {
+        let package = Package::new();
+        let (rospy, folder) = (package.for_rospy(world)?, package.for_ros2(world)?);
+        let _roscore = world.roscore()?;
+        let (there, here) = (world.topic("there"), world.topic("here"));
+        let kind = format!("{}/srv/Repeat", package.name);
+        let bridge = joined(world, &ros1(&there), &ros2(&here), &kind)?;
+        let args =
+            format!("serve --topic {there} --type {}/Repeat --definitions {rospy}", package.name);
+        let server = world.rospy(&args, Some(r#"{"parts": "=[request.part] * request.times"}"#))?;
+        let endpoint = ros2(&here);
+        let asked = r#"{"part": {"name": "p", "values": [0.5]}, "times": 2}"#;
+        let args = ["call", &endpoint, "--type", &kind, "--value", asked, "--json"];
+        let mut call =
+            world.wrapyfi(args.into_iter().chain(["--definitions", &folder, "--timeout", "60"]))?;
+        call.exits_with(0).map_err(|error| error.context(bridge.tail()).context(server.tail()))?;
+        let part = json!({"name": "p", "values": [0.5]});
+        assert_eq!(call.objects(1)?[0]["value"], json!({"parts": [part, part]}));
+        Ok(())
+    })
+}

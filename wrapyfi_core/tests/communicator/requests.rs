@@ -1,0 +1,139 @@
+//! Requests and replies, and methods that are async.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use wrapyfi_core::communicator::{CallError, Mode, communicator};
+
+use super::robot::{Nobody, NobodyMethod, RobotMethod, context, robot};
+
+#[test]
+fn a_request_runs_the_body_elsewhere() {
+    let context = context();
+    let mut server = robot(&context);
+    server.activate(RobotMethod::Add, Mode::Reply).unwrap();
+    let mut client = robot(&context);
+    client.activate(RobotMethod::Add, Mode::Request).unwrap();
+    std::thread::scope(|scope| {
+        let served = scope.spawn(|| server.add(0, &None, "", &[]).unwrap());
+        let reply = client.add(1, &Some(2), "sum", &[3.0, 4.0]).unwrap();
+        assert_eq!(reply, Some((10, "sum".to_owned())));
+        assert_eq!(served.join().unwrap(), reply);
+    });
+}
+
+struct Wrong;
+
+#[communicator]
+impl Wrong {
+    #[register(NativeObject, "memory", "/add", timeout_ms = 30000)]
+    fn add(&self, a: &str) -> String {
+        a.to_owned()
+    }
+}
+
+#[test]
+fn a_request_with_wrong_arguments_is_told_so_and_the_server_lives() {
+    let context = context();
+    let mut server = robot(&context);
+    server.activate(RobotMethod::Add, Mode::Reply).unwrap();
+    let (mut wrong, mut right) = (Wrong.communicator_in(&context), robot(&context));
+    wrong.activate(WrongMethod::Add, Mode::Request).unwrap();
+    right.activate(RobotMethod::Add, Mode::Request).unwrap();
+    std::thread::scope(|scope| {
+        let served = scope.spawn(|| server.add(0, &None, "", &[]).unwrap());
+        let error = wrong.add("one").unwrap_err();
+        assert!(matches!(error, CallError::Unanswered { .. }), "{error:?}");
+        assert!(error.to_string().contains("argument a cannot be used"), "{error}");
+        assert_eq!(right.add(1, &None, "n", &[]).unwrap(), Some((101, "n".to_owned())));
+        served.join().unwrap();
+        // A reply of another type is an error of the caller.
+        let served = scope.spawn(|| server.add(0, &None, "", &[]));
+        let mut other = Other.communicator_in(&context);
+        other.activate(OtherMethod::Add, Mode::Request).unwrap();
+        let error = other.add(1, 2, "x", vec![]).unwrap_err();
+        assert!(matches!(error, CallError::WrongType { .. }), "{error:?}");
+        served.join().unwrap().unwrap();
+    });
+}
+
+struct Other;
+
+#[communicator]
+impl Other {
+    #[register(NativeObject, "memory", "/add", timeout_ms = 30000)]
+    fn add(&self, a: i64, b: i64, name: &str, rest: Vec<f64>) -> i64 {
+        _ = (name, rest);
+        a + b
+    }
+}
+
+#[test]
+fn nobody_who_serves_is_an_error_within_the_time() {
+    let context = context();
+    let mut nobody = Nobody.communicator_in(&context);
+    nobody.activate(NobodyMethod::Ask, Mode::Request).unwrap();
+    let error = nobody.ask().unwrap_err();
+    assert!(matches!(error, CallError::Unanswered { .. }), "{error:?}");
+    let text = error.to_string();
+    assert!(text.starts_with("Nobody::ask: \"/nobody\" was not answered within 20 ms"), "{text}");
+    nobody.activate(NobodyMethod::Ask, Mode::Listen).unwrap();
+    let error = nobody.ask().unwrap_err();
+    assert!(matches!(error, CallError::TimedOut { .. }), "{error:?}");
+    assert!(error.to_string().contains("for a message on memory:/nobody"), "{error}");
+    nobody.activate(NobodyMethod::Ask, Mode::Publish).unwrap();
+    let error = nobody.ask().unwrap_err();
+    assert!(error.to_string().contains("for a listener of memory:/nobody"), "{error}");
+    // A server that need not wait goes on.
+    nobody.activate(NobodyMethod::Poll, Mode::Reply).unwrap();
+    assert_eq!(nobody.poll().unwrap(), None);
+}
+
+#[test]
+fn async_methods_work_without_any_executor_of_ours() {
+    let context = context();
+    let (mut here, mut there) = (robot(&context), robot(&context));
+    here.activate(RobotMethod::Slow, Mode::Publish).unwrap();
+    there.activate(RobotMethod::Slow, Mode::Listen).unwrap();
+    std::thread::scope(|scope| {
+        let heard = scope.spawn(|| block_on(there.slow(0)));
+        assert_eq!(block_on(here.slow(1)).unwrap(), Some(2));
+        assert_eq!(heard.join().unwrap().unwrap(), Some(2));
+    });
+    here.activate(RobotMethod::Slow, Mode::Request).unwrap();
+    there.activate(RobotMethod::Slow, Mode::Reply).unwrap();
+    std::thread::scope(|scope| {
+        let served = scope.spawn(|| block_on(there.slow(0)));
+        assert_eq!(block_on(here.slow(41)).unwrap(), Some(42));
+        assert_eq!(served.join().unwrap().unwrap(), Some(42));
+    });
+    // A future that is dropped while it waits leaves the method as it was.
+    there.activate(RobotMethod::Slow, Mode::Listen).unwrap();
+    {
+        let mut waiting = std::pin::pin!(there.slow(0));
+        let mut task = std::task::Context::from_waker(std::task::Waker::noop());
+        assert!(waiting.as_mut().poll(&mut task).is_pending());
+    }
+    assert_eq!(there.mode(RobotMethod::Slow), Mode::Listen);
+    fn is_send<T: Send>(_: &T) {}
+    is_send(&there.slow(0));
+}
+
+/// Runs a future on this thread.
+fn block_on<T>(future: impl Future<Output = T>) -> T {
+    struct Unpark(std::thread::Thread);
+    impl std::task::Wake for Unpark {
+        fn wake(self: Arc<Self>) {
+            self.0.unpark();
+        }
+    }
+    let waker = Arc::new(Unpark(std::thread::current())).into();
+    let mut task = std::task::Context::from_waker(&waker);
+    let mut future = std::pin::pin!(future);
+    loop {
+        if let std::task::Poll::Ready(value) = future.as_mut().poll(&mut task) {
+            return value;
+        }
+        std::thread::park_timeout(Duration::from_secs(60));
+    }
+}
