@@ -78,7 +78,7 @@ fn a_topic_of_a_type_unknown_here_appears_in_ros_2() -> Result {
         let topic = world.topic("pose");
         let full = world.write(
             "Pose.txt",
-            "Header header\nstring what\nGrip[] grips\n\
+            "Header header\nstring what\nGrip grip\n\
              ================================================================================\n\
              MSG: std_msgs/Header\nuint32 seq\ntime stamp\nstring frame_id\n\
              ================================================================================\n\
@@ -89,7 +89,7 @@ fn a_topic_of_a_type_unknown_here_appears_in_ros_2() -> Result {
             full.display()
         );
         let value =
-            r#"{"header": {"frame_id": "hand"}, "what": "cup {n}", "grips": [{"force": 0.5}]}"#;
+            r#"{"header": {"frame_id": "hand"}, "what": "cup {n}", "grip": {"force": 0.5}}"#;
         let _peer = world.rospy(&args, Some(value))?;
         let bridge = bridge(world, &[])?;
         listed(world, |found| {
@@ -103,7 +103,7 @@ fn a_topic_of_a_type_unknown_here_appears_in_ros_2() -> Result {
         let folder = world.definitions(&[
             (
                 "wrapyfi_demo_msgs/msg/Pose.msg",
-                "std_msgs/Header header\nstring what\nGrip[] grips\n",
+                "std_msgs/Header header\nstring what\nGrip grip\n",
             ),
             ("wrapyfi_demo_msgs/msg/Grip.msg", "float64 force\n"),
         ])?;
@@ -112,7 +112,7 @@ fn a_topic_of_a_type_unknown_here_appears_in_ros_2() -> Result {
         let mut echo = echo(world, &ros2(&topic), &more)?;
         let heard = echo.objects(2).map_err(|error| error.context(bridge.tail()))?;
         echo.exits_with(0)?;
-        assert_eq!(heard[1]["value"]["grips"], json!([{"force": 0.5}]), "{heard:?}");
+        assert_eq!(heard[1]["value"]["grip"], json!({"force": 0.5}), "{heard:?}");
         assert_eq!(heard[0]["value"]["header"]["frame_id"], "hand");
         assert!(heard[0]["value"]["what"].as_str().is_some_and(|what| what.starts_with("cup ")));
         Ok(())
@@ -188,8 +188,8 @@ fn services_go_both_ways() -> Result {
             &endpoint,
             "--type",
             set,
-            "--args",
-            "[true]",
+            "--value",
+            r#"{"data": true}"#,
             "--timeout",
             "100",
             "--json",

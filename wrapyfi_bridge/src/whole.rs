@@ -132,7 +132,7 @@ mod tests {
         let yarp = targets(Whole::Yarp, &all, "/icub/head/state:o");
         assert_eq!(yarp.first().map(String::as_str), Some("ros2:/icub/head/state/o"));
         assert_eq!(targets(Whole::ZeroMq, &all, "/x"), ["ros2:/x", "zeromq:/x"]);
-        assert!(targets(Whole::Ros1, &all, "/rosout").is_empty());
+        assert!(targets(Whole::Ros1, &all, "/a/_hidden").is_empty());
     }
 
     #[test]
