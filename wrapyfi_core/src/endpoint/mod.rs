@@ -164,6 +164,12 @@ pub trait Middleware: Send + Sync {
     ) -> Result<ServiceKind, LearnError> {
         service_of_name(self.name(), found, types)
     }
+
+    /// Whether a publisher that was found keeps its last message for whoever comes later. Returns at
+    /// once: `None` where it has to be asked first, and a later call has the answer.
+    fn keeps_last(&self, found: &Discovered) -> Option<bool> {
+        Some(found.qos.is_some_and(|qos| qos.durability != AnnouncedDurability::Volatile))
+    }
 }
 
 /// What a middleware is to routes by pattern.
