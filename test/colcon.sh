@@ -86,11 +86,11 @@ core=$workspace/install/wrapyfi_core/share
 bridge=$workspace/install/wrapyfi_bridge
 for file in \
     install/wrapyfi_msgs/share/ament_index/resource_index/rosidl_interfaces/wrapyfi_msgs \
-    install/wrapyfi_bridge/lib/wrapyfi_bridge/{bridge,wrapyfi} \
+    install/wrapyfi_bridge/lib/wrapyfi_bridge/{bridge,ros1_bridge,yarp_bridge,zeromq_bridge,wrapyfi} \
     install/wrapyfi_bridge/bin/wrapyfi \
     install/wrapyfi_core/share/ament_index/resource_index/rust_packages/{wrapyfi_core,wrapyfi_interfaces,wrapyfi_macros,wrapyfi_yarp} \
     install/wrapyfi_core/share/{wrapyfi_core,wrapyfi_interfaces,wrapyfi_macros,wrapyfi_yarp}/rust/Cargo.toml \
-    install/wrapyfi/share/wrapyfi/launch/bridge.launch.py \
+    install/wrapyfi/share/wrapyfi/launch/{bridge,all_of}.launch.py \
     install/wrapyfi/share/wrapyfi/config/example.yaml; do
     [ -e "$file" ] || fail "$file was not installed"
 done

@@ -17,6 +17,8 @@ pub enum Need {
     Program,
     /// The node executable `bridge`.
     Node,
+    /// A node executable that bridges all of a middleware, by its name.
+    Executable(&'static str),
     /// The example program `pose_mirror`.
     PoseMirror,
     /// This program of `examples/communicator`.
@@ -74,6 +76,7 @@ fn check(need: Need) -> Result {
     match need {
         Need::Program => program().map(drop),
         Need::Node => node().map(drop),
+        Need::Executable(name) => executable(name).map(drop),
         Need::PoseMirror => pose_mirror().map(drop),
         Need::Example(name) => example(name).map(drop),
         Need::Python => python().map(drop),
@@ -92,6 +95,11 @@ pub(crate) fn program() -> Result<PathBuf> {
 /// The node executable.
 pub(crate) fn node() -> Result<PathBuf> {
     built("bridge", "WRAPYFI_BRIDGE_BIN")
+}
+
+/// A node executable that bridges all of a middleware.
+pub(crate) fn executable(name: &str) -> Result<PathBuf> {
+    built(name, &format!("WRAPYFI_{}_BIN", name.to_uppercase()))
 }
 
 /// The example of a plug-in.

@@ -163,6 +163,16 @@ impl World {
         Ok(Process::start("bridge", self.command(&needs::node()?, args), &self.pillars)?.pillar())
     }
 
+    /// Starts a node executable that bridges all of a middleware, by its name, with these ROS arguments.
+    ///
+    /// # Errors
+    /// Where it cannot be started.
+    pub fn executable(&self, name: &str, ros_args: &[&str]) -> Result<Process> {
+        let args = ["--ros-args"].iter().chain(ros_args);
+        let command = self.command(&needs::executable(name)?, args);
+        Ok(Process::start(name, command, &self.pillars)?.pillar())
+    }
+
     /// Starts the node executable with these routes and more ROS arguments.
     ///
     /// # Errors

@@ -8,7 +8,7 @@ use std::collections::hash_map::RandomState;
 use std::hash::{BuildHasher as _, Hasher as _};
 
 use serde_json::{Value, json};
-use wrapyfi_e2e::{Need, Process, Result, Route, ServiceMapping, World, ros1, ros2, run};
+use wrapyfi_e2e::{Need, Process, Result, Route, ServiceMapping, World, ros1, ros2, run, sha256};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Ros1];
 const SET: (&str, &str) =
@@ -149,9 +149,31 @@ fn a_type_made_a_moment_ago_crosses_ros_2_and_comes_back() -> Result {
         let heard = ear.messages(3).map_err(|error| {
             error.context(format!("{}\n{}\n{}", there.tail(), again.tail(), talker.tail()))
         })?;
-        let sent = talker.messages(1)?.remove(0);
+        let mut sent = talker.messages(1)?.remove(0);
+        // What arrives is bytes.
+        sent["value"]["blob"] = json!({"sha256": sha256(&[1, 2, 253]), "size": 3});
         for one in heard {
             assert_eq!(unnumbered(one["value"].clone()), unnumbered(sent["value"].clone()));
+        }
+        Ok(())
+    })
+}
+
+#[test]
+fn a_type_that_nobody_shows_is_refused_with_the_remedy() -> Result {
+    run("a_type_that_nobody_shows_is_refused_with_the_remedy", NEEDS, |world| {
+        let _roscore = world.roscore()?;
+        let (from, kind) = (world.topic("from"), format!("pkg_{:x}/msg/Whole", random()));
+        let config = world.embedded().route(Route::new(&ros1(&from), &ros2(&from), &kind));
+        let file = world.write("bridge.yaml", config.yaml())?.display().to_string();
+        let mut bridge = world.wrapyfi(["bridge", "--config", &file])?;
+        bridge.exits_with(2)?;
+        let said = bridge.stderr();
+        for words in [
+            "nobody publishes it; start the publisher first, or give a folder with the definition",
+            &format!("{kind} is defined nowhere"),
+        ] {
+            assert!(said.contains(words), "{words}: {said}");
         }
         Ok(())
     })

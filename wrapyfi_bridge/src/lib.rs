@@ -5,6 +5,7 @@
 //! ```text
 //!   main.rs ─▶ cli ─▶ command::{demo, bridge, check, echo, publish, broker}
 //!   bin/bridge.rs ─▶ node ─▶ command::bridge        `ros2 run wrapyfi_bridge bridge`
+//!   bin/…_bridge.rs ─▶ node ─▶ whole                all of a middleware, without a configuration
 //!
 //!   middlewares   configuration -> middlewares in a registry
 //!   canonical native objects as text that every language hashes alike
@@ -30,3 +31,4 @@ pub mod options;
 pub mod overrides;
 pub mod shutdown;
 pub mod table;
+pub mod whole;

@@ -22,7 +22,9 @@ use wrapyfi_core::node::{
 use crate::command::bridge::{self, Options};
 use crate::exit::{Failure, finish};
 use crate::logging;
+use crate::middlewares;
 use crate::shutdown::Shutdown;
+use crate::whole::{Selection, Whole};
 
 /// Name of the bridge's node unless it is remapped.
 const DEFAULT_NAME: &str = "wrapyfi_bridge";
@@ -93,13 +95,20 @@ impl Node {
 /// Runs the node executable `bridge`: reads the process's arguments, returns its exit code.
 #[must_use]
 pub fn main() -> ExitCode {
-    finish(run(std::env::args().skip(1)))
+    finish(run(std::env::args().skip(1), None))
 }
 
-fn run(argv: impl Iterator<Item = String>) -> Result<(), Failure> {
+/// As [`main`], for an executable that bridges all of a middleware.
+#[must_use]
+pub fn main_of_whole(whole: Whole) -> ExitCode {
+    finish(run(std::env::args().skip(1), Some(whole)))
+}
+
+fn run(argv: impl Iterator<Item = String>, whole: Option<Whole>) -> Result<(), Failure> {
+    let default_name = whole.map_or(DEFAULT_NAME, Whole::node);
     let args = RosArgs::parse(argv, read_params_file)
         .map_err(|error| Failure::usage(format!("failed to initialize: {error}")))?;
-    let options = NodeOptions::resolve(DEFAULT_NAME, "/", &args).map_err(Failure::usage)?;
+    let options = NodeOptions::resolve(default_name, "/", &args).map_err(Failure::usage)?;
     let level = match options.log_level {
         LogLevel::Unset | LogLevel::Info => "info",
         LogLevel::Debug => "debug",
@@ -119,28 +128,66 @@ fn run(argv: impl Iterator<Item = String>) -> Result<(), Failure> {
     }
     let node = Node { name: options.name, args: Arc::new(args), overrides: options.parameters };
     let mut store = node.parameters().map_err(Failure::usage)?;
-    let parameters = Parameters::declare(&mut store)?;
+    let parameters = Parameters::declare(&mut store, whole)?;
     let shutdown = Shutdown::on_signals().context("cannot catch signals")?;
-    bridge::run_node(&parameters.config_file, &node, store, parameters.options, &shutdown)
+    let Parameters { configuration, options } = parameters;
+    let (loaded, name) = match configuration {
+        Configuration::File(file) => {
+            (middlewares::load_and_learn(&file)?, file.display().to_string())
+        }
+        Configuration::BuiltIn(text, name) => (middlewares::load_text(&text, name)?, name.into()),
+    };
+    bridge::run_node(loaded, &name, &node, store, options, &shutdown)
 }
 
 /// The parameters of the bridge node.
 #[derive(Debug)]
 struct Parameters {
-    config_file: PathBuf,
+    configuration: Configuration,
     options: Options,
+}
+
+/// Where the routes are.
+#[derive(Debug)]
+enum Configuration {
+    File(PathBuf),
+    /// The text, and a name for it.
+    BuiltIn(String, &'static str),
 }
 
 impl Parameters {
     /// Declares them; they are fixed from the start on.
-    fn declare(store: &mut ParameterStore) -> Result<Self, Failure> {
+    fn declare(store: &mut ParameterStore, whole: Option<Whole>) -> Result<Self, Failure> {
         let fixed = |name: &str, text: &str| {
             ParameterDescriptor::new(name).with_description(text).read_only()
         };
         let config_file = fixed("config_file", "Path of the file with the routes.")
             .with_type(ParameterType::String);
-        let config_file =
-            store.declare(config_file, ParameterValue::NotSet).map_err(Failure::usage)?;
+        let by_default = if whole.is_some() { "".into() } else { ParameterValue::NotSet };
+        let config_file = store.declare(config_file, by_default).map_err(Failure::usage)?;
+        let built_in = match whole {
+            None => None,
+            Some(whole) => {
+                let mut declare = |name: &str, text: &str, value: ParameterValue| {
+                    store.declare(fixed(name, text), value).map_err(Failure::usage)
+                };
+                let names = |given| match given {
+                    ParameterValue::StringArray(names) => names,
+                    _ => Vec::new(),
+                };
+                let none = || ParameterValue::StringArray(Vec::new());
+                let meant = "Names that are bridged, as regular expressions; none: all.";
+                let allow = names(declare("allow", meant, none())?);
+                let deny = "Names that are not, as regular expressions.";
+                let deny = names(declare("deny", deny, none())?);
+                let prefix = "Put before names on the ROS 2 side.";
+                let prefix = match declare("prefix", prefix, "".into())? {
+                    ParameterValue::String(prefix) => prefix,
+                    _ => String::new(),
+                };
+                Some((whole, Selection { allow, deny, prefix }))
+            }
+        };
         // `seconds:=20` is an integer, `seconds:=0.5` is not: both are meant. A value from the start
         // on, because `ros2 param dump` writes null for what has none, and null in a parameter file
         // is a text.
@@ -148,10 +195,27 @@ impl Parameters {
         let seconds = store.declare(seconds, 0.0).map_err(Failure::usage)?;
         let json = fixed("status_json", "Print the routes' status as JSON once a second.");
         let json = store.declare(json, false).map_err(Failure::usage)?;
-        let ParameterValue::String(config_file) = config_file else {
-            return Err(Failure::usage(
-                "no configuration: give --ros-args -p config_file:=/path/to/bridge.yaml",
-            ));
+        let configuration = match (config_file, built_in) {
+            (ParameterValue::String(file), None) => Configuration::File(file.into()),
+            (ParameterValue::String(file), Some((whole, selection))) if !file.is_empty() => {
+                if selection != Selection::default() {
+                    return Err(Failure::Usage(format!(
+                        "parameters allow, deny and prefix are for the built-in configuration of {}; \
+                         with config_file, write them into the file",
+                        whole.node()
+                    )));
+                }
+                Configuration::File(file.into())
+            }
+            (_, Some((whole, selection))) => {
+                let text = whole.yaml(&selection).map_err(Failure::Usage)?;
+                Configuration::BuiltIn(text, whole.node())
+            }
+            (_, None) => {
+                return Err(Failure::usage(
+                    "no configuration: give --ros-args -p config_file:=/path/to/bridge.yaml",
+                ));
+            }
         };
         let seconds = match seconds {
             ParameterValue::Double(0.0) | ParameterValue::Integer(0) => None,
@@ -168,7 +232,7 @@ impl Parameters {
             }
         };
         let options = Options { seconds, json: json == ParameterValue::Bool(true) };
-        Ok(Self { config_file: PathBuf::from(config_file), options })
+        Ok(Self { configuration, options })
     }
 }
 
@@ -179,16 +243,43 @@ mod tests {
     /// `ros2 param dump` writes null for what has no value, which comes back as a text.
     #[test]
     fn every_parameter_has_a_value_that_a_dump_can_bring_back() {
-        let name = NodeName::new(DEFAULT_NAME, "/").unwrap();
-        let file = ParameterValue::String("routes.yaml".to_owned());
-        let overrides = BTreeMap::from([("config_file".to_owned(), file)]);
-        let mut store = ParameterStore::new(&name, overrides).unwrap();
-        let parameters = Parameters::declare(&mut store).unwrap();
-        assert_eq!(parameters.options.seconds, None);
-        let dump: BTreeMap<String, ParameterValue> =
-            store.names().map(|name| (name.to_owned(), store.get(name).unwrap().clone())).collect();
-        assert!(!dump.values().any(|value| *value == ParameterValue::NotSet), "{dump:?}");
-        let mut again = ParameterStore::new(&name, dump).unwrap();
-        assert_eq!(Parameters::declare(&mut again).unwrap().options.seconds, None);
+        for whole in [None, Some(Whole::Yarp)] {
+            let name = NodeName::new(DEFAULT_NAME, "/").unwrap();
+            let file = ParameterValue::String("routes.yaml".to_owned());
+            let overrides = BTreeMap::from([("config_file".to_owned(), file)]);
+            let mut store = ParameterStore::new(&name, overrides).unwrap();
+            let parameters = Parameters::declare(&mut store, whole).unwrap();
+            assert_eq!(parameters.options.seconds, None);
+            let dump: BTreeMap<String, ParameterValue> = store
+                .names()
+                .map(|name| (name.to_owned(), store.get(name).unwrap().clone()))
+                .collect();
+            assert!(!dump.values().any(|value| *value == ParameterValue::NotSet), "{dump:?}");
+            let mut again = ParameterStore::new(&name, dump).unwrap();
+            assert_eq!(Parameters::declare(&mut again, whole).unwrap().options.seconds, None);
+        }
+    }
+
+    #[test]
+    fn what_the_built_in_configuration_takes_is_refused_beside_a_file() {
+        let name = NodeName::new("ros1_bridge", "/").unwrap();
+        let declare = |given: &[(&str, ParameterValue)]| {
+            let given = given.iter().map(|(name, value)| ((*name).to_owned(), value.clone()));
+            let mut store = ParameterStore::new(&name, given.collect()).unwrap();
+            Parameters::declare(&mut store, Some(Whole::Ros1))
+        };
+        let built_in = declare(&[("prefix", "lab".into())]).unwrap();
+        assert!(
+            matches!(built_in.configuration, Configuration::BuiltIn(text, _) if text.contains("ros2:/lab/"))
+        );
+        let file = ("config_file", "routes.yaml".into());
+        let Configuration::File(named) = declare(&[file.clone()]).unwrap().configuration else {
+            panic!("it is a file");
+        };
+        assert_eq!(named, PathBuf::from("routes.yaml"));
+        let Err(Failure::Usage(error)) = declare(&[file, ("prefix", "lab".into())]) else {
+            panic!("it is refused");
+        };
+        assert!(error.contains("write them into the file"), "{error}");
     }
 }

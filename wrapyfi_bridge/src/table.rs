@@ -21,10 +21,12 @@ pub fn table(before: &[RouteStatus], now: &[RouteStatus], elapsed: Duration) -> 
         "{:width$}  {:<8} {:>6} {:>6} {:>6} {:>6} {:>6} {:>6}  dropped\n",
         "route", "state", "in", "out", "Hz", "MB/s", "p50 ms", "p99 ms"
     );
-    for (index, route) in now.iter().enumerate() {
+    for route in now {
         let counters = &route.counters;
-        let (sent, bytes) =
-            before.get(index).map_or((0, 0), |then| (then.counters.sent, then.counters.sent_bytes));
+        let (sent, bytes) = before
+            .iter()
+            .find(|then| then.name == route.name)
+            .map_or((0, 0), |then| (then.counters.sent, then.counters.sent_bytes));
         let seconds = elapsed.as_secs_f64().max(1e-9);
         let rate = counters.sent.saturating_sub(sent) as f64 / seconds;
         let megabytes = counters.sent_bytes.saturating_sub(bytes) as f64 / seconds / 1e6;
@@ -92,6 +94,7 @@ mod tests {
             from_qos: Some(Qos::from(QosPreset::SensorData)),
             to_qos: None,
             counters: Default::default(),
+            pattern: None,
         };
         let print = |route: &RouteStatus| table(&[], std::slice::from_ref(route), Duration::ZERO);
         assert!(!print(&route).contains("quality of service"), "{}", print(&route));

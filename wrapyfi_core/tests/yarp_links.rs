@@ -7,14 +7,15 @@ use std::time::{Duration, Instant};
 
 use tokio::runtime::Runtime;
 use wrapyfi_core::endpoint::{
-    Context, Link, Listener, Middleware, PublishError, Publisher, Request, ServiceSpec, TopicSpec,
+    Context, Link, Listener, Middleware, PublishError, Publisher, Request, Role, ServiceSpec,
+    TopicSpec,
 };
 use wrapyfi_core::middleware::yarp::{Yarp, YarpConfig};
 use wrapyfi_core::types::{Map, MessageType, Payload, ServiceKind, Value};
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
-use wrapyfi_yarp::port::{InputOptions, Network, OutputOptions};
+use wrapyfi_yarp::port::{Answer, InputOptions, Network, OutputOptions, PortOptions, Received};
 use wrapyfi_yarp::server::{NameServer, NameServerOptions};
-use wrapyfi_yarp::{Bottle, Value as Element};
+use wrapyfi_yarp::{Bottle, Dialect, Value as Element};
 
 const PATIENCE: Duration = Duration::from_secs(30);
 
@@ -254,6 +255,62 @@ fn a_server_that_vanishes_is_called_again() {
             }
         });
     }
+}
+
+/// Replies come without a length: who reads them has to know how floats are written.
+#[test]
+fn a_service_of_yarp_4_is_called_with_option_dialect() {
+    let world = World::new();
+    let (yarp, context) = (world.yarp(), Context::default());
+    let other = {
+        let host = world.address.ip().to_string();
+        let names = NameClient::new(NameServerConf { host, port: world.address.port() });
+        Network::builder().names(names).listen(world.address.ip()).dialect(Dialect::V4).build()
+    };
+    let server = world.runtime.block_on(async {
+        let wanted = PortOptions::default();
+        let answer = |received: Received, _| async move {
+            Answer::Bottle(received.bottle().unwrap_or_default())
+        };
+        other.serve("/four", &wanted, answer).await.unwrap()
+    });
+    let options = Map::from([("dialect", Value::from("v4")), ("bottle", true.into())]);
+    let spec = ServiceSpec { options, ..ServiceSpec::new("/four", ServiceKind::NativeObject) };
+    let mut client = yarp.open_client(&spec, &context).unwrap();
+    let ticket =
+        client.send(&Request::new([1.5.into(), "and".into(), 2.5.into()]), PATIENCE).unwrap();
+    let mut came = None;
+    until(&context, "the reply", || {
+        came = client.take_only(ticket);
+        came.is_some()
+    });
+    let payload = came.unwrap().unwrap().payload;
+    assert_eq!(payload, Value::List(vec![1.5.into(), "and".into(), 2.5.into()]).into());
+    world.runtime.block_on(server.close());
+}
+
+/// Names that say nothing: the ports are asked how they are connected.
+#[test]
+fn ports_are_listed_by_their_connections() {
+    let world = World::new();
+    let (yarp, context) = (world.yarp(), Context::default());
+    let (network, wanted) = (world.network(), OutputOptions::default());
+    let (reader, writer) = world.runtime.block_on(async {
+        let reader = network.open_input("/plain", &InputOptions::default()).await.unwrap();
+        let writer = network.open_output("/source", &wanted).await.unwrap();
+        writer.connect("tcp://plain").await.unwrap();
+        (reader, writer)
+    });
+    let mut look = yarp.discover().unwrap();
+    until(&context, "the reader to be a listener", || {
+        let found = look.endpoints().unwrap();
+        let role = |name: &str| found.iter().find(|one| one.name == name).map(|one| one.role);
+        role("/plain") == Some(Role::Listener) && role("/source") == Some(Role::Publisher)
+    });
+    world.runtime.block_on(async {
+        reader.close().await;
+        writer.close().await;
+    });
 }
 
 #[test]

@@ -143,6 +143,13 @@ async fn pictures_are_pulled() {
     assert_eq!(next(&reader).await.payload.bytes, jpeg);
     assert_eq!(writer.status()[0].unsendable, 1);
     assert_eq!(reader.status()[0].carrier, "mjpeg");
+    // Whoever is connected otherwise gets the objects, and no files.
+    let other = network.open_input("/other", &strict(4)).await.unwrap();
+    writer.connect("tcp://other").await.unwrap();
+    writer.write(Message::new(Payload::raw(jpeg)));
+    writer.write_bottle(&bottle("an object")).unwrap();
+    assert_eq!(next(&other).await.bottle().unwrap().to_text(), "an object");
+    within(other.close()).await;
     let answer = network.admin("/view", &bottle("[list] [in] /cam")).await.unwrap();
     assert_eq!(answer.to_text(), "(from \"/cam\") (to \"/view\") (carrier mjpeg) (push 0)");
     within(reader.close()).await;

@@ -195,10 +195,10 @@ impl Lines {
             Way::Rospy => {
                 let mut command = python(bench, &master.script);
                 command.arg("relay").env("ROS_MASTER_URI", &master.uri);
-                command.args(["--node", &format!("rospy_relay_{turn}")]);
                 for load in loads {
                     command.args([topic(*load, "in"), topic(*load, "out")]);
                 }
+                command.args(["--node", &format!("rospy_relay_{turn}")]);
                 let mut child = Child::start("rospy", command, &bench.folder)?;
                 let Said { ready } = child.answer()?;
                 ensure!(ready, "the relay does not start");
@@ -234,6 +234,18 @@ struct Acks {
     acks: u16,
 }
 
+/// What a ROS 2 that is installed would have, and this program does not bring.
+const DEFINITIONS: [(&str, &str); 5] = [
+    ("tf2_msgs/msg/TFMessage.msg", "geometry_msgs/TransformStamped[] transforms\n"),
+    (
+        "geometry_msgs/msg/TransformStamped.msg",
+        "std_msgs/Header header\nstring child_frame_id\nTransform transform\n",
+    ),
+    ("geometry_msgs/msg/Transform.msg", "Vector3 translation\nQuaternion rotation\n"),
+    ("geometry_msgs/msg/Vector3.msg", "float64 x\nfloat64 y\nfloat64 z\n"),
+    ("geometry_msgs/msg/Quaternion.msg", "float64 x 0\nfloat64 y 0\nfloat64 z 0\nfloat64 w 1\n"),
+];
+
 /// The bridge with defaults, but for the depth that a listener of `/tf` has.
 fn bridge(
     bench: &Bench,
@@ -243,7 +255,7 @@ fn bridge(
     topic: impl Fn(Load, &str) -> String,
 ) -> Result<Child> {
     let mut text = format!(
-        "endpoints:\n  ros: {{ master_uri: \"{}\", hostname: 127.0.0.1, node: bridge_{} }}\n  \
+        "definitions: [definitions]\nendpoints:\n  ros: {{ master_uri: \"{}\", hostname: 127.0.0.1, node: bridge_{} }}\n  \
          ros2: {{ domain_id: {domain}, interface: lo }}\nroutes:\n",
         master.uri, master.turn
     );
@@ -254,6 +266,11 @@ fn bridge(
             "  - {{ from: \"ros:{from}\", to: \"ros2:{to}\", type: {}{depth} }}\n",
             load.route_type()
         );
+    }
+    for (path, definition) in DEFINITIONS {
+        let path = bench.folder.join("definitions").join(path);
+        path.parent().map_or(Ok(()), std::fs::create_dir_all)?;
+        std::fs::write(path, definition)?;
     }
     let file = bench.folder.join("ros1_bridge.yaml");
     std::fs::write(&file, text)?;

@@ -2,7 +2,6 @@
 
 use std::collections::BTreeSet;
 use std::io::{self, Write as _};
-use std::path::Path;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
@@ -35,21 +34,24 @@ pub fn run(args: &BridgeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let options = Options { seconds: args.seconds, json: args.json };
     let node = Node::bridge().map_err(Failure::usage)?;
     let parameters = node.parameters().map_err(Failure::usage)?;
-    run_node(&args.config, &node, parameters, options, shutdown)
+    let (loaded, name) =
+        (middlewares::load_and_learn(&args.config)?, args.config.display().to_string());
+    run_node(loaded, &name, &node, parameters, options, shutdown)
 }
 
-/// As [`run`], as the ROS 2 node `node`.
+/// As [`run`], as the ROS 2 node `node`, with a configuration that is called `name`.
 ///
 /// # Errors
 /// As [`run`].
 pub fn run_node(
-    config: &Path,
+    loaded: Loaded,
+    name: &str,
     node: &Node,
     mut parameters: ParameterStore,
     options: Options,
     shutdown: &Shutdown,
 ) -> Result<(), Failure> {
-    let Loaded { endpoints, mut plan, types: mut store } = middlewares::load_and_learn(config)?;
+    let Loaded { endpoints, mut plan, types: mut store } = loaded;
     overrides::apply(&mut plan, node, &mut parameters).map_err(Failure::usage)?;
     warn_of_unused(&parameters);
     let middlewares = Middlewares::for_plan(&endpoints, &plan, node)?;
@@ -57,9 +59,14 @@ pub fn run_node(
     // Dropped last: what the routes say at their end is logged too.
     let _node = middlewares.offer_node(node, parameters, (&mut store, &types))?;
     let routes = plan.routes.len() + plan.services.len();
-    tracing::info!("{routes} routes from {}", config.display());
-    let running =
-        Engine::new(plan, middlewares.registry()).start().context("cannot start the routes")?;
+    match plan.patterns.len() {
+        0 => tracing::info!("{routes} routes from {name}"),
+        found => {
+            tracing::info!("{routes} routes, {found} that are found while running, from {name}")
+        }
+    }
+    let engine = Engine::new(plan, middlewares.registry()).with_types(store);
+    let running = engine.start().context("cannot start the routes")?;
     let end = options.seconds.map(|seconds| Instant::now() + seconds);
     let mut tick = Instant::now();
     loop {
@@ -76,7 +83,8 @@ pub fn run_node(
     if options.json {
         print_json(&last)?;
     }
-    for route in &last {
+    // A pattern carries nothing itself.
+    for route in last.iter().filter(|route| route.pattern.is_none()) {
         let drops: Vec<String> = route
             .counters
             .drops

@@ -21,5 +21,8 @@ pub fn run(file: &Path) -> Result<(), Failure> {
     for service in &plan.services {
         writeln!(out, "{service}").context("cannot print")?;
     }
+    for pattern in &plan.patterns {
+        writeln!(out, "{pattern}").context("cannot print")?;
+    }
     Ok(())
 }

@@ -189,6 +189,7 @@ mod tests {
             node: None,
             count: 1,
             traffic: Some(Traffic { messages: 3, bytes: 1_500_000 }),
+            mark: None,
         };
         let listener = Discovered {
             role: Role::Listener,

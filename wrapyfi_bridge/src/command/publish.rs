@@ -97,13 +97,18 @@ fn publish(
 ) -> Result<u64, Failure> {
     let interval = Duration::from_secs_f64(1.0 / args.rate);
     let start = Instant::now();
-    let mut sent = 0;
+    let (mut sent, mut alone) = (0, false);
     while args.count.is_none_or(|count| sent < count) && !shutdown.requested() {
         input::restamp(payload);
         match publisher.publish(payload) {
-            Ok(_) => (),
-            // It left in the middle: others may come.
-            Err(error @ PublishError::NoConsumer { .. }) => tracing::warn!("{error}"),
+            Ok(_) => alone = false,
+            // It left in the middle: others may come. Once is enough to say so.
+            Err(error @ PublishError::NoConsumer { .. }) => {
+                if !alone {
+                    tracing::warn!("{error}");
+                }
+                alone = true;
+            }
             Err(error) => return Err(anyhow::Error::new(error).into()),
         }
         sent += 1;

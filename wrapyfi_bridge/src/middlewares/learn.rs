@@ -1,6 +1,6 @@
 //! Types of routes that no place of definitions has, asked from those who publish them on ROS 1.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use wrapyfi_core::engine::Config;
 use wrapyfi_core::middleware::ros1;
@@ -11,7 +11,7 @@ use wrapyfi_interfaces::store::TypeStore;
 use super::load::Endpoints;
 use crate::exit::Failure;
 
-/// How long the publishers of one topic have to show its type.
+/// How long publishers have to show the types, all together.
 const LEARNING: Duration = Duration::from_secs(5);
 
 /// Adds to `types` what publishers show of the types that routes from ROS 1 name and `types` lacks.
@@ -23,6 +23,7 @@ pub(super) fn from_publishers(
     types: &mut TypeStore,
 ) -> Result<(), Failure> {
     let mut node = None;
+    let begin = Instant::now();
     for entry in &config.routes {
         let route = &entry.value;
         let Some((ros1::NAME, topic)) =
@@ -30,7 +31,9 @@ pub(super) fn from_publishers(
         else {
             continue;
         };
-        let wanted = route.from_type.as_ref().unwrap_or(&route.message_type);
+        let Some(wanted) = route.from_type.as_ref().or(route.message_type.as_ref()) else {
+            continue;
+        };
         if MessageType::resolve(&wanted.value, types).is_ok() {
             continue;
         }
@@ -39,7 +42,7 @@ pub(super) fn from_publishers(
             Some(ros1) => ros1,
             none => none.insert(config.endpoints.ros.start()?),
         };
-        match ros1.learn(topic, &name, LEARNING) {
+        match ros1.learn(topic, &name, LEARNING.saturating_sub(begin.elapsed())) {
             Ok(found) => {
                 tracing::info!("{name} is what a publisher of ros:{topic} shows");
                 types.add_resolved(&found);

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use serde::Deserialize;
-use wrapyfi_core::engine::{Config, ConfigError, MAX_CONFIG_BYTES, Plan, Problem, Spanned};
+use wrapyfi_core::engine::{Carried, Config, ConfigError, MAX_CONFIG_BYTES, Plan, Problem};
 use wrapyfi_interfaces::store::TypeStore;
 
 use super::learn;
@@ -68,11 +68,27 @@ fn load_with(
     }
     let text = std::fs::read_to_string(file)
         .map_err(|error| Failure::usage(format!("{name}: {error}")))?;
-    let mut config: Config<Endpoints> = Config::from_yaml(&text, &name).map_err(Failure::usage)?;
     // As seen from the file, wherever the program was started.
-    let beside = file.parent().unwrap_or(Path::new(""));
+    read(&text, &name, file.parent().unwrap_or(Path::new("")), learn)
+}
+
+/// Reads and checks a configuration that is in no file; `name` stands for it in errors.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_text(text: &str, name: &str) -> Result<Loaded, Failure> {
+    read(text, name, Path::new(""), |_, _| Ok(()))
+}
+
+fn read(
+    text: &str,
+    name: &str,
+    beside: &Path,
+    learn: impl FnOnce(&Config<Endpoints>, &mut TypeStore) -> Result<(), Failure>,
+) -> Result<Loaded, Failure> {
+    let mut config: Config<Endpoints> = Config::from_yaml(text, name).map_err(Failure::usage)?;
     check(&mut config.endpoints, beside)
-        .map_err(|problem| ConfigError { file: name.clone(), problems: vec![problem] })
+        .map_err(|problem| ConfigError { file: name.to_owned(), problems: vec![problem] })
         .map_err(Failure::usage)?;
     let folders: Vec<_> =
         config.definitions.iter().map(|folder| beside.join(&folder.value)).collect();
@@ -80,14 +96,13 @@ fn load_with(
         .map_err(|failure| Failure::Usage(format!("{name}: definitions {failure}")))?;
     for entry in &config.routes {
         let (at_both, at_source) = (&entry.value.message_type, &entry.value.from_type);
-        let written: [Option<&Spanned<String>>; 2] = [at_both.into(), at_source.into()];
-        for name in written.into_iter().flatten() {
+        for name in [at_both, at_source].into_iter().flatten() {
             any::add_standard(&name.value, &folders, &mut types);
         }
     }
     learn(&config, &mut types)?;
-    let plan =
-        Plan::new(&config, &super::available(), &mut types, &name).map_err(Failure::usage)?;
+    let plan = Plan::new(&config, &super::available(), &mut types, name).map_err(Failure::usage)?;
+    check_services(&plan).map_err(|fault| Failure::Usage(format!("{name}: {fault}")))?;
     Ok(Loaded { endpoints: config.endpoints, plan, types })
 }
 
@@ -96,6 +111,23 @@ fn check(endpoints: &mut Endpoints, beside: &Path) -> Result<(), Problem> {
     endpoints.zeromq.check()?;
     endpoints.yarp.check()?;
     endpoints.ros.read_rules(beside)
+}
+
+/// Services that cannot be found by name are refused before anything starts.
+fn check_services(plan: &Plan) -> Result<(), String> {
+    let is_zeromq = |middleware: &str| middleware == "zeromq";
+    let mut services =
+        plan.patterns.iter().filter(|it| matches!(it.carried, Carried::Services { .. }));
+    let nameless = services.find(|it| {
+        is_zeromq(it.source_middleware()) || (it.is_many() && is_zeromq(&it.to.middleware))
+    });
+    nameless.map_or(Ok(()), |pattern| {
+        Err(format!(
+            "{}: services of zeromq have no names, and tell no types: a pair of ports is one service; \
+             write a route for it, with a type",
+            pattern.name
+        ))
+    })
 }
 
 #[cfg(test)]

@@ -33,7 +33,7 @@ use wrapyfi_core::node::parameters::ParameterStore;
 use wrapyfi_interfaces::store::TypeStore;
 
 pub use self::demo::DemoMiddlewares;
-pub use self::load::{Endpoints, Loaded, load, load_and_learn};
+pub use self::load::{Endpoints, Loaded, load, load_and_learn, load_text};
 pub use self::ros1::Ros1Section;
 pub use self::ros2::Ros2Section;
 pub use self::yarp::{DialectWord, YarpSection};

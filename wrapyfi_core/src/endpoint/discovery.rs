@@ -14,7 +14,7 @@ use std::time::Duration;
 
 use serde::Serialize;
 
-use super::{History, Liveliness, Reliability};
+use super::{BridgeMark, History, Liveliness, Reliability};
 
 /// Looks for endpoints until it is dropped. It sees more the longer it looks.
 pub trait Discovery: Send {
@@ -50,6 +50,27 @@ pub struct Discovered {
     pub count: u64,
     /// What was sent, where the transport counts it.
     pub traffic: Option<Traffic>,
+    /// The mark of a bridge that made it by pattern.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mark: Option<BridgeMark>,
+}
+
+impl Discovered {
+    /// An endpoint of which nothing more is known.
+    #[must_use]
+    pub fn new(name: impl Into<String>, role: Role) -> Self {
+        Self {
+            name: name.into(),
+            role,
+            type_name: None,
+            type_hash: None,
+            qos: None,
+            node: None,
+            count: 1,
+            traffic: None,
+            mark: None,
+        }
+    }
 }
 
 /// What an endpoint does.

@@ -21,6 +21,8 @@ mod counters;
 mod discovery;
 mod inbox;
 mod latency;
+mod learn;
+mod mark;
 mod origin;
 mod qos;
 mod qos_match;
@@ -41,6 +43,9 @@ pub use discovery::{
 };
 pub use inbox::{Overflow, QueueSpec, Receiver, Sender, inbox};
 pub use latency::{Latency, LatencySummary};
+pub use learn::{LearnError, Learned};
+pub(crate) use learn::{service_of_name, topic_of_name};
+pub use mark::{BridgeMark, ParseMarkError};
 pub use origin::{Keeping, Origin};
 pub use qos::{Durability, History, Liveliness, Qos, QosPreset, Reliability};
 pub use qos_match::{MatchedQos, QosPolicy, QosWarning, listener_qos, mismatches, publisher_qos};
@@ -50,9 +55,11 @@ pub use service::{Client, IncomingRequest, Reply, Request, RequestId, Server, Se
 pub use service_error::{CallError, ServeError};
 pub use wake::Wake;
 
+use wrapyfi_interfaces::store::TypeStore;
+
 use crate::codec::DecodeError;
 use crate::plugin::Plugins;
-use crate::types::{Encoding, Map, MessageType, Payload};
+use crate::types::{Encoding, Map, MessageType, Payload, ServiceKind};
 use crate::{EncodeError, Limits};
 
 /// A transport that carries topics: ZeroMQ, ROS 2, …
@@ -118,6 +125,63 @@ pub trait Middleware: Send + Sync {
     fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
         Err(DiscoverError::Unsupported { middleware: self.name().to_owned() })
     }
+
+    /// As [`Middleware::discover`], and also sees what shows only to those who listen to it, which may
+    /// cost its publishers something.
+    ///
+    /// # Errors
+    /// As [`Middleware::discover`].
+    fn discover_closely(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
+        self.discover()
+    }
+
+    /// What this middleware is to routes by pattern.
+    fn traits(&self) -> Traits {
+        Traits::default()
+    }
+
+    /// The type of a topic from what one of its endpoints announces. Returns at once: where somebody
+    /// has to be asked first, a later call has the answer. `types` is asked for definitions first.
+    ///
+    /// # Errors
+    /// Why the type is not known, or not yet.
+    fn learn_topic(
+        &self,
+        found: &Discovered,
+        types: &mut TypeStore,
+    ) -> Result<Learned, LearnError> {
+        topic_of_name(self.name(), found, types)
+    }
+
+    /// The type of a service from what its server announces, as [`Middleware::learn_topic`].
+    ///
+    /// # Errors
+    /// As [`Middleware::learn_topic`].
+    fn learn_service(
+        &self,
+        found: &Discovered,
+        types: &mut TypeStore,
+    ) -> Result<ServiceKind, LearnError> {
+        service_of_name(self.name(), found, types)
+    }
+
+    /// Whether a publisher that was found keeps its last message for whoever comes later. Returns at
+    /// once: `None` where it has to be asked first, and a later call has the answer.
+    fn keeps_last(&self, found: &Discovered) -> Option<bool> {
+        Some(found.qos.is_some_and(|qos| qos.durability != AnnouncedDurability::Volatile))
+    }
+}
+
+/// What a middleware is to routes by pattern.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Traits {
+    /// It carries every ROS type as it is.
+    pub any_ros_type: bool,
+    /// Its discovery leaves out this program's own endpoints, and its listeners do not hear them: a
+    /// topic may be bridged in both directions.
+    pub tells_own: bool,
+    /// Its discovery shows the marks of other bridges' endpoints.
+    pub shows_marks: bool,
 }
 
 /// Receives one topic.
@@ -284,6 +348,11 @@ pub struct TopicSpec {
     /// Settings that only some middlewares have, by name, such as `carrier`; each reads those that it
     /// knows.
     pub options: Map,
+    /// What a publisher announces where there is room for it: that a bridge made it by pattern.
+    pub mark: Option<BridgeMark>,
+    /// A listener passes over publishers whose mark says that their messages came through this
+    /// middleware, where it can tell.
+    pub shun: Option<String>,
 }
 
 impl TopicSpec {
@@ -301,6 +370,8 @@ impl TopicSpec {
             limits: Limits::default(),
             plugins: Plugins::standard(),
             options: Map::default(),
+            mark: None,
+            shun: None,
         }
     }
 }

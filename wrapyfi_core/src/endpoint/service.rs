@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 
 use super::calls::Ticket;
 use super::service_error::{CallError, ServeError};
-use super::{Link, Wake};
+use super::{BridgeMark, Link, Wake};
 use crate::Limits;
 use crate::plugin::Plugins;
 use crate::types::{Encoding, Map, Payload, ServiceKind, Value};
@@ -103,6 +103,8 @@ pub struct ServiceSpec {
     pub plugins: Plugins,
     /// Settings that only some middlewares have, by name, such as `carrier`.
     pub options: Map,
+    /// What a server announces where there is room for it: that a bridge made it by pattern.
+    pub mark: Option<BridgeMark>,
 }
 
 impl ServiceSpec {
@@ -123,6 +125,7 @@ impl ServiceSpec {
             limits: Limits::default(),
             plugins: Plugins::standard(),
             options: Map::default(),
+            mark: None,
         }
     }
 }

@@ -85,8 +85,27 @@ pub struct RouteConfig {
     #[serde(default)]
     pub timeout_ms: Option<Spanned<u64>>,
     /// Message type: see [`crate::types::MessageType`]; of a service [`crate::types::ServiceKind`].
-    #[serde(rename = "type")]
-    pub message_type: Spanned<String>,
+    /// Left out, it is learned from the endpoints that there are.
+    #[serde(default, rename = "type")]
+    pub message_type: Option<Spanned<String>>,
+    /// Type where none is given and no endpoint tells one.
+    #[serde(default)]
+    pub type_if_unknown: Option<Spanned<String>>,
+    /// Of a pattern: names that are meant, as regular expressions (default: all).
+    #[serde(default)]
+    pub allow: Option<Spanned<Vec<Spanned<String>>>>,
+    /// Of a pattern: names that are not meant, also where they are allowed.
+    #[serde(default)]
+    pub deny: Option<Spanned<Vec<Spanned<String>>>>,
+    /// Of a pattern: leaves out what is hidden or a node's own (default: true).
+    #[serde(default)]
+    pub default_deny: Option<Spanned<bool>>,
+    /// Of a pattern: most routes that it makes (default: 1000).
+    #[serde(default)]
+    pub max_routes: Option<Spanned<usize>>,
+    /// Opens its source only while somebody listens (default: true for patterns, else false).
+    #[serde(default)]
+    pub lazy: Option<Spanned<bool>>,
     /// Message type at the source, where it is another than at the destination (default: `type`).
     #[serde(default)]
     pub from_type: Option<Spanned<String>>,
@@ -279,8 +298,8 @@ mod tests {
 
     #[test]
     fn what_is_missing_is_named() {
-        let text = parse("routes:\n  - { from: 'a:/x', to: 'b:/y' }\n").unwrap_err().to_string();
-        assert!(text.contains("`type`"), "{text}");
+        let text = parse("routes:\n  - { to: 'b:/y', overflow: {} }\n").unwrap_err().to_string();
+        assert!(text.contains("`block_ms`"), "{text}");
         assert!(parse("endpoints: {}\n").unwrap_err().to_string().contains("routes"));
         assert!(parse("routes: [\n").is_err());
         assert!(

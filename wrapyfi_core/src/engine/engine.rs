@@ -1,46 +1,68 @@
 //! Runs the routes of a plan: step by step for tests, one thread a route in production.
 //!
+//! ```text
+//!   Plan ─ routes ──────────────▶ Work ─ start ─▶ a thread each
+//!        └ patterns ─▶ Scout ─ Change::Make, End ─▶ more of them, and fewer
+//! ```
+//!
 //! A thread a route keeps them apart: a reliable reader that stalls its writer stalls that route
 //! and no other.
 
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
-use std::thread::JoinHandle;
+use std::sync::Arc;
 use std::time::Instant;
+
+use wrapyfi_interfaces::store::TypeStore;
 
 use super::plan::Plan;
 use super::relay::{Relay, Step};
 use super::route::RouteStatus;
+use super::running::Running;
+use super::scout::{Change, LOOK_EVERY, Made, Scout};
 use super::service_relay::ServiceRelay;
-use crate::endpoint::{Registry, Wake};
+use crate::endpoint::{Counters, Registry, Wake};
 
 /// The routes of a plan, not running yet.
 pub struct Engine {
-    relays: Vec<Work>,
+    registry: Registry,
+    relays: Vec<(u64, Work)>,
+    scout: Option<Scout>,
+    look_at: Option<Instant>,
 }
 
 /// A route at work.
-enum Work {
+pub(super) enum Work {
     Topic(Box<Relay>),
     Service(Box<ServiceRelay>),
 }
 
 impl Work {
-    fn step(&mut self, now: Instant) -> Step {
+    /// A route that a pattern made.
+    pub(super) fn made(id: u64, made: Made, counters: Arc<Counters>, registry: &Registry) -> Self {
+        match made {
+            Made::Topic(spec) => {
+                Self::Topic(Box::new(Relay::new(*spec, registry, id).counting(counters)))
+            }
+            Made::Service(spec) => {
+                Self::Service(Box::new(ServiceRelay::new(*spec, registry, id).counting(counters)))
+            }
+        }
+    }
+
+    pub(super) fn step(&mut self, now: Instant) -> Step {
         match self {
             Self::Topic(relay) => relay.step(now),
             Self::Service(relay) => relay.step(now),
         }
     }
 
-    fn status(&self) -> RouteStatus {
+    pub(super) fn status(&self) -> RouteStatus {
         match self {
             Self::Topic(relay) => relay.status(),
             Self::Service(relay) => relay.status(),
         }
     }
 
-    fn wake(&self) -> &Wake {
+    pub(super) fn wake(&self) -> &Wake {
         match self {
             Self::Topic(relay) => relay.wake(),
             Self::Service(relay) => relay.wake(),
@@ -48,134 +70,83 @@ impl Work {
     }
 }
 
+/// Says that a route by pattern is over, and what it has done.
+pub(super) fn log_end(status: &RouteStatus, why: &str) {
+    let (received, sent) = (status.counters.received, status.counters.sent);
+    let dropped = status.counters.dropped();
+    tracing::info!(
+        route = status.name,
+        "route ended: {why}; {received} in, {sent} out, {dropped} dropped"
+    );
+}
+
 impl Engine {
     /// Prepares the routes; nothing is opened before the first step.
     #[must_use]
     pub fn new(plan: Plan, registry: &Registry) -> Self {
-        let Plan { routes, services } = plan;
-        let mut seeds = 1..;
-        let mut seed = || seeds.next().unwrap_or_default();
-        let topics = routes
-            .into_iter()
-            .map(|spec| Work::Topic(Box::new(Relay::new(spec, registry, seed()))))
-            .collect::<Vec<_>>();
-        let services = services
-            .into_iter()
-            .map(|spec| Work::Service(Box::new(ServiceRelay::new(spec, registry, seed()))));
-        let relays = topics.into_iter().chain(services).collect();
-        Self { relays }
+        let first_id = plan.routes.len().saturating_add(plan.services.len()) as u64 + 1;
+        let scout = (!plan.patterns.is_empty()).then(|| Scout::new(&plan, registry, first_id));
+        let Plan { routes, services, patterns: _ } = plan;
+        let mut ids = 1..;
+        let mut id = || ids.next().unwrap_or_default();
+        let mut relays = Vec::with_capacity(routes.len() + services.len());
+        for spec in routes {
+            let id = id();
+            relays.push((id, Work::Topic(Box::new(Relay::new(spec, registry, id)))));
+        }
+        for spec in services {
+            let id = id();
+            relays.push((id, Work::Service(Box::new(ServiceRelay::new(spec, registry, id)))));
+        }
+        Self { registry: registry.clone(), relays, scout, look_at: None }
+    }
+
+    /// Where definitions of types are looked up that patterns learn; unless said, where
+    /// `AMENT_PREFIX_PATH` says, then among those that are built in.
+    #[must_use]
+    pub fn with_types(mut self, types: TypeStore) -> Self {
+        if let Some(scout) = &mut self.scout {
+            scout.types = types;
+        }
+        self
     }
 
     /// Brings every route one step on; the number of messages taken.
     pub fn step(&mut self, now: Instant) -> usize {
-        self.relays.iter_mut().map(|relay| relay.step(now).moved).sum()
+        if self.look_at.is_none_or(|at| now >= at)
+            && let Some(scout) = &mut self.scout
+        {
+            self.look_at = Some(now + LOOK_EVERY);
+            for change in scout.scan(now) {
+                match change {
+                    Change::Make { id, made, counters } => {
+                        self.relays.push((id, Work::made(id, made, counters, &self.registry)));
+                    }
+                    Change::End { id, why } => {
+                        let (over, stays) =
+                            std::mem::take(&mut self.relays).into_iter().partition(|it| it.0 == id);
+                        self.relays = stays;
+                        let over: Vec<(u64, Work)> = over;
+                        over.iter().for_each(|(_, work)| log_end(&work.status(), &why));
+                    }
+                }
+            }
+        }
+        self.relays.iter_mut().map(|(_, relay)| relay.step(now).moved).sum()
     }
 
-    /// The routes now.
+    /// The routes now, then the patterns, and what they mean that is no route yet.
     #[must_use]
     pub fn status(&self) -> Vec<RouteStatus> {
-        self.relays.iter().map(Work::status).collect()
+        let found = self.scout.as_ref().map(Scout::status).unwrap_or_default();
+        self.relays.iter().map(|(_, relay)| relay.status()).chain(found).collect()
     }
 
-    /// Gives every route a thread.
+    /// Gives every route a thread, and one to the patterns.
     ///
     /// # Errors
     /// When the system refuses a thread; the routes started before it are stopped.
     pub fn start(self) -> std::io::Result<Running> {
-        let mut running = Running {
-            stop: Arc::new(AtomicBool::new(false)),
-            routes: Vec::with_capacity(self.relays.len()),
-        };
-        for (index, relay) in self.relays.into_iter().enumerate() {
-            let wake = relay.wake().clone();
-            let relay = Arc::new(Mutex::new(relay));
-            let (stop, shared) = (Arc::clone(&running.stop), Arc::clone(&relay));
-            let bell = wake.clone();
-            let thread = std::thread::Builder::new()
-                .name(format!("route-{index}"))
-                .spawn(move || run(&shared, &bell, &stop))?;
-            running.routes.push(Route {
-                status: StatusCache::new(&relay),
-                relay,
-                wake,
-                thread: Some(thread),
-            });
-        }
-        Ok(running)
-    }
-}
-
-fn run(relay: &Mutex<Work>, wake: &Wake, stop: &AtomicBool) {
-    while !stop.load(Ordering::Relaxed) {
-        let step = relay.lock().unwrap_or_else(PoisonError::into_inner).step(Instant::now());
-        let rest = step.next.saturating_duration_since(Instant::now());
-        if !rest.is_zero() {
-            wake.wait(rest);
-        }
-    }
-}
-
-/// Routes at work. Dropping it stops them.
-pub struct Running {
-    stop: Arc<AtomicBool>,
-    routes: Vec<Route>,
-}
-
-struct Route {
-    relay: Arc<Mutex<Work>>,
-    status: StatusCache,
-    wake: Wake,
-    thread: Option<JoinHandle<()>>,
-}
-
-/// The last status seen, for when the route is busy inside a blocking send.
-struct StatusCache(Mutex<RouteStatus>);
-
-impl StatusCache {
-    fn new(relay: &Mutex<Work>) -> Self {
-        Self(Mutex::new(relay.lock().unwrap_or_else(PoisonError::into_inner).status()))
-    }
-
-    fn refresh(&self, relay: &Mutex<Work>) -> RouteStatus {
-        let mut cached = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Ok(relay) = relay.try_lock() {
-            *cached = relay.status();
-        }
-        cached.clone()
-    }
-}
-
-impl Running {
-    /// The routes now; a route in the middle of a step shows as it was just before.
-    #[must_use]
-    pub fn status(&self) -> Vec<RouteStatus> {
-        self.routes.iter().map(|route| route.status.refresh(&route.relay)).collect()
-    }
-
-    /// Stops every route and waits for its thread; the final status.
-    #[must_use]
-    pub fn stop(mut self) -> Vec<RouteStatus> {
-        self.halt();
-        self.status()
-    }
-
-    fn halt(&mut self) {
-        self.stop.store(true, Ordering::Relaxed);
-        for route in &self.routes {
-            route.wake.ring();
-        }
-        for route in &mut self.routes {
-            if let Some(thread) = route.thread.take()
-                && thread.join().is_err()
-            {
-                tracing::error!("a route's thread panicked");
-            }
-        }
-    }
-}
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        self.halt();
+        Running::start(self.registry, self.relays, self.scout)
     }
 }

@@ -6,9 +6,8 @@
 //!                                   status()   step(now): reconcile, propagate, judge
 //! ```
 //!
-//! A route is data: [`RouteSpec`] says what is wanted, [`RouteStatus`] what is. Routes by pattern,
-//! discovery, reload at run time and services will join here: a plan will then be computed from
-//! what discovery finds, and the engine will compare it with what runs.
+//! A route is data: [`RouteSpec`] says what is wanted, [`RouteStatus`] what is. A [`PatternSpec`] means
+//! many topics or services: its routes are made as they come, with the types that they announce.
 //!
 //! ```
 //! use std::{sync::Arc, time::Instant};
@@ -33,6 +32,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod candidate;
 mod config;
 mod config_devices;
 mod config_error;
@@ -40,21 +40,31 @@ mod config_qos;
 mod conventions;
 #[expect(clippy::module_inception, reason = "the engine is this module's one main type")]
 mod engine;
+mod pattern;
 mod plan;
+mod plan_address;
 mod plan_options;
+mod plan_pattern;
 mod plan_service;
 mod relay;
 mod route;
+mod running;
+mod scout;
 mod service_relay;
+mod sides;
+mod verdict;
 
 pub use config::{Config, Defaults, MAX_CONFIG_BYTES, OverflowConfig, RouteConfig, Spanned};
 pub use config_devices::{DeviceWord, DevicesConfig};
 pub(crate) use config_error::did_you_mean;
 pub use config_error::{ConfigError, Problem};
 pub use config_qos::{QosConfig, QosOverride};
-pub use engine::{Engine, Running};
+pub use engine::Engine;
+pub use pattern::NamePattern;
 pub use plan::{Available, Plan, RouteSpec};
+pub use plan_pattern::{Carried, MAX_PATTERN_ROUTES, PatternSpec, Source};
 pub use plan_service::ServiceRouteSpec;
 pub use relay::{Relay, Step};
-pub use route::{RouteState, RouteStatus};
+pub use route::{PatternCounts, RouteState, RouteStatus};
+pub use running::Running;
 pub use service_relay::ServiceRelay;

@@ -6,14 +6,16 @@ use std::time::Duration;
 
 use super::config::{Config, Defaults, OverflowConfig, RouteConfig, Spanned};
 use super::config_devices::DevicesConfig;
-use super::config_error::{ConfigError, Problem, did_you_mean};
+use super::config_error::{ConfigError, Problem};
 use super::config_qos::{QosConfig, QosOverride};
 use super::conventions;
+use super::plan_address::address;
 use super::plan_options;
+use super::plan_pattern::{self, PatternSpec};
 use super::plan_service::{self, ServiceRouteSpec};
 use crate::Limits;
 use crate::codec::is_convertible;
-use crate::endpoint::{EndpointAddress, Overflow, ParseAddressError, QueueSpec, TopicSpec};
+use crate::endpoint::{BridgeMark, EndpointAddress, Overflow, QueueSpec, TopicSpec};
 use crate::plugin::{DeviceMaps, Plugins};
 use crate::types::{DataType, Encoding, Map, MessageType};
 use wrapyfi_interfaces::store::TypeStore;
@@ -49,6 +51,11 @@ pub struct RouteSpec {
     pub plugins: Plugins,
     /// Settings that only some middlewares have, by name.
     pub options: Map,
+    /// Opens its source only while somebody wants what it carries.
+    pub lazy: bool,
+    /// Of a route that a pattern made: what its destination announces. Its source then passes over
+    /// what came through the destination's middleware before.
+    pub mark: Option<BridgeMark>,
 }
 
 impl RouteSpec {
@@ -70,6 +77,8 @@ impl RouteSpec {
             limits: Limits::default(),
             plugins: Plugins::standard(),
             options: Map::default(),
+            lazy: false,
+            mark: None,
         }
     }
 
@@ -89,6 +98,8 @@ impl RouteSpec {
             limits: self.limits,
             plugins: self.plugins.clone(),
             options: self.options.clone(),
+            mark: self.mark.clone().filter(|_| !at_source),
+            shun: self.mark.as_ref().filter(|_| at_source).map(|_| self.to.middleware.clone()),
         };
         if self.qos == QosConfig::default() {
             conventions::apply(&mut spec, address, at_source);
@@ -120,6 +131,9 @@ impl fmt::Display for RouteSpec {
         if let Some(devices) = self.plugins.devices() {
             write!(f, "  devices {devices}")?;
         }
+        if self.lazy {
+            f.write_str("  lazy")?;
+        }
         Ok(())
     }
 }
@@ -142,6 +156,8 @@ pub struct Plan {
     pub routes: Vec<RouteSpec>,
     /// Routes of services, in the order of the file.
     pub services: Vec<ServiceRouteSpec>,
+    /// Routes that are made while running, in the order of the file.
+    pub patterns: Vec<PatternSpec>,
 }
 
 impl Plan {
@@ -151,6 +167,9 @@ impl Plan {
         let topics = self.routes.iter().flat_map(|route| [&route.from, &route.to]);
         let services = self.services.iter().flat_map(|route| [&route.offered, &route.service]);
         topics.chain(services).any(|end| end.middleware == middleware)
+            || self.patterns.iter().any(|pattern| {
+                pattern.source_middleware() == middleware || pattern.to.middleware == middleware
+            })
     }
 
     /// The largest message that a route takes, in bytes.
@@ -158,7 +177,8 @@ impl Plan {
     pub fn largest_message(&self) -> usize {
         let topics = self.routes.iter().map(|route| route.limits.message_bytes);
         let services = self.services.iter().map(|route| route.limits.message_bytes);
-        topics.chain(services).max().unwrap_or(0)
+        let patterns = self.patterns.iter().map(PatternSpec::largest_message);
+        topics.chain(services).chain(patterns).max().unwrap_or(0)
     }
 
     /// Checks `config` against the middlewares that exist, and looks its types up in `types`; `file`
@@ -177,6 +197,7 @@ impl Plan {
         let mut routes: Vec<RouteSpec> = Vec::with_capacity(config.routes.len());
         let mut services: Vec<ServiceRouteSpec> = Vec::new();
         let mut offered: BTreeMap<EndpointAddress, u64> = BTreeMap::new();
+        let (mut patterns, mut found_later) = (Vec::new(), BTreeMap::new());
         let mut seen: BTreeMap<(EndpointAddress, EndpointAddress), u64> = BTreeMap::new();
         let mut into: BTreeMap<EndpointAddress, (u64, bool)> = BTreeMap::new();
         if config.routes.is_empty() {
@@ -188,6 +209,27 @@ impl Plan {
             .unwrap_or_default();
         for entry in &config.routes {
             let line = entry.referenced.line();
+            problems.extend(plan_pattern::misplaced(&entry.value));
+            if plan_pattern::is_found_later(&entry.value) {
+                let read = plan_pattern::read(
+                    entry,
+                    &config.defaults,
+                    &default_devices,
+                    middlewares,
+                    types,
+                );
+                match read {
+                    Ok(pattern) => {
+                        if let Some(first) = found_later.insert(pattern.ends(), line) {
+                            let text = format!("{} stands already in line {first}", pattern.ends());
+                            problems.push(Problem::at(entry.referenced, text));
+                        }
+                        patterns.push(pattern);
+                    }
+                    Err(found) => problems.extend(found),
+                }
+                continue;
+            }
             if plan_service::is_service(&entry.value) {
                 match plan_service::read(entry, &config.defaults, middlewares, types) {
                     Ok(service) => {
@@ -230,14 +272,14 @@ impl Plan {
             routes.push(route);
         }
         if problems.is_empty() {
-            Ok(Self { routes, services })
+            Ok(Self { routes, services, patterns })
         } else {
             Err(ConfigError { file: file.to_owned(), problems })
         }
     }
 }
 
-fn route_spec(
+pub(super) fn route_spec(
     entry: &Spanned<RouteConfig>,
     defaults: &Defaults,
     default_devices: &DeviceMaps,
@@ -264,8 +306,10 @@ fn route_spec(
         let parsed = MessageType::resolve(&text.value, types);
         parsed.map_err(|error| problems.push(Problem::at(text.referenced, error.to_string()))).ok()
     };
-    let message_type = parse_type(&config.message_type);
+    // Without a type the entry is read elsewhere.
+    let message_type = config.message_type.as_ref().and_then(&mut parse_type);
     let from_type = config.from_type.as_ref().map_or(message_type, parse_type);
+    let type_text = config.message_type.as_ref().map_or("", |text| text.value.as_str());
     if let (Some(written), Some(from), Some(to)) = (&config.from_type, from_type, message_type)
         && !is_convertible(from.data_type(), to.data_type())
     {
@@ -318,8 +362,7 @@ fn route_spec(
         && [message_type, from_type].iter().all(|it| it.data_type() != DataType::NativeObject)
     {
         let text = format!(
-            "devices has no effect on {}: only native objects hold tensors with a device",
-            config.message_type.value
+            "devices has no effect on {type_text}: only native objects hold tensors with a device"
         );
         problems.push(Problem::at(own.referenced, text));
     }
@@ -342,6 +385,7 @@ fn route_spec(
             }
             route.qos = config.qos.unwrap_or_default();
             route.queue = QueueSpec { depth, overflow };
+            route.lazy = config.lazy.as_ref().is_some_and(|lazy| lazy.value);
             route.max_rate_hz = config.max_rate_hz.as_ref().map(|rate| rate.value);
             route.color_order = color_order;
             route.limits.message_bytes = mib.saturating_mul(Limits::MIB);
@@ -358,33 +402,6 @@ fn route_spec(
 fn device_maps(devices: Option<&Spanned<DevicesConfig>>) -> Result<DeviceMaps, Problem> {
     devices
         .map_or_else(|| Ok(DeviceMaps::default()), |devices| devices.value.maps(devices.referenced))
-}
-
-pub(super) fn address(
-    text: &Spanned<String>,
-    middlewares: &[Available<'_>],
-) -> Result<EndpointAddress, Problem> {
-    let problem = |message| Problem::at(text.referenced, message);
-    let address: EndpointAddress =
-        text.value.parse().map_err(|error: ParseAddressError| problem(error.to_string()))?;
-    let Some(middleware) = middlewares.iter().find(|known| known.name == address.middleware) else {
-        let names: Vec<&str> = middlewares.iter().map(|known| known.name).collect();
-        let hint = did_you_mean(&address.middleware, &names);
-        return Err(problem(format!(
-            "{:?}: middleware {:?} is not available; {hint}available: {}",
-            text.value,
-            address.middleware,
-            names.join(", ")
-        )));
-    };
-    if address.name.contains(['*', '(', '[', '$']) {
-        let what =
-            format!("{:?} is a pattern; this version routes one topic per entry", text.value);
-        return Err(problem(what));
-    }
-    (middleware.check_topic)(&address.name)
-        .map_err(|fault| problem(format!("{:?} is no topic name: {fault}", text.value)))?;
-    Ok(address)
 }
 
 #[cfg(test)]

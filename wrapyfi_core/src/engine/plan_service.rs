@@ -11,10 +11,11 @@ use wrapyfi_interfaces::store::TypeStore;
 
 use super::config::{Defaults, RouteConfig, Spanned};
 use super::config_error::Problem;
-use super::plan::{Available, address};
+use super::plan::Available;
+use super::plan_address::address;
 use super::plan_options;
 use crate::Limits;
-use crate::endpoint::{EndpointAddress, ServiceSpec};
+use crate::endpoint::{BridgeMark, EndpointAddress, ServiceSpec};
 use crate::types::{Map, ServiceKind};
 
 /// Longest time that a call may be given, in milliseconds: an hour.
@@ -37,6 +38,8 @@ pub struct ServiceRouteSpec {
     pub limits: Limits,
     /// Settings that only some middlewares have, by name.
     pub options: Map,
+    /// Of a route that a pattern made: what its server announces.
+    pub mark: Option<BridgeMark>,
 }
 
 impl ServiceRouteSpec {
@@ -51,6 +54,7 @@ impl ServiceRouteSpec {
             timeout: ServiceSpec::TIMEOUT,
             limits: Limits::default(),
             options: Map::default(),
+            mark: None,
         }
     }
 
@@ -61,6 +65,7 @@ impl ServiceRouteSpec {
             timeout: self.timeout,
             limits: self.limits,
             options: self.options.clone(),
+            mark: self.mark.clone(),
             ..ServiceSpec::new(address.name.clone(), self.kind)
         }
     }
@@ -100,6 +105,7 @@ pub(super) fn read(
         ("overflow", config.overflow.is_some()),
         ("max_rate_hz", config.max_rate_hz.is_some()),
         ("devices", config.devices.is_some()),
+        ("lazy", config.lazy.is_some()),
         ("merge", config.merge),
     ] {
         if is_given {
@@ -116,10 +122,12 @@ pub(super) fn read(
         }
     };
     let (service, offered) = (end("service", &config.service), end("as", &config.offered));
-    let written = &config.message_type;
-    let kind = ServiceKind::resolve(&written.value, types)
-        .map_err(|error| problems.push(Problem::at(written.referenced, error.to_string())))
-        .ok();
+    // Without a type the entry is read elsewhere.
+    let kind = config.message_type.as_ref().and_then(|written| {
+        ServiceKind::resolve(&written.value, types)
+            .map_err(|error| problems.push(Problem::at(written.referenced, error.to_string())))
+            .ok()
+    });
     let timeout_ms = config.timeout_ms.as_ref();
     if let Some(timeout) = timeout_ms.filter(|ms| !(1..=LONGEST_TIMEOUT_MS).contains(&ms.value)) {
         let (given, most) = (timeout.value, LONGEST_TIMEOUT_MS);

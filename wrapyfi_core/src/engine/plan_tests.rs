@@ -125,7 +125,7 @@ fn wrong_devices_are_refused_with_their_line() {
 #[test]
 fn every_fault_is_reported_at_once_with_its_line() {
     let error = plan(
-        "routes:\n  - { from: 'zermoq:/a', to: 'ros2:/b', type: Imge }\n  - { from: '/a', to: 'ros2:/c', type: Image, queue_depth: 0 }\n  - { from: 'ros2:/(.*)', to: 'zeromq:/x', type: Image }\n  - { from: 'ros2:/a b', to: 'zeromq:/x', type: Image }\n",
+        "routes:\n  - { from: 'zermoq:/a', to: 'ros2:/b', type: Imge }\n  - { from: '/a', to: 'ros2:/c', type: Image, queue_depth: 0 }\n  - { from: 'ros2:/x', to: 'zeromq:/(.*)', type: Image }\n  - { from: 'ros2:/a b', to: 'zeromq:/x', type: Image }\n",
     )
     .unwrap_err();
     let text = error.to_string();

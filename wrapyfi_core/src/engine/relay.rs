@@ -18,8 +18,8 @@ use crate::Throttle;
 use crate::backoff::Backoff;
 use crate::codec::convert_payload;
 use crate::endpoint::{
-    Context, DropReason, Listener, Middleware, OpenError, Publisher, Qos, QosChange, Registry,
-    Review, Sample, Wake,
+    Context, Counters, DropReason, Listener, Middleware, OpenError, Publisher, Qos, QosChange,
+    Registry, Review, Sample, Wake,
 };
 use crate::types::{Payload, Stamp};
 
@@ -27,6 +27,8 @@ use crate::types::{Payload, Stamp};
 const BATCH: usize = 16;
 /// How long a loss keeps a route `degraded`.
 pub(super) const DEGRADED_FOR: Duration = Duration::from_secs(5);
+/// How long nobody may want what a lazy route carries before it closes its source.
+pub(super) const UNWANTED_FOR: Duration = Duration::from_secs(2);
 /// How often links are looked at when nothing rings.
 pub(super) const REVIEW_EVERY: Duration = Duration::from_millis(500);
 
@@ -38,6 +40,8 @@ pub struct Relay {
     sink: End<dyn Publisher>,
     backoff: Backoff,
     not_before: Option<Instant>,
+    /// Since when nobody wants what a lazy route carries.
+    unwanted_since: Option<Instant>,
     state: RouteState,
     last_loss: Option<(Instant, String)>,
     /// Losses, and objects passed on as they came: all are counted, few are logged.
@@ -76,6 +80,7 @@ impl Relay {
             context: Context::default(),
             backoff: Backoff::new(seed),
             not_before: None,
+            unwanted_since: None,
             last_loss: None,
             losses: Throttle::default(),
             unread: Throttle::default(),
@@ -83,6 +88,13 @@ impl Relay {
             sink,
             spec,
         }
+    }
+
+    /// Counts where somebody else counted before.
+    #[must_use]
+    pub(super) fn counting(mut self, counters: Arc<Counters>) -> Self {
+        self.context.counters = counters;
+        self
     }
 
     /// Rings when the route has work.
@@ -103,6 +115,7 @@ impl Relay {
             from_qos: self.source.qos,
             to_qos: self.sink.qos,
             counters: self.context.counters.snapshot(),
+            pattern: None,
         }
     }
 
@@ -130,6 +143,25 @@ impl Relay {
         let Self { spec, context, source, sink, backoff, .. } = self;
         let to = spec.topic_spec(&spec.to);
         sink.open_with(now, backoff, |middleware| middleware.open_publisher(&to, context));
+        if let Some(publisher) = &sink.open
+            && spec.lazy
+        {
+            let link = publisher.link();
+            if link.peers == Some(0) && !link.keeps_last {
+                let since = *self.unwanted_since.get_or_insert(now);
+                let open = source.open.is_some();
+                if open && now.saturating_duration_since(since) >= UNWANTED_FOR {
+                    tracing::debug!(route = %spec.name, "nobody listens: {} is closed", spec.from);
+                    (source.open, source.qos) = (None, None);
+                }
+                // Nobody has to be asked for what nobody wants.
+                if source.open.is_none() {
+                    source.at_rest();
+                }
+                return;
+            }
+            self.unwanted_since = None;
+        }
         if sink.open.is_some() {
             let from = spec.topic_spec(&spec.from);
             source.open_with(now, backoff, |middleware| middleware.open_listener(&from, context));
@@ -213,6 +245,9 @@ impl Relay {
         if let Some(trouble) = self.sink.trouble.as_ref().or(self.source.trouble.as_ref()) {
             return trouble.clone();
         }
+        if self.spec.lazy && self.source.open.is_none() && self.sink.open.is_some() {
+            return RouteState::Waiting(format!("a listener on {}", self.spec.to));
+        }
         let (Some(listener), Some(publisher)) = (&self.source.open, &self.sink.open) else {
             return self.state.clone();
         };
@@ -242,6 +277,13 @@ impl<T: ?Sized> End<T> {
             Err(unknown) => (None, Some(RouteState::Error(unknown.to_string()))),
         };
         Self { middleware, open: None, retry_at: None, trouble, qos: None }
+    }
+
+    /// Forgets what went wrong while it was tried, except what will never work.
+    fn at_rest(&mut self) {
+        if matches!(self.trouble, Some(RouteState::Waiting(_))) {
+            (self.trouble, self.retry_at) = (None, None);
+        }
     }
 
     /// Keeps what a review found, and logs it.

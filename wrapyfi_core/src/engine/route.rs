@@ -74,4 +74,22 @@ pub struct RouteStatus {
     pub to_qos: Option<Qos>,
     /// What went through and what did not.
     pub counters: CountersSnapshot,
+    /// Of a pattern: what has become of what it means.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pattern: Option<PatternCounts>,
+}
+
+/// What has become of the names that a pattern means.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+pub struct PatternCounts {
+    /// Routes there are.
+    pub routes: usize,
+    /// Names of which there is no route; each says why by itself.
+    pub waiting: usize,
+    /// Names beyond `max_routes`.
+    pub over_limit: usize,
+    /// Routes made since the start.
+    pub made: u64,
+    /// Routes that ended.
+    pub ended: u64,
 }

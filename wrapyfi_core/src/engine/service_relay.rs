@@ -18,8 +18,8 @@ use super::route::{RouteState, RouteStatus};
 use crate::Throttle;
 use crate::backoff::Backoff;
 use crate::endpoint::{
-    CallError, Client, Context, DropReason, Middleware, OpenError, Registry, RequestId, ServeError,
-    Server, Ticket, Wake,
+    CallError, Client, Context, Counters, DropReason, Middleware, OpenError, Registry, RequestId,
+    ServeError, Server, Ticket, Wake,
 };
 
 /// Requests and replies moved in one step.
@@ -102,6 +102,13 @@ impl ServiceRelay {
         }
     }
 
+    /// Counts where somebody else counted before.
+    #[must_use]
+    pub(super) fn counting(mut self, counters: Arc<Counters>) -> Self {
+        self.front.counters = counters;
+        self
+    }
+
     /// Rings when the route has work.
     #[must_use]
     pub fn wake(&self) -> &Wake {
@@ -120,6 +127,7 @@ impl ServiceRelay {
             from_qos: None,
             to_qos: None,
             counters: self.front.counters.snapshot(),
+            pattern: None,
         }
     }
 

@@ -52,6 +52,8 @@ struct Topic {
     /// Rung when the other side's number changes.
     watchers: Vec<Wake>,
     fault: Option<String>,
+    /// As whoever opened it last said.
+    type_name: Option<&'static str>,
 }
 
 impl Memory {
@@ -65,6 +67,15 @@ impl Memory {
     pub fn break_topic(&self, topic: &str, fault: Option<&str>) {
         lock(&self.bus).topics.entry(topic.to_owned()).or_default().fault =
             fault.map(str::to_owned);
+    }
+
+    /// A publisher that announces a type of any name and sends nothing, for as long as it is kept.
+    pub fn announce(&self, topic: &str, type_name: &'static str) -> impl Drop + use<> {
+        let mut bus = lock(&self.bus);
+        let entered = bus.topics.entry(topic.to_owned()).or_default();
+        entered.publishers += 1;
+        entered.type_name = Some(type_name);
+        MemoryPublisher { bus: Arc::clone(&self.bus), topic: topic.to_owned() }
     }
 
     /// Makes opening fail with `refusal`, or heals it.
@@ -87,6 +98,7 @@ impl Memory {
         self.refusal(&spec.topic)?;
         let mut bus = lock(&self.bus);
         let topic = bus.topics.entry(spec.topic.clone()).or_default();
+        topic.type_name = Some(spec.message_type.label());
         let entered = enter(topic);
         topic.watchers.push(context.wake.clone());
         topic.watchers.iter().for_each(Wake::ring);
@@ -160,18 +172,20 @@ impl Discovery for MemoryDiscovery {
         let found = bus.topics.iter().flat_map(|(name, topic)| {
             [(Role::Publisher, topic.publishers), (Role::Listener, topic.listeners.len())].map(
                 |(role, count)| Discovered {
-                    name: name.clone(),
-                    role,
-                    type_name: None,
-                    type_hash: None,
-                    qos: None,
-                    node: None,
                     count: count as u64,
-                    traffic: None,
+                    type_name: topic.type_name.map(str::to_owned),
+                    ..Discovered::new(name, role)
                 },
             )
         });
-        Ok(found.filter(|endpoint| endpoint.count > 0).collect())
+        let served = bus.services.iter().flat_map(|(name, service)| {
+            service.ends().map(|(role, count)| Discovered {
+                count: count as u64,
+                type_name: service.type_name().map(str::to_owned),
+                ..Discovered::new(name, role)
+            })
+        });
+        Ok(found.chain(served).filter(|endpoint| endpoint.count > 0).collect())
     }
 
     fn waiting_for(&self) -> Option<String> {

@@ -25,6 +25,7 @@ mod op;
 mod plan;
 mod rules;
 mod run;
+mod service_types;
 mod severity;
 mod sizes;
 mod standard;

@@ -250,7 +250,10 @@ impl Types {
     }
 
     /// A type of ROS 2 that is installed, or standard.
-    fn ros2_known(&mut self, name: &TypeName) -> Result<Option<ResolvedType>, ResolveError> {
+    pub(super) fn ros2_known(
+        &mut self,
+        name: &TypeName,
+    ) -> Result<Option<ResolvedType>, ResolveError> {
         match self.ros2.resolve(name) {
             Ok(found) => return Ok(Some(found)),
             Err(error) if is_missing(&error, name) => {}
@@ -260,7 +263,7 @@ impl Types {
         Ok(self.standard_ros2.resolve(name).ok())
     }
 
-    fn made_for_ros2(
+    pub(super) fn made_for_ros2(
         &mut self,
         ros1: &ResolvedType,
         name: &TypeName,

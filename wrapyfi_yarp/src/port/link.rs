@@ -111,6 +111,10 @@ impl Link {
         Self { stream, buffer: BytesMut::new(), carrier: Carrier::Text, options }
     }
 
+    pub(super) fn carrier(&self) -> Carrier {
+        self.carrier
+    }
+
     pub(super) fn local_address(&self) -> io::Result<SocketAddr> {
         self.stream.local_addr()
     }

@@ -42,118 +42,30 @@
 //! * udp and mcast connections only say where datagrams come: the module `datagrams` takes the
 //!   session apart and goes on.
 
+mod event;
+
 use std::io;
 use std::net::SocketAddr;
-use std::sync::Arc;
-use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 
-use super::Counters;
 use super::spare::Spare;
+use crate::Bottle;
 use crate::wire::admin;
 use crate::wire::header::{self, HeaderReader};
 use crate::wire::http::Request;
 use crate::wire::message::{Found, MessageReader};
 use crate::wire::text::{self, Lines, TextReader};
 use crate::wire::{Body, Carrier, Command, Fault, Incoming, Opening, Sender, Step, number};
-use crate::{Bottle, Dialect, Limits};
+
+pub use event::{Answer, Data, Event, SessionError, SessionOptions};
 
 /// Bytes read at a time where no length is known.
 const READ_BYTES: usize = 8 * 1024;
 /// Replies up to here are sent in one piece with their acknowledgement.
 const COPY_BYTES: usize = 4 * 1024;
-
-/// What sessions have in common.
-#[derive(Debug, Clone)]
-pub struct SessionOptions {
-    /// Encoding of bottles.
-    pub dialect: Dialect,
-    /// What is refused.
-    pub limits: Limits,
-    /// Time until a header must be complete.
-    pub handshake_timeout: Duration,
-    /// Number told in the answer to a binary header: the port that listens. Peers ignore it.
-    pub own_port: u16,
-    /// Where faults are counted.
-    pub counters: Arc<Counters>,
-}
-
-impl Default for SessionOptions {
-    fn default() -> Self {
-        Self {
-            dialect: Dialect::default(),
-            limits: Limits::default(),
-            handshake_timeout: Duration::from_secs(5),
-            own_port: 0,
-            counters: Arc::default(),
-        }
-    }
-}
-
-/// Why a session ended, other than by goodbye.
-#[derive(Debug, thiserror::Error)]
-pub enum SessionError {
-    /// The peer closed before it sent a whole header: somebody looked whether we live.
-    #[error("the peer closed without a header")]
-    Silent,
-    /// The peer broke a rule; the connection cannot go on.
-    #[error(transparent)]
-    Fault(#[from] Fault),
-    /// The socket failed.
-    #[error("the connection failed: {0}")]
-    Io(#[from] io::Error),
-    /// A reply cannot be written in the dialect.
-    #[error("the reply cannot be written: {0}")]
-    Encode(#[from] crate::bottle::EncodeError),
-}
-
-/// Data that a peer sent.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Data {
-    /// The payload.
-    pub body: Body,
-    /// The last envelope that came on this connection.
-    pub envelope: Option<Bytes>,
-    /// Whether an answer is welcome.
-    pub reply: bool,
-}
-
-/// What a peer wants.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Event {
-    /// Data for the port's owner.
-    Data(Data),
-    /// An administrative request; answer with a bottle.
-    Admin(Bottle),
-    /// [`Command::Connect`], [`Command::RemoveOutput`], [`Command::RemoveInput`],
-    /// [`Command::Describe`] or [`Command::Reverse`]. Answers are lines, seen on text carriers only.
-    Command(Command),
-    /// A request to a name server, without `NAME_SERVER`; answer with lines.
-    Line(Bytes),
-    /// A request over HTTP; answer with the raw bytes, then the connection closes.
-    Http(Request),
-}
-
-/// What to say to an [`Event`].
-#[derive(Debug, Clone, PartialEq)]
-pub enum Answer {
-    /// The acknowledgement alone.
-    Nothing,
-    /// A bottle: bare bytes on binary carriers, a line on text ones.
-    Bottle(Bottle),
-    /// A serialised object on binary carriers; on text ones the bottle that it reads as.
-    Object(Bytes),
-    /// Text as it is, with its own line ends, on every carrier: how a name server answers requests
-    /// in its old style, even over tcp.
-    Lines(String),
-    /// Bytes as they are.
-    Raw(Bytes),
-    /// The answer inside, after which the connection is closed: YARP's `replyAndDrop`.
-    Last(Box<Answer>),
-}
 
 #[derive(Debug)]
 enum Reader {

@@ -69,6 +69,18 @@ pub(super) async fn run(mut way: Way, outbox: &Outbox) -> Result<(), LinkError> 
 async fn send(way: &mut Way, message: &Arc<Message>) -> Result<(), LinkError> {
     let Message { payload, envelope } = &**message;
     let command = Command::Data { reply: false, envelope: envelope.clone() };
+    if payload.kind == PayloadKind::Raw {
+        let carrier = match way {
+            Way::Mjpeg(_) => None,
+            Way::Stream(link) | Way::Reversed(link) => Some(link.carrier()),
+            Way::Datagrams { .. } => Some(Carrier::Udp),
+        };
+        if let Some(carrier) = carrier {
+            // YARP's readers lose the thread for good behind bytes that are no object.
+            let reason = "a file is read over mjpeg only: connect with carrier mjpeg".to_owned();
+            return Err(LinkError::Unsendable { carrier, reason });
+        }
+    }
     match way {
         Way::Stream(link) => {
             link.write(&command, &payload.bytes).await?;

@@ -39,10 +39,11 @@ pub(crate) fn definitions(folders: &[PathBuf]) -> Result<TypeStore, Failure> {
     Ok(store)
 }
 
-/// The definition of `name`, in the places of [`definitions`].
+/// The definition of `name`, in the places of [`definitions`] or as [`add_standard`] has it.
 pub(super) fn resolve(name: &str, folders: &[PathBuf]) -> Result<ResolvedType, Failure> {
     let mut store = definitions(folders)
         .map_err(|failure| Failure::Usage(format!("--definitions {failure}")))?;
+    add_standard(name, folders, &mut store);
     store.resolve_name(name).map_err(|error| undefined(&error))
 }
 
@@ -52,23 +53,22 @@ fn undefined(error: &ResolveError) -> Failure {
 
 /// The type `name` as one that every middleware carries.
 pub(super) fn message_type(name: &str, folders: &[PathBuf]) -> Result<MessageType, Failure> {
-    let mut store = definitions(folders)
-        .map_err(|failure| Failure::Usage(format!("--definitions {failure}")))?;
-    add_standard(name, folders, &mut store);
-    let resolved = store.resolve_name(name).map_err(|error| undefined(&error))?;
+    let resolved = resolve(name, folders)?;
     RosType::new(&resolved).map(MessageType::Ros).map_err(Failure::usage)
 }
 
 /// Adds the message `name` to a store that does not find it. Where no ROS 2 is installed, most of its
-/// types are at hand as those of ROS 1.
+/// types are at hand as those of ROS 1, built in or below `ROS_PACKAGE_PATH`.
 pub(crate) fn add_standard(name: &str, folders: &[PathBuf], store: &mut TypeStore) {
     if store.resolve_name(name).is_ok() {
         return;
     }
     let Ok(parsed) = TypeName::parse(Dialect::Ros2, name) else { return };
     let Ok(theirs) = definitions(folders) else { return };
+    let mut types = Types::new(Rules::built_in(), theirs);
+    types.add_ros1_path(&std::env::var_os("ROS_PACKAGE_PATH").unwrap_or_default());
     // What is wrong with it is said by the store, when it is asked.
-    if let Ok(found) = Types::new(Rules::built_in(), theirs).ros2_type_named(&parsed) {
+    if let Ok(found) = types.ros2_type_named(&parsed) {
         store.add_resolved(&found);
     }
 }
@@ -158,6 +158,7 @@ mod tests {
             node: Some("/base".into()),
             count: 1,
             traffic: None,
+            mark: None,
         }
     }
 

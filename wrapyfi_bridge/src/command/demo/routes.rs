@@ -66,7 +66,7 @@ pub(super) fn plan() -> anyhow::Result<Plan> {
     let routes = TOPICS.iter().map(route).collect::<anyhow::Result<_>>()?;
     let light = ServiceRouteSpec::new(LIGHT_PORT.parse()?, ros2(LIGHT_SERVICE)?, light()?);
     let services = vec![ServiceRouteSpec { name: LIGHT.to_owned(), ..light }];
-    Ok(Plan { routes, services })
+    Ok(Plan { routes, services, ..Plan::default() })
 }
 
 #[cfg(test)]

@@ -12,7 +12,7 @@ use super::{Bus, lock};
 use crate::endpoint::book::Book;
 use crate::endpoint::calls::{Stage, ends};
 use crate::endpoint::{
-    CallError, Client, Context, DropReason, IncomingRequest, Link, Reply, Request, RequestId,
+    CallError, Client, Context, DropReason, IncomingRequest, Link, Reply, Request, RequestId, Role,
     ServeError, Server, ServiceSpec, Ticket, Wake,
 };
 use crate::types::Payload;
@@ -25,9 +25,19 @@ pub(super) struct Service {
     servers: VecDeque<Arc<ServerEnd>>,
     /// Rung when either side's number changes.
     watchers: Vec<Wake>,
+    type_name: Option<&'static str>,
 }
 
 impl Service {
+    /// Roles, and how many are in each.
+    pub(super) fn ends(&self) -> [(Role, usize); 2] {
+        [(Role::Client, self.clients), (Role::Server, self.servers.len())]
+    }
+
+    pub(super) fn type_name(&self) -> Option<&'static str> {
+        self.type_name
+    }
+
     fn ring(&self) {
         self.watchers.iter().for_each(Wake::ring);
     }
@@ -218,6 +228,7 @@ impl MemoryServer {
         let mut locked = lock(bus);
         let service = locked.services.entry(spec.service.clone()).or_default();
         service.servers.push_back(Arc::clone(&end));
+        service.type_name = Some(spec.kind.ros_type());
         service.watchers.push(context.wake.clone());
         service.ring();
         let bus = Arc::clone(bus);

@@ -16,9 +16,11 @@ use wrapyfi_interfaces::ros1::{Rules, Types};
 
 use super::config::NodeUri;
 use super::intake::Intake;
+use super::marks::Marked;
 use super::master::Master;
 use super::names::NodeName;
 use super::parameters::Watched;
+use super::probe::Probes;
 use super::publication::Publication;
 use super::registrations::{Key, Kind, Registrations};
 use super::service_host::ServiceHost;
@@ -40,6 +42,8 @@ pub(super) struct Core {
     next: AtomicU64,
     state: Mutex<State>,
     types: OnceLock<Mutex<Types>>,
+    /// What other nodes were asked about their types.
+    pub(super) probes: Probes,
 }
 
 #[derive(Default)]
@@ -84,6 +88,7 @@ impl Core {
             next: AtomicU64::new(0),
             state: Mutex::default(),
             types: OnceLock::new(),
+            probes: Probes::default(),
         })
     }
 
@@ -286,6 +291,19 @@ impl Core {
         let mut state = self.state();
         state.services.remove(service);
         self.unwant(&mut state, Kind::Service, service);
+    }
+
+    /// Tells other bridges that a topic or service of this node was made by pattern.
+    pub(super) fn mark(&self, marked: &Marked) {
+        let key = Key::new(Kind::Mark, &marked.parameter());
+        let mut state = self.state();
+        state.registrations.want(key, &marked.to_string());
+        self.work.notify_one();
+    }
+
+    pub(super) fn unmark(&self, marked: &Marked) {
+        let mut state = self.state();
+        self.unwant(&mut state, Kind::Mark, &marked.parameter());
     }
 
     /// Enters a watch on a parameter.

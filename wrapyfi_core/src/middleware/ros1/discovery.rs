@@ -1,13 +1,15 @@
 //! What other ROS 1 nodes publish, subscribe to and offer, as the master tells.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::time::Duration;
 
 use tokio::task::AbortHandle;
 
 use super::core::Core;
+use super::marks::{self, Marks};
 use super::master::{MasterError, Owners, SystemState};
+use super::probe;
 use crate::endpoint::{DiscoverError, Discovered, Discovery, Role};
 
 /// Time between two looks: the master tells nobody by itself.
@@ -51,11 +53,23 @@ async fn watch(core: Weak<Core>, seen: Arc<Mutex<Seen>>) {
 async fn look(core: &Core) -> Result<Vec<Discovered>, MasterError> {
     let types: BTreeMap<String, String> = core.master.topic_types().await?.into_iter().collect();
     let state = core.master.system_state().await?;
-    Ok(endpoints(state, &types, core.name.full()))
+    let marks = marks::read(core.master.get_param(marks::NAMESPACE).await?.as_ref());
+    let found = endpoints(state, &types, &marks, core.name.full());
+    let there: BTreeSet<(Role, &str, &str)> = found
+        .iter()
+        .filter_map(|one| Some((one.role, one.name.as_str(), one.node.as_deref()?)))
+        .collect();
+    probe::keep_only(core, |role, name, node| there.contains(&(role, name, node)));
+    Ok(found)
 }
 
 /// Everything that is not of the node `own`.
-fn endpoints(state: SystemState, types: &BTreeMap<String, String>, own: &str) -> Vec<Discovered> {
+fn endpoints(
+    state: SystemState,
+    types: &BTreeMap<String, String>,
+    marks: &Marks,
+    own: &str,
+) -> Vec<Discovered> {
     let SystemState { publishers, subscribers, services } = state;
     let mut all = Vec::new();
     let mut add = |owners: Owners, role: Role| {
@@ -64,14 +78,10 @@ fn endpoints(state: SystemState, types: &BTreeMap<String, String>, own: &str) ->
             let type_name = if role == Role::Server { None } else { known };
             for node in nodes.into_iter().filter(|node| node != own) {
                 all.push(Discovered {
-                    name: name.clone(),
-                    role,
                     type_name: type_name.cloned(),
-                    type_hash: None,
-                    qos: None,
+                    mark: marks.get(&(role, name.clone(), node.clone())).cloned(),
                     node: Some(node),
-                    count: 1,
-                    traffic: None,
+                    ..Discovered::new(&name, role)
                 });
             }
         }
@@ -115,7 +125,7 @@ mod tests {
         };
         let types =
             [("/b", "std_msgs/String"), ("/a", "*")].map(|(a, b)| (a.to_owned(), b.to_owned()));
-        let found = endpoints(state, &types.into(), "/own");
+        let found = endpoints(state, &types.into(), &Marks::new(), "/own");
         let short = found.iter().map(|one| {
             let node = one.node.as_deref().unwrap_or_default();
             (one.name.as_str(), one.role, one.type_name.as_deref(), node)

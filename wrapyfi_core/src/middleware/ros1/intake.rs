@@ -26,15 +26,17 @@ use super::config::NodeUri;
 use super::core::Core;
 use super::form;
 use super::header::Header;
-use super::http;
+use super::request::{request_topic, shortened};
 use super::slave_info::BusLink;
 use super::splitter::{Piece, Splitter};
 use super::tcpros;
-use super::xmlrpc::{Reply, SUCCESS, Value, text};
 use crate::backoff::Backoff;
 use crate::codec::ros1::Ros1Type;
-use crate::endpoint::{Counters, DropReason, Keeping, Overflow, Sender, Wake};
+use crate::endpoint::{BridgeMark, Counters, DropReason, Keeping, Overflow, Sender, Wake};
 use crate::types::MessageType;
+
+/// Field of a connection header: the mark of a bridge that publishes a topic by pattern.
+pub(super) const MARK: &str = "wrapyfi_bridge";
 
 /// Most publishers of one topic.
 const MAX_PUBLISHERS: usize = 256;
@@ -61,6 +63,8 @@ pub(super) struct Wanted {
     pub(super) message_type: MessageType,
     /// Largest message in bytes.
     pub(super) limit: usize,
+    /// Publishers whose mark names this middleware are passed over.
+    pub(super) shun: Option<String>,
 }
 
 pub(super) struct Intake {
@@ -342,7 +346,12 @@ impl Connection {
                     backoff.reset();
                     self.receive(stream).await
                 }
-                Err(reason) => reason,
+                Err(Closed::Shunned) => {
+                    // It may be another publication when the master names it again.
+                    self.again.notified().await;
+                    continue;
+                }
+                Err(Closed::Fault(reason)) => reason,
             };
             if !self.intake.note(&self.uri, Err(reason)) {
                 return;
@@ -353,9 +362,9 @@ impl Connection {
     }
 
     /// A connection on which messages follow, or why there is none.
-    async fn open(&mut self) -> Result<TcpStream, String> {
-        let core = self.core.upgrade().ok_or("the node has ended")?;
-        let (host, port) = way(&core, &self.uri, &self.intake.topic).await?;
+    async fn open(&mut self) -> Result<TcpStream, Closed> {
+        let core = self.core.upgrade().ok_or_else(|| "the node has ended".to_owned())?;
+        let (host, port) = request_topic(&core, &self.uri, &self.intake.topic).await?;
         let wire_type = &self.intake.wanted.wire_type;
         let own = Header::new()
             .with("callerid", core.name.full())
@@ -367,22 +376,30 @@ impl Connection {
         let mut stream = tcpros::connect(&host, port).await?;
         let header = tcpros::greet(&mut stream, &own).await.map_err(|error| error.to_string())?;
         if let Some(error) = header.get("error") {
-            return Err(format!(
+            return Err(Closed::Fault(format!(
                 "it refuses: {}; wanted is {} [{}]: have both use the same definition",
                 shortened(error),
                 wire_type.name,
                 wire_type.md5
-            ));
+            )));
+        }
+        let came_through = |shunned: &String| {
+            let mark = header.get(MARK).and_then(|mark| mark.parse::<BridgeMark>().ok());
+            mark.is_some_and(|mark| mark.came_through(shunned))
+        };
+        if self.intake.wanted.shun.as_ref().is_some_and(came_through) {
+            tracing::debug!(topic = self.intake.topic, uri = %self.uri, "ROS 1: a bridge's, passed over");
+            return Err(Closed::Shunned);
         }
         let (name, md5) = (header.get("type").unwrap_or("*"), header.get("md5sum").unwrap_or("*"));
         if !wire_type.fits(md5) {
-            return Err(format!(
+            return Err(Closed::Fault(format!(
                 "it sends {} [{}], wanted is {} [{}]: have both use the same definition",
                 shortened(name),
                 shortened(md5),
                 wire_type.name,
                 wire_type.md5
-            ));
+            )));
         }
         self.plan = form::shown(&core, &header, self.intake.wanted.message_type)
             .map_err(|error| shortened(&error))?;
@@ -465,33 +482,15 @@ impl Connection {
     }
 }
 
-/// Where the publisher sends the topic.
-pub(super) async fn way(core: &Core, uri: &NodeUri, topic: &str) -> Result<(String, u16), String> {
-    let protocols = Value::Array(vec![Value::Array(vec![text("TCPROS")])]);
-    let params = vec![text(core.name.full()), text(topic), protocols];
-    let reply = http::call(uri, "requestTopic", params).await;
-    let Reply { status, text: words, value } = reply.map_err(|error| error.to_string())?;
-    if status != SUCCESS {
-        return Err(format!("it does not send the topic: {}", shortened(&words)));
-    }
-    match &value {
-        Value::Array(parts) => match parts.as_slice() {
-            [Value::String(_), Value::String(host), Value::Integer(port), ..] => {
-                let port = u16::try_from(*port).map_err(|_e| format!("port {port} is none"))?;
-                Ok((host.clone(), port))
-            }
-            [] => Err("it does not speak TCPROS".to_owned()),
-            _ => Err("it names no way to the topic".to_owned()),
-        },
-        _ => Err("it names no way to the topic".to_owned()),
-    }
+/// Why there is no connection.
+enum Closed {
+    /// The publisher is a bridge's, which takes it from where this listener's messages go.
+    Shunned,
+    Fault(String),
 }
 
-/// Foreign words for a log line.
-pub(super) fn shortened(text: &str) -> String {
-    const SHOWN: usize = 400;
-    match text.char_indices().nth(SHOWN) {
-        None => text.to_owned(),
-        Some((end, _)) => format!("{}…", text.get(..end).unwrap_or_default()),
+impl From<String> for Closed {
+    fn from(reason: String) -> Self {
+        Self::Fault(reason)
     }
 }

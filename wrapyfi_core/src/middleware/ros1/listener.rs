@@ -40,7 +40,8 @@ impl Ros1Listener {
             inbox(spec.queue, Arc::clone(&context.counters), context.wake.clone());
         let (limit, wake) = (spec.limits.message_bytes, context.wake.clone());
         let type_name = wire_type.name.clone();
-        let wanted = Wanted { wire_type, message_type: spec.message_type, limit };
+        let shun = spec.shun.clone();
+        let wanted = Wanted { wire_type, message_type: spec.message_type, limit, shun };
         let intake = Intake::new(core, topic, wanted, sender, wake);
         core.listen(topic, &type_name, &intake);
         Self {

@@ -196,6 +196,12 @@ impl Master {
         all.ok_or_else(|| odd(method, &value))
     }
 
+    /// The value of a parameter, or of all below a name; `None` where there is none.
+    pub(super) async fn get_param(&self, key: &str) -> Result<Option<Value>, MasterError> {
+        let Reply { status, value, .. } = self.raw("getParam", [text(key)]).await?;
+        Ok((status == SUCCESS).then_some(value))
+    }
+
     pub(super) async fn set_param(&self, key: &str, value: Value) -> Result<(), MasterError> {
         self.ask("setParam", [text(key), value]).await.map(drop)
     }

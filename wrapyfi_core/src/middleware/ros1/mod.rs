@@ -21,12 +21,13 @@
 //! | `http`, `master`, `slave`, `slave_info` | XML-RPC: calls, the master's API, ours |
 //! | `core`, `registrations`, `registrar` | the node; what the master should know, and that it does |
 //! | `tcpros` | connections: opened, accepted, refused |
-//! | `intake`, `listener` | a topic received |
+//! | `request`, `intake`, `listener` | a topic received |
 //! | `publication`, `kept`, `outlet` | a topic sent, what is kept of it, one subscriber |
 //! | `services`, `service_host`, `server`, `client` | services |
 //! | `parameters` | properties |
-//! | `form`, `shown` | messages of any type as payloads; types that nobody here has |
-//! | `discovery` | what other nodes have |
+//! | `form` | messages of any type as payloads |
+//! | `discovery`, `marks` | what other nodes have, and which of it bridges made |
+//! | `learn`, `probe`, `shown` | the types of it; types that nobody here has |
 
 mod client;
 mod config;
@@ -37,14 +38,18 @@ pub mod header;
 mod http;
 mod intake;
 mod kept;
+mod learn;
 mod listener;
+mod marks;
 mod master;
 mod names;
 mod outlet;
 mod parameters;
+mod probe;
 mod publication;
 mod registrar;
 mod registrations;
+mod request;
 mod server;
 mod service_host;
 mod services;
@@ -63,18 +68,20 @@ use tokio::net::TcpListener;
 use tokio::runtime::{Builder, Runtime};
 use tokio::time::timeout;
 use wrapyfi_interfaces::ros1::Rules;
+use wrapyfi_interfaces::store::TypeStore;
 
 pub use config::{ConfigError, Ros1Config};
-pub use shown::LearnError;
 pub use master::MasterError;
 pub use names::{NameError, NodeName, check_name};
+pub use shown::AskTypeError;
 
 use self::config::{NodeUri, Resolved};
 use self::core::Core;
 use crate::endpoint::{
-    Client, Context, DiscoverError, Discovery, Listener, Middleware, OpenError, Publisher, Server,
-    ServiceSpec, TopicSpec,
+    Client, Context, DiscoverError, Discovered, Discovery, LearnError, Learned, Listener,
+    Middleware, OpenError, Publisher, Server, ServiceSpec, TopicSpec, Traits,
 };
+use crate::types::ServiceKind;
 
 /// Name of this middleware in addresses.
 pub const NAME: &str = "ros";
@@ -221,6 +228,30 @@ impl Middleware for Ros1 {
 
     fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
         Ok(Box::new(discovery::Ros1Discovery::new(&self.core)))
+    }
+
+    fn traits(&self) -> Traits {
+        Traits { any_ros_type: true, tells_own: true, shows_marks: true }
+    }
+
+    fn learn_topic(
+        &self,
+        found: &Discovered,
+        types: &mut TypeStore,
+    ) -> Result<Learned, LearnError> {
+        learn::topic(&self.core, found, types)
+    }
+
+    fn learn_service(
+        &self,
+        found: &Discovered,
+        types: &mut TypeStore,
+    ) -> Result<ServiceKind, LearnError> {
+        learn::service(&self.core, found, types)
+    }
+
+    fn keeps_last(&self, found: &Discovered) -> Option<bool> {
+        learn::latches(&self.core, found)
     }
 }
 

@@ -16,14 +16,16 @@ use wrapyfi_interfaces::ros1::Plan;
 use super::core::Core;
 use super::form;
 use super::header::Header;
+use super::intake::MARK;
 use super::kept::Kept;
+use super::marks::Marked;
 use super::outlet::{Frame, Outlet};
 use super::slave_info::BusLink;
 use super::tcpros::Accepted;
 use crate::codec::ros1::Ros1Type;
 use crate::endpoint::{
-    Context, Counters, Durability, History, Keeping, Link, Origin, PublishError, Publisher,
-    TopicSpec, Wake,
+    BridgeMark, Context, Counters, Durability, History, Keeping, Link, Origin, PublishError,
+    Publisher, Role, TopicSpec, Wake,
 };
 use crate::types::{Encoding, Image, MessageType, Payload, Pixels};
 use crate::{EncodeError, Limits, codec};
@@ -34,6 +36,8 @@ const KEEP_ALL: usize = 1000;
 pub(super) struct Publication {
     topic: String,
     wire_type: Ros1Type,
+    /// That a bridge made it by pattern.
+    mark: Option<BridgeMark>,
     state: Mutex<State>,
 }
 
@@ -54,8 +58,8 @@ struct Entry {
 }
 
 impl Publication {
-    pub(super) fn new(topic: &str, wire_type: Ros1Type) -> Self {
-        Self { topic: topic.to_owned(), wire_type, state: Mutex::default() }
+    pub(super) fn new(topic: &str, wire_type: Ros1Type, mark: Option<BridgeMark>) -> Self {
+        Self { topic: topic.to_owned(), wire_type, mark, state: Mutex::default() }
     }
 
     pub(super) fn topic(&self) -> &str {
@@ -135,6 +139,10 @@ impl Publication {
             .with("md5sum", &self.wire_type.md5)
             .with("message_definition", &self.wire_type.definition)
             .with("latching", if latches { "1" } else { "0" });
+        let own = match &self.mark {
+            Some(mark) => own.with(MARK, &mark.to_string()),
+            None => own,
+        };
         let Ok(own) = own.encode() else { return };
         if stream.write_all(&own).await.is_err() {
             return;
@@ -187,6 +195,7 @@ pub(super) struct Ros1Publisher {
     latches: bool,
     /// All that its source publishes is kept there.
     source_latches: bool,
+    marked: Option<Marked>,
 }
 
 impl Ros1Publisher {
@@ -214,13 +223,22 @@ impl Ros1Publisher {
         let publication = core.advertise(
             topic,
             &md5,
-            || Publication::new(topic, wire_type),
+            || Publication::new(topic, wire_type, spec.mark.clone()),
             |publication| {
                 publication.state().publishers.insert(id, entry);
             },
         );
+        let marked = spec.mark.clone().map(|mark| Marked {
+            role: Role::Publisher,
+            name: topic.to_owned(),
+            node: core.name.full().to_owned(),
+            mark,
+        });
+        if let Some(marked) = &marked {
+            core.mark(marked);
+        }
         let (core, spec, sequence) = (Arc::clone(core), spec.clone(), 0);
-        Self { id, core, publication, spec, plan, sequence, latches, source_latches: false }
+        Self { id, core, publication, spec, plan, sequence, latches, source_latches: false, marked }
     }
 
     fn encode(&mut self, payload: &Payload) -> Result<Frame, EncodeError> {
@@ -329,6 +347,9 @@ impl Publisher for Ros1Publisher {
 impl Drop for Ros1Publisher {
     fn drop(&mut self) {
         self.publication.state().publishers.remove(&self.id);
+        if let Some(marked) = &self.marked {
+            self.core.unmark(marked);
+        }
         self.core.unadvertise(&self.publication.topic, &self.publication);
     }
 }

@@ -14,6 +14,7 @@ use tokio::time::timeout;
 use super::core::Core;
 use super::master::MasterError;
 use super::registrations::{Kind, Step};
+use super::xmlrpc::text;
 use crate::backoff::Backoff;
 
 /// How often the master is looked at.
@@ -89,6 +90,7 @@ async fn take(core: &Arc<Core>, step: &Step) -> Result<(), MasterError> {
                 Ok(())
             }
             Kind::Service => master.register_service(&key.name, &address()).await,
+            Kind::Mark => master.set_param(&key.name, text(type_name)).await,
             Kind::Parameter => {
                 let asked = Instant::now();
                 // An empty struct where there is no such parameter.
@@ -102,6 +104,7 @@ async fn take(core: &Arc<Core>, step: &Step) -> Result<(), MasterError> {
             Kind::Subscriber => master.unregister_subscriber(&key.name).await,
             Kind::Service => master.unregister_service(&key.name, &address()).await,
             Kind::Parameter => master.unsubscribe_param(&key.name).await,
+            Kind::Mark => master.delete_param(&key.name).await,
         },
     }
 }

@@ -16,6 +16,8 @@ pub(super) enum Kind {
     Subscriber,
     Service,
     Parameter,
+    /// A parameter of ours: the mark of something that a bridge made by pattern.
+    Mark,
 }
 
 /// One registration: the master knows no two of them by the same name from one node.
@@ -34,7 +36,7 @@ impl Key {
 /// A step.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Step {
-    /// Tell the master, with the type of the topic.
+    /// Tell the master, with the type of the topic, or the text of a mark.
     Enter(Key, String),
     /// Tell the master that it is gone.
     Remove(Key),
@@ -90,7 +92,7 @@ impl Registrations {
 
     /// True where the master should know this node.
     pub(super) fn expected(&self) -> bool {
-        self.entered.iter().any(|key| key.kind != Kind::Parameter)
+        self.entered.iter().any(|key| !matches!(key.kind, Kind::Parameter | Kind::Mark))
     }
 }
 

@@ -9,11 +9,12 @@ use tokio::sync::oneshot;
 
 use super::NAME;
 use super::core::Core;
+use super::marks::Marked;
 use super::service_host::{Answer, Asked, ServiceHost};
 use super::services::ServiceForm;
 use crate::endpoint::calls::ends;
 use crate::endpoint::{
-    Context, DropReason, IncomingRequest, Link, OpenError, RequestId, ServeError, Server,
+    Context, DropReason, IncomingRequest, Link, OpenError, RequestId, Role, ServeError, Server,
     ServiceSpec,
 };
 use crate::types::Payload;
@@ -29,6 +30,7 @@ struct Open {
 pub(super) struct Ros1Server {
     core: Arc<Core>,
     service: String,
+    marked: Option<Marked>,
     form: ServiceForm,
     host: Arc<ServiceHost>,
     open: BTreeMap<RequestId, Open>,
@@ -51,9 +53,19 @@ impl Ros1Server {
                 reason: format!("this node offers {service} already; a name has one server"),
             });
         }
+        let marked = spec.mark.clone().map(|mark| Marked {
+            role: Role::Server,
+            name: service.to_owned(),
+            node: core.name.full().to_owned(),
+            mark,
+        });
+        if let Some(marked) = &marked {
+            core.mark(marked);
+        }
         Ok(Self {
             core: Arc::clone(core),
             service: service.to_owned(),
+            marked,
             form,
             host,
             open: BTreeMap::new(),
@@ -166,6 +178,9 @@ impl Server for Ros1Server {
 
 impl Drop for Ros1Server {
     fn drop(&mut self) {
+        if let Some(marked) = &self.marked {
+            self.core.unmark(marked);
+        }
         for open in std::mem::take(&mut self.open).into_values() {
             let text = format!("{:?} ended before it answered", self.form.spec.service);
             _ = open.answer.send(Err(text));

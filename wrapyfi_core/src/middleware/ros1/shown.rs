@@ -6,6 +6,8 @@
 //!
 //! The connection ends with the header: nothing is registered and no message is received.
 
+use std::sync::Arc;
+use std::sync::mpsc::channel;
 use std::time::{Duration, Instant};
 
 use tokio::time::{sleep, timeout};
@@ -16,7 +18,8 @@ use wrapyfi_interfaces::store::ResolvedType;
 use super::config::NodeUri;
 use super::core::Core;
 use super::header::Header;
-use super::{Ros1, form, intake, tcpros};
+use super::request::{request_topic, shortened};
+use super::{Ros1, form, tcpros};
 
 /// Pause between two looks at the master.
 const LOOK: Duration = Duration::from_millis(100);
@@ -26,7 +29,7 @@ const EACH: Duration = Duration::from_secs(2);
 /// Why a type was not learned.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
-pub enum LearnError {
+pub enum AskTypeError {
     /// The name of the topic breaks the rules.
     #[error("{topic:?} is no name of a ROS 1 topic: {reason}")]
     Topic {
@@ -51,11 +54,14 @@ pub enum LearnError {
         /// What was found last.
         reason: String,
     },
+    /// The node ended meanwhile.
+    #[error("the ROS 1 node has ended")]
+    Ended,
 }
 
 impl Ros1 {
     /// The ROS 2 type `name`, made from what a publisher of `topic` shows. Asks again and again for as
-    /// long as `patience`; blocks the caller.
+    /// long as `patience`, once at least; blocks the caller.
     ///
     /// # Errors
     /// When nobody shows it in time.
@@ -64,26 +70,40 @@ impl Ros1 {
         topic: &str,
         name: &TypeName,
         patience: Duration,
-    ) -> Result<ResolvedType, LearnError> {
-        let topic = self
-            .core
-            .name
-            .resolve(topic)
-            .map_err(|error| LearnError::Topic { topic: topic.to_owned(), reason: error.reason })?;
-        let deadline = Instant::now() + patience;
-        self.core.handle.block_on(async {
-            loop {
-                let reason = match shown(&self.core, &topic, name).await {
-                    Ok(found) => return Ok(found),
-                    Err(reason) => reason,
-                };
-                if Instant::now() >= deadline {
-                    let name = name.to_string();
-                    return Err(LearnError::NotShown { topic, name, patience, reason });
-                }
-                sleep(LOOK).await;
-            }
-        })
+    ) -> Result<ResolvedType, AskTypeError> {
+        let topic = self.core.name.resolve(topic).map_err(|error| AskTypeError::Topic {
+            topic: topic.to_owned(),
+            reason: error.reason,
+        })?;
+        let (core, name) = (Arc::clone(&self.core), name.clone());
+        let (tell, told) = channel();
+        // A task, and a channel of threads: the caller may itself be a task of some runtime.
+        self.core.handle.spawn(async move {
+            // The caller waits.
+            _ = tell.send(ask(&core, topic, name, patience).await);
+        });
+        told.recv().unwrap_or(Err(AskTypeError::Ended))
+    }
+}
+
+/// Asks again and again.
+async fn ask(
+    core: &Core,
+    topic: String,
+    name: TypeName,
+    patience: Duration,
+) -> Result<ResolvedType, AskTypeError> {
+    let begin = Instant::now();
+    loop {
+        let reason = match shown(core, &topic, &name).await {
+            Ok(found) => return Ok(found),
+            Err(reason) => reason,
+        };
+        if begin.elapsed() >= patience {
+            let name = name.to_string();
+            return Err(AskTypeError::NotShown { topic, name, patience, reason });
+        }
+        sleep(LOOK).await;
     }
 }
 
@@ -115,7 +135,7 @@ async fn shown(core: &Core, topic: &str, name: &TypeName) -> Result<ResolvedType
 
 /// What a publisher says of its topic.
 async fn header(core: &Core, uri: &NodeUri, topic: &str) -> Result<Header, String> {
-    let (host, port) = intake::way(core, uri, topic).await?;
+    let (host, port) = request_topic(core, uri, topic).await?;
     let mut stream = tcpros::connect(&host, port).await?;
     let own = Header::new()
         .with("callerid", core.name.full())
@@ -124,7 +144,7 @@ async fn header(core: &Core, uri: &NodeUri, topic: &str) -> Result<Header, Strin
         .with("md5sum", form::ANY);
     let header = tcpros::greet(&mut stream, &own).await.map_err(|error| error.to_string())?;
     match header.get("error") {
-        Some(error) => Err(intake::shortened(error)),
+        Some(error) => Err(shortened(error)),
         None => Ok(header),
     }
 }
@@ -133,7 +153,7 @@ async fn header(core: &Core, uri: &NodeUri, topic: &str) -> Result<Header, Strin
 fn read(types: &mut Types, header: &Header, name: &TypeName) -> Result<ResolvedType, String> {
     let get = |field| header.get(field).unwrap_or_default();
     let shown = types.show(get("type"), get("md5sum"), get("message_definition"));
-    let definition = shown.map_err(|error| intake::shortened(&error.to_string()))?;
+    let definition = shown.map_err(|error| shortened(&error.to_string()))?;
     let rules = types.rules();
     let belongs = rules.ros2_names(definition.name()).contains(name)
         || rules.ros1_names(name).contains(definition.name());
@@ -143,5 +163,5 @@ fn read(types: &mut Types, header: &Header, name: &TypeName) -> Result<ResolvedT
             definition.ros1_name()
         ));
     }
-    types.ros2_type_named(name).map_err(|error| intake::shortened(&error.to_string()))
+    types.ros2_type_named(name).map_err(|error| shortened(&error.to_string()))
 }

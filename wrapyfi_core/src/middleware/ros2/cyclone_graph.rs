@@ -13,19 +13,19 @@ use super::config::CycloneConfig;
 use super::cyclone::{self, EndpointQos, Entity, Events, RawReader, RawWriter, ReturnCode};
 use super::cyclone_endpoints::{CycloneReader, CycloneWriter, Listed, stack};
 use super::cyclone_service::{CycloneClient, CycloneServer, Ends};
-use super::dds_terms::{ENCLAVE, discovered, end_user_data, to_dds, user_data};
+use super::dds_terms::{ENCLAVE, discovered, end_user_data, marked, to_dds, user_data};
 use super::discovery_info::{DiscoveryInfo, EndpointKind, Gid};
 use super::domain::{DomainError, DomainLease};
 use super::graph::{
     CdrClient, CdrReader, CdrServer, CdrWriter, DiscoveredEndpoint, Graph, GraphError, NodeWatch,
-    Notify, PeerWatch, Replay, ServiceDescription, ServiceMapping, TopicDescription,
+    Notify, PeerWatch, Replay, ServiceDescription, ServiceMapping, TopicDescription, WriterTraits,
 };
 use super::names;
 use super::owners::Owners;
 use super::peer_index::PeerIndex;
 use super::services::Services;
 use super::small_bursts::{SmallBursts, Ways};
-use crate::endpoint::{History, Qos, Reliability};
+use crate::endpoint::{BridgeMark, History, Qos, Reliability};
 use crate::node::NodeName;
 
 /// How long a write waits for reliable readers; only keep-all writers wait, the others overwrite
@@ -138,18 +138,18 @@ impl CycloneGraph {
         topic: &TopicDescription,
         on_match: Notify,
     ) -> Result<Box<dyn CdrWriter>, GraphError> {
-        self.write_dds(topic, Replay::History, on_match)
+        self.write_dds(topic, WriterTraits::default(), on_match)
     }
 
     fn write_dds(
         &self,
         topic: &TopicDescription,
-        replay: Replay,
+        WriterTraits { replay, mark }: WriterTraits<'_>,
         on_match: Notify,
     ) -> Result<Box<dyn CdrWriter>, GraphError> {
         let fault = |code| stack("creating a writer", &topic.name, code);
         let events = Events::new(&topic.name, topic.qos.reliability, on_match);
-        let user_data = user_data(topic);
+        let user_data = marked(user_data(topic), mark);
         let names = (topic.name.as_str(), topic.type_name.as_str());
         let qos = EndpointQos { replay, ..qos(topic, &user_data) };
         let raw = RawWriter::new(&self.0.participant, names, &qos, events).map_err(fault)?;
@@ -165,6 +165,7 @@ impl CycloneGraph {
         &self,
         service: &ServiceDescription,
         id_key: &'static str,
+        mark: Option<&BridgeMark>,
         on_event: &Notify,
     ) -> Result<(Ends, Gid, [Listed; 2]), GraphError> {
         let fault = |reason: String| GraphError::Stack {
@@ -177,7 +178,8 @@ impl CycloneGraph {
             .map_err(|error| fault(error.to_string()))?;
         let node = &self.0;
         let id = names::end_id(&node.gid, node.service_ends.fetch_add(1, Relaxed));
-        let data = |hash: &Option<String>| end_user_data(id_key, &id, hash.as_deref());
+        let data =
+            |hash: &Option<String>| marked(end_user_data(id_key, &id, hash.as_deref()), mark);
         let requests = (names.requests(), data(&service.request_hash));
         let replies = (names.replies(), data(&service.response_hash));
         let (written, read) =
@@ -221,10 +223,10 @@ impl Graph for CycloneGraph {
     fn advertise_with(
         &self,
         topic: &TopicDescription,
-        replay: Replay,
+        traits: WriterTraits<'_>,
         on_match: Notify,
     ) -> Result<Box<dyn CdrWriter>, GraphError> {
-        self.write_dds(&to_dds(topic)?, replay, on_match)
+        self.write_dds(&to_dds(topic)?, traits, on_match)
     }
 
     fn subscribe(
@@ -247,7 +249,7 @@ impl Graph for CycloneGraph {
         if let Some(other) = self.0.services.elsewhere(service)? {
             return other.client(service, on_event);
         }
-        let (ends, guid, listed) = self.ends(service, "clientid", &on_event)?;
+        let (ends, guid, listed) = self.ends(service, "clientid", None, &on_event)?;
         Ok(Box::new(CycloneClient::new(ends, guid, listed)))
     }
 
@@ -256,10 +258,20 @@ impl Graph for CycloneGraph {
         service: &ServiceDescription,
         on_event: Notify,
     ) -> Result<Box<dyn CdrServer>, GraphError> {
+        self.server_marked(service, None, on_event)
+    }
+
+    fn server_marked(
+        &self,
+        service: &ServiceDescription,
+        mark: Option<&BridgeMark>,
+        on_event: Notify,
+    ) -> Result<Box<dyn CdrServer>, GraphError> {
+        // There, there is no room for a mark.
         if let Some(other) = self.0.services.elsewhere(service)? {
             return other.server(service, on_event);
         }
-        let (ends, _, listed) = self.ends(service, "serviceid", &on_event)?;
+        let (ends, _, listed) = self.ends(service, "serviceid", mark, &on_event)?;
         Ok(Box::new(CycloneServer::new(ends, listed)))
     }
 

@@ -9,6 +9,7 @@ use super::cyclone;
 use super::discovery_info::Gid;
 use super::graph::{DiscoveredEndpoint, GraphError, TopicDescription};
 use super::names;
+use crate::endpoint::BridgeMark;
 use crate::node::NodeName;
 
 /// A topic with the names that DDS has for it and its type.
@@ -29,6 +30,7 @@ pub(super) fn discovered(endpoint: cyclone::EndpointFound, own: &Gid) -> Discove
     DiscoveredEndpoint {
         is_publisher: endpoint.is_writer,
         type_hash: type_hash(&endpoint.user_data),
+        mark: mark(&endpoint.user_data),
         gid: endpoint.guid,
         qos: endpoint.qos,
         is_own: endpoint.guid.first_chunk::<12>() == own.first_chunk::<12>(),
@@ -39,6 +41,9 @@ pub(super) fn discovered(endpoint: cyclone::EndpointFound, own: &Gid) -> Discove
         dds_topic: endpoint.topic,
     }
 }
+
+/// Key of a bridge's mark in USER_DATA.
+const MARK: &str = "wrapyfi_bridge=";
 
 /// USER_DATA of a participant: where its security settings would lie.
 pub(super) const ENCLAVE: &str = "enclave=/;";
@@ -55,6 +60,20 @@ pub(super) fn user_data(topic: &TopicDescription) -> String {
     topic.type_hash.as_ref().map(|hash| format!("typehash={hash};")).unwrap_or_default()
 }
 
+/// Adds the mark of a bridge to USER_DATA, as a pair of its own that others pass over.
+pub(super) fn marked(user_data: String, mark: Option<&BridgeMark>) -> String {
+    match mark {
+        Some(mark) => format!("{user_data}{MARK}{mark};"),
+        None => user_data,
+    }
+}
+
+/// The mark of a bridge in USER_DATA, where there is one.
+fn mark(user_data: &[u8]) -> Option<BridgeMark> {
+    let text = std::str::from_utf8(user_data).ok()?;
+    text.trim_end_matches('\0').split(';').find_map(|pair| pair.strip_prefix(MARK))?.parse().ok()
+}
+
 /// The type hash in USER_DATA, where there is one.
 pub(super) fn type_hash(user_data: &[u8]) -> Option<String> {
     let text = std::str::from_utf8(user_data).ok()?;
@@ -62,4 +81,18 @@ pub(super) fn type_hash(user_data: &[u8]) -> Option<String> {
         .split(';')
         .find_map(|pair| pair.strip_prefix("typehash="))
         .map(ToOwned::to_owned)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mark_stands_beside_the_type_hash() {
+        let wanted = BridgeMark { bridge: 7, path: vec!["ros".into()] };
+        let text = marked("typehash=RIHS01_ab;".to_owned(), Some(&wanted));
+        assert_eq!(type_hash(text.as_bytes()).as_deref(), Some("RIHS01_ab"));
+        assert_eq!(mark(text.as_bytes()), Some(wanted));
+        assert_eq!(mark(b"typehash=RIHS01_ab;wrapyfi_bridge=nonsense;"), None);
+    }
 }

@@ -80,5 +80,6 @@ fn discovered(endpoint: DiscoveredEndpoint, node: Option<String>) -> Option<Disc
         node,
         count: 1,
         traffic: None,
+        mark: endpoint.mark,
     })
 }

@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 
-use crate::endpoint::{AnnouncedQos, Qos, Wake};
+use crate::endpoint::{AnnouncedQos, BridgeMark, Qos, Wake};
 use crate::node::NodeName;
 
 pub use service::{
@@ -36,6 +36,15 @@ pub struct TopicDescription {
     pub qos: Qos,
     /// Messages larger than this are dropped on reception before they are copied.
     pub max_bytes: usize,
+}
+
+/// What only some writers have.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct WriterTraits<'a> {
+    /// What it gives readers that come later, where it is transient local.
+    pub replay: Replay,
+    /// A mark in USER_DATA, where there is room for it: a bridge made the writer by pattern.
+    pub mark: Option<&'a BridgeMark>,
 }
 
 /// What a transient-local writer gives readers that come later.
@@ -66,18 +75,18 @@ pub trait Graph: Send + Sync {
         on_match: Notify,
     ) -> Result<Box<dyn CdrWriter>, GraphError>;
 
-    /// As [`Graph::advertise`], where readers that ask for what was sent before are given something
-    /// else than the writer's history. A stack that cannot gives them the history.
+    /// As [`Graph::advertise`], for a writer that is not as others are. A stack that cannot make one
+    /// makes an ordinary one.
     ///
     /// # Errors
-    /// When the DDS stack refuses.
+    /// As [`Graph::advertise`].
     fn advertise_with(
         &self,
         topic: &TopicDescription,
-        replay: Replay,
+        traits: WriterTraits<'_>,
         on_match: Notify,
     ) -> Result<Box<dyn CdrWriter>, GraphError> {
-        _ = replay;
+        _ = traits;
         self.advertise(topic, on_match)
     }
 
@@ -114,6 +123,20 @@ pub trait Graph: Send + Sync {
         service: &ServiceDescription,
         on_event: Notify,
     ) -> Result<Box<dyn CdrServer>, GraphError>;
+
+    /// As [`Graph::server`], with a mark as in [`WriterTraits::mark`].
+    ///
+    /// # Errors
+    /// As [`Graph::server`].
+    fn server_marked(
+        &self,
+        service: &ServiceDescription,
+        mark: Option<&BridgeMark>,
+        on_event: Notify,
+    ) -> Result<Box<dyn CdrServer>, GraphError> {
+        _ = mark;
+        self.server(service, on_event)
+    }
 
     /// The endpoints that exist now as far as discovery knows, those of this node included.
     ///
@@ -191,6 +214,8 @@ pub struct DiscoveredEndpoint {
     pub qos: AnnouncedQos,
     /// True for an endpoint of this participant.
     pub is_own: bool,
+    /// The mark of a bridge that made it by pattern.
+    pub mark: Option<BridgeMark>,
 }
 
 /// Waits until `condition` holds, looking whenever `wake` rings; false after `timeout`.

@@ -95,7 +95,7 @@ pub use service::{
 
 use crate::endpoint::{
     Client, Context, DiscoverError, Discovery, Listener, Middleware, OpenError, Publisher, Server,
-    ServiceSpec, TopicSpec,
+    ServiceSpec, TopicSpec, Traits,
 };
 use crate::node::NodeName;
 use crate::types::MessageType;
@@ -218,6 +218,10 @@ impl Middleware for Ros2 {
 
     fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
         Ok(Box::new(discovery::Ros2Discovery::new(&self.graph)?))
+    }
+
+    fn traits(&self) -> Traits {
+        Traits { any_ros_type: true, tells_own: true, shows_marks: true }
     }
 }
 

@@ -24,14 +24,15 @@ use super::diagnosis::{Diagnosis, Names};
 use super::follow::{EventLog, Follower};
 use super::graph::{
     CdrWriter, DiscoveredEndpoint, Graph, GraphError, Notify, Replay, TopicDescription,
+    WriterTraits,
 };
 use super::matching::{CALM, Matching};
 use super::origins::{MAX_ORIGINS, Origins};
 use super::payload;
 use crate::endpoint::{
-    AnnouncedDurability, Context, Counters, DropReason, Durability, History, Keeping, Link, Origin,
-    PinnedQos, PublishError, Publisher, Qos, QosChange, QosEvent, QosPolicy, Reliability, Review,
-    TopicSpec,
+    AnnouncedDurability, BridgeMark, Context, Counters, DropReason, Durability, History, Keeping,
+    Link, Origin, PinnedQos, PublishError, Publisher, Qos, QosChange, QosEvent, QosPolicy,
+    Reliability, Review, TopicSpec,
 };
 use crate::plugin::Plugins;
 use crate::types::{Encoding, MessageType, Payload};
@@ -71,6 +72,7 @@ pub(super) struct Ros2Publisher {
     limits: Limits,
     plugins: Plugins,
     follower: Follower,
+    mark: Option<BridgeMark>,
 }
 
 impl Ros2Publisher {
@@ -93,9 +95,11 @@ impl Ros2Publisher {
             Arc::clone(&on_match),
         )?;
         let matching = spec.match_peers.then(|| Matching::new(false, topic.qos, spec.pinned));
+        let traits = WriterTraits { mark: spec.mark.as_ref(), ..WriterTraits::default() };
         Ok(Self {
             graph: Arc::clone(graph),
-            writer: graph.advertise(topic, Arc::clone(&on_match))?,
+            writer: graph.advertise_with(topic, traits, Arc::clone(&on_match))?,
+            mark: spec.mark.clone(),
             new: None,
             old: None,
             topic: topic.clone(),
@@ -121,7 +125,8 @@ impl Ros2Publisher {
     fn reopen(&mut self, qos: Qos, now: Instant) -> Result<(), GraphError> {
         let topic = TopicDescription { qos, ..self.topic.clone() };
         let replay = self.wanted_replay();
-        let writer = self.graph.advertise_with(&topic, replay, Arc::clone(&self.on_match))?;
+        let traits = WriterTraits { replay, mark: self.mark.as_ref() };
+        let writer = self.graph.advertise_with(&topic, traits, Arc::clone(&self.on_match))?;
         self.topic = topic;
         self.replay = replay;
         // One that was new until now was never used.
@@ -181,7 +186,8 @@ impl Ros2Publisher {
             return Ok(false);
         }
         let on_match = Arc::clone(&self.on_match);
-        let writer = self.graph.advertise_with(&topic, Replay::Last, on_match)?;
+        let traits = WriterTraits { replay: Replay::Last, mark: self.mark.as_ref() };
+        let writer = self.graph.advertise_with(&topic, traits, on_match)?;
         let volatile =
             |peer: &DiscoveredEndpoint| peer.qos.durability == AnnouncedDurability::Volatile;
         let opens = self.follower.peers().iter().any(volatile).then(|| now + HANDOVER);

@@ -55,7 +55,7 @@ pub use wrapyfi_yarp::Dialect;
 use crate::Limits;
 use crate::endpoint::{
     Client, Context, DiscoverError, Discovery, Listener, Middleware, OpenError, Publisher, Server,
-    ServiceSpec, TopicSpec,
+    ServiceSpec, TopicSpec, Traits,
 };
 
 /// Name of this middleware in addresses.
@@ -271,6 +271,11 @@ impl Middleware for Yarp {
 
     fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
         Ok(Box::new(discovery::YarpDiscovery::new(&self.shared)))
+    }
+
+    fn traits(&self) -> Traits {
+        // A name belongs to one port of the network: nobody else publishes where we do.
+        Traits { tells_own: true, ..Traits::default() }
     }
 }
 

@@ -113,6 +113,11 @@ impl YarpOptions {
         Self::read(&spec.options, &spec.service)
     }
 
+    /// Whether pictures go out as the files of carrier `mjpeg`.
+    pub(super) fn sends_files(&self) -> bool {
+        self.carrier.split('+').next() == Some("mjpeg")
+    }
+
     /// Reads `options` of the topic or service `name`.
     fn read(options: &Map, name: &str) -> Result<Self, OpenError> {
         let mut read = Self::default();

@@ -1,4 +1,5 @@
-//! The ports that we publish with: what comes from them to us is not received.
+//! The ports that we publish and serve with: what comes from them to us is not received, and they are
+//! not found.
 
 use std::collections::BTreeSet;
 use std::sync::{Mutex, PoisonError};

@@ -197,6 +197,7 @@ async fn keep(shared: Arc<Shared>, desk: Arc<Desk>, mut stopped: Stopped) {
         port = opened => port,
     };
     let mut changes = port.connected();
+    shared.own.insert(name);
     *desk.port() = Some(port);
     let counted = async {
         loop {
@@ -227,6 +228,7 @@ async fn keep(shared: Arc<Shared>, desk: Arc<Desk>, mut stopped: Stopped) {
     if let Some(port) = port {
         port.close().await;
     }
+    shared.own.remove(name);
     desk.standing.waiting("YARP, which has ended");
 }
 

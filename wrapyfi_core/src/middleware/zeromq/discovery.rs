@@ -67,6 +67,15 @@ impl ZeroMqDiscovery {
         })
     }
 
+    /// Subscribes to everything from the start.
+    pub(super) fn of_everything(mut self) -> Result<Self, DiscoverError> {
+        if let Some(socket) = &self.socket {
+            socket.set_subscribe(b"").map_err(|error| transport(&error))?;
+            self.sees_all = true;
+        }
+        Ok(self)
+    }
+
     fn read(&mut self) -> zmq::Result<()> {
         for _ in 0..BATCH {
             let Some(socket) = &self.socket else { return Ok(()) };
@@ -183,16 +192,7 @@ impl Discovery for ZeroMqDiscovery {
 }
 
 fn endpoint(name: &str, role: Role, count: u64) -> Discovered {
-    Discovered {
-        name: name.to_owned(),
-        role,
-        type_name: None,
-        type_hash: None,
-        qos: None,
-        node: None,
-        count,
-        traffic: None,
-    }
+    Discovered { count, ..Discovered::new(name, role) }
 }
 
 impl Drop for ZeroMqDiscovery {

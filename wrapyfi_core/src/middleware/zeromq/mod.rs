@@ -328,6 +328,12 @@ impl Middleware for ZeroMq {
     fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
         Ok(Box::new(discovery::ZeroMqDiscovery::new(&self.shared, &self.monitor_topic)?))
     }
+
+    /// A publisher sends nothing that nobody subscribes to: so everything is subscribed to.
+    fn discover_closely(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
+        let discovery = discovery::ZeroMqDiscovery::new(&self.shared, &self.monitor_topic)?;
+        Ok(Box::new(discovery.of_everything()?))
+    }
 }
 
 impl std::fmt::Debug for ZeroMq {

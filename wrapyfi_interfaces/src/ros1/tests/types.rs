@@ -96,6 +96,20 @@ fn what_a_publisher_shows_has_the_checksum_it_names() {
 }
 
 #[test]
+fn a_type_that_was_found_elsewhere_counts() {
+    let pair = resolve(Dialect::Ros2, "lab_msgs/msg/Pair", "int32 a\nint32 b\n");
+    let mut types = Types::new(Rules::built_in(), TypeStore::empty());
+    let unknown = types.towards_ros1(pair.name(), None).unwrap_err();
+    assert!(matches!(unknown, PairError::Definition(DefinitionError::Unknown { .. })), "{unknown}");
+    types.add_ros2(&pair);
+    let (definition, _plan) = types.towards_ros1(pair.name(), None).unwrap();
+    assert_eq!(definition.text(), "int32 a\nint32 b\n");
+    // What is known stays.
+    types.add_ros2(&resolve(Dialect::Ros2, "lab_msgs/msg/Pair", "int8 a\n"));
+    assert_eq!(types.towards_ros1(pair.name(), None).unwrap().0, definition);
+}
+
+#[test]
 fn a_type_that_only_ros2_has_goes_to_ros1() {
     let mut store = TypeStore::empty();
     let name = TypeName::parse(Dialect::Ros2, "lab_msgs/msg/Sample").unwrap();

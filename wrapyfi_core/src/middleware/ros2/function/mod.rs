@@ -81,6 +81,7 @@ impl Function {
             max_bytes: self.spec.limits.message_bytes,
             // All that may be under way at once: DDS overwrites what exceeds its depth.
             depth: u32::try_from(self.spec.pending).unwrap_or(u32::MAX).max(10),
+            mark: self.spec.mark.clone(),
         }
     }
 

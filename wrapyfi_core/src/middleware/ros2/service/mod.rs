@@ -26,6 +26,7 @@ pub use server::{AnyRequest, AnyServer, ServeError, ServerDrops};
 use super::graph::ServiceDescription;
 use super::{AnyError, Ros2};
 use crate::Limits;
+use crate::endpoint::BridgeMark;
 use crate::endpoint::calls::ends;
 
 /// How soon to look again, at the earliest, for what nobody is notified of: see
@@ -43,6 +44,8 @@ pub struct ServiceOptions {
     pub depth: u32,
     /// Largest request or reply in bytes.
     pub max_bytes: usize,
+    /// What a server announces: that a bridge made it by pattern.
+    pub mark: Option<BridgeMark>,
 }
 
 impl Default for ServiceOptions {
@@ -52,6 +55,7 @@ impl Default for ServiceOptions {
             pending: 64,
             depth: 10,
             max_bytes: Limits::default().message_bytes,
+            mark: None,
         }
     }
 }

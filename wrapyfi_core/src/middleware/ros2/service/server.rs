@@ -156,7 +156,8 @@ impl AnyServer {
         wake: &Wake,
     ) -> Result<Self, AnyError> {
         let description = service.describe(ros2, name, options)?;
-        let cdr = ros2.graph().server(&description, ringing(wake))?;
+        let mark = options.mark.as_ref();
+        let cdr = ros2.graph().server_marked(&description, mark, ringing(wake))?;
         Ok(Self {
             replies: Replies::new(cdr, &description.name, options.pending),
             name: description.name,

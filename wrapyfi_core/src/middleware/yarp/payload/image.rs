@@ -17,7 +17,9 @@ use crate::codec::json::base64;
 use crate::codec::npy::{self, NpyArray};
 use crate::codec::{DecodeError, EncodeError, convert};
 use crate::endpoint::TopicSpec;
-use crate::types::{CompressedFormat, Encoding, Image, NumpyArray, Pixels, RawPixels, Stamp};
+use crate::types::{
+    CompressedFormat, Encoding, Image, MessageType, NumpyArray, Pixels, RawPixels, Stamp,
+};
 
 /// Pixels of YARP and what ROS calls them.
 const PIXELS: [(PixelCode, Encoding); 9] = [
@@ -48,6 +50,24 @@ pub(super) fn encode(
     match image.pixels {
         Pixels::Raw(raw) => encode_raw(raw, spec, options),
         Pixels::Compressed { data, .. } => encode_file(&data, dialect),
+    }
+}
+
+/// The picture as the JPEG file that carrier mjpeg brings.
+pub(super) fn encode_jpeg(image: &Image, spec: &TopicSpec) -> Result<Bytes, EncodeError> {
+    let is_png = |image: &Image| {
+        matches!(image.pixels, Pixels::Compressed { format: CompressedFormat::Png, .. })
+    };
+    let mut image = image.clone();
+    if is_png(&image) {
+        image = convert(image, MessageType::Image, spec.color_order, &spec.limits)?;
+    }
+    match convert(image, MessageType::CompressedImage, spec.color_order, &spec.limits)?.pixels {
+        Pixels::Compressed { data, .. } => Ok(data),
+        Pixels::Raw(raw) => {
+            let what = format!("a {} image of {}x{}", raw.encoding, raw.width, raw.height);
+            Err(fault::unwritable("jpeg", what, "$", "use another carrier than mjpeg"))
+        }
     }
 }
 

@@ -60,6 +60,13 @@ pub fn encode(
     let form = options.bottle.unwrap_or_default();
     let writer = Writer { dialect, limits: &spec.limits };
     let wanted = spec.message_type.data_type();
+    if let (DataType::Image, Payload::Image(image)) = (wanted, payload)
+        && options.sends_files()
+    {
+        let file = image::encode_jpeg(image, spec)?;
+        fault::check_size(file.len(), spec.limits.message_bytes)?;
+        return Ok(Outgoing { payload: Bytewise::raw(file), stamp: envelope(Some(image.stamp)) });
+    }
     let (bytes, stamp) = match (wanted, payload) {
         (DataType::NativeObject, Payload::NativeObject(value)) => {
             let bytes = if spec.message_type == MessageType::Text {
@@ -94,9 +101,13 @@ pub fn encode(
         }
     };
     fault::check_size(bytes.len(), spec.limits.message_bytes)?;
-    let stamp = stamp.filter(|stamp| *stamp != Stamp::default());
-    let stamp = stamp.map(|stamp| sig::Stamp { count: 0, time_s: stamp.as_secs_f64() });
-    Ok(Outgoing { payload: Bytewise::object(bytes), stamp })
+    Ok(Outgoing { payload: Bytewise::object(bytes), stamp: envelope(stamp) })
+}
+
+/// The stamp that goes with a message; none where it has no time.
+fn envelope(stamp: Option<Stamp>) -> Option<sig::Stamp> {
+    let stamp = stamp.filter(|stamp| *stamp != Stamp::default())?;
+    Some(sig::Stamp { count: 0, time_s: stamp.as_secs_f64() })
 }
 
 /// Reads a message of the topic. `stamp` is that of its envelope; `now` stands in where there is

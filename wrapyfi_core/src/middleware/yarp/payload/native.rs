@@ -35,7 +35,8 @@ pub(super) fn in_either<T>(
         if whole(dialect) || !whole(dialect.other()) {
             return Err(error);
         }
-        read(dialect.other()).map_err(|_other| error)
+        // What is wrong with it there is what is wrong with it.
+        read(dialect.other())
     })
 }
 

@@ -104,6 +104,12 @@ fn the_first_error_is_told_where_neither_fits() {
     bytes.truncate(bytes.len() - 1);
     let error = read(bytes, &spec).unwrap_err().to_string();
     assert!(error.contains("malformed bottle"), "{error}");
+    // Whole in V4 alone: what is wrong there is told, not that it is V4.
+    let numbers = topic(MessageType::Ros(ros("std_msgs/msg/Float64MultiArray")), []);
+    let limits = wrapyfi_yarp::Limits::default();
+    let words = Bottle::from_text(b"1 2.5 three", &limits).unwrap().encode(Dialect::V4).unwrap();
+    let error = read(words, &numbers).unwrap_err().to_string();
+    assert!(error.starts_with("expected a vector or a matrix of numbers"), "{error}");
     // Whole in V3, but no sound in any dialect.
     let sound = topic(MessageType::AudioChunk, []);
     let error = read(typed("1 2.5 three"), &sound).unwrap_err().to_string();

@@ -119,6 +119,25 @@ fn files_come_and_go_in_every_form() {
 }
 
 #[test]
+fn pictures_are_files_on_mjpeg() {
+    let pixels: Vec<u8> = (0..48).collect();
+    let dense = RawPixels::dense(4, 4, Encoding::Rgb8, pixels).unwrap();
+    let image = Image { stamp: NOW, frame_id: String::new(), pixels: Pixels::Raw(dense) };
+    let plain = Image { stamp: Stamp::default(), ..image.clone() };
+    for message_type in [MessageType::Image, MessageType::CompressedImage] {
+        let spec = topic(message_type, [("carrier", "mjpeg".into())]);
+        let sent = written(&image.clone().into(), &spec).unwrap();
+        assert_eq!(sent.payload.kind, PayloadKind::Raw);
+        assert!(sent.payload.bytes.starts_with(&[0xff, 0xd8, 0xff]));
+        assert_eq!(sent.stamp.unwrap().time_s, NOW.as_secs_f64());
+        assert_eq!(written(&plain.clone().into(), &spec).unwrap().stamp, None);
+        let options = YarpOptions::default();
+        let back = decode(&sent.payload, sent.stamp, &spec, &options, Dialect::V3, NOW).unwrap();
+        assert_eq!(written(&back, &spec).unwrap().payload, sent.payload);
+    }
+}
+
+#[test]
 fn sounds_keep_their_samples() {
     let spec = topic(MessageType::AudioChunk, []);
     let samples: Vec<u8> = (i16::MIN..=i16::MAX).flat_map(i16::to_le_bytes).collect();

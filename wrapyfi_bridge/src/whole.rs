@@ -1,0 +1,151 @@
+//! Configurations that are built in: all of one middleware, into ROS 2 and back.
+//!
+//! ```text
+//!   ros2 run wrapyfi_bridge ros1_bridge ─▶ Whole::Ros1.yaml() ─▶ load ─▶ as a file's
+//! ```
+
+use std::fmt::Write as _;
+
+use wrapyfi_core::node::NodeName;
+
+/// A middleware that is bridged as a whole.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Whole {
+    /// ROS 1: the executable `ros1_bridge`.
+    Ros1,
+    /// YARP: `yarp_bridge`.
+    Yarp,
+    /// ZeroMQ: `zeromq_bridge`.
+    ZeroMq,
+}
+
+/// What of it is bridged.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Selection {
+    /// Names that are meant, as regular expressions; all where there are none.
+    pub allow: Vec<String>,
+    /// Names that are not.
+    pub deny: Vec<String>,
+    /// Put before names on the ROS 2 side: `/lab`.
+    pub prefix: String,
+}
+
+impl Whole {
+    /// Name of the executable, and of its node.
+    #[must_use]
+    pub fn node(self) -> &'static str {
+        match self {
+            Self::Ros1 => "ros1_bridge",
+            Self::Yarp => "yarp_bridge",
+            Self::ZeroMq => "zeromq_bridge",
+        }
+    }
+
+    /// The routes, as a configuration has them.
+    ///
+    /// # Errors
+    /// When the prefix cannot begin a name of ROS 2.
+    pub fn yaml(self, selection: &Selection) -> Result<String, String> {
+        let Selection { allow, deny, prefix } = selection;
+        let prefix = prefix.trim_matches('/');
+        if !prefix.is_empty() {
+            NodeName::check_topic(&format!("/{prefix}"))
+                .map_err(|fault| format!("parameter prefix is {prefix:?}: {fault}"))?;
+        }
+        let before = if prefix.is_empty() { String::new() } else { format!("{prefix}/") };
+        let into =
+            |from: &str, to: &str| Way { from: from.into(), to: format!("ros2:/{before}{to}") };
+        let back = |to: &str| Way { from: format!("ros2:/{before}(.*)"), to: to.into() };
+        let mut text = "routes:\n".to_owned();
+        let mut add = |way: Way, is_service: bool, comes_back: bool, more: &str| {
+            let (from, to) = if is_service { ("service", "as") } else { ("from", "to") };
+            // Names on the ROS 2 side have the prefix.
+            let before = if comes_back { before.as_str() } else { "" };
+            let list = |names: &[String]| {
+                let names = names.iter().map(|name| {
+                    quoted(&format!("{before}(?:{})", name.strip_prefix('/').unwrap_or(name)))
+                });
+                names.collect::<Vec<_>>().join(", ")
+            };
+            let (source, target) = (quoted(&way.from), quoted(&way.to));
+            let _infallible = write!(text, "  - {{ {from}: {source}, {to}: {target}");
+            for (key, names) in [("allow", allow), ("deny", deny)] {
+                if !names.is_empty() {
+                    let _infallible = write!(text, ", {key}: [{}]", list(names));
+                }
+            }
+            let _infallible = writeln!(text, "{more} }}");
+        };
+        match self {
+            Self::Ros1 => {
+                for is_service in [false, true] {
+                    add(into("ros:/(.*)", "$1"), is_service, false, "");
+                    add(back("ros:/$1"), is_service, true, "");
+                }
+            }
+            Self::Yarp => {
+                // What a name server does not tell.
+                let kind = ", type_if_unknown: NativeObject";
+                for is_service in [false, true] {
+                    add(into("yarp:/([^:]*)", "$1"), is_service, false, kind);
+                    // Names of ROS have no colon: /head/state:o is /head/state/o there.
+                    add(into("yarp:/([^:]*):([A-Za-z]\\w*)", "${1}/$2"), is_service, false, kind);
+                    add(back("yarp:/$1"), is_service, true, "");
+                }
+            }
+            Self::ZeroMq => {
+                add(into("zeromq:/(.*)", "$1"), false, false, "");
+                add(back("zeromq:/$1"), false, true, "");
+            }
+        }
+        Ok(text)
+    }
+}
+
+struct Way {
+    from: String,
+    to: String,
+}
+
+/// Text as YAML has it between double quotes, which JSON has as well.
+fn quoted(text: &str) -> String {
+    serde_json::Value::from(text).to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::middlewares::{Loaded, load_text};
+
+    fn targets(whole: Whole, selection: &Selection, name: &str) -> Vec<String> {
+        let yaml = whole.yaml(selection).unwrap();
+        let Loaded { plan, .. } = load_text(&yaml, whole.node()).unwrap();
+        let all = plan.patterns.iter().filter_map(|pattern| pattern.target(name));
+        all.map(|to| to.to_string()).collect()
+    }
+
+    #[test]
+    fn every_built_in_configuration_is_one() {
+        let all = Selection::default();
+        let ros1 = targets(Whole::Ros1, &all, "/chatter");
+        assert_eq!(ros1, ["ros2:/chatter", "ros:/chatter", "ros2:/chatter", "ros:/chatter"]);
+        let yarp = targets(Whole::Yarp, &all, "/icub/head/state:o");
+        assert_eq!(yarp.first().map(String::as_str), Some("ros2:/icub/head/state/o"));
+        assert_eq!(targets(Whole::ZeroMq, &all, "/x"), ["ros2:/x", "zeromq:/x"]);
+        assert!(targets(Whole::Ros1, &all, "/a/_hidden").is_empty());
+    }
+
+    #[test]
+    fn a_prefix_is_on_the_ros_2_side_only() {
+        let selection = Selection {
+            allow: vec!["/cam/.*".into()],
+            deny: vec![".*raw\"".into()],
+            prefix: "/lab/".into(),
+        };
+        assert_eq!(targets(Whole::ZeroMq, &selection, "/cam/left"), ["ros2:/lab/cam/left"]);
+        assert_eq!(targets(Whole::ZeroMq, &selection, "/lab/cam/left"), ["zeromq:/cam/left"]);
+        assert!(targets(Whole::ZeroMq, &selection, "/other").is_empty());
+        let wrong = Selection { prefix: "a b".into(), ..Selection::default() };
+        assert!(Whole::Ros1.yaml(&wrong).unwrap_err().contains("parameter prefix"));
+    }
+}

@@ -1,0 +1,260 @@
+//! Names that a pattern means, and the names they become.
+//!
+//! ```text
+//!   "/camera/left"  ─ without its slash ─▶ camera/left
+//!        │ from: (.*)/(left|right)     whole name, or no match
+//!        │ allow, deny                 whole name; deny wins
+//!        ▼ to: $2/$1
+//!   "/left/camera"
+//! ```
+
+use std::borrow::Cow;
+
+use regex::{Regex, RegexBuilder};
+
+/// Memory that one compiled pattern may take, in bytes.
+const MAX_COMPILED: usize = 1 << 20;
+/// Longest pattern, in bytes.
+const MAX_PATTERN: usize = 1024;
+/// Longest name that is made, in bytes: that of every middleware is shorter.
+const MAX_NAME: usize = 4096;
+
+/// What marks a name as a pattern: no middleware has these letters in names.
+pub(super) fn is_pattern(name: &str) -> bool {
+    name.contains(['*', '+', '?', '(', ')', '[', ']', '{', '}', '|', '^', '$', '\\'])
+}
+
+/// Topics of every node and programs' own, and those that two programs would feed each other.
+const NOT_TOPICS: [&str; 4] = ["rosout", "rosout_agg", "clock", "parameter_events"];
+/// What every node offers about itself.
+const NOT_SERVICES: [&str; 11] = [
+    "get_parameters",
+    "get_parameter_types",
+    "set_parameters",
+    "set_parameters_atomically",
+    "list_parameters",
+    "describe_parameters",
+    "get_type_description",
+    "get_loggers",
+    "get_logger_levels",
+    "set_logger_level",
+    "set_logger_levels",
+];
+
+/// Whether a topic is left out unless `default_deny: false` says otherwise: hidden ones, whose names have
+/// a part that begins with `_`, those of the logs, of time, and of parameters.
+pub(super) fn is_denied_topic(name: &str) -> bool {
+    let bare = bare(name);
+    is_hidden(bare) || NOT_TOPICS.contains(&bare)
+}
+
+/// As [`is_denied_topic`], for services: hidden ones, and what every node offers about itself.
+pub(super) fn is_denied_service(name: &str) -> bool {
+    let bare = bare(name);
+    let last = bare.rsplit('/').next().unwrap_or(bare);
+    is_hidden(bare) || NOT_SERVICES.contains(&last)
+}
+
+fn is_hidden(bare: &str) -> bool {
+    bare.split('/').any(|part| part.starts_with('_'))
+}
+
+fn bare(name: &str) -> &str {
+    name.strip_prefix('/').unwrap_or(name)
+}
+
+/// A regular expression for whole names, without their leading slash.
+#[derive(Debug, Clone)]
+pub struct NamePattern {
+    written: String,
+    regex: Regex,
+}
+
+impl PartialEq for NamePattern {
+    fn eq(&self, other: &Self) -> bool {
+        self.written == other.written
+    }
+}
+
+impl NamePattern {
+    /// Compiles a pattern; a leading slash is left out, as it is of names.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub fn new(written: &str) -> Result<Self, String> {
+        if written.len() > MAX_PATTERN {
+            let length = written.len();
+            return Err(format!("it is {length} bytes long, the limit is {MAX_PATTERN}"));
+        }
+        // By itself first, so that what is wrong is shown as it was written.
+        let in_words = |error: regex::Error| match error {
+            regex::Error::CompiledTooBig(limit) => {
+                format!("it takes more than {limit} bytes; write a simpler one")
+            }
+            other => {
+                let text = other.to_string();
+                let last = text.lines().last().unwrap_or_default();
+                last.trim().trim_start_matches("error: ").to_owned()
+            }
+        };
+        let bare = bare(written);
+        let build = |text: &str| RegexBuilder::new(text).size_limit(MAX_COMPILED).build();
+        build(bare).map_err(in_words)?;
+        let regex = build(&format!("^(?:{bare})$")).map_err(in_words)?;
+        Ok(Self { written: written.to_owned(), regex })
+    }
+
+    /// Whether the whole name matches.
+    #[must_use]
+    pub fn matches(&self, name: &str) -> bool {
+        self.regex.is_match(bare(name))
+    }
+
+    /// Checks what a destination refers to: `$1`, `${name}`.
+    ///
+    /// # Errors
+    /// What is wrong with the destination, and what to write.
+    pub fn check_template(&self, template: &str) -> Result<(), String> {
+        let mut rest = template;
+        let mut refers = false;
+        while let Some(at) = rest.find('$') {
+            rest = rest.get(at + 1..).unwrap_or_default();
+            let (group, after) = reference(rest);
+            if group.is_empty() {
+                return Err("$ stands for a group: write $1 or ${name} behind it".to_owned());
+            }
+            let exists = match group.parse::<usize>() {
+                Ok(number) => number < self.regex.captures_len(),
+                Err(_) => self.regex.capture_names().flatten().any(|name| name == group),
+            };
+            if !exists {
+                let digits =
+                    group.len() - group.trim_start_matches(|c: char| c.is_ascii_digit()).len();
+                let hint = match (group.get(..digits), group.get(digits..)) {
+                    (Some(number), Some(more)) if !number.is_empty() && !more.is_empty() => {
+                        format!("; write ${{{number}}}{more} for group {number}")
+                    }
+                    _ => String::new(),
+                };
+                let groups = self.regex.captures_len() - 1;
+                return Err(format!(
+                    "${group} is no group of {:?}, which has {groups} in parentheses{hint}",
+                    self.written
+                ));
+            }
+            refers = true;
+            rest = after;
+        }
+        if refers {
+            return Ok(());
+        }
+        Err("it has no $1: all that the pattern means would go to one name; put what shall be kept \
+             in parentheses, and refer to it"
+            .to_owned())
+    }
+
+    /// What `template` becomes for a name; `None` where the name is not meant.
+    #[must_use]
+    pub fn expand(&self, name: &str, template: &str) -> Option<String> {
+        let captures = self.regex.captures(bare(name))?;
+        let mut out = String::new();
+        captures.expand(template, &mut out);
+        (out.len() <= MAX_NAME).then_some(out)
+    }
+}
+
+impl std::fmt::Display for NamePattern {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.written)
+    }
+}
+
+/// The group behind a `$`, as it is expanded, and what follows.
+fn reference(text: &str) -> (Cow<'_, str>, &str) {
+    if let Some(inner) = text.strip_prefix('{') {
+        return match inner.split_once('}') {
+            Some((name, rest)) => (name.into(), rest),
+            None => ("".into(), text),
+        };
+    }
+    let is_letter = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    let end = text.find(|c| !is_letter(c)).unwrap_or(text.len());
+    let (name, rest) = text.split_at(end);
+    (name.into(), rest)
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn pattern(text: &str) -> NamePattern {
+        NamePattern::new(text).unwrap()
+    }
+
+    #[test]
+    fn a_pattern_means_whole_names_without_their_slash() {
+        for written in ["/camera/(left|right)", "camera/(left|right)"] {
+            let cameras = pattern(written);
+            assert!(cameras.matches("/camera/left") && cameras.matches("camera/right"));
+            assert!(!cameras.matches("/camera/left/raw") && !cameras.matches("/my/camera/left"));
+            assert_eq!(cameras.expand("/camera/left", "/$1/raw").as_deref(), Some("/left/raw"));
+        }
+        assert!(pattern("a|b").matches("/b") && !pattern("a|b").matches("/ab"));
+        let named = pattern("(?<robot>[a-z]+)/(?<rest>.*)");
+        assert_eq!(named.expand("/r/x/y", "/${rest}/of_$robot").as_deref(), Some("/x/y/of_r"));
+    }
+
+    #[test]
+    fn what_is_wrong_with_a_pattern_is_said() {
+        let error = NamePattern::new("/camera/(left").unwrap_err();
+        assert!(error.contains("unclosed group"), "{error}");
+        assert!(NamePattern::new(&"a".repeat(2000)).unwrap_err().contains("1024"));
+        let error = NamePattern::new("(?:a{1000}){1000}").unwrap_err();
+        assert!(error.contains("simpler"), "{error}");
+    }
+
+    #[test]
+    fn a_destination_refers_to_groups_that_there_are() {
+        let two = pattern("(.*)/(?<part>.*)");
+        for good in ["/$1", "/${1}_raw", "/x/$part/$0", "/${part}"] {
+            assert_eq!(two.check_template(good), Ok(()), "{good}");
+        }
+        for (wrong, why) in [
+            ("/$3", "has 2"),
+            ("/$1_raw", "write ${1}_raw"),
+            ("/$other", "$other is no group"),
+            ("/x", "no $1"),
+            ("/a$", "write $1"),
+            ("/${1", "write $1"),
+        ] {
+            let error = two.check_template(wrong).unwrap_err();
+            assert!(error.contains(why), "{wrong}: {error}");
+        }
+    }
+
+    #[test]
+    fn some_are_left_out_by_default() {
+        for name in ["/rosout", "/rosout_agg", "/clock", "/parameter_events", "/_x", "/a/_action/b"]
+        {
+            assert!(is_denied_topic(name), "{name}");
+        }
+        for name in ["/tf", "/tf2", "/robot/clock", "/a_b", "/rosout2"] {
+            assert!(!is_denied_topic(name), "{name}");
+        }
+        for name in ["/talker/get_parameters", "/rosout/set_logger_level", "/x/_action/send_goal"] {
+            assert!(is_denied_service(name), "{name}");
+        }
+        assert!(!is_denied_service("/add") && !is_denied_service("/get_parameters/of"));
+    }
+
+    proptest! {
+        /// A template that was accepted expands to what it says, for every name.
+        #[test]
+        fn an_accepted_template_keeps_what_its_groups_hold(name in "[a-z_/]{0,40}") {
+            let all = pattern("(.*)");
+            prop_assert_eq!(all.expand(&name, "/p/${1}").unwrap(), format!("/p/{}", bare(&name)));
+        }
+    }
+}

@@ -1,0 +1,374 @@
+//! Makes routes by pattern as what they take comes, and ends them when it is gone.
+//!
+//! ```text
+//!   sides ─ names, roles ─▶ note: what patterns mean ─▶ candidates
+//!                                                          │ settle, each once a round
+//!            nobody tells the type, another bridge has it ◀┼▶ Change::Make ─▶ engine: a Relay
+//!            (status: waiting, with the reason)            └▶ Change::End     when its source is gone
+//! ```
+//!
+//! No threads and no clock of its own, as [`super::Relay`].
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use wrapyfi_interfaces::store::TypeStore;
+
+use super::candidate::{Candidate, State};
+use super::plan::{Plan, RouteSpec};
+use super::plan_pattern::{Carried, PatternSpec, Source};
+use super::plan_service::ServiceRouteSpec;
+use super::route::{PatternCounts, RouteState, RouteStatus};
+use super::sides::{Away, Sides};
+use crate::endpoint::{BridgeMark, Counters, CountersSnapshot, EndpointAddress, Registry, Role};
+
+/// How often it looks.
+pub(super) const LOOK_EVERY: Duration = Duration::from_millis(500);
+/// How long a source must have been there before its route is made.
+const SETTLE: Duration = Duration::from_millis(700);
+/// How long a source must be gone before its route ends.
+pub(super) const GONE_AFTER: Duration = Duration::from_secs(5);
+/// Routes that ended whose counters are kept for when they come back.
+const MAX_KEPT: usize = 10_000;
+
+/// A route as it is to be run.
+#[derive(Debug)]
+pub(super) enum Made {
+    Topic(Box<RouteSpec>),
+    Service(Box<ServiceRouteSpec>),
+}
+
+/// What the engine has to do.
+#[derive(Debug)]
+pub(super) enum Change {
+    /// Run a route; it counts where it counted before.
+    Make { id: u64, made: Made, counters: Arc<Counters> },
+    /// End it, and say why.
+    End { id: u64, why: String },
+}
+
+/// Pattern by its place in the plan, and the name of the source.
+pub(super) type Key = (usize, String);
+
+pub(super) struct Scout {
+    pub(super) patterns: Vec<Pattern>,
+    /// Routes that the configuration names.
+    pub(super) explicit: Vec<(Role, EndpointAddress, EndpointAddress)>,
+    pub(super) sides: Sides,
+    pub(super) types: TypeStore,
+    /// The mark's.
+    pub(super) number: u64,
+    candidates: BTreeMap<Key, Candidate>,
+    /// Destinations that are or were ours, for middlewares that do not tell.
+    pub(super) ours: BTreeSet<(Role, EndpointAddress)>,
+    /// Of routes by pattern, by name.
+    counters: BTreeMap<String, Arc<Counters>>,
+    next_id: u64,
+}
+
+pub(super) struct Pattern {
+    pub(super) spec: PatternSpec,
+    /// Names beyond the limit, at the last look.
+    over: usize,
+    told_over: bool,
+    made: u64,
+    ended: u64,
+}
+
+impl Scout {
+    /// Nothing is looked at yet. `first_id` is beyond the routes that the plan names.
+    pub(super) fn new(plan: &Plan, registry: &Registry, first_id: u64) -> Self {
+        let topics = plan.routes.iter().map(|it| (Role::Publisher, it.from.clone(), it.to.clone()));
+        let services =
+            plan.services.iter().map(|it| (Role::Server, it.service.clone(), it.offered.clone()));
+        let mut explicit: Vec<_> = topics.chain(services).collect();
+        let mut candidates = BTreeMap::new();
+        for (index, spec) in plan.patterns.iter().enumerate() {
+            if let Source::One(from) = &spec.from {
+                explicit.push((spec.role(), from.clone(), spec.to.clone()));
+                let candidate = Candidate::new(from.clone(), spec.to.clone(), None);
+                candidates.insert((index, from.name.clone()), candidate);
+            }
+        }
+        let names = plan.patterns.iter();
+        let names = names.flat_map(|spec| [spec.source_middleware(), spec.to.middleware.as_str()]);
+        let patterns = plan.patterns.iter().cloned().map(|spec| Pattern {
+            spec,
+            over: 0,
+            told_over: false,
+            made: 0,
+            ended: 0,
+        });
+        Self {
+            sides: Sides::new(registry, names),
+            patterns: patterns.collect(),
+            explicit,
+            types: TypeStore::from_environment().or_generated(),
+            number: BridgeMark::number(),
+            candidates,
+            ours: BTreeSet::new(),
+            counters: BTreeMap::new(),
+            next_id: first_id,
+        }
+    }
+
+    /// Looks at what exists; what is to be done about it.
+    pub(super) fn scan(&mut self, now: Instant) -> Vec<Change> {
+        self.sides.look(now);
+        for index in 0..self.patterns.len() {
+            self.note(index, now);
+        }
+        let mut changes = Vec::new();
+        for (key, candidate) in std::mem::take(&mut self.candidates) {
+            let (kept, change) = self.settle(&key, candidate, now);
+            changes.extend(change);
+            if let Some(kept) = kept {
+                self.candidates.insert(key, kept);
+            }
+        }
+        changes
+    }
+
+    /// Enters what the pattern means of what is there.
+    fn note(&mut self, index: usize, now: Instant) {
+        let Some(pattern) = self.patterns.get(index) else { return };
+        let spec = &pattern.spec;
+        let Source::Names { middleware, .. } = &spec.from else { return };
+        let Some(side) = self.sides.get(middleware).filter(|side| side.away().is_none()) else {
+            return;
+        };
+        let mut of_pattern = self.of_pattern(index).count();
+        let (mut found, mut over) = (Vec::new(), 0);
+        for name in side.names(spec.role()) {
+            let Some(to) = spec.target(name) else { continue };
+            let from = EndpointAddress { middleware: middleware.clone(), name: name.clone() };
+            if self.is_left_out(spec, &from, &to) {
+                continue;
+            }
+            let key = (index, name.clone());
+            if !self.candidates.contains_key(&key) {
+                if of_pattern >= spec.max_routes {
+                    over += 1;
+                    continue;
+                }
+                of_pattern += 1;
+            }
+            found.push((key, from, to));
+        }
+        for (key, from, to) in found {
+            let candidate = self.candidates.entry(key);
+            candidate.or_insert_with(|| Candidate::new(from, to, Some(now))).seen(now);
+        }
+        let Some(pattern) = self.patterns.get_mut(index) else { return };
+        pattern.over = over;
+        if over > 0 && !std::mem::replace(&mut pattern.told_over, true) {
+            let (name, most) = (&pattern.spec.name, pattern.spec.max_routes);
+            tracing::error!(
+                route = name,
+                "{most} routes are the limit of this pattern, {over} more names match: raise \
+                 max_routes, or narrow it with allow and deny"
+            );
+        }
+    }
+
+    fn of_pattern(&self, index: usize) -> impl Iterator<Item = &Candidate> {
+        self.candidates.range((index, String::new())..(index + 1, String::new())).map(|(_, c)| c)
+    }
+
+    /// Brings one candidate on; what stays of it, and what is to be done.
+    fn settle(
+        &mut self,
+        key: &Key,
+        mut candidate: Candidate,
+        now: Instant,
+    ) -> (Option<Candidate>, Option<Change>) {
+        let Some(spec) = self.patterns.get(key.0).map(|pattern| pattern.spec.clone()) else {
+            return (None, None);
+        };
+        let name = candidate.name(spec.role());
+        if let Some(away) = self.away(&spec) {
+            // Nothing is gone because it cannot be seen.
+            candidate.seen(now);
+            candidate.waits(&name, away);
+            return (Some(candidate), None);
+        }
+        if let State::Runs(id) = candidate.state {
+            let why = match self.rival(&spec, &candidate) {
+                _ if !spec.is_many() => return (Some(candidate), None),
+                _ if candidate.is_gone(now, GONE_AFTER) => "its source is gone".to_owned(),
+                Some(rival) if candidate.yields(now, self.number) => {
+                    candidate.state = State::New;
+                    candidate.waits(&name, RouteState::Waiting(rival.clone()));
+                    rival
+                }
+                Some(_) => return (Some(candidate), None),
+                None => {
+                    candidate.has_no_rival();
+                    return (Some(candidate), None);
+                }
+            };
+            if let Some(pattern) = self.patterns.get_mut(key.0) {
+                pattern.ended += 1;
+            }
+            let stays = !matches!(candidate.state, State::Runs(_));
+            return (stays.then_some(candidate), Some(Change::End { id, why }));
+        }
+        if spec.is_many() && candidate.is_gone(now, GONE_AFTER) {
+            return (None, None);
+        }
+        if !candidate.is_due(now, SETTLE) || !self.are_settled(&spec, now) {
+            return (Some(candidate), None);
+        }
+        let made = match self.make(&spec, &candidate, now) {
+            Ok(made) => made,
+            Err((state, retry)) => {
+                candidate.retry_at(now + retry);
+                candidate.waits(&name, state);
+                return (Some(candidate), None);
+            }
+        };
+        let id = self.next_id;
+        self.next_id += 1;
+        candidate.state = State::Runs(id);
+        self.ours.insert((spec.role(), candidate.to.clone()));
+        if let Some(pattern) = self.patterns.get_mut(key.0) {
+            pattern.made += 1;
+        }
+        let label = match &made {
+            Made::Topic(route) => route.message_type.label(),
+            Made::Service(route) => route.kind.ros_type(),
+        };
+        tracing::info!(route = name, "route made for {}: {label}", candidate.from);
+        if self.counters.len() >= MAX_KEPT {
+            self.counters.retain(|_, counters| Arc::strong_count(counters) > 1);
+        }
+        let counters = Arc::clone(self.counters.entry(name).or_default());
+        (Some(candidate), Some(Change::Make { id, made, counters }))
+    }
+
+    /// Why nothing can be seen on one of the two sides.
+    fn away(&self, spec: &PatternSpec) -> Option<RouteState> {
+        let sides =
+            [spec.source_middleware(), &spec.to.middleware].map(|name| self.sides.get(name));
+        sides.into_iter().flatten().find_map(|side| side.away()).map(|away| match away {
+            Away::Waiting(what) => RouteState::Waiting(what.clone()),
+            Away::Unable(why) => RouteState::Error(why.clone()),
+        })
+    }
+
+    fn are_settled(&self, spec: &PatternSpec, now: Instant) -> bool {
+        let sides =
+            [spec.source_middleware(), &spec.to.middleware].map(|name| self.sides.get(name));
+        sides.into_iter().flatten().all(|side| side.is_settled(now))
+    }
+
+    /// Whether another candidate already runs to this destination; its source.
+    pub(super) fn taken(&self, role: Role, to: &EndpointAddress) -> Option<EndpointAddress> {
+        // The candidate in question is not among them while it is looked at.
+        let runs = self.candidates.iter().find(|((index, _), other)| {
+            matches!(other.state, State::Runs(_))
+                && other.to == *to
+                && self.patterns.get(*index).is_some_and(|pattern| pattern.spec.role() == role)
+        });
+        runs.map(|(_, other)| other.from.clone())
+    }
+
+    /// A route could not be started.
+    pub(super) fn failed(&mut self, id: u64, why: &str) {
+        let runs = |it: &Candidate| it.state == State::Runs(id);
+        let found = self.candidates.iter_mut().find(|(_, candidate)| runs(candidate));
+        if let Some(((index, _), candidate)) = found
+            && let Some(pattern) = self.patterns.get(*index)
+        {
+            candidate.state = State::New;
+            let name = candidate.name(pattern.spec.role());
+            candidate.waits(&name, RouteState::Error(why.to_owned()));
+        }
+    }
+
+    /// The patterns, and what waits.
+    pub(super) fn status(&self) -> Vec<RouteStatus> {
+        let mut all = Vec::new();
+        for (index, pattern) in self.patterns.iter().enumerate() {
+            let spec = &pattern.spec;
+            if spec.is_many() {
+                all.push(self.pattern_status(index, pattern));
+            }
+            for candidate in self.of_pattern(index) {
+                let State::Waits(state) = &candidate.state else { continue };
+                all.push(RouteStatus {
+                    name: candidate.name(spec.role()),
+                    message_type: "unknown",
+                    ..idle(&spec.carried, &candidate.from, &candidate.to, state.clone())
+                });
+            }
+        }
+        all
+    }
+
+    fn pattern_status(&self, index: usize, pattern: &Pattern) -> RouteStatus {
+        let spec = &pattern.spec;
+        let (mut routes, mut waiting) = (0, 0);
+        for candidate in self.of_pattern(index) {
+            match candidate.state {
+                State::Runs(_) => routes += 1,
+                State::New | State::Waits(_) => waiting += 1,
+            }
+        }
+        let state = self.away(spec).unwrap_or_else(|| match (pattern.over, routes + waiting) {
+            (0, 0) => RouteState::Waiting("a name that matches".to_owned()),
+            (0, _) => RouteState::Active,
+            (over, _) => RouteState::Degraded(format!(
+                "{} routes are the limit (max_routes), {over} more names match",
+                spec.max_routes
+            )),
+        });
+        let from = match &spec.from {
+            Source::One(address) => address.clone(),
+            Source::Names { middleware, pattern, .. } => {
+                EndpointAddress { middleware: middleware.clone(), name: pattern.to_string() }
+            }
+        };
+        RouteStatus {
+            name: spec.name.clone(),
+            pattern: Some(PatternCounts {
+                routes,
+                waiting,
+                over_limit: pattern.over,
+                made: pattern.made,
+                ended: pattern.ended,
+            }),
+            ..idle(&spec.carried, &from, &spec.to, state)
+        }
+    }
+}
+
+/// The status of something that carries nothing itself.
+fn idle(
+    carried: &Carried,
+    from: &EndpointAddress,
+    to: &EndpointAddress,
+    state: RouteState,
+) -> RouteStatus {
+    // Services show who is offered first, as their routes do.
+    let (from, to) = match carried {
+        Carried::Topics { .. } => (from, to),
+        Carried::Services { .. } => (to, from),
+    };
+    RouteStatus {
+        name: String::new(),
+        from: from.to_string(),
+        to: to.to_string(),
+        message_type: "by pattern",
+        state,
+        from_qos: None,
+        to_qos: None,
+        counters: CountersSnapshot::default(),
+        pattern: None,
+    }
+}
+
+#[cfg(test)]
+#[path = "scout_tests.rs"]
+mod tests;

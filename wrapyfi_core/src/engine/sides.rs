@@ -1,0 +1,155 @@
+//! What exists on each middleware that a pattern names, looked up once a round.
+//!
+//! ```text
+//!   Middleware::discover_closely ─▶ Discovery ── look ──▶ (role, name) ─▶ [Discovered]
+//!                                      └─ away: why nothing can be seen
+//! ```
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use crate::endpoint::{DiscoverError, Discovered, Discovery, Middleware, Registry, Role, Traits};
+
+/// How long a side must have been seen before routes are made of it: what exists already shows by then.
+const SETTLED: Duration = Duration::from_millis(1000);
+/// Silence after which a topic that shows by its messages only is held to be gone.
+const SILENT: Duration = Duration::from_secs(60);
+
+/// One middleware.
+pub(super) struct Side {
+    pub(super) middleware: Option<Arc<dyn Middleware>>,
+    discovery: Option<Box<dyn Discovery>>,
+    found: BTreeMap<Role, BTreeMap<String, Vec<Discovered>>>,
+    away: Option<Away>,
+    seen_since: Option<Instant>,
+    /// Messages of topics that show by them, and when that number changed.
+    traffic: BTreeMap<String, (u64, Option<Instant>)>,
+}
+
+/// Why nothing can be seen.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Away {
+    /// Not now.
+    Waiting(String),
+    /// Never.
+    Unable(String),
+}
+
+/// The middlewares by name.
+pub(super) struct Sides(BTreeMap<String, Side>);
+
+impl Sides {
+    pub(super) fn new<'n>(registry: &Registry, names: impl Iterator<Item = &'n str>) -> Self {
+        let side = |name: &str| match registry.get(name) {
+            Ok(middleware) => Side::new(Arc::clone(middleware)),
+            Err(unknown) => {
+                Side { away: Some(Away::Unable(unknown.to_string())), ..Side::empty(None) }
+            }
+        };
+        Self(names.map(|name| (name.to_owned(), side(name))).collect())
+    }
+
+    pub(super) fn look(&mut self, now: Instant) {
+        self.0.values_mut().for_each(|side| side.look(now));
+    }
+
+    pub(super) fn get(&self, name: &str) -> Option<&Side> {
+        self.0.get(name)
+    }
+}
+
+impl Side {
+    fn empty(middleware: Option<Arc<dyn Middleware>>) -> Self {
+        Self {
+            middleware,
+            discovery: None,
+            found: BTreeMap::new(),
+            away: Some(Away::Waiting("the first look at what exists".to_owned())),
+            seen_since: None,
+            traffic: BTreeMap::new(),
+        }
+    }
+
+    fn new(middleware: Arc<dyn Middleware>) -> Self {
+        Self::empty(Some(middleware))
+    }
+
+    pub(super) fn traits(&self) -> Traits {
+        self.middleware.as_ref().map(|it| it.traits()).unwrap_or_default()
+    }
+
+    /// Why nothing can be seen now.
+    pub(super) fn away(&self) -> Option<&Away> {
+        self.away.as_ref()
+    }
+
+    /// Whether it has been seen for long enough.
+    pub(super) fn is_settled(&self, now: Instant) -> bool {
+        self.seen_since.is_some_and(|since| now.saturating_duration_since(since) >= SETTLED)
+    }
+
+    /// Names that have endpoints in a role.
+    pub(super) fn names(&self, role: Role) -> impl Iterator<Item = &String> {
+        self.found.get(&role).into_iter().flat_map(BTreeMap::keys)
+    }
+
+    /// The endpoints of a name in a role.
+    pub(super) fn endpoints(&self, role: Role, name: &str) -> &[Discovered] {
+        self.found.get(&role).and_then(|names| names.get(name)).map_or(&[], Vec::as_slice)
+    }
+
+    fn look(&mut self, now: Instant) {
+        let Some(middleware) = &self.middleware else { return };
+        if matches!(self.away, Some(Away::Unable(_))) {
+            return;
+        }
+        let discovery = match &mut self.discovery {
+            Some(discovery) => discovery,
+            none => match middleware.discover_closely() {
+                Ok(opened) => none.insert(opened),
+                Err(error @ DiscoverError::Unsupported { .. }) => {
+                    return self.lost(Away::Unable(error.to_string()));
+                }
+                Err(error) => return self.lost(Away::Waiting(error.to_string())),
+            },
+        };
+        let found = discovery.endpoints();
+        match (discovery.waiting_for(), found) {
+            (Some(what), _) => self.lost(Away::Waiting(what)),
+            (None, Err(error)) => self.lost(Away::Waiting(error.to_string())),
+            (None, Ok(found)) => {
+                self.away = None;
+                self.seen_since.get_or_insert(now);
+                self.enter(found, now);
+            }
+        }
+    }
+
+    /// What was seen last stays: that it cannot be looked at does not mean that it is gone.
+    fn lost(&mut self, away: Away) {
+        self.away = Some(away);
+        self.seen_since = None;
+    }
+
+    fn enter(&mut self, all: Vec<Discovered>, now: Instant) {
+        self.found.clear();
+        for one in all {
+            if !self.passes(&one, now) {
+                continue;
+            }
+            let names = self.found.entry(one.role).or_default();
+            names.entry(one.name.clone()).or_default().push(one);
+        }
+    }
+
+    /// A topic that shows by its messages only is there while there are new ones.
+    fn passes(&mut self, one: &Discovered, now: Instant) -> bool {
+        let Some(traffic) = one.traffic else { return true };
+        let known = self.traffic.entry(one.name.clone()).or_insert((traffic.messages, None));
+        if known.0 != traffic.messages {
+            *known = (traffic.messages, Some(now));
+        }
+        known.1.is_some_and(|at| now.saturating_duration_since(at) < SILENT)
+    }
+}

@@ -1,0 +1,259 @@
+//! Whether a candidate becomes a route: loops, rivals, types.
+//!
+//! ```text
+//!   left out   the configuration has a route for it; it would come back to where it is from
+//!   rival      another bridge carries it, or somebody else offers the service
+//!   made       its type is known: given, told by its source, by its destination, or `type_if_unknown`
+//! ```
+
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+use super::candidate::Candidate;
+use super::config_qos::QosConfig;
+use super::plan_pattern::{Carried, PatternSpec};
+use super::route::RouteState;
+use super::scout::{Made, Scout};
+use crate::endpoint::{BridgeMark, Discovered, Durability, EndpointAddress, LearnError, Role};
+use crate::types::{MessageType, ServiceKind};
+
+/// How soon to try again what cannot be made now.
+const RETRY: Duration = Duration::from_secs(2);
+
+/// Why there is no route, and how soon to look again.
+type Refusal = (RouteState, Duration);
+
+fn waiting(what: String) -> Refusal {
+    (RouteState::Waiting(what), Duration::ZERO)
+}
+
+impl Scout {
+    /// Whether a name is none of the pattern's business, though it matches.
+    pub(super) fn is_left_out(
+        &self,
+        spec: &PatternSpec,
+        from: &EndpointAddress,
+        to: &EndpointAddress,
+    ) -> bool {
+        let role = spec.role();
+        let by_hand = self.explicit.iter().any(|(kind, source, target)| {
+            *kind == role
+                && ((source == from && target.middleware == to.middleware)
+                    || (target == from && source.middleware == to.middleware)
+                    || target == to)
+        });
+        let comes_back = self.sources(role, from, &to.middleware).next().is_none();
+        by_hand || comes_back
+    }
+
+    /// The endpoints of a source that do not come from where it would go.
+    fn sources<'s>(
+        &'s self,
+        role: Role,
+        from: &EndpointAddress,
+        to: &'s str,
+    ) -> impl Iterator<Item = &'s Discovered> {
+        let side = self.sides.get(&from.middleware);
+        let tells = side.is_some_and(|side| side.traits().tells_own);
+        let is_own = !tells && self.ours.contains(&(role, from.clone()));
+        let all = side.map_or(&[][..], |side| side.endpoints(role, &from.name));
+        let came_back =
+            |one: &&Discovered| one.mark.as_ref().is_some_and(|mark| mark.came_through(to));
+        all.iter().filter(move |one| !is_own && !came_back(one))
+    }
+
+    /// Who else does what the candidate's route would do, in words.
+    pub(super) fn rival(&self, spec: &PatternSpec, candidate: &Candidate) -> Option<String> {
+        let Candidate { from, to, .. } = candidate;
+        let side = self.sides.get(&to.middleware)?;
+        let role = spec.role();
+        if !side.traits().tells_own && self.ours.contains(&(role, to.clone())) {
+            return None;
+        }
+        let who = |one: &Discovered| one.node.clone().unwrap_or_else(|| "another program".into());
+        side.endpoints(role, &to.name).iter().find_map(|one| match (role, &one.mark) {
+            (_, Some(mark)) if mark.bridge >= self.number => None,
+            (Role::Server, _) => {
+                Some(format!("the name {to}, under which {} offers a service", who(one)))
+            }
+            (_, Some(mark)) if mark.came_through(&from.middleware) => {
+                Some(format!("the bridge {}, which carries it to {to} already", who(one)))
+            }
+            _ => None,
+        })
+    }
+
+    /// The route, or why there is none.
+    pub(super) fn make(
+        &mut self,
+        spec: &PatternSpec,
+        candidate: &Candidate,
+        _now: Instant,
+    ) -> Result<Made, Refusal> {
+        let Candidate { from, to, .. } = candidate;
+        let role = spec.role();
+        if spec.is_many() {
+            if let Some(rival) = self.rival(spec, candidate) {
+                return Err(waiting(rival));
+            }
+            if let Some(other) = self.taken(role, to) {
+                return Err(waiting(format!("the name {to}, to which {other} goes")));
+            }
+            if self.is_on_both_sides(role, from, to) {
+                return Err(waiting(format!(
+                    "a decision: {from} and {to} both have publishers, and {} does not tell which \
+                     are bridges'; write a route for it",
+                    self.without_marks(from, to)
+                )));
+            }
+        }
+        let sources: Vec<Discovered> = self.sources(role, from, &to.middleware).cloned().collect();
+        let mark = spec.is_many().then(|| {
+            let marks = sources.iter().filter_map(|one| one.mark.as_ref());
+            BridgeMark::of(self.number, marks, &from.middleware)
+        });
+        let name = if spec.is_many() { candidate.name(role) } else { spec.name.clone() };
+        match &spec.carried {
+            Carried::Topics { template, typed, otherwise } => {
+                let mut route = template.as_ref().clone();
+                (route.name, route.mark) = (name, mark);
+                (route.from, route.to) = (from.clone(), to.clone());
+                if !typed {
+                    let learned = self.learn_topic(&sources, from, to, *otherwise)?;
+                    (route.message_type, route.from_type) = (learned, learned);
+                }
+                let keeps = self.keeps_last(&sources, from, route.lazy)?;
+                if let QosConfig::Match(qos) = &mut route.qos
+                    && keeps
+                {
+                    // What its publishers keep for those who come later is kept on the other side too.
+                    qos.durability = Durability::TransientLocal;
+                }
+                Ok(Made::Topic(Box::new(route)))
+            }
+            Carried::Services { template, typed, otherwise } => {
+                let mut route = template.as_ref().clone();
+                (route.name, route.mark) = (name, mark);
+                (route.service, route.offered) = (from.clone(), to.clone());
+                if !typed {
+                    route.kind = self.learn_service(&sources, from, *otherwise)?;
+                }
+                Ok(Made::Service(Box::new(route)))
+            }
+        }
+    }
+
+    /// Whether a publisher of the source keeps its last message. A lazy route has to know before it opens
+    /// its source: nobody can listen to kept messages of a destination that does not offer any.
+    fn keeps_last(
+        &self,
+        sources: &[Discovered],
+        from: &EndpointAddress,
+        lazy: bool,
+    ) -> Result<bool, Refusal> {
+        let side = self.sides.get(&from.middleware);
+        let Some(middleware) = side.and_then(|side| side.middleware.as_ref()) else {
+            return Ok(false);
+        };
+        let mut unknown = false;
+        // An open source tells by itself.
+        for one in sources.iter().filter(|one| lazy || one.qos.is_some()) {
+            match middleware.keeps_last(one) {
+                Some(true) => return Ok(true),
+                Some(false) => {}
+                None => unknown = true,
+            }
+        }
+        if unknown && lazy {
+            let what = format!("publishers of {from} to tell whether they keep their last message");
+            return Err((RouteState::Waiting(what), Duration::ZERO));
+        }
+        Ok(false)
+    }
+
+    /// Whether both ends have publishers of other programs, where a middleware shows no marks.
+    fn is_on_both_sides(&self, role: Role, from: &EndpointAddress, to: &EndpointAddress) -> bool {
+        let tells = |address: &EndpointAddress| {
+            self.sides.get(&address.middleware).is_some_and(|side| side.traits().shows_marks)
+        };
+        if role != Role::Publisher || (tells(from) && tells(to)) {
+            return false;
+        }
+        let Some(side) = self.sides.get(&to.middleware) else { return false };
+        let is_ours = !side.traits().tells_own && self.ours.contains(&(role, to.clone()));
+        !is_ours && !side.endpoints(role, &to.name).is_empty()
+    }
+
+    fn without_marks<'a>(&self, from: &'a EndpointAddress, to: &'a EndpointAddress) -> &'a str {
+        let tells = self.sides.get(&from.middleware).is_some_and(|side| side.traits().shows_marks);
+        if tells { &to.middleware } else { &from.middleware }
+    }
+
+    fn learn_topic(
+        &mut self,
+        sources: &[Discovered],
+        from: &EndpointAddress,
+        to: &EndpointAddress,
+        otherwise: Option<MessageType>,
+    ) -> Result<MessageType, Refusal> {
+        let (Some(source), Some(target)) =
+            (self.sides.get(&from.middleware), self.sides.get(&to.middleware))
+        else {
+            return Err(waiting("its middlewares".to_owned()));
+        };
+        let between_ros = source.traits().any_ros_type && target.traits().any_ros_type;
+        let listeners = target.endpoints(Role::Listener, &to.name);
+        let mut why = None;
+        for (side, endpoints) in [(source, sources), (target, listeners)] {
+            let Some(middleware) = &side.middleware else { continue };
+            let mut told: BTreeMap<&str, MessageType> = BTreeMap::new();
+            for one in endpoints {
+                match middleware.learn_topic(one, &mut self.types) {
+                    Ok(learned) => {
+                        let learned = learned.message_type(between_ros);
+                        told.insert(learned.label(), learned);
+                    }
+                    Err(error) => why = why.or(Some(error)),
+                }
+            }
+            if told.len() > 1 {
+                let names: Vec<&str> = told.into_keys().collect();
+                let text = format!("{} has several types: {}; give `type`", from, names.join(", "));
+                return Err((RouteState::Error(text), RETRY));
+            }
+            if let Some((_, learned)) = told.pop_first() {
+                return Ok(learned);
+            }
+        }
+        match (otherwise, why) {
+            (Some(known), None | Some(LearnError::Untold { .. })) if !sources.is_empty() => {
+                Ok(known)
+            }
+            (_, Some(error)) => Err(refused(error)),
+            (_, None) => Err(waiting(format!("a publisher on {from}, which tells the type"))),
+        }
+    }
+
+    fn learn_service(
+        &mut self,
+        sources: &[Discovered],
+        from: &EndpointAddress,
+        otherwise: Option<ServiceKind>,
+    ) -> Result<ServiceKind, Refusal> {
+        let side = self.sides.get(&from.middleware);
+        let (Some(middleware), Some(server)) =
+            (side.and_then(|side| side.middleware.as_ref()), sources.first())
+        else {
+            return Err(waiting(format!("a server of {from}, which tells the type")));
+        };
+        match (middleware.learn_service(server, &mut self.types), otherwise) {
+            (Ok(kind), _) | (Err(LearnError::Untold { .. }), Some(kind)) => Ok(kind),
+            (Err(error), _) => Err(refused(error)),
+        }
+    }
+}
+
+fn refused(error: LearnError) -> Refusal {
+    let again = if matches!(error, LearnError::Asked { .. }) { Duration::ZERO } else { RETRY };
+    (RouteState::Waiting(error.to_string()), again)
+}
