@@ -134,9 +134,15 @@ impl<'w> Scene<'w> {
     /// Kills a publisher, and waits until the route knows; `rest` is what is kept then.
     fn kill(&self, publisher: Process, rest: &[&str]) -> Result {
         drop(publisher);
+        let reports = |output: &Output| -> Vec<Value> {
+            output.objects().filter(|object| object["routes"].is_array()).collect()
+        };
+        // One may be under way.
+        let fresh = self.bridge.wait_until("reports", |output| Some(reports(output).len() + 2))?;
         if rest.is_empty() {
             self.bridge.wait_until("the route to wait for a publisher", |output| {
-                let report = output.objects().rev().find(|object| object["routes"].is_array())?;
+                let reports = reports(output);
+                let report = reports.last().filter(|_| reports.len() >= fresh)?;
                 let route = &report["routes"][0];
                 let reason = route["reason"].as_str().unwrap_or_default();
                 (route["state"] == "waiting" && reason.contains("publishe")).then_some(())
