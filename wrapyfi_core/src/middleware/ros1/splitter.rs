@@ -3,11 +3,14 @@
 //! ```text
 //!   socket ─▶ small buffer (many messages a read) ─▶ Message
 //!        └─▶ buffer of the declared size (large messages, read straight into place) ─▶ Message
+//!                    ▲ one of a few, the first whose message is gone
 //! ```
 //!
 //! No socket: [`Splitter::space`] says where bytes go, [`Splitter::next`] what they make. A message is
 //! a part of the buffer it was read into, never a copy; a buffer is used again once its messages are
 //! gone.
+
+use std::collections::VecDeque;
 
 use bytes::buf::Limit;
 use bytes::{BufMut as _, Bytes, BytesMut};
@@ -16,6 +19,9 @@ use bytes::{BufMut as _, Bytes, BytesMut};
 const SIZE: usize = 4;
 /// Space for small messages; what is larger gets a buffer of its own.
 const SMALL: usize = 64 * 1024;
+/// Buffers for large messages that are kept: one is being filled while the messages in others are
+/// still at work. Memory that is new for each message costs more than to receive it.
+const KEPT: usize = 4;
 /// Beyond this no node sends, so it is no size but a stream that lost its place. roscpp draws the line
 /// at the same size.
 const ABSURD: usize = 1_000_000_000;
@@ -39,6 +45,8 @@ pub(super) struct Splitter {
     limit: usize,
     small: BytesMut,
     large: BytesMut,
+    /// Buffers of large messages before, the oldest first.
+    kept: VecDeque<BytesMut>,
     /// Bytes that the large buffer still waits for.
     missing: usize,
     /// Bytes to throw away.
@@ -48,7 +56,8 @@ pub(super) struct Splitter {
 impl Splitter {
     /// Messages of at most `limit` bytes.
     pub(super) fn new(limit: usize) -> Self {
-        Self { limit, small: BytesMut::new(), large: BytesMut::new(), missing: 0, skip: 0 }
+        let (small, large, kept) = (BytesMut::new(), BytesMut::new(), VecDeque::new());
+        Self { limit, small, large, kept, missing: 0, skip: 0 }
     }
 
     /// Where the next bytes go.
@@ -75,7 +84,9 @@ impl Splitter {
             return Ok(None);
         }
         if !self.large.is_empty() {
-            return Ok(Some(Piece::Message(self.large.split().freeze())));
+            let message = self.large.split().freeze();
+            self.kept.push_back(std::mem::take(&mut self.large));
+            return Ok(Some(Piece::Message(message)));
         }
         let thrown = self.skip.min(self.small.len());
         drop(self.small.split_to(thrown));
@@ -97,11 +108,25 @@ impl Splitter {
         if size > SMALL / 2 {
             drop(self.small.split_to(SIZE));
             let begun = self.small.split();
-            self.large.reserve(size);
+            self.large = self.buffer(size);
             self.large.extend_from_slice(&begun);
             self.missing = size - begun.len();
         }
         Ok(None)
+    }
+
+    /// Room for a message of `size` bytes, in memory that was used before where there is some.
+    fn buffer(&mut self, size: usize) -> BytesMut {
+        if let Some(free) = self.kept.iter_mut().position(|buffer| buffer.try_reclaim(size))
+            && let Some(buffer) = self.kept.remove(free)
+        {
+            return buffer;
+        }
+        // What it holds lives on in its message.
+        if self.kept.len() >= KEPT {
+            self.kept.pop_front();
+        }
+        BytesMut::with_capacity(size)
     }
 }
 
@@ -133,6 +158,45 @@ mod tests {
 
     fn framed(body: &[u8]) -> Vec<u8> {
         [&u32::try_from(body.len()).unwrap().to_le_bytes()[..], body].concat()
+    }
+
+    /// Feeds one message and hands it out.
+    fn feed(splitter: &mut Splitter, body: &[u8]) -> Bytes {
+        let mut stream = &framed(body)[..];
+        loop {
+            if let Some(Piece::Message(message)) = splitter.next().unwrap() {
+                assert!(stream.is_empty());
+                return message;
+            }
+            let mut space = splitter.space();
+            let (now, later) = stream.split_at(space.remaining_mut().min(stream.len()));
+            space.put_slice(now);
+            splitter.filled(now.len());
+            stream = later;
+        }
+    }
+
+    #[test]
+    fn memory_is_used_again_though_the_last_message_is_still_at_work() {
+        let mut splitter = Splitter::new(1 << 20);
+        let mut places = std::collections::BTreeSet::new();
+        let mut at_work = VecDeque::new();
+        for n in 0..50_u8 {
+            let message = feed(&mut splitter, &vec![n; 300_000]);
+            assert!(message.iter().all(|byte| *byte == n));
+            places.insert(message.as_ptr() as usize);
+            at_work.push_back(message);
+            if at_work.len() > 2 {
+                at_work.pop_front();
+            }
+        }
+        assert!((2..=KEPT).contains(&places.len()), "{places:?}");
+        // Who holds more than that gets memory of its own, and loses nothing.
+        let held: Vec<Bytes> = (0..20_u8).map(|n| feed(&mut splitter, &vec![n; 100_000])).collect();
+        for (n, message) in (0_u8..).zip(&held) {
+            assert!(message.iter().all(|byte| *byte == n));
+        }
+        assert!(splitter.kept.len() <= KEPT);
     }
 
     #[test]
