@@ -256,6 +256,9 @@ pub trait Publisher: Send {
         _ = publisher;
     }
 
+    /// The source was closed, and the numbers of its origins with it: nothing of them is kept.
+    fn forget_all(&mut self) {}
+
     /// Told now and again what [`Listener::keeping`] says of the source. A publisher that was
     /// opened with [`TopicSpec::match_peers`] offers the same.
     fn follow_source(&mut self, source: Keeping) {

@@ -153,6 +153,9 @@ impl Relay {
                 if open && now.saturating_duration_since(since) >= UNWANTED_FOR {
                     tracing::debug!(route = %spec.name, "nobody listens: {} is closed", spec.from);
                     (source.open, source.qos) = (None, None);
+                    if let Some(publisher) = &mut sink.open {
+                        publisher.forget_all();
+                    }
                 }
                 // Nobody has to be asked for what nobody wants.
                 if source.open.is_none() {

@@ -50,6 +50,11 @@ impl Kept {
         self.frames.retain(|(kept, _)| *kept != origin);
     }
 
+    /// Keeps nothing any more but what the publisher itself said.
+    pub(super) fn forget_origins(&mut self) {
+        self.frames.retain(|(kept, _)| kept.is_none());
+    }
+
     /// What is kept, oldest first.
     pub(super) fn frames(&self) -> impl Iterator<Item = &Frame> {
         self.frames.iter().map(|(_, frame)| frame)
@@ -82,6 +87,8 @@ mod tests {
         kept.forget(Some(2));
         kept.forget(Some(7));
         assert_eq!(sizes(&kept), [5, 11]);
+        kept.forget_origins();
+        assert_eq!(sizes(&kept), [5]);
     }
 
     #[test]

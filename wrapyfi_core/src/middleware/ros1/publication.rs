@@ -317,6 +317,12 @@ impl Publisher for Ros1Publisher {
         }
     }
 
+    fn forget_all(&mut self) {
+        if let Some(entry) = self.publication.state().publishers.get_mut(&self.id) {
+            entry.kept.forget_origins();
+        }
+    }
+
     fn follow_source(&mut self, source: Keeping) {
         let keeps_last = match source {
             Keeping::All => true,

@@ -83,6 +83,12 @@ impl Origins {
         }
     }
 
+    /// All origins have gone.
+    pub(super) fn forget_all(&mut self, now: Instant, linger: Duration) {
+        let all: Vec<u64> = self.open.keys().copied().collect();
+        all.into_iter().for_each(|origin| self.forget(origin, now, linger));
+    }
+
     /// Writes what was held for long enough, and closes what is due; when to ask again, and what
     /// went wrong.
     pub(super) fn look(&mut self, now: Instant) -> (Option<Instant>, Vec<GraphError>) {
@@ -265,6 +271,7 @@ mod tests {
         assert_eq!(bench.notes(), ["1:1", "2:closed"]);
         assert_eq!(bench.look_after(20), Some(bench.now + Duration::from_millis(80)));
         assert_eq!(bench.notes(), ["3:3"]);
+        bench.origins.forget_all(bench.now, LINGER);
         bench.look_after(80);
         assert_eq!(bench.notes(), ["1:closed"]);
         assert_eq!(bench.look_after(20), None);

@@ -277,6 +277,10 @@ impl Publisher for Ros2Publisher {
         self.origins.forget(publisher, Instant::now(), HANDOVER);
     }
 
+    fn forget_all(&mut self) {
+        self.origins.forget_all(Instant::now(), HANDOVER);
+    }
+
     fn follow_source(&mut self, source: Keeping) {
         // What is laid down from outside is not followed; who comes back may do as before.
         let follows = self.follows && !self.pinned.holds(QosPolicy::Durability);
