@@ -101,10 +101,7 @@ fn a_topic_of_a_type_unknown_here_appears_in_ros_2() -> Result {
         })
         .map_err(|error| error.context(bridge.tail()))?;
         let folder = world.definitions(&[
-            (
-                "wrapyfi_demo_msgs/msg/Pose.msg",
-                "std_msgs/Header header\nstring what\nGrip grip\n",
-            ),
+            ("wrapyfi_demo_msgs/msg/Pose.msg", "std_msgs/Header header\nstring what\nGrip grip\n"),
             ("wrapyfi_demo_msgs/msg/Grip.msg", "float64 force\n"),
         ])?;
         let more =
@@ -147,6 +144,33 @@ fn a_topic_is_there_before_and_carried_only_while_somebody_listens() -> Result {
         listed(world, |found| !found.iter().any(|one| one["name"] == topic.as_str()))?;
         let log = bridge.stderr() + &bridge.stdout();
         assert!(log.contains("route made for") && log.contains("its source is gone"), "{log}");
+        Ok(())
+    })
+}
+
+/// What latches waits for who comes later, though nobody listened when its route was made.
+#[test]
+fn what_latches_is_kept_for_who_comes_later() -> Result {
+    run("what_latches_is_kept_for_who_comes_later", ROS1_AND_DDS, |world| {
+        let _roscore = world.roscore()?;
+        let topic = world.topic("tf_static");
+        let mut talkers = Vec::new();
+        for node in ["left", "right"] {
+            let words = format!("publish --topic {topic} --node {node} --latch --count 1");
+            let talker = world.rospy(&words, Some(&format!(r#"{{"data": "{node}"}}"#)))?;
+            talker.event("done")?;
+            talkers.push(talker);
+        }
+        let bridge = bridge(world, &[])?;
+        until(&bridge, &format!("ros:{topic} -> ros2:{topic}"), |route| {
+            route.is_some_and(|it| it["counters"]["received"] == 2)
+        })?;
+        let late =
+            world.dds_subscriber(&topic, "std_msgs/msg/String", "--plain --transient-local")?;
+        let heard = late.messages(2).map_err(|error| error.context(bridge.tail()))?;
+        let mut texts: Vec<&Value> = heard.iter().map(|one| &one["fields"]["data"]).collect();
+        texts.sort_by_key(|text| text.to_string());
+        assert_eq!(texts, [&json!("left"), &json!("right")]);
         Ok(())
     })
 }

@@ -111,6 +111,12 @@ fn logs_go_both_ways_at_once_without_an_echo() -> Result {
             output.events("message").into_iter().find(|e| e["fields"]["name"] == "/one_1")
         })?;
         assert_eq!(line["fields"]["level"], 30, "{line}");
+        for who in [&there, &here] {
+            for number in [1, 2] {
+                heard(who, &format!("/one_{number}"), &format!("from 1, {number}"))?;
+                heard(who, &format!("two_{number}"), &format!("from_2,{number}"))?;
+            }
+        }
         // Each once, after two rounds; and nothing of the bridge's own in ROS 1.
         for who in [&there, &here] {
             let all = who.wait_until("all lines", |output| Some(lines(output)))?;

@@ -104,6 +104,11 @@ impl<'w> Scene<'w> {
 
     /// Waits until the route has that many writers on ROS 2.
     fn writers(&self, count: usize) -> Result {
+        self.writers_of(count, 1)
+    }
+
+    /// The same, when there have been so many at least.
+    fn writers_of(&self, count: usize, ever: usize) -> Result {
         if self.way == Way::To1 {
             return Ok(());
         }
@@ -112,16 +117,16 @@ impl<'w> Scene<'w> {
             .wait_until(&format!("{count} writers"), |output| {
                 let gone: Vec<Value> =
                     output.events("gone").iter().map(|event| event["guid"].clone()).collect();
-                let mut there: Vec<String> = output
+                let mut all: Vec<Value> = output
                     .events("endpoint")
-                    .iter()
+                    .into_iter()
                     .filter(|e| e["topic"] == *topic && e["role"] == "writer")
-                    .filter(|e| !gone.contains(&e["guid"]))
-                    .map(|e| e["guid"].to_string())
+                    .map(|e| e["guid"].clone())
                     .collect();
-                there.sort();
-                there.dedup();
-                (there.len() == count).then_some(())
+                all.sort_by_key(Value::to_string);
+                all.dedup();
+                let there = all.iter().filter(|guid| !gone.contains(guid)).count();
+                (there == count && all.len() >= ever).then_some(())
             })
             .map_err(|e| e.context(self.bridge.tail()))
     }
@@ -129,9 +134,15 @@ impl<'w> Scene<'w> {
     /// Kills a publisher, and waits until the route knows; `rest` is what is kept then.
     fn kill(&self, publisher: Process, rest: &[&str]) -> Result {
         drop(publisher);
+        let reports = |output: &Output| -> Vec<Value> {
+            output.objects().filter(|object| object["routes"].is_array()).collect()
+        };
+        // One may be under way.
+        let fresh = self.bridge.wait_until("reports", |output| Some(reports(output).len() + 2))?;
         if rest.is_empty() {
             self.bridge.wait_until("the route to wait for a publisher", |output| {
-                let report = output.objects().rev().find(|object| object["routes"].is_array())?;
+                let reports = reports(output);
+                let report = reports.last().filter(|_| reports.len() >= fresh)?;
                 let route = &report["routes"][0];
                 let reason = route["reason"].as_str().unwrap_or_default();
                 (route["state"] == "waiting" && reason.contains("publishe")).then_some(())
@@ -182,7 +193,8 @@ fn matrix(test: &str, way: Way, latched: bool, others: &[&str]) -> Result {
         let _roscore = world.roscore()?;
         let scene = Scene::new(world, way, latched)?;
         let before = [scene.subscriber(false)?, scene.subscriber(true)?];
-        scene.writers(1)?;
+        // One of them asks for transient local: a second writer takes over from the first.
+        scene.writers_of(1, 2)?;
         let mut publishers = Vec::new();
         let each_hears = |subscribers: &[Process], text: &str| {
             subscribers.iter().try_for_each(|one| scene.hears(one, text))

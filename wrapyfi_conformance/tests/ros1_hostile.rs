@@ -153,7 +153,7 @@ fn definitions_that_recurse_or_lack_a_part_are_refused() {
     for (definition, words) in [
         ("int32 a\nPair next\n".to_owned(), "contains itself"),
         (format!("Part part\n{line}\nMSG: demo/Part\nPair back\n"), "contains itself"),
-        ("int32 a\nPart part\n".to_owned(), "Part is defined nowhere"),
+        ("int32 a\nPart part\n".to_owned(), "demo/msg/Part, which demo/msg/Pair has a field of"),
         ("int32 a\nint32 b\n".to_owned(), md5),
         ("int32[ a\n".to_owned(), "int32["),
     ] {

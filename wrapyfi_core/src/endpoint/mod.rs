@@ -46,7 +46,7 @@ pub use latency::{Latency, LatencySummary};
 pub use learn::{LearnError, Learned};
 pub(crate) use learn::{service_of_name, topic_of_name};
 pub use mark::{BridgeMark, ParseMarkError};
-pub use origin::Origin;
+pub use origin::{Keeping, Origin};
 pub use qos::{Durability, History, Liveliness, Qos, QosPreset, Reliability};
 pub use qos_match::{MatchedQos, QosPolicy, QosWarning, listener_qos, mismatches, publisher_qos};
 pub use qos_pinned::PinnedQos;
@@ -164,6 +164,12 @@ pub trait Middleware: Send + Sync {
     ) -> Result<ServiceKind, LearnError> {
         service_of_name(self.name(), found, types)
     }
+
+    /// Whether a publisher that was found keeps its last message for whoever comes later. Returns at
+    /// once: `None` where it has to be asked first, and a later call has the answer.
+    fn keeps_last(&self, found: &Discovered) -> Option<bool> {
+        Some(found.qos.is_some_and(|qos| qos.durability != AnnouncedDurability::Volatile))
+    }
 }
 
 /// What a middleware is to routes by pattern.
@@ -207,10 +213,9 @@ pub trait Listener: Send {
         None
     }
 
-    /// Whether all publishers keep their last message for who comes later; `None` where there are
-    /// none, or nobody can tell.
-    fn keeps_last(&self) -> Option<bool> {
-        None
+    /// Whether its publishers keep their last message for who comes later.
+    fn keeping(&self) -> Keeping {
+        Keeping::Unknown
     }
 
     /// What the listener is connected to now.
@@ -251,10 +256,10 @@ pub trait Publisher: Send {
         _ = publisher;
     }
 
-    /// Told now and again what [`Listener::keeps_last`] says of the source. A publisher that was
+    /// Told now and again what [`Listener::keeping`] says of the source. A publisher that was
     /// opened with [`TopicSpec::match_peers`] offers the same.
-    fn follow_source(&mut self, keeps_last: Option<bool>) {
-        _ = keeps_last;
+    fn follow_source(&mut self, source: Keeping) {
+        _ = source;
     }
 
     /// What the publisher is connected to now. A publisher without consumer need not be given

@@ -15,3 +15,40 @@ pub struct Origin {
     /// ROS 2.
     pub keeps_last: bool,
 }
+
+/// Whether the publishers of a source keep their last message for whoever comes later.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Keeping {
+    /// Its listener cannot tell.
+    #[default]
+    Unknown,
+    /// There are none now.
+    Nobody,
+    /// All do.
+    All,
+    /// Some, or all, do not.
+    NotAll,
+}
+
+impl Keeping {
+    /// What publishers say, one after the other.
+    pub(crate) fn of(publishers: impl IntoIterator<Item = bool>) -> Self {
+        publishers.into_iter().fold(Self::Nobody, |all, keeps| match (all, keeps) {
+            (Self::Nobody | Self::All, true) => Self::All,
+            _ => Self::NotAll,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_that_does_not_keep_decides() {
+        assert_eq!(Keeping::of([]), Keeping::Nobody);
+        assert_eq!(Keeping::of([true, true]), Keeping::All);
+        assert_eq!(Keeping::of([true, false, true]), Keeping::NotAll);
+        assert_eq!(Keeping::of([false]), Keeping::NotAll);
+    }
+}

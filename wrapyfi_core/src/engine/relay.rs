@@ -174,7 +174,7 @@ impl Relay {
     /// Lets both ends look at their peers; when they want to look again.
     fn review(&mut self, now: Instant) -> Option<Instant> {
         if let (Some(listener), Some(publisher)) = (&self.source.open, &mut self.sink.open) {
-            publisher.follow_source(listener.keeps_last());
+            publisher.follow_source(listener.keeping());
         }
         let source = self.source.open.as_mut().map(|listener| listener.review(now));
         let sink = self.sink.open.as_mut().map(|publisher| publisher.review(now));

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::*;
-use crate::endpoint::{Origin, Overflow, QueueSpec, TopicSpec};
+use crate::endpoint::{Keeping, Origin, Overflow, QueueSpec, TopicSpec};
 use crate::middleware::memory::Memory;
 use crate::types::{Map, MessageType, Payload, Properties, Tensor, Value};
 
@@ -394,8 +394,8 @@ impl Listener for Two {
         self.gone.take()
     }
 
-    fn keeps_last(&self) -> Option<bool> {
-        Some(true)
+    fn keeping(&self) -> Keeping {
+        Keeping::All
     }
 
     fn link(&self) -> crate::endpoint::Link {
@@ -427,8 +427,8 @@ impl Publisher for NotingPublisher {
         self.note(format!("{publisher} is gone"));
     }
 
-    fn follow_source(&mut self, keeps_last: Option<bool>) {
-        self.note(format!("kept: {keeps_last:?}"));
+    fn follow_source(&mut self, source: Keeping) {
+        self.note(format!("keeping: {source:?}"));
     }
 
     fn link(&self) -> crate::endpoint::Link {
@@ -444,6 +444,6 @@ fn whose_message_it_is_goes_along_and_who_is_gone_is_told_after_it() {
     let ends = ("noted:/in".parse().unwrap(), "noted:/out".parse().unwrap());
     let spec = RouteSpec::new(ends.0, ends.1, MessageType::NativeObject);
     Relay::new(spec, &registry, 1).step(Instant::now());
-    let expected = ["kept: Some(true)", "message of 1", "message of 2", "2 is gone"];
+    let expected = ["keeping: All", "message of 1", "message of 2", "2 is gone"];
     assert_eq!(*notes.lock().unwrap(), expected);
 }

@@ -14,9 +14,7 @@ use super::config_qos::QosConfig;
 use super::plan_pattern::{Carried, PatternSpec};
 use super::route::RouteState;
 use super::scout::{Made, Scout};
-use crate::endpoint::{
-    AnnouncedDurability, BridgeMark, Discovered, Durability, EndpointAddress, LearnError, Role,
-};
+use crate::endpoint::{BridgeMark, Discovered, Durability, EndpointAddress, LearnError, Role};
 use crate::types::{MessageType, ServiceKind};
 
 /// How soon to try again what cannot be made now.
@@ -123,8 +121,9 @@ impl Scout {
                     let learned = self.learn_topic(&sources, from, to, *otherwise)?;
                     (route.message_type, route.from_type) = (learned, learned);
                 }
+                let keeps = self.keeps_last(&sources, from, route.lazy)?;
                 if let QosConfig::Match(qos) = &mut route.qos
-                    && sources.iter().any(keeps_last)
+                    && keeps
                 {
                     // What its publishers keep for those who come later is kept on the other side too.
                     qos.durability = Durability::TransientLocal;
@@ -141,6 +140,34 @@ impl Scout {
                 Ok(Made::Service(Box::new(route)))
             }
         }
+    }
+
+    /// Whether a publisher of the source keeps its last message. A lazy route has to know before it opens
+    /// its source: nobody can listen to kept messages of a destination that does not offer any.
+    fn keeps_last(
+        &self,
+        sources: &[Discovered],
+        from: &EndpointAddress,
+        lazy: bool,
+    ) -> Result<bool, Refusal> {
+        let side = self.sides.get(&from.middleware);
+        let Some(middleware) = side.and_then(|side| side.middleware.as_ref()) else {
+            return Ok(false);
+        };
+        let mut unknown = false;
+        // An open source tells by itself.
+        for one in sources.iter().filter(|one| lazy || one.qos.is_some()) {
+            match middleware.keeps_last(one) {
+                Some(true) => return Ok(true),
+                Some(false) => {}
+                None => unknown = true,
+            }
+        }
+        if unknown && lazy {
+            let what = format!("publishers of {from} to tell whether they keep their last message");
+            return Err((RouteState::Waiting(what), Duration::ZERO));
+        }
+        Ok(false)
     }
 
     /// Whether both ends have publishers of other programs, where a middleware shows no marks.
@@ -228,8 +255,4 @@ impl Scout {
 fn refused(error: &LearnError) -> Refusal {
     let again = if matches!(error, LearnError::Asked { .. }) { Duration::ZERO } else { RETRY };
     (RouteState::Waiting(error.to_string()), again)
-}
-
-fn keeps_last(one: &Discovered) -> bool {
-    one.qos.is_some_and(|qos| qos.durability != AnnouncedDurability::Volatile)
 }

@@ -32,7 +32,7 @@ use super::splitter::{Piece, Splitter};
 use super::tcpros;
 use crate::backoff::Backoff;
 use crate::codec::ros1::Ros1Type;
-use crate::endpoint::{BridgeMark, Counters, DropReason, Overflow, Sender, Wake};
+use crate::endpoint::{BridgeMark, Counters, DropReason, Keeping, Overflow, Sender, Wake};
 use crate::types::MessageType;
 
 /// Field of a connection header: the mark of a bridge that publishes a topic by pattern.
@@ -156,12 +156,11 @@ impl Intake {
         (up.count(), why)
     }
 
-    /// Whether all publishers that are connected latch.
-    pub(super) fn all_latch(&self) -> Option<bool> {
+    /// Whether the publishers that are connected latch.
+    pub(super) fn keeping(&self) -> Keeping {
         let peers = self.peers();
-        let mut up = peers.by_uri.values().filter(|peer| peer.address.is_some()).peekable();
-        up.peek()?;
-        Some(up.all(|peer| peer.latches))
+        let up = peers.by_uri.values().filter(|peer| peer.address.is_some());
+        Keeping::of(up.map(|peer| peer.latches))
     }
 
     /// A publisher that latched and has gone.

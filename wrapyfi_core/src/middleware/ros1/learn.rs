@@ -26,11 +26,22 @@ fn told(core: &Arc<Core>, found: &Discovered) -> Result<String, LearnError> {
         return Err(LearnError::Untold { middleware: NAME.to_owned() });
     };
     match ask(core, found.role, &found.name, node) {
-        Answer::Type(type_name) => Ok(type_name),
+        Answer::Told { type_name, .. } => Ok(type_name),
         Answer::Asked => Err(LearnError::Asked { name }),
         Answer::Failed(reason, _) => {
             Err(LearnError::Silent { name, reason: format!("{node}: {reason}") })
         }
+    }
+}
+
+/// Whether a publisher latches, which only its own header tells; `None` where it is being asked. One that
+/// cannot be reached keeps nothing for anybody.
+pub(super) fn latches(core: &Arc<Core>, found: &Discovered) -> Option<bool> {
+    let Some(node) = &found.node else { return Some(false) };
+    match ask(core, Role::Publisher, &found.name, node) {
+        Answer::Told { latches, .. } => Some(latches),
+        Answer::Asked => None,
+        Answer::Failed(..) => Some(false),
     }
 }
 

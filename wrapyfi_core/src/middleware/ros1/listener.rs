@@ -13,7 +13,8 @@ use super::form;
 use super::intake::{Arrival, Intake, Wanted};
 use crate::codec::ros1::Ros1Type;
 use crate::endpoint::{
-    Context, DropReason, Link, Listener, Origin, Receiver, Sample, TakeError, TopicSpec, inbox,
+    Context, DropReason, Keeping, Link, Listener, Origin, Receiver, Sample, TakeError, TopicSpec,
+    inbox,
 };
 
 /// Receives one topic.
@@ -97,8 +98,8 @@ impl Listener for Ros1Listener {
         Some(gone)
     }
 
-    fn keeps_last(&self) -> Option<bool> {
-        self.intake.all_latch()
+    fn keeping(&self) -> Keeping {
+        self.intake.keeping()
     }
 
     fn link(&self) -> Link {

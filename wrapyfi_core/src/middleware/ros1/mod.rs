@@ -249,6 +249,10 @@ impl Middleware for Ros1 {
     ) -> Result<ServiceKind, LearnError> {
         learn::service(&self.core, found, types)
     }
+
+    fn keeps_last(&self, found: &Discovered) -> Option<bool> {
+        learn::latches(&self.core, found)
+    }
 }
 
 impl Drop for Ros1 {

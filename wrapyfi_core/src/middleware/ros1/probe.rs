@@ -1,12 +1,12 @@
-//! Asks publishers and servers for the type that the master does not tell.
+//! Asks publishers and servers for what the master does not tell.
 //!
 //! ```text
-//!   topic    lookupNode ─▶ requestTopic ─▶ TCPROS header ─▶ type, checksum, definition ─▶ Types
+//!   topic    lookupNode ─▶ requestTopic ─▶ TCPROS header ─▶ type, checksum, definition ─▶ Types; latches
 //!   service  lookupService ─▶ TCPROS header with probe=1 ─▶ type
 //! ```
 //!
-//! A publisher is asked only where its type is known nowhere else: to be asked is to have a subscriber for
-//! a moment. The definition that it shows is remembered with all others.
+//! To be asked is to have a subscriber for a moment, so a publisher is asked once, and only where a route
+//! has to know. The definition that it shows is remembered with all others.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -23,7 +23,7 @@ const AGAIN: Duration = Duration::from_secs(5);
 /// Most answers that are remembered.
 const MAX_ANSWERS: usize = 20_000;
 /// Most questions under way at once.
-const MAX_ASKED: usize = 16;
+const MAX_ASKED: usize = 64;
 
 /// Who is asked: role, topic or service, node.
 type Whom = (Role, String, String);
@@ -37,8 +37,8 @@ pub(super) struct Probes(Mutex<BTreeMap<Whom, Answer>>);
 pub(super) enum Answer {
     /// Nothing yet.
     Asked,
-    /// ROS 1 name of the type.
-    Type(String),
+    /// ROS 1 name of the type, and whether a publisher latches.
+    Told { type_name: String, latches: bool },
     /// Why nothing came, and when.
     Failed(String, Instant),
 }
@@ -76,7 +76,7 @@ pub(super) fn ask(core: &Arc<Core>, role: Role, name: &str, node: &str) -> Answe
             _ => topic(&core, name, node).await,
         };
         let answer = match told {
-            Ok(type_name) => Answer::Type(type_name),
+            Ok((type_name, latches)) => Answer::Told { type_name, latches },
             Err(reason) => Answer::Failed(reason, Instant::now()),
         };
         core.probes.answers().insert(whom, answer);
@@ -92,7 +92,7 @@ pub(super) fn keep_only(core: &Core, there: impl Fn(Role, &str, &str) -> bool) {
         .retain(|(role, name, node), answer| *answer == Answer::Asked || there(*role, name, node));
 }
 
-async fn topic(core: &Core, name: &str, node: &str) -> Result<String, String> {
+async fn topic(core: &Core, name: &str, node: &str) -> Result<(String, bool), String> {
     let uri = core.master.lookup_node(node).await.map_err(|error| error.to_string())?;
     let uri = uri.ok_or_else(|| format!("the master knows no node {node}"))?;
     let (host, port) = request_topic(core, &uri, name).await?;
@@ -112,10 +112,10 @@ async fn topic(core: &Core, name: &str, node: &str) -> Result<String, String> {
         let shown = core.types().show(&type_name, md5sum, text);
         shown.map_err(|error| error.to_string())?;
     }
-    Ok(type_name)
+    Ok((type_name, header.get("latching") == Some("1")))
 }
 
-async fn service(core: &Core, name: &str) -> Result<String, String> {
+async fn service(core: &Core, name: &str) -> Result<(String, bool), String> {
     let place = core.master.lookup_service(name).await.map_err(|error| error.to_string())?;
     let place = place.ok_or("the master knows it no more")?;
     let own = Header::new()
@@ -125,7 +125,7 @@ async fn service(core: &Core, name: &str) -> Result<String, String> {
         .with("probe", "1");
     let mut stream = tcpros::connect(&place.host, place.port).await?;
     let header = tcpros::greet(&mut stream, &own).await.map_err(|error| error.to_string())?;
-    told(&header)
+    Ok((told(&header)?, false))
 }
 
 fn told(header: &Header) -> Result<String, String> {

@@ -24,8 +24,8 @@ use super::slave_info::BusLink;
 use super::tcpros::Accepted;
 use crate::codec::ros1::Ros1Type;
 use crate::endpoint::{
-    BridgeMark, Context, Counters, Durability, History, Link, Origin, PublishError, Publisher,
-    Role, TopicSpec, Wake,
+    BridgeMark, Context, Counters, Durability, History, Keeping, Link, Origin, PublishError,
+    Publisher, Role, TopicSpec, Wake,
 };
 use crate::types::{Encoding, Image, MessageType, Payload, Pixels};
 use crate::{EncodeError, Limits, codec};
@@ -317,9 +317,14 @@ impl Publisher for Ros1Publisher {
         }
     }
 
-    fn follow_source(&mut self, keeps_last: Option<bool>) {
-        let Some(keeps_last) = keeps_last.filter(|_| self.spec.match_peers) else { return };
-        if keeps_last == self.source_latches {
+    fn follow_source(&mut self, source: Keeping) {
+        let keeps_last = match source {
+            Keeping::All => true,
+            Keeping::NotAll => false,
+            // Who comes back may do as before.
+            Keeping::Unknown | Keeping::Nobody => return,
+        };
+        if !self.spec.match_peers || keeps_last == self.source_latches {
             return;
         }
         self.source_latches = keeps_last;

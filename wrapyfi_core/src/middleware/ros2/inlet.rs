@@ -243,16 +243,19 @@ mod tests {
     use super::*;
     use crate::middleware::ros2::graph::CdrSample;
 
-    /// What a reader holds: sizes of messages, those over the limit as errors.
+    /// The size of a message, as an error where it is over the limit.
+    type Message = Result<usize, usize>;
+
+    /// What a reader holds, with the publisher of each.
     #[derive(Clone, Default)]
-    struct Waiting(Arc<Mutex<VecDeque<(Result<usize, usize>, u64)>>>);
+    struct Waiting(Arc<Mutex<VecDeque<(Message, u64)>>>);
 
     impl Waiting {
-        fn put(&self, message: Result<usize, usize>) {
+        fn put(&self, message: Message) {
             self.put_of(0, message);
         }
 
-        fn put_of(&self, publisher: u64, message: Result<usize, usize>) {
+        fn put_of(&self, publisher: u64, message: Message) {
             self.0.lock().unwrap().push_back((message, publisher));
         }
     }

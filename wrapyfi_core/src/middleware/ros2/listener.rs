@@ -15,14 +15,14 @@ use std::time::{Duration, Instant};
 use super::aside::Aside;
 use super::diagnosis::{Diagnosis, Names};
 use super::follow::Follower;
-use super::graph::{DiscoveredEndpoint, Graph, GraphError, Notify, TopicDescription};
+use super::graph::{Graph, GraphError, Notify, TopicDescription};
 use super::inlet::{Arrived, Inlet};
 use super::matching::{CALM, Matching};
 use super::payload;
 use crate::Limits;
 use crate::endpoint::{
-    AnnouncedDurability, Context, DropReason, Durability, Link, Listener, Origin, Overflow, Qos,
-    QosChange, QosEvent, Receiver, Review, Sample, TakeError, TopicSpec,
+    AnnouncedDurability, Context, DropReason, Durability, Keeping, Link, Listener, Origin,
+    Overflow, Qos, QosChange, QosEvent, Receiver, Review, Sample, TakeError, TopicSpec,
 };
 use crate::plugin::Plugins;
 use crate::types::MessageType;
@@ -64,8 +64,8 @@ struct Origins {
     look_at: Option<Instant>,
     /// How many publishers matched at the last look.
     matched: usize,
-    /// Whether all publishers that there are keep theirs, as of this change.
-    all_keep: (u64, Option<bool>),
+    /// Whether the publishers that there are keep theirs, as of this change.
+    keeping: (Option<u64>, Keeping),
 }
 
 impl Ros2Listener {
@@ -155,12 +155,10 @@ impl Ros2Listener {
     /// Looks who is gone, and what those who are there keep.
     fn look_at_origins(&mut self, now: Instant) {
         let changes = self.follower.changes();
-        if self.origins.all_keep.0 != changes {
+        if self.origins.keeping.0 != Some(changes) {
             let peers = self.follower.peers();
-            let keep =
-                |peer: &DiscoveredEndpoint| peer.qos.durability > AnnouncedDurability::Volatile;
-            let all = (!peers.is_empty()).then(|| peers.iter().all(keep));
-            self.origins.all_keep = (changes, all);
+            let keep = peers.iter().map(|peer| peer.qos.durability > AnnouncedDurability::Volatile);
+            self.origins.keeping = (Some(changes), Keeping::of(keep));
         }
         let state = self.inlet.lock();
         let matched = state.reader.as_ref().map_or(0, |reader| reader.matched());
@@ -259,8 +257,8 @@ impl Listener for Ros2Listener {
         Some(gone)
     }
 
-    fn keeps_last(&self) -> Option<bool> {
-        self.origins.all_keep.1
+    fn keeping(&self) -> Keeping {
+        self.origins.keeping.1
     }
 
     fn link(&self) -> Link {

@@ -30,9 +30,9 @@ use super::matching::{CALM, Matching};
 use super::origins::{MAX_ORIGINS, Origins};
 use super::payload;
 use crate::endpoint::{
-    AnnouncedDurability, BridgeMark, Context, Counters, DropReason, Durability, History, Link,
-    Origin, PinnedQos, PublishError, Publisher, Qos, QosChange, QosEvent, QosPolicy, Reliability,
-    Review, TopicSpec,
+    AnnouncedDurability, BridgeMark, Context, Counters, DropReason, Durability, History, Keeping,
+    Link, Origin, PinnedQos, PublishError, Publisher, Qos, QosChange, QosEvent, QosPolicy,
+    Reliability, Review, TopicSpec,
 };
 use crate::plugin::Plugins;
 use crate::types::{Encoding, MessageType, Payload};
@@ -59,7 +59,7 @@ pub(super) struct Ros2Publisher {
     message_type: MessageType,
     origins: Origins,
     /// Whether the publishers at the other end keep their last message, where that is followed.
-    source_keeps: Option<bool>,
+    source: Keeping,
     /// What the writer gives those who come later.
     replay: Replay,
     follows: bool,
@@ -108,7 +108,7 @@ impl Ros2Publisher {
             events: EventLog::new(&context.counters, &topic.name, false),
             message_type,
             origins: Origins::default(),
-            source_keeps: None,
+            source: Keeping::Unknown,
             replay: Replay::History,
             follows: spec.match_peers,
             follow_again: None,
@@ -137,10 +137,10 @@ impl Ros2Publisher {
     /// What those who come later are to be given: what the publishers at the other end keep, where
     /// they are followed and known.
     fn wanted_replay(&self) -> Replay {
-        match self.source_keeps {
-            None => self.replay,
-            Some(true) => Replay::Last,
-            Some(false) => Replay::Nothing,
+        match self.source {
+            Keeping::Unknown => Replay::History,
+            Keeping::All => Replay::Last,
+            Keeping::Nobody | Keeping::NotAll => Replay::Nothing,
         }
     }
 
@@ -148,10 +148,14 @@ impl Ros2Publisher {
     fn after_source(&self) -> Option<(Qos, String)> {
         let qos = self.topic.qos;
         let keeps = qos.durability == Durability::TransientLocal;
-        let why = match self.source_keeps? {
-            true if !keeps => "what it carries is kept for later subscribers by its publishers",
-            true if self.replay == Replay::Nothing => "its publishers keep their last message now",
-            false if keeps && self.replay != Replay::Nothing => "its publishers keep nothing",
+        let why = match self.source {
+            Keeping::All if !keeps => "its publishers keep their last message for who comes later",
+            Keeping::All if self.replay == Replay::Nothing => {
+                "its publishers keep their last message now"
+            }
+            Keeping::NotAll if keeps && self.replay != Replay::Nothing => {
+                "its publishers keep nothing for who comes later"
+            }
             _ => return None,
         };
         Some((Qos { durability: Durability::TransientLocal, ..qos }, why.to_owned()))
@@ -273,11 +277,16 @@ impl Publisher for Ros2Publisher {
         self.origins.forget(publisher, Instant::now(), HANDOVER);
     }
 
-    fn follow_source(&mut self, keeps_last: Option<bool>) {
-        // What is laid down from outside is not followed.
+    fn follow_source(&mut self, source: Keeping) {
+        // What is laid down from outside is not followed; who comes back may do as before.
         let follows = self.follows && !self.pinned.holds(QosPolicy::Durability);
-        if follows && keeps_last.is_some() {
-            self.source_keeps = keeps_last;
+        let is_news = match source {
+            Keeping::Unknown => false,
+            Keeping::Nobody => self.source == Keeping::Unknown,
+            Keeping::All | Keeping::NotAll => true,
+        };
+        if follows && is_news {
+            self.source = source;
         }
     }
 

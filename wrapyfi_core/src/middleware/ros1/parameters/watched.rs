@@ -164,7 +164,9 @@ fn for_each(core: &Core, path: &str, mut act: impl FnMut(&Watched, &str)) {
 pub(in crate::middleware::ros1) struct ParameterListener {
     core: Arc<Core>,
     watched: Arc<Watched>,
-    /// The next message is all that is known: nobody was told what led there.
+    /// Something was told.
+    told: bool,
+    /// The next message is all that is known: who is told now was not told what led there.
     whole: bool,
 }
 
@@ -182,7 +184,7 @@ impl ParameterListener {
             state: Mutex::default(),
         });
         core.watch(key, &watched);
-        Self { core: Arc::clone(core), watched, whole: true }
+        Self { core: Arc::clone(core), watched, told: false, whole: false }
     }
 }
 
@@ -200,6 +202,7 @@ impl Listener for ParameterListener {
         let changes = std::mem::take(&mut state.book.untold);
         let told = if self.whole { state.book.known.clone() } else { changes };
         self.whole = false;
+        self.told = true;
         let received_at = state.received_at.unwrap_or_else(Instant::now);
         let wire_bytes = told.size();
         Ok(Some(Sample { payload: told.into(), wire_bytes, received_at, origin: None }))
@@ -210,8 +213,8 @@ impl Listener for ParameterListener {
         if state.book.faults.pop_front().is_some() {
             return true;
         }
-        // Whoever comes later begins with all of them.
-        self.whole = true;
+        // Whoever comes later begins with all of them. What nobody was told yet still waits.
+        self.whole = self.told;
         false
     }
 
