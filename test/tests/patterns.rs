@@ -169,7 +169,7 @@ fn what_latches_is_kept_for_who_comes_later() -> Result {
             world.dds_subscriber(&topic, "std_msgs/msg/String", "--plain --transient-local")?;
         let heard = late.messages(2).map_err(|error| error.context(bridge.tail()))?;
         let mut texts: Vec<&Value> = heard.iter().map(|one| &one["fields"]["data"]).collect();
-        texts.sort_by_key(|text| text.to_string());
+        texts.sort_by_key(ToString::to_string);
         assert_eq!(texts, [&json!("left"), &json!("right")]);
         Ok(())
     })

@@ -273,7 +273,9 @@ mod tests {
             matches!(built_in.configuration, Configuration::BuiltIn(text, _) if text.contains("ros2:/lab/"))
         );
         let file = ("config_file", "routes.yaml".into());
-        let Configuration::File(named) = declare(&[file.clone()]).unwrap().configuration else {
+        let Configuration::File(named) =
+            declare(std::slice::from_ref(&file)).unwrap().configuration
+        else {
             panic!("it is a file");
         };
         assert_eq!(named, PathBuf::from("routes.yaml"));

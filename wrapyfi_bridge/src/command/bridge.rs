@@ -62,7 +62,7 @@ pub fn run_node(
     match plan.patterns.len() {
         0 => tracing::info!("{routes} routes from {name}"),
         found => {
-            tracing::info!("{routes} routes, {found} that are found while running, from {name}")
+            tracing::info!("{routes} routes, {found} that are found while running, from {name}");
         }
     }
     let engine = Engine::new(plan, middlewares.registry()).with_types(store);

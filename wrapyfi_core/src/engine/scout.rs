@@ -220,7 +220,7 @@ impl Scout {
         if !candidate.is_due(now, SETTLE) || !self.are_settled(&spec, now) {
             return (Some(candidate), None);
         }
-        let made = match self.make(&spec, &candidate, now) {
+        let made = match self.make(&spec, &candidate) {
             Ok(made) => made,
             Err((state, retry)) => {
                 candidate.retry_at(now + retry);

@@ -7,7 +7,7 @@
 //! ```
 
 use std::collections::BTreeMap;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use super::candidate::Candidate;
 use super::config_qos::QosConfig;
@@ -88,7 +88,6 @@ impl Scout {
         &mut self,
         spec: &PatternSpec,
         candidate: &Candidate,
-        _now: Instant,
     ) -> Result<Made, Refusal> {
         let Candidate { from, to, .. } = candidate;
         let role = spec.role();
@@ -229,7 +228,7 @@ impl Scout {
             (Some(known), None | Some(LearnError::Untold { .. })) if !sources.is_empty() => {
                 Ok(known)
             }
-            (_, Some(error)) => Err(refused(error)),
+            (_, Some(error)) => Err(refused(&error)),
             (_, None) => Err(waiting(format!("a publisher on {from}, which tells the type"))),
         }
     }
@@ -248,12 +247,12 @@ impl Scout {
         };
         match (middleware.learn_service(server, &mut self.types), otherwise) {
             (Ok(kind), _) | (Err(LearnError::Untold { .. }), Some(kind)) => Ok(kind),
-            (Err(error), _) => Err(refused(error)),
+            (Err(error), _) => Err(refused(&error)),
         }
     }
 }
 
-fn refused(error: LearnError) -> Refusal {
+fn refused(error: &LearnError) -> Refusal {
     let again = if matches!(error, LearnError::Asked { .. }) { Duration::ZERO } else { RETRY };
     (RouteState::Waiting(error.to_string()), again)
 }

@@ -15,7 +15,7 @@ use super::probe::{Answer, ask};
 use crate::endpoint::{Discovered, LearnError, Learned, Role};
 use crate::types::{RosService, RosType, ServiceKind};
 
-fn undefined(type_name: &str, reason: impl ToString) -> LearnError {
+fn undefined(type_name: &str, reason: &dyn std::fmt::Display) -> LearnError {
     LearnError::Undefined { type_name: type_name.to_owned(), reason: reason.to_string() }
 }
 
@@ -72,16 +72,16 @@ pub(super) fn topic(
         }
         known => known,
     };
-    let definition = definition.map_err(|error| undefined(&type_name, error))?;
+    let definition = definition.map_err(|error| undefined(&type_name, &error))?;
     let mut types = core.types();
     let names = types.rules().ros2_names(definition.name());
     let resolved = match names.iter().find_map(|name| store.resolve(name).ok()) {
         Some(resolved) => resolved,
         None => {
-            types.ros2_type(definition.resolved()).map_err(|error| undefined(&type_name, error))?
+            types.ros2_type(definition.resolved()).map_err(|error| undefined(&type_name, &error))?
         }
     };
-    RosType::new(&resolved).map(Learned::Ros).map_err(|error| undefined(&type_name, error))
+    RosType::new(&resolved).map(Learned::Ros).map_err(|error| undefined(&type_name, &error))
 }
 
 /// The ROS 2 type of a service, or the function of Wrapyfi that it is.
@@ -99,11 +99,11 @@ pub(super) fn service(
     }
     let mut types = core.types();
     let definition =
-        types.service_definition(&type_name).map_err(|error| undefined(&type_name, error))?;
+        types.service_definition(&type_name).map_err(|error| undefined(&type_name, &error))?;
     let names = types.rules().ros2_names(definition.name());
     let resolved = match names.iter().find_map(|name| store.resolve(name).ok()) {
         Some(resolved) => resolved,
-        None => types.ros2_service(&type_name).map_err(|error| undefined(&type_name, error))?,
+        None => types.ros2_service(&type_name).map_err(|error| undefined(&type_name, &error))?,
     };
-    RosService::new(&resolved).map(ServiceKind::Ros).map_err(|error| undefined(&type_name, error))
+    RosService::new(&resolved).map(ServiceKind::Ros).map_err(|error| undefined(&type_name, &error))
 }

@@ -63,7 +63,7 @@ impl fmt::Display for Marked {
 /// Reads the namespace. What is no mark is passed over: anybody may write there.
 pub(super) fn read(value: Option<&Value>) -> Marks {
     let Some(Value::Struct(members)) = value else { return Marks::new() };
-    let texts = members.iter().filter_map(|(_, value)| match value {
+    let texts = members.values().filter_map(|value| match value {
         Value::String(text) => Marked::parse(text),
         _ => None,
     });

@@ -140,7 +140,7 @@ impl Publication {
             .with("message_definition", &self.wire_type.definition)
             .with("latching", if latches { "1" } else { "0" });
         let own = match &self.mark {
-            Some(mark) => own.with(MARK, &mark.to_string()),
+            Some(mark) => own.with(MARK, mark.to_string()),
             None => own,
         };
         let Ok(own) = own.encode() else { return };
