@@ -163,11 +163,13 @@ impl Server for FunctionServer {
                     return Ok(reason.len());
                 }
                 let fault = EncodeError::Unrepresentable {
-                    format: "a service of Python Wrapyfi",
+                    format: self.function.spec.kind.ros_type(),
                     what: format!("an error ({reason})"),
                     path: "$".to_owned(),
-                    remedy: "its client waits for its time-out; use the types of wrapyfi_msgs/srv"
-                        .to_owned(),
+                    remedy:
+                        "the client waits for its time-out; the types of wrapyfi_msgs/srv have \
+                             room for errors"
+                            .to_owned(),
                 };
                 return Err(ServeError::Reply { service, fault });
             }
