@@ -259,7 +259,7 @@ fn wrong_values_and_types_are_named() -> Result {
             (TWIST, r#"{"linear": {"q": 1}}"#, "linear.q"),
             (TWIST, r#"{"linear": {"x": "fast"}}"#, "linear.x"),
             (TWIST, "{", "--value"),
-            ("geometry_msgs/msg/Wrench", "{}", "geometry_msgs/msg/Wrench"),
+            ("demo_msgs/msg/Wrench", "{}", "demo_msgs/msg/Wrench"),
             ("geometry_msgs/Twist", "{}", "did you mean geometry_msgs/msg/Twist?"),
         ] {
             let mut refused = publish(world, &topic, kind, &folder, value)?;

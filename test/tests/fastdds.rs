@@ -70,12 +70,13 @@ fn unhex(text: &Value) -> Vec<u8> {
         .collect()
 }
 
-/// Publishes again and again, until the other end has heard it: what is sent before that end knows the
-/// publisher is lost, on DDS as on a PUB socket.
+/// Publishes again and again, until the other end has heard it, or where there is no `listener`, until the
+/// sender has an answer: what is sent before the other end knows the sender is lost, on DDS as on a PUB
+/// socket.
 fn told_until<T>(
     publisher: &mut Process,
     message: &Cdr,
-    listener: &Process,
+    listener: Option<&Process>,
     heard: impl Fn(&Output) -> Option<T>,
 ) -> Result<T> {
     let sent = |output: &Output| Some(output.events("sent").len());
@@ -84,11 +85,12 @@ fn told_until<T>(
         let before = publisher.wait_until("a number", sent)?;
         publisher.tell(&message.hex())?;
         publisher.wait_until("it to be sent", |o| sent(o).filter(|sent| *sent > before))?;
-        if let Some(found) = listener.wait_until("a message or nothing", |o| Some(heard(o)))? {
+        let ear = listener.unwrap_or(publisher);
+        if let Some(found) = ear.wait_until("a message or nothing", |o| Some(heard(o)))? {
             return Ok(found);
         }
         if Instant::now() > patience {
-            bail!("it is not heard\n{}\n{}", publisher.tail(), listener.tail());
+            bail!("it is not heard\n{}\n{}", publisher.tail(), ear.tail());
         }
         std::thread::sleep(Duration::from_millis(20)); // the rate
     }
@@ -150,9 +152,12 @@ fn we_hear_what_fast_dds_publishes() -> Result {
         publisher.event("matched").map_err(|e| e.context(echo.tail()))?;
         // Text that is JSON, as Wrapyfi's is.
         for text in [json!([1]), json!("два")] {
-            told_until(&mut publisher, &Cdr::new().text(&text.to_string()), &echo, |output| {
-                output.objects().any(|object| object["value"] == text).then_some(())
-            })?;
+            told_until(
+                &mut publisher,
+                &Cdr::new().text(&text.to_string()),
+                Some(&echo),
+                |output| output.objects().any(|object| object["value"] == text).then_some(()),
+            )?;
         }
         assert!(!echo.stderr().contains("another definition"), "{}", echo.stderr());
         Ok(())
@@ -196,7 +201,7 @@ fn images_of_fast_dds_reach_wrapyfi_through_the_bridge() -> Result {
         let listener = world.wrapyfi_listener(&to, "--type Image --flavour red --count 1")?;
         let mut publisher = world.fast_peer(&format!("publish --topic {from} --type {IMAGE}"))?;
         publisher.event("matched").map_err(|e| e.context(bridge.tail()))?;
-        let heard = told_until(&mut publisher, &red("rgb8"), &listener, |output| {
+        let heard = told_until(&mut publisher, &red("rgb8"), Some(&listener), |output| {
             output.events("message").into_iter().next()
         })?;
         let pixels = sha256(&[0, 0, 255].repeat(64 * 48));
@@ -311,8 +316,10 @@ fn a_client_on_fast_dds_reads_the_parameters_of_the_node() -> Result {
                 (with.len() >= 2).then_some(())
             })
             .map_err(|e| e.context(node.tail()))?;
-        client.tell(&Cdr::new().number(1).text("config_file").hex())?;
-        let reply = unhex(&client.event("reply").map_err(|e| e.context(node.tail()))?["cdr"]);
+        let request = Cdr::new().number(1).text("config_file");
+        let answer = |output: &Output| output.events("reply").into_iter().next();
+        let reply = told_until(&mut client, &request, None, answer);
+        let reply = unhex(&reply.map_err(|e| e.context(node.tail()))?["cdr"]);
         // One value, its type a text, the numbers before it zero, and the path.
         let expected =
             Cdr::new().number(1).bytes(&[4, 0]).long(0).long(0).text(&file.display().to_string());

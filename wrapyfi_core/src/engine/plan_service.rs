@@ -18,6 +18,8 @@ use crate::Limits;
 use crate::endpoint::{BridgeMark, EndpointAddress, ServiceSpec};
 use crate::types::{Map, ServiceKind};
 
+/// By how much a request outlives the call that the route makes for it.
+const ANSWER_MARGIN: Duration = Duration::from_secs(2);
 /// Longest time that a call may be given, in milliseconds: an hour.
 const LONGEST_TIMEOUT_MS: u64 = 3_600_000;
 
@@ -61,8 +63,10 @@ impl ServiceRouteSpec {
     /// What to open at `address`, one of the route's two ends.
     #[must_use]
     pub fn service_spec(&self, address: &EndpointAddress) -> ServiceSpec {
+        // The route says by itself, and better, that the server did not answer.
+        let margin = if *address == self.offered { ANSWER_MARGIN } else { Duration::ZERO };
         ServiceSpec {
-            timeout: self.timeout,
+            timeout: self.timeout.saturating_add(margin),
             limits: self.limits,
             options: self.options.clone(),
             mark: self.mark.clone(),
