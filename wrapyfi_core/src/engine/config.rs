@@ -11,7 +11,7 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
-use serde::de::{self, DeserializeOwned, IntoDeserializer, MapAccess, Visitor};
+use serde::de::{self, DeserializeOwned, IntoDeserializer, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 pub use serde_saphyr::Spanned;
 
@@ -21,6 +21,9 @@ use super::config_qos::QosConfig;
 
 /// Largest configuration file, in bytes.
 pub const MAX_CONFIG_BYTES: usize = 1 << 20;
+
+/// Most entries of `routes`. An entry of two bytes takes some thousand in memory.
+pub const MAX_ROUTES: usize = 10_000;
 
 /// A configuration file. `E` describes the endpoints section: which middlewares there are is the
 /// program's business, not the engine's.
@@ -36,7 +39,8 @@ pub struct Config<E> {
     /// Folders with definitions of ROS types that are installed nowhere: `package/msg/Type.msg` below.
     #[serde(default)]
     pub definitions: Vec<Spanned<String>>,
-    /// What goes where.
+    /// What goes where: [`MAX_ROUTES`] entries at most.
+    #[serde(deserialize_with = "routes")]
     pub routes: Vec<Spanned<RouteConfig>>,
 }
 
@@ -162,6 +166,36 @@ impl<E: DeserializeOwned + Default> Config<E> {
         }
         serde_saphyr::from_str(text).map_err(|error| ConfigError::from_yaml(file, text, &error))
     }
+}
+
+/// The list of routes, which ends where there are too many.
+fn routes<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<Vec<Spanned<RouteConfig>>, D::Error> {
+    struct Routes;
+
+    impl<'de> Visitor<'de> for Routes {
+        type Value = Vec<Spanned<RouteConfig>>;
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            f.write_str("a list of routes")
+        }
+
+        fn visit_seq<A: SeqAccess<'de>>(self, mut entries: A) -> Result<Self::Value, A::Error> {
+            let mut all = Vec::new();
+            while let Some(route) = entries.next_element()? {
+                if all.len() == MAX_ROUTES {
+                    return Err(de::Error::custom(format!(
+                        "more than {MAX_ROUTES} routes: one route by pattern means many topics"
+                    )));
+                }
+                all.push(route);
+            }
+            Ok(all)
+        }
+    }
+
+    deserializer.deserialize_seq(Routes)
 }
 
 impl<'de> Deserialize<'de> for OverflowConfig {
@@ -294,6 +328,14 @@ mod tests {
             .unwrap_err()
             .to_string();
         assert!(text.contains("sensor_data"), "{text}");
+    }
+
+    #[test]
+    fn too_many_routes_are_refused_before_they_fill_the_memory() {
+        let text = format!("routes: [{}]", "{},".repeat(MAX_ROUTES + 1));
+        let error = parse(&text).unwrap_err().to_string();
+        assert!(error.contains("more than 10000 routes"), "{error}");
+        assert_eq!(parse("routes: [{}, {}]").unwrap().routes.len(), 2);
     }
 
     #[test]

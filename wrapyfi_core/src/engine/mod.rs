@@ -54,7 +54,9 @@ mod service_relay;
 mod sides;
 mod verdict;
 
-pub use config::{Config, Defaults, MAX_CONFIG_BYTES, OverflowConfig, RouteConfig, Spanned};
+pub use config::{
+    Config, Defaults, MAX_CONFIG_BYTES, MAX_ROUTES, OverflowConfig, RouteConfig, Spanned,
+};
 pub use config_devices::{DeviceWord, DevicesConfig};
 pub(crate) use config_error::did_you_mean;
 pub use config_error::{ConfigError, Problem};
