@@ -68,7 +68,7 @@ pub(super) struct Scout {
 }
 
 pub(super) struct Pattern {
-    pub(super) spec: PatternSpec,
+    pub(super) spec: Arc<PatternSpec>,
     /// Names beyond the limit, at the last look.
     over: usize,
     told_over: bool,
@@ -93,8 +93,8 @@ impl Scout {
         }
         let names = plan.patterns.iter();
         let names = names.flat_map(|spec| [spec.source_middleware(), spec.to.middleware.as_str()]);
-        let patterns = plan.patterns.iter().cloned().map(|spec| Pattern {
-            spec,
+        let patterns = plan.patterns.iter().map(|spec| Pattern {
+            spec: Arc::new(spec.clone()),
             over: 0,
             told_over: false,
             made: 0,
@@ -120,7 +120,10 @@ impl Scout {
             self.note(index, now);
         }
         let mut changes = Vec::new();
-        for (key, candidate) in std::mem::take(&mut self.candidates) {
+        let keys: Vec<Key> = self.candidates.keys().cloned().collect();
+        for key in keys {
+            // The others stay where they are: they may be in its way.
+            let Some(candidate) = self.candidates.remove(&key) else { continue };
             let (kept, change) = self.settle(&key, candidate, now);
             changes.extend(change);
             if let Some(kept) = kept {
@@ -183,7 +186,7 @@ impl Scout {
         mut candidate: Candidate,
         now: Instant,
     ) -> (Option<Candidate>, Option<Change>) {
-        let Some(spec) = self.patterns.get(key.0).map(|pattern| pattern.spec.clone()) else {
+        let Some(spec) = self.patterns.get(key.0).map(|pattern| Arc::clone(&pattern.spec)) else {
             return (None, None);
         };
         let name = candidate.name(spec.role());

@@ -106,6 +106,25 @@ fn a_topic_that_comes_gets_a_route_that_opens_its_source_when_wanted() {
     assert_eq!(source.link().peers, Some(0), "the source is let go");
 }
 
+/// Also where the one that has it comes behind the other in the alphabet.
+#[test]
+fn two_sources_of_one_name_get_one_route() {
+    let mut bench = Bench::new(&["from: 'a:/(x|y)/(.*)', to: 'b:/$2'"]);
+    let _first = publisher(&bench.a, "/y/joints", MessageType::NativeObject);
+    bench.run(3 * SECOND);
+    let _second = publisher(&bench.a, "/x/joints", MessageType::NativeObject);
+    bench.run(3 * SECOND);
+    assert_eq!(
+        bench.state("a:/y/joints -> b:/joints").unwrap(),
+        "waiting for a listener on b:/joints"
+    );
+    assert_eq!(
+        bench.state("a:/x/joints -> b:/joints").unwrap(),
+        "waiting for the name b:/joints, to which a:/y/joints goes"
+    );
+    assert_eq!(bench.counts().routes, 1);
+}
+
 #[test]
 fn a_route_ends_a_while_after_its_source_and_counts_on_when_that_comes_back() {
     let mut bench = Bench::new(&["from: 'a:/(.*)', to: 'b:/$1', lazy: false"]);
