@@ -1,4 +1,4 @@
-//! Wrapyfi in Rust: native objects, arrays, images and sound between ZeroMQ and ROS 2.
+//! Wrapyfi in Rust: native objects, arrays, images and sound between ZeroMQ, YARP, ROS 1 and ROS 2.
 //!
 //! # Layout
 //!
@@ -8,7 +8,7 @@
 //!     │
 //!   endpoint      Publisher, Listener, Middleware, Registry: the seam
 //!     │
-//!   middleware    zeromq, ros1, ros2, memory: one module each, the rest never names one
+//!   middleware    zeromq, yarp, ros1, ros2, memory: one module each, the rest never names one
 //!     │
 //!   codec         bytes <-> values, no sockets, no clocks
 //!     │
