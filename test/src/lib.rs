@@ -12,7 +12,10 @@
 //! | `WRAPYFI_POSE_MIRROR_BIN` | the example `pose_mirror`; default: beside `wrapyfi` |
 //! | `WRAPYFI_<NAME>_BIN` | a program of `examples/communicator`, for instance `WRAPYFI_FORWARDING_BIN`; default: beside `wrapyfi` |
 //! | `WRAPYFI_PYTHON` | interpreter with the Python peers; default: `.venv/bin/python` in the repository |
-//! | `WRAPYFI_REQUIRE_PEERS=1` | a missing peer fails the test instead of skipping it; not Fast DDS, ROS 1 and roscpp, which some systems lack |
+//! | `WRAPYFI_REQUIRE_PEERS=1` | a missing peer fails the test instead of skipping it; not Fast DDS, ROS 1 and roscpp, which some systems lack, and no installation of ROS 2 or YARP |
+//! | `WRAPYFI_REQUIRE_ROS2=1` | the same for ROS 2: sourced, else the newest in `/opt/ros` |
+//! | `WRAPYFI_REQUIRE_YARP=1` | the same for YARP's tools |
+//! | `WRAPYFI_YARP_PREFIX` | where YARP is installed; default: where the `PATH` has `yarp` |
 //! | `CXX` | compiler of the peers on Fast DDS and roscpp; default: `c++` |
 
 mod config;
@@ -20,6 +23,7 @@ mod cpp;
 mod master;
 mod needs;
 mod process;
+mod real;
 mod reserve;
 mod ros_node;
 mod ros_service;
@@ -32,6 +36,7 @@ pub use config::{Config, Route};
 pub use master::{Books, Owners};
 pub use needs::{Need, repository, run};
 pub use process::{Output, Process};
+pub use real::RealRos2;
 pub use ros_node::{RosImage, RosNode, Spoken};
 pub use ros_service::{Adder, Asker};
 pub use ros2_client::ServiceMapping;
@@ -60,6 +65,12 @@ pub fn zeromq(topic: &str) -> String {
 #[must_use]
 pub fn ros1(topic: &str) -> String {
     format!("ros:{topic}")
+}
+
+/// The endpoint of a port of YARP.
+#[must_use]
+pub fn yarp(port: &str) -> String {
+    format!("yarp:{port}")
 }
 
 /// Hex SHA-256.

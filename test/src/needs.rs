@@ -8,6 +8,7 @@ use std::sync::OnceLock;
 use anyhow::{Context as _, bail};
 
 use crate::cpp;
+use crate::real::{self, Installation};
 use crate::{Result, World};
 
 /// Something a test cannot do without.
@@ -36,6 +37,15 @@ pub enum Need {
     /// A compiler and roscpp. Some systems have none: tests that need it are skipped there, whatever
     /// `WRAPYFI_REQUIRE_PEERS` says.
     Roscpp,
+    /// ROS 2 as it is installed: its tools and rclpy.
+    Ros2,
+    /// This package of that installation, for instance a middleware. Those that are not installed are
+    /// skipped, whatever is required.
+    Ros2Package(&'static str),
+    /// Python Wrapyfi that runs on its rclpy: the interpreter that has it is the one of that ROS 2.
+    WrapyfiOnRos2,
+    /// YARP's tools.
+    Yarp,
 }
 
 /// The interpreter that the distribution's packages are for.
@@ -59,9 +69,15 @@ pub fn run(test: &str, needs: &[Need], body: impl FnOnce(&World) -> Result) -> R
                 Need::FastDds => !cpp::FAST_DDS.lacks_library(),
                 Need::Ros1 => has_package("python3-rospy"),
                 Need::Roscpp => !cpp::ROSCPP.lacks_library() || has_package("libroscpp-dev"),
+                Need::Ros2Package(_) | Need::WrapyfiOnRos2 => false,
                 _ => true,
             };
-            if is_required && std::env::var("WRAPYFI_REQUIRE_PEERS").is_ok_and(|v| v == "1") {
+            let variable = match need {
+                Need::Ros2 => "WRAPYFI_REQUIRE_ROS2",
+                Need::Yarp => "WRAPYFI_REQUIRE_YARP",
+                _ => "WRAPYFI_REQUIRE_PEERS",
+            };
+            if is_required && std::env::var(variable).is_ok_and(|value| value == "1") {
                 return Err(reason).with_context(|| format!("{test} needs a peer that is missing"));
             }
             // Written directly: the test runner hides what `println!` says when a test passes.
@@ -84,6 +100,11 @@ fn check(need: Need) -> Result {
         Need::Ros1 => ros1(),
         Need::FastDds => cpp::FAST_DDS.or_why_not().map(drop),
         Need::Roscpp => cpp::ROSCPP.or_why_not().map(drop),
+        Need::Ros2 => Installation::find().map(drop),
+        Need::Ros2Package(name) if Installation::find()?.has(name) => Ok(()),
+        Need::Ros2Package(name) => bail!("this ROS 2 has no package {name}"),
+        Need::WrapyfiOnRos2 => Installation::find()?.imports(&python()?),
+        Need::Yarp => real::yarp_tools().map(drop),
     }
 }
 

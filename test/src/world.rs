@@ -9,6 +9,7 @@ use tempfile::TempDir;
 
 use crate::cpp;
 use crate::process::Pillars;
+use crate::real;
 use crate::reserve::{self, Reserved};
 use crate::{Books, Config, Process, Result, RosNode, Route, needs, repository};
 
@@ -139,6 +140,32 @@ impl World {
     /// Where it cannot be started.
     pub fn wrapyfi<A: AsRef<OsStr>>(&self, args: impl IntoIterator<Item = A>) -> Result<Process> {
         Process::start("wrapyfi", self.command(&needs::program()?, args), &self.pillars)
+    }
+
+    /// Starts `wrapyfi` with a pipe for its output whose reader has gone, as `head` goes.
+    ///
+    /// # Errors
+    /// Where it cannot be started.
+    pub fn wrapyfi_unread(&self, args: &[&str]) -> Result<Process> {
+        let script = "exec 3> >(true); wait $!; exec \"$@\" >&3";
+        let program = needs::program()?.into_os_string();
+        let args = args.iter().map(Into::into);
+        let all = ["-c".into(), script.into(), "bash".into(), program].into_iter().chain(args);
+        let command = self.command(Path::new("bash"), all);
+        Process::start("wrapyfi", command, &self.pillars)
+    }
+
+    /// Starts a YARP name server of ours on this test's port, where its programs look for one.
+    ///
+    /// # Errors
+    /// Where it cannot be started.
+    pub fn yarpserver(&self) -> Result<Process> {
+        self.yarp_conf()?;
+        let server = self.wrapyfi(["yarpserver", "--read", "--no-discovery"])?.pillar();
+        server.wait_until("the name server", |output| {
+            output.err.iter().any(|line| line.contains("name server /root on")).then_some(())
+        })?;
+        Ok(server)
     }
 
     /// Starts `wrapyfi` with these arguments and another `RMW_IMPLEMENTATION`.
@@ -455,13 +482,42 @@ impl World {
 
     /// Gives a program that is a client its port, which clients and servers call by different names.
     fn cross_ports(&self, command: &mut Command, args: &str) {
-        if args.contains("--mode request") {
+        if args.contains("--mode request") || args.contains("--request") {
             command.env("WRAPYFI_ZEROMQ_SOCKET_REP_PORT", self.rep_port().to_string());
         }
     }
 
+    /// Starts one of YARP's tools, as installed; it finds the name server by this test's `yarp.conf`.
+    ///
+    /// # Errors
+    /// Where it is not there, or cannot be started.
+    pub fn yarp_tool(&self, tool: &str, args: &[&str]) -> Result<Process> {
+        let mut command = self.command(&real::yarp_tools()?.join(tool), args);
+        command.env("YARP_FORWARD_LOG_ENABLE", "0").env("YARP_COLORED_OUTPUT", "0");
+        self.start(tool, command)
+    }
+
+    /// Starts the interpreter that has Wrapyfi.
+    ///
+    /// # Errors
+    /// Where it cannot be started.
+    pub fn python(&self, args: &[&str]) -> Result<Process> {
+        let mut command = self.command(&needs::python()?, args);
+        command.env("PYTHONUTF8", "1").env("PYTHONDONTWRITEBYTECODE", "1");
+        self.cross_ports(&mut command, &args.join(" "));
+        self.start("python", command)
+    }
+
+    /// Starts a command of this test.
+    ///
+    /// # Errors
+    /// Where it cannot be started.
+    pub(crate) fn start(&self, name: &str, command: Command) -> Result<Process> {
+        Process::start(name, command, &self.pillars)
+    }
+
     /// A command that sees this test's domain and ports, and only the loopback interface.
-    fn command<A: AsRef<OsStr>>(
+    pub(crate) fn command<A: AsRef<OsStr>>(
         &self,
         program: &Path,
         args: impl IntoIterator<Item = A>,

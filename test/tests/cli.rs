@@ -5,7 +5,7 @@
 use std::net::TcpListener;
 use std::path::Path;
 
-use serde_json::Value;
+use serde_json::{Value, json};
 use wrapyfi_e2e::{Need, Output, Process, Result, Route, World, run};
 
 const PROGRAM: &[Need] = &[Need::Program];
@@ -206,13 +206,116 @@ fn bad_usage_is_two() -> Result {
     })
 }
 
+/// `wrapyfi … | head`: whoever has seen enough is no fault of the command.
+#[test]
+fn a_reader_that_went_is_no_complaint() -> Result {
+    run("a_reader_that_went_is_no_complaint", PROGRAM, |world| {
+        let _broker = world.broker()?;
+        let config = world.foreign().route(Route::new("zeromq:/a", "ros2:/a", "NativeObject"));
+        let file = world.write("bridge.yaml", config.yaml())?.display().to_string();
+        let rep = world.rep_port().to_string();
+        let req = world.req_port().to_string();
+        let ports = ["--rep-port", rep.as_str(), "--req-port", req.as_str()];
+        let serve = [&["serve", "zeromq:/f", "--echo"], &ports[..]].concat();
+        let server = world.wrapyfi(&serve)?;
+        server.wait_until("the server", |output| {
+            output.err.iter().any(|line| line.contains("serving")).then_some(())
+        })?;
+        let call = ["call", "zeromq:/f", "--rep-port", &rep, "--value", "1", "--timeout", "100"];
+        let set_bool = ["--type", "std_srvs/srv/SetBool"];
+        let of_ros = world.topic("set");
+        let of_ros = format!("ros2:{of_ros}");
+        let _ros = world.wrapyfi([&["serve", &of_ros, "--echo"], &set_bool[..]].concat())?;
+        let publish =
+            ["pub", "zeromq:/a", "--type", "NativeObject", "--value", "1", "--rate", "20"];
+        let _publisher = world.wrapyfi(publish)?;
+        let echo = ["echo", "zeromq:/a", "--type", "NativeObject"];
+        for args in [
+            &["check", &file][..],
+            &["bridge", "--config", &file, "--json"],
+            &["demo", "--seconds", "2"],
+            &["list", "--json"],
+            &["--help"],
+            &echo,
+            &call,
+            &["call", &of_ros, "--value", "{}", "--timeout", "100"],
+        ] {
+            let mut unread = world.wrapyfi_unread(args)?;
+            unread.exits_with(0)?;
+            let said = unread.stderr();
+            assert!(!said.contains("pipe") && !said.contains("wrapyfi:"), "{args:?}: {said}");
+        }
+        Ok(())
+    })
+}
+
+/// What is served at `endpoint` is called in every way, which mean the same.
+fn called_in_every_way(world: &World, endpoint: &str, serve: &[&str]) -> Result {
+    let server = world.wrapyfi([&["serve", endpoint, "--count", "4", "--json"], serve].concat())?;
+    server.wait_until("the server", |output| {
+        output.err.iter().any(|line| line.contains("serving")).then_some(())
+    })?;
+    let kind: &[&str] = if serve.contains(&"--type") { &serve[..2] } else { &[] };
+    for given in [
+        &["--value", r#"{"data": true}"#][..],
+        &["--args", r#"[{"data": true}]"#],
+        &["--args", "[true]"],
+        &["--kwargs", r#"{"data": true}"#],
+    ] {
+        let rep = world.rep_port().to_string();
+        let ports: &[&str] =
+            if endpoint.starts_with("zeromq") { &["--rep-port", &rep] } else { &[] };
+        let call = ["call", endpoint, "--timeout", "100", "--json"];
+        let mut call = world.wrapyfi([&call, given, kind, ports].concat())?;
+        let told = call.objects(1)?.remove(0)["value"].clone();
+        call.exits_with(0)?;
+        assert_eq!(told, json!({"success": true, "message": "on"}), "{endpoint} {given:?}");
+    }
+    for asked in server.objects(4)? {
+        let is_on = |value: &Value| *value == json!({"data": true}) || *value == json!(true);
+        let (args, kwargs) = (&asked["args"], &asked["kwargs"]);
+        let on = is_on(&asked["value"]) || is_on(kwargs) || args.get(0).is_some_and(is_on);
+        assert!(on, "{endpoint}: {asked}");
+    }
+    Ok(())
+}
+
+const SET_BOOL: [&str; 2] = ["--type", "std_srvs/srv/SetBool"];
+const ON: [&str; 2] = ["--value", r#"{"success": true, "message": "on"}"#];
+
+#[test]
+fn arguments_are_given_alike_on_every_side() -> Result {
+    run("arguments_are_given_alike_on_every_side", PROGRAM, |world| {
+        let _names = world.yarpserver()?;
+        let typed = [SET_BOOL, ON].concat();
+        called_in_every_way(world, &format!("ros2:{}", world.topic("set")), &typed)?;
+        called_in_every_way(world, &format!("yarp:{}", world.topic("set")), &typed)?;
+        called_in_every_way(world, &format!("yarp:{}", world.topic("function")), &ON)?;
+        let native = [["--type", "NativeObject"], ON].concat();
+        called_in_every_way(world, "zeromq:/set", &native)?;
+        called_in_every_way(world, "zeromq:/set", &ON)
+    })
+}
+
+#[test]
+fn arguments_are_given_alike_on_ros_1_too() -> Result {
+    run("arguments_are_given_alike_on_ros_1_too", &[Need::Program, Need::Ros1], |world| {
+        let _roscore = world.roscore()?;
+        let typed = [SET_BOOL, ON].concat();
+        called_in_every_way(world, &format!("ros:{}", world.topic("set")), &typed)?;
+        let mut untyped = world.wrapyfi(["serve", "ros:/x", "--echo"])?;
+        complains(&mut untyped, &[2], &["ros:/x: --type is needed", "NativeObject"])
+    })
+}
+
 #[test]
 fn help_and_version_are_success() -> Result {
     run("help_and_version_are_success", PROGRAM, |world| {
         let mut help = world.wrapyfi(["--help"])?;
         help.exits_with(0)?;
-        for command in ["demo", "bridge", "check", "echo", "pub", "broker"] {
-            assert!(help.stdout().contains(command), "help does not mention {command}");
+        for word in ["demo", "bridge", "check", "echo", "pub", "broker", "ZeroMQ", "YARP", "ROS 1"]
+        {
+            assert!(help.stdout().contains(word), "help does not mention {word}");
         }
         world.wrapyfi(["--version"])?.exits_with(0)
     })

@@ -186,7 +186,6 @@ fn calls_that_cannot_be_end_with_a_reason() -> Result {
             (vec!["--timeout", "0.3"], 3, "still waiting for the broker at tcp://127.0.0.1"),
             (vec!["--args", "{}"], 2, "--args is {}; it must be a JSON list"),
             (vec!["--kwargs", "["], 2, "--kwargs: malformed JSON"),
-            (vec!["--value", "{}"], 2, "--value is for ros2"),
             (vec!["--type", "std_srvs/srv/SetBool"], 2, "is no function of Wrapyfi"),
         ] {
             let mut args = vec!["call", "zeromq:/x", "--rep-port", &port];

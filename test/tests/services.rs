@@ -270,7 +270,7 @@ fn calls_that_cannot_be_end_with_a_reason() -> Result {
             ),
             (vec!["--type", ADD, "--value", "{"], 2, "--value: EOF"),
             (vec!["--type", "nowhere/srv/Nothing"], 2, "nowhere/srv/Nothing"),
-            (vec!["--type", ADD, "--args", "[1]"], 2, "is no function of Wrapyfi: give its fields"),
+            (vec!["--type", ADD, "--args", "[1, 2, 3]"], 2, "--args has 3 values"),
             (
                 vec!["--type", "nowhere/msg/Nothing"],
                 2,

@@ -9,7 +9,8 @@ use wrapyfi_core::types::MessageType;
 
 use crate::options::EndpointOptions;
 
-/// Wrapyfi for ROS 2: native objects, arrays, images and sound between ZeroMQ and ROS 2.
+/// Wrapyfi for ROS 2: native objects, arrays, images, sound and messages of any type between ZeroMQ, YARP,
+/// ROS 1 and ROS 2.
 #[derive(Debug, Parser)]
 #[command(
     name = "wrapyfi",
@@ -30,7 +31,8 @@ pub struct Cli {
 /// What to do.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Show the main job on built-in sources: camera, microphone and objects over ZeroMQ into ROS 2.
+    /// Show the main job on built-in sources: camera, microphone and objects on ZeroMQ and a robot
+    /// on YARP into ROS 2.
     Demo(DemoArgs),
     /// Run the routes of a configuration file.
     Bridge(BridgeArgs),
@@ -90,9 +92,9 @@ pub struct ListArgs {
     /// One JSON object a line for each endpoint.
     #[arg(long)]
     pub json: bool,
-    /// How long to look.
-    #[arg(long, value_name = "S", default_value = "3", value_parser = seconds)]
-    pub wait: Duration,
+    /// How long to look; without it until every side has told what it has, at most 3 seconds.
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    pub wait: Option<Duration>,
 }
 
 /// Arguments of `wrapyfi echo`.
@@ -174,21 +176,24 @@ pub struct CallArgs {
     /// Settings of the endpoint.
     #[command(flatten)]
     pub options: EndpointOptions,
-    /// Type of the service: NativeObject, Image, CompressedImage, AudioChunk, or on ROS 2 any type.
-    /// It may be left out: on ROS 2 it is what the servers announce, on ZeroMQ NativeObject.
+    /// Type of the service: NativeObject, Image, CompressedImage, AudioChunk, or on ROS 2, ROS 1 and
+    /// YARP any type. It may be left out: on ROS 2 it is what the servers announce, elsewhere
+    /// NativeObject.
     #[arg(long = "type", value_name = "T")]
     pub service_type: Option<ServiceName>,
     /// Folder of packages with .srv files, searched before AMENT_PREFIX_PATH; may be given more than
     /// once.
     #[arg(long, value_name = "DIR")]
     pub definitions: Vec<PathBuf>,
-    /// Fields of the request, where those that are left out have their default.
+    /// Fields of the request, where those that are left out have their default; the one argument of a
+    /// function of Wrapyfi.
     #[arg(long, value_name = "JSON", conflicts_with_all = ["args", "kwargs"])]
     pub value: Option<String>,
-    /// Positional arguments of a function of Wrapyfi, as a JSON list in Wrapyfi's dialect.
+    /// Arguments in order, as a JSON list: of a function of Wrapyfi, in Wrapyfi's dialect, or the first
+    /// fields of the request.
     #[arg(long, value_name = "JSON")]
     pub args: Option<String>,
-    /// Its keyword arguments, as a JSON object.
+    /// Arguments or fields by name, as a JSON object.
     #[arg(long, value_name = "JSON")]
     pub kwargs: Option<String>,
     /// Fail with exit code 3 when there is no reply within S seconds.
@@ -232,9 +237,10 @@ pub struct ServeArgs {
     /// Settings of the endpoint.
     #[command(flatten)]
     pub options: EndpointOptions,
-    /// Type of the service: NativeObject, Image, CompressedImage, AudioChunk, or on ROS 2 any type.
+    /// Type of the service: NativeObject, Image, CompressedImage, AudioChunk, or on ROS 2, ROS 1 and
+    /// YARP any type. On ZeroMQ and YARP it may be left out: NativeObject.
     #[arg(long = "type", value_name = "T")]
-    pub service_type: ServiceName,
+    pub service_type: Option<ServiceName>,
     /// Folder of packages with .srv files, searched before AMENT_PREFIX_PATH; may be given more than
     /// once.
     #[arg(long, value_name = "DIR")]
@@ -243,8 +249,8 @@ pub struct ServeArgs {
     /// is not one); else the fields that request and reply both have, and success.
     #[arg(long)]
     pub echo: bool,
-    /// Fields of every reply, where those that are left out have their default; on ZeroMQ what the
-    /// function returns, in Wrapyfi's dialect of JSON.
+    /// Fields of every reply, where those that are left out have their default; what a function of
+    /// Wrapyfi returns, in its dialect of JSON.
     #[arg(long, value_name = "JSON")]
     pub value: Option<String>,
     /// What a function of Wrapyfi returns, from a file: .json, .npy, .png, .jpg or .wav.

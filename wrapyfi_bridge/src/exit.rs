@@ -11,6 +11,9 @@ pub enum Failure {
     /// What was waited for did not come in time: exit code 3.
     #[error("{0}")]
     TimedOut(String),
+    /// Whoever read the output has seen enough: the command ends, with success and without a word.
+    #[error("nobody reads the output any more")]
+    Unread,
     /// Everything else: exit code 1.
     #[error("{0:#}")]
     Failed(#[from] anyhow::Error),
@@ -27,6 +30,7 @@ impl Failure {
     #[must_use]
     pub fn code(&self) -> u8 {
         match self {
+            Self::Unread => 0,
             Self::Failed(_) => 1,
             Self::Usage(_) => 2,
             Self::TimedOut(_) => 3,
@@ -39,7 +43,7 @@ impl Failure {
 #[expect(clippy::print_stderr, reason = "the last word of a command, with or without logging")]
 pub fn finish(outcome: Result<(), Failure>) -> ExitCode {
     match outcome {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(()) | Err(Failure::Unread) => ExitCode::SUCCESS,
         Err(failure) => {
             eprintln!("wrapyfi: {failure}");
             ExitCode::from(failure.code())

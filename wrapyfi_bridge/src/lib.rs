@@ -3,7 +3,7 @@
 //! # Layout
 //!
 //! ```text
-//!   main.rs ─▶ cli ─▶ command::{demo, bridge, check, echo, publish, broker}
+//!   main.rs ─▶ cli ─▶ command::{demo, bridge, check, list, echo, publish, service, broker, yarpserver}
 //!   bin/bridge.rs ─▶ node ─▶ command::bridge        `ros2 run wrapyfi_bridge bridge`
 //!   bin/…_bridge.rs ─▶ node ─▶ whole                all of a middleware, without a configuration
 //!
@@ -12,6 +12,7 @@
 //!   describe  a payload as one JSON object, with its digest
 //!   options   --option of the command line
 //!   overrides  qos_overrides of the node -> routes
+//!   output    lines on stdout
 //!   input     JSON, .npy, PNG, JPEG, WAV -> a payload
 //!   table     route status as a table or as JSON
 //! ```
@@ -28,6 +29,7 @@ pub mod logging;
 pub mod middlewares;
 pub mod node;
 pub mod options;
+pub mod output;
 pub mod overrides;
 pub mod shutdown;
 pub mod table;

@@ -1,11 +1,10 @@
 //! `wrapyfi bridge` and the node executable `bridge`: runs the routes of a configuration.
 
 use std::collections::BTreeSet;
-use std::io::{self, Write as _};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use wrapyfi_core::engine::{Engine, Plan, RouteStatus};
+use wrapyfi_core::engine::{Engine, Plan};
 use wrapyfi_core::node::parameters::ParameterStore;
 use wrapyfi_core::types::MessageType;
 
@@ -13,6 +12,7 @@ use crate::cli::BridgeArgs;
 use crate::exit::Failure;
 use crate::middlewares::{self, Loaded, Middlewares};
 use crate::node::Node;
+use crate::output;
 use crate::overrides;
 use crate::shutdown::Shutdown;
 use crate::table;
@@ -76,12 +76,12 @@ pub fn run_node(
             break;
         }
         if options.json {
-            print_json(&running.status())?;
+            output::line(&table::json(&running.status()).to_string())?;
         }
     }
     let last = running.stop();
     if options.json {
-        print_json(&last)?;
+        output::line(&table::json(&last).to_string())?;
     }
     // A pattern carries nothing itself.
     for route in last.iter().filter(|route| route.pattern.is_none()) {
@@ -131,10 +131,4 @@ fn ros2_types(plan: &Plan) -> BTreeSet<&'static str> {
         .map(|(_, message_type)| message_type.ros_type())
         .chain(services)
         .collect()
-}
-
-fn print_json(status: &[RouteStatus]) -> Result<(), Failure> {
-    let mut out = io::stdout().lock();
-    writeln!(out, "{}", table::json(status)).and_then(|()| out.flush()).context("cannot print")?;
-    Ok(())
 }

@@ -1,12 +1,10 @@
 //! `wrapyfi check`: validates a configuration and prints what it would run.
 
-use std::io::Write as _;
 use std::path::Path;
-
-use anyhow::Context as _;
 
 use crate::exit::Failure;
 use crate::middlewares::{self, Loaded};
+use crate::output;
 
 /// Prints the plan, a route a line.
 ///
@@ -14,15 +12,14 @@ use crate::middlewares::{self, Loaded};
 /// Exit code 2 with every fault of the file, each with its line.
 pub fn run(file: &Path) -> Result<(), Failure> {
     let Loaded { plan, .. } = middlewares::load(file)?;
-    let mut out = std::io::stdout().lock();
     for route in &plan.routes {
-        writeln!(out, "{route}").context("cannot print")?;
+        output::line(&route.to_string())?;
     }
     for service in &plan.services {
-        writeln!(out, "{service}").context("cannot print")?;
+        output::line(&service.to_string())?;
     }
     for pattern in &plan.patterns {
-        writeln!(out, "{pattern}").context("cannot print")?;
+        output::line(&pattern.to_string())?;
     }
     Ok(())
 }

@@ -1,9 +1,7 @@
 //! `wrapyfi echo`: prints the messages of an endpoint.
 
-use std::io::{self, Write as _};
 use std::time::Instant;
 
-use anyhow::Context as _;
 use wrapyfi_core::endpoint::{Context, Overflow, Qos, QueueSpec, TopicSpec};
 use wrapyfi_core::types::{MessageType, Payload};
 
@@ -12,6 +10,7 @@ use crate::cli::{EchoArgs, TypeName};
 use crate::describe::{describe, summary};
 use crate::exit::Failure;
 use crate::middlewares::{Middlewares, Role};
+use crate::output;
 use crate::shutdown::Shutdown;
 
 /// Runs until `count` messages were printed, the time is out, or the process is asked to end.
@@ -57,7 +56,6 @@ pub(super) fn known(
     let middleware =
         middlewares.registry().get(&args.endpoint.middleware).map_err(Failure::usage)?;
     let mut listener = middleware.open_listener(&spec, &context).map_err(Failure::usage)?;
-    let mut out = io::stdout().lock();
     let mut printed = 0;
     let mut deadline = args.timeout.map(|timeout| Instant::now() + timeout);
     while !shutdown.requested() && args.count.is_none_or(|count| printed < count) {
@@ -73,9 +71,7 @@ pub(super) fn known(
                 }
                 let line =
                     if args.json { describe(&sample.payload) } else { summary(&sample.payload) };
-                if !print(&mut out, &line.to_string())? {
-                    return Ok(());
-                }
+                output::line(&line.to_string())?;
                 printed += 1;
                 deadline = args.timeout.map(|timeout| Instant::now() + timeout);
             }
@@ -94,16 +90,7 @@ pub(super) fn known(
         }
     }
     report_drops(&context);
-    out.flush().context("cannot print").map_err(Failure::from)
-}
-
-/// Prints a line; false when the reader of our output has seen enough: `wrapyfi echo … | head`.
-pub(super) fn print(out: &mut impl io::Write, line: &str) -> Result<bool, Failure> {
-    match writeln!(out, "{line}").and_then(|()| out.flush()) {
-        Ok(()) => Ok(true),
-        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(false),
-        Err(error) => Err(anyhow::Error::new(error).context("cannot print").into()),
-    }
+    Ok(())
 }
 
 fn timed_out(

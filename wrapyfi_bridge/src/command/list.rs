@@ -1,12 +1,11 @@
 //! `wrapyfi list`: the endpoints that exist now, on every side.
 //!
 //! ```text
-//!   every middleware ─ discover ─▶ looks for --wait seconds ─▶ one table, or JSON lines
+//!   every middleware ─ discover ─▶ looks until all is told, or for --wait seconds ─▶ one table, or JSON lines
 //! ```
 
 use std::fmt::Write as _;
-use std::io::{self, Write as _};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use wrapyfi_core::endpoint::{Discovered, Discovery, EndpointAddress, Wake};
@@ -17,17 +16,49 @@ use super::WAIT_SLICE;
 use crate::cli::ListArgs;
 use crate::exit::Failure;
 use crate::middlewares::{Middlewares, Role};
+use crate::output;
 use crate::shutdown::Shutdown;
+
+/// Longest look where nobody says how long.
+const LONGEST: Duration = Duration::from_secs(3);
+/// Time without news after which a side that never says that it has told all is taken to have: nodes on
+/// DDS answer a new one at once, and tell of themselves in a few rounds.
+const SILENCE: Duration = Duration::from_millis(500);
 
 /// One side that is looked at.
 struct Side {
     name: &'static str,
+    /// What was seen last.
+    found: Vec<Discovered>,
+    /// Since when that is so.
+    unchanged_since: Instant,
     // Before what it came from.
     discovery: Box<dyn Discovery>,
     _middlewares: Middlewares,
 }
 
-/// Looks for as long as `--wait` says, then prints what was found.
+impl Side {
+    fn look(&mut self) -> Result<(), Failure> {
+        let found = self.discovery.endpoints().context(self.name)?;
+        if found != self.found {
+            self.unchanged_since = Instant::now();
+        }
+        self.found = found;
+        Ok(())
+    }
+
+    fn has_told_all(&self) -> bool {
+        has_told_all(self.discovery.is_complete(), self.unchanged_since.elapsed())
+    }
+}
+
+/// Whether nothing more is to be expected of a side that says `complete` of itself.
+fn has_told_all(complete: Option<bool>, unchanged: Duration) -> bool {
+    complete.unwrap_or(unchanged >= SILENCE)
+}
+
+/// Looks for as long as `--wait` says, else until all sides have told what they have, then prints what
+/// was found.
 ///
 /// # Errors
 /// Exit code 2 for a middleware that there is not; 1 or 3 when the only one asked for, or all of
@@ -57,38 +88,37 @@ pub fn run(args: &ListArgs, shutdown: &Shutdown) -> Result<(), Failure> {
             Err(failure) => failures.push((name, failure)),
         }
     }
-    let deadline = Instant::now() + args.wait;
+    let deadline = Instant::now() + args.wait.unwrap_or(LONGEST);
     let wake = Wake::new();
-    while !shutdown.requested() && Instant::now() < deadline {
+    loop {
         for side in &mut sides {
-            // What is found is asked for at the end; this keeps queues short meanwhile.
-            side.discovery.endpoints().context(side.name)?;
+            side.look()?;
+        }
+        let told = args.wait.is_none() && sides.iter().all(Side::has_told_all);
+        if told || shutdown.requested() || Instant::now() >= deadline {
+            break;
         }
         wake.wait(deadline.saturating_duration_since(Instant::now()).min(WAIT_SLICE));
     }
     let mut out = String::new();
     let mut looked = 0;
-    for side in &mut sides {
-        let found = side.discovery.endpoints().context(side.name)?;
+    for side in &sides {
         match side.discovery.waiting_for() {
             Some(what) => {
-                let text = format!("still waiting for {what}");
+                let text = format!("no answer from {what}");
                 failures.push((side.name, Failure::TimedOut(text)));
                 continue;
             }
             None => looked += 1,
         }
         if args.json {
-            lines(&mut out, side.name, &found)?;
+            lines(&mut out, side.name, &side.found)?;
         } else {
-            table(&mut out, side.name, &found);
+            table(&mut out, side.name, &side.found);
         }
     }
-    match io::stdout().write_all(out.as_bytes()).and_then(|()| io::stdout().flush()) {
-        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
-            return Err(anyhow::Error::new(error).context("cannot print").into());
-        }
-        _ => {}
+    if let Some(text) = out.strip_suffix('\n') {
+        output::line(text)?;
     }
     match failures.pop() {
         // Nothing to show at all: that is the command's failure.
@@ -110,7 +140,8 @@ fn open(name: &'static str) -> Result<Side, Failure> {
     let middlewares = Middlewares::for_endpoint(&address, Role::Listener)?;
     let middleware = middlewares.registry().get(name).map_err(Failure::usage)?;
     let discovery = middleware.discover().context(name)?;
-    Ok(Side { name, discovery, _middlewares: middlewares })
+    let (found, unchanged_since) = (Vec::new(), Instant::now());
+    Ok(Side { name, found, unchanged_since, discovery, _middlewares: middlewares })
 }
 
 fn lines(out: &mut String, middleware: &str, found: &[Discovered]) -> Result<(), Failure> {
@@ -199,6 +230,14 @@ mod tests {
             ..seen.clone()
         };
         vec![seen, listener]
+    }
+
+    #[test]
+    fn a_side_is_believed_or_else_its_silence() {
+        assert!(has_told_all(Some(true), Duration::ZERO));
+        assert!(!has_told_all(Some(false), LONGEST));
+        assert!(has_told_all(None, SILENCE));
+        assert!(!has_told_all(None, SILENCE / 2));
     }
 
     #[test]

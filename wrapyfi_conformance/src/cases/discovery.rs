@@ -28,6 +28,12 @@ pub fn what_exists_is_found_and_what_went_is_not<R: Rig>() {
                     .any(|one| one.name == spec.topic && one.role == *role && one.count == 1)
             })
         });
+        wait_until(&wake, "the looks to be complete, where the transport knows", || {
+            looks.iter_mut().all(|(look, _)| {
+                endpoints(&mut **look);
+                look.is_complete() != Some(false)
+            })
+        });
         drop(sink);
         let (look, _) = looks
             .iter_mut()

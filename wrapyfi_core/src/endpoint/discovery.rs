@@ -27,6 +27,12 @@ pub trait Discovery: Send {
     /// Why nothing can be found at the moment, for instance a broker that does not answer;
     /// `None` while it looks.
     fn waiting_for(&self) -> Option<String>;
+
+    /// Whether the last [`Discovery::endpoints`] told all that there was, or found that nobody can be
+    /// asked; `None` where the transport never knows, because others announce themselves in their time.
+    fn is_complete(&self) -> Option<bool> {
+        None
+    }
 }
 
 /// An endpoint, or what a transport tells of several that are alike.

@@ -191,6 +191,10 @@ impl Discovery for MemoryDiscovery {
     fn waiting_for(&self) -> Option<String> {
         None
     }
+
+    fn is_complete(&self) -> Option<bool> {
+        Some(true)
+    }
 }
 
 struct MemoryListener {

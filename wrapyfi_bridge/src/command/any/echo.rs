@@ -1,6 +1,5 @@
 //! `wrapyfi echo ros2:/topic` of any type, named or discovered.
 
-use std::io::{self, Write as _};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -18,6 +17,7 @@ use crate::command::{WAIT_SLICE, echo};
 use crate::describe::digest;
 use crate::exit::Failure;
 use crate::middlewares::Middlewares;
+use crate::output;
 use crate::shutdown::Shutdown;
 
 /// Prints the messages of the type `named`, or of the one that the topic's endpoints announce.
@@ -101,16 +101,13 @@ fn print_all(
     wake: &Wake,
     shutdown: &Shutdown,
 ) -> Result<(), Failure> {
-    let mut out = io::stdout().lock();
     let (mut printed, mut dropped) = (0, 0_u64);
     let mut deadline = args.timeout.map(|timeout| Instant::now() + timeout);
     while !shutdown.requested() && args.count.is_none_or(|count| printed < count) {
         match listener.take() {
             Ok(Some(message)) => {
                 let line = if args.json { line(&message) } else { yaml::text(&message.fields)? };
-                if !echo::print(&mut out, &line)? {
-                    return Ok(());
-                }
+                output::line(&line)?;
                 printed += 1;
                 deadline = args.timeout.map(|timeout| Instant::now() + timeout);
             }
@@ -138,7 +135,7 @@ fn print_all(
     if dropped > 0 {
         tracing::warn!("{dropped} messages dropped");
     }
-    out.flush().context("cannot print").map_err(Failure::from)
+    Ok(())
 }
 
 fn why_nothing(listener: &AnyListener) -> String {

@@ -17,7 +17,7 @@ mod scenes;
 mod sources;
 mod viewer;
 
-use std::io::{IsTerminal as _, Write as _};
+use std::io::IsTerminal as _;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
@@ -28,6 +28,7 @@ use self::viewer::Viewer;
 use crate::cli::DemoArgs;
 use crate::exit::Failure;
 use crate::middlewares::DemoMiddlewares;
+use crate::output;
 use crate::shutdown::Shutdown;
 use crate::table;
 
@@ -98,11 +99,12 @@ impl Screen {
     }
 
     fn show(&mut self, text: &str) -> Result<(), Failure> {
-        let mut out = std::io::stdout().lock();
-        if self.terminal && self.lines > 0 {
-            write!(out, "\x1b[{}A\x1b[J", self.lines).context("cannot print")?;
-        }
-        writeln!(out, "{text}").and_then(|()| out.flush()).context("cannot print")?;
+        let above = if self.terminal && self.lines > 0 {
+            format!("\x1b[{}A\x1b[J", self.lines)
+        } else {
+            String::new()
+        };
+        output::line(&format!("{above}{text}"))?;
         self.lines = text.lines().count() + usize::from(text.ends_with('\n'));
         Ok(())
     }

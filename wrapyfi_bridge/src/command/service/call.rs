@@ -1,19 +1,20 @@
 //! `wrapyfi call`; here `ros2:/service`.
 
-use std::io::{self, Write as _};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
 use wrapyfi_core::Limits;
 use wrapyfi_core::endpoint::{Middleware as _, Role, Wake};
 use wrapyfi_core::middleware::ros2::{AnyClient, CallError, Ros2, ServiceOptions, ServiceType};
+use wrapyfi_interfaces::dynamic::DynamicMessage;
 
-use super::native::Convention;
+use super::native::{self, Arguments, Convention};
 use super::{function, shown};
 use crate::cli::CallArgs;
 use crate::command::{WAIT_SLICE, any};
 use crate::exit::Failure;
 use crate::middlewares::Middlewares;
+use crate::output;
 use crate::shutdown::Shutdown;
 
 /// Calls once and prints the reply.
@@ -44,23 +45,7 @@ pub fn run(args: &CallArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let options = ServiceOptions { timeout: left, ..ServiceOptions::default() };
     let mut client = AnyClient::open(&ros2, &args.endpoint.name, service, &options, &wake)
         .map_err(Failure::usage)?;
-    let json = args.value.as_deref().unwrap_or("{}");
-    let json: serde_json::Value =
-        serde_json::from_str(json).map_err(|error| Failure::Usage(format!("--value: {error}")))?;
-    let mut request = client
-        .request_plan()
-        .from_json(&json, Limits::default().message_bytes)
-        .map_err(|error| Failure::Usage(format!("the value is no request of {name}: {error}")))?;
-    match Convention::of(&name) {
-        Some(convention) if args.value.is_none() => {
-            convention.fill(&mut request, args.args.as_deref(), args.kwargs.as_deref())?;
-        }
-        None if args.args.is_some() || args.kwargs.is_some() => {
-            let text = format!("{name} is no function of Wrapyfi: give its fields with --value");
-            return Err(Failure::Usage(text));
-        }
-        _ => {}
-    }
+    let request = request(args, &name, &client)?;
     let ticket = client.call(&request).map_err(Failure::usage)?;
     while !shutdown.requested() {
         let Some((ended, result)) = client.poll() else {
@@ -69,11 +54,35 @@ pub fn run(args: &CallArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         };
         debug_assert_eq!(ended, ticket);
         let reply = result.map_err(|error| failed(error, args.timeout))?;
-        let mut out = io::stdout().lock();
-        writeln!(out, "{}", shown(&reply, args.json)?).context("cannot print")?;
-        return out.flush().context("cannot print").map_err(Failure::from);
+        return output::line(&shown(&reply, args.json)?);
     }
     Err(anyhow!("{}: interrupted before there was a reply", args.endpoint).into())
+}
+
+/// The request that the command line gives: fields, or what a function is called with.
+fn request(args: &CallArgs, name: &str, client: &AnyClient) -> Result<DynamicMessage, Failure> {
+    let mut request = client.request();
+    let value = args.value.as_deref().map(|text| native::json("--value", text)).transpose()?;
+    let given = match (value, Convention::of(name)) {
+        (Some(value), Some(convention)) if !native::is_fields(&value, &request) => {
+            let one = Arguments { args: vec![value], ..Arguments::default() };
+            return convention.fill(&mut request, one).map(|()| request);
+        }
+        (Some(value), _) => value,
+        (None, convention) => {
+            let arguments = Arguments::read(args.args.as_deref(), args.kwargs.as_deref())?;
+            match convention {
+                Some(convention) => {
+                    return convention.fill(&mut request, arguments).map(|()| request);
+                }
+                None => arguments.fields(&request)?,
+            }
+        }
+    };
+    client
+        .request_plan()
+        .from_json(&given, Limits::default().message_bytes)
+        .map_err(|error| Failure::Usage(format!("the value is no request of {name}: {error}")))
 }
 
 fn wait(client: &AnyClient) -> Duration {

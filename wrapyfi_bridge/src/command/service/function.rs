@@ -5,11 +5,10 @@
 //!   printed ◀───────── Payload ◀─ Client ◀══ Server ◀─ --echo, --value, --file
 //! ```
 
-use std::io::{self, Write as _};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context as _, anyhow};
+use anyhow::anyhow;
 use bytes::Bytes;
 use wrapyfi_core::Limits;
 use wrapyfi_core::codec::{self, json};
@@ -20,11 +19,12 @@ use wrapyfi_core::types::{Map, Payload, ServiceKind, Stamp, Value};
 
 use crate::canonical::canonical;
 use crate::cli::{CallArgs, ServeArgs, ServiceName};
-use crate::command::{WAIT_SLICE, any, echo};
+use crate::command::{WAIT_SLICE, any};
 use crate::describe::{describe, summary};
 use crate::exit::Failure;
 use crate::input;
 use crate::middlewares::{Middlewares, Role};
+use crate::output;
 use crate::shutdown::Shutdown;
 
 /// Calls once and prints what the function returned.
@@ -37,13 +37,13 @@ pub(super) fn call(args: &CallArgs, shutdown: &Shutdown) -> Result<(), Failure> 
         None => ServiceKind::NativeObject,
         Some(name) => kind(name, &args.endpoint, &args.definitions)?,
     };
-    if args.value.is_some() {
-        let text = format!("{}: --value is for ros2; give --args and --kwargs", args.endpoint);
-        return Err(Failure::Usage(text));
-    }
-    let request = Request {
-        args: arguments("--args", args.args.as_deref())?,
-        kwargs: keywords("--kwargs", args.kwargs.as_deref())?,
+    let request = match &args.value {
+        // The one argument of a function; of any other service its fields.
+        Some(text) => Request { args: vec![value("--value", text)?], ..Request::default() },
+        None => Request {
+            args: arguments("--args", args.args.as_deref())?,
+            kwargs: keywords("--kwargs", args.kwargs.as_deref())?,
+        },
     };
     let options = args.options.map();
     let spec = ServiceSpec { options, ..ServiceSpec::new(&args.endpoint.name, kind) };
@@ -61,9 +61,7 @@ pub(super) fn call(args: &CallArgs, shutdown: &Shutdown) -> Result<(), Failure> 
         };
         let payload = result.map_err(failed)?.payload;
         let text = if args.json { describe(&payload) } else { summary(&payload) };
-        let mut out = io::stdout().lock();
-        writeln!(out, "{text}").context("cannot print")?;
-        return out.flush().context("cannot print").map_err(Failure::from);
+        return output::line(&text.to_string());
     }
     Err(anyhow!("{}: interrupted before there was a reply", args.endpoint).into())
 }
@@ -79,13 +77,13 @@ fn left(at: Instant) -> Duration {
     at.saturating_duration_since(Instant::now())
 }
 
-/// What is asked for: a function of Wrapyfi, or on ROS 1 any service.
+/// What is asked for: a function of Wrapyfi, or but for ZeroMQ any service.
 fn kind(
     name: &ServiceName,
     endpoint: &EndpointAddress,
     folders: &[PathBuf],
 ) -> Result<ServiceKind, Failure> {
-    if endpoint.middleware != ros1::NAME {
+    if endpoint.middleware == "zeromq" {
         return name.0.parse().map_err(Failure::usage);
     }
     let mut store = any::definitions(folders)
@@ -126,7 +124,11 @@ fn value(option: &str, text: &str) -> Result<Value, Failure> {
 /// # Errors
 /// Exit code 2 when type, service or reply is wrong, 1 when the transport fails.
 pub(super) fn serve(args: &ServeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
-    let kind = kind(&args.service_type, &args.endpoint, &args.definitions)?;
+    let kind = match (&args.service_type, args.endpoint.middleware.as_str()) {
+        (Some(name), _) => kind(name, &args.endpoint, &args.definitions)?,
+        (None, "ros2" | ros1::NAME) => return Err(super::no_type(&args.endpoint)),
+        (None, _) => ServiceKind::NativeObject,
+    };
     let options = args.options.map();
     let spec = ServiceSpec { options, ..ServiceSpec::new(&args.endpoint.name, kind) };
     let constant = constant(args, &spec)?;
@@ -139,7 +141,6 @@ pub(super) fn serve(args: &ServeArgs, shutdown: &Shutdown) -> Result<(), Failure
     if args.endpoint.middleware == "zeromq" {
         tracing::info!("no name travels on ZeroMQ: every request to these ports is served");
     }
-    let mut out = io::stdout().lock();
     let mut answered = 0_u64;
     while !shutdown.requested() && args.count.is_none_or(|count| answered < count) {
         match server.take() {
@@ -151,13 +152,14 @@ pub(super) fn serve(args: &ServeArgs, shutdown: &Shutdown) -> Result<(), Failure
                 if let Err(reason) = &reply {
                     tracing::warn!("{}: answered with an error: {reason}", args.endpoint);
                 }
-                let printing = echo::print(&mut out, &shown(&asked.request, args.json))?;
+                let told = output::line(&shown(&asked.request, args.json));
                 if let Err(error) = server.reply(asked.id, reply) {
                     tracing::warn!("a reply was not sent: {error}");
                 }
                 answered += 1;
-                if !printing {
-                    break;
+                if told.is_err() {
+                    finish(server.as_mut(), &context, &args.endpoint);
+                    return told;
                 }
             }
             Ok(None) => {
@@ -171,7 +173,7 @@ pub(super) fn serve(args: &ServeArgs, shutdown: &Shutdown) -> Result<(), Failure
         }
     }
     finish(server.as_mut(), &context, &args.endpoint);
-    out.flush().context("cannot print").map_err(Failure::from)
+    Ok(())
 }
 
 /// What every request is answered with, where it is not its argument.

@@ -1,12 +1,13 @@
 //! `call` and `serve`: requests and replies.
 //!
 //! ```text
-//!   ros2:    any service whose definition is found
-//!            --value ─▶ request ─▶ AnyClient ══▶ AnyServer ─▶ --echo, --value ─▶ reply
-//!   zeromq:  functions of Wrapyfi
-//!            --args, --kwargs ─▶ Client ══▶ Server ─▶ --echo, --value, --file ─▶ reply
+//!   ros2:                 any service whose definition is found, as messages
+//!     --value, --args, --kwargs ─▶ request ─▶ AnyClient ══▶ AnyServer ─▶ --echo, --value ─▶ reply
+//!   ros:, yarp:, zeromq:  functions of Wrapyfi and, but for zeromq, any service
+//!     --value, --args, --kwargs ─▶ Client ══▶ Server ─▶ --echo, --value, --file ─▶ reply
 //! ```
 
+use wrapyfi_core::endpoint::EndpointAddress;
 use wrapyfi_interfaces::dynamic::DynamicMessage;
 
 use super::any::yaml;
@@ -16,6 +17,14 @@ pub mod call;
 mod function;
 mod native;
 pub mod serve;
+
+/// The failure of a server that is given no type where services have one.
+fn no_type(endpoint: &EndpointAddress) -> Failure {
+    Failure::Usage(format!(
+        "{endpoint}: --type is needed: NativeObject, Image, CompressedImage, AudioChunk, or any type as \
+         package/srv/Name"
+    ))
+}
 
 /// A request or a reply as `--json` shows it, or as `ros2 topic echo` would.
 fn shown(message: &DynamicMessage, as_json: bool) -> Result<String, Failure> {

@@ -1,21 +1,20 @@
 //! `wrapyfi serve`; here `ros2:/service`.
 
-use std::io::{self, Write as _};
 use std::time::{Duration, Instant};
 
-use anyhow::Context as _;
 use wrapyfi_core::endpoint::Wake;
 use wrapyfi_core::middleware::ros2::graph::GraphError;
 use wrapyfi_core::middleware::ros2::{AnyServer, ServeError, ServiceOptions, ServiceType};
 use wrapyfi_core::{Limits, Throttle};
 use wrapyfi_interfaces::dynamic::DynamicMessage;
 
-use super::native::Convention;
-use super::{function, shown};
-use crate::cli::ServeArgs;
-use crate::command::{WAIT_SLICE, any, echo};
+use super::native::{self, Convention};
+use super::{function, no_type, shown};
+use crate::cli::{ServeArgs, ServiceName};
+use crate::command::{WAIT_SLICE, any};
 use crate::exit::Failure;
 use crate::middlewares::Middlewares;
+use crate::output;
 use crate::shutdown::Shutdown;
 
 /// Serves until `count` requests were answered or the process is asked to end.
@@ -27,7 +26,9 @@ pub fn run(args: &ServeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     if args.endpoint.middleware != "ros2" || args.file.is_some() || args.ports.any() {
         return function::serve(args, shutdown);
     }
-    let name = &args.service_type.0;
+    let Some(ServiceName(name)) = &args.service_type else {
+        return Err(no_type(&args.endpoint));
+    };
     let resolved = any::resolve(name, &args.definitions)?;
     let service = ServiceType::new(&resolved).map_err(Failure::usage)?;
     let ros2 = Middlewares::ros2_of_command()?;
@@ -36,7 +37,6 @@ pub fn run(args: &ServeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         .map_err(Failure::usage)?;
     let constant = args.value.as_deref().map(|text| constant(&server, name, text)).transpose()?;
     tracing::info!("serving {name} at {}", server.name());
-    let mut out = io::stdout().lock();
     let mut answered = 0_u64;
     let mut refusals = Throttle::default();
     while !shutdown.requested() && args.count.is_none_or(|count| answered < count) {
@@ -51,11 +51,11 @@ pub fn run(args: &ServeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
                 let told = answer_first(
                     || server.reply(&request.id, &reply),
                     answered,
-                    || echo::print(&mut out, &shown(&request.fields, args.json)?),
+                    || output::line(&shown(&request.fields, args.json)?),
                 );
-                if !matches!(told, Ok(true)) {
+                if told.is_err() {
                     finish(&mut server, &wake);
-                    return told.map(|_| ());
+                    return told;
                 }
             }
             Ok(None) => {
@@ -74,7 +74,7 @@ pub fn run(args: &ServeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         }
     }
     finish(&mut server, &wake);
-    out.flush().context("cannot print").map_err(Failure::from)
+    Ok(())
 }
 
 /// Replies, then prints the request: a client does not wait for whoever reads our output. What
@@ -82,8 +82,8 @@ pub fn run(args: &ServeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
 fn answer_first(
     reply: impl FnOnce() -> Result<(), ServeError>,
     request: u64,
-    print: impl FnOnce() -> Result<bool, Failure>,
-) -> Result<bool, Failure> {
+    print: impl FnOnce() -> Result<(), Failure>,
+) -> Result<(), Failure> {
     // One client that cannot be answered does not end the others' service.
     if let Err(error) = reply() {
         tracing::warn!("request {request} got no reply: {error}");
@@ -107,8 +107,14 @@ fn finish(server: &mut AnyServer, wake: &Wake) {
 }
 
 fn constant(server: &AnyServer, name: &str, text: &str) -> Result<DynamicMessage, Failure> {
-    let json: serde_json::Value =
-        serde_json::from_str(text).map_err(|error| Failure::Usage(format!("--value: {error}")))?;
+    let json = native::json("--value", text)?;
+    let mut reply = server.response();
+    if let Some(convention) = Convention::of(name)
+        && !native::is_fields(&json, &reply)
+    {
+        let filled = convention.fill_reply(&mut reply, &json);
+        return filled.map(|()| reply).map_err(|error| Failure::Usage(format!("--value: {error}")));
+    }
     server
         .response_plan()
         .from_json(&json, Limits::default().message_bytes)
@@ -163,10 +169,10 @@ mod tests {
                 1,
                 || {
                     done.borrow_mut().push("printed");
-                    Ok(false)
+                    Err(Failure::Unread)
                 },
             );
-            assert!(matches!(told, Ok(false)));
+            assert!(matches!(told, Err(Failure::Unread)));
             assert_eq!(*done.borrow(), ["replied", "printed"]);
         }
     }

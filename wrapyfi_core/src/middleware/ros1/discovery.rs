@@ -23,6 +23,8 @@ pub(super) struct Ros1Discovery {
 
 #[derive(Default)]
 struct Seen {
+    /// The master was asked, whatever came of it.
+    asked: bool,
     endpoints: Vec<Discovered>,
     /// Why nothing is seen.
     fault: Option<String>,
@@ -41,8 +43,10 @@ async fn watch(core: Weak<Core>, seen: Arc<Mutex<Seen>>) {
     loop {
         let Some(core) = core.upgrade() else { return };
         let now = match look(&core).await {
-            Ok(endpoints) => Seen { endpoints, fault: None },
-            Err(error) => Seen { endpoints: Vec::new(), fault: Some(error.to_string()) },
+            Ok(endpoints) => Seen { asked: true, endpoints, fault: None },
+            Err(error) => {
+                Seen { asked: true, endpoints: Vec::new(), fault: Some(error.to_string()) }
+            }
         };
         drop(core);
         *seen.lock().unwrap_or_else(PoisonError::into_inner) = now;
@@ -100,6 +104,10 @@ impl Discovery for Ros1Discovery {
 
     fn waiting_for(&self) -> Option<String> {
         self.seen.lock().unwrap_or_else(PoisonError::into_inner).fault.clone()
+    }
+
+    fn is_complete(&self) -> Option<bool> {
+        Some(self.seen.lock().unwrap_or_else(PoisonError::into_inner).asked)
     }
 }
 

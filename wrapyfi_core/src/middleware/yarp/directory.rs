@@ -52,6 +52,12 @@ impl Directory {
         self.inner().reached
     }
 
+    /// Whether the name server was asked, and has answered or cannot be reached.
+    pub(super) fn was_asked(&self) -> bool {
+        let inner = self.inner();
+        inner.reached.is_some() || inner.failure.is_some()
+    }
+
     /// Whether a port of this name is registered.
     pub(super) fn knows(&self, name: &str) -> bool {
         self.inner().names.contains(name)

@@ -34,11 +34,22 @@ pub(super) struct YarpDiscovery {
     asked: Arc<Asked>,
     /// Ends what is being asked.
     stop: Option<Stop>,
+    /// What was told last is all that the name server and the ports say.
+    complete: bool,
 }
 
 /// What ports said of their connections.
 #[derive(Debug, Default)]
-struct Asked(Mutex<BTreeMap<String, (Instant, Option<Traffic>)>>);
+struct Asked(Mutex<BTreeMap<String, Answer>>);
+
+/// What one port said.
+#[derive(Debug, Clone, Copy)]
+struct Answer {
+    asked_at: Instant,
+    /// Its answer to the last question is not there yet.
+    is_open: bool,
+    traffic: Option<Traffic>,
+}
 
 /// Which ways a port is connected with other ports.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -48,14 +59,14 @@ struct Traffic {
 }
 
 impl Asked {
-    fn known(&self) -> MutexGuard<'_, BTreeMap<String, (Instant, Option<Traffic>)>> {
+    fn known(&self) -> MutexGuard<'_, BTreeMap<String, Answer>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl YarpDiscovery {
     pub(super) fn new(shared: &Arc<Shared>) -> Self {
-        Self { shared: Arc::clone(shared), asked: Arc::default(), stop: None }
+        Self { shared: Arc::clone(shared), asked: Arc::default(), stop: None, complete: false }
     }
 
     /// Asks those ports of `names` that have not said anything lately.
@@ -64,12 +75,14 @@ impl YarpDiscovery {
             let mut known = self.asked.known();
             known.retain(|name, _| names.contains(name));
             let old = |name: &&String| {
-                known.get(*name).is_none_or(|(asked_at, _)| asked_at.elapsed() > BELIEVED)
+                known.get(*name).is_none_or(|answer| answer.asked_at.elapsed() > BELIEVED)
             };
             let due = names.iter().filter(old).cloned().collect::<Vec<_>>();
             for name in &due {
                 // Whatever was said before holds until there is an answer.
-                known.entry(name.clone()).or_insert((Instant::now(), None)).0 = Instant::now();
+                let traffic = known.get(name).and_then(|answer| answer.traffic);
+                let answer = Answer { asked_at: Instant::now(), is_open: true, traffic };
+                known.insert(name.clone(), answer);
             }
             due
         };
@@ -99,7 +112,8 @@ async fn ask_all(shared: Arc<Shared>, asked: Arc<Asked>, names: Vec<String>, mut
             }
             match running.join_next().await {
                 Some(Ok((name, traffic))) => {
-                    asked.known().insert(name, (Instant::now(), traffic));
+                    let answer = Answer { asked_at: Instant::now(), is_open: false, traffic };
+                    asked.known().insert(name, answer);
                 }
                 Some(Err(_ended)) => {}
                 None => return,
@@ -149,6 +163,7 @@ fn role(name: &str, traffic: Option<Traffic>) -> (&str, Role) {
 
 impl Discovery for YarpDiscovery {
     fn endpoints(&mut self) -> Result<Vec<Discovered>, DiscoverError> {
+        let was_asked = self.shared.directory.was_asked();
         let (mut names, own) = (self.shared.directory.names(), self.shared.registrar.client());
         // The name server's own names are no endpoints.
         names.retain(|name| {
@@ -157,8 +172,9 @@ impl Discovery for YarpDiscovery {
         self.ask(&names);
         let mut counts: BTreeMap<(&str, Role), u64> = BTreeMap::new();
         let asked = self.asked.known();
+        self.complete = was_asked && asked.values().all(|answer| !answer.is_open);
         for name in &names {
-            let traffic = asked.get(name).and_then(|(_, traffic)| *traffic);
+            let traffic = asked.get(name).and_then(|answer| answer.traffic);
             *counts.entry(role(name, traffic)).or_default() += 1;
         }
         let found = counts
@@ -169,6 +185,10 @@ impl Discovery for YarpDiscovery {
 
     fn waiting_for(&self) -> Option<String> {
         self.shared.directory.waiting_for()
+    }
+
+    fn is_complete(&self) -> Option<bool> {
+        Some(self.complete)
     }
 }
 

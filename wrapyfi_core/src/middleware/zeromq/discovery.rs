@@ -45,6 +45,8 @@ pub(super) struct ZeroMqDiscovery {
     /// Since when everything is subscribed.
     sees_all: bool,
     told: bool,
+    /// The broker told its counts of listeners.
+    counted: bool,
     listeners: BTreeMap<String, u64>,
     topics: BTreeMap<String, TopicTraffic>,
 }
@@ -62,6 +64,7 @@ impl ZeroMqDiscovery {
             reached_at: None,
             sees_all: false,
             told: false,
+            counted: false,
             listeners: BTreeMap::new(),
             topics: BTreeMap::new(),
         })
@@ -115,6 +118,7 @@ impl ZeroMqDiscovery {
         if body.len() <= MAX_TOLD_BYTES
             && let Ok(counts) = serde_json::from_slice::<BTreeMap<String, u64>>(body)
         {
+            self.counted = true;
             self.listeners = counts;
             let own = |topic: &str| topic == TRAFFIC_TOPIC || topic.starts_with(PROBE);
             self.listeners.retain(|topic, count| *count > 0 && !own(topic));
@@ -188,6 +192,11 @@ impl Discovery for ZeroMqDiscovery {
 
     fn waiting_for(&self) -> Option<String> {
         self.link.waiting_for()
+    }
+
+    fn is_complete(&self) -> Option<bool> {
+        // Of another's broker whatever passes is new, for as long as we look.
+        Some(if self.link.is_up() { self.told && self.counted } else { self.link.has_failed() })
     }
 }
 

@@ -25,6 +25,8 @@ const DOWN: u8 = 0;
 const UP: u8 = 1;
 const REFUSED: u8 = 2;
 const ENDED: u8 = 3;
+/// Nobody took the connection, or not yet again.
+const UNANSWERED: u8 = 4;
 
 /// How long after a disconnection libzmq may take to announce its next try, which it does at once
 /// unless it has given up. Also the pause before we try instead.
@@ -46,6 +48,11 @@ impl BrokerLink {
 
     pub(super) fn is_up(&self) -> bool {
         self.state.load(Relaxed) == UP
+    }
+
+    /// The last try to reach the broker failed.
+    pub(super) fn has_failed(&self) -> bool {
+        matches!(self.state.load(Relaxed), REFUSED | ENDED | UNANSWERED)
     }
 
     /// What is waited for; `None` when the broker is reached.
@@ -81,7 +88,7 @@ impl BrokerLink {
         {
             REFUSED
         } else if is(SocketEvent::CLOSED) {
-            DOWN
+            UNANSWERED
         } else if is(SocketEvent::DISCONNECTED) {
             // Lost before the handshake was over: refused, for a wrong socket type without
             // further notice.
@@ -232,12 +239,15 @@ mod tests {
         assert!(!link.happened(SocketEvent::CONNECTED.to_raw()));
         assert!(link.happened(SocketEvent::HANDSHAKE_SUCCEEDED.to_raw()));
         assert_eq!(link.waiting_for(), None);
+        assert!(!link.has_failed());
         assert!(link.happened(SocketEvent::DISCONNECTED.to_raw()));
         assert!(!link.is_up());
         assert!(link.happened(SocketEvent::HANDSHAKE_FAILED_PROTOCOL.to_raw()));
         assert!(!link.happened(SocketEvent::DISCONNECTED.to_raw()));
         assert!(link.waiting_for().unwrap().contains("matching side"));
+        assert!(!link.is_up() && link.has_failed());
         assert!(link.happened(SocketEvent::CLOSED.to_raw()));
+        assert!(link.has_failed());
         assert!(!link.happened(0x7000));
     }
 }
