@@ -1,4 +1,4 @@
-# make demo    the main job on a bare machine: ZeroMQ in, ROS 2 out, a live table
+# make demo    all programs, and the main job on a bare machine: ZeroMQ in, ROS 2 out, a live table
 # make test    everything: format, lints, tests against real peers, documentation, colcon
 # make bench   raw transports, bridge and Python Wrapyfi measured by turns: bench/RESULTS.md
 # make doc     API documentation of the workspace, in target/doc
@@ -13,7 +13,7 @@ MAKEFLAGS += --no-print-directory
 # One after the other: every step uses all cores, and each one fails with its own message.
 .NOTPARALLEL:
 .PHONY: demo test bench doc fmt lint fuzz setup-build setup-test setup-frameworks test-fmt test-rust
-.PHONY: test-frameworks test-colcon
+.PHONY: test-frameworks test-python test-colcon
 
 DEMO_ARGS ?= --seconds 20
 BENCH_ARGS ?=
@@ -24,9 +24,10 @@ export PYTHON3 ?= /usr/bin/python3
 CARGO := cargo --quiet
 
 demo: setup-build
-	cargo run --release --locked --package wrapyfi_bridge --bin wrapyfi -- demo $(DEMO_ARGS)
+	cargo build --release --locked --package wrapyfi_bridge
+	@$(CARGO) run --release --locked --package wrapyfi_bridge --bin wrapyfi -- demo $(DEMO_ARGS)
 
-test: setup-test test-fmt lint test-rust doc test-colcon
+test: setup-test test-fmt lint test-rust test-python doc test-colcon
 	@echo "make test: all passed"
 
 setup-build:
@@ -64,6 +65,10 @@ test-rust: | target/COLCON_IGNORE
 	@cargo nextest run --locked --package wrapyfi_communicator_examples $(CAMERAS) --lib \
 		--status-level fail
 	@$(CARGO) test --doc --workspace --locked
+
+# With the libraries of the peers; `colcon test` runs them with what the system has.
+test-python:
+	@cd wrapyfi_py && PYTHONDONTWRITEBYTECODE=1 ../.venv/bin/python -m unittest discover --quiet -t . -s test
 
 # Not part of `make test`: the libraries take 3 GB of disk.
 test-frameworks: setup-test setup-frameworks | target/COLCON_IGNORE

@@ -1,9 +1,10 @@
 # Cargo inside ament_cmake packages.
 #
-# One command builds the whole workspace, whichever package asks, into one target folder beside the
-# packages' build folders: the second package finds its work done, and CycloneDDS is compiled once.
+# One and the same command builds what is installed, whichever package asks, into one target folder
+# beside the packages' build folders: the second package finds its work done, and CycloneDDS is compiled
+# once. With BUILD_TESTING it builds the whole workspace and the tests.
 #
-#   wrapyfi_cargo_build()                    builds the workspace as part of `all`
+#   wrapyfi_cargo_build()                    builds as part of `all`
 #   wrapyfi_cargo_install_programs(NAME...)  to lib/<package>, where `ros2 run` looks
 #   wrapyfi_cargo_install_crates(NAME...)    normalised sources to share/NAME/rust, and their index marker
 #   wrapyfi_cargo_test(NAME [TIMEOUT s] [DOC_TESTS])  one CTest entry that runs the tests of crate NAME,
@@ -11,6 +12,9 @@
 
 get_filename_component(WRAPYFI_WORKSPACE "${CMAKE_CURRENT_LIST_DIR}/.." ABSOLUTE)
 set(WRAPYFI_RUST_MINIMUM 1.89)
+# Libraries whose sources are installed, and the programs.
+set(WRAPYFI_LIBRARIES wrapyfi_interfaces wrapyfi_macros wrapyfi_yarp wrapyfi_core)
+set(WRAPYFI_INSTALLED_CRATES ${WRAPYFI_LIBRARIES} wrapyfi_bridge)
 
 # The environment is read once and kept: `colcon test` runs in another shell and must find the
 # same folder.
@@ -61,20 +65,27 @@ set(_wrapyfi_cargo
   "${CMAKE_COMMAND}" -E env "CARGO_TARGET_DIR=${WRAPYFI_CARGO_TARGET_DIR}" "${CARGO_EXECUTABLE}")
 
 function(wrapyfi_cargo_build)
-  set(_tests "")
+  # Quiet: colcon reports whatever is on standard error, and Cargo tells its progress there. Warnings
+  # and errors are printed all the same.
+  set(_build ${_wrapyfi_cargo} build --quiet --release --locked)
   if(BUILD_TESTING)
-    # Compiled here and not by `colcon test`, which has a time limit.
-    set(_tests COMMAND ${_wrapyfi_cargo} test --release --locked --workspace --no-run)
+    # The whole workspace at once, because Cargo unites the features of what it builds: the libraries
+    # would be compiled a second time for the tests. Tests are compiled here and not by `colcon test`,
+    # which has a time limit.
+    set(_commands COMMAND ${_build} --workspace
+      COMMAND ${_wrapyfi_cargo} test --quiet --release --locked --workspace --no-run)
+  else()
+    list(TRANSFORM WRAPYFI_INSTALLED_CRATES PREPEND "--package=" OUTPUT_VARIABLE _packages)
+    set(_commands COMMAND ${_build} ${_packages})
   endif()
   # Cargo knows what is out of date; CMake only ever asks it.
   add_custom_target(wrapyfi_cargo ALL
     # colcon would crawl the folder where it lies inside somebody's sources.
     COMMAND "${CMAKE_COMMAND}" -E make_directory "${WRAPYFI_CARGO_TARGET_DIR}"
     COMMAND "${CMAKE_COMMAND}" -E touch "${WRAPYFI_CARGO_TARGET_DIR}/COLCON_IGNORE"
-    COMMAND ${_wrapyfi_cargo} build --release --locked --workspace
-    ${_tests}
+    ${_commands}
     WORKING_DIRECTORY "${WRAPYFI_WORKSPACE}"
-    COMMENT "cargo build --release, whole workspace"
+    COMMENT "cargo build --release: some minutes without a word"
     USES_TERMINAL
     VERBATIM)
 endfunction()

@@ -69,8 +69,8 @@ workspace_tools() {
     # colcon's parts one by one: its package only recommends them.
     apt_packages \
         colcon python3-colcon-cmake python3-colcon-library-path python3-colcon-package-information \
-        python3-colcon-package-selection python3-colcon-recursive-crawl python3-colcon-ros \
-        python3-colcon-test-result
+        python3-colcon-package-selection python3-colcon-python-setup-py python3-colcon-recursive-crawl \
+        python3-colcon-ros python3-colcon-test-result python3-numpy python3-pytest
     # Debian has them; Ubuntu 24.04 dropped them, so there it takes ROS 2's own.
     if apt-cache show ament-cmake rosidl-generator-c-cpp >/dev/null 2>&1; then
         apt_packages ament-cmake rosidl-cmake rosidl-generator-c-cpp

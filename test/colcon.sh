@@ -48,18 +48,23 @@ cd "$workspace"
 tree=$workspace/src/wrapyfi_ros2
 
 step="colcon list"
-four=$'wrapyfi\nwrapyfi_bridge\nwrapyfi_core\nwrapyfi_msgs'
+packages=$'wrapyfi\nwrapyfi_bridge\nwrapyfi_core\nwrapyfi_msgs\nwrapyfi_py'
 for place in "$workspace" "$tree"; do
     found=$(cd "$place" && colcon --log-base /dev/null list --names-only 2>>"$log" | sort)
-    [ "$found" = "$four" ] || fail "colcon list in $place names [${found//$'\n'/ }] instead of [${four//$'\n'/ }]"
+    [ "$found" = "$packages" ] || fail "colcon list in $place names [${found//$'\n'/ }] instead of [${packages//$'\n'/ }]"
 done
 
 step="versions"
 version=$(sed -n '/^\[workspace.package\]/,/^\[/s/^version = "\(.*\)"/\1/p' "$tree/Cargo.toml")
-for package in $four; do
+for package in $packages; do
     grep -qF "<version>$version</version>" "$tree/$package/package.xml" ||
         fail "$package/package.xml is not of version $version, the workspace's"
 done
+
+step="make demo"
+commands=$(make -C "$tree" -n demo | grep 'cargo.* build ')
+[[ $commands == *"--package wrapyfi_bridge"* && $commands != *--bin* ]] ||
+    fail "make demo does not build every program: $commands"
 
 step="colcon build"
 paths=(src)
@@ -74,12 +79,36 @@ if ! ros_is_sourced; then
     stand_ins=("$tree"/test/debian_interfaces/*/)
     paths+=("${stand_ins[@]%/}")
 fi
+# As a user's machine without a network does it, once the crates are there.
+(cd "$tree" && cargo fetch --quiet --locked) >>"$log" 2>&1
 # The tests of the release build would otherwise land in the folder of a developer's debug build.
 unset CARGO_TARGET_DIR
 # A peer that is missing is a counted skip here; `make test` has run them all already.
 unset WRAPYFI_REQUIRE_PEERS
-colcon build --base-paths "${paths[@]}" --event-handlers console_direct+ \
+# Python tells about it on standard error.
+unset PYTHONDONTWRITEBYTECODE
+"$tree/scripts/lo-namespace.sh" colcon build --base-paths "${paths[@]}" --event-handlers console_direct+ \
     --cmake-args -DPython3_EXECUTABLE="${PYTHON3:-/usr/bin/python3}" >>"$log" 2>&1
+# colcon reports every such package, and users look for a fault.
+for package in $packages; do
+    [ ! -s "log/latest_build/$package/stderr.log" ] ||
+        fail "building $package wrote to standard error: $(head -n 5 "log/latest_build/$package/stderr.log")"
+done
+grep -q '^CMAKE_BUILD_TYPE:.*=Release$' build/wrapyfi_msgs/CMakeCache.txt ||
+    fail "wrapyfi_msgs is not optimised where colcon is started outside of the repository"
+
+step="what is compiled without the tests"
+for package in wrapyfi_core wrapyfi_bridge; do
+    (
+        set +u
+        . install/local_setup.sh
+        cmake -S "$tree/$package" -B "$workspace/untested/$package" -DBUILD_TESTING=OFF \
+            -DPython3_EXECUTABLE="${PYTHON3:-/usr/bin/python3}"
+    ) >>"$log" 2>&1 || fail "$package does not configure without tests"
+    commands=$(grep -h 'cargo.* build ' -r "$workspace/untested/$package/CMakeFiles")
+    [[ $commands == *--package=wrapyfi_bridge* && $commands != *--workspace* ]] ||
+        fail "$package compiles more than it installs: $commands"
+done
 
 step="installed files"
 core=$workspace/install/wrapyfi_core/share
@@ -94,7 +123,7 @@ for file in \
     install/wrapyfi/share/wrapyfi/config/example.yaml; do
     [ -e "$file" ] || fail "$file was not installed"
 done
-for package in $four; do
+for package in $packages; do
     [ -e "install/$package/share/ament_index/resource_index/packages/$package" ] ||
         fail "$package is not in the ament index: \`ros2 pkg\` would not find it"
 done
@@ -103,6 +132,12 @@ for definition in "$tree"/wrapyfi_msgs/{msg/*.msg,srv/*.srv}; do
         fail "${definition##*/} was not installed as it is"
 done
 "$bridge/lib/wrapyfi_bridge/wrapyfi" --help >>"$log" 2>&1 || fail "the installed wrapyfi does not start"
+
+step="wrapyfi_py of the sourced workspace"
+# Outside of the folder in which the sources are.
+found=$(bash -c 'set +u; . install/local_setup.sh && cd / && "$0" -c "import wrapyfi_py; print(wrapyfi_py.__file__)"' \
+    "${PYTHON3:-/usr/bin/python3}" 2>>"$log") || true
+[[ $found == "$workspace"/install/wrapyfi_py/* ]] || fail "wrapyfi_py is not on the path of Python (found: $found)"
 
 step="sourcing the workspace"
 found=$(bash -c 'set +u; . install/local_setup.sh && command -v wrapyfi' 2>>"$log") || true
@@ -171,4 +206,5 @@ for result in wrapyfi_core/wrapyfi_core wrapyfi_core/wrapyfi_interfaces wrapyfi_
     file=build/${result%/*}/test_results/$result.xunit.xml
     [ -e "$file" ] || fail "colcon test wrote no $file"
 done
-printf 'colcon: four packages built, installed and tested. %s\n' "$(tail -n 1 <<<"$results")"
+grep -q 'name="test_objects_return_as_they_were"' build/wrapyfi_py/pytest.xml || fail "colcon test did not run wrapyfi_py's tests"
+printf 'colcon: five packages built, installed and tested. %s\n' "$(tail -n 1 <<<"$results")"

@@ -3,10 +3,12 @@
 
     cyclone_peer.py subscribe --topic /cam --type sensor_msgs/msg/Image --count 3 [--cdr]
     cyclone_peer.py publish   --topic /cam --type sensor_msgs/msg/Image --flavour red --count 0
+    cyclone_peer.py publish   --topic /x --type wrapyfi_msgs/msg/NativeObject --case pandasframe
     cyclone_peer.py graph
 
 The domain is ROS_DOMAIN_ID. Lines on stdout: `ready`, `matched`, `message`, `node`, `endpoint`, `gone`,
-`done`. CDR is written and read by cyclonedds' own Python codec, from rosbags' type definitions.
+`done`. CDR is written and read by cyclonedds' own Python codec, from rosbags' type definitions; with --case,
+an object of plugins.py, native objects are made and read by wrapyfi_py.
 """
 import argparse
 import base64
@@ -25,6 +27,7 @@ parser.add_argument("--type")
 parser.add_argument("--count", type=int, default=0, help="0: until stdin closes")
 parser.add_argument("--rate", type=float, default=20.0)
 parser.add_argument("--flavour")
+parser.add_argument("--case", help="an object of another library, by its name in plugins.py, instead of a flavour")
 parser.add_argument("--encoding", default="", help="image encoding; default by flavour")
 parser.add_argument("--frame-id", default="")
 parser.add_argument("--plain", action="store_true", help="only the fields of what is received")
@@ -63,6 +66,14 @@ from cyclonedds.util import duration  # noqa: E402
 import interfaces  # noqa: E402
 import payload  # noqa: E402
 from lines import leave, leaving, say, watch_stdin  # noqa: E402
+
+if args.case:
+    import sys
+    import types
+    sys.path.insert(0, str(interfaces.ROOT / "wrapyfi_py"))
+    import plugins
+    import wrapyfi_py
+    CASE = plugins.CASES[args.case]
 
 STORE = interfaces.store()
 BASE = {"bool": bool, "byte": idl.uint8, "char": idl.uint8, "octet": idl.uint8, "float32": idl.float32,
@@ -130,8 +141,28 @@ def qos(user_data=b""):
 # Messages ------------------------------------------------------------------------------------------
 
 
+def case_message(seq):
+    """The message that wrapyfi_py makes of a case's object, filled into cyclonedds' own classes."""
+    def maker(ros_type):
+        # cyclonedds takes lists and bytes alone.
+        return lambda **fields: fill(blank(ros_type), {
+            name: bytes(value) if name == "data" else list(value) if name == "shape" else value
+            for name, value in fields.items()})
+
+    made = types.SimpleNamespace(**{name: maker(f"wrapyfi_msgs/msg/{name}") for name in ("NativeObject", "Tensor")})
+    return wrapyfi_py.from_python({"object": CASE.make(seq)}, messages=made)
+
+
+def case_facts(value):
+    found = CASE.facts(value["object"])
+    return {"sha256": plugins.digest(found), "facts": found}
+
+
 def make(seq):
     """Message number `seq` of a flavour, and the hashes a receiver must find."""
+    if args.case:
+        message = case_message(seq)
+        return message, case_facts({"object": CASE.make(seq)})
     message, flavour = blank(args.type), args.flavour
     if hasattr(message, "header"):
         now = time.time_ns()
@@ -217,6 +248,8 @@ def decode_json(text, tensors=()):
 def facts(message):
     """Fields of a message; byte arrays by length and hash, native objects by digest too."""
     found = {"fields": plain(message)}
+    if args.case:
+        return found | case_facts(wrapyfi_py.to_python(message))
     if args.plain:
         return found
     if hasattr(message, "header"):

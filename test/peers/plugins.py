@@ -73,6 +73,24 @@ class Numpy:
 
 
 @case(plugin=None)
+class Builtins:
+    """Everything that needs no library but NumPy."""
+    @staticmethod
+    def make(seq):
+        import datetime
+        import numpy as np
+        zone = datetime.timezone(datetime.timedelta(hours=-3, minutes=-30))
+        return (seq, 2 ** 70, -0.0, float("inf"), "gr\u00fc\u00dfe \U0001f680", None, True, {"a": [{}, []]}, {seq},
+                datetime.datetime(2024, 1, 2, 3, 4, 5, 678901), datetime.datetime(2024, 1, 2, tzinfo=zone),
+                np.datetime64("2024-01-02T03:04"), np.array(["a", "bc"]), np.array([1, 2], "m8[s]"), np.zeros((0, 3), "f2"),
+                np.array([(1, [2, 3])], [("a", "<i4"), ("b", "<f4", (2,))]), np.array(1 + 2j, "c8"), np.array([True, False]))
+
+    @staticmethod
+    def facts(found):
+        return {"types": [type(value).__name__ for value in found], "values": [repr(value) for value in found]}
+
+
+@case(plugin=None)
 class Frame:
     """A camera frame as OpenCV has it."""
     @staticmethod

@@ -1,9 +1,10 @@
 //! Objects of other libraries: sent by the real Wrapyfi with the real library, carried by a bridge,
-//! and what the real Wrapyfi makes of them on the other side.
+//! and what the real Wrapyfi, and a ROS program with `wrapyfi_py`, make of them on the other side.
 //!
 //! ```text
 //!   Wrapyfi ── zeromq:/from ──▶ bridge ── zeromq:/to ──▶ Wrapyfi        the same object again
-//!                                  └───── ros2:/graph ─▶ a ROS program  its readable form
+//!                                  └───── ros2:/graph ─▶ wrapyfi_py     the same, from its readable form
+//!   wrapyfi_py ── ros2:/from ──▶ bridge ─ zeromq:/to ──▶ Wrapyfi        the same object again
 //! ```
 
 #![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
@@ -21,18 +22,49 @@ fn travels(test: &str, package: &'static str, case: &str, tag: &str) -> Result {
             .route(Route::new(&source, &format!("zeromq:{to}"), object))
             .route(Route::new(&source, &format!("ros2:{graph}"), object));
         let bridge = world.bridge(&config)?;
-        let ros = world.dds_subscriber(&graph, "wrapyfi_msgs/msg/NativeObject", "--count 2")?;
+        let ros = world.dds_subscriber(&graph, NATIVE_OBJECT, &in_python(case, tag))?;
         let listener = world.wrapyfi_listener(&to, &format!("--case {case} --count 2"))?;
         let publisher = world.wrapyfi_publisher(&from, &format!("--case {case} --no-broker"))?;
 
         let heard = listener.messages(2).map_err(|e| e.context(bridge.tail()))?;
         publisher.sent_in_order("sha256", &texts(&heard, "sha256"))?;
-        for message in ros.messages(2).map_err(|e| e.context(bridge.tail()))? {
+        let seen = ros.messages(2).map_err(|e| e.context(bridge.tail()))?;
+        if is_read_in_python(tag) {
+            publisher.sent_in_order("sha256", &texts(&seen, "sha256"))?;
+        }
+        for message in seen {
             let json = message["fields"]["json"].as_str().unwrap_or_default();
             let wanted = format!(r#"{{"object": {{"__wrapyfi__": ["{tag}", "#);
             assert!(json.starts_with(&wanted), "not as {tag:?} in the graph: {json}");
         }
         Ok(())
+    })
+}
+
+const NATIVE_OBJECT: &str = "wrapyfi_msgs/msg/NativeObject";
+
+/// Whether the graph has a form of its own for objects that arrive there as `tag`. `wrapyfi_py` reads
+/// no pickle.
+fn is_read_in_python(tag: &str) -> bool {
+    ["tuple", "tensor", "table", "picture", "labelled", "quantity"].contains(&tag)
+}
+
+fn in_python(case: &str, tag: &str) -> String {
+    let case = if is_read_in_python(tag) { format!("--case {case}") } else { String::new() };
+    format!("--count 2 {case}")
+}
+
+/// `case` of `test/peers/plugins.py` arrives at the real Wrapyfi as a ROS program made it a message.
+fn travels_from_ros(test: &str, package: &'static str, case: &str) -> Result {
+    run(test, &[Need::Program, Need::Python, Need::Package(package)], |world| {
+        let (from, to) = (world.topic("from"), world.topic("to"));
+        let route =
+            Route::new(&format!("ros2:{from}"), &format!("zeromq:{to}"), "NativeObject");
+        let bridge = world.bridge(&world.embedded().route(route))?;
+        let listener = world.wrapyfi_listener(&to, &format!("--case {case} --count 2"))?;
+        let publisher = world.dds_publisher(&from, NATIVE_OBJECT, &format!("--case {case}"))?;
+        let heard = listener.messages(2).map_err(|e| e.context(bridge.tail()))?;
+        publisher.sent_in_order("sha256", &texts(&heard, "sha256"))
     })
 }
 
@@ -94,6 +126,7 @@ macro_rules! travels {
 
 travels! {
     numpy_arrays_travel: "numpy", "numpy" as "tensor";
+    python_objects_travel: "numpy", "builtins" as "tuple";
     pint_quantities_travel: "pint", "pint" as "quantity";
     pillow_files_travel: "PIL", "pillowfile" as "picture";
     pillow_colour_images_travel: "PIL", "pillowrgb" as "picture";
@@ -111,4 +144,27 @@ travels! {
     pyarrow_structs_travel: "pyarrow", "arrowstruct" as "PyArrowArray";
     xarray_arrays_travel: "xarray", "xarray" as "labelled";
     xarray_data_sets_travel: "xarray", "xarrayset" as "labelled";
+}
+
+macro_rules! travels_from_ros {
+    ($($test:ident: $package:literal, $case:literal;)*) => {
+        $(#[test]
+        fn $test() -> Result {
+            travels_from_ros(stringify!($test), $package, $case)
+        })*
+    };
+}
+
+travels_from_ros! {
+    numpy_arrays_travel_from_ros: "numpy", "numpy";
+    python_objects_travel_from_ros: "numpy", "builtins";
+    pint_quantities_travel_from_ros: "pint", "pint";
+    pillow_images_travel_from_ros: "PIL", "pillowrgb";
+    pandas_frames_travel_from_ros: "pandas", "pandasframe";
+    pandas_frames_of_every_type_travel_from_ros: "pandas", "pandastypes";
+    pandas_series_travel_from_ros: "pandas", "pandasseries";
+    pandas_indices_travel_from_ros: "pandas", "pandasindex";
+    pyarrow_arrays_travel_from_ros: "pyarrow", "arrowarray";
+    xarray_arrays_travel_from_ros: "xarray", "xarray";
+    xarray_data_sets_travel_from_ros: "xarray", "xarrayset";
 }
