@@ -58,8 +58,7 @@ fn in_python(case: &str, tag: &str) -> String {
 fn travels_from_ros(test: &str, package: &'static str, case: &str) -> Result {
     run(test, &[Need::Program, Need::Python, Need::Package(package)], |world| {
         let (from, to) = (world.topic("from"), world.topic("to"));
-        let route =
-            Route::new(&format!("ros2:{from}"), &format!("zeromq:{to}"), "NativeObject");
+        let route = Route::new(&format!("ros2:{from}"), &format!("zeromq:{to}"), "NativeObject");
         let bridge = world.bridge(&world.embedded().route(route))?;
         let listener = world.wrapyfi_listener(&to, &format!("--case {case} --count 2"))?;
         let publisher = world.dds_publisher(&from, NATIVE_OBJECT, &format!("--case {case}"))?;
