@@ -293,6 +293,36 @@ fn json_of_a_ros_node_of_another_make_reaches_wrapyfi() -> Result {
 }
 
 #[test]
+fn plain_text_of_a_ros_node_reaches_wrapyfi_and_comes_back() -> Result {
+    run("plain_text_of_a_ros_node_reaches_wrapyfi_and_comes_back", NEEDS, |world| {
+        let (from, there) = (world.topic("from"), world.topic("there"));
+        let (back, plain, json) = (world.topic("back"), world.topic("plain"), world.topic("json"));
+        let config = world
+            .embedded()
+            .route(Route::new(&ros2(&from), &zeromq(&there), "std_msgs/msg/String"))
+            .route(Route::new(&zeromq(&back), &ros2(&plain), "Text"))
+            .route(Route::new(&zeromq(&back), &ros2(&json), "std_msgs/msg/String"));
+        let _bridge = world.bridge(&config)?;
+        let listener = world.wrapyfi_listener(&there, "--count 2")?;
+        let mut node = world.ros_node("talker")?;
+        let as_text = node.subscribe::<String>(&plain, "std_msgs/msg/String")?;
+        let as_json = node.subscribe::<String>(&json, "std_msgs/msg/String")?;
+        let _spoken =
+            node.publish(&from, "std_msgs/msg/String", |seq| format!("Hello World: {seq}"))?;
+        for message in listener.messages(2)? {
+            let text = message["value"].as_str().unwrap_or_default();
+            assert!(text.starts_with("Hello World: "), "{message}");
+        }
+        let endpoint = zeromq(&back);
+        let text = ["--type", "NativeObject", "--value", r#""Hello World""#, "--rate", "20"];
+        let _publisher = world.wrapyfi([&["pub", &endpoint][..], &text].concat())?;
+        assert_eq!(as_text.next()?, "Hello World");
+        assert_eq!(as_json.next()?, "\"Hello World\"", "as Python Wrapyfi reads it");
+        Ok(())
+    })
+}
+
+#[test]
 fn red_of_a_ros_node_of_another_make_is_red_in_opencv() -> Result {
     run("red_of_a_ros_node_of_another_make_is_red_in_opencv", NEEDS, |world| {
         let (from, to) = (world.topic("from"), world.topic("to"));

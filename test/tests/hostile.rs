@@ -193,8 +193,8 @@ fn malformed_and_foreign_topics_are_told_apart() -> Result {
 }
 
 #[test]
-fn json_from_ros_that_is_none_is_dropped() -> Result {
-    run("json_from_ros_that_is_none_is_dropped", NEEDS, |world| {
+fn objects_from_ros_that_are_none_are_dropped() -> Result {
+    run("objects_from_ros_that_are_none_are_dropped", NEEDS, |world| {
         let (from, to) = (world.topic("from"), world.topic("to"));
         let route =
             Route::new(&format!("ros2:{from}"), &format!("zeromq:{to}"), "std_msgs/msg/String");
@@ -202,7 +202,11 @@ fn json_from_ros_that_is_none_is_dropped() -> Result {
         let listener = world.wrapyfi_listener(&to, "--count 2")?;
         let mut node = world.ros_node("writer")?;
         let _spoken = node.publish(&from, "std_msgs/msg/String", |seq| {
-            if seq % 2 == 0 { format!("{{\"seq\": {seq}}}") } else { format!("{{\"seq\": {seq}") }
+            if seq % 2 == 0 {
+                format!("{{\"seq\": {seq}}}")
+            } else {
+                format!("{{\"seq\": {seq}, \"__wrapyfi__\": [")
+            }
         })?;
         for message in listener.messages(2)? {
             assert_eq!(message["seq"].as_u64().map(|s| s % 2), Some(0), "{message}");

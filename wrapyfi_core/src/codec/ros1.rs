@@ -174,7 +174,7 @@ pub fn decode(
         MessageType::NativeObject | MessageType::StringJson => {
             let text = fields.bytes("data")?;
             fields.end()?;
-            return json::decode_with(&text, limits, plugins).map(Payload::from);
+            return json::decode_or_text(&text, limits, plugins).map(Payload::from);
         }
         MessageType::Text => Value::from(fields.text("data")?).into(),
         MessageType::Image => {

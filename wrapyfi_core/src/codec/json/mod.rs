@@ -61,6 +61,35 @@ pub fn decode_with(text: &Bytes, limits: &Limits, plugins: &Plugins) -> Result<V
     decode::run(text, None, limits, plugins)
 }
 
+/// [`decode_with`] for messages that people and programs without Wrapyfi write too, such as
+/// `std_msgs/msg/String`: a text that is no JSON is that text.
+///
+/// ```
+/// use wrapyfi_core::{Limits, codec::json, plugin::Plugins};
+/// let read = |text: &str| json::decode_or_text(&text.to_owned().into(), &Limits::default(), &Plugins::none());
+/// assert_eq!(read(r#"{"n": 5}"#)?.get("n").unwrap().as_i64(), Some(5));
+/// assert_eq!(read("Hello World: 5")?.as_str(), Some("Hello World: 5"));
+/// # Ok::<(), wrapyfi_core::DecodeError>(())
+/// ```
+///
+/// # Errors
+/// As [`decode_with`] where a limit is exceeded, `__wrapyfi__` stands in the text, which was therefore
+/// meant as an object, or the text is no UTF-8.
+pub fn decode_or_text(
+    text: &Bytes,
+    limits: &Limits,
+    plugins: &Plugins,
+) -> Result<Value, DecodeError> {
+    decode_with(text, limits, plugins).or_else(|error| {
+        let is_plain = matches!(error, DecodeError::Malformed { .. })
+            && memchr::memmem::find(text, TAG.as_bytes()).is_none();
+        match str::from_utf8(text) {
+            Ok(plain) if is_plain => Ok(plain.into()),
+            _ => Err(error),
+        }
+    })
+}
+
 /// Reads a native object whose arrays travel beside the text: `{"__wrapyfi__": ["tensor", 0]}`
 /// stands for `tensors[0]`, whose bytes are then shared.
 ///

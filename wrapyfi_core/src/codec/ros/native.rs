@@ -41,7 +41,7 @@ pub(super) fn decode(
     json::decode_with_tensors(&Bytes::from(message.json), &tensors, limits, plugins)
 }
 
-/// Reads a `std_msgs/msg/String` without copying its text.
+/// Reads a `std_msgs/msg/String` without copying its JSON; other text is a text.
 pub(super) fn decode_text(
     cdr: &Bytes,
     limits: &Limits,
@@ -54,7 +54,7 @@ pub(super) fn decode_text(
     let text = CdrReader::new(cdr)
         .and_then(|mut reader| reader.read_text())
         .map_err(|error| fault(&error.in_field("data")))?;
-    json::decode_with(&text, limits, plugins)
+    json::decode_or_text(&text, limits, plugins)
 }
 
 fn text(json: Vec<u8>) -> Result<String, EncodeError> {

@@ -104,7 +104,29 @@ fn a_bad_text_is_malformed() {
         "malformed CDR at $.data: data claims 9 elements, which need 9 bytes, 2 are left: \
          corrupt, or of another type"
     );
-    let cdr = Bytes::from_static(b"\0\x01\0\0\x03\0\0\0{]\0");
+    let cdr = Bytes::from_static(b"\0\x01\0\0\x03\0\0\0\xc3]\0");
     let error = decode(&cdr, MessageType::StringJson, &limits()).unwrap_err();
     assert!(matches!(error, DecodeError::Malformed { format: "JSON", .. }), "{error}");
+}
+
+/// What `ros2 run demo_nodes_cpp talker` says, and what looks like JSON and is none.
+#[test]
+fn a_text_that_is_no_json_is_a_text() {
+    let read = |text: &str| {
+        let cdr = encode(&Value::from(text).into(), MessageType::Text).unwrap().to_bytes();
+        decode(&cdr, MessageType::StringJson, &limits())
+    };
+    for text in ["Hello World: 5", "", "[INFO] ready", "{'a': 1}", "grüße", "{\"a\": 1} and more"] {
+        assert_eq!(read(text), Ok(Value::from(text).into()));
+        // Into ROS 2 it is JSON again, as Python Wrapyfi reads it there.
+        let json = encode(&Value::from(text).into(), MessageType::StringJson).unwrap().to_bytes();
+        assert_eq!(decode(&json, MessageType::StringJson, &limits()), Ok(Value::from(text).into()));
+    }
+    assert_eq!(read("\"quoted\""), Ok(Value::from("quoted").into()));
+    assert_eq!(read("5"), Ok(Value::from(5).into()));
+    // Meant as objects, or beyond a limit: no text.
+    let error = read(r#"{"__wrapyfi__": []}"#).unwrap_err();
+    assert!(matches!(error, DecodeError::Malformed { format: "JSON", .. }), "{error}");
+    let error = read(&"[".repeat(100)).unwrap_err();
+    assert!(matches!(error, DecodeError::TooLarge { what: "nesting", .. }), "{error}");
 }

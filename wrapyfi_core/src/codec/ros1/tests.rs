@@ -22,6 +22,8 @@ fn an_object_is_a_string() {
     for kind in [MessageType::NativeObject, MessageType::StringJson] {
         assert_eq!(bytes(&payload, kind), expected);
         assert_eq!(read(expected, kind), Ok(payload.clone()));
+        let plain = b"\x0e\0\0\0Hello World: 5";
+        assert_eq!(read(plain, kind), Ok(Value::from("Hello World: 5").into()));
     }
 }
 

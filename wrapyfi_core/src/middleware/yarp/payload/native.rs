@@ -89,15 +89,14 @@ pub(super) fn decode(
     limits: &Limits,
 ) -> Result<Value, DecodeError> {
     match (form, bottle.values.as_slice()) {
-        (Form::Json, [Element::String(text)]) => match written(text.as_bytes()) {
-            Written::Json => json::decode_with(&text.clone().into_bytes(), limits, plugins),
-            Written::Either => {
-                let read = json::decode_with(&text.clone().into_bytes(), limits, plugins);
-                read.or_else(|_no_json| {
-                    Ok(element::to_value(&Element::String(text.clone()), dialect))
-                })
+        (Form::Json, [Element::String(text)]) => {
+            let read = json::decode_or_text(&text.clone().into_bytes(), limits, plugins);
+            // A string of YARP may hold any bytes.
+            match str::from_utf8(text.as_bytes()) {
+                Ok(_) => read,
+                Err(_) => Ok(element::to_value(&Element::String(text.clone()), dialect)),
             }
-        },
+        }
         (Form::Json | Form::Bottle, _) => Ok(element::to_list(bottle, dialect)),
         (Form::Property, pairs) => {
             let bottle = match pairs {
@@ -107,21 +106,6 @@ pub(super) fn decode(
             let map = element::to_map(bottle, dialect).map(Value::from);
             map.ok_or_else(|| fault::mismatch("pairs of key and value", shown(bottle)))
         }
-    }
-}
-
-/// What a string can be.
-enum Written {
-    /// JSON, or damaged JSON.
-    Json,
-    /// JSON, or a string that somebody typed.
-    Either,
-}
-
-fn written(text: &[u8]) -> Written {
-    match text.trim_ascii_start().first() {
-        Some(b'{' | b'[' | b'"') => Written::Json,
-        _ => Written::Either,
     }
 }
 
