@@ -72,7 +72,7 @@ impl Native {
         let from = memmem::find(&text, tag).context("no array in the text")? + tag.len();
         let file = STANDARD.decode_to_vec(text.get(from..to).unwrap_or_default())?;
         ensure!(file.len() > 1 << 20, "the array file has {} bytes only", file.len());
-        Ok(Self { value: *value, text, base64: (from, to), file })
+        Ok(Self { value: value.value, text, base64: (from, to), file })
     }
 
     /// Medians of one round, in microseconds.

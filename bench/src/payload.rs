@@ -160,7 +160,7 @@ impl Maker {
             Payload::Image(image) => image.stamp = stamp,
             Payload::AudioChunk(sound) => sound.stamp = stamp,
             Payload::NativeObject(value) => {
-                if let Value::Map(map) = value.as_mut() {
+                if let Value::Map(map) = &mut value.value {
                     map.insert("seq", number);
                 }
             }

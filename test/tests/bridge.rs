@@ -38,7 +38,7 @@ fn to_ros(
         for message in &heard {
             assert!(message["undecodable"].is_null(), "{message}");
             assert_fields(message, fields);
-            if message["fields"]["header"].is_object() && message_type != "NativeObject" {
+            if message["fields"]["header"].is_object() {
                 assert!(
                     message["stamp"].as_f64().is_some_and(|s| s > 1.7e9),
                     "no time stamp: {message}"

@@ -30,7 +30,7 @@ pub fn from_json(text: &str, spec: &TopicSpec) -> anyhow::Result<Payload> {
     let value = codec::json::decode(&Bytes::copy_from_slice(text.as_bytes()), &spec.limits)
         .context("--value")?;
     match (spec.message_type.data_type(), value) {
-        (DataType::NativeObject, value) => Ok(Payload::NativeObject(Box::new(value))),
+        (DataType::NativeObject, value) => Ok(Payload::from(value)),
         (DataType::Properties, value) => Ok(Properties::from_value(&value)?.into()),
         (DataType::RosMessage, value) => {
             let (to, order) = (spec.message_type, spec.color_order);
@@ -50,15 +50,14 @@ pub fn from_file(path: &Path, spec: &TopicSpec) -> anyhow::Result<Payload> {
         path.extension().and_then(|ext| ext.to_str()).unwrap_or("").to_ascii_lowercase();
     let wrong = || anyhow!("{} does not hold a message of type {kind}", path.display());
     let payload = match (extension.as_str(), kind) {
-        ("json", DataType::NativeObject) => Payload::NativeObject(Box::new(codec::json::decode(
-            &read(path, &spec.limits)?,
-            &spec.limits,
-        )?)),
+        ("json", DataType::NativeObject) => {
+            Payload::from(codec::json::decode(&read(path, &spec.limits)?, &spec.limits)?)
+        }
         ("json", DataType::Properties) => {
             let value = codec::json::decode(&read(path, &spec.limits)?, &spec.limits)?;
             Properties::from_value(&value)?.into()
         }
-        ("npy", DataType::NativeObject) => Payload::NativeObject(Box::new(array(path, spec)?)),
+        ("npy", DataType::NativeObject) => Payload::from(array(path, spec)?),
         ("npy", DataType::Image) => {
             // As Wrapyfi would send the array, so that the same shapes are images here and there.
             let json = codec::json::encode(&array(path, spec)?)?;
@@ -82,11 +81,12 @@ pub fn from_file(path: &Path, spec: &TopicSpec) -> anyhow::Result<Payload> {
     Ok(payload)
 }
 
-/// The payload as if it were taken now.
-pub fn restamp(payload: &mut Payload) {
+/// The payload as if it were taken now. Native objects have a time `in_ros` only.
+pub fn restamp(payload: &mut Payload, in_ros: bool) {
     match payload {
         Payload::Image(image) => image.stamp = Stamp::now(),
         Payload::AudioChunk(chunk) => chunk.stamp = Stamp::now(),
+        Payload::NativeObject(object) if in_ros => object.stamp = Stamp::now(),
         _ => (),
     }
 }

@@ -196,7 +196,7 @@ fn maps_say_where_received_tensors_go() {
         let from_wire = received.as_tensor().unwrap().device().to_owned();
 
         // In the graph, where no plug-in is asked, the same.
-        let payload = Payload::NativeObject(Box::new(value));
+        let payload = Payload::from(value);
         let cdr = ros::encode(&payload, MessageType::NativeObject).unwrap().to_bytes();
         let received =
             ros::decode_with(&cdr, MessageType::NativeObject, &Limits::default(), &plugins)
@@ -220,7 +220,7 @@ fn the_graph_keeps_what_belongs_to_a_tensor() {
             if value.as_tensor().is_none() {
                 continue;
             }
-            let payload = Payload::NativeObject(Box::new(value.clone()));
+            let payload = Payload::from(value.clone());
             let cdr = ros::encode(&payload, MessageType::NativeObject).unwrap().to_bytes();
             let back = ros::decode(&cdr, MessageType::NativeObject, &Limits::default()).unwrap();
             // Device, library, requires_grad, parameter and name are part of equality.
@@ -231,7 +231,7 @@ fn the_graph_keeps_what_belongs_to_a_tensor() {
         .unwrap()
         .with_device("cuda:3")
         .with_origin(Origin::new("PytorchTensor").with("requires_grad", "true"));
-    let payload = Payload::NativeObject(Box::new(weights.into()));
+    let payload = Payload::from(Value::from(weights));
     let cdr = ros::encode(&payload, MessageType::NativeObject).unwrap().to_bytes();
     let text = String::from_utf8_lossy(&cdr).into_owned();
     for part in [r#"["tensor", 0, {"key": "PytorchTensor", "requires_grad": "true"}]"#, "cuda:3"] {

@@ -46,7 +46,7 @@ fn best_effort() -> Qos {
 }
 
 fn number(n: i64) -> Payload {
-    Payload::NativeObject(Box::new(Value::Int(n)))
+    Payload::from(Value::Int(n))
 }
 
 /// A listener whose owner does what owners do: look when the bell rings.

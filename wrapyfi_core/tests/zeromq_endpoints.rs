@@ -23,7 +23,7 @@ fn spec(topic: &str) -> TopicSpec {
 }
 
 fn number(n: i64) -> Payload {
-    Payload::NativeObject(Box::new(Value::Int(n)))
+    Payload::from(Value::Int(n))
 }
 
 fn dropped(context: &Context, reason: DropReason) -> u64 {

@@ -64,14 +64,14 @@ fn what_a_stalled_broker_has_no_room_for_is_refused() {
     let (broker, port) = stalled_broker();
     let (_zeromq, mut publisher) = publisher(foreign(port, port));
     introduce(&broker, &*publisher);
-    let large = Payload::NativeObject(Box::new(Value::Str("x".repeat(1 << 20))));
+    let large = Payload::from(Value::Str("x".repeat(1 << 20)));
     let (accepted, refused) = flood(&mut *publisher, 100, &large);
     assert!(accepted > 0 && refused > 0, "{accepted} accepted, {refused} refused");
     for _ in 0..accepted {
         assert_eq!(broker.recv_multipart(0).unwrap().len(), 2);
     }
     // What is next is what is published next: nothing was half sent.
-    publisher.publish(&Payload::NativeObject(Box::new(Value::Int(7)))).unwrap();
+    publisher.publish(&Payload::from(Value::Int(7))).unwrap();
     assert_eq!(broker.recv_multipart(0).unwrap(), [b"/a".to_vec(), b"7".to_vec()]);
 }
 
@@ -85,7 +85,7 @@ fn everything_accepted_reaches_the_broker_though_a_listener_stalls() {
     stalled.connect(&format!("tcp://127.0.0.1:{}", broker.pub_port())).unwrap();
     let (_zeromq, mut publisher) = publisher(foreign(broker.pub_port(), broker.sub_port()));
     wait_until("a listener", || publisher.link().peers > Some(0));
-    let text = Payload::NativeObject(Box::new(Value::Str("x".repeat(10_000))));
+    let text = Payload::from(Value::Str("x".repeat(10_000)));
     let (mut offered, mut accepted, mut refused) = (0, 0, 0);
     // Until TCP on the way to the listener holds no more.
     wait_until("an overflow", || {
@@ -112,7 +112,7 @@ fn what_the_broker_would_not_accept_is_refused() {
     let (_zeromq, mut publisher) =
         publisher(ZeroMqConfig { max_frame_bytes: 1000, ..foreign(port, port) });
     introduce(&broker, &*publisher);
-    let large = Payload::NativeObject(Box::new(Value::Str("x".repeat(1000))));
+    let large = Payload::from(Value::Str("x".repeat(1000)));
     let error = publisher.publish(&large).unwrap_err();
     assert!(matches!(error, PublishError::Encode(_)), "{error}");
     assert!(error.to_string().contains("1000"), "{error}");

@@ -37,7 +37,7 @@ fn main() -> anyhow::Result<()> {
                 };
                 println!("{pose:?}");
                 let mirrored = ForeignObject::new(pose.mirrored());
-                match publisher.publish(&Payload::NativeObject(Box::new(mirrored.into()))) {
+                match publisher.publish(&Payload::from(Value::from(mirrored))) {
                     Ok(_) | Err(PublishError::NoConsumer { .. }) => {}
                     Err(error) => eprintln!("{error}"),
                 }

@@ -12,7 +12,7 @@ pub(crate) fn described(payload: impl Into<Payload>) -> Json {
         }
         other => other,
     };
-    if matches!(&payload, Payload::NativeObject(value) if **value == Value::Null) {
+    if matches!(&payload, Payload::NativeObject(object) if object.value == Value::Null) {
         return Json::Null;
     }
     serde_json::from_str(&wrapyfi_bridge::describe::describe(&payload)).unwrap_or_default()

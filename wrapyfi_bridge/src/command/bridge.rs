@@ -57,7 +57,7 @@ pub fn run_node(
     let middlewares = Middlewares::for_plan(&endpoints, &plan, node)?;
     let types = ros2_types(&plan);
     // Dropped last: what the routes say at their end is logged too.
-    let _node = middlewares.offer_node(node, parameters, (&mut store, &types))?;
+    let node = middlewares.offer_node(node, parameters, (&mut store, &types))?;
     let routes = plan.routes.len() + plan.services.len();
     match plan.patterns.len() {
         0 => tracing::info!("{routes} routes from {name}"),
@@ -65,7 +65,11 @@ pub fn run_node(
             tracing::info!("{routes} routes, {found} that are found while running, from {name}");
         }
     }
-    let engine = Engine::new(plan, middlewares.registry()).with_types(store);
+    let mut registry = middlewares.registry().clone();
+    if let Some(node) = &node {
+        registry.set_clock(node.handle().clock());
+    }
+    let engine = Engine::new(plan, &registry).with_types(store);
     let running = engine.start().context("cannot start the routes")?;
     let end = options.seconds.map(|seconds| Instant::now() + seconds);
     let mut tick = Instant::now();

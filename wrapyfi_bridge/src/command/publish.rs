@@ -99,7 +99,7 @@ fn publish(
     let start = Instant::now();
     let (mut sent, mut alone) = (0, false);
     while args.count.is_none_or(|count| sent < count) && !shutdown.requested() {
-        input::restamp(payload);
+        input::restamp(payload, args.endpoint.middleware == "ros2");
         match publisher.publish(payload) {
             Ok(_) => alone = false,
             // It left in the middle: others may come. Once is enough to say so.

@@ -70,8 +70,8 @@ pub fn arguments_arrive_unchanged<R: Rig>() {
         Request::default(),
         Request::new([Value::Null, 1.into(), "text".into()]),
         Request::new([]).with(Map::from([("scale", Value::from(0.5)), ("on", true.into())])),
-        Request::new([(*everything).clone(), Value::Tuple(vec![1.into()])])
-            .with(Map::from([("rich", *everything)])),
+        Request::new([everything.value.clone(), Value::Tuple(vec![1.into()])])
+            .with(Map::from([("rich", everything.value)])),
     ] {
         let ticket = caller.client.send(&request, PATIENCE).unwrap();
         let asked = clerk.receive();

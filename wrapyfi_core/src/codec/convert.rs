@@ -11,7 +11,8 @@ use super::{DecodeError, EncodeError, ros};
 use crate::Limits;
 use crate::endpoint::DropReason;
 use crate::types::{
-    DataType, Encoding, MessageType, Payload, Properties, RosMessage, RosType, Stamp, Value,
+    DataType, Encoding, Header, MessageType, NativeObject, Payload, Properties, RosMessage,
+    RosType, Stamp, Value,
 };
 
 /// Why a payload could not become another kind.
@@ -53,7 +54,7 @@ pub fn is_convertible(from: DataType, to: DataType) -> bool {
 }
 
 /// `payload` as what messages of type `to` carry; free where it is of that kind already. Colour arrays are in
-/// `color_order`; a native object has no time stamp and takes `now`.
+/// `color_order`. The header goes along; where a native object has no time, it takes `now`.
 ///
 /// # Errors
 /// A mismatch when the object is none of what [`crate::types::Image::from_value`],
@@ -67,25 +68,37 @@ pub fn convert_payload(
     now: impl FnOnce() -> Stamp,
 ) -> Result<Payload, ConvertError> {
     use crate::types::{AudioChunk, Image};
+    let time = |object: &NativeObject| {
+        Some(object.stamp).filter(|&stamp| stamp != Stamp::default()).unwrap_or_else(now)
+    };
     if let MessageType::Ros(ros_type) = to {
-        return ros_message(payload, ros_type, limits);
+        return ros_message(payload, ros_type, limits, time);
     }
     Ok(match (payload, to.data_type()) {
         (payload, kind) if payload.data_type() == kind => payload,
-        (Payload::NativeObject(value), DataType::Image) => {
-            Image::from_value(&value, color_order, now())?.into()
+        (Payload::NativeObject(object), DataType::Image) => {
+            let image = Image::from_value(&object.value, color_order, time(&object))?;
+            Image { frame_id: object.frame_id, ..image }.into()
         }
-        (Payload::NativeObject(value), DataType::AudioChunk) => {
-            AudioChunk::from_value(&value, now())?.into()
+        (Payload::NativeObject(object), DataType::AudioChunk) => {
+            let sound = AudioChunk::from_value(&object.value, time(&object))?;
+            AudioChunk { frame_id: object.frame_id, ..sound }.into()
         }
-        (Payload::NativeObject(value), DataType::Properties) => properties(&value)?.into(),
+        (Payload::NativeObject(object), DataType::Properties) => properties(&object)?.into(),
         (Payload::Properties(properties), DataType::NativeObject) => properties.to_value().into(),
         (Payload::Image(image), DataType::NativeObject) => {
-            image.to_value(color_order, limits)?.into()
+            let value = image.to_value(color_order, limits)?;
+            NativeObject { stamp: image.stamp, frame_id: image.frame_id, value }.into()
         }
-        (Payload::AudioChunk(sound), DataType::NativeObject) => sound.to_value().into(),
+        (Payload::AudioChunk(sound), DataType::NativeObject) => {
+            let value = sound.to_value();
+            NativeObject { stamp: sound.stamp, frame_id: sound.frame_id, value }.into()
+        }
         (Payload::RosMessage(message), DataType::NativeObject) => {
-            message.to_value(limits.message_bytes).map_err(|error| ros::fault(&error))?.into()
+            let value =
+                message.to_value(limits.message_bytes).map_err(|error| ros::fault(&error))?;
+            let Header { stamp, frame_id } = Header::of_fields(&value).unwrap_or_default();
+            NativeObject { stamp, frame_id, value }.into()
         }
         (other, kind) => return Err(mismatch(&kind, &other)),
     })
@@ -96,15 +109,23 @@ fn mismatch(expected: &impl ToString, actual: &Payload) -> ConvertError {
     EncodeError::Mismatch { expected, actual }.into()
 }
 
-fn ros_message(payload: Payload, to: RosType, limits: &Limits) -> Result<Payload, ConvertError> {
+fn ros_message(
+    payload: Payload,
+    to: RosType,
+    limits: &Limits,
+    time: impl FnOnce(&NativeObject) -> Stamp,
+) -> Result<Payload, ConvertError> {
     match payload {
         Payload::RosMessage(message) if message.ros_type == to => Ok(message.into()),
-        Payload::NativeObject(value) => {
-            let read = RosMessage::from_value(to, &value, limits.message_bytes);
+        Payload::NativeObject(object) => {
+            let (stamp, kind) = (time(&object), object.kind());
+            let NativeObject { frame_id, value, .. } = *object;
+            let header = || Header { stamp, frame_id };
+            let read = RosMessage::from_value_with(to, value, header, limits.message_bytes);
             Ok(read
                 .map_err(|error| DecodeError::Mismatch {
                     expected: to.to_string(),
-                    actual: format!("a {}: {error}", value.kind()),
+                    actual: format!("a {kind}: {error}"),
                 })?
                 .into())
         }
@@ -116,6 +137,7 @@ fn ros_message(payload: Payload, to: RosType, limits: &Limits) -> Result<Payload
 mod tests {
     use super::*;
     use crate::types::{AudioChunk, Image, Map, Picture, Pixels, RawPixels, SampleFormat, Tensor};
+    use wrapyfi_interfaces::store::TypeStore;
 
     fn convert(payload: impl Into<Payload>, to: DataType) -> Result<Payload, ConvertError> {
         let to = to.to_string().parse::<MessageType>().unwrap();
@@ -133,7 +155,10 @@ mod tests {
         assert_eq!(image.stamp, Stamp { sec: 7, nanosec: 5 });
         let Pixels::Raw(raw) = &image.pixels else { panic!("pixels") };
         assert_eq!((raw.encoding, raw.width, raw.height), (Encoding::Bgr8, 2, 1));
-        assert_eq!(convert(image, DataType::NativeObject).unwrap(), frame.into());
+        let image = Image { frame_id: "eye".into(), ..image };
+        let back = NativeObject { stamp: image.stamp, frame_id: "eye".into(), value: frame };
+        assert_eq!(convert(image.clone(), DataType::NativeObject).unwrap(), back.clone().into());
+        assert_eq!(convert(back, DataType::Image).unwrap(), image.into());
     }
 
     #[test]
@@ -146,7 +171,10 @@ mod tests {
         };
         assert_eq!(image.pixels, Pixels::Raw(red));
         let bgr = Tensor::from_elements(&[1, 1, 3], vec![0_u8, 0, 255]).unwrap();
-        assert_eq!(convert(image, DataType::NativeObject).unwrap(), Value::from(bgr).into());
+        let Payload::NativeObject(back) = convert(image, DataType::NativeObject).unwrap() else {
+            panic!("an object")
+        };
+        assert_eq!(back.value, bgr.into());
     }
 
     #[test]
@@ -162,6 +190,26 @@ mod tests {
         .unwrap();
         let value = convert(sound.clone(), DataType::NativeObject).unwrap();
         assert_eq!(convert(value, DataType::AudioChunk).unwrap(), sound.into());
+    }
+
+    #[test]
+    fn a_header_goes_into_a_message_and_out_of_it() {
+        let joints = "sensor_msgs/msg/JointState";
+        let joints = MessageType::resolve(joints, &mut TypeStore::generated()).unwrap();
+        let into = |object: NativeObject, to| {
+            let (limits, now) = (Limits::default(), || Stamp { sec: 7, nanosec: 5 });
+            convert_payload(object.into(), to, Encoding::Bgr8, &limits, now).unwrap()
+        };
+        let dict = Value::from(Map::new());
+        for (stamp, wanted) in [(0, 7), (3, 3)] {
+            let stamp = Stamp { sec: stamp, nanosec: if stamp == 0 { 0 } else { 5 } };
+            let object = NativeObject { stamp, frame_id: "arm".into(), value: dict.clone() };
+            let Payload::RosMessage(message) = into(object, joints) else { panic!("a message") };
+            let back = convert(message, DataType::NativeObject).unwrap();
+            let Payload::NativeObject(back) = back else { panic!("an object") };
+            let wanted = Stamp { sec: wanted, nanosec: 5 };
+            assert_eq!((back.stamp, back.frame_id.as_str()), (wanted, "arm"));
+        }
     }
 
     #[test]

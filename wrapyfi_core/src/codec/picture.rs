@@ -109,11 +109,8 @@ fn raw_pixels(tensor: &Tensor, color_order: Encoding) -> Result<RawPixels, Decod
 /// The array for a picture, in the channel order `color_order`.
 pub(super) fn array(raw: RawPixels, color_order: Encoding) -> Result<Tensor, EncodeError> {
     let dense = raw.to_dense();
-    let other_order = match dense.encoding {
-        Encoding::Rgb8 | Encoding::Rgba8 => matches!(color_order, Encoding::Bgr8 | Encoding::Bgra8),
-        Encoding::Bgr8 | Encoding::Bgra8 => matches!(color_order, Encoding::Rgb8 | Encoding::Rgba8),
-        _ => false,
-    };
+    let orders = dense.encoding.color_order().zip(color_order.color_order());
+    let other_order = orders.is_some_and(|(has, wanted)| has != wanted);
     drop(raw);
     let dense = if other_order { dense.swap_red_blue() } else { dense };
     let (dtype, shape) = layout(&dense);

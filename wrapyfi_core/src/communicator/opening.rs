@@ -182,7 +182,9 @@ impl Opening<'_> {
         let context = endpoint::Context { wake, ..endpoint::Context::default() };
         let publisher = end.middleware.open_publisher(&spec, &context);
         let publisher = publisher.map_err(|source| self.refused(source))?;
-        let outlet = Outlet::new(end.endpoint.clone(), publisher, context.counters, manners);
+        let in_ros = end.middleware.traits().ros_time;
+        let outlet =
+            Outlet::new(end.endpoint.clone(), publisher, context.counters, manners, in_ros);
         let outlet = Arc::new(outlet);
         self.live.runtime().watch(&outlet);
         Ok(outlet)

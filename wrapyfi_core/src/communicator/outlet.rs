@@ -26,6 +26,8 @@ pub(super) struct Outlet {
     pub(super) rules: Rules,
     pub(super) counters: Arc<Counters>,
     pub(super) timeout: Option<Duration>,
+    /// Its messages are messages of ROS, where none comes without a time.
+    pub(super) in_ros: bool,
     /// Nothing need be sent: nobody listens, and nothing is kept for later.
     is_idle: AtomicBool,
     /// The first listener was there, or nobody waits for it.
@@ -46,12 +48,14 @@ impl Outlet {
         publisher: Box<dyn Publisher>,
         counters: Arc<Counters>,
         manners: Manners,
+        in_ros: bool,
     ) -> Self {
         let outlet = Self {
             endpoint,
             rules: manners.rules,
             counters,
             timeout: manners.timeout,
+            in_ros,
             is_idle: AtomicBool::new(false),
             is_established: AtomicBool::new(!manners.should_wait),
             changed: Bell::default(),

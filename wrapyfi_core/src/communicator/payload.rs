@@ -127,7 +127,7 @@ impl<T: Serialize + DeserializeOwned> Payload<kind::NativeObject> for T {
 
     fn from_payload(payload: types::Payload) -> Result<Self, PayloadError> {
         match payload {
-            types::Payload::NativeObject(value) => Ok(from_value(*value)?),
+            types::Payload::NativeObject(object) => Ok(from_value(object.value)?),
             other => Err(other_kind(DataType::NativeObject, &other)),
         }
     }

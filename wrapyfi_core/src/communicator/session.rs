@@ -226,7 +226,12 @@ impl Session {
             endpoint: outlet.endpoint.to_string(),
             source: Box::new(source),
         };
-        let Some(payload) = value.to_payload().map_err(unfit)? else { return Ok(None) };
+        let Some(mut payload) = value.to_payload().map_err(unfit)? else { return Ok(None) };
+        if outlet.in_ros
+            && let types::Payload::NativeObject(object) = &mut payload
+        {
+            object.stamp = types::Stamp::now();
+        }
         outlet.rules.check(&payload).map_err(unfit)?;
         Ok(Some((outlet, payload)))
     }

@@ -17,6 +17,7 @@
 mod address;
 pub(crate) mod book;
 pub(crate) mod calls;
+mod clock;
 mod counters;
 mod discovery;
 mod inbox;
@@ -38,6 +39,7 @@ use std::time::Instant;
 
 pub use address::{EndpointAddress, ParseAddressError};
 pub use calls::Ticket;
+pub use clock::{RosClock, RosNow};
 pub use counters::{Counters, CountersSnapshot, DropReason, QosEvent};
 pub use discovery::{
     AnnouncedDurability, AnnouncedQos, DiscoverError, Discovered, Discovery, Role, Traffic,
@@ -178,6 +180,8 @@ pub trait Middleware: Send + Sync {
 pub struct Traits {
     /// It carries every ROS type as it is.
     pub any_ros_type: bool,
+    /// The times of its messages are ROS time, which may be simulated, and none comes without.
+    pub ros_time: bool,
     /// Its discovery leaves out this program's own endpoints, and its listeners do not hear them: a
     /// topic may be bridged in both directions.
     pub tells_own: bool,

@@ -3,12 +3,15 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::Middleware;
+use super::{Middleware, RosClock};
 
-/// The middlewares of this process, by name. A crate of its own adds one with
+/// The middlewares of this process, by name, and the clock of its node. A crate of its own adds one with
 /// [`Registry::register`] just as the built-in ones are added.
 #[derive(Clone, Default)]
-pub struct Registry(BTreeMap<String, Arc<dyn Middleware>>);
+pub struct Registry {
+    middlewares: BTreeMap<String, Arc<dyn Middleware>>,
+    clock: RosClock,
+}
 
 /// An address names a middleware that is not in the registry.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -29,7 +32,18 @@ impl Registry {
 
     /// Enters a middleware under its name, in place of one that had it.
     pub fn register(&mut self, middleware: Arc<dyn Middleware>) {
-        self.0.insert(middleware.name().to_owned(), middleware);
+        self.middlewares.insert(middleware.name().to_owned(), middleware);
+    }
+
+    /// Has routes take the time from `clock`, not from the system.
+    pub fn set_clock(&mut self, clock: RosClock) {
+        self.clock = clock;
+    }
+
+    /// The clock of the node.
+    #[must_use]
+    pub fn clock(&self) -> &RosClock {
+        &self.clock
     }
 
     /// The middleware called `name`.
@@ -37,15 +51,15 @@ impl Registry {
     /// # Errors
     /// When there is none; the error lists those that exist.
     pub fn get(&self, name: &str) -> Result<&Arc<dyn Middleware>, UnknownMiddleware> {
-        self.0.get(name).ok_or_else(|| UnknownMiddleware {
+        self.middlewares.get(name).ok_or_else(|| UnknownMiddleware {
             name: name.to_owned(),
-            available: self.0.keys().cloned().collect(),
+            available: self.middlewares.keys().cloned().collect(),
         })
     }
 }
 
 impl std::fmt::Debug for Registry {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_set().entries(self.0.keys()).finish()
+        f.debug_set().entries(self.middlewares.keys()).finish()
     }
 }

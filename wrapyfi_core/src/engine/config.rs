@@ -18,6 +18,7 @@ pub use serde_saphyr::Spanned;
 use super::config_devices::DevicesConfig;
 use super::config_error::ConfigError;
 use super::config_qos::QosConfig;
+use super::stamping::StampSource;
 
 /// Largest configuration file, in bytes.
 pub const MAX_CONFIG_BYTES: usize = 1 << 20;
@@ -123,6 +124,13 @@ pub struct RouteConfig {
     /// Channel order of three-channel frames on Wrapyfi's side: `bgr8` (default) or `rgb8`.
     #[serde(default)]
     pub encoding: Option<Spanned<String>>,
+    /// Coordinate frame in the header of every message, whatever the source says (default: the source's).
+    #[serde(default)]
+    pub frame_id: Option<Spanned<String>>,
+    /// Where the time in the header comes from (default: [`StampSource::Source`], with `use_sim_time`
+    /// [`StampSource::RosTime`] for sources outside ROS).
+    #[serde(default)]
+    pub stamp: Option<Spanned<StampSource>>,
     /// Messages the route's queue holds.
     #[serde(default)]
     pub queue_depth: Option<Spanned<usize>>,

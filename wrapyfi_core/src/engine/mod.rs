@@ -25,9 +25,9 @@
 //! let mut out = bus.open_listener(&TopicSpec::new("/out", MessageType::NativeObject), &Context::default())?;
 //! let mut source = bus.open_publisher(&TopicSpec::new("/in", MessageType::NativeObject), &Context::default())?;
 //! engine.step(Instant::now()); // opens both ends
-//! source.publish(&Payload::NativeObject(Box::new(Value::Int(7))))?;
+//! source.publish(&Payload::from(Value::Int(7)))?;
 //! engine.step(Instant::now()); // moves the message
-//! assert_eq!(out.take()?.unwrap().payload, Payload::NativeObject(Box::new(Value::Int(7))));
+//! assert_eq!(out.take()?.unwrap().payload, Payload::from(Value::Int(7)));
 //! assert_eq!(engine.status()[0].counters.sent, 1);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -52,6 +52,7 @@ mod running;
 mod scout;
 mod service_relay;
 mod sides;
+mod stamping;
 mod verdict;
 
 pub use config::{
@@ -70,3 +71,4 @@ pub use relay::{Relay, Step};
 pub use route::{PatternCounts, RouteState, RouteStatus};
 pub use running::Running;
 pub use service_relay::ServiceRelay;
+pub use stamping::StampSource;

@@ -13,6 +13,7 @@ use super::plan_address::address;
 use super::plan_options;
 use super::plan_pattern::{self, PatternSpec};
 use super::plan_service::{self, ServiceRouteSpec};
+use super::stamping::StampSource;
 use crate::Limits;
 use crate::codec::is_convertible;
 use crate::endpoint::{BridgeMark, EndpointAddress, Overflow, QueueSpec, TopicSpec};
@@ -45,6 +46,10 @@ pub struct RouteSpec {
     pub max_rate_hz: Option<f64>,
     /// Channel order of three-channel frames on Wrapyfi's side.
     pub color_order: Encoding,
+    /// Coordinate frame that its messages get; the source's where there is none.
+    pub frame_id: Option<String>,
+    /// Time that its messages get.
+    pub stamp: Option<StampSource>,
     /// Bounds on every message.
     pub limits: Limits,
     /// What reads and writes plug-in objects inside native objects.
@@ -74,6 +79,8 @@ impl RouteSpec {
             queue: QueueSpec::default(),
             max_rate_hz: None,
             color_order: Encoding::Bgr8,
+            frame_id: None,
+            stamp: None,
             limits: Limits::default(),
             plugins: Plugins::standard(),
             options: Map::default(),
@@ -127,6 +134,15 @@ impl fmt::Display for RouteSpec {
         }
         if let Some(hz) = self.max_rate_hz {
             write!(f, "  at most {hz} Hz")?;
+        }
+        if self.color_order != Encoding::Bgr8 {
+            write!(f, "  encoding {}", self.color_order)?;
+        }
+        if let Some(frame_id) = &self.frame_id {
+            write!(f, "  frame_id {frame_id}")?;
+        }
+        if let Some(stamp) = self.stamp {
+            write!(f, "  stamp {stamp}")?;
         }
         if let Some(devices) = self.plugins.devices() {
             write!(f, "  devices {devices}")?;
@@ -333,6 +349,17 @@ pub(super) fn route_spec(
             }
         },
     };
+    for (key, place) in [
+        ("frame_id", config.frame_id.as_ref().map(|it| it.referenced)),
+        ("stamp", config.stamp.as_ref().map(|it| it.referenced)),
+    ] {
+        if let (Some(place), Some(to)) = (place, message_type)
+            && !to.has_header()
+        {
+            let text = format!("{key} has no effect: {} has no header", to.label());
+            problems.push(Problem::at(place, text));
+        }
+    }
     let mut within = |key: &str, own: &Option<Spanned<usize>>, default: usize, most: usize| {
         let value = own.as_ref().map_or(default, |own| own.value);
         if !(1..=most).contains(&value) {
@@ -388,6 +415,8 @@ pub(super) fn route_spec(
             route.lazy = config.lazy.as_ref().is_some_and(|lazy| lazy.value);
             route.max_rate_hz = config.max_rate_hz.as_ref().map(|rate| rate.value);
             route.color_order = color_order;
+            route.frame_id = config.frame_id.as_ref().map(|frame_id| frame_id.value.clone());
+            route.stamp = config.stamp.as_ref().map(|stamp| stamp.value);
             route.limits.message_bytes = mib.saturating_mul(Limits::MIB);
             let maps = own_devices.unwrap_or_default().or_from(default_devices);
             route.plugins = route.plugins.with_devices(maps);

@@ -105,6 +105,8 @@ pub(super) fn read(
         ("from_type", config.from_type.is_some()),
         ("qos", config.qos.is_some()),
         ("encoding", config.encoding.is_some()),
+        ("frame_id", config.frame_id.is_some()),
+        ("stamp", config.stamp.is_some()),
         ("queue_depth", config.queue_depth.is_some()),
         ("overflow", config.overflow.is_some()),
         ("max_rate_hz", config.max_rate_hz.is_some()),

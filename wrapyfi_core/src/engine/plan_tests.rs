@@ -29,9 +29,34 @@ fn a_plan_prints_what_will_run() {
     assert_eq!(route.topic_spec(&route.from).color_order, Encoding::Rgb8);
     assert_eq!(
         route.to_string(),
-        "zeromq:/a -> ros2:/b  sensor_msgs/msg/Image  queue 3 drop_oldest  at most 15 Hz"
+        "zeromq:/a -> ros2:/b  sensor_msgs/msg/Image  queue 3 drop_oldest  at most 15 Hz  \
+         encoding rgb8"
     );
     assert!(route.topic_spec(&route.to).match_peers);
+}
+
+#[test]
+fn what_headers_get_is_shown_and_only_where_there_are_headers() {
+    let route = |rest: &str| {
+        plan(&format!("routes:\n  - {{ from: 'zeromq:/a', to: 'ros2:/b', {rest} }}\n"))
+    };
+    let shown = |rest: &str| route(rest).unwrap().routes[0].to_string();
+    let image = shown("type: Image, frame_id: left_eye, stamp: ros_time");
+    assert!(image.ends_with("  frame_id left_eye  stamp ros_time"), "{image}");
+    let joints = shown("type: sensor_msgs/msg/JointState, stamp: arrival");
+    assert!(joints.ends_with("  stamp arrival"), "{joints}");
+    for (rest, wanted) in [
+        ("type: Text, frame_id: x", "frame_id has no effect: Text has no header"),
+        ("type: geometry_msgs/msg/Twist, stamp: source", "stamp has no effect: geometry_msgs"),
+        ("type: Image, stamp: now", "source, ros_time, arrival"),
+    ] {
+        let error = route(rest).unwrap_err().to_string();
+        assert!(error.contains(wanted) || error.contains("`ros_time`"), "{error}");
+    }
+    let service =
+        "routes:\n  - { service: 'zeromq:/a', as: 'ros2:/b', type: Image, stamp: source }\n";
+    let error = plan(service).unwrap_err().to_string();
+    assert!(error.contains("stamp has no effect on a service"), "{error}");
 }
 
 #[test]

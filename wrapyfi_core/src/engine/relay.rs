@@ -14,14 +14,15 @@ use std::time::{Duration, Instant};
 
 use super::plan::RouteSpec;
 use super::route::{RouteState, RouteStatus};
+use super::stamping;
 use crate::Throttle;
 use crate::backoff::Backoff;
 use crate::codec::convert_payload;
 use crate::endpoint::{
     Context, Counters, DropReason, Listener, Middleware, OpenError, Publisher, Qos, QosChange,
-    Registry, Review, Sample, Wake,
+    Registry, Review, RosClock, RosNow, Sample, Traits, Wake,
 };
-use crate::types::{Payload, Stamp};
+use crate::types::Payload;
 
 /// Messages moved in one step, so that a flooded route lets the others have their turn.
 const BATCH: usize = 16;
@@ -36,6 +37,7 @@ pub(super) const REVIEW_EVERY: Duration = Duration::from_millis(500);
 pub struct Relay {
     spec: RouteSpec,
     context: Context,
+    clock: RosClock,
     source: End<dyn Listener>,
     sink: End<dyn Publisher>,
     backoff: Backoff,
@@ -52,6 +54,7 @@ pub struct Relay {
 /// One end of a route: what opens it, and what is open.
 struct End<T: ?Sized> {
     middleware: Option<Arc<dyn Middleware>>,
+    traits: Traits,
     open: Option<Box<T>>,
     retry_at: Option<Instant>,
     /// Why it is not open.
@@ -78,6 +81,7 @@ impl Relay {
         Self {
             state: RouteState::Waiting("its first step".to_owned()),
             context: Context::default(),
+            clock: registry.clock().clone(),
             backoff: Backoff::new(seed),
             not_before: None,
             unwanted_since: None,
@@ -190,6 +194,7 @@ impl Relay {
         let (Some(listener), Some(publisher)) = (&mut self.source.open, &mut self.sink.open) else {
             return 0;
         };
+        let ends = [self.source.traits, self.sink.traits];
         let link = publisher.link();
         let unwanted = link.peers == Some(0) && !link.keeps_last;
         let mut moved = 0;
@@ -218,7 +223,7 @@ impl Relay {
                             }
                         }
                     }
-                    forward(&self.spec, sample, publisher.as_mut())
+                    forward(&self.spec, sample, publisher.as_mut(), ends, self.clock.now())
                 }
                 Err(error) => Err((error.drop_reason(), error.to_string())),
             };
@@ -279,7 +284,8 @@ impl<T: ?Sized> End<T> {
             Ok(middleware) => (Some(Arc::clone(middleware)), None),
             Err(unknown) => (None, Some(RouteState::Error(unknown.to_string()))),
         };
-        Self { middleware, open: None, retry_at: None, trouble, qos: None }
+        let traits = middleware.as_ref().map(|it| it.traits()).unwrap_or_default();
+        Self { middleware, traits, open: None, retry_at: None, trouble, qos: None }
     }
 
     /// Forgets what went wrong while it was tried, except what will never work.
@@ -333,11 +339,15 @@ fn forward(
     spec: &RouteSpec,
     sample: Sample,
     publisher: &mut dyn Publisher,
+    ends: [Traits; 2],
+    now: RosNow,
 ) -> Result<(usize, Instant), (DropReason, String)> {
     let Sample { payload, received_at, origin, .. } = sample;
-    let payload =
-        convert_payload(payload, spec.message_type, spec.color_order, &spec.limits, Stamp::now)
+    let mut payload =
+        convert_payload(payload, spec.message_type, spec.color_order, &spec.limits, || now.stamp)
             .map_err(|error| (error.drop_reason(), error.to_string()))?;
+    stamping::apply(spec, &mut payload, ends, received_at, now)
+        .map_err(|error| (DropReason::Malformed, error.to_string()))?;
     match publisher.forward(&payload, origin) {
         Ok(bytes) => Ok((bytes, received_at)),
         Err(error) => Err((error.drop_reason(), error.to_string())),

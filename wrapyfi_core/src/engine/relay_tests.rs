@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::*;
 use crate::endpoint::{Keeping, Origin, Overflow, QueueSpec, TopicSpec};
 use crate::middleware::memory::Memory;
-use crate::types::{Map, MessageType, Payload, Properties, Tensor, Value};
+use crate::types::{Map, MessageType, Payload, Properties, Stamp, Tensor, Value};
 
 struct Bench {
     bus: Arc<Memory>,
@@ -47,7 +47,7 @@ fn spec(topic: &str) -> TopicSpec {
 }
 
 fn number(n: i64) -> Payload {
-    Payload::NativeObject(Box::new(Value::Int(n)))
+    Payload::from(Value::Int(n))
 }
 
 fn drain(listener: &mut dyn Listener) -> Vec<Payload> {

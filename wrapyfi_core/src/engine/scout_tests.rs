@@ -75,7 +75,7 @@ fn listener(bus: &Memory, topic: &str) -> Box<dyn Listener> {
 }
 
 fn number(n: i64) -> Payload {
-    Payload::NativeObject(Box::new(Value::Int(n)))
+    Payload::from(Value::Int(n))
 }
 
 const SECOND: Duration = Duration::from_secs(1);

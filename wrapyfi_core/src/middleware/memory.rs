@@ -28,7 +28,7 @@ use crate::types::Payload;
 /// let bus = Memory::new("memory");
 /// let spec = TopicSpec::new("/x", MessageType::NativeObject);
 /// let mut listener = bus.open_listener(&spec, &Context::default())?;
-/// bus.open_publisher(&spec, &Context::default())?.publish(&Payload::NativeObject(Box::new(Value::Null)))?;
+/// bus.open_publisher(&spec, &Context::default())?.publish(&Payload::from(Value::Null))?;
 /// assert!(listener.take()?.is_some());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```

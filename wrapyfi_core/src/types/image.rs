@@ -272,6 +272,17 @@ impl Encoding {
         }
     }
 
+    /// Order of its colour channels, `rgb8` or `bgr8`; `None` where it has one channel, or floats, which
+    /// name no order.
+    #[must_use]
+    pub fn color_order(self) -> Option<Self> {
+        match self {
+            Self::Rgb8 | Self::Rgba8 => Some(Self::Rgb8),
+            Self::Bgr8 | Self::Bgra8 => Some(Self::Bgr8),
+            Self::Mono8 | Self::Mono16 | Self::I32C1 | Self::F32C1 | Self::F32C3 => None,
+        }
+    }
+
     /// Channels of a pixel.
     #[must_use]
     pub fn channels(self) -> usize {

@@ -3,7 +3,9 @@
 use std::fmt;
 use std::str::FromStr;
 
-use super::{AudioChunk, Image, Properties, RosMessage, RosType, RosTypeError, Value};
+use super::{
+    AudioChunk, Image, NativeObject, Properties, RosMessage, RosType, RosTypeError, Value,
+};
 use wrapyfi_interfaces::store::{ResolveError, TypeStore};
 
 /// The content of one message, independent of the middleware that carries it.
@@ -11,7 +13,7 @@ use wrapyfi_interfaces::store::{ResolveError, TypeStore};
 #[non_exhaustive]
 pub enum Payload {
     /// Any Python object.
-    NativeObject(Box<Value>),
+    NativeObject(Box<NativeObject>),
     /// A camera frame.
     Image(Image),
     /// A chunk of sound.
@@ -38,7 +40,13 @@ impl Payload {
 
 impl From<Value> for Payload {
     fn from(value: Value) -> Self {
-        Self::NativeObject(Box::new(value))
+        NativeObject::from(value).into()
+    }
+}
+
+impl From<NativeObject> for Payload {
+    fn from(object: NativeObject) -> Self {
+        Self::NativeObject(Box::new(object))
     }
 }
 
@@ -219,6 +227,20 @@ impl MessageType {
             Self::Text => "Text",
             Self::Properties => "Properties",
             other => other.ros_type(),
+        }
+    }
+
+    /// Whether its messages have a header: a time and a coordinate frame.
+    #[must_use]
+    pub fn has_header(self) -> bool {
+        match self {
+            Self::NativeObject
+            | Self::Image
+            | Self::CompressedImage
+            | Self::AudioChunk
+            | Self::UpstreamAudio => true,
+            Self::StringJson | Self::Text | Self::Properties => false,
+            Self::Ros(ros_type) => ros_type.has_header(),
         }
     }
 

@@ -41,6 +41,7 @@ struct Known {
     hash: String,
     resolved: ResolvedType,
     plan: Plan,
+    has_header: bool,
 }
 
 /// Why a definition cannot be used as the type of messages.
@@ -99,7 +100,10 @@ impl RosType {
         })?;
         let (name, hash) = key.clone();
         let dds = dds_name(&name);
-        let known = Known { name, dds, hash, resolved: resolved.clone(), plan };
+        let defaults = plan.default_message();
+        let has_header = defaults.get("header.stamp.nanosec").is_some()
+            && defaults.get("header.frame_id").is_some();
+        let known = Known { name, dds, hash, resolved: resolved.clone(), plan, has_header };
         let known = Self(Box::leak(Box::new(known)));
         types.insert(key, known);
         Ok(known)
@@ -127,6 +131,12 @@ impl RosType {
     #[must_use]
     pub fn resolved(self) -> &'static ResolvedType {
         &self.0.resolved
+    }
+
+    /// Whether its messages have a field `header` of type `std_msgs/msg/Header`.
+    #[must_use]
+    pub fn has_header(self) -> bool {
+        self.0.has_header
     }
 
     /// How its messages are read and written.

@@ -26,6 +26,9 @@ pub enum RosValueError {
     /// A field is unknown, or its value is not of the field's type.
     #[error("{0}")]
     Field(#[from] ValueError),
+    /// The bytes are no message of the type.
+    #[error("{0}")]
+    Bytes(#[from] CdrError),
     /// A value has no form in a ROS message.
     #[error("{path}: a {kind} has no form in a ROS message; {remedy}")]
     Kind {

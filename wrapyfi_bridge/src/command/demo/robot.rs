@@ -48,7 +48,7 @@ mod tests {
     #[test]
     fn the_light_takes_bools_numbers_and_fields_and_refuses_the_rest() {
         let told = |request: &Request| match switch(request) {
-            Ok(Payload::NativeObject(value)) => match *value {
+            Ok(Payload::NativeObject(object)) => match object.value {
                 Value::Map(map) => map.get("message").and_then(Value::as_str).map(str::to_owned),
                 _ => None,
             },

@@ -88,5 +88,5 @@ pub(super) fn object(sequence: u64) -> anyhow::Result<Payload> {
     map.insert(Value::from(SENT_AT), Value::Float(Stamp::now().as_secs_f64()));
     map.insert(Value::from("label"), Value::from("grüße"));
     map.insert(Value::from("joints"), Value::Tensor(Tensor::from_elements(&[6], joints)?));
-    Ok(Payload::NativeObject(Box::new(Value::Map(map))))
+    Ok(Payload::from(Value::Map(map)))
 }

@@ -151,7 +151,7 @@ fn sent_at(payload: &Payload) -> Option<f64> {
     match payload {
         Payload::Image(image) => Some(image.stamp.as_secs_f64()),
         Payload::AudioChunk(chunk) => Some(chunk.stamp.as_secs_f64()),
-        Payload::NativeObject(value) => match value.as_ref() {
+        Payload::NativeObject(object) => match &object.value {
             Value::Map(map) => match map.get(SENT_AT) {
                 Some(Value::Float(seconds)) => Some(*seconds),
                 _ => None,

@@ -4,14 +4,19 @@ use bytes::Bytes;
 
 use crate::codec::{DecodeError, EncodeError, convert, json, picture};
 use crate::endpoint::TopicSpec;
-use crate::types::{CompressedFormat, Image, Pixels, Stamp, Value};
+use crate::types::{CompressedFormat, Encoding, Image, Pixels, Stamp, Value};
 
-pub(super) fn decode(body: &Bytes, stamp: Stamp, spec: &TopicSpec) -> Result<Image, DecodeError> {
+pub(super) fn decode(
+    body: &Bytes,
+    stamp: Stamp,
+    color_order: Encoding,
+    spec: &TopicSpec,
+) -> Result<Image, DecodeError> {
     if let Some(format) = CompressedFormat::sniff(body) {
         return Ok(Image::new(stamp, Pixels::Compressed { format, data: body.clone() }));
     }
     match json::decode(body, &spec.limits)? {
-        value @ Value::Tensor(_) => Image::from_value(&value, spec.color_order, stamp),
+        value @ Value::Tensor(_) => Image::from_value(&value, color_order, stamp),
         other => Err(DecodeError::Mismatch {
             expected: "an image as array".into(),
             actual: other.kind().into(),
@@ -19,10 +24,18 @@ pub(super) fn decode(body: &Bytes, stamp: Stamp, spec: &TopicSpec) -> Result<Ima
     }
 }
 
-pub(super) fn encode(image: &Image, spec: &TopicSpec) -> Result<Vec<u8>, EncodeError> {
+/// The body, and the order of its channels where it is an array of colours.
+pub(super) fn encode(
+    image: &Image,
+    spec: &TopicSpec,
+) -> Result<(Vec<u8>, Option<Encoding>), EncodeError> {
     let image = convert(image.clone(), spec.message_type, spec.color_order, &spec.limits)?;
     match image.pixels {
-        Pixels::Compressed { data, .. } => Ok(data.into()),
-        Pixels::Raw(raw) => json::encode(&Value::Tensor(picture::array(raw, spec.color_order)?)),
+        Pixels::Compressed { data, .. } => Ok((data.into(), None)),
+        Pixels::Raw(raw) => {
+            let order = raw.encoding.color_order().map(|_| spec.color_order);
+            let array = picture::array(raw, spec.color_order)?;
+            Ok((json::encode(&Value::Tensor(array))?, order))
+        }
     }
 }

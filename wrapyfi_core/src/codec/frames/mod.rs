@@ -1,7 +1,7 @@
 //! Wrapyfi's ZeroMQ messages: topic, header, body.
 //!
 //! ```text
-//!   NativeObject  │ topic │ JSON                   │
+//!   NativeObject  │ topic │ JSON                   │ {timestamp:1795…, frame_id:"eye"}, where known │
 //!   Properties    │ topic │ JSON of a dict         │
 //!   ROS message   │ topic │ JSON of its fields     │
 //!   Image         │ topic │ {timestamp:1795…} │ JSON array, or JPEG file   │
@@ -20,7 +20,8 @@ use bytes::Bytes;
 use super::convert::{ConvertError, convert_payload, properties};
 use super::{DecodeError, EncodeError, json};
 use crate::endpoint::TopicSpec;
-use crate::types::{DataType, Payload, Stamp};
+use crate::types::{AudioChunk, DataType, Image, NativeObject, Payload, Stamp};
+use header::FrameHeader;
 
 /// Reads a message whose frame 0 is the topic. `received` stands in for a time stamp that is
 /// missing or cannot be read.
@@ -38,8 +39,13 @@ pub fn decode(frames: &[Bytes], spec: &TopicSpec, received: Stamp) -> Result<Pay
         });
     }
     match (spec.message_type.data_type(), frames) {
-        (DataType::NativeObject, [_, body]) => {
-            json::decode_with(body, &spec.limits, &spec.plugins).map(Payload::from)
+        (DataType::NativeObject, [_, body, header @ ..])
+            if header.len() <= 1 && header.iter().all(|header| header::is_one(header)) =>
+        {
+            let value = json::decode_with(body, &spec.limits, &spec.plugins)?;
+            let FrameHeader { stamp, frame_id, .. } =
+                header.first().map(|header| FrameHeader::read(header)).unwrap_or_default();
+            Ok(NativeObject { stamp: stamp.unwrap_or_default(), frame_id, value }.into())
         }
         (DataType::Properties, [_, body]) => {
             let value = json::decode_with(body, &spec.limits, &spec.plugins)?;
@@ -56,16 +62,21 @@ pub fn decode(frames: &[Bytes], spec: &TopicSpec, received: Stamp) -> Result<Pay
             ))
         }
         (DataType::Image, [_, header, body]) => {
-            image::decode(body, header::stamp(header).unwrap_or(received), spec).map(Payload::Image)
+            let FrameHeader { stamp, color_order, frame_id } = FrameHeader::read(header);
+            let order = color_order.unwrap_or(spec.color_order);
+            let image = image::decode(body, stamp.unwrap_or(received), order, spec)?;
+            Ok(Image { frame_id, ..image }.into())
         }
         (DataType::AudioChunk, [_, header, body]) => {
-            audio::decode(body, header::stamp(header).unwrap_or(received), &spec.limits)
-                .map(Payload::AudioChunk)
+            let FrameHeader { stamp, frame_id, .. } = FrameHeader::read(header);
+            let sound = audio::decode(body, stamp.unwrap_or(received), &spec.limits)?;
+            Ok(AudioChunk { frame_id, ..sound }.into())
         }
         (data_type, _) => {
             let wanted = match data_type {
-                DataType::NativeObject | DataType::Properties | DataType::RosMessage => 2,
-                DataType::Image | DataType::AudioChunk => 3,
+                DataType::NativeObject => "2 or 3",
+                DataType::Properties | DataType::RosMessage => "2",
+                DataType::Image | DataType::AudioChunk => "3",
             };
             Err(DecodeError::Mismatch {
                 expected: format!("{data_type} in {wanted} frames"),
@@ -94,8 +105,14 @@ pub fn encode(payload: &Payload, spec: &TopicSpec) -> Result<Vec<Vec<u8>>, Encod
     let wanted = spec.message_type.data_type();
     let topic = spec.topic.as_bytes().to_vec();
     let frames = match (wanted, payload) {
-        (DataType::NativeObject, Payload::NativeObject(value)) => {
-            vec![topic, json::encode_with(value, &spec.plugins)?]
+        (DataType::NativeObject, Payload::NativeObject(object)) => {
+            let NativeObject { stamp, frame_id, value } = object.as_ref();
+            let mut frames = vec![topic, json::encode_with(value, &spec.plugins)?];
+            // Wrapyfi's listeners read no third frame; others may count on two.
+            if *stamp != Stamp::default() || !frame_id.is_empty() {
+                frames.push(header::write(*stamp, None, frame_id));
+            }
+            frames
         }
         (DataType::Properties, Payload::Properties(properties)) => {
             vec![topic, json::encode_with(&properties.to_value(), &spec.plugins)?]
@@ -111,10 +128,11 @@ pub fn encode(payload: &Payload, spec: &TopicSpec) -> Result<Vec<Vec<u8>>, Encod
             vec![topic, json::encode_with(&value, &spec.plugins)?]
         }
         (DataType::Image, Payload::Image(image)) => {
-            vec![topic, header::write(image.stamp), image::encode(image, spec)?]
+            let (body, color_order) = image::encode(image, spec)?;
+            vec![topic, header::write(image.stamp, color_order, &image.frame_id), body]
         }
         (DataType::AudioChunk, Payload::AudioChunk(sound)) => {
-            vec![topic, header::write(sound.stamp), audio::encode(sound)?]
+            vec![topic, header::write(sound.stamp, None, &sound.frame_id), audio::encode(sound)?]
         }
         _ => {
             return Err(EncodeError::Mismatch {

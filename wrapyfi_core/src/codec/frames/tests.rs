@@ -242,3 +242,44 @@ fn an_unreadable_time_becomes_the_time_of_reception() {
     };
     assert_eq!(image.stamp, RECEIVED);
 }
+
+#[test]
+fn headers_survive() {
+    let stamp = Stamp { sec: 1_795_214_428, nanosec: 963_405_123 };
+    let raw = RawPixels::dense(1, 1, Encoding::Rgb8, vec![255, 0, 0]).unwrap();
+    let image = Image { frame_id: "left \"eye\"".into(), ..Image::new(stamp, raw) };
+    let object = NativeObject { stamp, frame_id: "map".into(), value: 5.into() };
+    let sound = AudioChunk::new(stamp, 1, 1, 8000, SampleFormat::F32Le, vec![0; 4]).unwrap();
+    let sound = AudioChunk { frame_id: "ear".into(), ..sound };
+    for payload in [Payload::from(image.clone()), object.into(), sound.into()] {
+        let message_type = payload.data_type().name().parse().unwrap();
+        // The sender says the order of the colours, whatever the receiver assumes.
+        let rgb = TopicSpec { color_order: Encoding::Rgb8, ..spec(message_type) };
+        let frames = frames_of(&payload, &rgb);
+        assert_eq!(frames.len(), 3);
+        assert_eq!(decode(&frames, &spec(message_type), RECEIVED), Ok(payload));
+    }
+    // Towards Wrapyfi red is last, and the header says so.
+    let frames = frames_of(&image.into(), &spec(MessageType::Image));
+    assert_eq!(
+        frames[1],
+        r#"{timestamp:1795214428.963405123, encoding:"bgr8", frame_id:"left \"eye\""}"#
+    );
+    let rgb = TopicSpec { color_order: Encoding::Rgb8, ..spec(MessageType::Image) };
+    let Ok(Payload::Image(Image { pixels: Pixels::Raw(raw), .. })) =
+        decode(&frames, &rgb, RECEIVED)
+    else {
+        panic!("pixels")
+    };
+    assert_eq!((raw.encoding, &raw.data[..]), (Encoding::Bgr8, &[0, 0, 255][..]));
+}
+
+#[test]
+fn objects_without_a_header_have_two_frames_as_wrapyfi_s() {
+    let frames = frames_of(&Value::from(5).into(), &spec(MessageType::NativeObject));
+    assert_eq!(frames.len(), 2);
+    // An image is no object with a header.
+    let frames = ["/t", "{timestamp:1.5}", "[]"].map(Bytes::from);
+    let error = decode(&frames, &spec(MessageType::NativeObject), RECEIVED).unwrap_err();
+    assert!(error.to_string().contains("NativeObject in 2 or 3 frames"), "{error}");
+}

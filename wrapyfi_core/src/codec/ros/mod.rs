@@ -37,8 +37,6 @@ const FORMAT: &str = "CDR";
 
 /// Writes `payload` as a message of type `message_type`.
 ///
-/// A native object has no time of its own: its header is left at zero.
-///
 /// # Errors
 /// When the payload is not of the kind or the form that the type carries, or has no JSON form.
 pub fn encode(payload: &Payload, message_type: MessageType) -> Result<CdrParts, EncodeError> {
@@ -59,7 +57,9 @@ pub fn encode_with(
         (Payload::Image(picture), MessageType::CompressedImage) => image::encode_file(picture),
         (Payload::AudioChunk(sound), MessageType::AudioChunk) => audio::encode(sound),
         (Payload::AudioChunk(sound), MessageType::UpstreamAudio) => audio::encode_upstream(sound),
-        (Payload::NativeObject(value), MessageType::NativeObject) => native::encode(value, plugins),
+        (Payload::NativeObject(object), MessageType::NativeObject) => {
+            native::encode(object, plugins)
+        }
         (Payload::NativeObject(value), MessageType::StringJson) => {
             native::encode_text(value, plugins)
         }

@@ -5,16 +5,17 @@ use wrapyfi_interfaces::Message;
 use wrapyfi_interfaces::cdr::{CdrError, CdrParts, CdrReader, CdrWriter};
 use wrapyfi_interfaces::wrapyfi_msgs::msg;
 
-use super::{FORMAT, countable, fault, malformed, quote};
+use super::{FORMAT, countable, fault, header, malformed, quote, stamp};
 use crate::Limits;
 use crate::codec::{DecodeError, EncodeError, json};
 use crate::plugin::Plugins;
-use crate::types::{Dtype, Tensor, Value};
+use crate::types::{Dtype, NativeObject, Tensor, Value};
 
-pub(super) fn encode(value: &Value, plugins: &Plugins) -> Result<CdrParts, EncodeError> {
-    let (json, tensors) = json::encode_with_tensors(value, plugins)?;
+pub(super) fn encode(object: &NativeObject, plugins: &Plugins) -> Result<CdrParts, EncodeError> {
+    let (json, tensors) = json::encode_with_tensors(&object.value, plugins)?;
     let tensors = tensors.into_iter().map(tensor_message).collect::<Result<_, _>>()?;
-    let message = msg::NativeObject { json: text(json)?, tensors, ..msg::NativeObject::default() };
+    let header = header(object.stamp, &object.frame_id);
+    let message = msg::NativeObject { header, json: text(json)?, tensors };
     Ok(message.encode())
 }
 
@@ -31,14 +32,17 @@ pub(super) fn decode(
     message: msg::NativeObject,
     limits: &Limits,
     plugins: &Plugins,
-) -> Result<Value, DecodeError> {
+) -> Result<NativeObject, DecodeError> {
+    let stamp = stamp(&message.header);
     let tensors = message
         .tensors
         .into_iter()
         .enumerate()
         .map(|(index, tensor)| tensor_from(index, tensor))
         .collect::<Result<Vec<_>, _>>()?;
-    json::decode_with_tensors(&Bytes::from(message.json), &tensors, limits, plugins)
+    let json = Bytes::from(message.json);
+    let value = json::decode_with_tensors(&json, &tensors, limits, plugins)?;
+    Ok(NativeObject { stamp, frame_id: message.header.frame_id, value })
 }
 
 /// Reads a `std_msgs/msg/String` without copying its JSON; other text is a text.

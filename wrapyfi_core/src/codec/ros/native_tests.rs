@@ -6,7 +6,7 @@ use wrapyfi_interfaces::wrapyfi_msgs::msg;
 
 use super::tests::{recorded, unhex};
 use super::*;
-use crate::types::{Map, Tensor, Value};
+use crate::types::{Map, NativeObject, Tensor, Value};
 
 fn limits() -> Limits {
     Limits::default()
@@ -61,6 +61,14 @@ fn arrays_travel_beside_the_text() {
 }
 
 #[test]
+fn the_header_of_an_object_returns() {
+    let stamp = Stamp { sec: 5, nanosec: 7 };
+    let object = NativeObject { stamp, frame_id: "map".into(), value: 5.into() };
+    let cdr = encode(&object.clone().into(), MessageType::NativeObject).unwrap().to_bytes();
+    assert_eq!(decode(&cdr, MessageType::NativeObject, &limits()), Ok(object.into()));
+}
+
+#[test]
 fn large_arrays_are_shared_both_ways() {
     let tensor = Tensor::from_elements(&[100, 100], vec![1.0_f32; 10_000]).unwrap();
     let parts = encode(&Value::Tensor(tensor.clone()).into(), MessageType::NativeObject).unwrap();
@@ -68,7 +76,7 @@ fn large_arrays_are_shared_both_ways() {
     let cdr = parts.to_bytes();
     let decoded = decode(&cdr, MessageType::NativeObject, &limits()).unwrap();
     let Payload::NativeObject(value) = decoded else { panic!("no object") };
-    let Value::Tensor(again) = *value else { panic!("{value:?}") };
+    let Value::Tensor(again) = value.value else { panic!("{value:?}") };
     assert!(cdr.as_ptr_range().contains(&again.data().as_ptr()));
     assert_eq!(again, tensor);
 }
@@ -116,7 +124,8 @@ fn a_text_that_is_no_json_is_a_text() {
         let cdr = encode(&Value::from(text).into(), MessageType::Text).unwrap().to_bytes();
         decode(&cdr, MessageType::StringJson, &limits())
     };
-    for text in ["Hello World: 5", "", "[INFO] ready", "{'a': 1}", "grüße", "{\"a\": 1} and more"] {
+    for text in ["Hello World: 5", "", "[INFO] ready", "{'a': 1}", "grüße", "{\"a\": 1} and more"]
+    {
         assert_eq!(read(text), Ok(Value::from(text).into()));
         // Into ROS 2 it is JSON again, as Python Wrapyfi reads it there.
         let json = encode(&Value::from(text).into(), MessageType::StringJson).unwrap().to_bytes();

@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use wrapyfi_interfaces::rosgraph_msgs::msg::Clock;
 
-use crate::endpoint::Wake;
+use crate::endpoint::{RosClock, RosNow, Wake};
 use crate::node::parameters::ParameterStore;
 use crate::node::type_description::TypeDescriptions;
 use crate::node::{LogLine, RosTime, TimeJump};
@@ -143,6 +143,16 @@ impl NodeHandle {
     #[must_use]
     pub fn now(&self) -> Stamp {
         self.0.now()
+    }
+
+    /// The same as a clock for routes.
+    #[must_use]
+    pub fn clock(&self) -> RosClock {
+        let shared = Arc::clone(&self.0);
+        RosClock::new(move || {
+            let time = lock(&shared.time);
+            RosNow { stamp: time.now(Stamp::now()), simulated: time.is_simulated() }
+        })
     }
 
     /// Log lines that were dropped because too many waited, so far.

@@ -22,7 +22,7 @@ use super::sockopt;
 use super::{Shared, transport};
 use crate::codec::frames;
 use crate::endpoint::{Context, Link, OpenError, PublishError, Publisher, TopicSpec, Wake};
-use crate::types::Payload;
+use crate::types::{Image, Payload, Pixels};
 
 /// Sends one topic through the broker.
 pub(super) struct ZeroMqPublisher {
@@ -31,6 +31,8 @@ pub(super) struct ZeroMqPublisher {
     depth: usize,
     echo: Arc<Echo>,
     io: Arc<Handle>,
+    /// Told that colours are sent in another order than they come in.
+    told_order: bool,
 }
 
 impl ZeroMqPublisher {
@@ -55,7 +57,22 @@ impl ZeroMqPublisher {
         });
         io.send(Command::Publish(Arc::clone(&outlet), watch));
         let echo = shared.echoes.of(&spec.topic);
-        Ok(Self { outlet, spec, depth: usize::from(shared.send_hwm), echo, io })
+        let depth = usize::from(shared.send_hwm);
+        Ok(Self { outlet, spec, depth, echo, io, told_order: false })
+    }
+
+    /// Says where the colours of an image change their order; whether it was said.
+    fn tell_order(&self, payload: &Payload) -> bool {
+        let Payload::Image(Image { pixels: Pixels::Raw(raw), .. }) = payload else { return false };
+        let orders = raw.encoding.color_order().zip(self.spec.color_order.color_order());
+        let Some((has, sent)) = orders.filter(|(has, sent)| has != sent) else { return false };
+        tracing::info!(
+            topic = self.spec.topic,
+            "{} images are sent as {sent}, which Wrapyfi's listeners take them for; `encoding: {has}` on the \
+             route sends them as they are",
+            raw.encoding
+        );
+        true
     }
 
     fn failed(&self, reason: &dyn std::fmt::Display) -> PublishError {
@@ -86,6 +103,9 @@ impl Publisher for ZeroMqPublisher {
         }
         if self.outlet.subscriptions() == 0 {
             return Err(PublishError::NoConsumer { topic: self.spec.topic.clone() });
+        }
+        if !self.told_order {
+            self.told_order = self.tell_order(payload);
         }
         let frames = frames::encode(payload, &self.spec)?;
         let bytes = frames.iter().map(Vec::len).sum();

@@ -73,6 +73,8 @@ impl Look {
             3 if body.starts_with(&[0xFF, 0xD8, 0xFF]) => Some(Self::CompressedImage),
             3 if body.starts_with(ARRAY) => Some(Self::Image),
             3 if body.starts_with(TUPLE) => Some(Self::AudioChunk),
+            // The header behind an object.
+            3 if body.starts_with(b"{timestamp:") => Some(Self::NativeObject),
             _ => None,
         }
     }
@@ -173,6 +175,7 @@ mod tests {
         let image = b"{\"__wrapyfi__\": [\"numpy.ndarray\", \"k05V";
         assert_eq!(Look::guess(3, image), Some(Look::Image));
         assert_eq!(Look::guess(3, b"{\"__wrapyfi__\": [\"tuple\", [1"), Some(Look::AudioChunk));
+        assert_eq!(Look::guess(3, b"{timestamp:1.5, frame_id"), Some(Look::NativeObject));
         assert_eq!(Look::guess(2, b"\x00\x01"), None);
         assert_eq!(Look::guess(5, b"{"), None);
     }

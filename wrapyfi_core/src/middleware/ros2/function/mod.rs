@@ -129,7 +129,7 @@ impl Function {
         }
         let cdr = self.cdr(message, "request", arguments)?;
         match self.payload(&cdr, MessageType::NativeObject)? {
-            Payload::NativeObject(value) => Ok((requests::from_value(*value)?, cdr.len())),
+            Payload::NativeObject(object) => Ok((requests::from_value(object.value)?, cdr.len())),
             other => Err(mismatch(DataType::NativeObject, other.data_type())),
         }
     }

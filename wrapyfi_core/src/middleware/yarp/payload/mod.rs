@@ -33,7 +33,7 @@ use wrapyfi_yarp::{Dialect, sig};
 use super::options::{Form, YarpOptions};
 use crate::codec::{ConvertError, DecodeError, EncodeError, convert_payload};
 use crate::endpoint::TopicSpec;
-use crate::types::{DataType, MessageType, Payload, Stamp};
+use crate::types::{DataType, MessageType, NativeObject, Payload, Stamp};
 use element::Writer;
 
 pub use requests::{decode_reply, decode_request, encode_error, encode_reply, encode_request};
@@ -68,13 +68,13 @@ pub fn encode(
         return Ok(Outgoing { payload: Bytewise::raw(file), stamp: envelope(Some(image.stamp)) });
     }
     let (bytes, stamp) = match (wanted, payload) {
-        (DataType::NativeObject, Payload::NativeObject(value)) => {
+        (DataType::NativeObject, Payload::NativeObject(object)) => {
             let bytes = if spec.message_type == MessageType::Text {
-                native::encode_text(value, form, writer)?
+                native::encode_text(object, form, writer)?
             } else {
-                native::encode(value, form, &spec.plugins, writer)?
+                native::encode(object, form, &spec.plugins, writer)?
             };
-            (bytes, None)
+            (bytes, Some(object.stamp))
         }
         (DataType::Properties, Payload::Properties(properties)) => {
             (native::encode(&properties.to_value(), form, &spec.plugins, writer)?, None)
@@ -138,7 +138,8 @@ fn decode_as(
     now: Stamp,
 ) -> Result<Payload, DecodeError> {
     let bytes: &Bytes = &received.bytes;
-    let stamp = time(stamp).unwrap_or(now);
+    let sent_at = time(stamp);
+    let stamp = sent_at.unwrap_or(now);
     let limits = &spec.limits;
     let kind = spec.message_type.data_type();
     if kind == DataType::Image {
@@ -159,8 +160,13 @@ fn decode_as(
         (message_type, _) => {
             let form = options.bottle.unwrap_or_default();
             let bottle = native::bottle(bytes, dialect, limits)?;
+            let object = |value| NativeObject {
+                stamp: sent_at.unwrap_or_default(),
+                frame_id: options.frame_id.clone(),
+                value,
+            };
             if message_type == MessageType::Text {
-                return Ok(native::decode_text(&bottle, form).into());
+                return Ok(object(native::decode_text(&bottle, form)).into());
             }
             let form = if kind == DataType::Properties && form != Form::Json {
                 Form::Property
@@ -168,7 +174,7 @@ fn decode_as(
                 form
             };
             let value = native::decode(&bottle, form, &spec.plugins, dialect, limits)?;
-            converted(value.into(), spec, now)
+            converted(object(value).into(), spec, now)
         }
     }
 }

@@ -129,7 +129,7 @@ pub fn encode_reply(
 ) -> Result<Bytes, EncodeError> {
     let writer = Writer { dialect, limits: &spec.limits };
     let value = match (spec.kind.data_type(), payload) {
-        (DataType::NativeObject, Payload::NativeObject(value)) => (**value).clone(),
+        (DataType::NativeObject, Payload::NativeObject(object)) => object.value.clone(),
         (DataType::Image, Payload::Image(image)) => {
             image.to_value(spec.color_order, &spec.limits)?
         }

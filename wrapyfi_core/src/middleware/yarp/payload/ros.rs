@@ -17,7 +17,7 @@ use super::numbers::Width;
 use super::{fault, joints, native, numbers};
 use crate::codec::{DecodeError, EncodeError, json};
 use crate::endpoint::TopicSpec;
-use crate::types::{Map, RosMessage, RosType, Stamp, Value};
+use crate::types::{Header, Map, RosMessage, RosType, Stamp, Value};
 
 const JOINTS: &str = "sensor_msgs/msg/JointState";
 
@@ -43,7 +43,7 @@ pub(super) fn encode(
         }
         _ => native::bytes(&Writer { dialect, limits: &spec.limits }.bottle(&fields)?, dialect)?,
     };
-    Ok((bytes, stamp(&fields)))
+    Ok((bytes, Header::of_fields(&fields).map(|header| header.stamp)))
 }
 
 /// Reads a message. `stamp` becomes that of its header where the bytes bring none.
@@ -57,18 +57,15 @@ pub(super) fn decode(
 ) -> Result<RosMessage, DecodeError> {
     let limits = &spec.limits;
     let name = ros_type.name();
-    let mut fields = match (name, Width::of(name), options.bottle) {
+    let fields = match (name, Width::of(name), options.bottle) {
         (JOINTS, _, None) => joints::read(bytes, options, dialect, limits)?,
         (_, Some(width), None) => {
             numbers::to_fields(numbers::read(bytes, dialect, limits)?, width)?
         }
         _ => pairs(bytes, ros_type, spec, dialect)?,
     };
-    let defaults = ros_type.plan().default_message();
-    if fields.get("header").is_none() && defaults.get("header.stamp.nanosec").is_some() {
-        fields.insert("header", header(stamp, &options.frame_id));
-    }
-    RosMessage::from_value(ros_type, &fields.into(), limits.message_bytes)
+    let header = || Header { stamp, frame_id: options.frame_id.clone() };
+    RosMessage::from_value_with(ros_type, fields.into(), header, limits.message_bytes)
         .map_err(|error| fault::mismatch(ros_type.name(), format!("other fields: {error}")))
 }
 
@@ -126,17 +123,4 @@ pub(super) fn as_pairs(items: &[Value]) -> Option<Map> {
         _ => None,
     };
     items.iter().map(pair).collect()
-}
-
-fn header(stamp: Stamp, frame_id: &str) -> Map {
-    let time = Map::from([("sec", Value::from(stamp.sec)), ("nanosec", stamp.nanosec.into())]);
-    Map::from([("stamp", Value::from(time)), ("frame_id", frame_id.into())])
-}
-
-/// The time of a message's header.
-fn stamp(fields: &Value) -> Option<Stamp> {
-    let time = fields.get("header")?.get("stamp")?;
-    let sec = i32::try_from(time.get("sec")?.as_i64()?).ok()?;
-    let nanosec = u32::try_from(time.get("nanosec")?.as_i64()?).ok()?;
-    Some(Stamp { sec, nanosec })
 }

@@ -54,7 +54,7 @@ fn shown(bytes: &Bytes) -> String {
 
 fn value(payload: &Payload) -> Value {
     match payload {
-        Payload::NativeObject(value) => (**value).clone(),
+        Payload::NativeObject(object) => object.value.clone(),
         Payload::RosMessage(message) => message.to_value(1 << 20).unwrap(),
         other => panic!("{other:?}"),
     }
