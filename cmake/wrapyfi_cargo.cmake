@@ -46,6 +46,17 @@ if(NOT _result EQUAL 0 OR _number VERSION_LESS WRAPYFI_RUST_MINIMUM)
     "${CARGO_EXECUTABLE} says: ${_version}${_error}. ${_remedy}")
 endif()
 
+# JPEG goes through the system's libjpeg-turbo, which the crate turbojpeg finds by pkg-config.
+find_program(WRAPYFI_PKG_CONFIG NAMES pkg-config pkgconf)
+if(WRAPYFI_PKG_CONFIG)
+  execute_process(COMMAND "${WRAPYFI_PKG_CONFIG}" --exists "libturbojpeg >= 2.0" RESULT_VARIABLE _no_turbojpeg)
+endif()
+if(NOT WRAPYFI_PKG_CONFIG OR _no_turbojpeg)
+  message(FATAL_ERROR "${PROJECT_NAME} links libturbojpeg, and pkg-config does not find it. "
+    "Run `rosdep install --from-paths ${WRAPYFI_WORKSPACE} --ignore-src`, or "
+    "`sudo apt install libturbojpeg0-dev pkg-config`.")
+endif()
+
 # .cargo/config.toml links the system's libzmq on these two; elsewhere zmq-sys compiles its own copy.
 if(CMAKE_HOST_SYSTEM_PROCESSOR MATCHES "^(x86_64|aarch64)$")
   set(_libraries "/usr/lib/${CMAKE_HOST_SYSTEM_PROCESSOR}-linux-gnu")

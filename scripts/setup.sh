@@ -47,7 +47,7 @@ apt_packages() {
 }
 
 build() {
-    apt_packages build-essential cmake libclang-dev libzmq3-dev
+    apt_packages build-essential cmake libclang-dev libturbojpeg0-dev libzmq3-dev pkg-config
     rust
 }
 

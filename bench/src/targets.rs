@@ -119,13 +119,15 @@ pub(crate) fn check(results: &Results) -> Vec<Target> {
         hops(results, way, kind, limit, &mut targets);
     }
     coding(results, &mut targets);
-    let hops = results.halves(PythonHop, U8Rgb200).zip(results.halves(RustHop, U8Rgb200));
-    targets.push(Target::ratio(
-        format!("one hop of a {}, p50, Python against us", U8Rgb200.title()),
-        Some(Limit::AtLeast(4.0)),
-        hops.and_then(|(python, ours)| Estimate::of([&python, &ours], |[p, o]| p / o)),
-        |[python, ours]| format!("{python:.0} / {ours:.0} us"),
-    ));
+    for (kind, least) in [(U8Rgb200, 4.0), (VgaJpeg, 1.0)] {
+        let hops = results.halves(PythonHop, kind).zip(results.halves(RustHop, kind));
+        targets.push(Target::ratio(
+            format!("one hop of a {}, p50, Python against us", kind.title()),
+            Some(Limit::AtLeast(least)),
+            hops.and_then(|(python, ours)| Estimate::of([&python, &ours], |[p, o]| p / o)),
+            |[python, ours]| format!("{python:.0} / {ours:.0} us"),
+        ));
+    }
     trips(results, &mut targets);
     registered(results, &mut targets);
     asked(results, &mut targets);
@@ -213,6 +215,18 @@ fn coding(results: &Results, targets: &mut Vec<Target>) {
         }),
         |[pe, pd, oe, od]| format!("{:.0} / {:.0} us", pe + pd, oe + od),
     ));
+    let files = results.python_rounds(VgaJpeg).zip(results.our_rounds(VgaJpeg));
+    let (encode, decode) = files.map_or((None, None), |((pe, pd), (oe, od))| {
+        (faster(&pe, Some(oe)), faster(&pd, Some(od)))
+    });
+    for (what, estimate) in [("pixels into", encode), ("pixels out of", decode)] {
+        targets.push(Target::ratio(
+            format!("{what} a {}, Python (OpenCV) against us", VgaJpeg.title()),
+            Some(Limit::AtLeast(1.0)),
+            estimate,
+            micros,
+        ));
+    }
     for (what, grown) in [("encode", ENCODE_MEMORY), ("decode", DECODE_MEMORY)] {
         targets.push(Target::ratio(
             format!("{what} an array of 100 MiB: peak memory, array and text in it, over the text"),

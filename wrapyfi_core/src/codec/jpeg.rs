@@ -2,56 +2,72 @@
 //!
 //! ```text
 //!   RawPixels ── encode (quality 95, 4:2:0 as OpenCV does) ──▶ file
-//!   file ── decode (size checked first, straight into the wanted channel order) ──▶ RawPixels
+//!   file ── header (size, scans: checked first) ── decode into the wanted channel order ──▶ RawPixels
 //! ```
+//!
+//! libjpeg-turbo of the system does the work, as in OpenCV and image_transport.
 
 use bytes::Bytes;
-use jpeg_encoder::{ColorType, Encoder, SamplingFactor};
-use zune_jpeg::JpegDecoder;
-use zune_jpeg::zune_core::bytestream::ZCursor;
-use zune_jpeg::zune_core::colorspace::ColorSpace;
-use zune_jpeg::zune_core::options::DecoderOptions;
+use turbojpeg::{Compressor, Decompressor, PixelFormat, Subsamp};
 
+use super::jpeg_header::JpegHeader;
 use super::{DecodeError, EncodeError, Path, image_file};
 use crate::Limits;
 use crate::types::{CompressedFormat, Encoding, Image, MessageType, Pixels, RawPixels};
 
 /// Quality that Wrapyfi, by OpenCV's default, compresses with.
 pub const WRAPYFI_QUALITY: u8 = 95;
+/// Most rows and columns that libjpeg-turbo takes.
+const MOST_ROWS: u32 = 65_500;
 
 /// Compresses a picture of 8-bit channels; alpha is dropped.
 ///
 /// # Errors
-/// When the encoding has no form in JPEG, or the picture is empty or wider or higher than 65535.
+/// When the encoding has no form in JPEG, or the picture is empty, contradicts itself, or is wider or higher
+/// than 65500.
 pub fn encode(pixels: &RawPixels, quality: u8) -> Result<Bytes, EncodeError> {
-    let RawPixels { width, height, encoding, .. } = *pixels;
+    let RawPixels { width, height, encoding, step, .. } = *pixels;
     let refuse = |remedy: &str| EncodeError::Unrepresentable {
         format: "JPEG",
         what: format!("a {encoding} image of {width}x{height}"),
         path: Path::Root.to_string(),
         remedy: remedy.to_owned(),
     };
-    let color = match encoding {
-        Encoding::Mono8 => ColorType::Luma,
-        Encoding::Rgb8 => ColorType::Rgb,
-        Encoding::Bgr8 => ColorType::Bgr,
-        Encoding::Rgba8 => ColorType::Rgba,
-        Encoding::Bgra8 => ColorType::Bgra,
+    let format = match encoding {
+        Encoding::Mono8 => PixelFormat::GRAY,
+        Encoding::Rgb8 => PixelFormat::RGB,
+        Encoding::Bgr8 => PixelFormat::BGR,
+        Encoding::Rgba8 => PixelFormat::RGBX,
+        Encoding::Bgra8 => PixelFormat::BGRX,
         Encoding::Mono16 | Encoding::I32C1 | Encoding::F32C1 | Encoding::F32C3 => {
             return Err(refuse("use type Image"));
         }
     };
-    let (Ok(columns), Ok(rows)) = (u16::try_from(width), u16::try_from(height)) else {
-        return Err(refuse("use at most 65535 rows and columns, or type Image"));
+    if ![width, height].iter().all(|extent| (1..=MOST_ROWS).contains(extent)) {
+        return Err(refuse("use 1 to 65500 rows and columns, or type Image"));
+    }
+    // The fields are public, so they may contradict each other.
+    let checked = RawPixels::new(width, height, encoding, step, pixels.data.clone())
+        .map_err(|error| refuse(&error.to_string()))?;
+    let image = turbojpeg::Image {
+        pixels: &*checked.data,
+        width: width as usize,
+        pitch: step as usize,
+        height: height as usize,
+        format,
     };
-    let dense = pixels.to_dense();
-    let mut file = Vec::with_capacity(dense.data.len() / 4);
-    let mut encoder = Encoder::new(&mut file, quality);
-    encoder.set_sampling_factor(SamplingFactor::F_2_2);
-    encoder
-        .encode(&dense.data, columns, rows, color)
-        .map_err(|error| refuse(&format!("the encoder says: {error}")))?;
-    Ok(file.into())
+    let subsampling = if encoding == Encoding::Mono8 { Subsamp::Gray } else { Subsamp::Sub2x2 };
+    let compress = || {
+        let mut compressor = Compressor::new()?;
+        compressor.set_quality(i32::from(quality));
+        compressor.set_subsamp(subsampling);
+        // Room for the worst case, of which only what is written is ever touched.
+        let mut file = vec![0; compressor.buf_len(image.width, image.height)?];
+        let length = compressor.compress_to_slice(image, &mut file)?;
+        file.truncate(length);
+        Ok::<_, turbojpeg::Error>(Bytes::from(file))
+    };
+    compress().map_err(|error| refuse(&format!("the encoder says: {error}")))
 }
 
 /// Decompresses a file: grey to `mono8`, colour to `rgb8` or `bgr8` as `color_order` says,
@@ -69,23 +85,18 @@ pub fn decode(
         path: Path::Root.to_string(),
         reason,
     };
-    let (encoding, space) = match color_order {
-        Some(Encoding::Rgb8 | Encoding::Rgba8) => (Encoding::Rgb8, ColorSpace::RGB),
-        _ => (Encoding::Bgr8, ColorSpace::BGR),
+    let JpegHeader { width, height, components } = JpegHeader::read(file).map_err(malformed)?;
+    let red_first = color_order.and_then(Encoding::color_order) == Some(Encoding::Rgb8);
+    let color = if red_first { Encoding::Rgb8 } else { Encoding::Bgr8 };
+    let (encoding, format) = match (components, red_first) {
+        (1, _) => (Encoding::Mono8, PixelFormat::GRAY),
+        (3, true) => (color, PixelFormat::RGB),
+        (3, false) => (color, PixelFormat::BGR),
+        (4, _) => (color, PixelFormat::CMYK),
+        (other, _) => return Err(malformed(format!("{other} channels where 1, 3 or 4 are read"))),
     };
-    let options = DecoderOptions::default()
-        .set_max_width(usize::from(u16::MAX))
-        .set_max_height(usize::from(u16::MAX))
-        .jpeg_set_out_colorspace(space);
-    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(&**file), options);
-    decoder.decode_headers().map_err(|error| malformed(format!("{error:?}")))?;
-    let info = decoder.info().ok_or_else(|| malformed("no picture size".into()))?;
-    let (encoding, space) =
-        if info.components == 1 { (Encoding::Mono8, ColorSpace::Luma) } else { (encoding, space) };
-    decoder.set_options(options.jpeg_set_out_colorspace(space));
-
-    let (width, height) = (u32::from(info.width), u32::from(info.height));
-    let size = u64::from(width) * u64::from(height) * encoding.bytes_per_pixel() as u64;
+    let (width, height) = (u32::from(width), u32::from(height));
+    let size = u64::from(width) * u64::from(height) * format.size() as u64;
     if size > limits.message_bytes as u64 {
         return Err(DecodeError::TooLarge {
             what: "message",
@@ -94,8 +105,38 @@ pub fn decode(
             limit: limits.message_bytes as u64,
         });
     }
-    let pixels = decoder.decode().map_err(|error| malformed(format!("{error:?}")))?;
+    // Below the limit, which is a usize.
+    let mut pixels = vec![0; usize::try_from(size).unwrap_or_default()];
+    let image = turbojpeg::Image {
+        pixels: pixels.as_mut_slice(),
+        width: width as usize,
+        pitch: width as usize * format.size(),
+        height: height as usize,
+        format,
+    };
+    let decompressed = Decompressor::new().and_then(|mut it| it.decompress(file, image));
+    match decompressed {
+        Err(turbojpeg::Error::TurboJpegError(text)) if is_harmless(&text) => {}
+        other => other.map_err(|error| malformed(error.to_string()))?,
+    }
+    if format == PixelFormat::CMYK {
+        pixels = without_black(&pixels, red_first);
+    }
     RawPixels::dense(width, height, encoding, pixels).map_err(|error| malformed(error.to_string()))
+}
+
+/// Whether libjpeg warns of what many cameras write and every viewer accepts, and decodes the picture.
+fn is_harmless(warning: &str) -> bool {
+    warning.starts_with("Corrupt JPEG data") && warning.contains("extraneous bytes before marker")
+}
+
+/// Cyan, magenta, yellow and black, inverted as Adobe's programs and Pillow write them, as colours.
+fn without_black(pixels: &[u8], red_first: bool) -> Vec<u8> {
+    let of = |[c, m, y, k]: [u8; 4]| {
+        let lit = |ink: u8| u8::try_from(u16::from(ink) * u16::from(k) / 255).unwrap_or(u8::MAX);
+        if red_first { [lit(c), lit(m), lit(y)] } else { [lit(y), lit(m), lit(c)] }
+    };
+    pixels.as_chunks::<4>().0.iter().flat_map(|pixel| of(*pixel)).collect()
 }
 
 /// Turns `image` into the form that `to` carries: pixels for [`MessageType::Image`], a file for
@@ -197,6 +238,43 @@ mod tests {
             let pixels = RawPixels::dense(width, height, Encoding::Mono8, bytes).unwrap();
             assert!(encode(&pixels, 95).is_err(), "{width}x{height}");
         }
+    }
+
+    /// As OpenCV reads them: a file that Pillow made of (cyan, magenta, yellow, black).
+    #[test]
+    fn four_inks_become_three_colours() {
+        // 100 % yellow and 20 % black, inverted.
+        let pixels = [255, 255, 0, 204].repeat(2);
+        assert_eq!(without_black(&pixels, true), [204, 204, 0, 204, 204, 0]);
+        assert_eq!(without_black(&pixels, false), [0, 204, 204, 0, 204, 204]);
+        let file = include_bytes!("../../tests/data/cmyk.jpg");
+        let rgb = decode(&Bytes::from_static(file), &Limits::default(), Some(Encoding::Rgb8));
+        let rgb = rgb.unwrap();
+        assert_eq!((rgb.width, rgb.height, rgb.encoding), (33, 17, Encoding::Rgb8));
+        assert!(near(&rgb, &[204, 204, 0]), "{:?}", &rgb.data[..6]);
+    }
+
+    #[test]
+    fn bytes_that_cameras_leave_before_the_end_do_no_harm_and_a_cut_file_does() {
+        let whole = encode(&picture(Encoding::Rgb8, &[1, 200, 3]), WRAPYFI_QUALITY).unwrap();
+        let (picture, end) = whole.split_at(whole.len() - 2);
+        let file = [picture, &[0, 0, 0], end].concat();
+        let limits = Limits::default();
+        let seen = decode(&file.into(), &limits, None).unwrap();
+        assert_eq!(seen, decode(&whole, &limits, None).unwrap());
+        let error = decode(&whole.slice(..whole.len() - 40), &limits, None).unwrap_err();
+        assert!(matches!(error, DecodeError::Malformed { format: "JPEG", .. }), "{error}");
+    }
+
+    #[test]
+    fn rows_may_have_padding() {
+        let dense = picture(Encoding::Bgr8, &[9, 90, 200]);
+        let padded: Vec<u8> =
+            dense.data.chunks(33 * 3).flat_map(|row| [row, &[7; 5]].concat()).collect();
+        let padded = RawPixels::new(33, 17, Encoding::Bgr8, 33 * 3 + 5, padded).unwrap();
+        assert_eq!(encode(&padded, 95).unwrap(), encode(&dense, 95).unwrap());
+        let lying = RawPixels { step: 1, ..padded };
+        assert!(encode(&lying, 95).is_err());
     }
 
     #[test]

@@ -24,6 +24,7 @@ mod error;
 pub mod frames;
 pub mod image_file;
 pub mod jpeg;
+mod jpeg_header;
 pub mod json;
 pub mod npy;
 mod path;
