@@ -124,6 +124,8 @@ def facts(value):
         if "seq" in value:
             found["seq"] = value["seq"]
         found["value"] = payload.neutral(value)
+    elif isinstance(value, str):
+        found["value"] = value
     found["sha256"] = payload.digest(value)
     if flavour.startswith("jpg") and args.role in ("publish", "reply"):
         from wrapyfi.utils.image_encoders import JpegEncoder
