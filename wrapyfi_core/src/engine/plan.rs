@@ -115,6 +115,16 @@ impl RouteSpec {
     }
 }
 
+impl RouteSpec {
+    /// What the route says of headers.
+    pub(super) fn show_header(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(frame_id) = &self.frame_id {
+            write!(f, "  frame_id {frame_id}")?;
+        }
+        self.stamp.map_or(Ok(()), |stamp| write!(f, "  stamp {stamp}"))
+    }
+}
+
 impl fmt::Display for RouteSpec {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} -> {}  ", self.from, self.to)?;
@@ -138,12 +148,7 @@ impl fmt::Display for RouteSpec {
         if self.color_order != Encoding::Bgr8 {
             write!(f, "  encoding {}", self.color_order)?;
         }
-        if let Some(frame_id) = &self.frame_id {
-            write!(f, "  frame_id {frame_id}")?;
-        }
-        if let Some(stamp) = self.stamp {
-            write!(f, "  stamp {stamp}")?;
-        }
+        self.show_header(f)?;
         if let Some(devices) = self.plugins.devices() {
             write!(f, "  devices {devices}")?;
         }

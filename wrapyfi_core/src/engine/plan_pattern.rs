@@ -169,6 +169,9 @@ impl fmt::Display for PatternSpec {
             Carried::Services { .. } => write!(f, "{} -> {from}", self.to)?,
         }
         write!(f, "  {}", if typed { what } else { "type learned" })?;
+        if let Carried::Topics { template, .. } = &self.carried {
+            template.show_header(f)?;
+        }
         let Source::Names { allow, deny, .. } = &self.from else { return Ok(()) };
         for (word, list) in [("allow", allow), ("deny", deny)] {
             if !list.is_empty() {

@@ -45,6 +45,10 @@ fn what_headers_get_is_shown_and_only_where_there_are_headers() {
     assert!(image.ends_with("  frame_id left_eye  stamp ros_time"), "{image}");
     let joints = shown("type: sensor_msgs/msg/JointState, stamp: arrival");
     assert!(joints.ends_with("  stamp arrival"), "{joints}");
+    let many =
+        plan("routes:\n  - { from: 'zeromq:/(.*)', to: 'ros2:/$1', stamp: ros_time }\n").unwrap();
+    let shown = many.patterns[0].to_string();
+    assert!(shown.contains("type learned  stamp ros_time"), "{shown}");
     for (rest, wanted) in [
         ("type: Text, frame_id: x", "frame_id has no effect: Text has no header"),
         ("type: geometry_msgs/msg/Twist, stamp: source", "stamp has no effect: geometry_msgs"),
