@@ -146,14 +146,16 @@ def pillow_case(name, mode):
         def make(seq):
             from PIL import Image
             colour = Image.fromarray(payload.image(seq))
-            if mode in ("RGB", "L", "RGBA", "1", "F", "I"):
+            if mode == "P":  # Wrapyfi sends no palette: here are greys
+                return Image.frombytes("P", colour.size, colour.convert("L").tobytes())
+            if mode in ("RGB", "L", "RGBA", "1", "F", "I", "CMYK"):
                 return colour.convert(mode)
             return Image.fromarray((payload.image(seq, "mono").astype("<u2") << 7) + seq)
     Made.__name__ = name
     return case(plugin="pillow_image")(Made)
 
 
-for _name, _mode in [("PillowRgb", "RGB"), ("PillowL", "L"), ("PillowRgba", "RGBA"), ("PillowBits", "1"),
+for _name, _mode in [("PillowP", "P"), ("PillowCmyk", "CMYK"), ("PillowRgb", "RGB"), ("PillowL", "L"), ("PillowRgba", "RGBA"), ("PillowBits", "1"),
                      ("PillowF", "F"), ("PillowI", "I"), ("PillowI16", "I;16")]:
     pillow_case(_name, _mode)
 
@@ -192,6 +194,7 @@ def frame_facts(frame):
     return plain({"columns": [str(label) for label in frame.columns], "dtypes": [str(dtype) for dtype in frame.dtypes],
                   "columns_type": f"{type(frame.columns).__name__} {frame.columns.dtype} {frame.columns.name}",
                   "index": [str(label) for label in index], "index_type": f"{type(index).__name__} {index.dtype} {index.name}",
+                  "names": [str(name) for name in [*index.names, *frame.columns.names]], "freq": str(getattr(index, "freqstr", None)),
                   "values": [[repr(value) for value in frame[label].tolist()] for label in frame.columns]})
 
 
@@ -222,6 +225,65 @@ class PandasTypes:
             "delta": pandas.to_timedelta([1, None], unit="s"),
             "zone": pandas.to_datetime(["2024-01-01", "2024-06-01"], utc=True), 7: [1.0, 2.0]},
             index=pandas.RangeIndex(10, 30, 10))
+
+
+@case(plugin="pandas_data")
+class PandasArrow:
+    """Columns whose types are PyArrow's: Wrapyfi's own example of pandas."""
+    facts = staticmethod(frame_facts)
+
+    @staticmethod
+    def make(seq):
+        import pandas
+        import pyarrow
+        lists = pandas.ArrowDtype(pyarrow.list_(pyarrow.int64()))
+        members = pandas.ArrowDtype(pyarrow.struct([("x", pyarrow.int64()), ("y", pyarrow.string())]))
+        return pandas.DataFrame({
+            "f": pandas.Series([seq + 0.5, None, 3], dtype="float32[pyarrow]"), "i": pandas.Series([1, 2, None], dtype="int64[pyarrow]"),
+            "s": pandas.Series(["a", None, "c"], dtype=pandas.ArrowDtype(pyarrow.string())),
+            "l": pandas.Series([[1, seq], None, []], dtype=lists), "m": pandas.Series([{"x": 1, "y": "u"}, None, {"x": seq, "y": None}], dtype=members)})
+
+
+@case(plugin="pandas_data")
+class PandasTimes:
+    """Zones by name and by offset, periods, and an index of regular times."""
+    facts = staticmethod(frame_facts)
+
+    @staticmethod
+    def make(seq):
+        import pandas
+        return pandas.DataFrame({
+            "berlin": pandas.to_datetime(["2024-01-01", "2024-07-01", None]).tz_localize("Europe/Berlin"),
+            "east": pandas.to_datetime(["2024-01-01T00:00+05:30", None, "2024-01-02T00:00+05:30"]),
+            "month": pandas.PeriodIndex(["2024-01", None, "2024-03"], freq="M"), "n": [seq, 2, 3]},
+            index=pandas.date_range("2024-03-30 22:00", periods=3, freq="15min", tz="America/New_York", name="when"))
+
+
+@case(plugin="pandas_data")
+class PandasFreq:
+    """A step of times that is the sender's own, a different one each time."""
+    @staticmethod
+    def make(seq):
+        import pandas
+        steps = ["D", "2h", "B", "ME", "MS", "W-MON", "2QS-FEB", "YE-DEC", "SME-15", "-1D"]
+        return pandas.Series([1, 2, seq], index=pandas.date_range("2024-01-01", periods=3, freq=steps[seq % len(steps)]))
+
+    @staticmethod
+    def facts(series):
+        return frame_facts(series.to_frame())
+
+
+@case(plugin="pandas_data")
+class PandasLevels:
+    """Several levels of labels, of rows and of columns."""
+    facts = staticmethod(frame_facts)
+
+    @staticmethod
+    def make(seq):
+        import pandas
+        rows = pandas.MultiIndex.from_tuples([("a", 1, "2024-01"), ("b", seq, None), ("a", 3, "2024-02")], names=["x", None, "month"])
+        columns = pandas.MultiIndex.from_tuples([("left", 1), ("left", 2), ("right", 1)], names=["side", "n"])
+        return pandas.DataFrame([[1, 2.5, "u"], [3, 4.5, "v"], [seq, 0.5, None]], index=rows, columns=columns)
 
 
 @case(plugin="pandas_data")
@@ -270,3 +332,31 @@ class ArrowStruct:
     def make(seq):
         import pyarrow
         return pyarrow.array([{"x": seq, "list": [1, 2]}, None, {"x": 3, "list": None}])
+
+
+@case(plugin="pyarrow_array")
+class ArrowList:
+    facts = staticmethod(arrow_facts)
+
+    @staticmethod
+    def make(seq):
+        import pyarrow
+        if seq % 2:
+            return pyarrow.array([["a"], None, ["b", None]], pyarrow.large_list(pyarrow.string())).slice(1)
+        return pyarrow.array([[[1, seq], None], [], None])
+
+
+@case(plugin="pyarrow_array")
+class ArrowScalar:
+    @staticmethod
+    def make(seq):
+        import datetime
+        import pyarrow
+        kinds = [pyarrow.scalar(seq + 0.5), pyarrow.scalar("x"), pyarrow.scalar({"a": seq, "b": [1, None]}),
+                 pyarrow.scalar(None, pyarrow.int32()), pyarrow.scalar(datetime.datetime(2024, 1, 2, 3, 4, 5, 6)),
+                 pyarrow.scalar([[1], None])]
+        return kinds[seq % len(kinds)]
+
+    @staticmethod
+    def facts(scalar):
+        return plain({"type": str(scalar.type), "value": repr(scalar.as_py())})

@@ -128,6 +128,8 @@ travels! {
     python_objects_travel: "numpy", "builtins" as "tuple";
     pint_quantities_travel: "pint", "pint" as "quantity";
     pillow_files_travel: "PIL", "pillowfile" as "picture";
+    pillow_palettes_travel: "PIL", "pillowp" as "picture";
+    pillow_inks_travel: "PIL", "pillowcmyk" as "picture";
     pillow_colour_images_travel: "PIL", "pillowrgb" as "picture";
     pillow_grey_images_travel: "PIL", "pillowl" as "picture";
     pillow_images_with_alpha_travel: "PIL", "pillowrgba" as "picture";
@@ -140,7 +142,13 @@ travels! {
     pandas_series_travel: "pandas", "pandasseries" as "table";
     pandas_indices_travel: "pandas", "pandasindex" as "table";
     pyarrow_arrays_travel: "pyarrow", "arrowarray" as "table";
-    pyarrow_structs_travel: "pyarrow", "arrowstruct" as "PyArrowArray";
+    pandas_columns_of_arrow_types_travel: "pandas", "pandasarrow" as "table";
+    pandas_zones_and_periods_travel: "pandas", "pandastimes" as "table";
+    pandas_regular_times_travel: "pandas", "pandasfreq" as "table";
+    pandas_labels_of_several_levels_travel: "pandas", "pandaslevels" as "table";
+    pyarrow_structs_travel: "pyarrow", "arrowstruct" as "table";
+    pyarrow_lists_travel: "pyarrow", "arrowlist" as "table";
+    pyarrow_scalars_travel: "pyarrow", "arrowscalar" as "table";
     xarray_arrays_travel: "xarray", "xarray" as "labelled";
     xarray_data_sets_travel: "xarray", "xarrayset" as "labelled";
 }

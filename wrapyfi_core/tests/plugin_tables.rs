@@ -7,7 +7,8 @@ use std::sync::Arc;
 
 use arrow_array::cast::AsArray as _;
 use arrow_array::types::{
-    Float64Type, Int8Type, Int32Type, Int64Type, TimestampMicrosecondType, TimestampNanosecondType,
+    Float16Type, Float32Type, Float64Type, Int8Type, Int32Type, Int64Type,
+    TimestampMicrosecondType, TimestampNanosecondType, UInt64Type,
 };
 use arrow_array::{Array, ArrayRef, RecordBatch};
 use arrow_schema::{DataType, Field, Schema, TimeUnit};
@@ -83,6 +84,15 @@ fn elements(array: &ArrayRef) -> Vec<Json> {
                         }
                     };
                     json!(time.unwrap().format("%Y-%m-%d %H:%M:%S").to_string())
+                }
+                DataType::Float16 => json!(array.as_primitive::<Float16Type>().value(row).to_f64()),
+                DataType::Float32 => json!(array.as_primitive::<Float32Type>().value(row)),
+                DataType::UInt64 => json!(array.as_primitive::<UInt64Type>().value(row)),
+                DataType::LargeUtf8 => json!(array.as_string::<i64>().value(row)),
+                DataType::List(_) => elements(&array.as_list::<i32>().value(row)).into(),
+                DataType::LargeList(_) => elements(&array.as_list::<i64>().value(row)).into(),
+                DataType::FixedSizeList(..) => {
+                    elements(&array.as_fixed_size_list().value(row)).into()
                 }
                 DataType::Struct(fields) => {
                     let row_of = |(field, column): (&Arc<Field>, &ArrayRef)| {
@@ -162,6 +172,71 @@ fn frames_of_pandas_2_and_3_are_read_and_written() {
     assert_eq!(checked, 16);
 }
 
+/// Columns of Arrow's types, zones, several levels of labels, periods and regular times.
+#[test]
+fn every_kind_of_column_and_index_of_pandas_is_read_and_written() {
+    for vector in vectors("pandas_types") {
+        let name = vector["name"].as_str().unwrap();
+        let value = decode(vector["wire"].as_str().unwrap());
+        let Value::Table(table) = &value else { panic!("{name}: {value:?}") };
+        // Text of PyArrow comes back as objects, which are the same to pandas.
+        assert_eq!(codec::encode(&again(&value)), codec::encode(&value), "{name}");
+        assert_eq!(through_the_graph(&value), value, "{name}");
+        let (text, _) = codec::encode_with_tensors(&value, &Plugins::standard()).unwrap();
+        let form = if name == "arrow_decimal" { "PandasData" } else { "table" };
+        let begin = format!(r#"{{"__wrapyfi__": ["{form}", "#);
+        assert!(text.starts_with(begin.as_bytes()), "{name}: {}", String::from_utf8_lossy(&text));
+
+        let facts = &vector["facts"];
+        let levels = match table.origin.get("index") {
+            Some("column") => 1,
+            Some(text) => text.strip_prefix("levels ").map_or(0, |count| count.parse().unwrap()),
+            None => 0,
+        };
+        let schema = table.batch.schema();
+        let dtypes = schema.fields().iter().skip(levels);
+        let dtypes: Vec<_> = dtypes.map(|field| json!(field.metadata()["dtype"])).collect();
+        if let Some(wanted) = facts["dtypes"].as_array() {
+            assert_eq!(&dtypes, wanted, "{name}");
+        }
+        assert_eq!(json!(table.origin.get("freq")), facts["index"]["freq"], "{name}");
+        assert_eq!(table.batch.num_rows(), facts["index"]["labels"].as_array().unwrap().len());
+        if facts["index"]["type"] == "MultiIndex" {
+            let names = facts["index"]["names"].as_array().unwrap();
+            assert_eq!(levels, names.len(), "{name}");
+            for (field, wanted) in schema.fields().iter().zip(names) {
+                assert_eq!(field.name(), wanted.as_str().unwrap_or_default(), "{name}");
+            }
+        }
+    }
+}
+
+#[test]
+fn lists_structs_and_scalars_of_pyarrow_are_read_and_written() {
+    for vector in vectors("pyarrow_types") {
+        let name = vector["name"].as_str().unwrap();
+        let value = decode(vector["wire"].as_str().unwrap());
+        let Value::Table(table) = &value else { panic!("{name}: {value:?}") };
+        assert_eq!(again(&value), value, "{name}");
+        assert_eq!(through_the_graph(&value), value, "{name}");
+        let (text, _) = codec::encode_with_tensors(&value, &Plugins::standard()).unwrap();
+        let form = if name == "scalar_decimal" { "PyArrowArray" } else { "table" };
+        let begin = format!(r#"{{"__wrapyfi__": ["{form}", "#);
+        assert!(text.starts_with(begin.as_bytes()), "{name}: {}", String::from_utf8_lossy(&text));
+        if name.starts_with("scalar") {
+            assert_eq!(table.origin.get("kind"), Some("Scalar"), "{name}");
+        }
+        // Bytes, times and decimals are no JSON.
+        if !["binary", "times", "time", "day", "delta", "decimal", "bytes", "table", "null"]
+            .iter()
+            .any(|kind| name.contains(kind))
+        {
+            let wanted = vector["facts"]["values"].as_array().unwrap();
+            assert_eq!(&elements(table.batch.column(0)), wanted, "{name}");
+        }
+    }
+}
+
 #[test]
 fn arrays_and_tables_of_pyarrow_are_read_and_written() {
     let mut checked = 0;
@@ -222,6 +297,19 @@ fn refusal(wire: &str) -> String {
     reasons[0].clone()
 }
 
+/// Offsets of 21 bytes, where three need 24, and of 27.
+#[test]
+fn buffers_that_end_within_an_element_do_no_harm() {
+    let vectors = vectors("pyarrow_types");
+    let vector = vectors.iter().find(|vector| vector["name"] == "large_list").unwrap();
+    let wire = vector["wire"].as_str().unwrap();
+    let offsets = wire.split('"').find(|part| part.len() == 32).unwrap();
+    let short = wire.replace(offsets, &offsets[..28]);
+    assert_eq!(decode(&short).refusals().count(), 1, "{short}");
+    let long = wire.replace(offsets, &format!("{offsets}AAAA"));
+    assert_eq!(decode(&long), decode(wire), "{long}");
+}
+
 #[test]
 fn what_cannot_be_a_table_is_refused_with_its_reason() {
     for (pickle, words) in [
@@ -256,7 +344,7 @@ fn what_cannot_be_a_table_is_refused_with_its_reason() {
 #[test]
 fn damaged_tables_do_no_harm() {
     let limits = Limits { message_bytes: 1 << 20, ..Limits::default() };
-    for vector in ["pandas", "pandas3", "pyarrow"].into_iter().flat_map(vectors) {
+    for vector in ["pandas", "pandas3", "pyarrow", "pyarrow_types"].into_iter().flat_map(vectors) {
         let Some(wire) = vector["wire"].as_str() else { continue };
         for at in 0..wire.len() {
             for damage in [b'K', b'0', b'\\', b')'] {

@@ -50,6 +50,7 @@ impl DecodeError {
     pub fn drop_reason(&self) -> DropReason {
         match self {
             Self::Malformed { .. } => DropReason::Malformed,
+            Self::TooLarge { what: "nesting", .. } => DropReason::Nesting,
             Self::TooLarge { .. } => DropReason::Oversize,
             Self::Mismatch { .. } => DropReason::Mismatch,
         }

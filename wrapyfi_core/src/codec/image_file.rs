@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   JPEG, PNG, BMP, GIF, TIFF, WebP ─ size checked first ─▶ RawPixels
-//!   RawPixels ─▶ PNG; 32-bit grey, which PNG has not ─▶ TIFF
+//!   RawPixels ─▶ PNG; 32-bit grey and inks, which PNG has not ─▶ TIFF
 //! ```
 //!
 //! | pixels in the file | become |
@@ -10,6 +10,7 @@
 //! | grey of 1 to 8 bits; 16 bits | `mono8`; `mono16` |
 //! | colour, palettes | `rgb8` or `bgr8`, as asked for |
 //! | colour or grey with alpha | `rgba8` or `bgra8` |
+//! | cyan, magenta, yellow and black (TIFF) | `rgb8` or `bgr8` |
 //! | colour of 16 bits | their upper 8 bits |
 //! | 32-bit floats; integers (TIFF) | `32FC1`, `32FC3`; `32SC1` |
 //!
@@ -24,7 +25,7 @@ use std::io::Cursor;
 use bytes::Bytes;
 use image::{ColorType, ImageDecoder, ImageFormat, ImageReader};
 use tiff::decoder::DecodingResult;
-use tiff::encoder::colortype::{Gray32Float, GrayI32};
+use tiff::encoder::colortype::{CMYK8, Gray32Float, GrayI32};
 
 use super::{DecodeError, EncodeError, Path, jpeg};
 use crate::Limits;
@@ -49,7 +50,10 @@ pub fn decode(
     if format == ImageFormat::Bmp {
         claims::check_bmp(file).map_err(malformed)?;
     } else if format == ImageFormat::Tiff {
-        let raw = tiff(file, limits, name)?;
+        let raw = match tiff(file, limits, name)? {
+            (raw, true) => inks_to_rgb(&raw),
+            (raw, false) => raw,
+        };
         return Ok(if red_first { raw } else { raw.swap_red_blue() });
     }
     let mut reader = ImageReader::with_format(Cursor::new(&**file), format);
@@ -144,8 +148,42 @@ fn encoded(color: ColorType, pixels: Vec<u8>) -> Option<(Encoding, Vec<u8>)> {
     })
 }
 
-/// The picture in a TIFF file: grey of 1, 8, 16 or 32 bits, colour of 8 bits.
-fn tiff(file: &[u8], limits: &Limits, name: &'static str) -> Result<RawPixels, DecodeError> {
+/// The inks in a TIFF file, four bytes a pixel; nothing where it has none.
+///
+/// # Errors
+/// As [`decode`].
+pub(crate) fn decode_inks(file: &[u8], limits: &Limits) -> Result<Option<RawPixels>, DecodeError> {
+    if !matches!(known_format(file), Ok((ImageFormat::Tiff, _))) {
+        return Ok(None);
+    }
+    tiff(file, limits, "TIFF").map(|(raw, inks)| inks.then_some(raw))
+}
+
+/// The colours of cyan, magenta, yellow and black, as Pillow reckons them.
+pub(crate) fn inks_to_rgb(inks: &RawPixels) -> RawPixels {
+    let dense = inks.to_dense();
+    let (pixels, _) = dense.data.as_chunks::<4>();
+    let colour = |ink: u8, black: u8| {
+        let left = u32::from(255 - black);
+        let product = u32::from(ink) * left + 128;
+        // At most `left`.
+        (left - ((product >> 8) + product >> 8).min(left)) as u8
+    };
+    let data: Vec<u8> = pixels
+        .iter()
+        .flat_map(|&[c, m, y, k]| [colour(c, k), colour(m, k), colour(y, k)])
+        .collect();
+    let step = dense.width.saturating_mul(3);
+    RawPixels { encoding: Encoding::Rgb8, step, data: data.into(), ..dense }
+}
+
+/// The picture in a TIFF file: grey of 1, 8, 16 or 32 bits, colour of 8 bits; and whether its four
+/// channels are inks, which have no encoding of their own.
+fn tiff(
+    file: &[u8],
+    limits: &Limits,
+    name: &'static str,
+) -> Result<(RawPixels, bool), DecodeError> {
     claims::check_tiff(file).map_err(|reason| malformed(name, reason))?;
     let fault = |error: tiff::TiffError| malformed(name, error.to_string());
     let mut bounds = tiff::decoder::Limits::default();
@@ -160,7 +198,7 @@ fn tiff(file: &[u8], limits: &Limits, name: &'static str) -> Result<RawPixels, D
         tiff::ColorType::Gray(16) => (Encoding::Mono16, 2),
         tiff::ColorType::Gray(32) => (Encoding::F32C1, 4),
         tiff::ColorType::RGB(8) => (Encoding::Rgb8, 3),
-        tiff::ColorType::RGBA(8) => (Encoding::Rgba8, 4),
+        tiff::ColorType::RGBA(8) | tiff::ColorType::CMYK(8) => (Encoding::Rgba8, 4),
         other => return Err(malformed(name, format!("pixels of type {other:?}"))),
     };
     let (width, height) = decoder.dimensions().map_err(fault)?;
@@ -183,6 +221,7 @@ fn tiff(file: &[u8], limits: &Limits, name: &'static str) -> Result<RawPixels, D
         _ => return Err(malformed(name, "pixels that are no numbers of 8, 16 or 32 bits".into())),
     };
     RawPixels::dense(width, height, encoding, pixels)
+        .map(|raw| (raw, color == tiff::ColorType::CMYK(8)))
         .map_err(|error| malformed(name, error.to_string()))
 }
 
@@ -193,6 +232,13 @@ fn tiff(file: &[u8], limits: &Limits, name: &'static str) -> Result<RawPixels, D
 /// # Errors
 /// When the picture is empty, or of an encoding that neither format has.
 pub fn encode(pixels: &RawPixels, bits: bool) -> Result<Bytes, EncodeError> {
+    encode_mode(pixels, bits.then_some("1"))
+}
+
+/// The same for one of Pillow's modes: `1` is bits; `P` is `mono8` as a palette of greys; `CMYK` is
+/// four bytes a pixel that are inks, whatever their encoding says.
+pub(crate) fn encode_mode(pixels: &RawPixels, mode: Option<&str>) -> Result<Bytes, EncodeError> {
+    let bits = mode == Some("1");
     let dense = pixels.to_dense();
     let dense = match dense.encoding {
         Encoding::Bgr8 | Encoding::Bgra8 => dense.swap_red_blue(),
@@ -209,6 +255,10 @@ pub fn encode(pixels: &RawPixels, bits: bool) -> Result<Bytes, EncodeError> {
         return Err(refuse("send at least one pixel"));
     }
     let (color, depth) = match encoding {
+        Encoding::Rgba8 if mode == Some("CMYK") => {
+            return tiff_file(&dense).map_err(|error| refuse(&error.to_string()));
+        }
+        Encoding::Mono8 if mode == Some("P") => (png::ColorType::Indexed, png::BitDepth::Eight),
         Encoding::Mono8 if bits => (png::ColorType::Grayscale, png::BitDepth::One),
         Encoding::Mono8 => (png::ColorType::Grayscale, png::BitDepth::Eight),
         Encoding::Mono16 => (png::ColorType::Grayscale, png::BitDepth::Sixteen),
@@ -235,6 +285,9 @@ pub fn encode(pixels: &RawPixels, bits: bool) -> Result<Bytes, EncodeError> {
     encoder.set_color(color);
     encoder.set_depth(depth);
     encoder.set_compression(png::Compression::Fast);
+    if color == png::ColorType::Indexed {
+        encoder.set_palette((0..=255).flat_map(|grey| [grey; 3]).collect::<Vec<u8>>());
+    }
     let fault = |error: png::EncodingError| refuse(&error.to_string());
     let mut writer = encoder.write_header().map_err(fault)?;
     writer.write_image_data(&data).map_err(fault)?;
@@ -244,10 +297,13 @@ pub fn encode(pixels: &RawPixels, bits: bool) -> Result<Bytes, EncodeError> {
 
 fn tiff_file(dense: &RawPixels) -> Result<Bytes, tiff::TiffError> {
     let (values, _) = dense.data.as_chunks::<4>();
+    let inks = dense.encoding == Encoding::Rgba8;
     let mut file = Cursor::new(Vec::with_capacity(dense.data.len() + 1024));
     let mut encoder = tiff::encoder::TiffEncoder::new(&mut file)?;
     let (width, height) = (dense.width, dense.height);
-    if dense.encoding == Encoding::F32C1 {
+    if inks {
+        encoder.write_image::<CMYK8>(width, height, &dense.data)?;
+    } else if dense.encoding == Encoding::F32C1 {
         let values: Vec<f32> = values.iter().map(|&value| f32::from_le_bytes(value)).collect();
         encoder.write_image::<Gray32Float>(width, height, &values)?;
     } else {

@@ -2,11 +2,12 @@
 //!
 //! ```text
 //!   Tensor uint8 (H, W), (H, W, 3), (H, W, 4) … ─▶ Image, in the channel order of the topic ─▶ Tensor
-//!   Picture (Pillow) ─────────────────────────────▶ Image, as it is
+//!   Picture (Pillow) ─────────────────────────────▶ Image, as it is; CMYK as rgb8
 //! ```
 
-use super::{DecodeError, EncodeError, convert};
+use super::{DecodeError, EncodeError, convert, image_file};
 use crate::Limits;
+use crate::plugin::INKS;
 use crate::types::{Dtype, Encoding, Image, MessageType, Pixels, RawPixels, Stamp, Tensor, Value};
 
 impl Image {
@@ -40,7 +41,12 @@ impl Image {
             Value::Tensor(tensor) => {
                 raw_pixels(tensor, color_order).map(|raw| Self::new(stamp, raw))
             }
-            Value::Picture(picture) => Ok(Self { stamp, ..picture.image.clone() }),
+            Value::Picture(picture) => match &picture.image.pixels {
+                Pixels::Raw(raw) if picture.mode.as_deref() == Some(INKS) => {
+                    Ok(Self::new(stamp, image_file::inks_to_rgb(raw)))
+                }
+                _ => Ok(Self { stamp, ..picture.image.clone() }),
+            },
             other => Err(DecodeError::Mismatch {
                 expected: "an image: an array or a Pillow image".into(),
                 actual: match other {

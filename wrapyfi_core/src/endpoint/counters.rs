@@ -36,6 +36,8 @@ drop_reasons! {
     Oversize => "oversize",
     /// Bytes that are no valid message of the route's type.
     Malformed => "malformed",
+    /// Values, bottles or types nested deeper than the limit.
+    Nesting => "nesting",
     /// A valid message whose kind, channels or encoding the route does not carry.
     Mismatch => "mismatch",
     /// Arrived by ZeroMQ's prefix match for another topic.

@@ -74,6 +74,7 @@ pub use set::Plugins;
 pub use zarr::ZarrGroup;
 
 pub(crate) use body::Element;
+pub(crate) use pillow::INKS;
 
 use std::cell::Cell;
 

@@ -20,8 +20,9 @@ use crate::types::{
 /// Pillow's `Image`.
 pub(super) struct Pillow;
 
-/// Pillow's modes that are read, and the encoding of each. Bits become bytes.
-const MODES: [(&str, Encoding); 9] = [
+/// Pillow's modes that are read, and the encoding of each: the first of an encoding is its own, others
+/// are remembered. Bits become bytes.
+const MODES: [(&str, Encoding); 11] = [
     ("RGB", Encoding::Rgb8),
     ("RGBA", Encoding::Rgba8),
     ("L", Encoding::Mono8),
@@ -31,7 +32,13 @@ const MODES: [(&str, Encoding); 9] = [
     ("I;16B", Encoding::Mono16),
     ("I", Encoding::I32C1),
     ("F", Encoding::F32C1),
+    // Wrapyfi does not send the palette: what it sends are places in one, as good as greys.
+    ("P", Encoding::Mono8),
+    (INKS, Encoding::Rgba8),
 ];
+
+/// The mode of four inks a pixel: no encoding has them, the mode says what the channels are.
+pub(crate) const INKS: &str = "CMYK";
 
 /// The mode of one bit a pixel.
 const BITS: &str = "1";
@@ -54,8 +61,7 @@ impl Plugin for Pillow {
             Pixels::Compressed { data, .. } => data.clone(),
             Pixels::Raw(raw) if raw.width == 0 || raw.height == 0 => return empty(raw),
             Pixels::Raw(raw) => {
-                let bits = picture.mode.as_deref() == Some(BITS);
-                image_file::encode(raw, bits).map_err(unwritable)?
+                image_file::encode_mode(raw, picture.mode.as_deref()).map_err(unwritable)?
             }
         };
         Ok(vec![Part::Latin1(file)])
@@ -129,7 +135,7 @@ fn from_pixels(
     }
     let raw = RawPixels::dense(width, height, *encoding, data)
         .map_err(|error| malformed(error.to_string()))?;
-    Ok((raw.into(), (mode == BITS).then_some(mode)))
+    Ok((raw.into(), matches!(&*mode, BITS | "P" | INKS).then_some(mode)))
 }
 
 fn from_file(
@@ -140,19 +146,23 @@ fn from_file(
     if let Some(format) = CompressedFormat::sniff(&file) {
         return Ok((Pixels::Compressed { format, data: file }, None));
     }
-    let raw =
-        image_file::decode(&file, &context.left(), Some(Encoding::Rgb8)).map_err(|error| {
-            match error {
-                DecodeError::TooLarge { path, actual, limit, .. } => {
-                    PluginError::TooLarge { what: path, actual, limit }
-                }
-                DecodeError::Mismatch { actual, .. } => PluginError::Unsupported {
-                    what: actual,
-                    remedy: "send a JPEG, PNG, BMP, GIF, TIFF or WebP file, or the pixels".into(),
-                },
-                other => PluginError::Malformed { part: 0, reason: other.to_string() },
-            }
-        })?;
+    let pixels = match image_file::decode_inks(&file, &context.left()) {
+        Ok(Some(raw)) => Ok((raw, Some(INKS.to_owned()))),
+        Ok(None) => {
+            image_file::decode(&file, &context.left(), Some(Encoding::Rgb8)).map(|raw| (raw, None))
+        }
+        Err(error) => Err(error),
+    };
+    let (raw, mode) = pixels.map_err(|error| match error {
+        DecodeError::TooLarge { path, actual, limit, .. } => {
+            PluginError::TooLarge { what: path, actual, limit }
+        }
+        DecodeError::Mismatch { actual, .. } => PluginError::Unsupported {
+            what: actual,
+            remedy: "send a JPEG, PNG, BMP, GIF, TIFF or WebP file, or the pixels".into(),
+        },
+        other => PluginError::Malformed { part: 0, reason: other.to_string() },
+    })?;
     context.unpack("the image", raw.data.len() as u64)?;
-    Ok((raw.into(), None))
+    Ok((raw.into(), mode))
 }

@@ -3,6 +3,7 @@
 use bytes::Bytes;
 
 use super::arena::{CallData, EDGE, Kind, NodeId, Span};
+use super::globals::GETATTR;
 use super::machine::{Machine, Result};
 use super::text;
 
@@ -74,6 +75,11 @@ impl Machine<'_> {
         let Kind::Global(global) = *self.arena.kind(callable) else {
             return Err(self.not_a(callable, "a function or class from the list"));
         };
+        if std::ptr::eq(global, &raw const GETATTR) && kwargs.is_none() && !new {
+            let method = self.method(args)?;
+            self.push_id(method);
+            return Ok(());
+        }
         if !global.callable {
             return Err(self.fault(format!("{global} is only read as data, it is never called")));
         }

@@ -21,7 +21,7 @@ const CODE: &[Case] = &[
     ),
     ("eval", b"c__builtin__\neval\n(S'1'\ntR.", "__builtin__.eval,"),
     ("exec", b"\x80\x04\x8c\x08builtins\x8c\x04exec\x93.", "builtins.exec,"),
-    ("getattr", b"\x80\x04\x8c\x08builtins\x8c\x07getattr\x93.", "builtins.getattr,"),
+    ("getattr", b"\x80\x04\x8c\x08builtins\x8c\x07getattr\x93)R.", "a class and a name"),
     (
         "an attribute path",
         b"\x80\x04\x8c\x05numpy\x8c\x10ndarray.__init__\x93.",
@@ -179,6 +179,34 @@ fn every_trick_is_named() {
     for (name, data, wanted) in CODE.iter().chain(SIZES).chain(STACK) {
         let refused = refusal(data).unwrap_or_else(|| panic!("{name} is read"));
         assert!(refused.contains(wanted), "{name}: {refused}");
+    }
+}
+
+/// What the list of pandas makes of `getattr(…)`.
+#[test]
+fn getattr_names_a_method_of_the_list_or_nothing() {
+    let read = |data: &[u8]| {
+        let data = Bytes::copy_from_slice(data);
+        read(&data, &[], &Allowed::PANDAS, &Limits::default())
+    };
+    let start = b"\x80\x04\x8c\x08builtins\x8c\x07getattr\x93";
+    let zone = b"\x8c\x08zoneinfo\x8c\x08ZoneInfo\x93\x8c\x09_unpickle\x86R\x8c\x03UTC\x88\x86R.";
+    let pickle = read(&[&start[..], zone].concat()).unwrap();
+    let call = pickle.root().call("zoneinfo.ZoneInfo._unpickle").unwrap();
+    assert_eq!(call.arg(0).unwrap().str().unwrap(), "UTC");
+    for (rest, wanted) in [
+        (&b"\x8c\x02os\x8c\x06system\x93"[..], "os.system,"),
+        (b"\x8c\x06pandas\x8c\x09DataFrame\x93\x8c\x05query\x86R.", "pandas.DataFrame.query,"),
+        (
+            b"\x8c\x08zoneinfo\x8c\x08ZoneInfo\x93\x8c\x0c__subclasses\x86R.",
+            "ZoneInfo.__subclasses,",
+        ),
+        (b"\x8c\x01a\x8c\x05upper\x86R.", "anything but a class and a name"),
+        (b"\x8c\x01a\x85R.", "anything but a class and a name"),
+        (b"\x8c\x08zoneinfo\x8c\x08ZoneInfo\x93\x8c\x09_unpickle\x86\x81.", "only read as data"),
+    ] {
+        let refused = read(&[&start[..], rest].concat()).unwrap_err().to_string();
+        assert!(refused.contains(wanted), "{refused}");
     }
 }
 

@@ -50,10 +50,29 @@ impl Machine<'_> {
     }
 
     fn find_global(&mut self, module: &str, name: &str) -> Result<NodeId> {
-        match self.allowed.find(module, name) {
+        let found = self.allowed.find(module, name);
+        match found.or_else(|| self.allowed.getter(module, name)) {
             Some(global) => self.arena.add(Kind::Global(global), self.at),
             None => Err(PickleError::Refused { global: shorten(module, name), at: self.at }),
         }
+    }
+
+    /// The method that `getattr(class, name)` stands for.
+    pub(super) fn method(&mut self, args: NodeId) -> Result<NodeId> {
+        let Kind::Tuple(args) = self.arena.kind(args) else {
+            return Err(self.fault("getattr without a tuple of arguments"));
+        };
+        let (class, name) = match **args {
+            [class, name] => (self.arena.kind(class), self.arena.kind(name)),
+            _ => return Err(self.fault("getattr of anything but a class and a name")),
+        };
+        let (Kind::Global(class), Kind::Str(name)) = (class, name) else {
+            return Err(self.fault("getattr of anything but a class and a name"));
+        };
+        let (class, name) = (*class, self.scanner.get(*name));
+        // What is cut off is on no list; a long text copied for each of many calls takes time.
+        let name = String::from_utf8_lossy(name.get(..name.len().min(SHOWN)).unwrap_or_default());
+        self.find_global(class.module, &format!("{}.{name}", class.name))
     }
 
     pub(super) fn named_global(&mut self) -> Result<NodeId> {

@@ -4,11 +4,13 @@
 //!   ndarray ──────────────── one column, or one for each of its rows
 //!   DatetimeArray, TimedeltaArray, Categorical, StringArray   an ndarray and a dtype
 //!   IntegerArray, FloatingArray, BooleanArray                 values and a mask
-//!   ArrowStringArray                                          an array of PyArrow
+//!   ArrowStringArray, ArrowExtensionArray                     an array of PyArrow
+//!   PeriodArray                                               an ndarray of counts and a dtype
 //! ```
 
 use std::sync::Arc;
 
+use arrow_array::cast::AsArray as _;
 use arrow_array::types::{
     ArrowPrimitiveType, DurationMicrosecondType, DurationMillisecondType, DurationNanosecondType,
     DurationSecondType, Float16Type, Float32Type, Float64Type, Int8Type, Int16Type, Int32Type,
@@ -24,6 +26,7 @@ use bytes::Bytes;
 
 use super::super::budget::Budget;
 use super::super::pyarrow;
+use super::frame::{Column, Index, range_length};
 use super::objects::{self, Missing};
 use super::read::index;
 use crate::codec::pickle::{Call, Node, PickleError, PickledArray};
@@ -47,15 +50,17 @@ pub(super) fn columns(node: &Node<'_>, budget: &Budget) -> Result<Vec<Typed>> {
         }
         "Categorical.from_codes" => from_codes(&call, budget).map(|one| vec![one]),
         "ArrowStringArray" => {
+            let array = pyarrow::array(&arrow_values(&call)?, budget)?;
             let state = call.state()?.dict()?;
-            let values = match state.find("_pa_array") {
-                Some(values) => values,
-                None => state.get("_data")?,
-            };
-            let array = pyarrow::array(&values, budget)?;
             let dtype = string_dtype(state.find("_dtype").or_else(|| state.find("dtype")));
             Ok(vec![(array, dtype)])
         }
+        "ArrowExtensionArray" => {
+            let array = pyarrow::array(&arrow_values(&call)?, budget)?;
+            let dtype = format!("{}{ARROW}", pyarrow::type_name(array.data_type()));
+            Ok(vec![(array, dtype)])
+        }
+        "PeriodArray" => periods(&call.arg(0)?, &call.arg(1)?, budget),
         _ => Err(node.unexpected("an array of pandas that is read here")),
     }
 }
@@ -76,6 +81,7 @@ fn backed(node: &Node<'_>, call: &Call<'_>, budget: &Budget) -> Result<Vec<Typed
     match class.name {
         "DatetimeArray" => from_numpy(&values, budget, zone(&dtype)?.as_ref()),
         "TimedeltaArray" => from_numpy(&values, budget, None),
+        "PeriodArray" => periods(&values, &dtype, budget),
         "StringArray" => {
             let found = from_numpy(&values, budget, None)?;
             let dtype = string_dtype(Some(dtype));
@@ -84,6 +90,40 @@ fn backed(node: &Node<'_>, call: &Call<'_>, budget: &Budget) -> Result<Vec<Typed
         "Categorical" => categorical(&dtype, &values, budget).map(|one| vec![one]),
         _ => Err(node.unexpected("an array of pandas that is read here")),
     }
+}
+
+/// End of the names of types that pandas takes from PyArrow: `float[pyarrow]`.
+pub(super) const ARROW: &str = "[pyarrow]";
+/// Begin of the names of types of periods: `period[M]`.
+pub(super) const PERIOD: &str = "period[";
+
+/// The array of PyArrow in one of pandas, whose releases differ in the attribute's name.
+fn arrow_values<'p>(call: &Call<'p>) -> Result<Node<'p>> {
+    let Some(state) = call.find_state() else { return call.arg(0) };
+    let state = state.dict()?;
+    state.find("_pa_array").map_or_else(|| state.get("_data"), Ok)
+}
+
+/// Numbers of periods since 1970; NaT is missing. Arrow has no type for them.
+fn periods(values: &Node<'_>, dtype: &Node<'_>, budget: &Budget) -> Result<Vec<Typed>> {
+    let name = dtype.any_call()?.arg(0)?;
+    let name = name.str()?;
+    if !name.starts_with(PERIOD) {
+        return Err(dtype.unexpected("a type of periods by its name: period[M]"));
+    }
+    let counted = from_numpy(values, budget, None)?.into_iter().map(|(array, _)| {
+        let counts = array.as_primitive_opt::<Int64Type>();
+        let counts = counts.ok_or_else(|| values.unexpected("periods as int64"))?.values().clone();
+        let nulls = not_a_time(&counts);
+        Ok((Arc::new(Int64Array::new(counts, nulls)) as ArrayRef, name.to_owned()))
+    });
+    counted.collect()
+}
+
+/// Which counts of a unit of time are there, where one is missing.
+pub(super) fn not_a_time(counts: &[i64]) -> Option<NullBuffer> {
+    let valid = NullBuffer::from_iter(counts.iter().map(|&count| count != i64::MIN));
+    (valid.null_count() > 0).then_some(valid)
 }
 
 /// `str` is pandas 3's text, whose missing values are NaN; `string` the older one with NA.
@@ -109,17 +149,38 @@ fn zone(dtype: &Node<'_>) -> Result<Option<Arc<str>>> {
     };
     let of = zone.any_call()?;
     let name = match (of.global().module, of.global().name) {
-        ("pytz", "_UTC") => "UTC",
-        ("pytz", "_p") => of.arg(0)?.str()?,
-        // The offset of UTC is the one that has no name of its own.
-        ("datetime", "timezone") if is_utc(&of)? => "UTC",
-        _ => return Err(zone.unexpected("a time zone with a name")),
+        ("pytz", "_UTC") => "UTC".into(),
+        ("pytz", "_p") | ("zoneinfo", "ZoneInfo._unpickle") => of.arg(0)?.str()?.into(),
+        ("pytz", "FixedOffset") => from_utc(&zone, of.arg(0)?.int()?)?,
+        ("datetime", "timezone") => {
+            let offset = of.arg(0)?.timedelta()?;
+            if offset.num_seconds() % 60 != 0 || offset.subsec_nanos() != 0 {
+                return Err(zone.unexpected("a time zone whose offset is whole minutes"));
+            }
+            from_utc(&zone, offset.num_minutes())?
+        }
+        _ => return Err(zone.unexpected("a time zone with a name or an offset")),
     };
-    Ok(Some(name.into()))
+    Ok(Some(name))
 }
 
-fn is_utc(zone: &Call<'_>) -> Result<bool> {
-    Ok(zone.arg(0)?.timedelta()?.is_zero())
+/// A zone without a name, by its minutes east of Greenwich, as Arrow writes it: `+02:00`.
+fn from_utc(zone: &Node<'_>, minutes: i64) -> Result<Arc<str>> {
+    let (hours, rest) = (minutes.unsigned_abs() / 60, minutes.unsigned_abs() % 60);
+    match (minutes, hours) {
+        (0, _) => Ok("UTC".into()),
+        (_, ..24) => {
+            let sign = if minutes < 0 { '-' } else { '+' };
+            Ok(format!("{sign}{hours:02}:{rest:02}").into())
+        }
+        _ => Err(zone.unexpected("a time zone less than a day from Greenwich")),
+    }
+}
+
+/// pandas's name of times in a zone: `datetime64[ns, Europe/Berlin]`, `datetime64[ns, UTC+02:00]`.
+pub(super) fn zoned(unit: &str, zone: &str) -> String {
+    let utc = if zone.starts_with(['+', '-']) { "UTC" } else { "" };
+    format!("datetime64[{unit}, {utc}{zone}]")
 }
 
 fn from_numpy(node: &Node<'_>, budget: &Budget, zone: Option<&Arc<str>>) -> Result<Vec<Typed>> {
@@ -259,7 +320,7 @@ fn times(
     };
     let dtype = match (descr.get(1..2), zone) {
         (Some("m"), _) => format!("timedelta64[{unit}]"),
-        (_, Some(zone)) => format!("datetime64[{unit}, {zone}]"),
+        (_, Some(zone)) => zoned(unit, zone),
         (_, None) => format!("datetime64[{unit}]"),
     };
     Ok((array, dtype))
@@ -315,14 +376,30 @@ fn from_codes(call: &Call<'_>, budget: &Budget) -> Result<Typed> {
 }
 
 fn coded(codes: &Node<'_>, categories: &Node<'_>, ordered: bool, budget: &Budget) -> Result<Typed> {
-    let values = match index(categories, budget)? {
-        super::frame::Index::Column(column) => column.array,
-        super::frame::Index::Range { .. } => {
-            return Err(categories.unexpected("categories that are listed"));
-        }
-    };
-    let (codes_array, _) = column(codes, budget)?;
+    let values = listed(index(categories, budget)?, categories, budget)?.array;
     let name = if ordered { "category(ordered)" } else { "category" };
+    Ok((dictionary(codes, values, budget)?, name.to_owned()))
+}
+
+/// The labels of an index of one level, also of a range.
+pub(super) fn listed(index: Index, node: &Node<'_>, budget: &Budget) -> Result<Column> {
+    match index {
+        Index::Column(column, _) => Ok(*column),
+        Index::Levels(_) => Err(node.unexpected("an index of one level")),
+        Index::Range { start, stop, step, name } => {
+            let length = range_length(start, stop, step);
+            budget.take(node, length.saturating_mul(8))?;
+            let count = i64::try_from(length).unwrap_or(0);
+            let labels = (0..count).map(|n| start.wrapping_add(n.wrapping_mul(step)));
+            let array: ArrayRef = Arc::new(Int64Array::from_iter_values(labels));
+            Ok(Column { label: name, dtype: "int64".into(), array })
+        }
+    }
+}
+
+/// Codes into `values`; -1 is missing.
+pub(super) fn dictionary(codes: &Node<'_>, values: ArrayRef, budget: &Budget) -> Result<ArrayRef> {
+    let (codes_array, _) = column(codes, budget)?;
     let any = codes_array.as_any();
     macro_rules! dictionary {
         ($($array:ty),*) => {$(
@@ -331,7 +408,7 @@ fn coded(codes: &Node<'_>, categories: &Node<'_>, ordered: bool, budget: &Budget
                 let nulls = (valid.null_count() > 0).then_some(valid);
                 let keys = <$array>::new(found.values().clone(), nulls);
                 return DictionaryArray::try_new(keys, values)
-                    .map(|array| (Arc::new(array) as ArrayRef, name.to_owned()))
+                    .map(|array| Arc::new(array) as ArrayRef)
                     .map_err(|error| codes.unexpected(format!("codes of categories: {error}")));
             }
         )*};

@@ -9,8 +9,9 @@
 //! | attribute | says | without it |
 //! | --- | --- | --- |
 //! | `kind` | `DataFrame`, `Series` or `Index` | `DataFrame` |
-//! | `index` | `range START STOP STEP`, or `column`: the first column | a range over the rows |
-//! | `index_name` | name of a range | none |
+//! | `index` | `range START STOP STEP`, `column`: the first column, or `levels N`: the first N columns, each a dictionary of its labels | a range over the rows |
+//! | `index_name` | name of a range; names of the levels, where one is no text | none |
+//! | `freq` | step of the times in the index: `15min`, `QS-FEB` | none |
 //! | `labels` | labels of the columns | the fields' names |
 //! | `columns_name` | name of the labels | none |
 
@@ -40,7 +41,8 @@ pub(super) enum Kind {
 /// Values of one column, or of an index.
 #[derive(Debug, Clone)]
 pub(super) struct Column {
-    /// Label of a column, name of an index or series: text, a number, `None`.
+    /// Label of a column, name of an index or series: text, a number, `None`, or a tuple of such
+    /// where labels have several levels.
     pub(super) label: Value,
     /// pandas's name of the type: `int64`, `object`, `datetime64[ns]`, `category`, `Int64`, …
     pub(super) dtype: String,
@@ -50,8 +52,16 @@ pub(super) struct Column {
 /// Labels of the rows.
 #[derive(Debug, Clone)]
 pub(super) enum Index {
-    Range { start: i64, stop: i64, step: i64, name: Value },
-    Column(Box<Column>),
+    Range {
+        start: i64,
+        stop: i64,
+        step: i64,
+        name: Value,
+    },
+    /// A column, and the step of its times where they are regular.
+    Column(Box<Column>, Option<String>),
+    /// Several levels, each a dictionary of its labels.
+    Levels(Vec<Column>),
 }
 
 /// A data frame, a series (one column) or an index (no column).
@@ -69,7 +79,8 @@ impl Index {
     pub(super) fn len(&self) -> usize {
         match self {
             Self::Range { start, stop, step, .. } => range_length(*start, *stop, *step),
-            Self::Column(column) => column.array.len(),
+            Self::Column(column, _) => column.array.len(),
+            Self::Levels(levels) => levels.first().map_or(0, |level| level.array.len()),
         }
     }
 }
@@ -113,12 +124,23 @@ impl Frame {
                     origin = origin.with("index_name", to_json(&name)?);
                 }
             }
-            Index::Column(column) => {
+            Index::Column(column, freq) => {
                 origin = origin.with("index", "column");
                 if !matches!(column.label, Value::Str(_)) {
                     origin = origin.with("index_name", to_json(&column.label)?);
                 }
+                if let Some(freq) = freq {
+                    origin = origin.with("freq", freq);
+                }
                 columns.push(*column);
+            }
+            Index::Levels(levels) => {
+                origin = origin.with("index", format!("levels {}", levels.len()));
+                if levels.iter().any(|level| !matches!(level.label, Value::Str(_))) {
+                    let names = levels.iter().map(|level| level.label.clone()).collect();
+                    origin = origin.with("index_name", to_json(&names)?);
+                }
+                columns.extend(levels);
             }
         }
         columns.extend(self.columns);
@@ -126,6 +148,10 @@ impl Frame {
             let name = match &column.label {
                 Value::Str(label) => label.clone(),
                 Value::Null => String::new(),
+                Value::Tuple(levels) => {
+                    let levels: Vec<_> = levels.iter().map(|level| to_json(level)).collect();
+                    format!("({})", levels.into_iter().flatten().collect::<Vec<_>>().join(", "))
+                }
                 other => to_json(other).unwrap_or_default(),
             };
             Field::new(name, column.array.data_type().clone(), true)
@@ -160,9 +186,22 @@ impl Frame {
                 if origin.get("index_name").is_some() {
                     column.label = name("index_name")?;
                 }
-                Index::Column(Box::new(column))
+                Index::Column(Box::new(column), origin.get("freq").map(str::to_owned))
             }
             Some(text) => match text.split(' ').collect::<Vec<_>>()[..] {
+                ["levels", count] => {
+                    let count =
+                        count.parse().ok().filter(|count| (1..=columns.len()).contains(count));
+                    let count = count.ok_or_else(|| wrong("index", text))?;
+                    let rest = columns.split_off(count);
+                    let mut levels = std::mem::replace(&mut columns, rest);
+                    if let Some(names) = name("index_name")?.as_items() {
+                        for (level, name) in levels.iter_mut().zip(names) {
+                            level.label = name.clone();
+                        }
+                    }
+                    Index::Levels(levels)
+                }
                 ["range", start, stop, step] => {
                     let number =
                         |text: &str| text.parse().map_err(|_no_number| wrong("index", text));

@@ -117,7 +117,8 @@ pub(in crate::plugin) fn read_records(
     let name = if index_name.as_str() == Some("index") { Value::Null } else { index_name };
     match &mut index {
         Index::Range { name: unnamed, .. } => *unnamed = name,
-        Index::Column(column) => column.label = name,
+        Index::Column(column, _) => column.label = name,
+        Index::Levels(_) => {}
     }
     let columns = names.iter().zip(&cells).skip(1);
     let columns = columns.map(|(name, cells)| column(name.clone(), cells));
@@ -139,7 +140,8 @@ pub(in crate::plugin) fn write_records(table: &crate::types::Table) -> Result<(V
     let index = index_values(&frame.index)?;
     let name = match &frame.index {
         Index::Range { name, .. } => name.clone(),
-        Index::Column(column) => column.label.clone(),
+        Index::Column(column, _) => column.label.clone(),
+        Index::Levels(_) => return Err(only_one_level()),
     };
     let name = if name == Value::Null { "index".into() } else { name };
     let records = index.into_iter().enumerate().map(|(row, label)| {
@@ -154,6 +156,13 @@ fn only_frames() -> PluginError {
     PluginError::Unsupported {
         what: "an index on its own".into(),
         remedy: "make a series or a data frame of it".into(),
+    }
+}
+
+fn only_one_level() -> PluginError {
+    PluginError::Unsupported {
+        what: "an index of several levels in JSON".into(),
+        remedy: "make columns of it with reset_index()".into(),
     }
 }
 
@@ -189,7 +198,8 @@ fn index_values(index: &Index) -> Result<Vec<Value>> {
             let count = i64::try_from(index.len()).unwrap_or(0);
             Ok((0..count).map(|n| Value::Int(start.wrapping_add(n.wrapping_mul(*step)))).collect())
         }
-        Index::Column(column) => {
+        Index::Levels(_) => Err(only_one_level()),
+        Index::Column(column, _) => {
             let only = std::slice::from_ref(&**column);
             Ok(cells(only)?.pop().unwrap_or_default())
         }
@@ -203,7 +213,7 @@ fn index(labels: &[Value]) -> Result<Index> {
         return Ok(Index::Range { start: 0, stop: rows, step: 1, name: Value::Null });
     }
     let labels: Vec<&Value> = labels.iter().collect();
-    column(Value::Null, &labels).map(|column| Index::Column(Box::new(column)))
+    column(Value::Null, &labels).map(|column| Index::Column(Box::new(column), None))
 }
 
 /// A column of what its cells are: integers, numbers, bools or text.

@@ -2,8 +2,8 @@
 
 use arrow_array::cast::AsArray as _;
 use arrow_array::types::{
-    ArrowPrimitiveType, Float64Type, Int8Type, Int16Type, Int32Type, Int64Type, UInt8Type,
-    UInt16Type, UInt32Type, UInt64Type,
+    ArrowPrimitiveType, Float32Type, Float64Type, Int8Type, Int16Type, Int32Type, Int64Type,
+    UInt8Type, UInt16Type, UInt32Type, UInt64Type,
 };
 use arrow_array::{Array, ArrayRef};
 use arrow_schema::DataType;
@@ -16,6 +16,9 @@ use crate::types::Value;
 
 /// Labels that a frame may have.
 const MAX_LABELS: usize = 1 << 20;
+
+/// Levels that labels may have.
+const MAX_LEVELS: usize = 64;
 
 /// The row of labels at `node`, and its name. Labels may be of several types, a column may not.
 pub(super) fn axis(node: &Node<'_>, budget: &Budget) -> Result<(Vec<Value>, Value), PickleError> {
@@ -33,9 +36,11 @@ pub(super) fn axis(node: &Node<'_>, budget: &Budget) -> Result<(Vec<Value>, Valu
             View::List(items) => Some((items, call.args().find(3))),
             _ => None,
         },
+        // Written here: (tuples, sortorder, names).
+        "MultiIndex.from_tuples" => Some((call.arg(0)?.list()?, call.args().find(2))),
         _ => None,
     };
-    let Some((items, name)) = listed else { return of(&read_index(node, budget)?, node) };
+    let Some((items, name)) = listed else { return of(&read_index(node, budget)?, node, budget) };
     if items.len() > MAX_LABELS {
         return Err(node.unexpected(format!("at most {MAX_LABELS} columns")));
     }
@@ -49,7 +54,7 @@ pub(super) fn axis(node: &Node<'_>, budget: &Budget) -> Result<(Vec<Value>, Valu
 }
 
 /// The values of an index, and its name.
-fn of(index: &Index, node: &Node<'_>) -> Result<(Vec<Value>, Value), PickleError> {
+fn of(index: &Index, node: &Node<'_>, budget: &Budget) -> Result<(Vec<Value>, Value), PickleError> {
     if index.len() > MAX_LABELS {
         return Err(node.unexpected(format!("at most {MAX_LABELS} columns")));
     }
@@ -59,7 +64,26 @@ fn of(index: &Index, node: &Node<'_>) -> Result<(Vec<Value>, Value), PickleError
             let labels = (0..count).map(|n| Value::Int(start.wrapping_add(n.wrapping_mul(*step))));
             Ok((labels.collect(), name.clone()))
         }
-        Index::Column(column) => {
+        Index::Levels(levels) => {
+            let names = levels.iter().map(|level| level.label.clone()).collect();
+            let mut rows: Vec<Vec<Value>> = vec![Vec::new(); index.len()];
+            for level in levels {
+                let dictionary = level.array.as_any_dictionary_opt();
+                let found = dictionary.and_then(|labels| Some((labels, values(labels.values())?)));
+                let (dictionary, labels) = found
+                    .ok_or_else(|| node.unexpected("labels that are text, numbers or bools"))?;
+                // Without labels there is no key to any.
+                let keys = if labels.is_empty() { vec![] } else { dictionary.normalized_keys() };
+                for (number, row) in rows.iter_mut().enumerate() {
+                    let key = keys.get(number).filter(|_| level.array.is_valid(number));
+                    let label = key.and_then(|&key| labels.get(key)).cloned().unwrap_or_default();
+                    budget.take(node, label.size_hint())?;
+                    row.push(label);
+                }
+            }
+            Ok((rows.into_iter().map(Value::Tuple).collect(), Value::Tuple(names)))
+        }
+        Index::Column(column, _) => {
             let labels = values(&column.array);
             let labels =
                 labels.ok_or_else(|| node.unexpected("labels that are text, numbers or bools"))?;
@@ -68,8 +92,21 @@ fn of(index: &Index, node: &Node<'_>) -> Result<(Vec<Value>, Value), PickleError
     }
 }
 
-/// A name or label of its own.
+/// A name or label of its own; where there are several levels, a tuple of one for each.
 pub(super) fn scalar(node: &Node<'_>) -> Result<Value, PickleError> {
+    if let View::Tuple(levels) = node.view()
+        && levels.len() <= MAX_LEVELS
+    {
+        return levels
+            .iter()
+            .map(|level| of_one_level(&level))
+            .collect::<Result<_, _>>()
+            .map(Value::Tuple);
+    }
+    of_one_level(node)
+}
+
+fn of_one_level(node: &Node<'_>) -> Result<Value, PickleError> {
     if !is_scalar(node) {
         return Err(node.unexpected("a name that is text, a number or None"));
     }
@@ -102,6 +139,7 @@ pub(super) fn values(array: &ArrayRef) -> Option<Vec<Value>> {
         DataType::UInt16 => numbers::<UInt16Type>(array),
         DataType::UInt32 => numbers::<UInt32Type>(array),
         DataType::UInt64 => numbers::<UInt64Type>(array),
+        DataType::Float32 => numbers::<Float32Type>(array),
         DataType::Float64 => numbers::<Float64Type>(array),
         _ => return None,
     })

@@ -8,11 +8,10 @@ use arrow_array::types::{
     TimestampSecondType,
 };
 use arrow_array::{Array as _, ArrayRef, PrimitiveArray};
-use arrow_buffer::NullBuffer;
 use arrow_schema::DataType;
 
 use super::super::budget::Budget;
-use super::column::{Typed, column};
+use super::column::{Typed, column, not_a_time};
 use super::frame::{Column, Frame, Index, Kind};
 use super::read::index as read_index;
 use super::{labels, objects};
@@ -69,7 +68,8 @@ pub(super) fn index(node: &Node<'_>, call: &Call<'_>, budget: &Budget) -> Result
     }
     let [values, dtype, _, name] = call.args().exact()?;
     let (array, dtype) = typed(&values, &dtype, budget)?;
-    Ok(Index::Column(Box::new(Column { label: labels::scalar(&name)?, dtype, array })))
+    let column = Column { label: labels::scalar(&name)?, dtype, array };
+    Ok(Index::Column(Box::new(column), None))
 }
 
 /// Values as a type that is asked for.
@@ -97,9 +97,9 @@ fn typed(values: &Node<'_>, dtype: &Node<'_>, budget: &Budget) -> Result<Typed> 
 /// Instants in UTC as times of a zone: `datetime64[ns, Europe/Berlin]`.
 fn zone(array: &ArrayRef, dtype: &str) -> Option<ArrayRef> {
     let (unit, zone) = dtype.strip_prefix("datetime64[")?.strip_suffix(']')?.split_once(", ")?;
+    let zone = zone.strip_prefix("UTC").filter(|offset| !offset.is_empty()).unwrap_or(zone);
     let counts = array.as_primitive::<Int64Type>().values().clone();
-    let valid = NullBuffer::from_iter(counts.iter().map(|&count| count != i64::MIN));
-    let nulls = (valid.null_count() > 0).then_some(valid);
+    let nulls = not_a_time(&counts);
     macro_rules! stamps {
         ($kind:ty) => {
             Arc::new(PrimitiveArray::<$kind>::new(counts, nulls).with_timezone(zone)) as ArrayRef

@@ -10,9 +10,9 @@
 //! read. What is written calls the constructors that every release has, so that any pandas reads it.
 //!
 //! The columns of the [`Table`](crate::types::Table) are Arrow arrays, an index that is no range
-//! before all others. Of each field the metadata `dtype` is pandas's own name of the type. A frame
-//! that this cannot hold in full is refused and travels on as it came: several levels of index or
-//! labels, objects of mixed types, periods, intervals, sparse and complex columns.
+//! before all others, one column for each of its levels. Of each field the metadata `dtype` is
+//! pandas's own name of the type. A frame that this cannot hold in full is refused and travels on as
+//! it came: objects of mixed types, intervals, sparse and complex columns.
 
 mod column;
 mod frame;
@@ -20,6 +20,7 @@ mod json;
 mod labels;
 mod made;
 mod objects;
+mod offsets;
 mod read;
 mod write;
 

@@ -1,10 +1,10 @@
 //! pandas's pickles into a [`Frame`].
 
 use super::super::budget::Budget;
-use super::column::{Typed, column, columns};
+use super::column::{Typed, column, columns, dictionary, listed};
 use super::frame::{Column, Frame, Index, Kind};
-use super::{labels, made};
-use crate::codec::pickle::{Call, Node, PickleError, View};
+use super::{labels, made, offsets};
+use crate::codec::pickle::{Call, Node, Pairs, PickleError, View};
 use crate::types::Value;
 
 type Result<T> = std::result::Result<T, PickleError>;
@@ -113,7 +113,7 @@ fn series(node: &Node<'_>, call: &Call<'_>, budget: &Budget) -> Result<Frame> {
     Ok(Frame { kind: Kind::Series, index, columns, columns_name: Value::Null })
 }
 
-/// Reads an index of one level.
+/// Reads an index.
 pub(super) fn index(node: &Node<'_>, budget: &Budget) -> Result<Index> {
     // Categories are an index, which may have categories.
     budget.deeper(node, || read_index(node, budget))
@@ -126,7 +126,7 @@ fn read_index(node: &Node<'_>, budget: &Budget) -> Result<Index> {
     }
     let makers = ["_new_Index", "_new_DatetimeIndex", "_new_TimedeltaIndex"];
     if !makers.contains(&call.global().name) {
-        return Err(node.unexpected("an index of one level"));
+        return Err(node.unexpected("an index"));
     }
     let (class, parts) = (call.arg(0)?.global()?, call.arg(1)?.dict()?);
     let name = match parts.find("name") {
@@ -142,12 +142,41 @@ fn read_index(node: &Node<'_>, budget: &Budget) -> Result<Index> {
             }
             Ok(Index::Range { start, stop, step, name })
         }
-        "Index" | "DatetimeIndex" | "TimedeltaIndex" | "CategoricalIndex" => {
-            let (array, dtype) = column(&parts.get("data")?, budget)?;
-            Ok(Index::Column(Box::new(Column { label: name, dtype, array })))
+        "MultiIndex" => levels(node, &parts, budget).map(Index::Levels),
+        "Index" | "DatetimeIndex" | "TimedeltaIndex" | "CategoricalIndex" | "PeriodIndex" => {
+            let data = parts.get("data")?;
+            let freq = parts.find("freq").map_or(Ok(None), |freq| offsets::read(&freq))?;
+            // Written here, the values of a regular index are an index themselves.
+            let column = if data.any_call().is_ok_and(|call| call.global().is("pandas.Index")) {
+                Column { label: name, ..listed(index(&data, budget)?, &data, budget)? }
+            } else {
+                let (array, dtype) = column(&data, budget)?;
+                Column { label: name, dtype, array }
+            };
+            Ok(Index::Column(Box::new(column), freq))
         }
-        _ => Err(node.unexpected("an index of one level: labels, a range, times or categories")),
+        _ => Err(node.unexpected("an index of labels, a range, times, periods or categories")),
     }
+}
+
+/// The levels of a `MultiIndex`: labels, codes into them, and a name each.
+fn levels(node: &Node<'_>, parts: &Pairs<'_>, budget: &Budget) -> Result<Vec<Column>> {
+    let (labels, codes) = (parts.get("levels")?.sequence()?, parts.get("codes")?.sequence()?);
+    let names = parts.get("names")?.sequence()?;
+    if labels.is_empty() || [codes.len(), names.len()] != [labels.len(); 2] {
+        return Err(node.unexpected("as many codes and names as levels"));
+    }
+    let found = labels.iter().zip(codes.iter()).zip(names.iter()).map(|((labels, codes), name)| {
+        let column = listed(index(&labels, budget)?, &labels, budget)?;
+        let array = dictionary(&codes, column.array, budget)?;
+        Ok(Column { label: labels::scalar(&name)?, dtype: column.dtype, array })
+    });
+    let found = found.collect::<Result<Vec<_>>>()?;
+    let rows = found.first().map_or(0, |level| level.array.len());
+    if found.iter().any(|level| level.array.len() != rows) {
+        return Err(node.unexpected("levels of one length"));
+    }
+    Ok(found)
 }
 
 /// What is no label.

@@ -4,7 +4,12 @@
 //!   pandas.DataFrame({label: pandas.Series(values, index), …}, index, columns)
 //!   pandas.Series(values, index, None, name)
 //!   pandas.Index(values, None, False, name) · pandas.RangeIndex(start, stop, step, None, False, name)
+//!   pandas.MultiIndex.from_tuples(labels of columns, None, names)
 //! ```
+//!
+//! An index of several levels, or of times that are regular, has constructors that differ from
+//! release to release: those are applied by name, as pandas does for its own,
+//! `_new_Index(pandas.DatetimeIndex, {data, freq, name})`.
 //!
 //! The index is one object for all: pandas would align series with different ones.
 
@@ -19,9 +24,11 @@ use arrow_array::{Array, ArrayRef, ArrowPrimitiveType};
 use arrow_schema::{DataType, TimeUnit};
 use bytes::Bytes;
 
-use super::super::PluginError;
 use super::super::stack::Stack;
+use super::super::{PluginError, pyarrow};
+use super::column::{ARROW, PERIOD, zoned};
 use super::frame::{Column, Frame, Index, Kind};
+use super::offsets;
 use crate::codec::json;
 use crate::codec::pickle::Writer;
 use crate::types::Value;
@@ -83,6 +90,21 @@ fn labels(to: &mut Stack, frame: &Frame, columns: &[Column]) -> Result {
         let stop = i64::try_from(columns.len()).unwrap_or(i64::MAX);
         return range(to, 0, stop, 1, &frame.columns_name);
     }
+    let levels = |column: &Column| match &column.label {
+        Value::Tuple(levels) => levels.len(),
+        _ => 0,
+    };
+    let count = columns.first().map_or(0, levels);
+    if count > 0 && columns.iter().all(|column| levels(column) == count) {
+        to.global("pandas", "MultiIndex.from_tuples").mark().mark();
+        for column in columns {
+            label(to, &column.label)?;
+        }
+        to.list_since_mark().none();
+        label(to, &frame.columns_name)?;
+        to.tuple_since_mark().reduce();
+        return Ok(());
+    }
     to.global("pandas", "Index").mark().mark();
     for column in columns {
         label(to, &column.label)?;
@@ -96,16 +118,69 @@ fn labels(to: &mut Stack, frame: &Frame, columns: &[Column]) -> Result {
 fn index(to: &mut Stack, index: &Index) -> Result {
     match index {
         Index::Range { start, stop, step, name } => range(to, *start, *stop, *step, name),
-        Index::Column(column) => {
-            to.global("pandas", "Index").mark();
-            values(to, column)?;
-            dtype(to, column);
-            to.bool(false);
-            label(to, &column.label)?;
-            to.tuple_since_mark().reduce();
-            Ok(())
+        Index::Column(column, None) => labelled(to, column, &column.label),
+        Index::Column(column, Some(freq)) => {
+            let class = match column.array.data_type() {
+                DataType::Duration(_) => "TimedeltaIndex",
+                _ => "DatetimeIndex",
+            };
+            made_by_name(to, class, |to| {
+                to.str("data");
+                labelled(to, column, &Value::Null)?;
+                to.str("freq");
+                offsets::write(to, freq)?;
+                to.str("name");
+                label(to, &column.label)
+            })
         }
+        Index::Levels(levels) => made_by_name(to, "MultiIndex", |to| {
+            let dictionaries = levels.iter().map(|level| {
+                codes(&level.array).ok_or_else(|| PluginError::Unsupported {
+                    what: format!("a level of an index of type {}", level.array.data_type()),
+                    remedy: "make it a dictionary of its labels".into(),
+                })
+            });
+            let dictionaries = dictionaries.collect::<Result<Vec<_>>>()?;
+            to.str("levels").mark();
+            for (level, (_, labels)) in levels.iter().zip(&dictionaries) {
+                let (dtype, array) = (level.dtype.clone(), ArrayRef::clone(labels));
+                labelled(to, &Column { label: Value::Null, dtype, array }, &level.label)?;
+            }
+            to.list_since_mark().str("codes").mark();
+            for (level, (codes, _)) in levels.iter().zip(&dictionaries) {
+                write_codes(to, level.array.data_type(), codes);
+            }
+            to.list_since_mark().str("names").mark();
+            for level in levels {
+                label(to, &level.label)?;
+            }
+            to.list_since_mark();
+            Ok(())
+        }),
     }
+}
+
+/// `pandas.Index(values, dtype, copy, name)`.
+fn labelled(to: &mut Stack, column: &Column, name: &Value) -> Result {
+    to.global("pandas", "Index").mark();
+    values(to, column)?;
+    dtype(to, column);
+    to.bool(false);
+    label(to, name)?;
+    to.tuple_since_mark().reduce();
+    Ok(())
+}
+
+/// `_new_Index(class, {argument: value, …})`.
+fn made_by_name(
+    to: &mut Stack,
+    class: &'static str,
+    arguments: impl FnOnce(&mut Stack) -> Result,
+) -> Result {
+    to.global("pandas.core.indexes.base", "_new_Index").global("pandas", class).mark();
+    arguments(to)?;
+    to.dict_since_mark().tuple(2).reduce();
+    Ok(())
 }
 
 fn range(to: &mut Stack, start: i64, stop: i64, step: i64, name: &Value) -> Result {
@@ -115,30 +190,41 @@ fn range(to: &mut Stack, start: i64, stop: i64, step: i64, name: &Value) -> Resu
     Ok(())
 }
 
-fn label(to: &mut Stack, label: &Value) -> Result {
-    match label {
+fn label(to: &mut Stack, named: &Value) -> Result {
+    match named {
         Value::Null => to.none(),
         Value::Bool(value) => to.bool(*value),
         Value::Int(value) => to.int(*value),
         Value::BigInt(value) => to.big_int(value),
         Value::Float(value) => to.float(*value),
         Value::Str(text) => to.str(text),
-        other => {
-            return Err(PluginError::Unsupported {
-                what: format!("a label of type {}", other.kind()),
-                remedy: "use text, a number or None".into(),
-            });
+        Value::Tuple(levels) => {
+            to.mark();
+            for level in levels {
+                if matches!(level, Value::Tuple(_)) {
+                    return Err(no_label(level));
+                }
+                label(to, level)?;
+            }
+            to.tuple_since_mark()
         }
+        other => return Err(no_label(other)),
     };
     Ok(())
+}
+
+fn no_label(label: &Value) -> PluginError {
+    PluginError::Unsupported {
+        what: format!("a label of type {}", label.kind()),
+        remedy: "use text, a number, None, or a tuple of these".into(),
+    }
 }
 
 /// The type to ask for, where pandas would not find it in the values.
 fn dtype(to: &mut Stack, column: &Column) {
     let own = match column.array.data_type() {
-        DataType::Timestamp(unit, Some(zone)) => {
-            Some(format!("datetime64[{}, {zone}]", unit_name(*unit)))
-        }
+        _ if column.dtype.ends_with(ARROW) => None,
+        DataType::Timestamp(unit, Some(zone)) => Some(zoned(unit_name(*unit), zone)),
         _ if column.dtype.starts_with("object") => Some("object".to_owned()),
         // `str` is what pandas 3 takes text for, and pandas 2 has no better than objects.
         DataType::Utf8 | DataType::LargeUtf8 if column.dtype == "string" => {
@@ -176,6 +262,15 @@ fn unit_name(unit: TimeUnit) -> &'static str {
 /// The values of a column as something that pandas takes.
 fn values(to: &mut Stack, column: &Column) -> Result {
     let array = &column.array;
+    if column.dtype.ends_with(ARROW) {
+        return of_pyarrow(to, array);
+    }
+    if column.dtype.starts_with(PERIOD) && *array.data_type() == DataType::Int64 {
+        to.global("pandas.arrays", "PeriodArray");
+        times(to, array, "<i8");
+        to.global("pandas", "PeriodDtype").str(&column.dtype).tuple(1).reduce().tuple(2).reduce();
+        return Ok(());
+    }
     if column.dtype.starts_with("object") {
         return objects(to, column);
     }
@@ -218,14 +313,18 @@ fn plain(to: &mut Stack, column: &Column) -> Result {
             times(to, array, &format!("<M8[{}]", unit_name(*unit)));
         }
         DataType::Duration(unit) => times(to, array, &format!("<m8[{}]", unit_name(*unit))),
-        DataType::Dictionary(key, _) => return categories(to, column, key),
-        other => {
-            return Err(PluginError::Unsupported {
-                what: format!("a column {:?} of type {other}", column.label),
-                remedy: "cast it to numbers, text, times or categories".into(),
-            });
-        }
+        DataType::Dictionary(..) => return categories(to, column),
+        // Types that NumPy has not: lists, structs, decimals, days.
+        _ => return of_pyarrow(to, array),
     }
+    Ok(())
+}
+
+/// pandas's array over one of PyArrow.
+fn of_pyarrow(to: &mut Stack, array: &ArrayRef) -> Result {
+    to.global("pandas.arrays", "ArrowExtensionArray");
+    pyarrow::write_array(to, &array.to_data())?;
+    to.tuple(1).reduce();
     Ok(())
 }
 
@@ -288,29 +387,25 @@ fn objects(to: &mut Stack, column: &Column) -> Result {
 }
 
 /// `pandas.Categorical.from_codes(codes, categories, ordered)`.
-fn categories(to: &mut Stack, column: &Column, key: &DataType) -> Result {
-    fn codes<K: ArrowDictionaryKeyType>(array: &ArrayRef) -> (Vec<i64>, ArrayRef)
-    where
-        K::Native: Into<i64>,
-    {
-        let dictionary = array.as_dictionary::<K>();
-        let codes = dictionary.keys().iter().map(|code| code.map_or(-1, Into::into));
-        (codes.collect(), std::sync::Arc::clone(dictionary.values()))
-    }
-    let (codes, values) = match key {
-        DataType::Int8 => codes::<Int8Type>(&column.array),
-        DataType::Int16 => codes::<Int16Type>(&column.array),
-        DataType::Int32 => codes::<Int32Type>(&column.array),
-        DataType::Int64 => codes::<Int64Type>(&column.array),
-        DataType::UInt8 => codes::<UInt8Type>(&column.array),
-        DataType::UInt16 => codes::<UInt16Type>(&column.array),
-        DataType::UInt32 => codes::<UInt32Type>(&column.array),
-        other => {
-            return Err(PluginError::Unsupported {
-                what: format!("categories with codes of type {other}"),
-                remedy: "use codes of int8 to int64".into(),
-            });
-        }
+fn categories(to: &mut Stack, column: &Column) -> Result {
+    let data_type = column.array.data_type();
+    let (codes, values) = codes(&column.array).ok_or_else(|| PluginError::Unsupported {
+        what: format!("categories of type {data_type}"),
+        remedy: "use codes of int8 to int64".into(),
+    })?;
+    to.global("pandas", "Categorical.from_codes");
+    write_codes(to, data_type, &codes);
+    let categories = Column { label: Value::Null, dtype: String::new(), array: values };
+    labelled(to, &categories, &Value::Null)?;
+    to.bool(column.dtype == "category(ordered)").tuple(3).reduce();
+    Ok(())
+}
+
+/// The codes of a dictionary of this type, as wide as they were; unsigned ones have room for -1.
+fn write_codes(to: &mut Stack, data_type: &DataType, codes: &[i64]) {
+    let key = match data_type {
+        DataType::Dictionary(key, _) => &**key,
+        other => other,
     };
     let (descr, width) = match key {
         DataType::Int8 => ("|i1", 1),
@@ -318,12 +413,29 @@ fn categories(to: &mut Stack, column: &Column, key: &DataType) -> Result {
         DataType::Int32 => ("<i4", 4),
         _ => ("<i8", 8),
     };
-    let bytes: Vec<u8> =
-        codes.iter().flat_map(|code| code.to_le_bytes().into_iter().take(width)).collect();
-    to.global("pandas", "Categorical.from_codes");
-    to.array(descr, codes.len(), bytes.into());
-    let categories = Column { label: Value::Null, dtype: String::new(), array: values };
-    index(to, &Index::Column(Box::new(categories)))?;
-    to.bool(column.dtype == "category(ordered)").tuple(3).reduce();
-    Ok(())
+    let bytes = codes.iter().flat_map(|code| code.to_le_bytes().into_iter().take(width));
+    to.array(descr, codes.len(), bytes.collect::<Vec<u8>>().into());
+}
+
+/// The codes of a dictionary, -1 where one is missing, and its labels.
+fn codes(array: &ArrayRef) -> Option<(Vec<i64>, ArrayRef)> {
+    fn of<K: ArrowDictionaryKeyType>(array: &ArrayRef) -> (Vec<i64>, ArrayRef)
+    where
+        K::Native: Into<i64>,
+    {
+        let dictionary = array.as_dictionary::<K>();
+        let codes = dictionary.keys().iter().map(|code| code.map_or(-1, Into::into));
+        (codes.collect(), ArrayRef::clone(dictionary.values()))
+    }
+    let DataType::Dictionary(key, _) = array.data_type() else { return None };
+    Some(match **key {
+        DataType::Int8 => of::<Int8Type>(array),
+        DataType::Int16 => of::<Int16Type>(array),
+        DataType::Int32 => of::<Int32Type>(array),
+        DataType::Int64 => of::<Int64Type>(array),
+        DataType::UInt8 => of::<UInt8Type>(array),
+        DataType::UInt16 => of::<UInt16Type>(array),
+        DataType::UInt32 => of::<UInt32Type>(array),
+        _ => return None,
+    })
 }

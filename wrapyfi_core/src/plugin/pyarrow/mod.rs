@@ -4,18 +4,21 @@
 //!   _restore_array((type, length, null count, offset, [buffers], [children], dictionary))
 //!   _reconstruct_table([chunked_array([…], type)], schema)      ◀─▶  Table
 //!   _reconstruct_record_batch([…], schema)
+//!   scalar(value, type)
 //! ```
 //!
 //! | PyArrow | [`Table`] |
 //! | --- | --- |
 //! | `Array` of any kind | one column without a name, `kind` `Array` |
 //! | `ChunkedArray` | the same with its chunks joined, `kind` `ChunkedArray` |
+//! | `Scalar` of any kind | the same with one row, `kind` `Scalar` |
 //! | `RecordBatch`, `Table` | its columns, `kind` `RecordBatch` or `Table`; chunks joined |
 //!
 //! Every buffer is checked against its type before it is used. Wrapyfi registers the key for arrays
-//! and what they inherit from; tables reach it inside frames.
+//! and what they inherit from, which scalars and tables inherit from, too.
 
 mod read;
+mod scalar;
 mod types;
 mod write;
 
@@ -32,6 +35,8 @@ use crate::codec::pickle::{self, Allowed};
 use crate::types::{Origin, Table, Value};
 
 pub(super) use read::array;
+pub(super) use types::type_name;
+pub(super) use write::array as write_array;
 
 /// Key on the wire.
 pub(super) const KEY: &str = "PyArrowArray";

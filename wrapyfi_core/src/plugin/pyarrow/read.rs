@@ -7,7 +7,7 @@ use arrow_data::{ArrayData, ArrayDataBuilder};
 use arrow_schema::{ArrowError, DataType};
 
 use super::super::budget::Budget;
-use super::{KEY, batch, single, types};
+use super::{KEY, batch, scalar, single, types};
 use crate::codec::pickle::{Node, PickleError};
 use crate::types::{Origin, Table};
 
@@ -24,6 +24,7 @@ pub(super) fn table(node: &Node<'_>, budget: &Budget) -> Result<Table> {
     let invalid = |error: ArrowError| invalid(node, &error.to_string());
     match call.global().name {
         "_restore_array" => single(array(node, budget)?, "Array").map_err(invalid),
+        "scalar" => single(scalar::read(&call, budget)?, "Scalar").map_err(invalid),
         "chunked_array" => single(array(node, budget)?, "ChunkedArray").map_err(invalid),
         name @ ("_reconstruct_table" | "_reconstruct_record_batch") => {
             let schema = types::schema(&call.arg(1)?, budget)?;
@@ -120,6 +121,16 @@ fn restore(node: &Node<'_>, budget: &Budget, depth: usize) -> Result<ArrayData> 
                 *buffer = empty();
             }
         }
+    }
+    // Arrow panics where the elements of its first buffer are not whole.
+    let width = match &data_type {
+        DataType::Utf8 | DataType::Binary | DataType::List(_) => size_of::<i32>(),
+        DataType::LargeUtf8 | DataType::LargeBinary | DataType::LargeList(_) => size_of::<i64>(),
+        DataType::Dictionary(codes, _) => codes.primitive_width().unwrap_or(1),
+        other => other.primitive_width().unwrap_or(1),
+    };
+    if let Some(first) = data.first_mut() {
+        *first = first.slice_with_length(0, first.len() - first.len() % width.max(1));
     }
     ArrayDataBuilder::new(data_type)
         .len(length)

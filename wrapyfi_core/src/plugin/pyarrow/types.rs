@@ -204,6 +204,39 @@ fn read_metadata(node: &Node<'_>, budget: &Budget) -> Result<HashMap<String, Str
     node.dict()?.iter().map(|(key, value)| Ok((text(key)?, text(value)?))).collect()
 }
 
+/// PyArrow's name of a type: `float`, `list<item: int64>`, `timestamp[ns, tz=UTC]`.
+pub(in crate::plugin) fn type_name(data_type: &DataType) -> String {
+    if let Some((name, _)) = PLAIN.iter().find(|(_, plain)| plain == data_type) {
+        return (*name).to_owned();
+    }
+    let field = |field: &Field| {
+        let null = if field.is_nullable() { "" } else { " not null" };
+        format!("{}: {}{null}", field.name(), type_name(field.data_type()))
+    };
+    match data_type {
+        DataType::Timestamp(unit, None) => format!("timestamp[{}]", unit_name(*unit)),
+        DataType::Timestamp(unit, Some(zone)) => {
+            format!("timestamp[{}, tz={zone}]", unit_name(*unit))
+        }
+        DataType::Duration(unit) => format!("duration[{}]", unit_name(*unit)),
+        DataType::FixedSizeBinary(size) => format!("fixed_size_binary[{size}]"),
+        DataType::Decimal128(precision, scale) => format!("decimal128({precision}, {scale})"),
+        DataType::List(item) => format!("list<{}>", field(item)),
+        DataType::LargeList(item) => format!("large_list<{}>", field(item)),
+        DataType::FixedSizeList(item, size) => format!("fixed_size_list<{}>[{size}]", field(item)),
+        DataType::Struct(fields) => {
+            let fields: Vec<String> = fields.iter().map(|it| field(it)).collect();
+            format!("struct<{}>", fields.join(", "))
+        }
+        DataType::Dictionary(codes, values) => format!(
+            "dictionary<values={}, indices={}, ordered=0>",
+            type_name(values),
+            type_name(codes)
+        ),
+        other => other.to_string(),
+    }
+}
+
 /// Writes a type.
 pub(super) fn write_type(
     to: &mut Stack,

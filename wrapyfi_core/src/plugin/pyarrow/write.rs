@@ -8,7 +8,7 @@ use bytes::Bytes;
 
 use super::super::PluginError;
 use super::super::stack::Stack;
-use super::types;
+use super::{scalar, types};
 use crate::types::Table;
 
 const LIB: &str = "pyarrow.lib";
@@ -20,6 +20,7 @@ pub(super) fn table(to: &mut Stack, table: &Table) -> Result<(), PluginError> {
     match (kind, columns) {
         ("Array", [only]) => array(to, &only.to_data()),
         ("ChunkedArray", [only]) => chunked(to, &only.to_data()),
+        ("Scalar", [only]) if only.len() == 1 => scalar::write(to, only),
         ("RecordBatch", _) => {
             to.global(LIB, "_reconstruct_record_batch").mark();
             for column in columns {
@@ -56,7 +57,8 @@ fn chunked(to: &mut Stack, data: &ArrayData) -> Result<(), PluginError> {
     Ok(())
 }
 
-fn array(to: &mut Stack, data: &ArrayData) -> Result<(), PluginError> {
+/// Writes an array.
+pub(in crate::plugin) fn array(to: &mut Stack, data: &ArrayData) -> Result<(), PluginError> {
     to.global(LIB, "_restore_array");
     parts(to, data)?;
     to.tuple(1).reduce();

@@ -3,19 +3,25 @@
 //! ```text
 //!   {"encoding": "rgb8", "width": 3, "height": 2, "data": tensor uint8 (2, 3, 3)}
 //!   {"format": "png", "data": tensor uint8 (bytes of the file)}
-//!   and "mode" where Pillow's is another than the encoding tells: {"encoding": "mono8", "mode": "1", …}
+//!   and "mode" where Pillow's is another than the encoding tells: {"encoding": "mono8", "mode": "1", …},
+//!   {"encoding": "mono8", "mode": "P", …}, {"encoding": "8UC4", "mode": "CMYK", …}
 //! ```
 
 use crate::codec::picture::layout;
+use crate::plugin::INKS;
 use crate::types::{
     CompressedFormat, Dtype, Encoding, Image, Map, Picture, Pixels, RawPixels, Stamp, Tensor, Value,
 };
+
+/// What ROS calls four channels of anything.
+const CHANNELS: &str = "8UC4";
 
 pub(super) fn write(picture: &Picture) -> Result<Value, String> {
     let mut body = Map::new();
     let tensor = match &picture.image.pixels {
         Pixels::Raw(raw) => {
-            body.insert("encoding", raw.encoding.name());
+            let inks = picture.mode.as_deref() == Some(INKS);
+            body.insert("encoding", if inks { CHANNELS } else { raw.encoding.name() });
             body.insert("width", raw.width);
             body.insert("height", raw.height);
             let (dtype, shape) = layout(raw);
@@ -42,7 +48,7 @@ pub(super) fn read(body: &Value) -> Result<Picture, String> {
     };
     let pixels = match map.get("format") {
         Some(_) => file(map, data)?,
-        None => raw(map, data)?.into(),
+        None => raw(map, data, mode.as_deref() == Some(INKS))?.into(),
     };
     Ok(Picture { image: Image::new(Stamp::default(), pixels), mode })
 }
@@ -61,9 +67,10 @@ fn file(map: &Map, data: &Tensor) -> Result<Pixels, String> {
     Ok(Pixels::Compressed { format, data: data.data().clone() })
 }
 
-fn raw(map: &Map, data: &Tensor) -> Result<RawPixels, String> {
+fn raw(map: &Map, data: &Tensor, inks: bool) -> Result<RawPixels, String> {
     let name = super::text(map, "encoding")?;
-    let encoding = Encoding::from_name(&name).ok_or_else(|| {
+    let known = if inks { Some(Encoding::Rgba8) } else { Encoding::from_name(&name) };
+    let encoding = known.ok_or_else(|| {
         format!("encoding {name:?} is none of {:?}", Encoding::ALL.map(Encoding::name))
     })?;
     let extent = |key: &str| {
