@@ -45,6 +45,9 @@ pub fn communicator(attribute: TokenStream, item: TokenStream) -> TokenStream {
 /// topic, as in Python. `"$name"` and `"$0"` are replaced by an argument of the first call. A method
 /// that returns a list has one `#[register([…], […])]` with a bracket for each member.
 ///
+/// `#[default(value)]` before an argument is what a server takes where a client leaves it out, as
+/// `blocking=True` in Python's `def`.
+///
 /// It means something only inside a block that has [`macro@communicator`].
 #[proc_macro_attribute]
 pub fn register(_attribute: TokenStream, item: TokenStream) -> TokenStream {

@@ -5,8 +5,12 @@
 //!           kept   Text          Slice           Owned       one for each #[register], in order
 //! ```
 //!
+//! `#[default(value)]` before an argument is its value where a client leaves it out.
+//!
 //! An argument is lent or given to the body. A server decodes an owned twin of it: `String` for
 //! `&str`, `Vec<T>` for `&[T]`, `T` for `&T` and `T`.
+
+use std::collections::HashMap;
 
 use proc_macro2::{Ident, Span, TokenStream, TokenTree};
 use quote::{ToTokens as _, format_ident, quote};
@@ -33,6 +37,8 @@ pub(crate) struct Argument {
     /// As written, for the wrapper.
     pub(crate) written: Type,
     pub(crate) passing: Passing,
+    /// Value of an argument that a client leaves out.
+    pub(crate) default: Option<syn::Expr>,
 }
 
 pub(crate) struct Method {
@@ -51,7 +57,7 @@ pub(crate) struct Method {
     pub(crate) returns: Vec<Type>,
 }
 
-/// Takes `#[register]` and `#[received]` off a method; `None` where it has no `#[register]`.
+/// Takes `#[register]`, `#[received]` and `#[default]` off a method; `None` where it has no `#[register]`.
 pub(crate) fn analyse(method: &mut ImplItemFn) -> Option<syn::Result<Method>> {
     let mut marks = Vec::new();
     method.attrs.retain(|attribute| {
@@ -62,6 +68,7 @@ pub(crate) fn analyse(method: &mut ImplItemFn) -> Option<syn::Result<Method>> {
         !marked
     });
     let mut received = Vec::new();
+    let mut defaults = HashMap::new();
     for (index, input) in method.sig.inputs.iter_mut().enumerate() {
         if let FnArg::Typed(argument) = input {
             let before = argument.attrs.len();
@@ -69,12 +76,19 @@ pub(crate) fn analyse(method: &mut ImplItemFn) -> Option<syn::Result<Method>> {
             if argument.attrs.len() != before {
                 received.push(index);
             }
+            argument.attrs.retain(|attribute| {
+                let marked = is(attribute, "default");
+                if marked {
+                    defaults.insert(index, attribute.clone());
+                }
+                !marked
+            });
         }
     }
     if marks.is_empty() {
         return None;
     }
-    Some(Method::new(method, &marks, &received))
+    Some(Method::new(method, &marks, &received, &defaults))
 }
 
 fn is(attribute: &Attribute, name: &str) -> bool {
@@ -82,7 +96,12 @@ fn is(attribute: &Attribute, name: &str) -> bool {
 }
 
 impl Method {
-    fn new(method: &ImplItemFn, marks: &[Attribute], received: &[usize]) -> syn::Result<Self> {
+    fn new(
+        method: &ImplItemFn,
+        marks: &[Attribute],
+        received: &[usize],
+        defaults: &HashMap<usize, Attribute>,
+    ) -> syn::Result<Self> {
         let signature = &method.sig;
         let name = signature.ident.clone();
         refuse_generics(method)?;
@@ -122,7 +141,8 @@ impl Method {
                 continue;
             }
             let passing = passing(&written)?;
-            arguments.push(Argument { name, written, passing });
+            let default = defaults.get(&index).map(default_value).transpose()?;
+            arguments.push(Argument { name, written, passing, default });
         }
         let returns = returns(&signature.output, &registrations)?;
         let method = Self {
@@ -204,6 +224,15 @@ impl Method {
         }
         Ok(())
     }
+}
+
+/// The value in `#[default(value)]`.
+fn default_value(attribute: &Attribute) -> syn::Result<syn::Expr> {
+    attribute.parse_args().map_err(|_error| {
+        let advice =
+            "say what a client's call that leaves the argument out means: #[default(true)]";
+        syn::Error::new(attribute.span(), advice)
+    })
 }
 
 fn refuse_generics(method: &ImplItemFn) -> syn::Result<()> {

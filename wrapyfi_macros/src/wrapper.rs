@@ -269,8 +269,19 @@ impl Wrapper<'_> {
                     Passing::Slice(element) => quote!(::std::vec::Vec<#element>),
                 };
                 let kind = without_self(kind, this);
+                let found = match &argument.default {
+                    None => quote!(#request.argument(#index, #name)),
+                    Some(value) => {
+                        let value = without_self(value.to_token_stream(), this);
+                        let value = match &argument.passing {
+                            Passing::Owned(_) | Passing::Lent(_) => value,
+                            Passing::Text | Passing::Slice(_) => quote!(<#kind>::from(#value)),
+                        };
+                        quote!(#request.argument_or(#index, #name, || -> #kind { #value }))
+                    }
+                };
                 quote! {
-                    let #twin: #kind = match #request.argument(#index, #name) {
+                    let #twin: #kind = match #found {
                         ::core::result::Result::Ok(twin) => twin,
                         ::core::result::Result::Err(reason) => {
                             #request.refuse(&reason);

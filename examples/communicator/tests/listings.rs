@@ -34,7 +34,12 @@ impl MirrorCls {
         carrier = "tcp",
         should_wait = "$blocking"
     )]
-    fn read_msg(&self, mware: &str, msg: &str, blocking: bool) -> Message {
+    fn read_msg(
+        &self,
+        mware: &str,
+        #[default("")] msg: &str,
+        #[default(true)] blocking: bool,
+    ) -> Message {
         _ = (mware, blocking); // for #[register]
         println!("Type message:");
         let typed = std::io::stdin().lines().next().and_then(Result::ok);

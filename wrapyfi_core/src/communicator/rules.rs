@@ -4,7 +4,9 @@
 
 use super::option::{OptionError, Options};
 use super::payload::PayloadError;
-use crate::types::{AudioChunk, Encoding, Payload, Pixels, RawPixels};
+use super::settings::jpeg_quality;
+use crate::codec::jpeg;
+use crate::types::{AudioChunk, CompressedFormat, Encoding, Image, Payload, Pixels, RawPixels};
 
 /// What payloads of one value must be like.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
@@ -16,6 +18,8 @@ pub(super) struct Rules {
     channels: Option<u8>,
     rate: Option<u32>,
     chunk: Option<u32>,
+    /// Quality of JPEG, where it is written.
+    quality: Option<u8>,
 }
 
 impl Rules {
@@ -39,7 +43,24 @@ impl Rules {
             channels,
             rate: size("rate")?,
             chunk: size("chunk")?,
+            quality: jpeg_quality(options)?,
         })
+    }
+
+    /// A payload that is sent: checked, and compressed where the option says how.
+    pub(super) fn apply(&self, payload: Payload) -> Result<Payload, PayloadError> {
+        self.check(&payload)?;
+        match (payload, self.quality) {
+            (
+                Payload::Image(Image { stamp, frame_id, pixels: Pixels::Raw(raw) }),
+                Some(quality),
+            ) => {
+                let data = jpeg::encode(&raw, quality)?;
+                let pixels = Pixels::Compressed { format: CompressedFormat::Jpeg, data };
+                Ok(Image { stamp, frame_id, pixels }.into())
+            }
+            (payload, _) => Ok(payload),
+        }
     }
 
     pub(super) fn check(&self, payload: &Payload) -> Result<(), PayloadError> {
@@ -106,7 +127,7 @@ fn compare<T: PartialEq + ToString>(
 mod tests {
     use super::super::option::OptionValue;
     use super::*;
-    use crate::types::{Image, SampleFormat, Stamp};
+    use crate::types::{SampleFormat, Stamp};
 
     fn rules(options: &[(&str, OptionValue)]) -> Rules {
         let options = options
@@ -132,6 +153,35 @@ mod tests {
         );
         assert!(rules(&[("fp", OptionValue::Switch(true))]).check(&image).is_err());
         assert!(rules(&[("fp", OptionValue::Switch(false))]).check(&image).is_ok());
+    }
+
+    #[test]
+    fn jpeg_has_the_quality_that_is_written() {
+        let noise: Vec<u8> = (0..64 * 64 * 3_u32).map(|n| (n * 7919 % 251) as u8).collect();
+        let raw = RawPixels::dense(64, 64, Encoding::Rgb8, noise).unwrap();
+        let image = Payload::from(Image::new(Stamp::default(), raw));
+        let with = |options: Options| {
+            Rules::from_options(&Options::default().with("jpg", OptionValue::Map(options)))
+        };
+        let length = |quality| {
+            let options = Options::default().with("quality", OptionValue::Integer(quality));
+            match with(options).unwrap().apply(image.clone()).unwrap() {
+                Payload::Image(Image { pixels: Pixels::Compressed { data, .. }, .. }) => data.len(),
+                other => panic!("{other:?}"),
+            }
+        };
+        assert!(length(10) * 2 < length(95), "{} {}", length(10), length(95));
+        // Its encoder is Python's matter; without a quality the endpoint compresses.
+        let options = Options::default().with("encoder", OptionValue::Text("pil".into()));
+        assert_eq!(with(options).unwrap().apply(image.clone()), Ok(image.clone()));
+        for (name, value, words) in [
+            ("quality", 101, "option quality is 101, and should be a whole number from 0 to 100"),
+            ("quallity", 60, "option jpg(quallity) is 60, and should be quality, encoder or"),
+        ] {
+            let options = Options::default().with(name, OptionValue::Integer(value));
+            let error = with(options).unwrap_err().to_string();
+            assert!(error.starts_with(words), "{error}");
+        }
     }
 
     #[test]

@@ -19,6 +19,7 @@ use super::payload::Payload;
 use super::rules::Rules;
 use super::runtime::Runtime;
 use super::session::Session;
+use super::wait::to_stderr;
 use crate::endpoint::{
     self, Counters, CountersSnapshot, EndpointAddress, Link, Request, RequestId, Server,
 };
@@ -156,21 +157,44 @@ impl Heard<'_> {
     /// # Errors
     /// In words, when it is missing or not of this type.
     pub fn argument<T: DeserializeOwned>(&mut self, index: usize, name: &str) -> Result<T, String> {
-        let by_place = self.request.args.get_mut(index).map(std::mem::take);
-        let given = by_place.or_else(|| self.request.kwargs.get(name).cloned());
+        let given = self.given(index, name);
         let is_missing = given.is_none();
         from_value(given.unwrap_or_default()).map_err(|error| {
             if is_missing {
                 format!("argument {name} is missing: pass it as argument {index} or by its name")
             } else {
-                format!("argument {name} cannot be used: {error}")
+                unusable(name, &error)
             }
         })
     }
 
+    /// The same, or what `default` gives where the client left it out.
+    ///
+    /// # Errors
+    /// In words, when it is not of this type.
+    pub fn argument_or<T: DeserializeOwned>(
+        &mut self,
+        index: usize,
+        name: &str,
+        default: impl FnOnce() -> T,
+    ) -> Result<T, String> {
+        match self.given(index, name) {
+            Some(given) => from_value(given).map_err(|error| unusable(name, &error)),
+            None => Ok(default()),
+        }
+    }
+
+    fn given(&mut self, index: usize, name: &str) -> Option<types::Value> {
+        let by_place = self.request.args.get_mut(index).map(std::mem::take);
+        by_place.or_else(|| self.request.kwargs.get(name).cloned())
+    }
+
     /// Tells the client why its request is not served.
     pub fn refuse(mut self, reason: &str) {
-        tracing::warn!("{}: a request was refused: {reason}", self.session.method);
+        let method = &self.session.method;
+        if !to_stderr(format_args!("{method}: a request was refused: {reason}")) {
+            tracing::warn!("{method}: a request was refused: {reason}");
+        }
         self.tell(reason);
     }
 
@@ -183,6 +207,10 @@ impl Heard<'_> {
         }
         self.session.leave_kept(server);
     }
+}
+
+fn unusable(name: &str, error: &types::TypedError) -> String {
+    format!("argument {name} cannot be used: {error}")
 }
 
 impl Drop for Heard<'_> {
@@ -265,10 +293,9 @@ impl Session {
             endpoint: server.endpoint.to_string(),
             source: Box::new(source),
         };
-        let made = value.to_payload().and_then(|payload| {
-            payload.as_ref().map_or(Ok(()), |payload| server.rules.check(payload))?;
-            Ok(payload)
-        });
+        let made = value
+            .to_payload()
+            .and_then(|payload| payload.map(|payload| server.rules.apply(payload)).transpose());
         let payload = match made {
             Ok(Some(payload)) => payload,
             Ok(None) => {

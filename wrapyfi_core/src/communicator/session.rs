@@ -232,7 +232,7 @@ impl Session {
         {
             object.stamp = types::Stamp::now();
         }
-        outlet.rules.check(&payload).map_err(unfit)?;
+        let payload = outlet.rules.apply(payload).map_err(unfit)?;
         Ok(Some((outlet, payload)))
     }
 

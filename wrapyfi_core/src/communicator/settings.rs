@@ -57,6 +57,30 @@ pub(super) fn is_jpg(options: &Options) -> Result<bool, OptionError> {
     }
 }
 
+/// The quality in Wrapyfi's settings of the encoder, where it is written; its other settings choose
+/// between libraries of Python.
+pub(super) fn jpeg_quality(options: &Options) -> Result<Option<u8>, OptionError> {
+    let Some(OptionValue::Map(settings)) = options.get("jpg") else { return Ok(None) };
+    let fault = |name: &str, found: &OptionValue, wanted: &str| OptionError {
+        name: name.to_owned(),
+        found: found.to_string(),
+        wanted: wanted.to_owned(),
+    };
+    for (name, value) in settings.iter() {
+        if !["quality", "encoder", "logging_level"].contains(&name) {
+            let wanted = "quality, encoder or logging_level";
+            return Err(fault(&format!("jpg({name})"), value, wanted));
+        }
+    }
+    let wanted = "a whole number from 0 to 100";
+    match settings.get("quality") {
+        None | Some(OptionValue::Nothing) => Ok(None),
+        // OpenCV takes 0 for the least there is, which is 1.
+        Some(OptionValue::Integer(quality @ 0..=100)) => Ok(Some((*quality).clamp(1, 100) as u8)),
+        Some(other) => Err(fault("quality", other, wanted)),
+    }
+}
+
 pub(super) fn limits(options: &Options) -> Result<Limits, OptionError> {
     let mib = options.number::<usize>("max_message_mib")?;
     Ok(match mib {

@@ -1,5 +1,6 @@
 //! How long a call waits, what it says meanwhile, and what ends it early.
 
+use std::io::Write as _;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::SeqCst};
 use std::time::{Duration, Instant};
 
@@ -8,6 +9,17 @@ use super::error::CallError;
 /// A wait that is longer says what it waits for, then again and again.
 const SAY_AFTER: Duration = Duration::from_secs(1);
 const SAY_EVERY: Duration = Duration::from_secs(5);
+
+/// Writes a line to standard error where the program has no subscriber of the log: nobody would see
+/// why it stands still. False where it has one.
+pub(super) fn to_stderr(line: std::fmt::Arguments<'_>) -> bool {
+    if tracing::dispatcher::has_been_set() {
+        return false;
+    }
+    // Where nobody reads standard error either, there is nobody to tell.
+    drop(writeln!(std::io::stderr(), "{line}"));
+    true
+}
 
 /// Ends the waits of one method.
 #[derive(Debug, Default)]
@@ -70,7 +82,10 @@ impl<'a> Patience<'a> {
             return Err(CallError::TimedOut { method: method(), waited, waited_for: waited_for() });
         }
         if now >= self.say_at {
-            tracing::info!("{} waits for {}", self.method, waited_for());
+            let (method, waited_for) = (self.method, waited_for());
+            if !to_stderr(format_args!("{method} waits for {waited_for}")) {
+                tracing::info!("{method} waits for {waited_for}");
+            }
             self.say_at = now + SAY_EVERY;
         }
         let next = self.deadline.map_or(self.say_at, |deadline| deadline.min(self.say_at));

@@ -22,6 +22,95 @@ fn a_request_runs_the_body_elsewhere() {
     });
 }
 
+struct Greeter;
+
+#[communicator]
+impl Greeter {
+    #[register(NativeObject, "memory", "/greet", timeout_ms = 30000)]
+    fn greet(
+        &self,
+        name: &str,
+        #[default("!")] end: &str,
+        #[default([1, 2])] numbers: &[i64],
+        #[default(true)] loud: bool,
+        #[default(Self::USUAL)] times: u8,
+    ) -> String {
+        format!("{name}{end} {numbers:?} {loud} {times}")
+    }
+}
+
+impl Greeter {
+    const USUAL: u8 = 3;
+}
+
+struct Brief;
+
+#[communicator]
+impl Brief {
+    #[register(NativeObject, "memory", "/greet", timeout_ms = 30000)]
+    fn greet(&self, name: &str) -> String {
+        name.to_owned()
+    }
+    #[register(NativeObject, "memory", "/greet", timeout_ms = 30000)]
+    fn nothing(&self) -> String {
+        String::new()
+    }
+}
+
+#[test]
+fn a_server_takes_the_default_of_what_a_client_leaves_out() {
+    let context = context();
+    let mut server = Greeter.communicator_in(&context);
+    server.activate(GreeterMethod::Greet, Mode::Reply).unwrap();
+    let (mut brief, mut whole) =
+        (Brief.communicator_in(&context), Greeter.communicator_in(&context));
+    brief.activate(BriefMethod::Greet, Mode::Request).unwrap();
+    brief.activate(BriefMethod::Nothing, Mode::Request).unwrap();
+    whole.activate(GreeterMethod::Greet, Mode::Request).unwrap();
+    std::thread::scope(|scope| {
+        let served = scope.spawn(|| {
+            server.greet("", "", &[], false, 0).unwrap();
+            server.greet("", "", &[], false, 0).unwrap();
+        });
+        assert_eq!(brief.greet("Ada").unwrap().unwrap(), "Ada! [1, 2] true 3");
+        // What has no default is named, and the server goes on.
+        let error = brief.nothing().unwrap_err().to_string();
+        assert!(error.contains("argument name is missing"), "{error}");
+        let all = whole.greet("Ada", "?", &[5], false, 1).unwrap();
+        assert_eq!(all.unwrap(), "Ada? [5] false 1");
+        served.join().unwrap();
+    });
+}
+
+struct Silent;
+
+#[communicator]
+impl Silent {
+    #[register(NativeObject, "memory", "/silence", timeout_ms = 1500)]
+    fn hear(&self) -> String {
+        String::new()
+    }
+}
+
+/// A program of its own for the test below.
+#[test]
+#[ignore = "waits in vain, for the test that runs it"]
+fn a_program_that_waits() {
+    let mut silent = Silent.communicator_in(&context());
+    silent.activate(SilentMethod::Hear, Mode::Listen).unwrap();
+    assert!(matches!(silent.hear(), Err(CallError::TimedOut { .. })));
+}
+
+#[test]
+fn a_program_without_a_log_says_on_stderr_what_it_waits_for() {
+    let program = std::process::Command::new(std::env::current_exe().unwrap())
+        .args(["--ignored", "--exact", "requests::a_program_that_waits", "--nocapture"])
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&program.stderr);
+    assert!(said.contains("hear waits for"), "{said}{}", String::from_utf8_lossy(&program.stdout));
+}
+
 struct Wrong;
 
 #[communicator]

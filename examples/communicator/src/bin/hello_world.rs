@@ -57,7 +57,12 @@ impl MirrorCls {
         should_wait = "$blocking",
         timeout_ms = 600_000
     )]
-    fn read_msg(&self, mware: &str, msg: &str, blocking: bool) -> Message {
+    fn read_msg(
+        &self,
+        mware: &str,
+        #[default("")] msg: &str,
+        #[default(true)] blocking: bool,
+    ) -> Message {
         _ = (mware, blocking); // for #[register]
         print!("Type message: ");
         let mut line = String::new();
