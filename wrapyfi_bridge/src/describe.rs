@@ -15,6 +15,7 @@ use wrapyfi_core::types::{
 };
 
 use crate::canonical::canonical;
+use crate::words::words;
 
 /// The payload as one JSON object.
 #[must_use]
@@ -125,8 +126,8 @@ fn hex(bytes: &[u8]) -> String {
 #[must_use]
 pub fn summary(payload: &Payload) -> String {
     match payload {
-        Payload::NativeObject(value) => canonical(value),
-        Payload::Properties(properties) => canonical(&properties.to_value()),
+        Payload::NativeObject(value) => words(value),
+        Payload::Properties(properties) => words(&properties.to_value()),
         Payload::RosMessage(message) => fields(message),
         Payload::Image(image) => match &image.pixels {
             Pixels::Raw(raw) => format!(

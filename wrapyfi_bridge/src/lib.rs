@@ -9,6 +9,7 @@
 //!
 //!   middlewares   configuration -> middlewares in a registry
 //!   canonical native objects as text that every language hashes alike
+//!   words     native objects as text for people
 //!   describe  a payload as one JSON object, with its digest
 //!   options   --option of the command line
 //!   overrides  qos_overrides of the node -> routes
@@ -34,3 +35,4 @@ pub mod overrides;
 pub mod shutdown;
 pub mod table;
 pub mod whole;
+pub mod words;

@@ -37,6 +37,7 @@ mod service_kind;
 mod shape;
 mod stamp;
 mod table;
+mod table_text;
 mod tensor;
 mod typed;
 mod value;

@@ -1,0 +1,250 @@
+//! Native objects in the words of a person: what `wrapyfi echo` prints without `--json`.
+//!
+//! | value | text |
+//! | --- | --- |
+//! | null, numbers, text, lists and dicts of these | [canonical] JSON |
+//! | tuple, set | `(1, 2)`, `{1, 2}` |
+//! | array | `array float32 (2, 3): [[0, 1, 2], [3, 4, 5]]`, of large ones the first elements |
+//! | tensor of a library | `PytorchTensor float32 (2, 3) on cuda:0: …` |
+//! | picture | `Picture 649x465 jpeg` |
+//! | table | `DataFrame, 3 rows of 2 columns` and rows below |
+//! | quantity | `42 meter` |
+//! | labelled array, data set | `t (time: 2, x: 3) float64`, coordinates and arrays below |
+//! | bytes; object that stays unread | `12 bytes`; `CuPyArray, not read: …` |
+
+use std::fmt::Write as _;
+
+use wrapyfi_core::Limits;
+use wrapyfi_core::codec::image_file;
+use wrapyfi_core::types::{
+    Dtype, Element, Labelled, LabelledContent, Picture, Pixels, Tensor, Value, Variable,
+};
+
+use crate::canonical::canonical;
+
+/// Elements of an array that are all shown.
+const ALL: usize = 24;
+/// Elements that are shown of a larger one.
+const FIRST: usize = 6;
+
+/// `value` in words; tables take several lines.
+#[must_use]
+pub fn words(value: &Value) -> String {
+    let mut out = String::new();
+    write(&mut out, value);
+    out
+}
+
+/// True for what JSON has a form of its own for.
+fn is_plain(value: &Value) -> bool {
+    match value {
+        Value::Null | Value::Bool(_) | Value::Int(_) | Value::BigInt(_) | Value::Float(_) => true,
+        Value::Str(_) | Value::Utf16(_) => true,
+        Value::List(items) => items.iter().all(is_plain),
+        Value::Map(map) => map.iter().all(|(key, value)| is_plain(key) && is_plain(value)),
+        _ => false,
+    }
+}
+
+// Writing to a String cannot fail, so the results of `write!` are not looked at.
+fn write(out: &mut String, value: &Value) {
+    match value {
+        plain if is_plain(plain) => out.push_str(&canonical(plain)),
+        Value::List(items) => listed(out, "[", items, "]"),
+        Value::Tuple(items) => {
+            listed(out, "(", items, if items.len() == 1 { ",)" } else { ")" });
+        }
+        Value::Set(items) => listed(out, "{", items, "}"),
+        Value::Map(map) => {
+            out.push('{');
+            for (index, (key, value)) in map.iter().enumerate() {
+                out.push_str(if index > 0 { ", " } else { "" });
+                write(out, key);
+                out.push_str(": ");
+                write(out, value);
+            }
+            out.push('}');
+        }
+        Value::DateTime(at) => _ = write!(out, "{at}"),
+        Value::DateTime64(text) => out.push_str(text),
+        Value::Tensor(tensor) => self::tensor(out, tensor),
+        Value::Array(array) => {
+            let descr = array.descr.trim_matches('\'');
+            _ = write!(out, "array {descr} {}", shape(&array.shape));
+        }
+        Value::Picture(picture) => self::picture(out, picture),
+        Value::Table(table) => _ = write!(out, "{table}"),
+        Value::Quantity(quantity) => {
+            write(out, &quantity.magnitude);
+            _ = write!(out, " {}", quantity.units);
+        }
+        Value::Labelled(labelled) => self::labelled(out, labelled),
+        Value::Bytes(bytes) => _ = write!(out, "{} bytes", bytes.len()),
+        Value::Tagged(object) => match &object.refused {
+            Some(reason) => _ = write!(out, "{}, not read: {reason}", object.key),
+            None => {
+                _ = write!(out, "{}, {} bytes of an unknown plug-in", object.key, object.json.len())
+            }
+        },
+        Value::Object(object) => _ = write!(out, "{object:?}"),
+        _ => out.push_str(value.kind()),
+    }
+}
+
+fn listed(out: &mut String, open: &str, items: &[Value], close: &str) {
+    out.push_str(open);
+    for (index, item) in items.iter().enumerate() {
+        out.push_str(if index > 0 { ", " } else { "" });
+        write(out, item);
+    }
+    out.push_str(close);
+}
+
+fn shape(shape: &[usize]) -> String {
+    let extents: Vec<_> = shape.iter().map(usize::to_string).collect();
+    format!("({}{})", extents.join(", "), if shape.len() == 1 { "," } else { "" })
+}
+
+fn tensor(out: &mut String, tensor: &Tensor) {
+    let owner = tensor.framework().unwrap_or("array");
+    _ = write!(out, "{owner} {} {}", tensor.dtype(), shape(tensor.shape()));
+    if !tensor.device().is_empty() {
+        _ = write!(out, " on {}", tensor.device());
+    }
+    if let Some(elements) = elements(tensor) {
+        out.push_str(": ");
+        if tensor.element_count() > ALL {
+            _ = write!(out, "[{}, …]", elements.join(", "));
+        } else {
+            nested(out, &mut elements.into_iter(), tensor.shape());
+        }
+    }
+}
+
+fn nested(out: &mut String, elements: &mut impl Iterator<Item = String>, shape: &[usize]) {
+    let [extent, inner @ ..] = shape else {
+        return out.push_str(&elements.next().unwrap_or_default());
+    };
+    out.push('[');
+    for index in 0..*extent {
+        out.push_str(if index > 0 { ", " } else { "" });
+        nested(out, elements, inner);
+    }
+    out.push(']');
+}
+
+/// The elements that are shown; nothing where Rust has no numbers of their type.
+fn elements(tensor: &Tensor) -> Option<Vec<String>> {
+    let count = tensor.element_count();
+    let shown = if count > ALL { FIRST } else { count };
+    fn first<T: Element + ToString>(tensor: &Tensor, shown: usize) -> Option<Vec<String>> {
+        let size = tensor.dtype().size().checked_mul(shown)?;
+        let part = tensor.data().get(..size)?.to_vec();
+        let part = Tensor::new(tensor.dtype(), [shown], part).ok()?.to_vec::<T>()?;
+        Some(part.iter().map(ToString::to_string).collect())
+    }
+    match tensor.dtype() {
+        Dtype::Bool => first::<bool>(tensor, shown),
+        Dtype::I8 => first::<i8>(tensor, shown),
+        Dtype::I16 => first::<i16>(tensor, shown),
+        Dtype::I32 => first::<i32>(tensor, shown),
+        Dtype::I64 => first::<i64>(tensor, shown),
+        Dtype::U8 => first::<u8>(tensor, shown),
+        Dtype::U16 => first::<u16>(tensor, shown),
+        Dtype::U32 => first::<u32>(tensor, shown),
+        Dtype::U64 => first::<u64>(tensor, shown),
+        Dtype::F32 => first::<f32>(tensor, shown),
+        Dtype::F64 => first::<f64>(tensor, shown),
+        _ => None,
+    }
+}
+
+fn picture(out: &mut String, picture: &Picture) {
+    let size = |out: &mut String, width, height| _ = write!(out, "Picture {width}x{height} ");
+    match &picture.image.pixels {
+        Pixels::Raw(raw) => {
+            size(out, raw.width, raw.height);
+            out.push_str(picture.mode.as_deref().unwrap_or(raw.encoding.name()));
+        }
+        Pixels::Compressed { format, data } => {
+            match image_file::decode(data, &Limits::default(), None) {
+                Ok(raw) => size(out, raw.width, raw.height),
+                Err(_unreadable) => out.push_str("Picture "),
+            }
+            out.push_str(format.name());
+        }
+        _ => out.push_str("Picture"),
+    }
+}
+
+fn labelled(out: &mut String, labelled: &Labelled) {
+    match &labelled.content {
+        LabelledContent::Array(array) => {
+            _ = write!(out, "{} ", labelled.name.as_deref().unwrap_or("DataArray"));
+            variable(out, array);
+        }
+        LabelledContent::Dataset { variables, .. } => {
+            _ = write!(out, "Dataset of {} arrays", variables.len());
+            for (name, member) in variables {
+                _ = write!(out, "\n  {name} ");
+                variable(out, member);
+            }
+        }
+    }
+    for (name, coordinate) in &labelled.coords {
+        _ = write!(out, "\n  {name}: ");
+        write(out, &coordinate.data);
+    }
+}
+
+fn variable(out: &mut String, variable: &Variable) {
+    let extents = variable.data.as_tensor().map(Tensor::shape).unwrap_or_default();
+    let dims = variable.dims.iter().enumerate().map(|(index, name)| match extents.get(index) {
+        Some(extent) => format!("{name}: {extent}"),
+        None => name.clone(),
+    });
+    _ = write!(out, "({}) ", dims.collect::<Vec<_>>().join(", "));
+    write(out, &variable.data);
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use wrapyfi_core::codec::json;
+    use wrapyfi_core::types::Map;
+
+    use super::*;
+
+    fn read(text: &str) -> Value {
+        json::decode(&text.to_owned().into(), &Limits::default()).unwrap()
+    }
+
+    #[test]
+    fn what_json_has_is_json() {
+        for text in [r#"{"a":[1,2.5,null],"b":"x"}"#, "[true]", "5"] {
+            assert_eq!(words(&read(text)), text);
+        }
+    }
+
+    #[test]
+    fn objects_are_said_in_words() {
+        let tensor = Tensor::from_elements(&[2, 3], vec![0_f32, 1.0, 2.0, 3.0, 4.0, 5.5]).unwrap();
+        let text = "array float32 (2, 3): [[0, 1, 2], [3, 4, 5.5]]";
+        assert_eq!(words(&tensor.clone().into()), text);
+        let origin = Arc::new(wrapyfi_core::types::Origin::new("PytorchTensor"));
+        let tensor = tensor.with_device("cuda:0").with_origin(origin);
+        assert!(words(&tensor.into()).starts_with("PytorchTensor float32 (2, 3) on cuda:0: [[0"));
+        let large = Tensor::from_elements(&[100], vec![7_u8; 100]).unwrap();
+        assert_eq!(words(&large.into()), "array uint8 (100,): [7, 7, 7, 7, 7, 7, …]");
+
+        let quantity =
+            read(r#"{"__wrapyfi__": ["quantity", {"magnitude": 42, "units": "meter"}]}"#);
+        assert_eq!(words(&quantity), "42 meter");
+        let inside = Value::Map(Map::from_iter([("far", quantity), ("n", 1.into())]));
+        assert_eq!(words(&inside), r#"{"far": 42 meter, "n": 1}"#);
+        assert_eq!(words(&Value::Tuple(vec![1.into(), "x".into()])), r#"(1, "x")"#);
+        let unread = read(r#"{"__wrapyfi__": ["Unknown", "abc"]}"#);
+        assert!(words(&unread).starts_with("Unknown, "), "{}", words(&unread));
+    }
+}
