@@ -212,7 +212,7 @@ mod tests {
     use std::sync::Arc;
 
     use wrapyfi_core::codec::json;
-    use wrapyfi_core::types::Map;
+    use wrapyfi_core::types::{CompressedFormat, Encoding, Image, Map, Quantity, RawPixels, Stamp};
 
     use super::*;
 
@@ -238,12 +238,28 @@ mod tests {
         let large = Tensor::from_elements(&[100], vec![7_u8; 100]).unwrap();
         assert_eq!(words(&large.into()), "array uint8 (100,): [7, 7, 7, 7, 7, 7, …]");
 
-        let quantity =
-            read(r#"{"__wrapyfi__": ["quantity", {"magnitude": 42, "units": "meter"}]}"#);
+        let quantity = Value::from(Quantity { magnitude: 42.into(), units: "meter".into() });
         assert_eq!(words(&quantity), "42 meter");
         let inside = Value::Map(Map::from_iter([("far", quantity), ("n", 1.into())]));
         assert_eq!(words(&inside), r#"{"far": 42 meter, "n": 1}"#);
         assert_eq!(words(&Value::Tuple(vec![1.into(), "x".into()])), r#"(1, "x")"#);
+        let raw = RawPixels::dense(3, 2, Encoding::Rgb8, vec![9; 18]).unwrap();
+        let file = image_file::encode(&raw, false).unwrap();
+        let compressed = Pixels::Compressed { format: CompressedFormat::Png, data: file };
+        for (pixels, mode, text) in [
+            (raw.clone().into(), None, "Picture 3x2 rgb8"),
+            (raw.into(), Some("HSV".to_owned()), "Picture 3x2 HSV"),
+            (compressed, None, "Picture 3x2 png"),
+        ] {
+            let image = Image::new(Stamp::default(), pixels);
+            assert_eq!(words(&Picture { image, mode }.into()), text);
+        }
+        // {"columns": ["speed", "name"], "index": [0, 1], "data": [[1.5, "left"], [2.0, null]]}
+        let table = read(
+            r#"{"__wrapyfi__": ["PandasLegacyData", "eyJjb2x1bW5zIjpbInNwZWVkIiwibmFtZSJdLCJpbmRleCI6WzAsMV0sImRhdGEiOltbMS41LCJsZWZ0Il0sWzIuMCxudWxsXV19", "DataFrame"]}"#,
+        );
+        let text = "DataFrame, 2 rows of 2 columns\n  speed  name\n  1.5    left\n  2      -";
+        assert_eq!(words(&table), text);
         let unread = read(r#"{"__wrapyfi__": ["Unknown", "abc"]}"#);
         assert!(words(&unread).starts_with("Unknown, "), "{}", words(&unread));
     }

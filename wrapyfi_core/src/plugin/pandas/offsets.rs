@@ -18,7 +18,7 @@ enum Anchor {
 }
 
 /// pandas's classes, whose names are stable, and their codes, which were others before 2.2.
-const OFFSETS: [(&str, &str, Anchor); 25] = [
+const OFFSETS: [(&str, &str, Anchor); 24] = [
     ("Day", "D", Anchor::None),
     ("Hour", "h", Anchor::None),
     ("Minute", "min", Anchor::None),
@@ -44,7 +44,6 @@ const OFFSETS: [(&str, &str, Anchor); 25] = [
     ("SemiMonthBegin", "SMS", Anchor::Day),
     // A week that counts from any day has no anchor.
     ("Week", "W", Anchor::None),
-    ("Day", "d", Anchor::None),
 ];
 
 const WEEKDAYS: [&str; 7] = ["MON", "TUE", "WED", "THU", "FRI", "SAT", "SUN"];
