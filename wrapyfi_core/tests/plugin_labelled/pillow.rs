@@ -88,6 +88,10 @@ fn palettes_and_inks_are_read_and_written() {
             Pixels::Raw(raw) if raw.encoding == Encoding::Mono8 => {
                 raw.data.iter().flat_map(|&grey| [grey; 3]).collect::<Vec<u8>>()
             }
+            // GIF has no pixel that is half there.
+            Pixels::Raw(raw) if raw.encoding == Encoding::Rgba8 => {
+                raw.data.as_chunks::<4>().0.iter().flat_map(|&[r, g, b, _]| [r, g, b]).collect()
+            }
             Pixels::Raw(raw) => raw.data.to_vec(),
             Pixels::Compressed { data, .. } => {
                 let limits = Limits::default();
