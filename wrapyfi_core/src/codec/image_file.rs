@@ -167,7 +167,7 @@ pub(crate) fn inks_to_rgb(inks: &RawPixels) -> RawPixels {
         let left = u32::from(255 - black);
         let product = u32::from(ink) * left + 128;
         // At most `left`.
-        (left - ((product >> 8) + product >> 8).min(left)) as u8
+        (left - (((product >> 8) + product) >> 8).min(left)) as u8
     };
     let data: Vec<u8> = pixels
         .iter()
