@@ -12,6 +12,7 @@ use super::pattern::{filled_template, fits_template};
 use super::plan::{Plan, RouteSpec};
 use super::plan_pattern::{Carried, PatternSpec, Source};
 use crate::endpoint::EndpointAddress;
+use crate::types::MessageType;
 
 /// Two routes of one bridge, of which the second does not hear what the first publishes.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -83,6 +84,16 @@ impl<'a> Way<'a> {
         }
     }
 
+    /// Whether it carries messages of a topic: parameters are their node's, whoever set them.
+    fn is_of_topics(self) -> bool {
+        match self {
+            Self::Route(route) => {
+                ![route.message_type, route.from_type].contains(&MessageType::Properties)
+            }
+            Self::Pattern(pattern) => matches!(pattern.carried, Carried::Topics { .. }),
+        }
+    }
+
     /// The pattern that takes many names.
     fn many(self) -> Option<&'a PatternSpec> {
         match self {
@@ -98,9 +109,9 @@ impl Plan {
     /// the name that it has on its middleware.
     #[must_use]
     pub fn unheard(&self, resolve: impl Fn(&EndpointAddress) -> EndpointAddress) -> Vec<Unheard> {
-        let is_topics = |pattern: &&PatternSpec| matches!(pattern.carried, Carried::Topics { .. });
-        let patterns = self.patterns.iter().filter(is_topics).map(Way::Pattern);
-        let ways: Vec<Way<'_>> = self.routes.iter().map(Way::Route).chain(patterns).collect();
+        let ways = self.routes.iter().map(Way::Route);
+        let ways = ways.chain(self.patterns.iter().map(Way::Pattern));
+        let ways: Vec<Way<'_>> = ways.filter(|way| way.is_of_topics()).collect();
         let mut listening: BTreeMap<EndpointAddress, Vec<Way<'_>>> = BTreeMap::new();
         for way in &ways {
             if let Some(source) = way.source() {
@@ -193,6 +204,8 @@ mod tests {
         assert_eq!(found(&[first, learned]), ["first ~ second"]);
         let back = "name: second, from: 'b:/y', to: 'a:/x', type: Text";
         assert_eq!(found(&[first, back]), NONE);
+        let parameters = "from: 'b:/y', to: 'c:/z', type: Properties";
+        assert_eq!(found(&["from: 'a:/x', to: 'b:/y', type: Properties", parameters]), NONE);
         let elsewhere = "name: second, from: 'c:/y', to: 'a:/z', type: Text";
         assert_eq!(found(&[first, elsewhere]), NONE);
     }
