@@ -137,6 +137,9 @@ def qos(user_data=b""):
                 Policy.Durability.TransientLocal if args.transient_local else Policy.Durability.Volatile,
                 Policy.History.KeepLast(args.depth),
                 Policy.DataRepresentation(use_cdrv0_representation=True))
+    if args.transient_local and args.role == "publish":  # as rmw_cyclonedds_cpp: what is kept for late subscribers
+        kept = Policy.History.KeepLast(args.depth)
+        found += Qos(Policy.DurabilityService(0, kept, max_samples=-1, max_instances=-1, max_samples_per_instance=-1))
     return found + Qos(Policy.Userdata(user_data)) if user_data else found
 
 

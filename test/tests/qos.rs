@@ -239,10 +239,10 @@ fn a_late_subscriber_gets_the_history_of_a_source_that_keeps_one() -> Result {
             let topic = |name: &str| world.topic(&format!("{name}_{depth}"));
             let (from, to) = (topic("from"), topic("to"));
             // All is published before the bridge is there: it has what the publisher keeps.
-            let witness = world.dds_subscriber(&from, STRING, "--plain --count 8")?;
+            let _witness = world.dds_subscriber(&from, STRING, "--plain")?;
             let options = format!("--transient-local --depth {depth} --count 8 --text {{n}}");
-            let _publisher = world.dds_publisher(&from, STRING, &options)?;
-            witness.messages(8)?;
+            let publisher = world.dds_publisher(&from, STRING, &options)?;
+            publisher.event("done")?;
             let count = kept.end - kept.start;
             let mut bridge = world.bridge_named(
                 &format!("{depth}.yaml"),
