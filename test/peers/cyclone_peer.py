@@ -36,6 +36,7 @@ parser.add_argument("--best-effort", action="store_true")
 parser.add_argument("--transient-local", action="store_true")
 parser.add_argument("--fields", type=json.loads, help="publish a message with these fields, JSON without blanks")
 parser.add_argument("--depth", type=int, default=50)
+parser.add_argument("--lose", type=int, default=0, help="packets that are not sent, of a thousand")
 parser.add_argument("--hash", help="type hash to announce instead of the right one")
 parser.add_argument("--humble-node", help="announce the endpoint as this node's, as ROS 2 Humble does")
 parser.add_argument("--cdr", action="store_true", help="print the payload as received, in hex")
@@ -43,10 +44,11 @@ args = parser.parse_args()
 if args.role != "graph" and not (args.topic and args.type):
     parser.error("--topic and --type are needed")
 
-LOOPBACK = """<CycloneDDS><Domain Id="any">
+LOOPBACK = f"""<CycloneDDS><Domain Id="any">
   <General><Interfaces><NetworkInterface name="lo"/></Interfaces><AllowMulticast>false</AllowMulticast></General>
   <Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>
     <Peers><Peer address="127.0.0.1"/></Peers></Discovery>
+  <Internal><Test><XmitLossiness>{args.lose}</XmitLossiness></Test></Internal>
 </Domain></CycloneDDS>"""
 os.environ["CYCLONEDDS_URI"] = LOOPBACK  # read when the domain is created: always loopback
 
@@ -135,6 +137,9 @@ def qos(user_data=b""):
                 Policy.Durability.TransientLocal if args.transient_local else Policy.Durability.Volatile,
                 Policy.History.KeepLast(args.depth),
                 Policy.DataRepresentation(use_cdrv0_representation=True))
+    if args.transient_local and args.role == "publish":  # as rmw_cyclonedds_cpp: what is kept for late subscribers
+        kept = Policy.History.KeepLast(args.depth)
+        found += Qos(Policy.DurabilityService(0, kept, max_samples=-1, max_instances=-1, max_samples_per_instance=-1))
     return found + Qos(Policy.Userdata(user_data)) if user_data else found
 
 

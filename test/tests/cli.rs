@@ -309,6 +309,16 @@ fn arguments_are_given_alike_on_ros_1_too() -> Result {
 }
 
 #[test]
+fn ros_arguments_are_for_the_bridge_alone() -> Result {
+    run("ros_arguments_are_for_the_bridge_alone", PROGRAM, |world| {
+        let mut echo = world.wrapyfi(["echo", "ros2:/x", "--ros-args", "-r", "__ns:=/lab"])?;
+        complains(&mut echo, &[2], &["--ros-args is for the nodes"])?;
+        let mut bridge = world.wrapyfi(["bridge", "--ros-args", "--loud"])?;
+        complains(&mut bridge, &[2], &["--loud"])
+    })
+}
+
+#[test]
 fn help_and_version_are_success() -> Result {
     run("help_and_version_are_success", PROGRAM, |world| {
         let mut help = world.wrapyfi(["--help"])?;
@@ -441,6 +451,24 @@ fn check_prints_the_plan() -> Result {
         // It runs nothing: the broker's ports are free all the time.
         let _free = (hold(world.pub_port())?, hold(world.sub_port())?);
         world.wrapyfi(["check", &file])?.exits_with(0)
+    })
+}
+
+#[test]
+fn check_warns_of_routes_that_do_not_hear_each_other() -> Result {
+    run("check_warns_of_routes_that_do_not_hear_each_other", PROGRAM, |world| {
+        let config = world
+            .embedded()
+            .route(Route::new("zeromq:/a", "ros2:middle", "Text"))
+            .route(Route::new("ros2:/middle", "zeromq:/b", "Text"));
+        let file = world.write("chain.yaml", config.yaml())?.display().to_string();
+        let words = "does not hear what route \"zeromq:/a -> ros2:middle\" publishes on ros2:/middle: \
+                     a bridge ignores its own publications; write a route from zeromq:/a to zeromq:/b";
+        complains(&mut world.wrapyfi(["check", &file])?, &[0], &[words])?;
+        let bridge = world.bridge(&config)?;
+        bridge.wait_until("the warning", |output| {
+            output.err.iter().any(|line| line.contains(words)).then_some(())
+        })
     })
 }
 

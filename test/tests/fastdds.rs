@@ -165,6 +165,35 @@ fn we_hear_what_fast_dds_publishes() -> Result {
 }
 
 #[test]
+fn a_late_node_on_fast_dds_gets_the_history_of_another() -> Result {
+    run("a_late_node_on_fast_dds_gets_the_history_of_another", NEEDS, |world| {
+        let (from, to) = (world.topic("from"), world.topic("to"));
+        let kind = format!("--type {STRING} --hash {STRING_HASH} --transient-local");
+        let mut publisher = world.fast_peer(&format!("publish --topic {from} {kind}"))?;
+        let messages = ["one", "two", "three"].map(|text| Cdr::new().text(text).hex());
+        for message in &messages {
+            publisher.tell(message)?;
+        }
+        publisher.wait_until("three messages sent", |output| {
+            (output.events("sent").len() == 3).then_some(())
+        })?;
+        let bridge =
+            world.bridge(&world.embedded().route(Route::new(&ros2(&from), &ros2(&to), "Text")))?;
+        bridge.wait_until("the route to have carried all", |output| {
+            let report = output.objects().rev().find(|it| it["routes"].is_array())?;
+            (report["routes"][0]["counters"]["sent"] == 3).then_some(())
+        })?;
+        let late = world.fast_peer(&format!("subscribe --topic {to} {kind} --cdr --count 3"))?;
+        let heard = late.messages(3).map_err(|e| e.context(bridge.tail()))?;
+        for (found, message) in texts(&heard, "cdr").iter().zip(&messages) {
+            // Cyclone fills the last word with zeros.
+            assert_eq!(found.strip_prefix(message).map(|rest| rest.trim_matches('0')), Some(""));
+        }
+        Ok(())
+    })
+}
+
+#[test]
 fn images_of_wrapyfi_reach_fast_dds_through_the_bridge() -> Result {
     let needs = [NEEDS, &[Need::Python]].concat();
     run("images_of_wrapyfi_reach_fast_dds_through_the_bridge", &needs, |world| {

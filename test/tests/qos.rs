@@ -225,3 +225,76 @@ fn a_policy_that_there_is_not_ends_the_start() -> Result {
         Ok(())
     })
 }
+
+/// Numbers in the texts that a subscriber has heard.
+fn numbers(messages: &[Value]) -> Vec<u64> {
+    let texts = messages.iter().filter_map(|message| message["fields"]["data"].as_str());
+    texts.filter_map(|text| text.parse().ok()).collect()
+}
+
+#[test]
+fn a_late_subscriber_gets_the_history_of_a_source_that_keeps_one() -> Result {
+    run("a_late_subscriber_gets_the_history_of_a_source_that_keeps_one", NEEDS, |world| {
+        for (depth, kept) in [(50, 0..8), (3, 5..8), (1, 7..8)] {
+            let topic = |name: &str| world.topic(&format!("{name}_{depth}"));
+            let (from, to) = (topic("from"), topic("to"));
+            // All is published before the bridge is there: it has what the publisher keeps.
+            let _witness = world.dds_subscriber(&from, STRING, "--plain")?;
+            let options = format!("--transient-local --depth {depth} --count 8 --text {{n}}");
+            let publisher = world.dds_publisher(&from, STRING, &options)?;
+            publisher.event("done")?;
+            let count = kept.end - kept.start;
+            let mut bridge = world.bridge_named(
+                &format!("{depth}.yaml"),
+                &world.embedded().route(Route::new(&ros2(&from), &ros2(&to), "Text")),
+            )?;
+            bridge.wait_until("the route to have carried all", |output| {
+                let report = output.objects().rev().find(|it| it["routes"].is_array())?;
+                (report["routes"][0]["counters"]["sent"] == count).then_some(())
+            })?;
+            let options = format!("--transient-local --depth 50 --plain --count {count}");
+            let late = world.dds_subscriber(&to, STRING, &options)?;
+            let heard = late.messages(usize::try_from(count)?);
+            let heard = heard.map_err(|e| e.context(bridge.tail()))?;
+            assert_eq!(numbers(&heard), kept.collect::<Vec<u64>>(), "depth {depth}");
+            bridge.terminate()?;
+            bridge.exits_with(0)?;
+        }
+        Ok(())
+    })
+}
+
+#[test]
+fn what_dds_loses_is_counted_and_shown() -> Result {
+    run("what_dds_loses_is_counted_and_shown", NEEDS, |world| {
+        let (from, to) = (world.topic("from"), world.topic("to"));
+        let route = Route::new(&ros2(&from), &zeromq(&to), "Text").with("qos", "sensor_data");
+        let bridge = world.bridge(&world.embedded().route(route.with("queue_depth", "1000")))?;
+        let endpoint = ros2(&from);
+        let words = ["echo", &endpoint, "--qos", "sensor_data", "--count", "50"];
+        let mut echo = world.wrapyfi([&words[..], &["--json", "--timeout", "60"]].concat())?;
+        let options = "--best-effort --lose 300 --rate 100 --text {n}";
+        let publisher = world.dds_publisher(&from, STRING, options)?;
+        echo.exits_with(0).map_err(|e| e.context(publisher.tail()))?;
+        let heard: Vec<u64> = echo
+            .objects(50)?
+            .iter()
+            .filter_map(|object| object["value"]["data"].as_str()?.parse().ok())
+            .collect();
+        let missing = heard[49] + 1 - heard[0] - 50;
+        assert!(missing > 0, "a peer that drops three packets of ten dropped none: {heard:?}");
+        let said = echo.stderr();
+        assert!(
+            said.contains("messages were lost between their publisher and this node"),
+            "{said}"
+        );
+        assert!(said.contains(&format!("{missing} messages dropped: lost_upstream")), "{said}");
+        bridge.wait_until("the loss in the counters", |output| {
+            let report = output.objects().rev().find(|it| it["routes"].is_array())?;
+            let counters = &report["routes"][0]["counters"];
+            counters["drops"]["lost_upstream"].as_u64().filter(|lost| *lost > 0)
+        })?;
+        let loss = "messages were lost between their publisher and this node";
+        bridge.wait_until("the loss in the log", |output| has_logged(output, loss).then_some(()))
+    })
+}

@@ -242,6 +242,34 @@ fn a_large_reply_of_fast_ddss_mapping_arrives() -> Result {
 
 /// The last reply arrives though its server ends at once.
 #[test]
+fn a_reply_of_any_type_comes_from_a_file() -> Result {
+    run("a_reply_of_any_type_comes_from_a_file", NEEDS, |world| {
+        let (set, measure) = (world.topic("set"), world.topic("measure"));
+        let file = |name: &str, text: &str| -> Result<String> {
+            Ok(world.write(name, text)?.display().to_string())
+        };
+        let on = file("on.json", r#"{"success": true, "message": "on"}"#)?;
+        let _set = serve(world, &set, &["--type", "std_srvs/srv/SetBool", "--file", &on])?;
+        assert_eq!(reply(world, &set, &[])?, json!({"success": true, "message": "on"}));
+        let list = file("list.json", r#"{"list": [1.5, 2]}"#)?;
+        let _measure = serve(world, &measure, &["--type", "demo/srv/Measure", "--file", &list])?;
+        assert_eq!(reply(world, &measure, &[])?["list"], json!([1.5, 2.0]));
+        let wrong = file("wrong.json", r#"{"successful": true}"#)?;
+        let image = file("image.png", "no picture")?;
+        for (file, words) in [
+            (&wrong, "wrong.json is no reply of std_srvs/srv/SetBool"),
+            (&image, "image.png is no .json file; a reply of std_srvs/srv/SetBool is a .json file"),
+        ] {
+            let mut server =
+                serve(world, &set, &["--type", "std_srvs/srv/SetBool", "--file", file])?;
+            server.exits_with(2)?;
+            assert!(server.stderr().contains(words), "{}", server.stderr());
+        }
+        Ok(())
+    })
+}
+
+#[test]
 fn a_server_that_ends_has_answered() -> Result {
     run("a_server_that_ends_has_answered", NEEDS, |world| {
         for (n, rmw) in [FAST, CYCLONE].into_iter().cycle().take(16).enumerate() {

@@ -34,7 +34,8 @@ pub enum Command {
     /// Show the main job on built-in sources: camera, microphone and objects on ZeroMQ and a robot
     /// on YARP into ROS 2.
     Demo(DemoArgs),
-    /// Run the routes of a configuration file.
+    /// Run the routes of a configuration file, as a ROS 2 node.
+    #[command(after_help = ROS_ARGS)]
     Bridge(BridgeArgs),
     /// Validate a configuration file and print what it would run.
     Check {
@@ -65,19 +66,33 @@ pub struct DemoArgs {
     pub seconds: Option<Duration>,
 }
 
-/// Arguments of `wrapyfi bridge`.
-#[derive(Debug, Args)]
+/// Arguments of `wrapyfi bridge` and of the node executables.
+#[derive(Debug, Default, Args)]
 pub struct BridgeArgs {
-    /// Configuration file.
+    /// Configuration file; the parameter config_file.
     #[arg(long, value_name = "FILE")]
-    pub config: PathBuf,
-    /// How long it runs; without it, until interrupted.
+    pub config: Option<PathBuf>,
+    /// How long it runs; 0, or without it, until interrupted. The parameter seconds.
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub seconds: Option<Duration>,
-    /// Print the routes' status as one JSON object a second on stdout.
+    /// Print the routes' status as one JSON object a second on stdout; the parameter status_json.
     #[arg(long)]
     pub json: bool,
 }
+
+/// Command line of a node executable, beside what is ROS's.
+#[derive(Debug, Parser)]
+#[command(version, after_help = ROS_ARGS)]
+pub struct NodeCli {
+    /// What the executables have in common with `wrapyfi bridge`.
+    #[command(flatten)]
+    pub args: BridgeArgs,
+}
+
+/// What `--help` says about ROS arguments.
+const ROS_ARGS: &str = "Behind --ros-args, as for every ROS 2 node: -r FROM:=TO, -p NAME:=VALUE, \
+    --params-file FILE, --log-level [LOGGER:=]LEVEL and others (docs/ros_args.md). Parameters: \
+    docs/node.md.";
 
 /// Arguments of `wrapyfi list`.
 #[derive(Debug, Args)]
@@ -253,7 +268,8 @@ pub struct ServeArgs {
     /// Wrapyfi returns, in its dialect of JSON.
     #[arg(long, value_name = "JSON")]
     pub value: Option<String>,
-    /// What a function of Wrapyfi returns, from a file: .json, .npy, .png, .jpg or .wav.
+    /// Every reply from a file: .json with its fields, as --value has them; what a function of Wrapyfi
+    /// returns also from .npy, .png, .jpg or .wav.
     #[arg(long, value_name = "F")]
     pub file: Option<PathBuf>,
     /// End after this many requests.

@@ -81,6 +81,17 @@ pub fn from_file(path: &Path, spec: &TopicSpec) -> anyhow::Result<Payload> {
     Ok(payload)
 }
 
+/// The text of a `.json` file.
+///
+/// # Errors
+/// When the file is of another type, cannot be read, is larger than `max_message_mib`, or is no text.
+pub fn json_text(path: &Path, limits: &Limits) -> anyhow::Result<String> {
+    let name = path.display();
+    let is_json = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
+    ensure!(is_json, "{name} is no .json file");
+    String::from_utf8(read(path, limits)?.into()).with_context(|| format!("{name} is no text"))
+}
+
 /// The payload as if it were taken now. Native objects have a time `in_ros` only.
 pub fn restamp(payload: &mut Payload, in_ros: bool) {
     match payload {

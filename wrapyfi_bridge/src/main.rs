@@ -1,5 +1,6 @@
 //! The `wrapyfi` command.
 
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 use anyhow::Context as _;
@@ -7,15 +8,22 @@ use clap::Parser as _;
 use wrapyfi_bridge::cli::{Cli, Command};
 use wrapyfi_bridge::exit::{Failure, finish};
 use wrapyfi_bridge::shutdown::Shutdown;
-use wrapyfi_bridge::{command, logging};
+use wrapyfi_bridge::{command, logging, node};
 
 fn main() -> ExitCode {
-    // `ros2 run` hands every node its --ros-args: the `bridge` executable reads them.
-    let cli = Cli::parse();
-    finish(run(&cli))
+    let (words, ros) = node::split(std::env::args_os());
+    finish(run(&Cli::parse_from(words), ros))
 }
 
-fn run(cli: &Cli) -> Result<(), Failure> {
+fn run(cli: &Cli, ros: Vec<OsString>) -> Result<(), Failure> {
+    if let Command::Bridge(args) = &cli.command {
+        let level = logging::level(cli.log_level.as_deref().unwrap_or("info"));
+        let level = level.map_err(Failure::usage)?;
+        return node::run(args, node::parse(ros.into_iter())?, None, level);
+    }
+    if !ros.is_empty() {
+        return Err(Failure::usage("--ros-args is for the nodes: `wrapyfi bridge --ros-args …`"));
+    }
     let level = match (&cli.log_level, &cli.command) {
         (Some(level), _) => level,
         (None, Command::Yarpserver(args)) if args.silent => "warn",
@@ -26,7 +34,8 @@ fn run(cli: &Cli) -> Result<(), Failure> {
     let shutdown = Shutdown::on_signals().context("cannot catch signals")?;
     match &cli.command {
         Command::Demo(args) => command::demo::run(args, &shutdown),
-        Command::Bridge(args) => command::bridge::run(args, &shutdown),
+        // Above: it logs as its node.
+        Command::Bridge(_) => Ok(()),
         Command::Check { file } => command::check::run(file),
         Command::List(args) => command::list::run(args, &shutdown),
         Command::Echo(args) => command::echo::run(args, &shutdown),

@@ -7,18 +7,23 @@
 //! ```
 
 use std::collections::BTreeMap;
+use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Context as _;
+use clap::{CommandFactory as _, FromArgMatches as _};
+use tracing_subscriber::filter::LevelFilter;
+use wrapyfi_core::endpoint::EndpointAddress;
 use wrapyfi_core::node::args::RosArgs;
 use wrapyfi_core::node::parameters::{DeclareError, ParameterDescriptor, ParameterStore};
 use wrapyfi_core::node::{
-    LogLevel, NameError, NodeName, NodeOptions, ParameterType, ParameterValue, read_params_file,
+    NameError, NodeName, NodeOptions, ParameterType, ParameterValue, read_params_file,
 };
 
+use crate::cli::{BridgeArgs, NodeCli};
 use crate::command::bridge::{self, Options};
 use crate::exit::{Failure, finish};
 use crate::logging;
@@ -83,6 +88,18 @@ impl Node {
         ParameterStore::new(&self.name, self.overrides.clone())
     }
 
+    /// An address with the name that it has for this node: on ROS 2 expanded and remapped.
+    #[must_use]
+    pub fn resolve(&self, address: &EndpointAddress) -> EndpointAddress {
+        let mut resolved = address.clone();
+        if address.middleware == "ros2"
+            && let Ok(name) = self.resolve_topic(&address.name)
+        {
+            resolved.name = name;
+        }
+        resolved
+    }
+
     /// The absolute name of a topic as this node sees it: expanded in its namespace, remapped.
     ///
     /// # Errors
@@ -95,38 +112,96 @@ impl Node {
 /// Runs the node executable `bridge`: reads the process's arguments, returns its exit code.
 #[must_use]
 pub fn main() -> ExitCode {
-    finish(run(std::env::args().skip(1), None))
+    finish(run_executable(None))
 }
 
 /// As [`main`], for an executable that bridges all of a middleware.
 #[must_use]
 pub fn main_of_whole(whole: Whole) -> ExitCode {
-    finish(run(std::env::args().skip(1), Some(whole)))
+    finish(run_executable(Some(whole)))
 }
 
-fn run(argv: impl Iterator<Item = String>, whole: Option<Whole>) -> Result<(), Failure> {
-    let default_name = whole.map_or(DEFAULT_NAME, Whole::node);
-    let args = RosArgs::parse(argv, read_params_file)
-        .map_err(|error| Failure::usage(format!("failed to initialize: {error}")))?;
-    let options = NodeOptions::resolve(default_name, "/", &args).map_err(Failure::usage)?;
-    let level = match options.log_level {
-        LogLevel::Unset | LogLevel::Info => "info",
-        LogLevel::Debug => "debug",
-        LogLevel::Warn => "warn",
-        LogLevel::Error | LogLevel::Fatal => "error",
+fn run_executable(whole: Option<Whole>) -> Result<(), Failure> {
+    let ros = parse(std::env::args_os().skip(1))?;
+    let (name, about) = match whole {
+        None => ("bridge", "Runs the routes of a configuration file, as a ROS 2 node."),
+        Some(whole) => (whole.node(), whole.about()),
     };
-    logging::start_as(&options.name.logger_name(), level, args.stdout_logs)
-        .map_err(Failure::usage)?;
-    for warning in &args.warnings {
+    let words = std::iter::once(name).chain(ros.program_args.iter().map(String::as_str));
+    // Ends the program where help is asked for, or a word is not known.
+    let matches = NodeCli::command().name(name).about(about).get_matches_from(words);
+    let cli = NodeCli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    run(&cli.args, ros, whole, LevelFilter::INFO)
+}
+
+/// Words of the program, and those of ROS: from each `--ros-args` to `--` or the end.
+#[must_use]
+pub fn split(words: impl Iterator<Item = OsString>) -> (Vec<OsString>, Vec<OsString>) {
+    let mut is_ros = false;
+    words.partition(|word| {
+        let was_ros = is_ros;
+        is_ros = if was_ros { word != "--" } else { word == "--ros-args" };
+        !(was_ros || is_ros)
+    })
+}
+
+/// Reads what ROS understands of a command line.
+///
+/// # Errors
+/// Exit code 2 with the first thing that ROS 2 would refuse.
+pub fn parse(words: impl Iterator<Item = OsString>) -> Result<RosArgs, Failure> {
+    let words: Result<Vec<String>, OsString> = words.map(OsString::into_string).collect();
+    let words =
+        words.map_err(|word| Failure::Usage(format!("argument {word:?} is not UTF-8 text")))?;
+    RosArgs::parse(words, read_params_file)
+        .map_err(|error| Failure::usage(format!("failed to initialize: {error}")))
+}
+
+/// Enters the parameters that `args` stand for among those `given` as such.
+fn enter(args: &BridgeArgs, given: &mut BTreeMap<String, ParameterValue>) -> Result<(), Failure> {
+    let config = args.config.as_ref().map(|path| match path.to_str() {
+        Some(path) => Ok(ParameterValue::from(path)),
+        None => Err(Failure::Usage(format!("--config {}: not UTF-8 text", path.display()))),
+    });
+    let seconds = args.seconds.map(|time| ParameterValue::from(time.as_secs_f64()));
+    let json = args.json.then(|| ParameterValue::from(true));
+    for (option, name, value) in [
+        ("--config", "config_file", config.transpose()?),
+        ("--seconds", "seconds", seconds),
+        ("--json", "status_json", json),
+    ] {
+        let Some(value) = value else { continue };
+        if let Some(other) = given.insert(name.to_owned(), value.clone())
+            && other != value
+        {
+            return Err(Failure::Usage(format!(
+                "{option} says {value}, and parameter {name} says {other}: give one of them"
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Runs the bridge as a ROS 2 node, with the routes that `args` or `ros` name, or those built in for
+/// `whole`. What is logged, unless `ros` says otherwise, is what `level` lets through.
+///
+/// # Errors
+/// Exit code 2 when arguments or configuration are refused, 1 when a middleware cannot start.
+pub fn run(
+    args: &BridgeArgs,
+    ros: RosArgs,
+    whole: Option<Whole>,
+    level: LevelFilter,
+) -> Result<(), Failure> {
+    let default_name = whole.map_or(DEFAULT_NAME, Whole::node);
+    let options = NodeOptions::resolve(default_name, "/", &ros).map_err(Failure::usage)?;
+    logging::start_as(&options.name.logger_name(), level, ros.log_levels(), ros.stdout_logs);
+    for warning in &ros.warnings {
         tracing::warn!("{warning}");
     }
-    if let Some(word) = args.program_args.first() {
-        let text = format!(
-            "argument {word:?} is not known; parameters are given as --ros-args -p name:=value"
-        );
-        return Err(Failure::Usage(text));
-    }
-    let node = Node { name: options.name, args: Arc::new(args), overrides: options.parameters };
+    let mut overrides = options.parameters;
+    enter(args, &mut overrides)?;
+    let node = Node { name: options.name, args: Arc::new(ros), overrides };
     let mut store = node.parameters().map_err(Failure::usage)?;
     let parameters = Parameters::declare(&mut store, whole)?;
     let shutdown = Shutdown::on_signals().context("cannot catch signals")?;
@@ -137,7 +212,7 @@ fn run(argv: impl Iterator<Item = String>, whole: Option<Whole>) -> Result<(), F
         }
         Configuration::BuiltIn(text, name) => (middlewares::load_text(&text, name)?, name.into()),
     };
-    bridge::run_node(loaded, &name, &node, store, options, &shutdown)
+    bridge::run(loaded, &name, &node, store, options, &shutdown)
 }
 
 /// The parameters of the bridge node.
@@ -213,7 +288,7 @@ impl Parameters {
             }
             (_, None) => {
                 return Err(Failure::usage(
-                    "no configuration: give --ros-args -p config_file:=/path/to/bridge.yaml",
+                    "no configuration: give --config FILE, or --ros-args -p config_file:=FILE",
                 ));
             }
         };
@@ -258,6 +333,42 @@ mod tests {
             let mut again = ParameterStore::new(&name, dump).unwrap();
             assert_eq!(Parameters::declare(&mut again, whole).unwrap().options.seconds, None);
         }
+    }
+
+    #[test]
+    fn the_command_line_is_split_where_ros_begins() {
+        let split = |line: &str| {
+            let (own, ros) = split(line.split(' ').map(OsString::from));
+            let joined = |words: Vec<OsString>| words.join(" ".as_ref()).into_string().unwrap();
+            (joined(own), joined(ros))
+        };
+        let own = |own: &str, ros: &str| (own.to_owned(), ros.to_owned());
+        assert_eq!(split("bridge --config a:=b"), own("bridge --config a:=b", ""));
+        assert_eq!(
+            split("bridge --ros-args -r a:=b -- --json --ros-args -p c:=1"),
+            own("bridge --json", "--ros-args -r a:=b -- --ros-args -p c:=1")
+        );
+    }
+
+    #[test]
+    fn options_are_parameters_and_say_so_where_both_are_given() {
+        let args = BridgeArgs {
+            config: Some("a.yaml".into()),
+            seconds: Some(Duration::from_millis(500)),
+            json: true,
+        };
+        let mut given = BTreeMap::new();
+        enter(&args, &mut given).unwrap();
+        let expected: [(&str, ParameterValue); 3] = [
+            ("config_file", "a.yaml".into()),
+            ("seconds", 0.5.into()),
+            ("status_json", true.into()),
+        ];
+        assert_eq!(given, expected.map(|(name, value)| (name.to_owned(), value)).into());
+        enter(&args, &mut given).unwrap();
+        given.insert("config_file".to_owned(), "b.yaml".into());
+        let told = enter(&args, &mut given).unwrap_err().to_string();
+        assert!(told.contains("--config says a.yaml") && told.contains("says b.yaml"), "{told}");
     }
 
     #[test]

@@ -1,25 +1,23 @@
 //! Quality of service of routes from the command line: `-p qos_overrides./topic.publisher.depth:=20`.
 //!
 //! ```text
-//!   Plan ─ ROS 2 ends, remapped ─▶ read-only parameters, before anything opens
-//!     ▲                                  │
-//!     └───── what they change ───────────┘
+//!   Plan ─ ROS 2 ends, remapped ─▶ those that are given ─▶ read-only parameters, before anything opens
+//!     ▲                                                        │
+//!     └───── what they change ─────────────────────────────────┘
 //! ```
 
 use wrapyfi_core::engine::{Plan, QosConfig, QosOverride, RouteSpec};
 use wrapyfi_core::node::parameters::{
-    EndpointRole, MAX_PARAMETERS, ParameterStore, QosOverrideError, QosOverrides,
+    EndpointRole, ParameterStore, QosOverrideError, QosOverrides,
 };
 use wrapyfi_core::types::MessageType;
 
 use crate::node::Node;
 
-/// Policies that an endpoint declares, at most.
-const POLICIES: usize = 8;
-
-/// Declares the policies of every topic that routes have on ROS 2, and changes the routes by what the
-/// command line gives them. Routes that meet in one end of one topic share its parameters: these
-/// change all of them, and otherwise show what the first of them has.
+/// Changes the quality of service of routes by what the command line gives for their topics on ROS 2,
+/// and declares the policies of those ends as parameters, and of no others. Routes that meet in one end
+/// of one topic share its parameters: these change all of them, and otherwise show what the first of
+/// them has.
 ///
 /// # Errors
 /// When the command line names a policy that there is not, or a value that it cannot have.
@@ -28,46 +26,38 @@ pub fn apply(
     node: &Node,
     store: &mut ParameterStore,
 ) -> Result<(), QosOverrideError> {
-    // Those that are changed first: they must have their place.
-    let mut ends: Vec<(bool, String, usize, EndpointRole)> = Vec::new();
-    for (index, route) in plan.routes.iter().enumerate() {
+    for route in &mut plan.routes {
         for role in [EndpointRole::Subscription, EndpointRole::Publisher] {
             // A name that the rules make invalid is the route's own fault, and said there.
             let Some(topic) = topic(route, role, node) else { continue };
             let prefix = format!("qos_overrides.{topic}.{role}.");
-            let changed = store.overrides().keys().any(|name| name.starts_with(&prefix));
-            ends.push((!changed, topic, index, role));
+            if store.overrides().keys().any(|name| name.starts_with(&prefix)) {
+                change(route, role, &topic, store)?;
+            }
         }
     }
-    ends.sort_by_key(|&(unchanged, ..)| unchanged);
-    let mut left = MAX_PARAMETERS.saturating_sub(store.names().count());
-    for (position, (unchanged, topic, index, role)) in ends.iter().enumerate() {
-        if *unchanged && left < POLICIES {
-            tracing::warn!(
-                "the quality of service of {} more ends of routes is not among the parameters, of \
-                 which a node has {MAX_PARAMETERS}",
-                ends.len() - position
-            );
-            break;
-        }
-        let Some(route) = plan.routes.get_mut(*index) else { continue };
-        let (base, follows) = (route.qos.qos(), matches!(route.qos, QosConfig::Match(_)));
-        let profile = QosOverrides::of(&base, follows);
-        let changed = store.declare_qos_overrides(topic, *role, None, &profile)?;
-        left = left.saturating_sub(POLICIES);
-        if changed == QosOverrides::default() {
-            continue;
-        }
-        let (pinned, follows) = changed.pin(&base, follows);
-        let end = match role {
-            EndpointRole::Publisher => &mut route.to_override,
-            EndpointRole::Subscription => &mut route.from_override,
-        };
-        *end = QosOverride { pinned, follows };
-        let qos = pinned.apply(base);
-        let rest = if follows { ", and follows its peers in the rest" } else { "" };
-        tracing::info!(route = %route.name, "the {role} of {topic} begins as {qos}{rest}");
-    }
+    Ok(())
+}
+
+/// Changes one end of a route.
+fn change(
+    route: &mut RouteSpec,
+    role: EndpointRole,
+    topic: &str,
+    store: &mut ParameterStore,
+) -> Result<(), QosOverrideError> {
+    let (base, follows) = (route.qos.qos(), matches!(route.qos, QosConfig::Match(_)));
+    let profile = QosOverrides::of(&base, follows);
+    let changed = store.declare_qos_overrides(topic, role, None, &profile)?;
+    let (pinned, follows) = changed.pin(&base, follows);
+    let end = match role {
+        EndpointRole::Publisher => &mut route.to_override,
+        EndpointRole::Subscription => &mut route.from_override,
+    };
+    *end = QosOverride { pinned, follows };
+    let qos = pinned.apply(base);
+    let rest = if follows { ", and follows its peers in the rest" } else { "" };
+    tracing::info!(route = %route.name, "the {role} of {topic} begins as {qos}{rest}");
     Ok(())
 }
 
@@ -188,12 +178,19 @@ mod tests {
     }
 
     #[test]
-    fn more_routes_than_parameters_still_run() {
-        let many = (0..600).map(|n| format!("ros2:/out{n}"));
-        let routes = many.map(|to| route("zeromq:/in", &to, QosConfig::default())).collect();
+    fn only_what_is_given_is_a_parameter() {
+        let own = applied(Vec::new(), &[]).unwrap().1.names().count();
+        let routes = || {
+            let many = (0..600).map(|n| format!("ros2:/out{n}"));
+            many.map(|to| route("zeromq:/in", &to, QosConfig::default())).collect()
+        };
+        assert_eq!(applied(routes(), &[]).unwrap().1.names().count(), own);
         let name = "qos_overrides./out599.publisher.depth";
-        let (routes, store) = applied(routes, &[(name, 3.into())]).unwrap();
-        assert!(store.names().count() <= MAX_PARAMETERS);
+        let (routes, store) = applied(routes(), &[(name, 3.into())]).unwrap();
+        let given: Vec<_> =
+            store.names().filter(|name| name.starts_with("qos_overrides")).collect();
+        assert!(given.iter().all(|name| name.starts_with("qos_overrides./out599.publisher.")));
+        assert_eq!((given.len(), store.names().count()), (8, own + 8));
         let [_, to] = ends(&routes[599]);
         assert_eq!(to.pinned.apply(to.qos).to_string(), "reliable volatile keep_last(3)");
     }

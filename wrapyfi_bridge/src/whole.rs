@@ -41,6 +41,16 @@ impl Whole {
         }
     }
 
+    /// What the executable does, for its help.
+    #[must_use]
+    pub fn about(self) -> &'static str {
+        match self {
+            Self::Ros1 => "Bridges all of ROS 1 into ROS 2 and back, as a ROS 2 node.",
+            Self::Yarp => "Bridges all of YARP into ROS 2 and back, as a ROS 2 node.",
+            Self::ZeroMq => "Bridges all of ZeroMQ into ROS 2 and back, as a ROS 2 node.",
+        }
+    }
+
     /// The routes, as a configuration has them.
     ///
     /// # Errors

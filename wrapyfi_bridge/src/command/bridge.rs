@@ -1,4 +1,4 @@
-//! `wrapyfi bridge` and the node executable `bridge`: runs the routes of a configuration.
+//! What `wrapyfi bridge` and the node executables do: run the routes of a configuration.
 
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
@@ -8,9 +8,8 @@ use wrapyfi_core::engine::{Engine, Plan};
 use wrapyfi_core::node::parameters::ParameterStore;
 use wrapyfi_core::types::MessageType;
 
-use crate::cli::BridgeArgs;
 use crate::exit::Failure;
-use crate::middlewares::{self, Loaded, Middlewares};
+use crate::middlewares::{Loaded, Middlewares};
 use crate::node::Node;
 use crate::output;
 use crate::overrides;
@@ -26,24 +25,12 @@ pub struct Options {
     pub json: bool,
 }
 
-/// Runs the routes until the time is over or the process is asked to end.
+/// Runs the routes of a configuration that is called `name`, as the ROS 2 node `node`, until the time is
+/// over or the process is asked to end.
 ///
 /// # Errors
 /// Exit code 2 when the configuration is refused, 1 when a middleware cannot start.
-pub fn run(args: &BridgeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
-    let options = Options { seconds: args.seconds, json: args.json };
-    let node = Node::bridge().map_err(Failure::usage)?;
-    let parameters = node.parameters().map_err(Failure::usage)?;
-    let (loaded, name) =
-        (middlewares::load_and_learn(&args.config)?, args.config.display().to_string());
-    run_node(loaded, &name, &node, parameters, options, shutdown)
-}
-
-/// As [`run`], as the ROS 2 node `node`, with a configuration that is called `name`.
-///
-/// # Errors
-/// As [`run`].
-pub fn run_node(
+pub fn run(
     loaded: Loaded,
     name: &str,
     node: &Node,
@@ -54,6 +41,7 @@ pub fn run_node(
     let Loaded { endpoints, mut plan, types: mut store } = loaded;
     overrides::apply(&mut plan, node, &mut parameters).map_err(Failure::usage)?;
     warn_of_unused(&parameters);
+    warn_of_unheard(&plan, node);
     let middlewares = Middlewares::for_plan(&endpoints, &plan, node)?;
     let types = ros2_types(&plan);
     // Dropped last: what the routes say at their end is logged too.
@@ -102,10 +90,17 @@ pub fn run_node(
     Ok(())
 }
 
+/// Warns of routes that do not hear what others of the plan publish.
+pub(super) fn warn_of_unheard(plan: &Plan, node: &Node) {
+    for unheard in plan.unheard(|address| node.resolve(address)) {
+        tracing::warn!("{unheard}");
+    }
+}
+
 /// What the command line gives that is not declared: perhaps misspelt.
 fn warn_of_unused(store: &ParameterStore) {
     let known = || {
-        // Those of the topics are many, and their names are told where one of them is wrong.
+        // Those of topics were given, and are none of the others.
         let own = store.names().filter(|name| !name.starts_with("qos_overrides."));
         own.collect::<Vec<_>>().join(", ")
     };

@@ -1,9 +1,12 @@
-//! `wrapyfi check`: validates a configuration and prints what it would run.
+//! `wrapyfi check`: validates a configuration, prints what it would run, and warns of routes that do not
+//! hear each other.
 
 use std::path::Path;
 
+use super::bridge::warn_of_unheard;
 use crate::exit::Failure;
 use crate::middlewares::{self, Loaded};
+use crate::node::Node;
 use crate::output;
 
 /// Prints the plan, a route a line.
@@ -21,5 +24,6 @@ pub fn run(file: &Path) -> Result<(), Failure> {
     for pattern in &plan.patterns {
         output::line(&pattern.to_string())?;
     }
+    warn_of_unheard(&plan, &Node::bridge().map_err(Failure::usage)?);
     Ok(())
 }

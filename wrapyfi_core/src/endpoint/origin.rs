@@ -11,9 +11,15 @@ pub struct Origin {
     /// Stands for the publisher while its listener exists. Numbers of two listeners have nothing
     /// to do with each other.
     pub publisher: u64,
-    /// It keeps its last message for whoever comes later: latched in ROS 1, transient local in
-    /// ROS 2.
-    pub keeps_last: bool,
+    /// Number of messages that it keeps for whoever comes later: 1 where it latches in ROS 1, its
+    /// history where it is transient local in ROS 2, [`Origin::UNTOLD`] where it does not announce how
+    /// long that is, 0 where it keeps none.
+    pub keeps: u32,
+}
+
+impl Origin {
+    /// It keeps messages, and does not announce how many.
+    pub const UNTOLD: u32 = u32::MAX;
 }
 
 /// Whether the publishers of a source keep their last message for whoever comes later.

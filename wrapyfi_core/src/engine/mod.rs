@@ -53,6 +53,7 @@ mod scout;
 mod service_relay;
 mod sides;
 mod stamping;
+mod unheard;
 mod verdict;
 
 pub use config::{
@@ -72,3 +73,4 @@ pub use route::{PatternCounts, RouteState, RouteStatus};
 pub use running::Running;
 pub use service_relay::ServiceRelay;
 pub use stamping::StampSource;
+pub use unheard::Unheard;

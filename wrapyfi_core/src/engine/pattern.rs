@@ -169,6 +169,38 @@ impl std::fmt::Display for NamePattern {
     }
 }
 
+/// Whether a destination that refers to groups may become this name.
+pub(super) fn fits_template(template: &str, name: &str) -> bool {
+    let literals = literals(template);
+    let [first, middle @ .., last] = literals.as_slice() else { return template == name };
+    let rest = name.strip_prefix(first).and_then(|rest| rest.strip_suffix(last));
+    let Some(mut rest) = rest else { return false };
+    middle.iter().all(|literal| match rest.split_once(literal) {
+        Some((_, after)) => {
+            rest = after;
+            true
+        }
+        None => false,
+    })
+}
+
+/// A destination with a word in place of each group.
+pub(super) fn filled_template(template: &str) -> String {
+    literals(template).join("x")
+}
+
+/// What stands between the groups that a destination refers to.
+fn literals(template: &str) -> Vec<&str> {
+    let mut found = Vec::new();
+    let mut rest = template;
+    while let Some((before, after)) = rest.split_once('$') {
+        found.push(before);
+        rest = reference(after).1;
+    }
+    found.push(rest);
+    found
+}
+
 /// The group behind a `$`, as it is expanded, and what follows.
 fn reference(text: &str) -> (Cow<'_, str>, &str) {
     if let Some(inner) = text.strip_prefix('{') {
@@ -191,6 +223,22 @@ mod tests {
 
     fn pattern(text: &str) -> NamePattern {
         NamePattern::new(text).unwrap()
+    }
+
+    #[test]
+    fn a_destination_fits_what_it_may_become() {
+        for (template, name, fits) in [
+            ("/x", "/x", true),
+            ("/x", "/y", false),
+            ("/lab/$1", "/lab/a/b", true),
+            ("/lab/$1", "/other/a", false),
+            ("/${1}/mid/$2/end", "/a/mid/b/end", true),
+            ("/${1}/mid/$2/end", "/a/b/end", false),
+            ("/ab$1", "/a", false),
+        ] {
+            assert_eq!(fits_template(template, name), fits, "{template} {name}");
+        }
+        assert_eq!(filled_template("/${1}/mid/$2"), "/x/mid/x");
     }
 
     #[test]

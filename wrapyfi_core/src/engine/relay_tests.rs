@@ -386,7 +386,7 @@ impl Listener for Two {
             payload: number(0),
             wire_bytes: 0,
             received_at: Instant::now(),
-            origin: Some(Origin { publisher, keeps_last: true }),
+            origin: Some(Origin { publisher, keeps: 1 }),
         }))
     }
 

@@ -21,12 +21,19 @@ pub enum LogLevel {
 }
 
 impl LogLevel {
+    const ALL: [Self; 6] =
+        [Self::Unset, Self::Debug, Self::Info, Self::Warn, Self::Error, Self::Fatal];
+
     /// The level of this name, in any case.
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
-        [Self::Unset, Self::Debug, Self::Info, Self::Warn, Self::Error, Self::Fatal]
-            .into_iter()
-            .find(|level| level.name().eq_ignore_ascii_case(name))
+        Self::ALL.into_iter().find(|level| level.name().eq_ignore_ascii_case(name))
+    }
+
+    /// The level that messages write as this number.
+    #[must_use]
+    pub fn from_number(number: u32) -> Option<Self> {
+        Self::ALL.into_iter().find(|level| u32::from(level.number()) == number)
     }
 
     /// Name in log lines, for instance `WARN`.

@@ -8,6 +8,7 @@
 //!                              parameters::ParameterStore ◀─▶ the six parameter services
 //!                              type_description           ◀── ~/get_type_description
 //!                              LogLine ─▶ /rosout    RosTime ◀── /clock
+//!                              logger_services           ◀── ~/get_logger_levels, ~/set_logger_levels
 //! ```
 //!
 //! None of these has a socket or a clock: bytes, messages and the time come from whoever serves the
@@ -16,6 +17,7 @@
 pub mod args;
 mod log;
 mod log_level;
+pub mod logger_services;
 mod name;
 pub mod parameters;
 mod ros_time;

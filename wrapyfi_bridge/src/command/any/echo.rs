@@ -5,11 +5,13 @@ use std::time::Instant;
 
 use anyhow::Context as _;
 use serde_json::json;
-use wrapyfi_core::Limits;
-use wrapyfi_core::endpoint::{Discovered, Middleware as _, Qos, Role, Wake, listener_qos};
+use wrapyfi_core::endpoint::{
+    Discovered, DropReason, EndpointAddress, Middleware as _, Qos, Role, Wake, listener_qos,
+};
 use wrapyfi_core::middleware::ros2::graph::GraphError;
 use wrapyfi_core::middleware::ros2::{AnyError, AnyListener, AnyMessage, Ros2};
 use wrapyfi_core::types::MessageType;
+use wrapyfi_core::{Limits, Throttle};
 
 use super::{Strangers, resolve, types_of, yaml};
 use crate::cli::{EchoArgs, TypeName};
@@ -101,10 +103,12 @@ fn print_all(
     wake: &Wake,
     shutdown: &Shutdown,
 ) -> Result<(), Failure> {
-    let (mut printed, mut dropped) = (0, 0_u64);
+    let (mut printed, mut dropped, mut losses) = (0, 0_u64, Losses::default());
     let mut deadline = args.timeout.map(|timeout| Instant::now() + timeout);
     while !shutdown.requested() && args.count.is_none_or(|count| printed < count) {
-        match listener.take() {
+        let taken = listener.take();
+        losses.note(&args.endpoint, listener.lost());
+        match taken {
             Ok(Some(message)) => {
                 let line = if args.json { line(&message) } else { yaml::text(&message.fields)? };
                 output::line(&line)?;
@@ -112,13 +116,13 @@ fn print_all(
                 deadline = args.timeout.map(|timeout| Instant::now() + timeout);
             }
             Ok(None) => {
-                dropped += listener.lost();
                 strangers.look(listener.topic());
                 if deadline.is_some_and(|at| Instant::now() >= at) {
                     let why = why_nothing(&listener);
                     return Err(Failure::TimedOut(format!(
-                        "{}: time-out after {printed} messages: {why}; {dropped} were dropped",
-                        args.endpoint
+                        "{}: time-out after {printed} messages: {why}; {dropped} were dropped, {} were \
+                         lost upstream",
+                        args.endpoint, losses.all
                     )));
                 }
                 wake.wait(WAIT_SLICE);
@@ -135,7 +139,32 @@ fn print_all(
     if dropped > 0 {
         tracing::warn!("{dropped} messages dropped");
     }
+    if losses.all > 0 {
+        tracing::warn!("{} messages dropped: {}", losses.all, DropReason::LostUpstream);
+    }
     Ok(())
+}
+
+/// Messages that DDS lost before they could be taken.
+#[derive(Default)]
+struct Losses {
+    all: u64,
+    told: Throttle,
+}
+
+impl Losses {
+    fn note(&mut self, endpoint: &EndpointAddress, lost: u64) {
+        self.all = self.all.saturating_add(lost);
+        if lost > 0
+            && let Some(unlogged_before) = self.told.pass(Instant::now())
+        {
+            tracing::warn!(
+                lost,
+                unlogged_before,
+                "{endpoint}: messages were lost between their publisher and this node"
+            );
+        }
+    }
 }
 
 fn why_nothing(listener: &AnyListener) -> String {

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   ros2:                 any service whose definition is found, as messages
-//!     --value, --args, --kwargs ─▶ request ─▶ AnyClient ══▶ AnyServer ─▶ --echo, --value ─▶ reply
+//!     --value, --args, --kwargs ─▶ request ─▶ AnyClient ══▶ AnyServer ─▶ --echo, --value, --file ─▶ reply
 //!   ros:, yarp:, zeromq:  functions of Wrapyfi and, but for zeromq, any service
 //!     --value, --args, --kwargs ─▶ Client ══▶ Server ─▶ --echo, --value, --file ─▶ reply
 //! ```

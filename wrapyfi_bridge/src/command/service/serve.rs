@@ -13,6 +13,7 @@ use super::{function, no_type, shown};
 use crate::cli::{ServeArgs, ServiceName};
 use crate::command::{WAIT_SLICE, any};
 use crate::exit::Failure;
+use crate::input;
 use crate::middlewares::Middlewares;
 use crate::output;
 use crate::shutdown::Shutdown;
@@ -22,8 +23,10 @@ use crate::shutdown::Shutdown;
 /// # Errors
 /// Exit code 2 when type, service or reply is wrong.
 pub fn run(args: &ServeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
-    // A payload from a file is for functions, on any middleware.
-    if args.endpoint.middleware != "ros2" || args.file.is_some() || args.ports.any() {
+    // What a function returns is a payload, which any kind of file holds.
+    let is_function = |name: &ServiceName| Convention::of(&name.0).is_some();
+    let is_payload = args.file.is_some() && args.service_type.as_ref().is_some_and(is_function);
+    if args.endpoint.middleware != "ros2" || is_payload || args.ports.any() {
         return function::serve(args, shutdown);
     }
     let Some(ServiceName(name)) = &args.service_type else {
@@ -35,7 +38,18 @@ pub fn run(args: &ServeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let (wake, options) = (Wake::new(), ServiceOptions::default());
     let mut server = AnyServer::open(&ros2, &args.endpoint.name, service, &options, &wake)
         .map_err(Failure::usage)?;
-    let constant = args.value.as_deref().map(|text| constant(&server, name, text)).transpose()?;
+    let constant = match (&args.value, &args.file) {
+        (Some(text), _) => Some(constant(&server, name, "--value", text)?),
+        (None, Some(file)) => {
+            let text = input::json_text(file, &Limits::default()).map_err(|error| {
+                Failure::Usage(format!(
+                    "{error:#}; a reply of {name} is a .json file of its fields"
+                ))
+            })?;
+            Some(constant(&server, name, &file.display().to_string(), &text)?)
+        }
+        (None, None) => None,
+    };
     tracing::info!("serving {name} at {}", server.name());
     let mut answered = 0_u64;
     let mut refusals = Throttle::default();
@@ -106,19 +120,27 @@ fn finish(server: &mut AnyServer, wake: &Wake) {
     }
 }
 
-fn constant(server: &AnyServer, name: &str, text: &str) -> Result<DynamicMessage, Failure> {
-    let json = native::json("--value", text)?;
+/// The reply whose fields `text` has, which came from `source`.
+fn constant(
+    server: &AnyServer,
+    name: &str,
+    source: &str,
+    text: &str,
+) -> Result<DynamicMessage, Failure> {
+    let json = native::json(source, text)?;
     let mut reply = server.response();
     if let Some(convention) = Convention::of(name)
         && !native::is_fields(&json, &reply)
     {
         let filled = convention.fill_reply(&mut reply, &json);
-        return filled.map(|()| reply).map_err(|error| Failure::Usage(format!("--value: {error}")));
+        return filled
+            .map(|()| reply)
+            .map_err(|error| Failure::Usage(format!("{source}: {error}")));
     }
     server
         .response_plan()
         .from_json(&json, Limits::default().message_bytes)
-        .map_err(|error| Failure::Usage(format!("the value is no reply of {name}: {error}")))
+        .map_err(|error| Failure::Usage(format!("{source} is no reply of {name}: {error}")))
 }
 
 /// The reply that returns the argument of a function, or says why it does not.

@@ -69,7 +69,7 @@ impl Listener for Ros1Listener {
         let Some(arrival) = self.next() else { return Ok(None) };
         let Arrival { message, received_at, plan, source, latched } = arrival;
         let payload = form::decode(&message, plan.as_ref(), &self.spec)?;
-        let origin = Some(Origin { publisher: source, keeps_last: latched });
+        let origin = Some(Origin { publisher: source, keeps: u32::from(latched) });
         Ok(Some(Sample { payload, wire_bytes: message.len() + 4, received_at, origin }))
     }
 

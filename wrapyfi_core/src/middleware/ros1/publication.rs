@@ -302,9 +302,7 @@ impl Publisher for Ros1Publisher {
         origin: Option<Origin>,
     ) -> Result<usize, PublishError> {
         match origin {
-            Some(Origin { publisher, keeps_last: true })
-                if self.latches || self.spec.match_peers =>
-            {
+            Some(Origin { publisher, keeps: 1.. }) if self.latches || self.spec.match_peers => {
                 self.send(payload, Keep::LastOf(Some(publisher)))
             }
             _ => self.publish(payload),

@@ -142,7 +142,7 @@ impl CdrReader for CycloneReader {
     }
 
     fn lost(&mut self) -> u64 {
-        self.raw.events().take_lost()
+        self.raw.take_lost()
     }
 
     fn incompatible(&self) -> Option<&'static str> {

@@ -62,7 +62,7 @@ impl Ends {
     }
 
     /// The next sample, the identity still in it.
-    fn take(&self) -> Result<Option<RawSample>, GraphError> {
+    fn take(&mut self) -> Result<Option<RawSample>, GraphError> {
         match self.reader.take(self.max_bytes.saturating_add(HEADER)) {
             Ok(Taken::Nothing) => Ok(None),
             Ok(Taken::Message(sample)) => Ok(Some(sample)),

@@ -53,8 +53,8 @@ pub enum Replay {
     /// Its history, as in ROS 2.
     #[default]
     History,
-    /// Its last message, however long its history for readers that are there is.
-    Last,
+    /// Its newest messages, so many at most, however long its history for readers that are there is.
+    Newest(u32),
     /// Nothing. It is announced as durability `TRANSIENT`, which readers that ask for transient local
     /// take, and which no DDS stack keeps without a program of its own for that.
     Nothing,

@@ -23,6 +23,7 @@ use bytes::Bytes;
 use super::follow::EventLog;
 use super::graph::{CdrReader, GraphError};
 use super::replays::{Replays, Through};
+use crate::Throttle;
 use crate::endpoint::{
     Context, Counters, DropReason, Overflow, QueueSpec, Receiver, Sender, Wake, inbox,
 };
@@ -67,6 +68,8 @@ pub(super) struct InletState {
     /// Publishers that were heard.
     heard: HashSet<u64>,
     warned_oversize: bool,
+    /// What DDS lost: all is counted, little is logged.
+    losses: Throttle,
 }
 
 impl Inlet {
@@ -87,6 +90,7 @@ impl Inlet {
                 held: VecDeque::new(),
                 heard: HashSet::new(),
                 warned_oversize: false,
+                losses: Throttle::default(),
             }),
             holds: AtomicBool::new(false),
             sender,
@@ -105,20 +109,37 @@ impl Inlet {
     pub(super) fn drain(&self) {
         let mut guard = self.lock();
         self.refill(&mut guard.held);
-        let InletState { reader, old, replays, events, held, heard, warned_oversize } = &mut *guard;
+        let state = &mut *guard;
+        let InletState { reader, old, replays, events, held, heard, warned_oversize, losses } =
+            state;
         let Some(reader) = reader else { return };
         events.note(reader.qos_events(), Instant::now());
-        // What an old reader loses beside it is not lost.
-        let lost = reader.lost();
-        if lost > 0 {
-            self.counters.dropped_many(DropReason::LostUpstream, lost);
-        }
-        let old = old.as_mut().map(|(old, _)| (old, Through::Old));
-        for (reader, through) in old.into_iter().chain([(reader, Through::New)]) {
+        if let Some((old, _)) = old {
             let queue = (&mut *held, &mut *heard);
-            self.empty((reader.as_mut(), through), replays.as_mut(), queue, warned_oversize);
+            let replays = replays.as_mut();
+            self.empty((old.as_mut(), Through::Old), replays, queue, warned_oversize);
         }
+        let queue = (&mut *held, &mut *heard);
+        self.empty((reader.as_mut(), Through::New), replays.as_mut(), queue, warned_oversize);
+        // What an old reader loses beside it is not lost.
+        self.note_lost(reader.lost(), losses);
         self.holds.store(!held.is_empty(), Relaxed);
+    }
+
+    /// Counts what DDS lost before it could be taken.
+    fn note_lost(&self, lost: u64, losses: &mut Throttle) {
+        if lost == 0 {
+            return;
+        }
+        self.counters.dropped_many(DropReason::LostUpstream, lost);
+        if let Some(unlogged_before) = losses.pass(Instant::now()) {
+            tracing::warn!(
+                topic = self.topic,
+                lost,
+                unlogged_before,
+                "messages were lost between their publisher and this node (docs/qos.md, What DDS loses)"
+            );
+        }
     }
 
     /// Moves what is held into the queue, where there is room now.

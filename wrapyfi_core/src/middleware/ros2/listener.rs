@@ -15,13 +15,16 @@ use std::time::{Duration, Instant};
 use super::aside::Aside;
 use super::diagnosis::{Diagnosis, Names};
 use super::follow::Follower;
-use super::graph::{Graph, GraphError, Notify, TopicDescription};
+use super::graph::{
+    DiscoveredEndpoint, Graph, GraphError, Notify, ServiceMapping, TopicDescription,
+};
 use super::inlet::{Arrived, Inlet};
 use super::matching::{CALM, Matching};
 use super::payload;
+use super::vendor::mapping_of;
 use crate::Limits;
 use crate::endpoint::{
-    AnnouncedDurability, Context, DropReason, Durability, Keeping, Link, Listener, Origin,
+    AnnouncedDurability, Context, DropReason, Durability, History, Keeping, Link, Listener, Origin,
     Overflow, Qos, QosChange, QosEvent, Receiver, Review, Sample, TakeError, TopicSpec,
 };
 use crate::plugin::Plugins;
@@ -57,8 +60,8 @@ pub(super) struct Ros2Listener {
 /// Who published what was taken.
 #[derive(Default)]
 struct Origins {
-    /// Whether each keeps its last message.
-    known: BTreeMap<u64, bool>,
+    /// How many messages each keeps for those who come later.
+    known: BTreeMap<u64, u32>,
     /// Kept theirs, are gone, and were not told of.
     departed: Vec<u64>,
     look_at: Option<Instant>,
@@ -129,12 +132,13 @@ impl Ros2Listener {
         arrived.or_else(|| self.receiver.pop())
     }
 
-    /// Whether a publisher's last message is for those who come later.
-    fn keeps(&mut self, publisher: u64) -> bool {
+    /// How many of a publisher's messages are for those who come later.
+    fn keeps(&mut self, publisher: u64) -> u32 {
         let asked = self.topic.qos.durability == Durability::TransientLocal;
+        let untold = if asked { Origin::UNTOLD } else { 0 };
         // What a publisher says before the subscription follows it is kept there, too.
         if publisher == 0 || !(asked || self.follows) {
-            return asked;
+            return untold;
         }
         if let Some(keeps) = self.origins.known.get(&publisher) {
             return *keeps;
@@ -145,7 +149,7 @@ impl Ros2Listener {
         };
         let peers = self.follower.peers();
         let peer = peers.iter().find(|peer| Some(peer.gid) == gid);
-        let keeps = peer.map_or(asked, |peer| peer.qos.durability > AnnouncedDurability::Volatile);
+        let keeps = peer.map_or(untold, kept_by);
         if self.origins.known.len() < MAX_ORIGINS {
             self.origins.known.insert(publisher, keeps);
         }
@@ -177,7 +181,7 @@ impl Ros2Listener {
         let Origins { known, departed, .. } = &mut self.origins;
         known.retain(|publisher, keeps| {
             let stays = there.iter().flatten().any(|one| one == publisher);
-            if !stays && *keeps {
+            if !stays && *keeps > 0 {
                 departed.push(*publisher);
             }
             stays
@@ -225,12 +229,26 @@ impl Ros2Listener {
     }
 }
 
+/// How many messages a publisher announces to keep for those who come later.
+fn kept_by(publisher: &DiscoveredEndpoint) -> u32 {
+    if publisher.qos.durability == AnnouncedDurability::Volatile {
+        return 0;
+    }
+    // Fast DDS does not announce its history, and what is not announced reads as 1, DDS's default.
+    let announces = mapping_of(&publisher.gid) == Some(ServiceMapping::Cyclone);
+    match publisher.qos.history {
+        Some(History::KeepLast(1)) if !announces => Origin::UNTOLD,
+        Some(History::KeepLast(depth)) => depth,
+        Some(History::KeepAll) | None => Origin::UNTOLD,
+    }
+}
+
 impl Listener for Ros2Listener {
     fn take(&mut self) -> Result<Option<Sample>, TakeError> {
         let next = self.aside.pop().or_else(|| self.next());
         let Some(Arrived { cdr, at, publisher }) = next else { return Ok(None) };
-        let keeps_last = self.keeps(publisher);
-        let origin = (publisher != 0).then_some(Origin { publisher, keeps_last });
+        let keeps = self.keeps(publisher);
+        let origin = (publisher != 0).then_some(Origin { publisher, keeps });
         let wire_bytes = cdr.len();
         let payload = payload::decode(&cdr, self.message_type, &self.limits, &self.plugins)?;
         Ok(Some(Sample { payload, wire_bytes, received_at: at, origin }))
@@ -242,7 +260,7 @@ impl Listener for Ros2Listener {
 
     fn set_aside(&mut self) -> Option<u64> {
         let message = self.next()?;
-        Some(if self.keeps(message.publisher) { self.aside.keep(message) } else { 1 })
+        Some(if self.keeps(message.publisher) > 0 { self.aside.keep(message) } else { 1 })
     }
 
     fn departed(&mut self) -> Option<u64> {

@@ -3,6 +3,7 @@
 //! ```text
 //!   ~/describe_parameters … ~/set_parameters_atomically ─┐         ┌─▶ ParameterStore ─▶ watches
 //!   ~/get_type_description ──────────────────────────────┤ thread ─┼─▶ TypeDescriptions
+//!   ~/get_logger_levels, ~/set_logger_levels ────────────┤         ├─▶ Loggers, where there are
 //!   /clock, while use_sim_time ──────────────────────────┘         └─▶ RosTime
 //!   /parameter_events, /rosout ◀── the same thread ◀── what changed, LogLine
 //! ```
@@ -25,6 +26,7 @@ use super::any::ringing;
 use super::graph::{Graph, GraphError, Notify, ServiceDescription, TopicDescription};
 use super::node_handle::{NodeHandle, Shared};
 use crate::endpoint::{Durability, History, Qos, Reliability};
+use crate::node::logger_services::{LoggerService, Loggers};
 use crate::node::parameters::{ParameterService, ParameterStore};
 use crate::node::type_description::TypeDescriptions;
 use crate::node::{LogLine, ParameterValue, RosTime};
@@ -47,7 +49,20 @@ impl NodeEndpoints {
     ///
     /// # Errors
     /// When the DDS stack refuses one of the topics, or there can be no thread.
-    pub fn start(graph: &Arc<dyn Graph>, mut store: ParameterStore) -> Result<Self, GraphError> {
+    pub fn start(graph: &Arc<dyn Graph>, store: ParameterStore) -> Result<Self, GraphError> {
+        Self::start_with(graph, store, None)
+    }
+
+    /// As [`NodeEndpoints::start`]; the levels of `loggers`, where there are, can be read and set from
+    /// outside, as with `enable_logger_service` of rclcpp.
+    ///
+    /// # Errors
+    /// As [`NodeEndpoints::start`].
+    pub fn start_with(
+        graph: &Arc<dyn Graph>,
+        mut store: ParameterStore,
+        loggers: Option<&Arc<dyn Loggers>>,
+    ) -> Result<Self, GraphError> {
         let node = graph.node().fqn();
         let simulated = store.get("use_sim_time").ok() == Some(&ParameterValue::Bool(true));
         let describes =
@@ -76,11 +91,20 @@ impl NodeEndpoints {
             let described = description(&name, S::ROS_TYPE, hashes, TypeDescriptions::DEPTH);
             servers.extend(serve(graph.as_ref(), &described, Answers::Types, bell()));
         }
+        let services = |loggers| LoggerService::ALL.map(|service| (service, loggers));
+        for (service, loggers) in loggers.into_iter().flat_map(services) {
+            let name = format!("{node}/{}", service.name());
+            let (hashes, depth) = (service.hashes(), LoggerService::DEPTH);
+            let described = description(&name, service.type_name(), hashes, depth);
+            let answers = Answers::Loggers(service, Arc::clone(loggers));
+            servers.extend(serve(graph.as_ref(), &described, answers, bell()));
+        }
+        let offers_loggers = loggers.is_some();
         let leave = Arc::new(AtomicBool::new(false));
         let mut work =
             Work::new(Arc::clone(&shared), Arc::clone(graph), rosout, events, servers, watch);
         if describes {
-            work.describe_own_types();
+            work.describe_own_types(offers_loggers);
         }
         work.follow_clock();
         let told = Arc::clone(&leave);

@@ -139,7 +139,7 @@ impl Ros2Publisher {
     fn wanted_replay(&self) -> Replay {
         match self.source {
             Keeping::Unknown => Replay::History,
-            Keeping::All => Replay::Last,
+            Keeping::All => Replay::Newest(1),
             Keeping::Nobody | Keeping::NotAll => Replay::Nothing,
         }
     }
@@ -161,8 +161,9 @@ impl Ros2Publisher {
         Some((Qos { durability: Durability::TransientLocal, ..qos }, why.to_owned()))
     }
 
-    /// The writer of an origin that keeps its last message: true where there is one.
-    fn has_own_writer(&mut self, origin: u64, now: Instant) -> Result<bool, GraphError> {
+    /// Opens the writer of an origin that keeps messages, unless it is open: true where there is one.
+    fn has_own_writer(&mut self, origin: Origin, now: Instant) -> Result<bool, GraphError> {
+        let Origin { publisher: origin, keeps } = origin;
         if self.origins.has(origin) {
             return Ok(true);
         }
@@ -186,7 +187,7 @@ impl Ros2Publisher {
             return Ok(false);
         }
         let on_match = Arc::clone(&self.on_match);
-        let traits = WriterTraits { replay: Replay::Last, mark: self.mark.as_ref() };
+        let traits = WriterTraits { replay: Replay::Newest(keeps), mark: self.mark.as_ref() };
         let writer = self.graph.advertise_with(&topic, traits, on_match)?;
         let volatile =
             |peer: &DiscoveredEndpoint| peer.qos.durability == AnnouncedDurability::Volatile;
@@ -254,10 +255,11 @@ impl Publisher for Ros2Publisher {
         let one = self.topic.qos.durability == Durability::TransientLocal
             && self.topic.qos.history == History::KeepLast(1);
         let kept = self.follows || one;
-        let Some(Origin { publisher, keeps_last: true }) = origin.filter(|_| kept) else {
+        let Some(origin) = origin.filter(|origin| kept && origin.keeps > 0) else {
             return self.publish(payload);
         };
-        if !self.has_own_writer(publisher, now).map_err(|error| self.fault(error))? {
+        let publisher = origin.publisher;
+        if !self.has_own_writer(origin, now).map_err(|error| self.fault(error))? {
             return self.publish(payload);
         }
         let cdr = self.encode(payload)?;

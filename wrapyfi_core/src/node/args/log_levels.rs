@@ -6,9 +6,9 @@ use super::error::LogLevelError;
 use super::lexer::{Cursor, Lexeme};
 use crate::node::LogLevel;
 
-/// The levels that were asked for; of several for one logger the last.
+/// Levels of loggers by name; of several for one logger the last.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub(super) struct LogLevels {
+pub struct LogLevels {
     default: LogLevel,
     loggers: BTreeMap<String, LogLevel>,
 }
@@ -36,30 +36,47 @@ impl LogLevels {
         Ok(())
     }
 
-    /// What counts for a logger: its own level, else that of the nearest one above it, else the
-    /// one for all, else `INFO`.
-    pub(super) fn effective(&self, logger: &str) -> LogLevel {
-        let mut name = logger;
-        loop {
-            match self.loggers.get(name) {
-                Some(&level) if level != LogLevel::Unset => return level,
-                _ => {}
-            }
-            match name.rsplit_once('.') {
-                Some((above, _)) => name = above,
-                None if self.default == LogLevel::Unset => return LogLevel::Info,
-                None => return self.default,
-            }
+    /// Level of a logger: its own, else that of the nearest one above it, else the one for all, else
+    /// `INFO`.
+    #[must_use]
+    pub fn effective(&self, logger: &str) -> LogLevel {
+        match (self.nearest(logger), self.default) {
+            (Some(level), _) => level,
+            (None, LogLevel::Unset) => LogLevel::Info,
+            (None, default) => default,
         }
     }
 
-    /// The level for all loggers, as far as one was asked for.
-    pub(super) fn default_level(&self) -> LogLevel {
+    /// Level of a logger, or of the nearest one above it, where one of them has a level of its own.
+    #[must_use]
+    pub fn nearest(&self, logger: &str) -> Option<LogLevel> {
+        let above = std::iter::successors(Some(logger), |name| Some(name.rsplit_once('.')?.0));
+        above.map(|name| self.of(name)).find(|level| *level != LogLevel::Unset)
+    }
+
+    /// Level that a logger has of its own; [`LogLevel::Unset`] where it has none.
+    #[must_use]
+    pub fn of(&self, logger: &str) -> LogLevel {
+        self.loggers.get(logger).copied().unwrap_or_default()
+    }
+
+    /// Gives a logger a level of its own, or takes it away with [`LogLevel::Unset`].
+    pub fn set(&mut self, logger: &str, level: LogLevel) {
+        match level {
+            LogLevel::Unset => drop(self.loggers.remove(logger)),
+            level => drop(self.loggers.insert(logger.to_owned(), level)),
+        }
+    }
+
+    /// Level for all loggers; [`LogLevel::Unset`] when none was given.
+    #[must_use]
+    pub fn default_level(&self) -> LogLevel {
         self.default
     }
 
-    /// The levels of single loggers.
-    pub(super) fn loggers(&self) -> &BTreeMap<String, LogLevel> {
+    /// Levels of single loggers.
+    #[must_use]
+    pub fn loggers(&self) -> &BTreeMap<String, LogLevel> {
         &self.loggers
     }
 }
@@ -78,6 +95,13 @@ mod tests {
         assert_eq!(levels.effective("ns.talker"), LogLevel::Debug);
         assert_eq!(levels.effective("ns.quiet.child"), LogLevel::Error);
         assert_eq!(levels.effective("ns.loud"), LogLevel::Debug);
+        assert_eq!([levels.of("ns.loud"), levels.of("ns")], [LogLevel::Unset, LogLevel::Debug]);
+        assert_eq!(
+            [levels.nearest("other"), levels.nearest("ns.x.y")],
+            [None, Some(LogLevel::Debug)]
+        );
+        levels.set("ns", LogLevel::Unset);
+        assert_eq!(levels.effective("ns.loud"), LogLevel::Warn);
     }
 
     #[test]

@@ -26,7 +26,7 @@ pub use error::{
     LogLevelError, ParameterRuleError, ParamsFileError, ParserError, RosArgsError,
     RosArgsErrorKind, RosArgsWarning, RuleError, YamlError,
 };
-use log_levels::LogLevels;
+pub use log_levels::LogLevels;
 pub use parameters::MAX_FILE_BYTES;
 use parameters::Overrides;
 use remap::{RemapRule, Scope};
@@ -240,22 +240,16 @@ impl RosArgs {
         self.overrides.for_node(fqn)
     }
 
-    /// What counts for a logger, by its own level, those above it and the one for all.
+    /// Level of a logger, by its own level, those above it and the one for all.
     #[must_use]
     pub fn log_level_of(&self, logger: &str) -> LogLevel {
         self.log_levels.effective(logger)
     }
 
-    /// The level for all loggers; [`LogLevel::Unset`] when none was given.
+    /// Levels that were given, for all loggers and for single ones.
     #[must_use]
-    pub fn default_log_level(&self) -> LogLevel {
-        self.log_levels.default_level()
-    }
-
-    /// Levels given for single loggers.
-    #[must_use]
-    pub fn logger_levels(&self) -> &BTreeMap<String, LogLevel> {
-        self.log_levels.loggers()
+    pub fn log_levels(&self) -> &LogLevels {
+        &self.log_levels
     }
 }
 

@@ -20,6 +20,7 @@ use super::entity::{Entity, ReturnCode};
 use super::events::{Events, Listener};
 use super::matched::{self, Peer, Side};
 use super::qos::{EndpointQos, QosObject};
+use super::sequence::Gaps;
 use super::serdata::Sample;
 
 /// Fields drop in this order: the entity before its topic, both before the events.
@@ -139,7 +140,10 @@ impl RawWriter {
 }
 
 /// Takes serialised messages.
-pub(crate) struct RawReader(Endpoint);
+pub(crate) struct RawReader {
+    endpoint: Endpoint,
+    gaps: Gaps,
+}
 
 /// What a take found.
 pub(crate) enum Taken {
@@ -181,18 +185,18 @@ impl RawReader {
                 listener.as_ptr(),
             )
         })?;
-        Ok(Self(Endpoint { entity, _topic: topic, events }))
+        Ok(Self { endpoint: Endpoint { entity, _topic: topic, events }, gaps: Gaps::default() })
     }
 
     /// The next message, unless it is larger than `max_bytes`.
-    pub(crate) fn take(&self, max_bytes: usize) -> Result<Taken, ReturnCode> {
+    pub(crate) fn take(&mut self, max_bytes: usize) -> Result<Taken, ReturnCode> {
         loop {
             let mut serdata = ptr::null_mut();
             let mut info = MaybeUninit::<cyclors::dds_sample_info_t>::zeroed();
             // SAFETY: room for one sample and its info.
             let taken = ReturnCode::check(unsafe {
                 cyclors::dds_takecdr(
-                    self.0.entity.handle(),
+                    self.endpoint.entity.handle(),
                     &raw mut serdata,
                     1,
                     info.as_mut_ptr(),
@@ -212,6 +216,9 @@ impl RawReader {
             if !info.valid_data {
                 continue;
             }
+            if let Some(number) = sample.sequence() {
+                self.gaps.note(info.publication_handle, number);
+            }
             let bytes = sample.len();
             return Ok(if bytes > max_bytes {
                 Taken::TooLarge(bytes)
@@ -225,28 +232,33 @@ impl RawReader {
         }
     }
 
+    /// Messages that were lost before those that were taken, since the last call.
+    pub(crate) fn take_lost(&mut self) -> u64 {
+        self.gaps.take()
+    }
+
     /// The writers it is matched with.
     pub(crate) fn writers(&self) -> Result<Vec<Peer>, ReturnCode> {
-        matched::peers(&self.0.entity, Side::Reader)
+        matched::peers(&self.endpoint.entity, Side::Reader)
     }
 
     /// What samples of the writers that it is matched with name them by.
     pub(crate) fn writer_handles(&self) -> Result<Vec<u64>, ReturnCode> {
-        matched::handles(&self.0.entity, Side::Reader)
+        matched::handles(&self.endpoint.entity, Side::Reader)
     }
 
     /// The writer of a sample, while it is matched.
     pub(crate) fn writer(&self, handle: u64) -> Option<Peer> {
-        matched::peer(&self.0.entity, Side::Reader, handle)
+        matched::peer(&self.endpoint.entity, Side::Reader, handle)
     }
 
     /// GUID of the reader.
     pub(crate) fn guid(&self) -> Result<[u8; 16], ReturnCode> {
-        self.0.entity.guid()
+        self.endpoint.entity.guid()
     }
 
     /// What happened to it.
     pub(crate) fn events(&self) -> &Events {
-        &self.0.events
+        &self.endpoint.events
     }
 }

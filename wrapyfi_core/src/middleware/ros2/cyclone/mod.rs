@@ -6,6 +6,7 @@
 //!   qos       Cyclone's QoS object, filled from ours
 //!   events    listener callbacks ──▶ counters and a doorbell
 //!   serdata   pieces ──▶ Cyclone's sample;  Cyclone's sample ──▶ Bytes, without a copy
+//!   sequence  numbers of received samples ──▶ how many are missing between them
 //!   endpoint  writer and reader of serialised messages
 //!   builtin   the endpoints that discovery has found, at once and as they come and go
 //!   matched   the peers of an endpoint
@@ -28,6 +29,7 @@ mod events;
 mod log;
 mod matched;
 mod qos;
+mod sequence;
 mod serdata;
 mod topic;
 

@@ -105,9 +105,13 @@ impl QosObject {
                 (Durability::TransientLocal, Replay::History) => {
                     cyclors::dds_qset_durability_service(qos.0, 0, kind, depth, any, any, any);
                 }
-                (Durability::TransientLocal, Replay::Last) => {
-                    let kind = cyclors::dds_history_kind_DDS_HISTORY_KEEP_LAST;
-                    cyclors::dds_qset_durability_service(qos.0, 0, kind, 1, any, any, any);
+                (Durability::TransientLocal, Replay::Newest(most)) => {
+                    let (kind, depth) = history(match wanted.qos.history {
+                        History::KeepLast(depth) => History::KeepLast(depth.min(most)),
+                        History::KeepAll if most == u32::MAX => History::KeepAll,
+                        History::KeepAll => History::KeepLast(most),
+                    });
+                    cyclors::dds_qset_durability_service(qos.0, 0, kind, depth, any, any, any);
                 }
                 (Durability::TransientLocal, Replay::Nothing) => cyclors::dds_qset_durability(
                     qos.0,

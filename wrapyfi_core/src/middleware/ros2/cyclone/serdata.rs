@@ -15,6 +15,8 @@ use std::ptr::{self, NonNull};
 
 use bytes::Bytes;
 
+use super::sequence;
+
 /// Bytes that Cyclone may read beyond a sample's end to fill a word of the wire.
 const WORD: usize = 4;
 /// The C code that joins the pieces counts in an `int`.
@@ -108,6 +110,12 @@ impl Sample {
         // SAFETY: the sample is alive; only called for samples with data, whose size is set.
         let size = unsafe { cyclors::ddsi_serdata_size(self.0.as_ptr()) };
         usize::try_from(size).unwrap_or(usize::MAX)
+    }
+
+    /// Sequence number of a sample that came from another process.
+    pub(super) fn sequence(&self) -> Option<u64> {
+        // SAFETY: the sample is alive, and nobody writes it any more.
+        sequence::kept(unsafe { self.0.as_ref() })
     }
 
     /// Gives the reference away, to a call that consumes it.

@@ -1,12 +1,13 @@
 //! Topics whose samples are opaque CDR.
 //!
 //! ```text
-//!   cyclors' table of functions ── copied once ──▶ ours: print and to_ser replaced ──▶ every topic
+//!   cyclors' table of functions ── copied once ──▶ ours: three of them replaced ──▶ every topic
 //! ```
 //!
 //! The table that comes with `cyclors` has no `print`, so that a user who traces with
 //! `Verbosity` `finest` would make Cyclone call a null pointer at the first sample; and its
-//! `to_ser` copies the whole sample wherever a part is asked for. Both are replaced here.
+//! `to_ser` copies the whole sample wherever a part is asked for. Both are replaced here, and
+//! `from_ser`, so that a sample keeps its sequence number (`sequence`).
 //!
 //! Contract: the tables live for ever; functions in them touch only the sample they are given and
 //! never panic.
@@ -17,11 +18,13 @@ use std::ptr;
 use std::sync::OnceLock;
 
 use super::entity::{Entity, ReturnCode};
+use super::sequence;
 
 /// The functions Cyclone calls for our types and samples.
 struct Tables {
     sertype: *const cyclors::ddsi_sertype_ops,
     serdata: cyclors::ddsi_serdata_ops,
+    from_ser: cyclors::ddsi_serdata_from_ser_t,
 }
 
 // SAFETY: function pointers and a pointer to constant data; nothing is written after creation.
@@ -95,10 +98,32 @@ fn copy_tables(participant: &Entity) -> Result<Tables, ReturnCode> {
     })?;
     // SAFETY: the type is alive; its tables are constants of the library.
     let (sertype, serdata) = unsafe { ((*sertype).ops, *(*sertype).serdata_ops) };
-    Ok(Tables {
-        sertype,
-        serdata: cyclors::ddsi_serdata_ops { print: Some(print), to_ser: Some(to_ser), ..serdata },
-    })
+    let replaced = cyclors::ddsi_serdata_ops {
+        print: Some(print),
+        to_ser: Some(to_ser),
+        from_ser: Some(from_ser),
+        ..serdata
+    };
+    Ok(Tables { sertype, serdata: replaced, from_ser: serdata.from_ser })
+}
+
+/// Makes a sample as the table of `cyclors` does, with its sequence number.
+unsafe extern "C" fn from_ser(
+    sertype: *const cyclors::ddsi_sertype,
+    kind: cyclors::ddsi_serdata_kind,
+    fragments: *const cyclors::ddsi_rdata,
+    size: usize,
+) -> *mut cyclors::ddsi_serdata {
+    // Cyclone has this function from the tables, so they are there.
+    let Some(make) = TABLES.get().and_then(|tables| tables.from_ser) else {
+        return ptr::null_mut();
+    };
+    // SAFETY: what Cyclone gave is passed on; the sample is new.
+    unsafe {
+        let serdata = make(sertype, kind, fragments, size);
+        sequence::keep(serdata, fragments);
+        serdata
+    }
 }
 
 /// A sample in a trace: its size only, because printing may meet samples without content.

@@ -161,7 +161,7 @@ fn what_lasts_is_counted_once_per_change() {
 #[test]
 fn the_clock_is_described_while_it_is_listened_to() {
     let (mut work, handle) = work(&Script::default());
-    work.describe_own_types();
+    work.describe_own_types(false);
     let request = GetTypeDescription_Request {
         type_name: Clock::ROS_TYPE.into(),
         type_hash: Clock::TYPE_HASH.into(),

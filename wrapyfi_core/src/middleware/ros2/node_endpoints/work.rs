@@ -24,6 +24,7 @@ use crate::middleware::ros2::any::ringing;
 use crate::middleware::ros2::graph::{CdrReader, CdrServer, CdrWriter, Graph, GraphError};
 use crate::middleware::ros2::node_handle::{Shared, in_node_thread};
 use crate::middleware::ros2::service::replies::{Replies, Reply};
+use crate::node::logger_services::{LoggerService, Loggers};
 use crate::node::parameters::{ParameterService, ParameterWatch};
 use crate::node::{ParameterValue, RosTime};
 
@@ -40,6 +41,7 @@ const NAP: Duration = Duration::from_secs(1);
 pub(super) enum Answers {
     Parameters(ParameterService),
     Types,
+    Loggers(LoggerService, Arc<dyn Loggers>),
 }
 
 /// A service of the node.
@@ -195,11 +197,13 @@ impl Work {
     }
 
     /// As nodes of ROS 2 do, also for the types of what every node has.
-    pub(super) fn describe_own_types(&mut self) {
+    pub(super) fn describe_own_types(&mut self, offers_loggers: bool) {
         self.describes = true;
         let services = ParameterService::ALL.map(ParameterService::type_name);
+        let loggers = LoggerService::ALL.map(LoggerService::type_name);
+        let loggers = loggers.iter().filter(|_| offers_loggers);
         let others = [Log::ROS_TYPE, ParameterEvent::ROS_TYPE, GetTypeDescription::ROS_TYPE];
-        self.describe(others.iter().chain(&services).copied());
+        self.describe(others.iter().chain(&services).chain(loggers).copied());
     }
 
     fn describe<'a>(&self, names: impl IntoIterator<Item = &'a str>) {
@@ -272,6 +276,7 @@ impl Answers {
         match self {
             Self::Parameters(service) => shared.store().answer(*service, request, MAX_BYTES),
             Self::Types => shared.types().answer_cdr(request, MAX_BYTES),
+            Self::Loggers(service, loggers) => service.answer(loggers.as_ref(), request, MAX_BYTES),
         }
     }
 }
