@@ -28,7 +28,7 @@ macro_rules! under_each {
             $(
                 #[test]
                 fn $test() -> super::Result {
-                    let name = concat!("cyclone::", stringify!($test));
+                    let name = concat!("cyclone_", stringify!($test));
                     super::under(name, "rmw_cyclonedds_cpp", &[$($need),*], super::$test)
                 }
             )*
@@ -38,7 +38,7 @@ macro_rules! under_each {
             $(
                 #[test]
                 fn $test() -> super::Result {
-                    let name = concat!("fastrtps::", stringify!($test));
+                    let name = concat!("fastrtps_", stringify!($test));
                     super::under(name, "rmw_fastrtps_cpp", &[$($need),*], super::$test)
                 }
             )*

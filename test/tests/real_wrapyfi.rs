@@ -8,31 +8,44 @@ use wrapyfi_e2e::{Need, Process, Result, World, run};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Python];
 
-/// Wrapyfi's test suite for its ZeroMQ, whose publishers and listeners meet at our broker.
+/// Wrapyfi's test suite of its wrapper, whose publishers find our broker.
 #[test]
 fn wrapyfis_own_tests_pass_at_our_broker() -> Result {
     run("wrapyfis_own_tests_pass_at_our_broker", NEEDS, |world| {
-        let broker = world.broker()?;
-        let cases = [
-            "wrapyfi.tests.test_middleware.ZeroMQTestMiddleware",
-            "wrapyfi.tests.test_wrapper.ZeroMQTestWrapper",
-        ];
-        let mut tests = world.python(&[&["-m", "unittest", "-v"], &cases[..]].concat())?;
+        let _broker = world.broker()?;
+        let case = "wrapyfi.tests.test_wrapper.ZeroMQTestWrapper";
+        let mut tests = world.python(&["-m", "unittest", "-v", case])?;
         tests.exits_with(0)?;
         let said = tests.stderr();
-        assert!(said.contains("Ran 4 tests") && !said.contains("skipped"), "{said}");
-        // It was ours: the listener of the first case was counted here.
-        broker.wait_until("the listener of the tests", |output| {
-            let heard = |line: &String| line.contains("/test/test_native_exchange");
-            output.err.iter().any(heard).then_some(())
+        assert!(said.contains("Ran 3 tests") && !said.contains("skipped"), "{said}");
+        Ok(())
+    })
+}
+
+/// The scenario of Wrapyfi's test suite of its middlewares, with its class.
+#[test]
+fn the_class_of_wrapyfis_own_tests_publishes_and_listens() -> Result {
+    run("the_class_of_wrapyfis_own_tests_publishes_and_listens", NEEDS, |world| {
+        let _broker = world.broker()?;
+        let listener = world.peer("class_test.py", "--mode listen")?;
+        let publisher = world.peer("class_test.py", "--mode publish")?;
+        let heard = listener.messages(10)?;
+        publisher.wait_until("what was heard, among what was said", |output| {
+            let said = output.events("message");
+            heard.iter().all(|one| said.contains(one)).then_some(())
         })
     })
 }
 
+/// Runs a module as a program, with all of Wrapyfi's plug-ins: 0.5 does not find them by itself.
+const RUN: &str = "import importlib.util as u, os, runpy, sys\n\
+    os.environ['WRAPYFI_PLUGIN_PATHS'] = u.find_spec('wrapyfi').submodule_search_locations[0]\n\
+    runpy.run_module(sys.argv.pop(1), run_name='__main__', alter_sys=True)";
+
 /// Starts a script of Wrapyfi's examples by its module; what it asks for is typed as `typed`.
 fn example(world: &World, module: &str, args: &[&str], typed: &[&str]) -> Result<Process> {
     let module = format!("examples.{module}");
-    let mut script = world.python(&[&["-u", "-m", &module], args].concat())?;
+    let mut script = world.python(&[&["-u", "-c", RUN, &module], args].concat())?;
     for line in typed {
         script.tell(line)?;
     }
@@ -136,8 +149,7 @@ fn all_channels_of_channeling_are_heard_by_ours() -> Result {
         let native = ["echo", "zeromq:/example/native_A_msg", "--type", "NativeObject", "--json"];
         let _keeps_it_going = world.wrapyfi(native)?;
         let (image, _) = heard(world, "/example/image_B_msg", "Image")?;
-        let size = ["width", "height", "encoding"].map(|key| image[key].clone());
-        assert_eq!(size, [json!(200), json!(200), json!("bgr8")], "{image}");
+        assert_eq!((&image["shape"], &image["encoding"]), (&json!([200, 200, 3]), &json!("bgr8")));
         let (sound, _) = heard(world, "/example/audio_C_msg", "AudioChunk")?;
         assert_eq!(sound["type"], "AudioChunk", "{sound}");
         Ok(())
@@ -168,7 +180,6 @@ macro_rules! plug_ins {
 }
 
 plug_ins! {
-    numpy_and_pandas_are_read: "pandas" in "numpy_pandas_example" on "/notify/test_native_exchange";
     pint_is_read: "pint" in "pint_example" on "/notify/test_pint_exchange";
     pyarrow_is_read: "pyarrow" in "pyarrow_example" on "/notify/test_arrow_exchange";
     xarray_is_read: "xarray" in "xarray_example" on "/notify/test_xarray_exchange";
