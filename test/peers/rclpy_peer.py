@@ -1,0 +1,176 @@
+"""Nodes of rclpy, with the Python of a real ROS 2.
+
+    rclpy_peer.py publish   --topic /x --type std_msgs/msg/String --value '{"data": "{n}"}'
+    rclpy_peer.py publish   --topic /x --type sensor_msgs/msg/LaserScan          every field filled at random
+    rclpy_peer.py subscribe --topic /x --type std_msgs/msg/String [--count N]
+    rclpy_peer.py serve     --topic /x --type std_srvs/srv/SetBool --value '{"message": "=request.data"}'
+    rclpy_peer.py call      --topic /x --type std_srvs/srv/SetBool --value '{"data": true}'
+    rclpy_peer.py params    --value '{"rate": 30}'               a node that has these parameters
+
+In a published value {n} stands for the number of the message; in a reply = is an expression. Lines on stdout:
+{"event": "ready"}, then {"event": "message", "index", "value", "sha256"}: the fields, and the digest of them as
+JSON; `reply` where it called. A publisher waits for a subscription.
+"""
+import argparse
+import hashlib
+import importlib
+import json
+import random
+import string
+
+parser = argparse.ArgumentParser()
+parser.add_argument("role", choices=["publish", "subscribe", "serve", "call", "params"])
+parser.add_argument("--topic", default="/x")
+parser.add_argument("--type", default="std_msgs/msg/String")
+parser.add_argument("--value")
+parser.add_argument("--node", default="rclpy_peer")
+parser.add_argument("--qos", default="reliable", choices=["reliable", "best_effort", "latched"])
+parser.add_argument("--count", type=int, default=0, help="0: until stdin closes")
+parser.add_argument("--rate", type=float, default=20.0)
+args = parser.parse_args()
+
+import rclpy  # noqa: E402
+import rclpy.node  # noqa: E402
+import rclpy.qos  # noqa: E402
+from lines import leave, leaving, say, watch_stdin  # noqa: E402
+from rosidl_parser import definition  # noqa: E402
+from rosidl_runtime_py import message_to_ordereddict, set_message_fields  # noqa: E402
+from rosidl_runtime_py.utilities import get_message, get_service  # noqa: E402
+
+watch_stdin()
+rclpy.init(args=[])
+
+WHOLE = {f"{sign}int{bits}": (0 if sign else -(1 << bits - 1), (1 << bits) - 1 if sign else (1 << bits - 1) - 1)
+         for sign in ("", "u") for bits in (8, 16, 32, 64)}
+
+
+def made(kind, source):
+    """A value of a field's type, none that JSON would change."""
+    if isinstance(kind, definition.BasicType):
+        name = kind.typename
+        if name == "boolean":
+            return bool(source.getrandbits(1))
+        if name in ("float", "double"):
+            return source.randint(-10_000, 10_000) / 8
+        if name == "octet":
+            return bytes([source.getrandbits(8)])
+        return source.randint(*WHOLE["uint8" if name == "char" else name])
+    if isinstance(kind, definition.AbstractGenericString):
+        return "".join(source.choices(string.ascii_letters + "äß€ \"\\", k=12))
+    if isinstance(kind, definition.Array):
+        return [made(kind.value_type, source) for _ in range(kind.size)]
+    if isinstance(kind, definition.AbstractNestedType):
+        return [made(kind.value_type, source) for _ in range(source.randint(1, 5))]
+    return filled(getattr(importlib.import_module(".".join(kind.namespaces)), kind.name)(), source)
+
+
+def filled(message, source):
+    for name, kind in zip(message.get_fields_and_field_types(), message.SLOT_TYPES):
+        if name == "nanosec":
+            message.nanosec = source.randint(0, 999_999_999)
+        else:
+            setattr(message, name, made(kind, source))
+    return message
+
+
+def facts(message):
+    value = message_to_ordereddict(message)
+    text = json.dumps(value, sort_keys=True, ensure_ascii=False, default=str)
+    return {"value": value if len(text) < 4096 else None, "sha256": hashlib.sha256(text.encode()).hexdigest()}
+
+
+def message_number(n):
+    message = get_message(args.type)()
+    if args.value is None:
+        return filled(message, random.Random(n))
+    set_message_fields(message, json.loads(args.value.replace("{n}", str(n))))
+    return message
+
+
+def profile():
+    depth = rclpy.qos.QoSProfile(depth=100)
+    if args.qos == "best_effort":
+        depth.reliability = rclpy.qos.ReliabilityPolicy.BEST_EFFORT
+    if args.qos == "latched":
+        depth.durability = rclpy.qos.DurabilityPolicy.TRANSIENT_LOCAL
+    return depth
+
+
+def publish(node):
+    publisher = node.create_publisher(get_message(args.type), args.topic, profile())
+    say("ready")
+    n = 0
+    while not leaving.wait(1 / args.rate) and (args.count == 0 or n < args.count):
+        if args.qos == "latched" or publisher.get_subscription_count() > 0:
+            message = message_number(n)
+            say("message", index=n, **facts(message))
+            publisher.publish(message)
+            n += 1
+    say("done")
+    leaving.wait()
+
+
+def subscribe(node):
+    got = []
+
+    def heard(message):
+        if args.count == 0 or len(got) < args.count:
+            say("message", index=len(got), **facts(message))
+            got.append(None)
+
+    node.create_subscription(get_message(args.type), args.topic, heard, profile())
+    say("ready")
+    while not leaving.is_set() and (args.count == 0 or len(got) < args.count):
+        rclpy.spin_once(node, timeout_sec=0.1)
+
+
+def serve(node):
+    def answer(request, response):
+        say("message", index=0, **facts(request))
+        fields = json.loads(args.value or "{}")
+        for name, value in fields.items():
+            if isinstance(value, str) and value.startswith("="):
+                fields[name] = eval(value[1:], {"request": request})
+        set_message_fields(response, fields)
+        return response
+
+    node.create_service(get_service(args.type), args.topic, answer)
+    say("ready")
+    while not leaving.is_set():
+        rclpy.spin_once(node, timeout_sec=0.1)
+
+
+def call(node):
+    kind = get_service(args.type)
+    client = node.create_client(kind, args.topic)
+    while not client.wait_for_service(0.5):
+        if leaving.is_set():
+            return
+    request = kind.Request()
+    set_message_fields(request, json.loads(args.value or "{}"))
+    future = client.call_async(request)
+    while not future.done() and not leaving.is_set():
+        rclpy.spin_once(node, timeout_sec=0.1)
+    if future.done():
+        say("reply", **facts(future.result()))
+
+
+def params(node):
+    for name, value in json.loads(args.value).items():
+        node.declare_parameter(name, value)
+    node.add_on_set_parameters_callback(told)
+    say("ready")
+    while not leaving.is_set():
+        rclpy.spin_once(node, timeout_sec=0.1)
+
+
+def told(parameters):
+    from rcl_interfaces.msg import SetParametersResult
+    for parameter in parameters:
+        say("set", name=parameter.name, value=parameter.value)
+    return SetParametersResult(successful=True)
+
+
+{"publish": publish, "subscribe": subscribe, "serve": serve, "call": call, "params": params}[args.role](
+    rclpy.node.Node(args.node))
+leave()

@@ -1,0 +1,444 @@
+//! A real ROS 2 around our programs: its command line tools, nodes of rclpy, launch and bags, under each
+//! middleware that is installed.
+
+#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
+
+use serde_json::{Value, json};
+use wrapyfi_e2e::{Need, Process, RealRos2, Result, Route, World, ros2, run, texts, zeromq};
+
+const NEEDS: &[Need] =
+    &[Need::Program, Need::Node, Need::Executable("ros1_bridge"), Need::Python, Need::Ros2];
+
+/// Runs a test under one middleware, with more needs.
+fn under(
+    test: &str,
+    rmw: &'static str,
+    needs: &[Need],
+    body: impl FnOnce(&World, &RealRos2<'_>) -> Result,
+) -> Result {
+    let needs = [NEEDS, &[Need::Ros2Package(rmw)], needs].concat();
+    run(test, &needs, |world| body(world, &RealRos2::new(world, rmw)?))
+}
+
+/// The same tests under each middleware, each with what it needs besides.
+macro_rules! under_each {
+    ($($test:ident [$($need:expr),*];)*) => {
+        mod cyclone {
+            use super::Need;
+            $(
+                #[test]
+                fn $test() -> super::Result {
+                    let name = concat!("cyclone_", stringify!($test));
+                    super::under(name, "rmw_cyclonedds_cpp", &[$($need),*], super::$test)
+                }
+            )*
+        }
+        mod fastrtps {
+            use super::Need;
+            $(
+                #[test]
+                fn $test() -> super::Result {
+                    let name = concat!("fastrtps_", stringify!($test));
+                    super::under(name, "rmw_fastrtps_cpp", &[$($need),*], super::$test)
+                }
+            )*
+        }
+    };
+}
+
+under_each! {
+    the_tools_show_our_node [];
+    topic_echo_and_hz_hear_a_script [];
+    topic_pub_reaches_a_script [];
+    types_of_many_fields_go_through_zeromq_and_back [];
+    images_go_through_zeromq_and_back [];
+    a_late_latched_subscription_gets_the_last_message [];
+    ours_echoes_and_publishes_with_types_of_the_installation [];
+    services_of_rclpy_are_called [];
+    service_call_asks_ours [];
+    parameters_are_listed_got_set_and_dumped [];
+    parameters_of_a_node_of_rclpy_are_set_by_ours [];
+    launch_starts_the_bridge [Need::Ros2Package("launch_ros")];
+    launch_without_arguments_keeps_running [Need::Ros2Package("launch_ros")];
+    run_starts_the_nodes [];
+    a_bag_keeps_what_came_from_a_script [Need::Ros2Package("ros2bag")];
+    wrapyfi_on_rclpy_talks_with_ours [Need::WrapyfiOnRos2];
+}
+
+/// Our bridge as a node in this ROS 2, started by `ros2 run` with these routes.
+fn bridge(world: &World, ros: &RealRos2<'_>, routes: Vec<Route>) -> Result<Process> {
+    let config = routes.into_iter().fold(world.embedded(), wrapyfi_e2e::Config::route);
+    let file = world.write("bridge.yaml", config.yaml())?;
+    let parameter = format!("config_file:={}", file.display());
+    let run = ["run", "wrapyfi_bridge", "bridge", "--ros-args", "-p", &parameter];
+    Ok(ros.ros2(&run)?.pillar())
+}
+
+/// Waits for a line of its output that has all of `words`.
+fn prints(process: &Process, words: &[&str]) -> Result<String> {
+    process.wait_until(&words.join(", "), |output| {
+        let all = |line: &&String| words.iter().all(|word| line.contains(word));
+        output.out.iter().chain(&output.err).find(all).cloned()
+    })
+}
+
+const STRING: &str = "std_msgs/msg/String";
+
+// Tools -----------------------------------------------------------------------------------------
+
+fn the_tools_show_our_node(world: &World, ros: &RealRos2<'_>) -> Result {
+    let (to, from) = (world.topic("to"), world.topic("from"));
+    let routes = vec![
+        Route::new(&zeromq(&to), &ros2(&to), "Text"),
+        Route::new(&ros2(&from), &zeromq(&from), "geometry_msgs/msg/Twist"),
+    ];
+    let bridge = bridge(world, ros, routes)?;
+    let nodes = ros.seen(&["node", "list"], |said| said.contains("bridge"))?;
+    let name = nodes.lines().find(|line| line.contains("bridge")).unwrap_or_default().to_owned();
+    assert_eq!(nodes.lines().filter(|line| line.contains("bridge")).count(), 1, "{nodes}");
+    let info = ros.seen(&["node", "info", &name], |said| {
+        said.contains(&format!("{to}: {STRING}"))
+            && said.contains(&format!("{from}: geometry_msgs/msg/Twist"))
+            && said.contains("get_parameters: rcl_interfaces/srv/GetParameters")
+    })?;
+    assert!(info.contains("/rosout: rcl_interfaces/msg/Log"), "{info}");
+    ros.seen(&["topic", "list", "-t"], |said| {
+        said.contains(&format!("{to} [{STRING}]"))
+            && said.contains(&format!("{from} [geometry_msgs/msg/Twist]"))
+    })?;
+    let info = ros.seen(&["topic", "info", "-v", &to], |said| {
+        said.contains("Publisher count: 1") && said.contains("Topic type hash: RIHS01_")
+    })?;
+    assert!(info.contains(name.trim_start_matches('/')), "the node is named: {info}");
+    ros.seen(&["topic", "type", &to], |said| said.trim() == STRING)?;
+    drop(bridge);
+    ros.seen(&["node", "list"], |said| !said.contains("bridge")).map(drop)
+}
+
+fn topic_echo_and_hz_hear_a_script(world: &World, ros: &RealRos2<'_>) -> Result {
+    let topic = world.topic("object");
+    let bridge = bridge(world, ros, vec![Route::new(&zeromq(&topic), &ros2(&topic), STRING)])?;
+    let publisher = world.wrapyfi_publisher(&topic, "--flavour small --rate 20 --no-broker")?;
+    let mut echo = ros.ros2(&["topic", "echo", "--once", &topic, STRING])?;
+    echo.exits_with(0).map_err(|error| error.context(bridge.tail()))?;
+    publisher.messages(1)?;
+    assert!(echo.stdout().starts_with("data: "), "{}", echo.stdout());
+    let hz = ros.ros2(&["topic", "hz", &topic])?;
+    prints(&hz, &["average rate"]).map(drop)
+}
+
+fn topic_pub_reaches_a_script(world: &World, ros: &RealRos2<'_>) -> Result {
+    let topic = world.topic("chatter");
+    let _bridge = bridge(world, ros, vec![Route::new(&ros2(&topic), &zeromq(&topic), "Text")])?;
+    let listener = world.wrapyfi_listener(&topic, "")?;
+    let value = "{data: 'plain text, no JSON: grüß'}";
+    let _publisher = ros.ros2(&["topic", "pub", "-r", "10", &topic, STRING, value])?;
+    let heard = listener.messages(2)?;
+    assert!(heard[0].to_string().contains("plain text, no JSON"), "{}", heard[0]);
+    Ok(())
+}
+
+// Types -----------------------------------------------------------------------------------------
+
+/// Random messages of rclpy through a script's middleware, and back to rclpy, unchanged.
+fn there_and_back(world: &World, ros: &RealRos2<'_>, kind: &str, route: &str) -> Result {
+    let name = kind.replace('/', "_");
+    let [there, between, back] =
+        ["there", "between", "back"].map(|place| world.topic(&format!("{name}_{place}")));
+    let routes = vec![
+        Route::new(&ros2(&there), &zeromq(&between), route),
+        Route::new(&zeromq(&between), &ros2(&back), route),
+    ];
+    let bridge = bridge(world, ros, routes)?;
+    let subscriber =
+        ros.rclpy(&format!("subscribe --topic {back} --type {kind} --count 5 --node ear"), None)?;
+    subscriber.event("ready")?;
+    let publisher =
+        ros.rclpy(&format!("publish --topic {there} --type {kind} --node mouth"), None)?;
+    let heard = subscriber
+        .messages(5)
+        .map_err(|error| error.context(format!("{kind}\n{}", bridge.tail())))?;
+    publisher
+        .sent_in_order("sha256", &texts(&heard, "sha256"))
+        .map_err(|error| error.context(kind.to_owned()))
+}
+
+fn types_of_many_fields_go_through_zeromq_and_back(world: &World, ros: &RealRos2<'_>) -> Result {
+    for kind in [
+        "geometry_msgs/msg/TwistWithCovarianceStamped",
+        "sensor_msgs/msg/Imu",
+        "sensor_msgs/msg/LaserScan",
+        "sensor_msgs/msg/JointState",
+        "sensor_msgs/msg/PointCloud2",
+        "nav_msgs/msg/OccupancyGrid",
+        "diagnostic_msgs/msg/DiagnosticArray",
+        "visualization_msgs/msg/MarkerArray",
+        "rcl_interfaces/msg/ParameterEvent",
+    ] {
+        there_and_back(world, ros, kind, kind)?;
+    }
+    Ok(())
+}
+
+fn images_go_through_zeromq_and_back(world: &World, ros: &RealRos2<'_>) -> Result {
+    let [there, between, back] = ["there", "between", "back"].map(|place| world.topic(place));
+    let routes = vec![
+        Route::new(&ros2(&there), &zeromq(&between), "Image"),
+        Route::new(&zeromq(&between), &ros2(&back), "Image"),
+    ];
+    let bridge = bridge(world, ros, routes)?;
+    let kind = "sensor_msgs/msg/Image";
+    let subscriber =
+        ros.rclpy(&format!("subscribe --topic {back} --type {kind} --count 2 --node ear"), None)?;
+    subscriber.event("ready")?;
+    let pixels: Vec<u8> = (0..4 * 3 * 3).map(|n| n * 7).collect();
+    let image = json!({
+        "header": {"stamp": {"sec": 12, "nanosec": 345_000_000}, "frame_id": "eye"},
+        "height": 3, "width": 4, "encoding": "bgr8", "is_bigendian": 0, "step": 12, "data": pixels,
+    });
+    let publisher = format!("publish --topic {there} --type {kind} --node mouth");
+    let _publisher = ros.rclpy(&publisher, Some(&image.to_string()))?;
+    let heard = subscriber.messages(2).map_err(|error| error.context(bridge.tail()))?;
+    for key in ["height", "width", "encoding", "step", "data"] {
+        assert_eq!(heard[0]["value"][key], image[key], "{key} of {}", heard[0]);
+    }
+    assert_eq!(heard[0]["value"]["header"]["stamp"], image["header"]["stamp"]);
+    Ok(())
+}
+
+fn a_late_latched_subscription_gets_the_last_message(world: &World, ros: &RealRos2<'_>) -> Result {
+    let topic = world.topic("map");
+    let endpoint = ros2(&topic);
+    let publish = ["pub", &endpoint, "--type", "nav_msgs/msg/OccupancyGrid", "--value"];
+    let value = r#"{"info": {"width": 2, "height": 1}, "data": [100, -1]}"#;
+    let rest = ["--qos", "latched", "--rate", "0.001"];
+    let _publisher = ros.wrapyfi([&publish[..], &[value], &rest].concat())?;
+    let mut echo = ros.ros2(&[
+        "topic",
+        "echo",
+        "--once",
+        "--qos-durability",
+        "transient_local",
+        "--qos-reliability",
+        "reliable",
+        &topic,
+        "nav_msgs/msg/OccupancyGrid",
+    ])?;
+    echo.exits_with(0)?;
+    assert!(echo.stdout().contains("- 100") && echo.stdout().contains("- -1"), "{}", echo.stdout());
+
+    let (kind, kept) = ("std_msgs/msg/Header", world.topic("kept"));
+    let value = r#"{"frame_id": "kept"}"#;
+    let args = format!("publish --topic {kept} --type {kind} --qos latched --count 1");
+    let publisher = ros.rclpy(&args, Some(value))?;
+    publisher.messages(1)?;
+    let endpoint = ros2(&kept);
+    let mut echo =
+        ros.wrapyfi(["echo", &endpoint, "--count", "1", "--json", "--timeout", "100"])?;
+    assert_eq!(echo.objects(1)?[0]["value"]["frame_id"], "kept");
+    echo.exits_with(0)
+}
+
+/// Types that nobody compiled into ours: found in the installation by the ament index.
+fn ours_echoes_and_publishes_with_types_of_the_installation(
+    world: &World,
+    ros: &RealRos2<'_>,
+) -> Result {
+    let kind = "trajectory_msgs/msg/JointTrajectory";
+    let (there, back) = (world.topic("there"), world.topic("back"));
+    let publisher = ros.rclpy(&format!("publish --topic {there} --type {kind}"), None)?;
+    let from = ros2(&there);
+    let mut echo = ros.wrapyfi(["echo", &from, "--json", "--count", "3", "--timeout", "100"])?;
+    let heard = echo.objects(3)?;
+    echo.exits_with(0)?;
+    let sent = publisher.wait_until("what it sent", |output| {
+        let sent = output.events("message");
+        let same = |one: &&Value| sent.iter().any(|other| other["value"] == one["value"]);
+        heard.iter().all(|one| same(&one)).then_some(sent.len())
+    })?;
+    assert!(sent >= 3);
+    assert_eq!(heard[0]["type"], kind);
+
+    let subscriber =
+        ros.rclpy(&format!("subscribe --topic {back} --type {kind} --count 1"), None)?;
+    let to = ros2(&back);
+    let value = r#"{"joint_names": ["a"], "points": [{"positions": [1.5], "time_from_start": {"sec": 2}}]}"#;
+    let mut publish =
+        ros.wrapyfi(["pub", &to, "--type", kind, "--value", value, "--count", "1"])?;
+    let heard = subscriber.messages(1)?.remove(0);
+    publish.exits_with(0)?;
+    assert_eq!(heard["value"]["points"][0]["positions"], json!([1.5]), "{heard}");
+    assert_eq!(heard["value"]["points"][0]["time_from_start"]["sec"], 2, "{heard}");
+    Ok(())
+}
+
+// Services and parameters -----------------------------------------------------------------------
+
+fn services_of_rclpy_are_called(world: &World, ros: &RealRos2<'_>) -> Result {
+    let service = world.topic("set");
+    let kind = "std_srvs/srv/SetBool";
+    let value = r#"{"success": "=request.data", "message": "=str(request.data)"}"#;
+    let server = ros.rclpy(&format!("serve --topic {service} --type {kind}"), Some(value))?;
+    server.event("ready")?;
+    let endpoint = ros2(&service);
+    for (given, on) in [
+        (["--value", r#"{"data": true}"#], true),
+        (["--args", "[false]"], false),
+        (["--kwargs", r#"{"data": true}"#], true),
+    ] {
+        let call = [&["call", &endpoint, "--json", "--timeout", "60"], &given[..]].concat();
+        let mut call = ros.wrapyfi(call)?;
+        let told = call.objects(1)?.remove(0);
+        call.exits_with(0)?;
+        let message = if on { "True" } else { "False" };
+        assert_eq!(told["value"], json!({"success": on, "message": message}), "{given:?}");
+    }
+    Ok(())
+}
+
+fn service_call_asks_ours(world: &World, ros: &RealRos2<'_>) -> Result {
+    let service = world.topic("light");
+    let (endpoint, kind) = (ros2(&service), "std_srvs/srv/SetBool");
+    let value = r#"{"success": true, "message": "so be it"}"#;
+    let server = ros.wrapyfi(["serve", &endpoint, "--type", kind, "--value", value, "--json"])?;
+    ros.seen(&["service", "list", "-t"], |said| said.contains(&format!("{service} [{kind}]")))?;
+    let mut call = ros.ros2(&["service", "call", &service, kind, "{data: true}"])?;
+    call.exits_with(0)?;
+    assert!(call.stdout().contains("message='so be it'"), "{}", call.stdout());
+    assert_eq!(server.objects(1)?[0]["value"], json!({"data": true}));
+
+    let client = format!("call --topic {service} --type {kind}");
+    let client = ros.rclpy(&client, Some(r#"{"data": false}"#))?;
+    assert_eq!(client.event("reply")?["value"]["message"], "so be it");
+    Ok(())
+}
+
+fn parameters_are_listed_got_set_and_dumped(world: &World, ros: &RealRos2<'_>) -> Result {
+    let topic = world.topic("x");
+    let _bridge = bridge(world, ros, vec![Route::new(&zeromq(&topic), &ros2(&topic), "Text")])?;
+    let nodes = ros.seen(&["node", "list"], |said| said.contains("bridge"))?;
+    let name = nodes.lines().find(|line| line.contains("bridge")).unwrap_or_default().to_owned();
+    let list = ros.seen(&["param", "list", &name], |said| said.contains("config_file"))?;
+    assert!(list.contains("use_sim_time"), "{list}");
+    ros.seen(&["param", "get", &name, "config_file"], |said| said.contains("bridge.yaml"))?;
+    ros.seen(&["param", "set", &name, "use_sim_time", "true"], |said| {
+        said.contains("Set parameter successful")
+    })?;
+    ros.seen(&["param", "get", &name, "use_sim_time"], |said| said.contains("True"))?;
+    let mut refused =
+        ros.ros2(&["param", "set", &name, "config_file", "other.yaml", "--no-daemon"])?;
+    refused.exit_code()?;
+    let said = refused.stdout() + &refused.stderr();
+    assert!(said.contains("read-only parameter"), "{said}");
+    let dump = ros.seen(&["param", "dump", &name], |said| said.contains("ros__parameters"))?;
+    assert!(dump.contains("use_sim_time: true"), "{dump}");
+    Ok(())
+}
+
+fn parameters_of_a_node_of_rclpy_are_set_by_ours(_: &World, ros: &RealRos2<'_>) -> Result {
+    let node = ros.rclpy("params --node camera", Some(r#"{"rate": 30, "name": "left"}"#))?;
+    node.event("ready")?;
+    let properties = ["ros2:/camera", "--type", "Properties", "--timeout", "60"];
+    let mut echo =
+        ros.wrapyfi([&["echo"], &properties[..], &["--count", "1", "--json"]].concat())?;
+    let told = echo.objects(1)?.remove(0);
+    echo.exits_with(0)?;
+    assert_eq!(told["value"]["rate"], 30, "{told}");
+    let mut set =
+        ros.wrapyfi([&["pub"], &properties[..], &["--value", r#"{"rate": 15}"#]].concat())?;
+    set.exits_with(0)?;
+    let heard = node.event("set")?;
+    assert_eq!((&heard["name"], &heard["value"]), (&json!("rate"), &json!(15)));
+    ros.seen(&["param", "get", "/camera", "rate"], |said| said.contains("15")).map(drop)
+}
+
+// Starts ----------------------------------------------------------------------------------------
+
+fn launch_starts_the_bridge(world: &World, ros: &RealRos2<'_>) -> Result {
+    let topic = world.topic("x");
+    let config = world.embedded().route(Route::new(&zeromq(&topic), &ros2(&topic), "Text"));
+    let file = world.write("routes.yaml", config.yaml())?;
+    let argument = format!("config_file:={}", file.display());
+    let mut launch =
+        ros.ros2(&["launch", "wrapyfi", "bridge.launch.py", &argument, "namespace:=lab"])?;
+    ros.seen(&["node", "list"], |said| said.lines().any(|line| line.starts_with("/lab/")))
+        .map_err(|error| error.context(launch.tail()))?;
+    ros.seen(&["topic", "list"], |said| said.contains(&topic))?;
+    launch.terminate()?;
+    launch.exit_code()?;
+    let said = launch.stdout() + &launch.stderr();
+    assert!(!said.contains("process has died"), "{said}");
+    Ok(())
+}
+
+/// The example that comes with it: where no YARP and no ROS 1 is, their routes wait.
+fn launch_without_arguments_keeps_running(_: &World, ros: &RealRos2<'_>) -> Result {
+    let launch = ros.ros2(&["launch", "wrapyfi", "bridge.launch.py"])?;
+    ros.seen(&["topic", "list"], |said| said.contains("/camera/left"))
+        .map_err(|error| error.context(launch.tail()))?;
+    let said = launch.stdout() + &launch.stderr();
+    assert!(!said.contains("process has died"), "{said}");
+    Ok(())
+}
+
+fn run_starts_the_nodes(world: &World, ros: &RealRos2<'_>) -> Result {
+    for name in ["zeromq_bridge", "ros1_bridge"] {
+        let namespace = format!("__ns:={}", world.topic("lab"));
+        let mut node =
+            ros.ros2(&["run", "wrapyfi_bridge", name, "--ros-args", "-r", &namespace])?;
+        let full = format!("{}/{name}", world.topic("lab"));
+        ros.seen(&["node", "list"], |said| said.contains(&full))
+            .map_err(|error| error.context(node.tail()))?;
+        node.terminate()?;
+        node.exit_code()?;
+    }
+    Ok(())
+}
+
+// Bags ------------------------------------------------------------------------------------------
+
+fn a_bag_keeps_what_came_from_a_script(world: &World, ros: &RealRos2<'_>) -> Result {
+    let [from, to, back] = ["from", "to", "back"].map(|place| world.topic(place));
+    let routes = vec![
+        Route::new(&zeromq(&from), &ros2(&to), STRING),
+        Route::new(&ros2(&to), &zeromq(&back), STRING),
+    ];
+    let bag = world.path("bag").display().to_string();
+    {
+        let _bridge = bridge(world, ros, routes.clone())?;
+        let mut record = ros.ros2(&["bag", "record", "-o", &bag, &to])?;
+        prints(&record, &["Subscribed to topic", &to])?;
+        let publisher = world.wrapyfi_publisher(&from, "--flavour small --rate 20 --no-broker")?;
+        publisher.messages(20)?;
+        record.terminate()?;
+        record.exit_code()?;
+    }
+    let _bridge = bridge(world, ros, routes)?;
+    let listener = world.wrapyfi_listener(&back, "")?;
+    let play = ros.ros2(&["bag", "play", "--loop", &bag])?;
+    listener.messages(5).map_err(|error| error.context(play.tail())).map(drop)
+}
+
+// Wrapyfi on rclpy ------------------------------------------------------------------------------
+
+/// Python Wrapyfi with `mware="ros2"`, where its interpreter is rclpy's.
+fn wrapyfi_on_rclpy_talks_with_ours(_: &World, ros: &RealRos2<'_>) -> Result {
+    let mut script =
+        ros.python(&["-u", "-m", "examples.hello_world", "--publish", "--mware", "ros2"])?;
+    let endpoint = ros2("/hello/my_message");
+    let echo = ros.wrapyfi(["echo", &endpoint, "--type", STRING, "--json", "--timeout", "100"])?;
+    for n in 0..50 {
+        // Its publisher waits for somebody, but does not know whether the first message was heard.
+        script.tell(&format!("hello {n}"))?;
+    }
+    let heard = echo.objects(1).map_err(|error| error.context(script.tail()))?.remove(0);
+    let message = heard["value"]["message"].as_str().unwrap_or_default().to_owned();
+    assert!(message.starts_with("hello "), "{heard}");
+
+    let listener =
+        ros.python(&["-u", "-m", "examples.hello_world", "--listen", "--mware", "ros2"])?;
+    drop(script);
+    let publish = ["pub", &endpoint, "--type", STRING, "--value", r#"{"message": "from Rust"}"#];
+    let _publisher = ros.wrapyfi([&publish[..], &["--rate", "10"]].concat())?;
+    prints(&listener, &["Method result:", "'message': 'from Rust'"]).map(drop)
+}

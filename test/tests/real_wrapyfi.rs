@@ -1,0 +1,186 @@
+//! Wrapyfi's own tests and examples, as its package ships them, at our broker and with our programs on the
+//! other side.
+
+#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
+
+use serde_json::{Value, json};
+use wrapyfi_e2e::{Need, Process, Result, World, run};
+
+const NEEDS: &[Need] = &[Need::Program, Need::Python];
+
+/// Wrapyfi's test suite of its wrapper, whose publishers find our broker.
+#[test]
+fn wrapyfis_own_tests_pass_at_our_broker() -> Result {
+    run("wrapyfis_own_tests_pass_at_our_broker", NEEDS, |world| {
+        let _broker = world.broker()?;
+        let case = "wrapyfi.tests.test_wrapper.ZeroMQTestWrapper";
+        let mut tests = world.python(&["-m", "unittest", "-v", case])?;
+        tests.exits_with(0)?;
+        let said = tests.stderr();
+        assert!(said.contains("Ran 3 tests") && !said.contains("skipped"), "{said}");
+        Ok(())
+    })
+}
+
+/// The scenario of Wrapyfi's test suite of its middlewares, with its class.
+#[test]
+fn the_class_of_wrapyfis_own_tests_publishes_and_listens() -> Result {
+    run("the_class_of_wrapyfis_own_tests_publishes_and_listens", NEEDS, |world| {
+        let _broker = world.broker()?;
+        let listener = world.peer("class_test.py", "--mode listen")?;
+        let publisher = world.peer("class_test.py", "--mode publish")?;
+        let heard = listener.messages(10)?;
+        publisher.wait_until("what was heard, among what was said", |output| {
+            let said = output.events("message");
+            heard.iter().all(|one| said.contains(one)).then_some(())
+        })
+    })
+}
+
+/// Runs a module as a program, with all of Wrapyfi's plug-ins: 0.5 does not find them by itself.
+const RUN: &str = "import importlib.util as u, os, runpy, sys\n\
+    os.environ['WRAPYFI_PLUGIN_PATHS'] = u.find_spec('wrapyfi').submodule_search_locations[0]\n\
+    runpy.run_module(sys.argv.pop(1), run_name='__main__', alter_sys=True)";
+
+/// Starts a script of Wrapyfi's examples by its module; what it asks for is typed as `typed`.
+fn example(world: &World, module: &str, args: &[&str], typed: &[&str]) -> Result<Process> {
+    let module = format!("examples.{module}");
+    let mut script = world.python(&[&["-u", "-c", RUN, &module], args].concat())?;
+    for line in typed {
+        script.tell(line)?;
+    }
+    Ok(script)
+}
+
+/// The first object that `wrapyfi echo` hears.
+fn heard(world: &World, topic: &str, kind: &str) -> Result<(Value, String)> {
+    let endpoint = format!("zeromq:{topic}");
+    let args = ["echo", &endpoint, "--type", kind, "--count", "1", "--json", "--timeout", "100"];
+    let mut echo = world.wrapyfi(args)?;
+    let object = echo.objects(1)?.remove(0);
+    echo.exits_with(0)?;
+    Ok((object, echo.stderr()))
+}
+
+/// Waits until a script of the examples prints a line with these words.
+fn prints(script: &Process, words: &[&str]) -> Result {
+    script.wait_until(&words.join(", "), |output| {
+        let all = |line: &String| words.iter().all(|word| line.contains(word));
+        output.out.iter().any(all).then_some(())
+    })
+}
+
+#[test]
+fn hello_world_is_heard_by_ours() -> Result {
+    run("hello_world_is_heard_by_ours", NEEDS, |world| {
+        let _broker = world.broker()?;
+        let _script = example(world, "hello_world", &["--publish"], &["hello you"])?;
+        let (object, _) = heard(world, "/hello/my_message", "NativeObject")?;
+        assert_eq!(object["value"]["message"], "hello you", "{object}");
+        Ok(())
+    })
+}
+
+#[test]
+fn hello_world_hears_ours() -> Result {
+    run("hello_world_hears_ours", NEEDS, |world| {
+        let _broker = world.broker()?;
+        let script = example(world, "hello_world", &["--listen"], &[])?;
+        let value = r#"{"message": "from Rust", "list": [1, null]}"#;
+        let publish = ["pub", "zeromq:/hello/my_message", "--type", "NativeObject"];
+        let _publisher =
+            world.wrapyfi([&publish[..], &["--value", value, "--rate", "10"]].concat())?;
+        prints(&script, &["Method result:", "'message': 'from Rust'", "'list': [1, None]"])
+    })
+}
+
+#[test]
+fn hello_world_replies_to_ours() -> Result {
+    run("hello_world_replies_to_ours", NEEDS, |world| {
+        let _broker = world.broker()?;
+        let _script = example(world, "hello_world", &["--reply"], &["yes"])?;
+        let port = world.rep_port().to_string();
+        let call = ["call", "zeromq:/hello/my_message", "--rep-port", &port, "--timeout", "100"];
+        let mut call = world.wrapyfi([&call[..], &["--value", r#""me""#, "--json"]].concat())?;
+        let object = call.objects(1)?.remove(0);
+        call.exits_with(0)?;
+        let wanted = json!({"message": "yes", "message_from_requester": "me"});
+        assert_eq!(object["value"], wanted);
+        Ok(())
+    })
+}
+
+#[test]
+fn hello_world_asks_ours() -> Result {
+    run("hello_world_asks_ours", NEEDS, |world| {
+        let _broker = world.broker()?;
+        let value = r#"{"message": "done"}"#;
+        let server = world.wrapyfi(["serve", "zeromq:/hello/my_message", "--value", value])?;
+        let script = example(world, "hello_world", &["--request"], &[])?;
+        prints(&script, &["Method result:", "'message': 'done'"])?;
+        prints(&server, &[r#""arg_from_requester":"I got this message from the script running in"#])
+    })
+}
+
+/// Two scripts of the example of mirroring with our broker between them.
+#[test]
+fn mirroring_goes_through_our_broker() -> Result {
+    run("mirroring_goes_through_our_broker", NEEDS, |world| {
+        let _broker = world.broker()?;
+        let module = "communication_schemes.mirroring_example";
+        let listener = example(world, module, &["--mode", "listen"], &[])?;
+        let _publisher = example(world, module, &["--mode", "publish"], &["ping", "pong"])?;
+        prints(&listener, &["'msg_ip': 'ping'"])?;
+        prints(&listener, &["'msg_ip': 'pong'"])
+    })
+}
+
+/// The example of channeling publishes an object, a picture and sound at once.
+#[test]
+fn all_channels_of_channeling_are_heard_by_ours() -> Result {
+    run("all_channels_of_channeling_are_heard_by_ours", NEEDS, |world| {
+        let _broker = world.broker()?;
+        let args = ["--mode", "publish", "--mware_A", "zeromq", "--mware_B", "zeromq", "--mware_C"];
+        let module = "communication_schemes.channeling_example";
+        let _script = example(world, module, &[&args[..], &["zeromq"]].concat(), &[])?;
+        // Its first channel waits for somebody who listens, and the others with it.
+        let (object, said) = heard(world, "/example/native_A_msg", "NativeObject")?;
+        assert!(object["value"].is_array() && !said.contains("unread"), "{said}");
+        let native = ["echo", "zeromq:/example/native_A_msg", "--type", "NativeObject", "--json"];
+        let _keeps_it_going = world.wrapyfi(native)?;
+        let (image, _) = heard(world, "/example/image_B_msg", "Image")?;
+        assert_eq!((&image["shape"], &image["encoding"]), (&json!([200, 200, 3]), &json!("bgr8")));
+        let (sound, _) = heard(world, "/example/audio_C_msg", "AudioChunk")?;
+        assert_eq!(sound["type"], "AudioChunk", "{sound}");
+        Ok(())
+    })
+}
+
+/// An example of a plug-in: what it publishes is read here, no object stays as it came.
+fn plug_in(test: &str, package: &'static str, module: &str, topic: &str) -> Result {
+    let needs = [NEEDS, &[Need::Package(package)]].concat();
+    run(test, &needs, |world| {
+        let _broker = world.broker()?;
+        let module = format!("encoders.{module}");
+        let _script = example(world, &module, &["--mode", "publish"], &["hello", "again"])?;
+        let (object, said) = heard(world, topic, "NativeObject")?;
+        assert!(object["value"].to_string().contains(r#""message":"hello""#), "{object}");
+        assert!(!said.contains("unread"), "{said}");
+        Ok(())
+    })
+}
+
+macro_rules! plug_ins {
+    ($($test:ident: $package:literal in $module:literal on $topic:literal;)*) => {
+        $(#[test]
+        fn $test() -> Result {
+            plug_in(stringify!($test), $package, $module, $topic)
+        })*
+    };
+}
+
+plug_ins! {
+    pint_is_read: "pint" in "pint_example" on "/notify/test_pint_exchange";
+    pyarrow_is_read: "pyarrow" in "pyarrow_example" on "/notify/test_arrow_exchange";
+    xarray_is_read: "xarray" in "xarray_example" on "/notify/test_xarray_exchange";
+}

@@ -1,0 +1,238 @@
+//! YARP's own tools around our programs: with its name server and with ours.
+
+#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
+
+use serde_json::json;
+use wrapyfi_e2e::{Need, Process, Result, Route, World, ros2, run, yarp};
+
+const NEEDS: &[Need] = &[Need::Program, Need::Yarp];
+
+/// Whose name server ports are registered at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Names {
+    Ours,
+    Yarps,
+}
+
+/// The same tests at each name server.
+macro_rules! at_each {
+    ($($test:ident;)*) => {
+        mod ours { $(
+            #[test]
+            fn $test() -> wrapyfi_e2e::Result {
+                super::at(concat!("ours_", stringify!($test)), super::Names::Ours, super::$test)
+            }
+        )* }
+        mod yarps { $(
+            #[test]
+            fn $test() -> wrapyfi_e2e::Result {
+                super::at(concat!("yarps_", stringify!($test)), super::Names::Yarps, super::$test)
+            }
+        )* }
+    };
+}
+
+at_each! {
+    the_tools_know_our_ports;
+    read_hears_ours_by_every_carrier;
+    ours_hears_write;
+    connect_and_disconnect_work_on_our_ports;
+    rpc_asks_ours;
+    ours_asks_rpcserver;
+    ports_of_tools_find_each_other;
+    a_bridge_carries_what_tools_write_and_read;
+}
+
+fn at(test: &str, names: Names, body: impl FnOnce(&World) -> Result) -> Result {
+    run(test, NEEDS, |world| {
+        let _server = match names {
+            Names::Ours => world.yarpserver()?,
+            Names::Yarps => yarps_server(world)?,
+        };
+        body(world)
+    })
+}
+
+/// YARP's name server on this test's port.
+fn yarps_server(world: &World) -> Result<Process> {
+    let port = world.yarp_port().to_string();
+    let args = ["--write", "--ip", "127.0.0.1", "--socket", &port];
+    let server = world.yarp_tool("yarpserver", &args)?.pillar();
+    told(world, &["where"], |said| said.contains(&port))?;
+    Ok(server)
+}
+
+/// What `yarp` says, once it is what is wanted.
+fn told(world: &World, args: &[&str], wanted: impl Fn(&str) -> bool) -> Result<String> {
+    let mut said = String::new();
+    for _ in 0..60 {
+        let mut tool = world.yarp_tool("yarp", args)?;
+        tool.exit_code()?;
+        said = tool.stdout() + &tool.stderr();
+        if wanted(&said) {
+            return Ok(said);
+        }
+    }
+    anyhow::bail!("yarp {} never said what it should, last:\n{said}", args.join(" "))
+}
+
+/// Waits until `yarp exists` finds the port.
+fn exists(world: &World, port: &str) -> Result {
+    for _ in 0..60 {
+        if world.yarp_tool("yarp", &["exists", port])?.exit_code()? == 0 {
+            return Ok(());
+        }
+    }
+    anyhow::bail!("no port {port}")
+}
+
+fn prints(process: &Process, words: &str) -> Result {
+    process.wait_until(words, |output| {
+        output.out.iter().chain(&output.err).any(|line| line.contains(words)).then_some(())
+    })
+}
+
+/// Ours that publishes a text at a rate.
+fn publisher(world: &World, port: &str, text: &str) -> Result<Process> {
+    let (endpoint, value) = (yarp(port), json!(text).to_string());
+    let publish = ["pub", &endpoint, "--type", "Text", "--value", &value, "--rate", "20"];
+    world.wrapyfi(publish)
+}
+
+fn the_tools_know_our_ports(world: &World) -> Result {
+    let port = world.topic("cam");
+    let publisher = publisher(world, &port, "hello")?;
+    exists(world, &port)?;
+    told(world, &["name", "list"], |said| said.contains(&port))?;
+    told(world, &["name", "query", &port], |said| said.contains("ip 127.0.0.1 port"))?;
+    told(world, &["ping", &port], |said| said.contains("no outgoing connections"))?;
+    let mut wait = world.yarp_tool("yarp", &["wait", &port])?;
+    wait.exits_with(0)?;
+    let listed = ["list", "yarp", "--json"];
+    let mut list = world.wrapyfi(listed)?;
+    list.exits_with(0)?;
+    let found = list.objects(1)?;
+    assert!(found.iter().any(|one| one["name"].as_str() == Some(&port)), "{found:?}");
+    drop(publisher);
+    told(world, &["name", "list"], |said| !said.contains(&port)).map(drop)
+}
+
+fn read_hears_ours_by_every_carrier(world: &World) -> Result {
+    let port = world.topic("text");
+    let _publisher = publisher(world, &port, "how are you")?;
+    exists(world, &port)?;
+    for carrier in ["tcp", "fast_tcp", "udp", "text", "text_ack", "mcast"] {
+        let ear = world.topic(&format!("ear_{carrier}"));
+        let read = world.yarp_tool("yarp", &["read", &ear])?;
+        exists(world, &ear)?;
+        let mut connect = world.yarp_tool("yarp", &["connect", &port, &ear, carrier])?;
+        connect.exits_with(0).map_err(|error| error.context(carrier))?;
+        prints(&read, "how are you").map_err(|error| error.context(carrier))?;
+    }
+    Ok(())
+}
+
+fn ours_hears_write(world: &World) -> Result {
+    let port = world.topic("typed");
+    let mut write = world.yarp_tool("yarp", &["write", &port])?;
+    exists(world, &port)?;
+    let endpoint = yarp(&port);
+    let echo = world.wrapyfi(["echo", &endpoint, "--type", "NativeObject", "--json"])?;
+    told(world, &["ping", &port], |said| said.contains(&format!("{port}:in")))?;
+    write.tell("say 7 (1 2.5 \"a b\")")?;
+    let heard = echo.objects(1)?.remove(0);
+    let value = &heard["value"];
+    assert_eq!((&value[0], &value[2]), (&json!("say"), &json!([1, 2.5, "a b"])), "{heard}");
+    Ok(())
+}
+
+fn connect_and_disconnect_work_on_our_ports(world: &World) -> Result {
+    let (port, ear) = (world.topic("mouth"), world.topic("ear"));
+    let _publisher = publisher(world, &port, "x")?;
+    exists(world, &port)?;
+    let read = world.yarp_tool("yarp", &["read", &ear])?;
+    exists(world, &ear)?;
+    world.yarp_tool("yarp", &["connect", &port, &ear])?.exits_with(0)?;
+    prints(&read, "x")?;
+    told(world, &["ping", &port], |said| said.contains(&ear))?;
+    assert_eq!(world.yarp_tool("yarp", &["exists", &port, &ear])?.exit_code()?, 0);
+    world.yarp_tool("yarp", &["disconnect", &port, &ear])?.exits_with(0)?;
+    told(world, &["ping", &port], |said| !said.contains(&ear)).map(drop)
+}
+
+fn rpc_asks_ours(world: &World) -> Result {
+    let port = world.topic("light");
+    let (endpoint, value) = (yarp(&port), r#"{"success": true, "message": "it is on"}"#);
+    let kind = ["--type", "std_srvs/srv/SetBool", "--value", value, "--json"];
+    let server = world.wrapyfi([&["serve", &endpoint], &kind[..]].concat())?;
+    exists(world, &port)?;
+    let mut rpc = world.yarp_tool("yarp", &["rpc", &port])?;
+    rpc.tell("1")?;
+    rpc.tell("(data 0)")?;
+    let asked = server.objects(2)?;
+    assert_eq!(asked[0]["args"], json!([1]), "{asked:?}");
+    assert_eq!(asked[1]["kwargs"], json!({"data": 0}), "{asked:?}");
+    // What it prints into a pipe comes when it ends.
+    rpc.close_stdin();
+    rpc.exits_with(0)?;
+    assert_eq!(rpc.stdout().matches("[ok] \"it is on\"").count(), 2, "{}", rpc.tail());
+    Ok(())
+}
+
+fn ours_asks_rpcserver(world: &World) -> Result {
+    let port = world.topic("echoes");
+    let server = world.yarp_tool("yarp", &["rpcserver", "--echo", &port])?;
+    exists(world, &port)?;
+    let endpoint = yarp(&port);
+    let args = ["--args", r#"["set", "pos", 2, 10.5]"#, "--option", "bottle=true"];
+    let mut call =
+        world.wrapyfi([&["call", &endpoint, "--json", "--timeout", "60"], &args[..]].concat())?;
+    let told = call.objects(1)?.remove(0);
+    call.exits_with(0)?;
+    assert_eq!(told["value"], json!(["set", "pos", 2, 10.5]), "{}", server.tail());
+    Ok(())
+}
+
+/// Nothing of ours but perhaps the name server.
+fn ports_of_tools_find_each_other(world: &World) -> Result {
+    let (mouth, ear) = (world.topic("mouth"), world.topic("ear"));
+    let read = world.yarp_tool("yarp", &["read", &ear])?;
+    let mut write = world.yarp_tool("yarp", &["write", &mouth])?;
+    exists(world, &mouth)?;
+    exists(world, &ear)?;
+    world.yarp_tool("yarp", &["connect", &mouth, &ear, "udp"])?.exits_with(0)?;
+    write.tell("among us")?;
+    prints(&read, "among us")?;
+    told(world, &["name", "list"], |said| said.contains(&mouth) && said.contains(&ear))?;
+    drop(write);
+    told(world, &["clean", "--timeout", "1"], |_| true)?;
+    told(world, &["name", "list"], |said| !said.contains(&mouth)).map(drop)
+}
+
+fn a_bridge_carries_what_tools_write_and_read(world: &World) -> Result {
+    let [typed, shown, said] = ["typed", "shown", "said"].map(|name| world.topic(name));
+    let routes = [
+        Route::new(&yarp(&typed), &ros2(&shown), "Text"),
+        Route::new(&ros2(&said), &yarp(&said), "Text"),
+    ];
+    let mut write = world.yarp_tool("yarp", &["write", &typed])?;
+    exists(world, &typed)?;
+    let config = routes.into_iter().fold(world.embedded(), wrapyfi_e2e::Config::route);
+    let bridge = world.bridge(&config)?;
+    let endpoint = ros2(&shown);
+    let echo = world.wrapyfi(["echo", &endpoint, "--type", "Text", "--json"])?;
+    bridge.wait_until("the route to be active", |output| {
+        let last = output.objects().last()?;
+        (last["routes"][0]["state"] == "active").then_some(())
+    })?;
+    write.tell("up you go")?;
+    let heard = echo.objects(1).map_err(|error| error.context(bridge.tail()))?.remove(0);
+    assert!(heard.to_string().contains("up you go"), "{heard}");
+
+    let endpoint = ros2(&said);
+    let publish = ["pub", &endpoint, "--type", "Text", "--value", "\"down again\"", "--rate", "10"];
+    let _publisher = world.wrapyfi(publish)?;
+    exists(world, &said)?;
+    let read = world.yarp_tool("yarp", &["read", "...", &said])?;
+    prints(&read, "down again")
+}
