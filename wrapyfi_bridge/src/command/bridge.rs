@@ -24,6 +24,9 @@ pub struct Options {
     pub seconds: Option<Duration>,
     /// One JSON object a second on stdout.
     pub json: bool,
+    /// The middleware without which the node has nothing to do: when somebody ends it, the node ends
+    /// with an error, so that it is started again where that is wished.
+    pub lives_with: Option<&'static str>,
 }
 
 /// Runs the routes until the time is over or the process is asked to end.
@@ -31,7 +34,7 @@ pub struct Options {
 /// # Errors
 /// Exit code 2 when the configuration is refused, 1 when a middleware cannot start.
 pub fn run(args: &BridgeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
-    let options = Options { seconds: args.seconds, json: args.json };
+    let options = Options { seconds: args.seconds, json: args.json, lives_with: None };
     let node = Node::bridge().map_err(Failure::usage)?;
     let parameters = node.parameters().map_err(Failure::usage)?;
     let (loaded, name) =
@@ -69,10 +72,16 @@ pub fn run_node(
     let running = engine.start().context("cannot start the routes")?;
     let end = options.seconds.map(|seconds| Instant::now() + seconds);
     let mut tick = Instant::now();
+    let lives_with = options.lives_with.and_then(|name| middlewares.registry().get(name).ok());
+    let mut failure = None;
     loop {
         tick += Duration::from_secs(1);
         let ended = shutdown.wait_until(Some(end.map_or(tick, |end| tick.min(end))));
         if ended || end.is_some_and(|end| Instant::now() >= end) {
+            break;
+        }
+        failure = lives_with.and_then(|middleware| middleware.ended());
+        if failure.is_some() {
             break;
         }
         if options.json {
@@ -95,7 +104,7 @@ pub fn run_node(
         let (received, sent) = (route.counters.received, route.counters.sent);
         tracing::info!(route = %route.name, "ends: {received} in, {sent} out, dropped: {drops}");
     }
-    Ok(())
+    failure.map_or(Ok(()), |why| Err(Failure::Failed(anyhow::Error::msg(why))))
 }
 
 /// What the command line gives that is not declared: perhaps misspelt.

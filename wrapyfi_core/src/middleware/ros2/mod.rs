@@ -221,7 +221,7 @@ impl Middleware for Ros2 {
     }
 
     fn traits(&self) -> Traits {
-        Traits { any_ros_type: true, tells_own: true, shows_marks: true }
+        Traits { any_ros_type: true, tells_own: true, shows_marks: true, ..Traits::default() }
     }
 }
 
