@@ -178,12 +178,11 @@ impl Types {
             else {
                 return found;
             };
-            // Where it cannot be made, what is missing is told.
-            match missing == name {
-                false if let Ok(made) = self.made_for_ros1(missing) => {
-                    self.ros1.add_resolved(&made);
-                }
-                _ => return found,
+            let made = if missing == name { None } else { self.made_for_ros1(missing).ok() };
+            match made {
+                Some(made) => self.ros1.add_resolved(&made),
+                // What is missing is told.
+                None => return found,
             }
         }
     }
