@@ -27,6 +27,7 @@ mod real;
 mod reserve;
 mod ros_node;
 mod ros_service;
+mod route_state;
 mod scenes;
 mod world;
 
@@ -40,6 +41,7 @@ pub use real::RealRos2;
 pub use ros_node::{RosImage, RosNode, Spoken};
 pub use ros_service::{Adder, Asker};
 pub use ros2_client::ServiceMapping;
+pub use route_state::{route_status, until_route};
 pub use scenes::Scenes;
 pub use world::World;
 

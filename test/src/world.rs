@@ -1,8 +1,10 @@
 //! What one test has to itself.
 
-use std::ffi::OsStr;
+use std::collections::BTreeMap;
+use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use anyhow::Context as _;
 use tempfile::TempDir;
@@ -31,6 +33,7 @@ pub struct World {
     yarp_port: Reserved,
     folder: TempDir,
     pillars: Pillars,
+    variables: Mutex<BTreeMap<String, OsString>>,
 }
 
 impl World {
@@ -51,6 +54,7 @@ impl World {
             folder: TempDir::with_prefix("wrapyfi_e2e_")
                 .context("creating a folder for the test")?,
             pillars: Pillars::default(),
+            variables: Mutex::default(),
         })
     }
 
@@ -90,6 +94,15 @@ impl World {
     /// Where the file cannot be written.
     pub fn yarp_conf(&self) -> Result {
         self.write("yarp.conf", format!("127.0.0.1 {} yarp\n", self.yarp_port())).map(drop)
+    }
+
+    /// Sets a variable for the programs that are started from now on.
+    pub fn set_variable(&self, name: &str, value: impl Into<OsString>) {
+        self.variables().insert(name.to_owned(), value.into());
+    }
+
+    fn variables(&self) -> MutexGuard<'_, BTreeMap<String, OsString>> {
+        self.variables.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// A topic name of this test, `/…/base`.
@@ -552,6 +565,7 @@ impl World {
         ] {
             command.env_remove(variable);
         }
+        command.envs(&*self.variables());
         command
     }
 }

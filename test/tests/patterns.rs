@@ -5,7 +5,7 @@
 use std::time::Instant;
 
 use serde_json::{Value, json};
-use wrapyfi_e2e::{Need, PATIENCE, Process, Result, World, ros2, run};
+use wrapyfi_e2e::{Need, PATIENCE, Process, Result, World, ros2, run, until_route};
 
 const ROS1: &[Need] = &[Need::Program, Need::Ros1, Need::Executable("ros1_bridge")];
 const ROS1_AND_DDS: &[Need] =
@@ -14,21 +14,6 @@ const ROS1_AND_DDS: &[Need] =
 fn bridge(world: &World, more: &[&str]) -> Result<Process> {
     let args = [&["-p", "status_json:=true"], more].concat();
     world.executable("ros1_bridge", &args)
-}
-
-/// The last status of a route that this bridge told; `None` where it is not among its routes.
-fn status(output: &wrapyfi_e2e::Output, name: &str) -> Option<Value> {
-    let last = output.objects().next_back()?;
-    let routes = last["routes"].as_array()?;
-    routes.iter().find(|route| route["name"] == name).cloned()
-}
-
-/// Waits until a route is in this state, where it is a route.
-fn until(bridge: &Process, name: &str, wanted: impl Fn(Option<&Value>) -> bool) -> Result {
-    bridge.wait_until(&format!("a state of {name}"), |output| {
-        output.objects().next()?;
-        wanted(status(output, name).as_ref()).then_some(())
-    })
 }
 
 fn is(state: &str) -> impl Fn(Option<&Value>) -> bool {
@@ -125,7 +110,7 @@ fn a_topic_is_there_before_and_carried_only_while_somebody_listens() -> Result {
         peer.event("ready")?;
         let bridge = bridge(world, &[])?;
         let route = format!("ros:{topic} -> ros2:{topic}");
-        until(&bridge, &route, |route| {
+        until_route(&bridge, &route, |route| {
             route.is_some_and(|it| it["reason"] == format!("a listener on ros2:{topic}"))
         })?;
         listed(world, |found| found.iter().any(|one| one["name"] == topic.as_str()))?;
@@ -140,7 +125,7 @@ fn a_topic_is_there_before_and_carried_only_while_somebody_listens() -> Result {
 
         // Who goes is gone, on the other side too.
         drop(peer);
-        until(&bridge, &route, |route| route.is_none())?;
+        until_route(&bridge, &route, |route| route.is_none())?;
         listed(world, |found| !found.iter().any(|one| one["name"] == topic.as_str()))?;
         let log = bridge.stderr() + &bridge.stdout();
         assert!(log.contains("route made for") && log.contains("its source is gone"), "{log}");
@@ -162,7 +147,7 @@ fn what_latches_is_kept_for_who_comes_later() -> Result {
             talkers.push(talker);
         }
         let bridge = bridge(world, &[])?;
-        until(&bridge, &format!("ros:{topic} -> ros2:{topic}"), |route| {
+        until_route(&bridge, &format!("ros:{topic} -> ros2:{topic}"), |route| {
             route.is_some_and(|it| it["counters"]["received"] == 2)
         })?;
         let late =
@@ -247,15 +232,15 @@ fn two_bridges_side_by_side_neither_loop_nor_double() -> Result {
         let first = bridge(world, &[])?;
         let there = format!("ros:{one} -> ros2:{one}");
         let back = format!("ros2:{two} -> ros:{two}");
-        until(&first, &there, is("waiting"))?;
-        until(&first, &back, is("waiting"))?;
+        until_route(&first, &there, is("waiting"))?;
+        until_route(&first, &back, is("waiting"))?;
         let second = bridge(world, &["-r", "__node:=second_bridge"])?;
         let yields = |route: Option<&Value>| {
             let reason = route.and_then(|route| route["reason"].as_str());
             reason.is_some_and(|reason| reason.contains("which carries it to"))
         };
-        until(&second, &there, yields)?;
-        until(&second, &back, yields)?;
+        until_route(&second, &there, yields)?;
+        until_route(&second, &back, yields)?;
 
         let ear = world.rospy(&format!("subscribe --topic {two} --node ear"), None)?;
         let echo = echo(world, &ros2(&one), &["--type", "Text", "--count", "100000"])?;
@@ -274,7 +259,7 @@ fn two_bridges_side_by_side_neither_loop_nor_double() -> Result {
         }
         drop(first);
         let before = echo.objects(60)?.len();
-        until(&second, &there, is("active"))?;
+        until_route(&second, &there, is("active"))?;
         echo.objects(before + 60).map_err(|error| error.context(second.tail()))?;
         Ok(())
     })
@@ -422,7 +407,7 @@ fn a_route_without_a_type_learns_it() -> Result {
         let file = file.display().to_string();
         let bridge = world.wrapyfi(["bridge", "--config", &file, "--json"])?.pillar();
         let route = format!("ros:{topic} -> ros2:/copy{topic}");
-        until(&bridge, &route, |route| {
+        until_route(&bridge, &route, |route| {
             route.is_some_and(|it| {
                 it["reason"].as_str().is_some_and(|why| why.contains("which tells the type"))
             })

@@ -121,7 +121,8 @@ pub struct EchoArgs {
     #[command(flatten)]
     pub options: EndpointOptions,
     /// Type of the messages: NativeObject, Image, CompressedImage, AudioChunk, Properties or any ROS
-    /// type. On ROS 2 it may be left out: it is what the topic's endpoints announce. Properties there
+    /// type. It may be left out where the middleware tells types: on ROS 2 it is what the topic's
+    /// endpoints announce, on ROS 1 what its publisher shows. Properties on ROS 2
     /// are the parameters of the node that the endpoint names.
     #[arg(long = "type", value_name = "T")]
     pub message_type: Option<TypeName>,

@@ -206,12 +206,17 @@ pub fn run(
     let parameters = Parameters::declare(&mut store, whole)?;
     let shutdown = Shutdown::on_signals().context("cannot catch signals")?;
     let Parameters { configuration, options } = parameters;
-    let (loaded, name) = match configuration {
+    let (mut loaded, name) = match configuration {
         Configuration::File(file) => {
             (middlewares::load_and_learn(&file)?, file.display().to_string())
         }
         Configuration::BuiltIn(text, name) => (middlewares::load_text(&text, name)?, name.into()),
     };
+    if whole == Some(Whole::Ros1) {
+        // One name on both sides, unless the file says another.
+        let own = || node.name.fqn();
+        loaded.endpoints.ros.node.get_or_insert_with(own);
+    }
     bridge::run(loaded, &name, &node, store, options, &shutdown)
 }
 
@@ -260,7 +265,25 @@ impl Parameters {
                     ParameterValue::String(prefix) => prefix,
                     _ => String::new(),
                 };
-                Some((whole, Selection { allow, deny, prefix }))
+                let meant =
+                    "Leaves out hidden names, those of the logs, of time and of every node.";
+                let default_deny =
+                    declare("default_deny", meant, true.into())? == ParameterValue::Bool(true);
+                let meant = "Milliseconds that a call may take; 0: as in a configuration, 5000.";
+                let service_timeout_ms = match declare("service_timeout_ms", meant, 0.into())? {
+                    ParameterValue::Integer(0) => None,
+                    ParameterValue::Integer(ms) if ms > 0 => u64::try_from(ms).ok(),
+                    other => {
+                        let text = format!("parameter service_timeout_ms is {other}: write 5000");
+                        return Err(Failure::Usage(text));
+                    }
+                };
+                let meant = "Carries /clock from ROS 1.";
+                let clock = whole == Whole::Ros1
+                    && declare("clock", meant, false.into())? == ParameterValue::Bool(true);
+                let selection =
+                    Selection { allow, deny, prefix, default_deny, service_timeout_ms, clock };
+                Some((whole, selection))
             }
         };
         // `seconds:=20` is an integer, `seconds:=0.5` is not: both are meant. A value from the start
@@ -275,8 +298,9 @@ impl Parameters {
             (ParameterValue::String(file), Some((whole, selection))) if !file.is_empty() => {
                 if selection != Selection::default() {
                     return Err(Failure::Usage(format!(
-                        "parameters allow, deny and prefix are for the built-in configuration of {}; \
-                         with config_file, write them into the file",
+                        "parameters allow, deny, prefix, default_deny, service_timeout_ms and clock are \
+                         for the built-in configuration of {}; with config_file, write them into the \
+                         file",
                         whole.node()
                     )));
                 }
@@ -306,7 +330,8 @@ impl Parameters {
                 return Err(Failure::Usage(text));
             }
         };
-        let options = Options { seconds, json: json == ParameterValue::Bool(true) };
+        let lives_with = whole.map(Whole::middleware);
+        let options = Options { seconds, json: json == ParameterValue::Bool(true), lives_with };
         Ok(Self { configuration, options })
     }
 }

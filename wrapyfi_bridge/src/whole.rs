@@ -8,6 +8,10 @@ use std::fmt::Write as _;
 
 use wrapyfi_core::node::NodeName;
 
+/// The time of a simulator. Its name is the same for every node, wherever that is.
+const CLOCK: &str =
+    "  - { from: \"ros:/clock\", to: \"ros2:/clock\", type: rosgraph_msgs/msg/Clock }\n";
+
 /// A middleware that is bridged as a whole.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Whole {
@@ -19,8 +23,8 @@ pub enum Whole {
     ZeroMq,
 }
 
-/// What of it is bridged.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+/// What of it is bridged, and how.
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Selection {
     /// Names that are meant, as regular expressions; all where there are none.
     pub allow: Vec<String>,
@@ -28,6 +32,25 @@ pub struct Selection {
     pub deny: Vec<String>,
     /// Put before names on the ROS 2 side: `/lab`.
     pub prefix: String,
+    /// Leaves out what is hidden, of every node, or of the system.
+    pub default_deny: bool,
+    /// Time that a call may take, in milliseconds; that of every route where there is none.
+    pub service_timeout_ms: Option<u64>,
+    /// Carries `/clock` from ROS 1.
+    pub clock: bool,
+}
+
+impl Default for Selection {
+    fn default() -> Self {
+        Self {
+            allow: Vec::new(),
+            deny: Vec::new(),
+            prefix: String::new(),
+            default_deny: true,
+            service_timeout_ms: None,
+            clock: false,
+        }
+    }
 }
 
 impl Whole {
@@ -51,12 +74,22 @@ impl Whole {
         }
     }
 
+    /// Name of the middleware in addresses.
+    #[must_use]
+    pub fn middleware(self) -> &'static str {
+        match self {
+            Self::Ros1 => "ros",
+            Self::Yarp => "yarp",
+            Self::ZeroMq => "zeromq",
+        }
+    }
+
     /// The routes, as a configuration has them.
     ///
     /// # Errors
     /// When the prefix cannot begin a name of ROS 2.
     pub fn yaml(self, selection: &Selection) -> Result<String, String> {
-        let Selection { allow, deny, prefix } = selection;
+        let Selection { allow, deny, prefix, default_deny, service_timeout_ms, clock } = selection;
         let prefix = prefix.trim_matches('/');
         if !prefix.is_empty() {
             NodeName::check_topic(&format!("/{prefix}"))
@@ -84,6 +117,12 @@ impl Whole {
                     let _infallible = write!(text, ", {key}: [{}]", list(names));
                 }
             }
+            if !default_deny {
+                text.push_str(", default_deny: false");
+            }
+            if let Some(timeout_ms) = service_timeout_ms.filter(|_| is_service) {
+                let _infallible = write!(text, ", timeout_ms: {timeout_ms}");
+            }
             let _infallible = writeln!(text, "{more} }}");
         };
         match self {
@@ -91,6 +130,9 @@ impl Whole {
                 for is_service in [false, true] {
                     add(into("ros:/(.*)", "$1"), is_service, false, "");
                     add(back("ros:/$1"), is_service, true, "");
+                }
+                if *clock {
+                    text.push_str(CLOCK);
                 }
             }
             Self::Yarp => {
@@ -124,6 +166,8 @@ fn quoted(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
+    use wrapyfi_core::engine::Carried;
+
     use super::*;
     use crate::middlewares::{Loaded, load_text};
 
@@ -146,11 +190,33 @@ mod tests {
     }
 
     #[test]
+    fn clock_time_out_and_what_is_denied_are_as_wished() {
+        let wished = Selection {
+            default_deny: false,
+            service_timeout_ms: Some(1234),
+            clock: true,
+            ..Selection::default()
+        };
+        let yaml = Whole::Ros1.yaml(&wished).unwrap();
+        let Loaded { plan, .. } = load_text(&yaml, "test").unwrap();
+        let [clock] = plan.routes.as_slice() else { panic!("one route: {:?}", plan.routes) };
+        assert_eq!(clock.message_type.ros_type(), "rosgraph_msgs/msg/Clock");
+        assert_eq!(targets(Whole::Ros1, &wished, "/a/_hidden").len(), 4);
+        let timeouts = plan.patterns.iter().filter_map(|pattern| match &pattern.carried {
+            Carried::Services { template, .. } => Some(template.timeout.as_millis()),
+            Carried::Topics { .. } => None,
+        });
+        assert_eq!(timeouts.collect::<Vec<_>>(), [1234, 1234]);
+        assert!(!Whole::Ros1.yaml(&Selection::default()).unwrap().contains("clock"));
+    }
+
+    #[test]
     fn a_prefix_is_on_the_ros_2_side_only() {
         let selection = Selection {
             allow: vec!["/cam/.*".into()],
             deny: vec![".*raw\"".into()],
             prefix: "/lab/".into(),
+            ..Selection::default()
         };
         assert_eq!(targets(Whole::ZeroMq, &selection, "/cam/left"), ["ros2:/lab/cam/left"]);
         assert_eq!(targets(Whole::ZeroMq, &selection, "/lab/cam/left"), ["zeromq:/cam/left"]);

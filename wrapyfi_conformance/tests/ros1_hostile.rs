@@ -6,11 +6,11 @@ mod ros1_common;
 
 use std::io::{Read as _, Write as _};
 use std::net::{TcpListener, TcpStream};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use ros1_common::{Master, RawPublisher, framed, greet, read_framed};
 use wrapyfi_conformance::{Caller, Clerk, Sink, Source, wait_until};
-use wrapyfi_core::endpoint::{ServiceSpec, TopicSpec};
+use wrapyfi_core::endpoint::{LearnError, Learned, Middleware as _, ServiceSpec, TopicSpec};
 use wrapyfi_core::middleware::ros1::header::Header;
 use wrapyfi_core::middleware::ros1::xmlrpc::{Value, text};
 use wrapyfi_core::middleware::ros1::{Ros1, Ros1Config};
@@ -177,26 +177,47 @@ fn definitions_that_recurse_or_lack_a_part_are_refused() {
 fn a_type_is_learned_from_its_publisher() {
     let master = Master::start();
     let near = node(&master, "near");
-    let name = TypeName::parse(Dialect::Ros2, "made_up/msg/Outer").unwrap();
-    let error = near.learn("/x", &name, Duration::ZERO).unwrap_err().to_string();
-    assert!(error.contains("nobody publishes it"), "{error}");
-    claim(&master, "/hostile", "/x", answers("SSH-2.0\r\n", false));
+    let mut discovery = near.discover().unwrap();
+    let mut types = TypeStore::generated();
+    // What is learned of one publisher, when it has answered.
+    let mut learned = |node: &str| {
+        let deadline = Instant::now() + wrapyfi_conformance::PATIENCE;
+        loop {
+            let found = discovery.endpoints().unwrap();
+            let one = found.iter().find(|one| one.node.as_deref() == Some(node));
+            match one.map(|one| near.learn_topic(one, &mut types)) {
+                None | Some(Err(LearnError::Asked { .. })) => {}
+                Some(answer) => return answer,
+            }
+            assert!(Instant::now() < deadline, "{node} never answered: {found:?}");
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    };
+    let ros_type = |learned: Result<Learned, LearnError>| match learned {
+        Ok(Learned::Ros(ros_type)) => ros_type,
+        other => panic!("no type of ROS: {other:?}"),
+    };
     let line = "=".repeat(80);
     let text = format!("Inner[] parts\ntime at\n{line}\nMSG: made_up/Inner\nfloat32 x\n");
     let fields = |kind: &str, text: &str| {
         let fields = Header::new().with("type", kind).with("md5sum", "*");
         fields.with("message_definition", text)
     };
+    claim(&master, "/hostile", "/y", answers("SSH-2.0\r\n", false));
     let other = fields("std_msgs/String", "string data\n");
     let _other = RawPublisher::start(&master, "/other", "/x", &other);
-    let error = near.learn("/x", &name, Duration::ZERO).unwrap_err().to_string();
-    assert!(error.contains("the counterpart of another type"), "{error}");
+    assert_eq!(ros_type(learned("/other")).name(), "std_msgs/msg/String");
     let _raw = RawPublisher::start(&master, "/raw", "/x", &fields("made_up/Outer", &text));
-    let found = near.learn("/x", &name, wrapyfi_conformance::PATIENCE).unwrap();
-    assert_eq!(found.name(), &name);
-    let names: Vec<String> = found.definitions().keys().map(ToString::to_string).collect();
+    let found = ros_type(learned("/raw"));
+    assert_eq!(found.name(), "made_up/msg/Outer");
+    let resolved = found.resolved();
+    let names: Vec<String> = resolved.definitions().keys().map(ToString::to_string).collect();
     assert!(names.iter().any(|name| name == "made_up/msg/Inner"), "{names:?}");
     assert!(names.iter().any(|name| name == "builtin_interfaces/msg/Time"), "{names:?}");
+    let name = TypeName::parse(Dialect::Ros2, "made_up/msg/Outer").unwrap();
+    assert_eq!(near.type_named(&name).unwrap().name(), &name);
+    // What the master says of one that shows nonsense is all there is.
+    assert_eq!(ros_type(learned("/hostile")).name(), "std_msgs/msg/String");
 }
 
 /// A publisher that accepts and says nothing, and one whose machine is gone, are waited for beside the

@@ -23,6 +23,9 @@ pub struct Options {
     pub seconds: Option<Duration>,
     /// One JSON object a second on stdout.
     pub json: bool,
+    /// The middleware without which the node has nothing to do: when somebody ends it, the node ends
+    /// with an error, so that it is started again where that is wished.
+    pub lives_with: Option<&'static str>,
 }
 
 /// Runs the routes of a configuration that is called `name`, as the ROS 2 node `node`, until the time is
@@ -61,10 +64,16 @@ pub fn run(
     let running = engine.start().context("cannot start the routes")?;
     let end = options.seconds.map(|seconds| Instant::now() + seconds);
     let mut tick = Instant::now();
+    let lives_with = options.lives_with.and_then(|name| middlewares.registry().get(name).ok());
+    let mut failure = None;
     loop {
         tick += Duration::from_secs(1);
         let ended = shutdown.wait_until(Some(end.map_or(tick, |end| tick.min(end))));
         if ended || end.is_some_and(|end| Instant::now() >= end) {
+            break;
+        }
+        failure = lives_with.and_then(|middleware| middleware.ended());
+        if failure.is_some() {
             break;
         }
         if options.json {
@@ -87,7 +96,7 @@ pub fn run(
         let (received, sent) = (route.counters.received, route.counters.sent);
         tracing::info!(route = %route.name, "ends: {received} in, {sent} out, dropped: {drops}");
     }
-    Ok(())
+    failure.map_or(Ok(()), |why| Err(Failure::Failed(anyhow::Error::msg(why))))
 }
 
 /// Warns of routes that do not hear what others of the plan publish.

@@ -2,14 +2,16 @@
 
 use std::time::Instant;
 
-use wrapyfi_core::endpoint::{Context, Overflow, Qos, QueueSpec, TopicSpec};
+use wrapyfi_core::endpoint::{
+    Context, EndpointAddress, LearnError, Overflow, Qos, QueueSpec, TopicSpec,
+};
 use wrapyfi_core::types::{MessageType, Payload};
 
 use super::any;
 use crate::cli::{EchoArgs, TypeName};
 use crate::describe::{describe, summary};
 use crate::exit::Failure;
-use crate::middlewares::{Middlewares, Role};
+use crate::middlewares::{LearnTopicError, Middlewares, Role, of_topic};
 use crate::output;
 use crate::shutdown::Shutdown;
 
@@ -29,11 +31,38 @@ pub fn run(args: &EchoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
             let middlewares = Middlewares::for_endpoint(&args.endpoint, Role::Listener)?;
             known(args, message_type, Qos::default(), &middlewares, shutdown)
         }
-        (None, other) => Err(Failure::Usage(format!(
-            "--type is needed on {other}, which does not announce types: {}",
-            MessageType::ALL.map(|known| known.to_string()).join(", ")
-        ))),
+        (None, _) => {
+            let middlewares = Middlewares::for_endpoint(&args.endpoint, Role::Listener)?;
+            let message_type = learned(args, &middlewares, shutdown)?;
+            known(args, message_type, Qos::default(), &middlewares, shutdown)
+        }
     }
+}
+
+/// The type that the topic's publishers tell, or those who listen there.
+fn learned(
+    args: &EchoArgs,
+    middlewares: &Middlewares,
+    shutdown: &Shutdown,
+) -> Result<MessageType, Failure> {
+    let EndpointAddress { middleware, name } = &args.endpoint;
+    let known = middlewares.registry().get(middleware).map_err(Failure::usage)?;
+    let mut types = any::definitions(&args.definitions)
+        .map_err(|failure| Failure::Usage(format!("--definitions {failure}")))?;
+    let deadline = args.timeout.map(|timeout| Instant::now() + timeout);
+    let is_over =
+        || shutdown.requested() || deadline.is_some_and(|deadline| Instant::now() >= deadline);
+    of_topic(known.as_ref(), name, &mut types, is_over, Ok)
+        .map(|learned| learned.message_type(false))
+        .map_err(|error| match error {
+            LearnTopicError::Untold(LearnError::Untold { .. }) => Failure::Usage(format!(
+                "--type is needed for {}, whose type {middleware} does not tell: {}",
+                args.endpoint,
+                MessageType::ALL.map(|known| known.to_string()).join(", ")
+            )),
+            LearnTopicError::Discover(error) => Failure::usage(error),
+            other => Failure::TimedOut(format!("{}: still waiting for {other}", args.endpoint)),
+        })
 }
 
 /// Prints the messages of a type that routes carry. Without `--qos` the publishers' quality of

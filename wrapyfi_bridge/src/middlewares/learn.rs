@@ -1,7 +1,13 @@
-//! Types of routes that no place of definitions has, asked from those who publish them on ROS 1.
+//! Types that nobody has named, or no place of definitions has: told by those who publish.
+//!
+//! ```text
+//!   route from ros, type demo/msg/Pose   ┐
+//!   wrapyfi echo ros:/pose               ┴─▶ discovery ─▶ Middleware::learn_topic, until it knows
+//! ```
 
 use std::time::{Duration, Instant};
 
+use wrapyfi_core::endpoint::{DiscoverError, LearnError, Learned, Middleware, Role};
 use wrapyfi_core::engine::Config;
 use wrapyfi_core::middleware::ros1;
 use wrapyfi_core::types::MessageType;
@@ -11,6 +17,8 @@ use wrapyfi_interfaces::store::TypeStore;
 use super::load::Endpoints;
 use crate::exit::Failure;
 
+/// Pause between two looks.
+const LOOK: Duration = Duration::from_millis(20);
 /// How long publishers have to show the types, all together.
 const LEARNING: Duration = Duration::from_secs(5);
 
@@ -42,13 +50,79 @@ pub(super) fn from_publishers(
             Some(ros1) => ros1,
             none => none.insert(config.endpoints.ros.start()?),
         };
-        match ros1.learn(topic, &name, LEARNING.saturating_sub(begin.elapsed())) {
+        let end = begin + LEARNING;
+        // Of several publishers one may show another type.
+        let named = |_learned| {
+            ros1.type_named(&name).map_err(|error| LearnError::Undefined {
+                type_name: name.to_string(),
+                reason: error.to_string(),
+            })
+        };
+        match of_topic(ros1, topic, types, || Instant::now() >= end, named) {
             Ok(found) => {
                 tracing::info!("{name} is what a publisher of ros:{topic} shows");
                 types.add_resolved(&found);
             }
-            Err(error) => tracing::warn!("{error}"),
+            Err(error) => tracing::warn!(
+                "no publisher of ros:{topic} showed a definition of {name} within {} ms: {error}; \
+                 start the publisher first, or give a folder with the definition",
+                LEARNING.as_millis()
+            ),
         }
     }
     Ok(())
+}
+
+/// Why the type of a topic was not learned.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum LearnTopicError {
+    /// Nobody was there, or the middleware cannot be asked now.
+    #[error("{0}")]
+    Waiting(String),
+    /// An endpoint is there, and its type is not known.
+    #[error(transparent)]
+    Untold(#[from] LearnError),
+    /// The middleware tells no endpoints.
+    #[error(transparent)]
+    Discover(#[from] DiscoverError),
+}
+
+/// What `accept` makes of the type of a topic, as its publishers tell it, else who listens there. Looks
+/// until they tell, or until `is_over`; blocks the caller.
+///
+/// # Errors
+/// What it waited for last; at once where the middleware tells no types.
+pub(crate) fn of_topic<T>(
+    middleware: &dyn Middleware,
+    topic: &str,
+    types: &mut TypeStore,
+    is_over: impl Fn() -> bool,
+    accept: impl Fn(Learned) -> Result<T, LearnError>,
+) -> Result<T, LearnTopicError> {
+    let mut discovery = middleware.discover_closely()?;
+    let name = format!("/{}", topic.trim_start_matches('/'));
+    loop {
+        // Before the look: it looks once more when the time is over.
+        let last = is_over();
+        let mut why = LearnTopicError::Waiting(match discovery.waiting_for() {
+            Some(what) => what,
+            None => format!("a publisher of {topic}"),
+        });
+        let mut found = discovery.endpoints()?;
+        found
+            .retain(|one| one.name == name && matches!(one.role, Role::Publisher | Role::Listener));
+        found.sort_by_key(|one| one.role);
+        for one in &found {
+            match middleware.learn_topic(one, types).and_then(&accept) {
+                Ok(learned) => return Ok(learned),
+                Err(error) => why = error.into(),
+            }
+        }
+        let is_never_told = matches!(why, LearnTopicError::Untold(LearnError::Untold { .. }))
+            && found.iter().any(|one| one.role == Role::Publisher);
+        if last || is_never_told {
+            return Err(why);
+        }
+        std::thread::sleep(LOOK);
+    }
 }

@@ -4,7 +4,7 @@
 //!   bridge.yaml ─ load ─▶ Endpoints + Plan ─ Middlewares::for_plan ─▶ Registry
 //!   endpoint on the command line ────────── Middlewares::for_endpoint ─▶ Registry
 //!
-//!   learn                      types of routes from their publishers
+//!   learn                      types from publishers
 //!   load                       a configuration file -> sections and routes
 //!   zeromq, ros2, ros1, yarp   a section each, and the middleware that it makes
 //!   demo                       the parties of `wrapyfi demo`
@@ -33,6 +33,7 @@ use wrapyfi_core::node::parameters::ParameterStore;
 use wrapyfi_interfaces::store::TypeStore;
 
 pub use self::demo::DemoMiddlewares;
+pub(crate) use self::learn::{LearnTopicError, of_topic};
 pub use self::load::{Endpoints, Loaded, load, load_and_learn, load_text};
 pub use self::ros1::Ros1Section;
 pub use self::ros2::Ros2Section;

@@ -168,8 +168,14 @@ pub trait Middleware: Send + Sync {
         service_of_name(self.name(), found, types)
     }
 
+    /// Why this middleware has ended for good, for instance because somebody told it to; `None` while it
+    /// works, or may work again by itself.
+    fn ended(&self) -> Option<String> {
+        None
+    }
+
     /// Whether a publisher that was found keeps its last message for whoever comes later. Returns at
-    /// once: `None` where it has to be asked first, and a later call has the answer.
+    /// once: `None` where it has not told yet, and a later call has the answer.
     fn keeps_last(&self, found: &Discovered) -> Option<bool> {
         Some(found.qos.is_some_and(|qos| qos.durability != AnnouncedDurability::Volatile))
     }
@@ -187,6 +193,9 @@ pub struct Traits {
     pub tells_own: bool,
     /// Its discovery shows the marks of other bridges' endpoints.
     pub shows_marks: bool,
+    /// A subscription that is there first hears a publisher at once, long before discovery finds that:
+    /// where somebody waits at the destination, a route subscribes before there is a publisher.
+    pub subscribes_first: bool,
 }
 
 /// Receives one topic.

@@ -19,6 +19,12 @@ pub(super) struct Candidate {
     retry_at: Option<Instant>,
     /// Since when somebody else does what it does.
     rival_since: Option<Instant>,
+    /// Its source has no publisher yet: somebody waits at the destination.
+    pub(super) is_ahead: bool,
+    /// The type of the route that was made ahead of its publishers, which may have another.
+    pub(super) guessed_type: Option<&'static str>,
+    /// Its route closes the source while nobody listens; it must not where a publisher keeps messages.
+    pub(super) rests: bool,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -40,6 +46,9 @@ impl Candidate {
             last_seen: seen,
             retry_at: None,
             rival_since: None,
+            is_ahead: false,
+            guessed_type: None,
+            rests: false,
         }
     }
 
@@ -83,15 +92,12 @@ impl Candidate {
         self.rival_since = None;
     }
 
-    /// Notes why it is no route, and says so where that is news.
-    pub(super) fn waits(&mut self, name: &str, state: RouteState) {
+    /// Notes why it is no route, and says so where that is news; in a low voice where it is one of many.
+    pub(super) fn waits(&mut self, name: &str, state: RouteState, is_one_of_many: bool) {
         if matches!(self.state, State::Runs(_)) || self.state == State::Waits(state.clone()) {
             return;
         }
-        match &state {
-            RouteState::Error(_) => tracing::error!(route = name, "{state}"),
-            _ => tracing::info!(route = name, "{state}"),
-        }
+        state.log(name, is_one_of_many);
         self.state = State::Waits(state);
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   Plan ─ routes ──────────────▶ Work ─ start ─▶ a thread each
-//!        └ patterns ─▶ Scout ─ Change::Make, End ─▶ more of them, and fewer
+//!        └ patterns ─▶ Scout ─ Change::Make, KeepOpen, End ─▶ more of them, and fewer
 //! ```
 //!
 //! A thread a route keeps them apart: a reliable reader that stalls its writer stalls that route
@@ -52,6 +52,13 @@ impl Work {
         match self {
             Self::Topic(relay) => relay.step(now),
             Self::Service(relay) => relay.step(now),
+        }
+    }
+
+    /// As [`Relay::keep_open`]; services rest nowhere.
+    pub(super) fn keep_open(&mut self) {
+        if let Self::Topic(relay) = self {
+            relay.keep_open();
         }
     }
 
@@ -121,6 +128,10 @@ impl Engine {
                 match change {
                     Change::Make { id, made, counters } => {
                         self.relays.push((id, Work::made(id, made, counters, &self.registry)));
+                    }
+                    Change::KeepOpen { id } => {
+                        let route = self.relays.iter_mut().find(|it| it.0 == id);
+                        route.into_iter().for_each(|(_, work)| work.keep_open());
                     }
                     Change::End { id, why } => {
                         let (over, stays) =

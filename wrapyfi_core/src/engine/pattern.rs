@@ -26,7 +26,9 @@ pub(super) fn is_pattern(name: &str) -> bool {
 
 /// Topics of every node and programs' own, and those that two programs would feed each other.
 const NOT_TOPICS: [&str; 4] = ["rosout", "rosout_agg", "clock", "parameter_events"];
-/// What every node offers about itself.
+/// What every node of ROS 1 offers about itself.
+const NOT_SERVICES_OF_ROS1: [&str; 2] = ["get_loggers", "set_logger_level"];
+/// What every other node offers about itself.
 const NOT_SERVICES: [&str; 11] = [
     "get_parameters",
     "get_parameter_types",
@@ -48,11 +50,14 @@ pub(super) fn is_denied_topic(name: &str) -> bool {
     is_hidden(bare) || NOT_TOPICS.contains(&bare)
 }
 
-/// As [`is_denied_topic`], for services: hidden ones, and what every node offers about itself.
-pub(super) fn is_denied_service(name: &str) -> bool {
+/// As [`is_denied_topic`], for services of a middleware: hidden ones, and what every node there offers
+/// about itself.
+pub(super) fn is_denied_service(middleware: &str, name: &str) -> bool {
     let bare = bare(name);
     let last = bare.rsplit('/').next().unwrap_or(bare);
-    is_hidden(bare) || NOT_SERVICES.contains(&last)
+    let of_every_node: &[&str] =
+        if middleware == "ros" { &NOT_SERVICES_OF_ROS1 } else { &NOT_SERVICES };
+    is_hidden(bare) || of_every_node.contains(&last)
 }
 
 fn is_hidden(bare: &str) -> bool {
@@ -161,6 +166,97 @@ impl NamePattern {
         captures.expand(template, &mut out);
         (out.len() <= MAX_NAME).then_some(out)
     }
+}
+
+/// From the name at the destination back to the one at the source, where the pattern is text and groups.
+#[derive(Debug)]
+pub(super) struct Inverse {
+    pattern: NamePattern,
+    template: String,
+    /// What the template makes, and the groups it refers to, in order.
+    made: Regex,
+    refers: Vec<String>,
+    /// The source: text, and groups.
+    parts: Vec<Part>,
+}
+
+#[derive(Debug)]
+enum Part {
+    Text(String),
+    /// By number and by name.
+    Group(String, Option<String>),
+}
+
+impl Inverse {
+    /// `None` where the source cannot be told from the destination.
+    pub(super) fn new(pattern: &NamePattern, template: &str) -> Option<Self> {
+        let (mut made, mut refers, mut rest) = ("^".to_owned(), Vec::new(), bare(template));
+        while let Some((text, after)) = rest.split_once('$') {
+            let (group, after) = reference(after);
+            made.push_str(&regex::escape(text));
+            made.push_str("(.*)");
+            refers.push(group.into_owned());
+            rest = after;
+        }
+        made.push_str(&regex::escape(rest));
+        made.push('$');
+        let made = RegexBuilder::new(&made).size_limit(MAX_COMPILED).build().ok()?;
+        let parts = parts(bare(&pattern.written))?;
+        Some(Self { pattern: pattern.clone(), template: template.to_owned(), made, refers, parts })
+    }
+
+    /// The source that becomes `name`.
+    pub(super) fn source(&self, name: &str) -> Option<String> {
+        let captures = self.made.captures(bare(name))?;
+        let of = |group: &str| {
+            let place = self.refers.iter().position(|one| one == group)?;
+            captures.get(place + 1).map(|found| found.as_str())
+        };
+        let mut source = "/".to_owned();
+        for part in &self.parts {
+            source.push_str(match part {
+                Part::Text(text) => text,
+                Part::Group(number, name) => {
+                    of(number).or_else(|| of(name.as_deref()?)).or_else(|| of("0"))?
+                }
+            });
+        }
+        // What was guessed must become what was asked for.
+        let becomes = self.pattern.expand(&source, &self.template)?;
+        (bare(&becomes) == bare(name)).then_some(source)
+    }
+}
+
+/// A pattern of text and groups that are not nested; `None` for any other.
+fn parts(pattern: &str) -> Option<Vec<Part>> {
+    let (mut parts, mut rest, mut groups) = (Vec::new(), pattern, 0_usize);
+    while !rest.is_empty() {
+        if let Some(group) = rest.strip_prefix('(') {
+            let (inner, after) = group.split_once(')')?;
+            if inner.contains('(') || after.starts_with(['*', '+', '?', '{']) {
+                return None;
+            }
+            let name = match inner.strip_prefix('?') {
+                None => None,
+                Some(named) => {
+                    let named = named.strip_prefix('P').unwrap_or(named).strip_prefix('<')?;
+                    Some(named.split_once('>')?.0.to_owned())
+                }
+            };
+            groups += 1;
+            parts.push(Part::Group(groups.to_string(), name));
+            rest = after;
+            continue;
+        }
+        let end = rest.find('(').unwrap_or(rest.len());
+        let (text, after) = rest.split_at(end);
+        if is_pattern(text) || text.contains('.') {
+            return None;
+        }
+        parts.push(Part::Text(text.to_owned()));
+        rest = after;
+    }
+    Some(parts)
 }
 
 impl std::fmt::Display for NamePattern {
@@ -292,9 +388,34 @@ mod tests {
             assert!(!is_denied_topic(name), "{name}");
         }
         for name in ["/talker/get_parameters", "/rosout/set_logger_level", "/x/_action/send_goal"] {
-            assert!(is_denied_service(name), "{name}");
+            assert!(is_denied_service("ros2", name), "{name}");
         }
-        assert!(!is_denied_service("/add") && !is_denied_service("/get_parameters/of"));
+        for name in ["/add", "/get_parameters/of"] {
+            assert!(!is_denied_service("ros2", name), "{name}");
+        }
+        assert!(is_denied_service("ros", "/talker/set_logger_level"));
+        // dynamic_reconfigure's.
+        assert!(!is_denied_service("ros", "/camera/set_parameters"));
+    }
+
+    #[test]
+    fn the_source_is_told_from_the_destination_where_the_pattern_is_text_and_groups() {
+        for (written, template, name, source) in [
+            ("/(.*)", "/$1", "/scan", Some("/scan")),
+            ("(.*)", "/lab/${1}_raw", "/lab/cam/left_raw", Some("/cam/left")),
+            ("(.*)", "/lab/$1", "/other", None),
+            ("camera/(left|right)/(.*)", "/$2/$1", "/image/left", Some("/camera/left/image")),
+            ("camera/(left|right)", "/$1", "/up", None),
+            ("robot/(?<part>[a-z]+)", "/$part", "/arm", Some("/robot/arm")),
+            (".*", "/$0", "/scan", None),
+            ("a.(.*)", "/$1", "/scan", None),
+            ("(a|(b))", "/$1", "/a", None),
+            ("(x)(.*)", "/$2", "/scan", None),
+        ] {
+            let found =
+                Inverse::new(&pattern(written), template).and_then(|inverse| inverse.source(name));
+            assert_eq!(found.as_deref(), source, "{written} {template} {name}");
+        }
     }
 
     proptest! {

@@ -14,7 +14,7 @@ use wrapyfi_interfaces::store::TypeStore;
 
 use super::config::{Defaults, RouteConfig, Spanned};
 use super::config_error::Problem;
-use super::pattern::{NamePattern, is_denied_service, is_denied_topic, is_pattern};
+use super::pattern::{Inverse, NamePattern, is_denied_service, is_denied_topic, is_pattern};
 use super::plan::{Available, RouteSpec, route_spec};
 use super::plan_address::{address, middleware_of};
 use super::plan_service::{self, ServiceRouteSpec};
@@ -115,10 +115,10 @@ impl PatternSpec {
     pub fn target(&self, name: &str) -> Option<EndpointAddress> {
         let to = match &self.from {
             Source::One(address) => (address.name == name).then(|| self.to.name.clone()),
-            Source::Names { pattern, allow, deny, default_deny, .. } => {
+            Source::Names { middleware, pattern, allow, deny, default_deny } => {
                 let denied = match self.carried {
                     Carried::Topics { .. } => is_denied_topic(name),
-                    Carried::Services { .. } => is_denied_service(name),
+                    Carried::Services { .. } => is_denied_service(middleware, name),
                 };
                 let allowed = allow.is_empty() || allow.iter().any(|one| one.matches(name));
                 if !name.starts_with('/')
@@ -132,6 +132,14 @@ impl PatternSpec {
             }
         }?;
         Some(EndpointAddress { middleware: self.to.middleware.clone(), name: to })
+    }
+
+    /// What leads from a name at the destination back to the source, where that can be told.
+    pub(super) fn inverse(&self) -> Option<Inverse> {
+        match &self.from {
+            Source::One(_) => None,
+            Source::Names { pattern, .. } => Inverse::new(pattern, &self.to.name),
+        }
     }
 
     /// Its ends as they were written.

@@ -101,6 +101,12 @@ impl Relay {
         self
     }
 
+    /// Opens the source whether somebody listens or not, from now on.
+    pub(super) fn keep_open(&mut self) {
+        self.spec.lazy = false;
+        self.context.wake.ring();
+    }
+
     /// Rings when the route has work.
     #[must_use]
     pub fn wake(&self) -> &Wake {
@@ -130,11 +136,7 @@ impl Relay {
         let moved = self.propagate(now);
         let state = self.judge(now);
         if state != self.state {
-            match &state {
-                RouteState::Error(_) => tracing::error!(route = %self.spec.name, "{state}"),
-                RouteState::Degraded(_) => tracing::warn!(route = %self.spec.name, "{state}"),
-                _ => tracing::info!(route = %self.spec.name, "{state}"),
-            }
+            state.log(&self.spec.name, self.spec.mark.is_some());
             self.state = state;
         }
         let next = if moved == BATCH { now } else { now + REVIEW_EVERY };
@@ -185,8 +187,8 @@ impl Relay {
         }
         let source = self.source.open.as_mut().map(|listener| listener.review(now));
         let sink = self.sink.open.as_mut().map(|publisher| publisher.review(now));
-        let source = source.and_then(|found| self.source.note(found, &self.spec.name));
-        let sink = sink.and_then(|found| self.sink.note(found, &self.spec.name));
+        let source = source.and_then(|found| self.source.note(found, &self.spec));
+        let sink = sink.and_then(|found| self.sink.note(found, &self.spec));
         source.into_iter().chain(sink).min()
     }
 
@@ -296,10 +298,18 @@ impl<T: ?Sized> End<T> {
     }
 
     /// Keeps what a review found, and logs it.
-    fn note(&mut self, review: Review, route: &str) -> Option<Instant> {
+    fn note(&mut self, review: Review, spec: &RouteSpec) -> Option<Instant> {
         let Review { qos, changed, warnings, next } = review;
-        if let Some(QosChange { from, to, why }) = changed {
-            tracing::info!(route, %from, %to, "quality of service changed: {why}");
+        let route = &spec.name;
+        match changed {
+            // One of many.
+            Some(QosChange { from, to, why }) if spec.mark.is_some() => {
+                tracing::debug!(route, %from, %to, "quality of service changed: {why}");
+            }
+            Some(QosChange { from, to, why }) => {
+                tracing::info!(route, %from, %to, "quality of service changed: {why}");
+            }
+            None => {}
         }
         for warning in warnings {
             tracing::warn!(route, "{warning}");

@@ -42,6 +42,19 @@ impl RouteState {
     }
 }
 
+impl RouteState {
+    /// Says that a route has come into this state. Of a route that is one of many made by a pattern, who
+    /// comes and goes is worth no line of its own.
+    pub(super) fn log(&self, route: &str, is_one_of_many: bool) {
+        match self {
+            Self::Error(_) => tracing::error!(route, "{self}"),
+            Self::Degraded(_) => tracing::warn!(route, "{self}"),
+            _ if is_one_of_many => tracing::debug!(route, "{self}"),
+            _ => tracing::info!(route, "{self}"),
+        }
+    }
+}
+
 impl fmt::Display for RouteState {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.word())?;

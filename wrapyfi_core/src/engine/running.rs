@@ -103,6 +103,16 @@ impl Shared {
                     Err(error) => scout.failed(id, &format!("the system gives no thread: {error}")),
                 }
             }
+            Change::KeepOpen { id } => {
+                let found = lock(&self.routes)
+                    .iter()
+                    .find(|route| route.id == id)
+                    .map(|route| Arc::clone(&route.relay));
+                // Outside the lock, as below.
+                if let Some(relay) = found {
+                    lock(&relay).keep_open();
+                }
+            }
             Change::End { id, why } => {
                 let found = {
                     let mut routes = lock(&self.routes);

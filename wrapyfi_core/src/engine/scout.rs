@@ -16,6 +16,7 @@ use std::time::{Duration, Instant};
 use wrapyfi_interfaces::store::TypeStore;
 
 use super::candidate::{Candidate, State};
+use super::pattern::Inverse;
 use super::plan::{Plan, RouteSpec};
 use super::plan_pattern::{Carried, PatternSpec, Source};
 use super::plan_service::ServiceRouteSpec;
@@ -44,6 +45,8 @@ pub(super) enum Made {
 pub(super) enum Change {
     /// Run a route; it counts where it counted before.
     Make { id: u64, made: Made, counters: Arc<Counters> },
+    /// Open its source, and keep it open whether somebody listens or not.
+    KeepOpen { id: u64 },
     /// End it, and say why.
     End { id: u64, why: String },
 }
@@ -69,6 +72,8 @@ pub(super) struct Scout {
 
 pub(super) struct Pattern {
     pub(super) spec: Arc<PatternSpec>,
+    /// Tells the source that a listener at the destination waits for.
+    inverse: Option<Inverse>,
     /// Names beyond the limit, at the last look.
     over: usize,
     told_over: bool,
@@ -95,6 +100,7 @@ impl Scout {
         let names = names.flat_map(|spec| [spec.source_middleware(), spec.to.middleware.as_str()]);
         let patterns = plan.patterns.iter().map(|spec| Pattern {
             spec: Arc::new(spec.clone()),
+            inverse: spec.inverse(),
             over: 0,
             told_over: false,
             made: 0,
@@ -142,7 +148,7 @@ impl Scout {
             return;
         };
         let mut of_pattern = self.of_pattern(index).count();
-        let (mut found, mut over) = (Vec::new(), 0);
+        let (mut found, mut ahead, mut over) = (Vec::new(), Vec::new(), 0);
         for name in side.names(spec.role()) {
             let Some(to) = spec.target(name) else { continue };
             let from = EndpointAddress { middleware: middleware.clone(), name: name.clone() };
@@ -159,9 +165,28 @@ impl Scout {
             }
             found.push((key, from, to));
         }
+        for name in self.awaited(pattern) {
+            let Some(to) = spec.target(&name) else { continue };
+            let from = EndpointAddress { middleware: middleware.clone(), name: name.clone() };
+            let key = (index, name);
+            let is_known = self.candidates.contains_key(&key);
+            if self.is_by_hand(spec, &from, &to) || (!is_known && of_pattern >= spec.max_routes) {
+                continue;
+            }
+            of_pattern += usize::from(!is_known);
+            ahead.push((key, from, to));
+        }
         for (key, from, to) in found {
             let candidate = self.candidates.entry(key);
-            candidate.or_insert_with(|| Candidate::new(from, to, Some(now))).seen(now);
+            let candidate = candidate.or_insert_with(|| Candidate::new(from, to, Some(now)));
+            candidate.seen(now);
+            candidate.is_ahead = false;
+        }
+        for (key, from, to) in ahead {
+            let candidate = self.candidates.entry(key);
+            let candidate = candidate.or_insert_with(|| Candidate::new(from, to, Some(now)));
+            candidate.seen(now);
+            candidate.is_ahead = true;
         }
         let Some(pattern) = self.patterns.get_mut(index) else { return };
         pattern.over = over;
@@ -173,6 +198,31 @@ impl Scout {
                  max_routes, or narrow it with allow and deny"
             );
         }
+    }
+
+    /// Sources that nobody publishes yet, and that listeners at the destination wait for: theirs has no
+    /// publisher either.
+    fn awaited(&self, pattern: &Pattern) -> Vec<String> {
+        let spec = &pattern.spec;
+        let (Some(source), Some(target), Some(inverse)) = (
+            self.sides.get(spec.source_middleware()),
+            self.sides.get(&spec.to.middleware).filter(|side| side.away().is_none()),
+            &pattern.inverse,
+        ) else {
+            return Vec::new();
+        };
+        let knows_others = source.traits().tells_own && target.traits().tells_own;
+        if spec.role() != Role::Publisher || !source.traits().subscribes_first || !knows_others {
+            return Vec::new();
+        }
+        let waits = |name: &&String| {
+            let mut listeners = target.endpoints(Role::Listener, name).iter();
+            listeners.any(|one| one.mark.is_none())
+                && target.endpoints(Role::Publisher, name).is_empty()
+        };
+        let sources = target.names(Role::Listener).filter(waits);
+        let sources = sources.filter_map(|name| inverse.source(name));
+        sources.filter(|name| source.endpoints(Role::Publisher, name).is_empty()).collect()
     }
 
     fn of_pattern(&self, index: usize) -> impl Iterator<Item = &Candidate> {
@@ -193,22 +243,38 @@ impl Scout {
         if let Some(away) = self.away(&spec) {
             // Nothing is gone because it cannot be seen.
             candidate.seen(now);
-            candidate.waits(&name, away);
+            candidate.waits(&name, away, spec.is_many());
             return (Some(candidate), None);
         }
         if let State::Runs(id) = candidate.state {
             let why = match self.rival(&spec, &candidate) {
-                _ if !spec.is_many() => return (Some(candidate), None),
-                _ if candidate.is_gone(now, GONE_AFTER) => "its source is gone".to_owned(),
+                _ if !spec.is_many() => return self.goes_on(&spec, candidate, id),
+                _ if candidate.is_gone(now, GONE_AFTER) => match candidate.is_ahead {
+                    true => "nobody waits for it any more".to_owned(),
+                    false => "its source is gone".to_owned(),
+                },
                 Some(rival) if candidate.yields(now, self.number) => {
                     candidate.state = State::New;
-                    candidate.waits(&name, RouteState::Waiting(rival.clone()));
+                    candidate.waits(&name, RouteState::Waiting(rival.clone()), true);
                     rival
                 }
                 Some(_) => return (Some(candidate), None),
                 None => {
                     candidate.has_no_rival();
-                    return (Some(candidate), None);
+                    let guessed = candidate.guessed_type;
+                    let told = guessed.and_then(|_| self.told_by_sources(&spec, &candidate));
+                    match (guessed, told) {
+                        (Some(guessed), Some(told)) if guessed != told => {
+                            (candidate.state, candidate.guessed_type) = (State::New, None);
+                            format!("its publishers have the type {told}, not {guessed}")
+                        }
+                        (_, told) => {
+                            if told.is_some() {
+                                candidate.guessed_type = None;
+                            }
+                            return self.goes_on(&spec, candidate, id);
+                        }
+                    }
                 }
             };
             if let Some(pattern) = self.patterns.get_mut(key.0) {
@@ -225,9 +291,11 @@ impl Scout {
         }
         let made = match self.make(&spec, &candidate) {
             Ok(made) => made,
+            // Nobody has missed it yet.
+            Err(_) if candidate.is_ahead => return (None, None),
             Err((state, retry)) => {
                 candidate.retry_at(now + retry);
-                candidate.waits(&name, state);
+                candidate.waits(&name, state, spec.is_many());
                 return (Some(candidate), None);
             }
         };
@@ -239,15 +307,33 @@ impl Scout {
             pattern.made += 1;
         }
         let label = match &made {
-            Made::Topic(route) => route.message_type.label(),
+            Made::Topic(route) => {
+                candidate.rests = route.lazy;
+                route.message_type.label()
+            }
             Made::Service(route) => route.kind.ros_type(),
         };
+        candidate.guessed_type = candidate.is_ahead.then_some(label);
         tracing::info!(route = name, "route made for {}: {label}", candidate.from);
         if self.counters.len() >= MAX_KEPT {
             self.counters.retain(|_, counters| Arc::strong_count(counters) > 1);
         }
         let counters = Arc::clone(self.counters.entry(name).or_default());
         (Some(candidate), Some(Change::Make { id, made, counters }))
+    }
+
+    /// A route stays; its source is opened once a publisher has come that keeps messages.
+    fn goes_on(
+        &self,
+        spec: &PatternSpec,
+        mut candidate: Candidate,
+        id: u64,
+    ) -> (Option<Candidate>, Option<Change>) {
+        let opens = candidate.rests && self.keeps_last(spec, &candidate);
+        if opens {
+            candidate.rests = false;
+        }
+        (Some(candidate), opens.then_some(Change::KeepOpen { id }))
     }
 
     /// Why nothing can be seen on one of the two sides.
@@ -286,7 +372,7 @@ impl Scout {
         {
             candidate.state = State::New;
             let name = candidate.name(pattern.spec.role());
-            candidate.waits(&name, RouteState::Error(why.to_owned()));
+            candidate.waits(&name, RouteState::Error(why.to_owned()), true);
         }
     }
 

@@ -137,11 +137,7 @@ impl ServiceRelay {
         let moved = self.ask(now).saturating_add(self.answer(now));
         let state = self.judge(now);
         if state != self.state {
-            match &state {
-                RouteState::Error(_) => tracing::error!(route = %self.spec.name, "{state}"),
-                RouteState::Degraded(_) => tracing::warn!(route = %self.spec.name, "{state}"),
-                _ => tracing::info!(route = %self.spec.name, "{state}"),
-            }
+            state.log(&self.spec.name, self.spec.mark.is_some());
             self.state = state;
         }
         let next = if moved >= BATCH { now } else { now + REVIEW_EVERY };

@@ -35,15 +35,24 @@ impl Scout {
         from: &EndpointAddress,
         to: &EndpointAddress,
     ) -> bool {
+        let comes_back = self.sources(spec.role(), from, &to.middleware).next().is_none();
+        comes_back || self.is_by_hand(spec, from, to)
+    }
+
+    /// Whether the configuration has a route of its own for it.
+    pub(super) fn is_by_hand(
+        &self,
+        spec: &PatternSpec,
+        from: &EndpointAddress,
+        to: &EndpointAddress,
+    ) -> bool {
         let role = spec.role();
-        let by_hand = self.explicit.iter().any(|(kind, source, target)| {
+        self.explicit.iter().any(|(kind, source, target)| {
             *kind == role
                 && ((source == from && target.middleware == to.middleware)
                     || (target == from && source.middleware == to.middleware)
                     || target == to)
-        });
-        let comes_back = self.sources(role, from, &to.middleware).next().is_none();
-        by_hand || comes_back
+        })
     }
 
     /// The endpoints of a source that do not come from where it would go.
@@ -121,7 +130,8 @@ impl Scout {
                     let learned = self.learn_topic(&sources, from, to, *otherwise)?;
                     (route.message_type, route.from_type) = (learned, learned);
                 }
-                let keeps = self.keeps_last(&sources, from, route.lazy)?;
+                let keeps = (route.lazy || sources.iter().any(|one| one.qos.is_some()))
+                    && self.keeps_last(spec, candidate);
                 if let QosConfig::Match(qos) = &mut route.qos
                     && keeps
                 {
@@ -142,32 +152,44 @@ impl Scout {
         }
     }
 
-    /// Whether a publisher of the source keeps its last message. A lazy route has to know before it opens
-    /// its source: nobody can listen to kept messages of a destination that does not offer any.
-    fn keeps_last(
-        &self,
-        sources: &[Discovered],
-        from: &EndpointAddress,
-        lazy: bool,
-    ) -> Result<bool, Refusal> {
+    /// Whether a publisher of the source has told that it keeps its last message. Every one is asked:
+    /// nobody can listen to kept messages of a destination that does not offer any, so a lazy route
+    /// opens its source for them.
+    pub(super) fn keeps_last(&self, spec: &PatternSpec, candidate: &Candidate) -> bool {
+        let Candidate { from, to, .. } = candidate;
         let side = self.sides.get(&from.middleware);
         let Some(middleware) = side.and_then(|side| side.middleware.as_ref()) else {
-            return Ok(false);
+            return false;
         };
-        let mut unknown = false;
-        // An open source tells by itself.
-        for one in sources.iter().filter(|one| lazy || one.qos.is_some()) {
-            match middleware.keeps_last(one) {
-                Some(true) => return Ok(true),
-                Some(false) => {}
-                None => unknown = true,
-            }
+        let sources = self.sources(spec.role(), from, &to.middleware);
+        sources.fold(false, |keeps, one| middleware.keeps_last(one) == Some(true) || keeps)
+    }
+
+    /// The type that publishers of the source tell, where they do.
+    pub(super) fn told_by_sources(
+        &mut self,
+        spec: &PatternSpec,
+        candidate: &Candidate,
+    ) -> Option<&'static str> {
+        let Candidate { from, to, .. } = candidate;
+        if let Carried::Topics { typed: true, template, .. } = &spec.carried {
+            return Some(template.message_type.label());
         }
-        if unknown && lazy {
-            let what = format!("publishers of {from} to tell whether they keep their last message");
-            return Err((RouteState::Waiting(what), Duration::ZERO));
-        }
-        Ok(false)
+        let sources: Vec<Discovered> =
+            self.sources(spec.role(), from, &to.middleware).cloned().collect();
+        let between_ros = self.are_both_ros(from, to);
+        let middleware = self.sides.get(&from.middleware)?.middleware.clone()?;
+        let mut told = sources.iter().filter_map(|one| {
+            let learned = middleware.learn_topic(one, &mut self.types).ok()?;
+            Some(learned.message_type(between_ros).label())
+        });
+        told.next()
+    }
+
+    fn are_both_ros(&self, from: &EndpointAddress, to: &EndpointAddress) -> bool {
+        [from, to].into_iter().all(|end| {
+            self.sides.get(&end.middleware).is_some_and(|side| side.traits().any_ros_type)
+        })
     }
 
     /// Whether both ends have publishers of other programs, where a middleware shows no marks.
@@ -195,12 +217,12 @@ impl Scout {
         to: &EndpointAddress,
         otherwise: Option<MessageType>,
     ) -> Result<MessageType, Refusal> {
+        let between_ros = self.are_both_ros(from, to);
         let (Some(source), Some(target)) =
             (self.sides.get(&from.middleware), self.sides.get(&to.middleware))
         else {
             return Err(waiting("its middlewares".to_owned()));
         };
-        let between_ros = source.traits().any_ros_type && target.traits().any_ros_type;
         let listeners = target.endpoints(Role::Listener, &to.name);
         let mut why = None;
         for (side, endpoints) in [(source, sources), (target, listeners)] {

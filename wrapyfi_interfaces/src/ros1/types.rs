@@ -4,6 +4,8 @@
 //!   ROS 1 definition   shown by a peer ─▶ folder of .msg files ─▶ standard ─▶ made from ROS 2
 //!   ROS 2 definition   ament index, folder ─▶ standard ─▶ made from ROS 1
 //! ```
+//!
+//! Each type is looked for along that line by itself, also one that is a field of another.
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
@@ -16,7 +18,7 @@ use super::names::is_service_part;
 use super::plan::Plan;
 use super::rules::Rules;
 use super::standard;
-use crate::parser::{Dialect, InterfaceKind, MessageDefinition, TypeName};
+use crate::parser::{Dialect, InterfaceKind, TypeName};
 use crate::store::{Disk, Looked, ResolveError, ResolvedType, TypeStore};
 
 /// Most definitions that are remembered from peers.
@@ -40,9 +42,7 @@ pub struct Types {
     rules: Rules,
     shown: BTreeMap<TypeName, Definition>,
     ros1: TypeStore,
-    standard_ros1: TypeStore,
     ros2: TypeStore,
-    standard_ros2: TypeStore,
 }
 
 /// Plans of a service.
@@ -76,10 +76,8 @@ impl Types {
         Self {
             rules,
             shown: BTreeMap::new(),
-            ros1: TypeStore::new(Dialect::Ros1, Disk),
-            standard_ros1: standard::ros1(),
-            ros2,
-            standard_ros2: standard::ros2(),
+            ros1: TypeStore::new(Dialect::Ros1, Disk).or(standard::ros1()),
+            ros2: ros2.or(standard::ros2()),
         }
     }
 
@@ -139,10 +137,10 @@ impl Types {
             },
             Err(error) => error,
         };
-        let stored = [&mut self.ros1, &mut self.standard_ros1]
-            .into_iter()
-            .filter_map(|store| Definition::from_store(store, &name).ok());
-        let exact = stored.into_iter().find(|definition| definition.md5sum() == md5sum);
+        // A folder may have an older one than the standard.
+        let stored = [&mut self.ros1, &mut standard::ros1()]
+            .map(|store| Definition::from_store(store, &name).ok());
+        let exact = stored.into_iter().flatten().find(|definition| definition.md5sum() == md5sum);
         exact.ok_or(error)
     }
 
@@ -159,13 +157,34 @@ impl Types {
         if let Some(shown) = self.shown.get(name) {
             return Ok(shown.clone());
         }
-        for store in [&mut self.ros1, &mut self.standard_ros1] {
-            match Definition::from_store(store, name) {
-                Err(DefinitionError::Resolve(error)) if is_missing(&error, name) => {}
-                found => return found,
+        match self.found_for_ros1(name, Definition::from_store) {
+            Err(DefinitionError::Resolve(error)) if is_missing(&error, name) => {
+                Definition::new(self.made_for_ros1(name)?, &BTreeMap::new())
+            }
+            found => found,
+        }
+    }
+
+    /// Asks the store of ROS 1, and again once a type inside is made that only ROS 2 has.
+    fn found_for_ros1<T>(
+        &mut self,
+        name: &TypeName,
+        from_store: impl Fn(&mut TypeStore, &TypeName) -> Result<T, DefinitionError>,
+    ) -> Result<T, DefinitionError> {
+        loop {
+            let found = from_store(&mut self.ros1, name);
+            let Err(DefinitionError::Resolve(ResolveError::NotFound { name: missing, .. })) =
+                &found
+            else {
+                return found;
+            };
+            let made = if missing == name { None } else { self.made_for_ros1(missing).ok() };
+            match made {
+                Some(made) => self.ros1.add_resolved(&made),
+                // What is missing is told.
+                None => return found,
             }
         }
-        Definition::new(self.made_for_ros1(name)?, &BTreeMap::new())
     }
 
     /// The ROS 1 definition of a service, by its ROS 1 name `package/Type`.
@@ -177,13 +196,12 @@ impl Types {
         type_name: &str,
     ) -> Result<ServiceDefinition, DefinitionError> {
         let name = parse_name(InterfaceKind::Service, type_name)?;
-        for store in [&mut self.ros1, &mut self.standard_ros1] {
-            match ServiceDefinition::from_store(store, &name) {
-                Err(DefinitionError::Resolve(error)) if is_missing(&error, &name) => {}
-                found => return found,
+        match self.found_for_ros1(&name, ServiceDefinition::from_store) {
+            Err(DefinitionError::Resolve(error)) if is_missing(&error, &name) => {
+                ServiceDefinition::new(&self.made_for_ros1(&name)?, &BTreeMap::new())
             }
+            found => found,
         }
-        ServiceDefinition::new(&self.made_for_ros1(&name)?, &BTreeMap::new())
     }
 
     /// Makes a ROS 1 type from that of ROS 2.
@@ -193,15 +211,10 @@ impl Types {
         for ros2 in self.rules.ros2_names(name) {
             match self.ros2.resolve(&ros2) {
                 Ok(ros2) => {
-                    let Self { rules, shown, ros1, standard_ros1, .. } = self;
+                    let Self { rules, shown, ros1, .. } = self;
                     let find = |wanted: &TypeName| {
-                        let shown = shown.get(wanted).map(Definition::resolved);
-                        let stored = || {
-                            [&mut *ros1, &mut *standard_ros1]
-                                .into_iter()
-                                .find_map(|store| store.resolve(wanted).ok())
-                        };
-                        shown.cloned().or_else(stored)?.definition().cloned()
+                        let shown = shown.get(wanted).map(|one| one.resolved().clone());
+                        shown.or_else(|| ros1.resolve(wanted).ok())?.definition().cloned()
                     };
                     return Ok(derive::to_ros1(&ros2, name, rules, find)?);
                 }
@@ -212,55 +225,77 @@ impl Types {
         Err(DefinitionError::Unknown { name: name.clone(), looked: Looked(looked) })
     }
 
-    /// The ROS 2 type that a ROS 1 type becomes: as installed, else made from it.
+    /// The ROS 2 type that a ROS 1 type becomes: as installed, else made from it. What is installed
+    /// and cannot be used is passed over: the ROS 1 type is known.
     ///
     /// # Errors
-    /// When a definition is there and cannot be used.
+    /// When none can be made from it.
     pub fn ros2_type(&mut self, ros1: &ResolvedType) -> Result<ResolvedType, ResolveError> {
         for name in self.rules.ros2_names(ros1.name()) {
-            if let Some(found) = self.ros2_known(&name)? {
+            if let Ok(Some(found)) = self.ros2_known(&name) {
                 return Ok(found);
             }
         }
         self.made_for_ros2(ros1, &derive::name_in_ros2(ros1.name(), &self.rules))
     }
 
-    /// A ROS 2 type by name, also one that no ROS 2 is installed for, where ROS 1 has it.
+    /// A ROS 2 type by name, also one that no ROS 2 is installed for, where ROS 1 has it. One that is
+    /// installed and cannot be used is passed over where a publisher has shown it.
     ///
     /// # Errors
     /// When neither has it, or a definition is there and cannot be used.
     pub fn ros2_type_named(&mut self, name: &TypeName) -> Result<ResolvedType, PairError> {
-        if let Some(found) = self.ros2_known(name)? {
-            return Ok(found);
-        }
-        for ros1 in self.rules.ros1_names(name) {
-            let resolved = match name.kind() {
-                InterfaceKind::Message if !is_service_part(name) => {
-                    self.definition_of(&ros1).map(|definition| definition.resolved().clone())
+        let unusable = match self.ros2_known(name) {
+            Ok(Some(found)) => return Ok(found),
+            Ok(None) => None,
+            Err(error) => Some(error),
+        };
+        if name.kind() == InterfaceKind::Message && !is_service_part(name) {
+            for ros1 in self.rules.ros1_names(name) {
+                if unusable.is_some() && !self.shown.contains_key(&ros1) {
+                    continue;
                 }
-                _ => continue,
-            };
-            match resolved {
-                Ok(ros1) => return Ok(self.made_for_ros2(&ros1, name)?),
-                Err(DefinitionError::Unknown { .. }) => {}
-                Err(error) => return Err(error.into()),
+                match self.definition_of(&ros1) {
+                    Ok(ros1) => return Ok(self.made_for_ros2(ros1.resolved(), name)?),
+                    Err(DefinitionError::Unknown { .. }) => {}
+                    Err(error) => return Err(error.into()),
+                }
             }
         }
-        Ok(self.ros2.resolve(name)?)
+        match unusable {
+            Some(error) => Err(error.into()),
+            None => Ok(self.ros2.resolve(name)?),
+        }
     }
 
-    /// A type of ROS 2 that is installed, or standard.
+    /// A type of ROS 2 that is installed, or standard. Of the types inside it, those that only ROS 1
+    /// has are made from there.
     pub(super) fn ros2_known(
         &mut self,
         name: &TypeName,
     ) -> Result<Option<ResolvedType>, ResolveError> {
-        match self.ros2.resolve(name) {
-            Ok(found) => return Ok(Some(found)),
-            Err(error) if is_missing(&error, name) => {}
-            Err(error) => return Err(error),
+        loop {
+            match self.ros2.resolve(name) {
+                Ok(found) => return Ok(Some(found)),
+                Err(error) if is_missing(&error, name) => return Ok(None),
+                Err(ResolveError::NotFound { name: missing, user, looked }) => {
+                    match self.made_from_ros1(&missing) {
+                        Some(made) => self.ros2.add_resolved(&made),
+                        None => {
+                            return Err(ResolveError::NotFound { name: missing, user, looked });
+                        }
+                    }
+                }
+                Err(error) => return Err(error),
+            }
         }
-        // A standard type may refer to others that only ROS 1 has at hand.
-        Ok(self.standard_ros2.resolve(name).ok())
+    }
+
+    fn made_from_ros1(&mut self, name: &TypeName) -> Option<ResolvedType> {
+        self.rules.ros1_names(name).iter().find_map(|ros1| {
+            let ros1 = self.definition_of(ros1).ok()?;
+            self.made_for_ros2(ros1.resolved(), name).ok()
+        })
     }
 
     pub(super) fn made_for_ros2(
@@ -268,11 +303,8 @@ impl Types {
         ros1: &ResolvedType,
         name: &TypeName,
     ) -> Result<ResolvedType, ResolveError> {
-        let Self { rules, ros2, standard_ros2, .. } = self;
-        let find = |wanted: &TypeName| -> Option<MessageDefinition> {
-            let installed = ros2.resolve(wanted).ok();
-            installed.or_else(|| standard_ros2.resolve(wanted).ok())?.definition().cloned()
-        };
+        let Self { rules, ros2, .. } = self;
+        let find = |wanted: &TypeName| ros2.resolve(wanted).ok()?.definition().cloned();
         derive::to_ros2(ros1, name, rules, find)
     }
 

@@ -65,8 +65,8 @@ pub struct TypeStore {
     files: Box<dyn FileAccess + Send + Sync>,
     places: Vec<Place>,
     known: BTreeMap<TypeName, MessageDefinition>,
-    /// What no place has is taken from [`GENERATED`].
-    falls_back: bool,
+    /// Where each type is taken from that no place here has, also one inside another.
+    rest: Option<Box<TypeStore>>,
 }
 
 /// Definitions of the types that this crate has structs for, by path below a folder of packages.
@@ -99,7 +99,7 @@ impl TypeStore {
             files: Box::new(files),
             places: Vec::new(),
             known: BTreeMap::new(),
-            falls_back: false,
+            rest: None,
         }
     }
 
@@ -145,8 +145,18 @@ impl TypeStore {
     /// Types that no place has are taken from those that this crate has structs for, so that the
     /// common ones need no ROS. A definition that is there and wrong is not passed over.
     #[must_use]
-    pub fn or_generated(mut self) -> Self {
-        self.falls_back = true;
+    pub fn or_generated(self) -> Self {
+        self.or(Self::generated())
+    }
+
+    /// Each type that no place has is taken from `other`, also one that a type found here refers to.
+    /// A definition that is there and wrong is not passed over.
+    #[must_use]
+    pub fn or(mut self, other: Self) -> Self {
+        self.rest = Some(Box::new(match self.rest.take() {
+            Some(rest) => rest.or(other),
+            None => other,
+        }));
         self
     }
 
@@ -199,9 +209,16 @@ impl TypeStore {
     ) -> Result<MessageDefinition, ResolveError> {
         let mut looked = Vec::new();
         if !self.known.contains_key(name) {
-            match self.read(name, &mut looked)? {
-                Some((text, path)) => self.parse(name, &text, &path.display().to_string())?,
-                None => self.known.extend(bundled::definition(name).map(|d| (name.clone(), d))),
+            if let Some((text, path)) = self.read_here(name, &mut looked)? {
+                self.parse(name, &text, &path.display().to_string())?;
+            } else {
+                match self.rest.as_mut().map(|rest| rest.find(name, user)) {
+                    Some(Err(error)) if !matches!(error, ResolveError::NotFound { .. }) => {
+                        return Err(error);
+                    }
+                    Some(Ok(found)) => return Ok(found),
+                    _ => self.known.extend(bundled::definition(name).map(|d| (name.clone(), d))),
+                }
             }
         }
         self.known.get(name).cloned().ok_or_else(|| ResolveError::NotFound {
@@ -209,13 +226,6 @@ impl TypeStore {
             user: user.cloned(),
             looked: Looked(looked),
         })
-    }
-
-    fn generated_text(&self, name: &TypeName) -> Option<(&'static str, &'static str)> {
-        let paths = paths_below(Path::new(""), name);
-        let is_asked =
-            |(path, _): &&(&str, &str)| paths.iter().any(|asked| asked == Path::new(path));
-        GENERATED.iter().find(is_asked).copied().filter(|_| self.falls_back)
     }
 
     fn parse(&mut self, name: &TypeName, text: &str, place: &str) -> Result<(), ResolveError> {
@@ -244,7 +254,7 @@ impl TypeStore {
             let (encoding, raw_file_contents) = if name.file_stem() != name.name() {
                 ("implicit", String::new())
             } else {
-                let Some((text, _)) = self.read(name, &mut Vec::new())? else { continue };
+                let Some(text) = self.read(name)? else { continue };
                 (name.kind().as_str(), text)
             };
             sources.push(TypeSource {
@@ -256,8 +266,17 @@ impl TypeStore {
         Ok(sources)
     }
 
+    /// Text of the definition file of a type, here or in the rest.
+    fn read(&self, name: &TypeName) -> Result<Option<String>, ResolveError> {
+        match (self.read_here(name, &mut Vec::new())?, &self.rest) {
+            (Some((text, _)), _) => Ok(Some(text)),
+            (None, Some(rest)) if !self.known.contains_key(name) => rest.read(name),
+            (None, _) => Ok(None),
+        }
+    }
+
     /// Text of the first definition file there is; the others go into `looked`.
-    fn read(
+    fn read_here(
         &self,
         name: &TypeName,
         looked: &mut Vec<String>,
@@ -277,8 +296,7 @@ impl TypeStore {
                 }
             }
         }
-        let generated = self.generated_text(name);
-        Ok(generated.map(|(path, text)| (text.to_owned(), PathBuf::from(path))))
+        Ok(None)
     }
 
     /// Path of the definition, where the prefix has the package.

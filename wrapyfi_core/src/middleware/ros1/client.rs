@@ -356,13 +356,17 @@ async fn seek(line: Arc<Line>, seed: u64) {
 /// Where the server is; `None` where the node has ended.
 async fn look(line: &Line, known: Option<&NodeUri>) -> Option<Result<NodeUri, Option<String>>> {
     let core = line.core.upgrade()?;
-    let place = match core.master.lookup_service(&line.service).await {
-        Ok(Some(place)) => place,
-        Ok(None) => return Some(Err(None)),
+    let (place, is_listed) = match core.master.lookup_service(&line.service).await {
+        Ok(Some(place)) => (place, true),
+        // One that was restarted knows nobody: the server may still be there.
+        Ok(None) => match known {
+            Some(known) => (known.clone(), false),
+            None => return Some(Err(None)),
+        },
         // What was known stays so: calls need no master.
         Err(error) => return Some(known.cloned().ok_or_else(|| Some(error.to_string()))),
     };
-    if known == Some(&place) {
+    if is_listed && known == Some(&place) {
         return Some(Ok(place));
     }
     // The master also names servers that were killed.
@@ -376,9 +380,11 @@ async fn look(line: &Line, known: Option<&NodeUri>) -> Option<Result<NodeUri, Op
     };
     Some(match answer {
         Ok(header) => match header.get("error") {
+            Some(_) if !is_listed => Err(None),
             Some(error) => Err(Some(services::shortened(error).to_owned())),
             None => Ok(place),
         },
+        Err(_) if !is_listed => Err(None),
         Err(why) => Err(Some(format!("the server of {}: {why}", line.service))),
     })
 }

@@ -6,7 +6,7 @@
 //!                     └── slave API ─────────┘                      └── TCPROS port
 //! ```
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
@@ -53,10 +53,12 @@ pub(super) struct State {
     pub(super) subscriptions: BTreeMap<String, Subscription>,
     pub(super) services: BTreeMap<String, Arc<ServiceHost>>,
     pub(super) parameters: BTreeMap<String, Vec<Arc<Watched>>>,
+    /// Publishers of topics that the master has forgotten, and that are there.
+    orphans: BTreeMap<String, BTreeSet<NodeUri>>,
     /// Why the master cannot be used now.
     fault: Option<String>,
     /// Why the node has ended, if it has.
-    ended: Option<String>,
+    pub(super) ended: Option<String>,
 }
 
 /// A topic that is subscribed to: one registration, and its listeners.
@@ -175,10 +177,11 @@ impl Core {
     /// Enters a listener.
     pub(super) fn listen(&self, topic: &str, type_name: &str, intake: &Arc<Intake>) {
         let mut state = self.state();
-        let subscription = state.subscriptions.entry(topic.to_owned()).or_default();
+        let State { subscriptions, orphans, .. } = &mut *state;
+        let subscription = subscriptions.entry(topic.to_owned()).or_default();
         subscription.listeners.push(Arc::clone(intake));
         // Under the lock, so that nothing older comes after what the master says next.
-        intake.update(&subscription.publishers);
+        intake.update(&with_orphans(&subscription.publishers, orphans.get(topic)));
         self.want(&mut state, Kind::Subscriber, topic, type_name);
     }
 
@@ -223,7 +226,8 @@ impl Core {
             }
         }
         let mut state = self.state();
-        let Some(subscription) = state.subscriptions.get_mut(topic) else { return };
+        let State { subscriptions, orphans, .. } = &mut *state;
+        let Some(subscription) = subscriptions.get_mut(topic) else { return };
         match since {
             None => subscription.updates += 1,
             Some(since) if since != subscription.updates => {
@@ -233,8 +237,21 @@ impl Core {
         }
         publishers.sort();
         publishers.dedup();
-        subscription.listeners.iter().for_each(|intake| intake.update(&publishers));
         subscription.publishers = publishers;
+        subscription.tell(orphans.get(topic));
+    }
+
+    /// Takes who publishes what, though the master lists it no more: listeners connect to them too.
+    pub(super) fn set_orphans(&self, orphans: BTreeMap<String, BTreeSet<NodeUri>>) {
+        let mut state = self.state();
+        let before = std::mem::replace(&mut state.orphans, orphans);
+        let State { subscriptions, orphans, .. } = &*state;
+        for (topic, subscription) in subscriptions {
+            let own = orphans.get(topic);
+            if before.get(topic) != own {
+                subscription.tell(own);
+            }
+        }
     }
 
     /// Enters a publication of a topic, or finds the one there is of this type.
@@ -348,7 +365,18 @@ impl State {
     }
 }
 
+fn with_orphans(listed: &[NodeUri], orphans: Option<&BTreeSet<NodeUri>>) -> Vec<NodeUri> {
+    let more = orphans.into_iter().flatten().filter(|uri| !listed.contains(uri));
+    listed.iter().chain(more).cloned().collect()
+}
+
 impl Subscription {
+    /// Tells the listeners who publishes.
+    fn tell(&self, orphans: Option<&BTreeSet<NodeUri>>) {
+        let publishers = with_orphans(&self.publishers, orphans);
+        self.listeners.iter().for_each(|intake| intake.update(&publishers));
+    }
+
     pub(super) fn listeners(&self) -> &[Arc<Intake>] {
         &self.listeners
     }

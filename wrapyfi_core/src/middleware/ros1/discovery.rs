@@ -9,6 +9,7 @@ use tokio::task::AbortHandle;
 use super::core::Core;
 use super::marks::{self, Marks};
 use super::master::{MasterError, Owners, SystemState};
+use super::presence::Presence;
 use super::probe;
 use crate::endpoint::{DiscoverError, Discovered, Discovery, Role};
 
@@ -40,9 +41,10 @@ impl Ros1Discovery {
 }
 
 async fn watch(core: Weak<Core>, seen: Arc<Mutex<Seen>>) {
+    let mut presence = Presence::default();
     loop {
         let Some(core) = core.upgrade() else { return };
-        let now = match look(&core).await {
+        let now = match look(&core, &mut presence).await {
             Ok(endpoints) => Seen { asked: true, endpoints, fault: None },
             Err(error) => {
                 Seen { asked: true, endpoints: Vec::new(), fault: Some(error.to_string()) }
@@ -54,11 +56,11 @@ async fn watch(core: Weak<Core>, seen: Arc<Mutex<Seen>>) {
     }
 }
 
-async fn look(core: &Core) -> Result<Vec<Discovered>, MasterError> {
+async fn look(core: &Arc<Core>, presence: &mut Presence) -> Result<Vec<Discovered>, MasterError> {
     let types: BTreeMap<String, String> = core.master.topic_types().await?.into_iter().collect();
     let state = core.master.system_state().await?;
     let marks = marks::read(core.master.get_param(marks::NAMESPACE).await?.as_ref());
-    let found = endpoints(state, &types, &marks, core.name.full());
+    let found = presence.sift(core, endpoints(state, &types, &marks, core.name.full()));
     let there: BTreeSet<(Role, &str, &str)> = found
         .iter()
         .filter_map(|one| Some((one.role, one.name.as_str(), one.node.as_deref()?)))
@@ -93,7 +95,6 @@ fn endpoints(
     add(publishers, Role::Publisher);
     add(subscribers, Role::Listener);
     add(services, Role::Server);
-    all.sort_by(|a, b| (&a.name, a.role, &a.node).cmp(&(&b.name, b.role, &b.node)));
     all
 }
 

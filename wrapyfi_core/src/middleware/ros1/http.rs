@@ -36,6 +36,9 @@ const RETRY_ACCEPT: Duration = Duration::from_millis(100);
 /// Why a call to another node has no answer.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub(super) enum HttpError {
+    /// Nobody listens at the address.
+    #[error("{uri} does not answer: {reason}")]
+    Refused { uri: String, reason: String },
     /// It was not reached, or did not answer in time.
     #[error("{uri} {reason}")]
     Unreachable { uri: String, reason: String },
@@ -58,16 +61,35 @@ pub(super) async fn call(
             let text = format!("did not answer {method} within {} s", CALL.as_secs());
             return Err(unreachable(text));
         }
-        Ok(Err(reason)) => return Err(unreachable(reason)),
+        Ok(Err(Failed::Refused(reason))) => {
+            return Err(HttpError::Refused { uri: uri.to_string(), reason });
+        }
+        Ok(Err(Failed::Other(reason))) => return Err(unreachable(reason)),
         Ok(Ok(bytes)) => bytes,
     };
     xmlrpc::decode_reply(&bytes).map_err(answer)
 }
 
-async fn post(uri: &NodeUri, body: String) -> Result<Bytes, String> {
-    let stream = TcpStream::connect((uri.host.as_str(), uri.port))
-        .await
-        .map_err(|error| format!("does not answer: {error}"))?;
+/// Why a request has no answer.
+enum Failed {
+    Refused(String),
+    Other(String),
+}
+
+impl From<String> for Failed {
+    fn from(reason: String) -> Self {
+        Self::Other(reason)
+    }
+}
+
+async fn post(uri: &NodeUri, body: String) -> Result<Bytes, Failed> {
+    let stream = TcpStream::connect((uri.host.as_str(), uri.port)).await.map_err(|error| {
+        if error.kind() == std::io::ErrorKind::ConnectionRefused {
+            Failed::Refused(error.to_string())
+        } else {
+            Failed::Other(format!("does not answer: {error}"))
+        }
+    })?;
     // A second write that waits for the first one's acknowledgement takes 40 ms.
     stream.set_nodelay(true).map_err(|error| error.to_string())?;
     let failed = |error: hyper::Error| format!("did not answer as HTTP: {error}");
@@ -85,11 +107,12 @@ async fn post(uri: &NodeUri, body: String) -> Result<Bytes, String> {
         .map_err(|error| error.to_string())?;
     let response = sender.send_request(request).await.map_err(failed)?;
     if response.status() != StatusCode::OK {
-        return Err(format!("answered with HTTP status {}", response.status()));
+        return Err(format!("answered with HTTP status {}", response.status()).into());
     }
     let body = Limited::new(response.into_body(), xmlrpc::MAX_BYTES).collect().await;
     drop(connection);
-    body.map(http_body_util::Collected::to_bytes).map_err(|error| format!("broke off: {error}"))
+    let body = body.map_err(|error| format!("broke off: {error}"))?;
+    Ok(body.to_bytes())
 }
 
 /// A task that ends with its owner.

@@ -5,8 +5,8 @@
 //!     requestTopic ─▶ connect ─▶ header ─▶ messages ─▶ lost: back-off, again while it is listed
 //! ```
 //!
-//! A publisher that the master no longer lists keeps its connection until it closes it: a master that
-//! was restarted knows nobody at first. Under policy `block` a task that finds no room stops reading,
+//! A publisher that the master no longer lists keeps its connection until it closes it, and is asked once
+//! more then: a master that was restarted knows nobody at first. Under policy `block` a task that finds no room stops reading,
 //! and TCP holds its publisher back.
 
 use std::collections::BTreeMap;
@@ -263,7 +263,7 @@ impl Intake {
         let mut peers = self.peers();
         let Peers { by_uri, departed, .. } = &mut *peers;
         let Some(peer) = by_uri.get_mut(uri) else { return false };
-        let stays = peer.listed || state.is_ok();
+        let stays = peer.listed || state.is_ok() || peer.address.is_some();
         let changed = match state {
             Ok((address, latches)) => {
                 peer.fault = None;
@@ -274,7 +274,7 @@ impl Intake {
             }
             Err(reason) => {
                 let is_news = peer.fault.as_ref() != Some(&reason);
-                if is_news && stays {
+                if is_news && peer.listed {
                     tracing::warn!(topic = self.topic, "ROS 1: publisher {uri}: {reason}");
                 }
                 peer.fault = Some(reason);

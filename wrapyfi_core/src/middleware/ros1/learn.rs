@@ -1,17 +1,18 @@
 //! Types of ROS 1 topics and services, as routes between middlewares need them: in ROS 2's terms.
 //!
 //! ```text
-//!   demo/Pose ─ definition: known, else shown by its publisher (probe) ─▶ demo/msg/Pose
+//!   demo/Pose ─ definition: shown by its publisher (probe), else known ─▶ demo/msg/Pose
 //! ```
+//!
+//! What lies in a folder may be older than what is published.
 
 use std::sync::Arc;
 
-use wrapyfi_interfaces::ros1::DefinitionError;
 use wrapyfi_interfaces::store::TypeStore;
 
 use super::NAME;
 use super::core::Core;
-use super::probe::{Answer, ask};
+use super::probe::{Answer, Told, ask};
 use crate::endpoint::{Discovered, LearnError, Learned, Role};
 use crate::types::{RosService, RosType, ServiceKind};
 
@@ -20,13 +21,13 @@ fn undefined(type_name: &str, reason: &dyn std::fmt::Display) -> LearnError {
 }
 
 /// What the node at the other end says, where it has said it.
-fn told(core: &Arc<Core>, found: &Discovered) -> Result<String, LearnError> {
+fn told(core: &Arc<Core>, found: &Discovered) -> Result<Told, LearnError> {
     let name = found.name.clone();
     let Some(node) = &found.node else {
         return Err(LearnError::Untold { middleware: NAME.to_owned() });
     };
     match ask(core, found.role, &found.name, node) {
-        Answer::Told { type_name, .. } => Ok(type_name),
+        Answer::Told(told) => Ok(told),
         Answer::Asked => Err(LearnError::Asked { name }),
         Answer::Failed(reason, _) => {
             Err(LearnError::Silent { name, reason: format!("{node}: {reason}") })
@@ -34,15 +35,9 @@ fn told(core: &Arc<Core>, found: &Discovered) -> Result<String, LearnError> {
     }
 }
 
-/// Whether a publisher latches, which only its own header tells; `None` where it is being asked. One that
-/// cannot be reached keeps nothing for anybody.
+/// Whether a publisher latches, which only its own header tells; `None` where it has not told yet.
 pub(super) fn latches(core: &Arc<Core>, found: &Discovered) -> Option<bool> {
-    let Some(node) = &found.node else { return Some(false) };
-    match ask(core, Role::Publisher, &found.name, node) {
-        Answer::Told { latches, .. } => Some(latches),
-        Answer::Asked => None,
-        Answer::Failed(..) => Some(false),
-    }
+    told(core, found).ok().map(|told| told.latches)
 }
 
 /// The ROS 2 type of a topic.
@@ -51,29 +46,21 @@ pub(super) fn topic(
     found: &Discovered,
     store: &mut TypeStore,
 ) -> Result<Learned, LearnError> {
-    let announced = found.type_name.as_deref().filter(|name| *name != "*");
-    let mut shown = false;
-    let type_name = match announced {
-        Some(name) => name.to_owned(),
-        // A subscriber cannot be asked.
-        None if found.role != Role::Publisher => {
-            return Err(LearnError::Untold { middleware: NAME.to_owned() });
+    let announced = found.type_name.clone().filter(|name| name != "*");
+    // A subscriber cannot be asked.
+    let told = (found.role == Role::Publisher).then(|| told(core, found));
+    let (type_name, silent) = match (told, announced) {
+        (Some(Ok(told)), _) => (told.type_name, None),
+        (Some(Err(error @ LearnError::Asked { .. })), _) | (Some(Err(error)), None) => {
+            return Err(error);
         }
-        None => {
-            shown = true;
-            told(core, found)?
-        }
+        (None, None) => return Err(LearnError::Untold { middleware: NAME.to_owned() }),
+        (silent, Some(name)) => (name, silent.and_then(Result::err)),
     };
-    let known = core.types().definition(&type_name);
-    let definition = match known {
-        Err(DefinitionError::Unknown { .. }) if found.role == Role::Publisher && !shown => {
-            told(core, found)?;
-            core.types().definition(&type_name)
-        }
-        known => known,
-    };
-    let definition = definition.map_err(|error| undefined(&type_name, &error))?;
     let mut types = core.types();
+    let definition = types
+        .definition(&type_name)
+        .map_err(|error| silent.unwrap_or_else(|| undefined(&type_name, &error)))?;
     let names = types.rules().ros2_names(definition.name());
     let resolved = match names.iter().find_map(|name| store.resolve(name).ok()) {
         Some(resolved) => resolved,
@@ -90,7 +77,7 @@ pub(super) fn service(
     found: &Discovered,
     store: &mut TypeStore,
 ) -> Result<ServiceKind, LearnError> {
-    let type_name = told(core, found)?;
+    let type_name = told(core, found)?.type_name;
     match type_name.as_str() {
         "wrapyfi_services/ROSNativeObject" => return Ok(ServiceKind::NativeObject),
         "wrapyfi_services/ROSImage" => return Ok(ServiceKind::Image),

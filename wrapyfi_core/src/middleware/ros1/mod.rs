@@ -26,8 +26,8 @@
 //! | `services`, `service_host`, `server`, `client` | services |
 //! | `parameters` | properties |
 //! | `form` | messages of any type as payloads |
-//! | `discovery`, `marks` | what other nodes have, and which of it bridges made |
-//! | `learn`, `probe`, `shown` | the types of it; types that nobody here has |
+//! | `discovery`, `presence`, `marks` | what other nodes have, whether they live, what bridges made |
+//! | `learn`, `probe` | the types of it; nodes asked for what the master does not tell |
 
 mod client;
 mod config;
@@ -45,6 +45,7 @@ mod master;
 mod names;
 mod outlet;
 mod parameters;
+mod presence;
 mod probe;
 mod publication;
 mod registrar;
@@ -53,7 +54,6 @@ mod request;
 mod server;
 mod service_host;
 mod services;
-mod shown;
 mod slave;
 mod slave_info;
 mod splitter;
@@ -67,13 +67,13 @@ use std::time::Duration;
 use tokio::net::TcpListener;
 use tokio::runtime::{Builder, Runtime};
 use tokio::time::timeout;
-use wrapyfi_interfaces::ros1::Rules;
-use wrapyfi_interfaces::store::TypeStore;
+use wrapyfi_interfaces::parser::TypeName;
+use wrapyfi_interfaces::ros1::{PairError, Rules};
+use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
 
 pub use config::{ConfigError, Ros1Config};
 pub use master::MasterError;
 pub use names::{NameError, NodeName, check_name};
-pub use shown::AskTypeError;
 
 use self::config::{NodeUri, Resolved};
 use self::core::Core;
@@ -151,6 +151,15 @@ impl Ros1 {
     #[must_use]
     pub fn api_uri(&self) -> String {
         self.core.api.to_string()
+    }
+
+    /// The ROS 2 type `name`: as installed, else made from what a publisher that was asked has shown, a
+    /// folder of ROS 1 packages has, or is standard.
+    ///
+    /// # Errors
+    /// When nobody has it, or a definition is there and cannot be used.
+    pub fn type_named(&self, name: &TypeName) -> Result<ResolvedType, PairError> {
+        self.core.types().ros2_type_named(name)
     }
 
     fn resolve(&self, name: &str) -> Result<String, OpenError> {
@@ -231,7 +240,13 @@ impl Middleware for Ros1 {
     }
 
     fn traits(&self) -> Traits {
-        Traits { any_ros_type: true, ros_time: true, tells_own: true, shows_marks: true }
+        Traits {
+            any_ros_type: true,
+            ros_time: true,
+            tells_own: true,
+            shows_marks: true,
+            subscribes_first: true,
+        }
     }
 
     fn learn_topic(
@@ -248,6 +263,10 @@ impl Middleware for Ros1 {
         types: &mut TypeStore,
     ) -> Result<ServiceKind, LearnError> {
         learn::service(&self.core, found, types)
+    }
+
+    fn ended(&self) -> Option<String> {
+        self.core.state().ended.clone()
     }
 
     fn keeps_last(&self, found: &Discovered) -> Option<bool> {

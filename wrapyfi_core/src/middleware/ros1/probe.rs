@@ -12,12 +12,17 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use tokio::time::timeout;
+
+use super::config::NodeUri;
 use super::core::Core;
 use super::header::Header;
-use super::request::request_topic;
+use super::request::{request_topic, shortened};
 use super::tcpros;
 use crate::endpoint::Role;
 
+/// Longest time that one of them has to answer.
+const ANSWER: Duration = Duration::from_secs(3);
 /// Time after which somebody who did not answer is asked again.
 const AGAIN: Duration = Duration::from_secs(5);
 /// Most answers that are remembered.
@@ -37,10 +42,20 @@ pub(super) struct Probes(Mutex<BTreeMap<Whom, Answer>>);
 pub(super) enum Answer {
     /// Nothing yet.
     Asked,
-    /// ROS 1 name of the type, and whether a publisher latches.
-    Told { type_name: String, latches: bool },
+    Told(Told),
     /// Why nothing came, and when.
     Failed(String, Instant),
+}
+
+/// What a publisher or a server says.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Told {
+    /// ROS 1 name of the type.
+    pub(super) type_name: String,
+    /// A publisher sends its last message to whoever comes.
+    pub(super) latches: bool,
+    /// Where it said so.
+    place: NodeUri,
 }
 
 impl Probes {
@@ -71,13 +86,16 @@ pub(super) fn ask(core: &Arc<Core>, role: Role, name: &str, node: &str) -> Answe
     core.handle.spawn(async move {
         let Some(core) = core_of_task.upgrade() else { return };
         let (role, name, node) = &whom;
-        let told = match role {
-            Role::Server => service(&core, name).await,
-            _ => topic(&core, name, node).await,
-        };
-        let answer = match told {
-            Ok((type_name, latches)) => Answer::Told { type_name, latches },
-            Err(reason) => Answer::Failed(reason, Instant::now()),
+        let told = timeout(ANSWER, async {
+            match role {
+                Role::Server => service(&core, name).await,
+                _ => topic(&core, name, node).await,
+            }
+        });
+        let silent = || Err(format!("it did not answer within {} s", ANSWER.as_secs()));
+        let answer = match told.await.unwrap_or_else(|_elapsed| silent()) {
+            Ok(told) => Answer::Told(told),
+            Err(reason) => Answer::Failed(shortened(&reason), Instant::now()),
         };
         core.probes.answers().insert(whom, answer);
     });
@@ -92,7 +110,7 @@ pub(super) fn keep_only(core: &Core, there: impl Fn(Role, &str, &str) -> bool) {
         .retain(|(role, name, node), answer| *answer == Answer::Asked || there(*role, name, node));
 }
 
-async fn topic(core: &Core, name: &str, node: &str) -> Result<(String, bool), String> {
+async fn topic(core: &Core, name: &str, node: &str) -> Result<Told, String> {
     let uri = core.master.lookup_node(node).await.map_err(|error| error.to_string())?;
     let uri = uri.ok_or_else(|| format!("the master knows no node {node}"))?;
     let (host, port) = request_topic(core, &uri, name).await?;
@@ -102,35 +120,55 @@ async fn topic(core: &Core, name: &str, node: &str) -> Result<(String, bool), St
         .with("type", "*")
         .with("md5sum", "*")
         .with("message_definition", "");
-    let mut stream = tcpros::connect(&host, port).await?;
-    let header = tcpros::greet(&mut stream, &own).await.map_err(|error| error.to_string())?;
-    drop(stream);
-    let type_name = told(&header)?;
+    let place = NodeUri { host, port };
+    let header = greeted(&place, &own).await?;
+    let type_name = type_in(&header)?;
     let text = header.get("message_definition").unwrap_or_default();
-    let md5sum = header.get("md5sum").unwrap_or("*");
     if !text.is_empty() {
+        let md5sum = header.get("md5sum").unwrap_or("*");
         let shown = core.types().show(&type_name, md5sum, text);
         shown.map_err(|error| error.to_string())?;
     }
-    Ok((type_name, header.get("latching") == Some("1")))
+    Ok(Told { type_name, latches: header.is_set("latching"), place })
 }
 
-async fn service(core: &Core, name: &str) -> Result<(String, bool), String> {
+async fn service(core: &Core, name: &str) -> Result<Told, String> {
     let place = core.master.lookup_service(name).await.map_err(|error| error.to_string())?;
     let place = place.ok_or("the master knows it no more")?;
-    let own = Header::new()
-        .with("callerid", core.name.full())
-        .with("service", name)
-        .with("md5sum", "*")
-        .with("probe", "1");
-    let mut stream = tcpros::connect(&place.host, place.port).await?;
-    let header = tcpros::greet(&mut stream, &own).await.map_err(|error| error.to_string())?;
-    Ok((told(&header)?, false))
+    let header = greeted(&place, &probe_of(core, name)).await?;
+    Ok(Told { type_name: type_in(&header)?, latches: false, place })
 }
 
-fn told(header: &Header) -> Result<String, String> {
+/// Whether a server that has told its type still is where it was.
+pub(super) async fn still_serves(core: &Core, service: &str, node: &str) -> bool {
+    let whom = (Role::Server, service.to_owned(), node.to_owned());
+    let told = match core.probes.answers().get(&whom) {
+        Some(Answer::Told(told)) => told.clone(),
+        _ => return false,
+    };
+    let own = probe_of(core, service);
+    let greeting = timeout(ANSWER, greeted(&told.place, &own));
+    greeting.await.is_ok_and(|header| header.is_ok_and(|header| header.get("error").is_none()))
+}
+
+/// What asks a server for its type.
+fn probe_of(core: &Core, service: &str) -> Header {
+    Header::new()
+        .with("callerid", core.name.full())
+        .with("service", service)
+        .with("md5sum", "*")
+        .with("probe", "1")
+}
+
+/// The header of who is at `place`; the connection ends with it.
+async fn greeted(place: &NodeUri, own: &Header) -> Result<Header, String> {
+    let mut stream = tcpros::connect(&place.host, place.port).await?;
+    tcpros::greet(&mut stream, own).await.map_err(|error| error.to_string())
+}
+
+fn type_in(header: &Header) -> Result<String, String> {
     if let Some(error) = header.get("error") {
-        return Err(format!("it refuses to tell: {}", error.chars().take(200).collect::<String>()));
+        return Err(format!("it refuses to tell: {error}"));
     }
     match header.get("type") {
         Some(name) if name != "*" && !name.is_empty() => Ok(name.to_owned()),

@@ -221,7 +221,13 @@ impl Middleware for Ros2 {
     }
 
     fn traits(&self) -> Traits {
-        Traits { any_ros_type: true, ros_time: true, tells_own: true, shows_marks: true }
+        Traits {
+            any_ros_type: true,
+            ros_time: true,
+            tells_own: true,
+            shows_marks: true,
+            subscribes_first: false,
+        }
     }
 }
 

@@ -95,6 +95,69 @@ fn what_a_publisher_shows_has_the_checksum_it_names() {
     assert_eq!(types.definition("lab_msgs/String").unwrap(), shown);
 }
 
+/// A folder of packages.
+fn packages(files: &[(&str, &str)]) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for (path, text) in files {
+        let path = folder.path().join(path);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, text).unwrap();
+    }
+    folder
+}
+
+/// Types of ROS 1 below `ros1`, of ROS 2 below `ros2`.
+fn types_of(packages: &tempfile::TempDir) -> Types {
+    let mut store = TypeStore::empty();
+    store.add_folder(&packages.path().join("ros2"));
+    let mut types = Types::new(Rules::built_in(), store);
+    types.add_ros1_path(packages.path().join("ros1").as_os_str());
+    types
+}
+
+const REPORT: &str = "Header header\nsensor_msgs/CompressedImage picture\nPart[] parts\n";
+
+#[test]
+fn types_inside_one_of_a_folder_are_looked_for_along_the_same_line() {
+    let packages = packages(&[
+        ("ros1/lab_msgs/msg/Report.msg", REPORT),
+        ("ros1/lab_msgs/msg/Part.msg", "geometry_msgs/Pose pose\nlab_interfaces/Grip grip\n"),
+        ("ros1/lab_msgs/srv/Look.srv", "geometry_msgs/Point at\n---\nReport report\n"),
+        ("ros2/lab_interfaces/msg/Grip.msg", "float64 force\nbuiltin_interfaces/Time at\n"),
+        // ROS 2 has an outer type only.
+        ("ros2/lab_msgs/msg/Report.msg", &REPORT.replace("Header", "std_msgs/Header")),
+    ]);
+    let mut types = types_of(&packages);
+    let report = types.definition("lab_msgs/Report").unwrap();
+    for inside in ["std_msgs/Header\nuint32 seq", "lab_interfaces/Grip\nfloat64 force\ntime at"] {
+        assert!(report.text().contains(&format!("MSG: {inside}")), "{}", report.text());
+    }
+    let plan = types.plan(&report).unwrap();
+    assert_eq!(plan.ros2_type().to_string(), "lab_msgs/msg/Report");
+    assert!(notes(&plan).iter().all(|note| note.contains(".seq is")), "{:?}", notes(&plan));
+    types.service_plan("lab_msgs/Look", None).unwrap();
+}
+
+#[test]
+fn what_a_publisher_shows_is_used_whatever_lies_on_the_disk() {
+    let packages = packages(&[
+        ("ros1/lab_msgs/msg/Part.msg", "no definition at all\n"),
+        ("ros1/lab_msgs/msg/Old.msg", "Nowhere it\n"),
+        ("ros2/lab_msgs/msg/Part.msg", "int32[ x\n"),
+        ("ros2/lab_msgs/msg/Old.msg", "Nowhere it\n"),
+    ]);
+    let mut types = types_of(&packages);
+    for name in ["lab_msgs/Part", "lab_msgs/Old"] {
+        let ros2 = TypeName::parse(Dialect::Ros2, &name.replace('/', "/msg/")).unwrap();
+        types.definition(name).unwrap_err();
+        types.ros2_type_named(&ros2).unwrap_err();
+        let shown = types.show(name, "*", "float32 x\n").unwrap();
+        assert_eq!(types.definition(name).unwrap(), shown);
+        assert_eq!(types.plan(&shown).unwrap().ros2_type(), &ros2);
+        assert_eq!(types.ros2_type_named(&ros2).unwrap().name(), &ros2);
+    }
+}
+
 #[test]
 fn a_type_that_was_found_elsewhere_counts() {
     let pair = resolve(Dialect::Ros2, "lab_msgs/msg/Pair", "int32 a\nint32 b\n");

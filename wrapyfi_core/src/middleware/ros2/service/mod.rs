@@ -15,6 +15,7 @@ mod server;
 use std::time::Duration;
 
 use bytes::Bytes;
+use wrapyfi_interfaces::description::HIDDEN_FIELD;
 use wrapyfi_interfaces::dynamic::{DynamicMessage, Plan, ValueError};
 use wrapyfi_interfaces::store::ResolvedType;
 
@@ -109,10 +110,14 @@ impl ServiceType {
     }
 
     /// A reply that says what went wrong, for services whose replies have room for it: a `success`
-    /// (or `successful`) that is false, and a text.
+    /// (or `successful`) that is false, and a text. One without fields says nothing in any case, and
+    /// spares the client to wait for its time-out.
     #[must_use]
     pub fn error_reply(&self, text: &str) -> Option<DynamicMessage> {
         let mut reply = self.response.default_message();
+        if reply.fields().all(|(name, _)| name == HIDDEN_FIELD) {
+            return Some(reply);
+        }
         let switch = ["success", "successful"];
         if !switch.iter().any(|name| reply.set(name, false).is_ok()) {
             return None;
