@@ -120,15 +120,10 @@ fn run(argv: impl Iterator<Item = String>, whole: Option<Whole>) -> Result<(), F
     for warning in &args.warnings {
         tracing::warn!("{warning}");
     }
-    if let Some(word) = args.program_args.first() {
-        let text = format!(
-            "argument {word:?} is not known; parameters are given as --ros-args -p name:=value"
-        );
-        return Err(Failure::Usage(text));
-    }
+    let config = config_argument(&args.program_args)?;
     let node = Node { name: options.name, args: Arc::new(args), overrides: options.parameters };
     let mut store = node.parameters().map_err(Failure::usage)?;
-    let parameters = Parameters::declare(&mut store, whole)?;
+    let parameters = Parameters::declare(&mut store, whole, config)?;
     let shutdown = Shutdown::on_signals().context("cannot catch signals")?;
     let Parameters { configuration, options } = parameters;
     let (loaded, name) = match configuration {
@@ -138,6 +133,29 @@ fn run(argv: impl Iterator<Item = String>, whole: Option<Whole>) -> Result<(), F
         Configuration::BuiltIn(text, name) => (middlewares::load_text(&text, name)?, name.into()),
     };
     bridge::run_node(loaded, &name, &node, store, options, &shutdown)
+}
+
+/// The file of `--config FILE`, the only argument that is not ROS's.
+fn config_argument(words: &[String]) -> Result<Option<String>, Failure> {
+    let mut words = words.iter();
+    let Some(word) = words.next() else { return Ok(None) };
+    let file = match word.strip_prefix("--config=") {
+        None if word == "--config" => words.next().cloned(),
+        file => file.map(str::to_owned),
+    };
+    match (file, words.next()) {
+        (Some(file), None) => Ok(Some(file)),
+        (None, _) if word.starts_with("--config") => {
+            Err(Failure::usage("--config needs the path of a configuration"))
+        }
+        (file, other) => {
+            let unknown = other.filter(|_| file.is_some()).unwrap_or(word);
+            Err(Failure::Usage(format!(
+                "argument {unknown:?} is not known; there is --config FILE, and parameters are given as \
+                 --ros-args -p name:=value"
+            )))
+        }
+    }
 }
 
 /// The parameters of the bridge node.
@@ -157,13 +175,21 @@ enum Configuration {
 
 impl Parameters {
     /// Declares them; they are fixed from the start on.
-    fn declare(store: &mut ParameterStore, whole: Option<Whole>) -> Result<Self, Failure> {
+    fn declare(
+        store: &mut ParameterStore,
+        whole: Option<Whole>,
+        config: Option<String>,
+    ) -> Result<Self, Failure> {
         let fixed = |name: &str, text: &str| {
             ParameterDescriptor::new(name).with_description(text).read_only()
         };
         let config_file = fixed("config_file", "Path of the file with the routes.")
             .with_type(ParameterType::String);
-        let by_default = if whole.is_some() { "".into() } else { ParameterValue::NotSet };
+        let by_default = match config {
+            Some(file) => ParameterValue::String(file),
+            None if whole.is_some() => "".into(),
+            None => ParameterValue::NotSet,
+        };
         let config_file = store.declare(config_file, by_default).map_err(Failure::usage)?;
         let built_in = match whole {
             None => None,
@@ -213,7 +239,8 @@ impl Parameters {
             }
             (_, None) => {
                 return Err(Failure::usage(
-                    "no configuration: give --ros-args -p config_file:=/path/to/bridge.yaml",
+                    "no configuration: give --config /path/to/bridge.yaml, or --ros-args -p \
+                     config_file:=/path/to/bridge.yaml",
                 ));
             }
         };
@@ -240,6 +267,20 @@ impl Parameters {
 mod tests {
     use super::*;
 
+    #[test]
+    fn a_configuration_is_an_argument_too() {
+        let read = |words: &[&str]| {
+            let words: Vec<String> = words.iter().map(|word| (*word).to_owned()).collect();
+            config_argument(&words).map_err(|failure| failure.to_string())
+        };
+        assert_eq!(read(&[]), Ok(None));
+        assert_eq!(read(&["--config", "a.yaml"]), Ok(Some("a.yaml".to_owned())));
+        assert_eq!(read(&["--config=a.yaml"]), Ok(Some("a.yaml".to_owned())));
+        assert!(read(&["--config"]).unwrap_err().contains("path"));
+        assert!(read(&["--config", "a.yaml", "more"]).unwrap_err().contains("\"more\""));
+        assert!(read(&["routes.yaml"]).unwrap_err().contains("\"routes.yaml\""));
+    }
+
     /// `ros2 param dump` writes null for what has no value, which comes back as a text.
     #[test]
     fn every_parameter_has_a_value_that_a_dump_can_bring_back() {
@@ -248,7 +289,7 @@ mod tests {
             let file = ParameterValue::String("routes.yaml".to_owned());
             let overrides = BTreeMap::from([("config_file".to_owned(), file)]);
             let mut store = ParameterStore::new(&name, overrides).unwrap();
-            let parameters = Parameters::declare(&mut store, whole).unwrap();
+            let parameters = Parameters::declare(&mut store, whole, None).unwrap();
             assert_eq!(parameters.options.seconds, None);
             let dump: BTreeMap<String, ParameterValue> = store
                 .names()
@@ -256,7 +297,7 @@ mod tests {
                 .collect();
             assert!(!dump.values().any(|value| *value == ParameterValue::NotSet), "{dump:?}");
             let mut again = ParameterStore::new(&name, dump).unwrap();
-            assert_eq!(Parameters::declare(&mut again, whole).unwrap().options.seconds, None);
+            assert_eq!(Parameters::declare(&mut again, whole, None).unwrap().options.seconds, None);
         }
     }
 
@@ -266,7 +307,7 @@ mod tests {
         let declare = |given: &[(&str, ParameterValue)]| {
             let given = given.iter().map(|(name, value)| ((*name).to_owned(), value.clone()));
             let mut store = ParameterStore::new(&name, given.collect()).unwrap();
-            Parameters::declare(&mut store, Some(Whole::Ros1))
+            Parameters::declare(&mut store, Some(Whole::Ros1), None)
         };
         let built_in = declare(&[("prefix", "lab".into())]).unwrap();
         assert!(

@@ -51,7 +51,8 @@ pub fn run_node(
     options: Options,
     shutdown: &Shutdown,
 ) -> Result<(), Failure> {
-    let Loaded { endpoints, mut plan, types: mut store } = loaded;
+    let Loaded { mut endpoints, mut plan, types: mut store } = loaded;
+    middlewares::take_parameters(&mut endpoints, &mut parameters)?;
     overrides::apply(&mut plan, node, &mut parameters).map_err(Failure::usage)?;
     warn_of_unused(&parameters);
     let middlewares = Middlewares::for_plan(&endpoints, &plan, node)?;

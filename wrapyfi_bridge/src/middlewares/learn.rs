@@ -40,7 +40,15 @@ pub(super) fn from_publishers(
         let Ok(name) = TypeName::parse(Dialect::Ros2, &wanted.value) else { continue };
         let ros1 = match &mut node {
             Some(ros1) => ros1,
-            none => none.insert(config.endpoints.ros.start()?),
+            none => match config.endpoints.ros.start(&config.endpoints.hosts) {
+                Ok(started) => none.insert(started),
+                Err(refused @ Failure::Usage(_)) => return Err(refused),
+                // Its routes wait; what they carry is said to be unknown below.
+                Err(absent) => {
+                    tracing::warn!("{name} cannot be asked from its publishers: {absent}");
+                    continue;
+                }
+            },
         };
         match ros1.learn(topic, &name, LEARNING.saturating_sub(begin.elapsed())) {
             Ok(found) => {

@@ -22,6 +22,7 @@ use tokio::sync::Semaphore;
 use tokio::time::timeout;
 
 use super::config::NodeUri;
+use super::tcpros;
 use super::xmlrpc::{self, Call, Reply, Value, XmlRpcError};
 
 /// Longest time a call takes, an unreachable host's included.
@@ -65,7 +66,7 @@ pub(super) async fn call(
 }
 
 async fn post(uri: &NodeUri, body: String) -> Result<Bytes, String> {
-    let stream = TcpStream::connect((uri.host.as_str(), uri.port))
+    let stream = tcpros::reach(&uri.host, uri.port)
         .await
         .map_err(|error| format!("does not answer: {error}"))?;
     // A second write that waits for the first one's acknowledgement takes 40 ms.
