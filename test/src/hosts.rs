@@ -69,7 +69,8 @@ impl Holder {
     }
 
     fn run(&self, program: &str, args: &str) -> Result {
-        let ran = self.enter(Path::new("/"), program.as_ref()).args(args.split_whitespace()).output()?;
+        let ran =
+            self.enter(Path::new("/"), program.as_ref()).args(args.split_whitespace()).output()?;
         if !ran.status.success() {
             bail!("{program} {args}: {}", String::from_utf8_lossy(&ran.stderr).trim());
         }
@@ -109,7 +110,8 @@ impl World {
                 "hostname {name} && mount --make-rprivate / && mount --bind {file} /etc/hosts \
                  && ip link set lo up multicast on && ip route add 224.0.0.0/4 dev lo"
             ))?;
-            let link = format!("link add v{index} type veth peer name eth0 netns {}", holder.0.id());
+            let link =
+                format!("link add v{index} type veth peer name eth0 netns {}", holder.0.id());
             switch.run("ip", &link)?;
             switch.run("ip", &format!("link set v{index} master br0 up"))?;
             holder.run("ip", &format!("addr add {ip}/24 dev eth0"))?;

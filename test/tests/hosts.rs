@@ -123,7 +123,8 @@ fn an_address_that_others_reach_needs_the_word_of_its_place() -> Result {
 /// What the name server says of a port, asked on its own machine.
 fn registered(robot: &Host<'_>, port: &str, name: &str) -> Result<String> {
     let script = "ask_yarp.py";
-    let mut asked = robot.program("/usr/bin/python3", &format!("{script} {} {port} {name}", robot.ip()))?;
+    let mut asked =
+        robot.program("/usr/bin/python3", &format!("{script} {} {port} {name}", robot.ip()))?;
     asked.exits_with(0)?;
     Ok(asked.stdout())
 }
@@ -152,7 +153,8 @@ fn yarp_ports_are_reached_from_the_machine_of_the_name_server_and_from_a_third()
         waits(&waiting, &["name server", robot.ip(), "has to run there"])?;
         drop(waiting);
 
-        let args = ["yarpserver", "--ip", robot.ip(), "--port", &port, "--no-discovery", "--insecure"];
+        let args =
+            ["yarpserver", "--ip", robot.ip(), "--port", &port, "--no-discovery", "--insecure"];
         let server = robot.wrapyfi(args)?;
         server.wait_until("the name server", |output| {
             output.err.iter().any(|line| line.contains("name server /root on")).then_some(())
@@ -216,11 +218,13 @@ fn nodes_of_ros_1_are_found_by_the_names_of_their_machines() -> Result {
         // A third machine's is written in the configuration.
         let topic = "/far/y";
         let _publisher = arm.rospy(&format!("publish --topic {topic} {HELLO}"))?;
-        let eager = |hosts: &str, topic: &str| yaml(hosts, topic).replace("lazy: true", "lazy: false");
+        let eager =
+            |hosts: &str, topic: &str| yaml(hosts, topic).replace("lazy: true", "lazy: false");
         let lost = bridge(world, &laptop, &eager("", topic))?;
         waits(&lost, &["\"arm\"", "does not resolve", "hosts:"])?;
         drop(lost);
-        let found = bridge(world, &laptop, &eager(&format!("hosts: {{ arm: {arm_ip} }}\n"), topic))?;
+        let found =
+            bridge(world, &laptop, &eager(&format!("hosts: {{ arm: {arm_ip} }}\n"), topic))?;
         found.wait_until("messages of the arm", |output| {
             output.objects().find(|status| {
                 status["routes"][0]["counters"]["received"].as_u64().unwrap_or(0) > 2
@@ -271,7 +275,8 @@ fn a_middleware_that_is_not_there_makes_its_own_routes_wait() -> Result {
 fn the_example_runs_where_nothing_else_does() -> Result {
     run("the_example_runs_where_nothing_else_does", &[Need::Node], |world| {
         let example = wrapyfi_e2e::repository().join("config/example.yaml").display().to_string();
-        let args = ["--config", &example, "--ros-args", "-p", "seconds:=2", "-p", "status_json:=true"];
+        let args =
+            ["--config", &example, "--ros-args", "-p", "seconds:=2", "-p", "status_json:=true"];
         let mut bridge = world.node(args)?;
         bridge.exits_with(0)?;
         assert!(bridge.stdout().contains("yarp.conf does not exist"), "{}", bridge.stdout());

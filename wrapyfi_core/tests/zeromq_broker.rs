@@ -123,8 +123,11 @@ fn addresses_others_can_reach_are_refused() {
     assert!(matches!(error, BrokerError::NotLoopback { .. }));
     assert!(error.to_string().contains("insecure: true"), "{error}");
     Broker::start(&BrokerConfig { insecure: true.into(), ..config }).unwrap();
-    let elsewhere =
-        BrokerConfig { ip: "192.0.2.1".to_owned(), insecure: true.into(), ..BrokerConfig::default() };
+    let elsewhere = BrokerConfig {
+        ip: "192.0.2.1".to_owned(),
+        insecure: true.into(),
+        ..BrokerConfig::default()
+    };
     assert!(matches!(Broker::start(&elsewhere), Err(BrokerError::NotHere { .. })));
 }
 

@@ -1,5 +1,6 @@
 //! A configuration file: its section `endpoints`, its routes, their types.
 
+use std::net::IpAddr;
 use std::path::Path;
 
 use serde::Deserialize;
@@ -142,7 +143,7 @@ fn read(
 
 /// The names of machines that the configuration maps to addresses.
 fn hosts(config: &Config<Endpoints>) -> Result<Hosts, Problem> {
-    let address = |(host, written): (&String, &Spanned<String>)| match written.value.parse() {
+    let address = |(host, written): (&String, &Spanned<String>)| match written.value.parse::<IpAddr>() {
         Ok(ip) => Ok((host.clone(), ip)),
         Err(_) => {
             let text = format!("hosts: {host} is {:?}, which is no address", written.value);

@@ -150,8 +150,11 @@ impl Middlewares {
         let largest = Limits::default().message_bytes;
         match address.middleware.as_str() {
             "zeromq" => {
-                middlewares
-                    .add(Arc::new(endpoints.zeromq.start(Some(role), largest, &endpoints.hosts)?));
+                middlewares.add(Arc::new(endpoints.zeromq.start(
+                    Some(role),
+                    largest,
+                    &endpoints.hosts,
+                )?));
             }
             "ros2" => {
                 middlewares.add(Arc::new(Self::ros2_of_command()?));

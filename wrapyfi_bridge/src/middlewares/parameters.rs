@@ -54,8 +54,7 @@ pub fn take_parameters(
             .with_description("Setting of the configuration file, in its place.")
             .read_only()
             .dynamic();
-        let value =
-            store.declare(descriptor, ParameterValue::NotSet).map_err(Failure::usage)?;
+        let value = store.declare(descriptor, ParameterValue::NotSet).map_err(Failure::usage)?;
         match name.strip_prefix(PREFIX).unwrap_or_default() {
             "ros.hostname" => (endpoints.ros.hostname, ros.0) = (Some(text(&name, value)?), true),
             "ros.insecure" => ros.1 = switch(&name, &value)?,

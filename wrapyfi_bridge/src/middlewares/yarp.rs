@@ -5,9 +5,7 @@ use std::net::IpAddr;
 use serde::Deserialize;
 use wrapyfi_core::engine::{Available, Problem, Spanned};
 pub(super) use wrapyfi_core::middleware::yarp::NAME;
-use wrapyfi_core::middleware::yarp::{
-    self, Dialect, NameServerConf, StartError, Yarp, YarpConfig,
-};
+use wrapyfi_core::middleware::yarp::{self, Dialect, NameServerConf, StartError, Yarp, YarpConfig};
 use wrapyfi_core::network::Hosts;
 
 use super::load::Word;
@@ -44,9 +42,8 @@ impl YarpSection {
     pub fn check(&self) -> Result<(), Problem> {
         if let Some(written) = &self.name_server {
             let parsed = written.value.parse::<NameServerConf>();
-            parsed.map_err(|wrong| {
-                Problem::at(written.referenced, format!("name_server {wrong}"))
-            })?;
+            parsed
+                .map_err(|wrong| Problem::at(written.referenced, format!("name_server {wrong}")))?;
         }
         let Some(written) = &self.ip else { return Ok(()) };
         let wrong = |text: String| Problem::at(written.referenced, text);

@@ -333,7 +333,8 @@ mod yarp {
             let ip = text("ip")?.flatten();
             if let Some(ip) = ip {
                 let parsed = ip.parse();
-                let parsed = parsed.map_err(|_text| fault("ip", ip, "an address, such as 127.0.0.1"))?;
+                let parsed =
+                    parsed.map_err(|_text| fault("ip", ip, "an address, such as 127.0.0.1"))?;
                 config.ip = Some(parsed);
             }
             let switch = kwargs.map(|kwargs| kwargs.switch("insecure")).transpose()?.flatten();

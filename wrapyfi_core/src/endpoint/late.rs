@@ -174,7 +174,7 @@ impl Middleware for Late {
     }
 
     fn traits(&self) -> Traits {
-        self.started().map(Middleware::traits).unwrap_or_default()
+        self.started().map(<dyn Middleware>::traits).unwrap_or_default()
     }
 
     fn learn_topic(
@@ -200,7 +200,7 @@ impl Middleware for Late {
     }
 
     fn keeps_last(&self, found: &Discovered) -> Option<bool> {
-        self.started().map_or(None, |started| started.keeps_last(found))
+        self.started().ok().and_then(|started| started.keeps_last(found))
     }
 
     fn waiting_for(&self) -> Option<String> {

@@ -136,7 +136,10 @@ mod tests {
         }
         let refused = outcome(&[(Place::Environment, false, true), (Place::File, true, false)]);
         assert!(refused.unwrap_err().contains("insecure: true"), "the file's own word is missing");
-        assert_eq!(outcome(&[(Place::Environment, true, false), (Place::File, false, true)]), Ok(()));
+        assert_eq!(
+            outcome(&[(Place::Environment, true, false), (Place::File, false, true)]),
+            Ok(())
+        );
         // An address that follows from another setting.
         assert_eq!(outcome(&[(Place::Environment, false, true)]), Ok(()));
         assert!(outcome(&[]).unwrap_err().contains("WRAPYFI_YARP_INSECURE=1"));

@@ -124,7 +124,8 @@ impl FromStr for NameServerConf {
         if let Ok(address) = text.parse::<SocketAddr>() {
             return Ok(address.into());
         }
-        let wrong = || format!("{text:?} is no address: write it as 127.0.0.1:10000 or robot:10000");
+        let wrong =
+            || format!("{text:?} is no address: write it as 127.0.0.1:10000 or robot:10000");
         let (host, port) = text.rsplit_once(':').ok_or_else(wrong)?;
         let letter = |letter: char| letter.is_ascii_alphanumeric() || "-._".contains(letter);
         match port.parse() {

@@ -151,8 +151,9 @@ impl Intake {
         let peers = self.peers();
         let up = peers.by_uri.values().filter(|peer| peer.address.is_some());
         let core = self.core.upgrade();
-        let hint =
-            |uri: &NodeUri| core.as_ref().map_or("", |core| core.master.whereabouts.hint(&uri.host));
+        let hint = |uri: &NodeUri| {
+            core.as_ref().map_or("", |core| core.master.whereabouts.hint(&uri.host))
+        };
         let why = peers.by_uri.iter().find_map(|(uri, peer)| {
             let reason = peer.fault.as_ref()?;
             Some(format!("publisher {uri}: {reason}{}", hint(uri)))

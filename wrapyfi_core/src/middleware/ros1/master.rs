@@ -167,9 +167,11 @@ impl Master {
         let reply = self.raw(method, [text(name)]).await?;
         match &reply.value {
             _ if reply.status != SUCCESS => Ok(None),
-            Value::String(uri) => NodeUri::parse(uri).map(|uri| Some(self.whereabouts.of(uri))).map_err(|reason| {
-                MasterError::Odd { method, actual: format!("{uri:?}: {reason}") }
-            }),
+            Value::String(uri) => {
+                NodeUri::parse(uri).map(|uri| Some(self.whereabouts.of(uri))).map_err(|reason| {
+                    MasterError::Odd { method, actual: format!("{uri:?}: {reason}") }
+                })
+            }
             other => Err(odd(method, other)),
         }
     }

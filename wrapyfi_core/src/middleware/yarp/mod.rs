@@ -55,11 +55,11 @@ pub use wrapyfi_yarp::Dialect;
 pub use wrapyfi_yarp::name::NameServerConf;
 
 use crate::Limits;
-use crate::network::ReachedByOthers;
 use crate::endpoint::{
     Client, Context, DiscoverError, Discovery, Listener, Middleware, OpenError, Publisher, Server,
     ServiceSpec, TopicSpec, Traits,
 };
+use crate::network::ReachedByOthers;
 
 /// Name of this middleware in addresses.
 pub const NAME: &str = "yarp";
@@ -195,12 +195,11 @@ impl Yarp {
             .with_hosts(config.hosts.iter().map(|(host, ip)| (host.to_owned(), ip)))
             .with_namespace(found.namespace)
             .with_timeout(NAMES_TIMEOUT);
-        let (client, server) =
-            if config.embedded {
-                runtime.block_on(embed(client, server.ip(), config))?
-            } else {
-                (client, None)
-            };
+        let (client, server) = if config.embedded {
+            runtime.block_on(embed(client, server.ip(), config))?
+        } else {
+            (client, None)
+        };
         let conf = client.server();
         let address = format!("{}:{}", conf.host, conf.port);
         let (shared, names) = {
