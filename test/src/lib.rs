@@ -20,6 +20,7 @@
 
 mod config;
 mod cpp;
+mod hosts;
 mod master;
 mod needs;
 mod process;
@@ -34,6 +35,7 @@ mod world;
 use std::time::Duration;
 
 pub use config::{Config, Route};
+pub use hosts::Host;
 pub use master::{Books, Owners};
 pub use needs::{Need, repository, run};
 pub use process::{Output, Process};

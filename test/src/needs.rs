@@ -7,9 +7,8 @@ use std::sync::OnceLock;
 
 use anyhow::{Context as _, bail};
 
-use crate::cpp;
 use crate::real::{self, Installation};
-use crate::{Result, World};
+use crate::{Result, World, cpp, hosts};
 
 /// Something a test cannot do without.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -34,6 +33,9 @@ pub enum Need {
     /// ROS 1 as Debian has it: rosmaster, rospy and the tools. Some systems have none: tests that need
     /// it are skipped there, whatever `WRAPYFI_REQUIRE_PEERS` says.
     Ros1,
+    /// Network namespaces that can be joined, as root may make them. Where they cannot be made the test
+    /// is skipped, whatever `WRAPYFI_REQUIRE_PEERS` says.
+    Hosts,
     /// A compiler and roscpp. Some systems have none: tests that need it are skipped there, whatever
     /// `WRAPYFI_REQUIRE_PEERS` says.
     Roscpp,
@@ -67,6 +69,7 @@ pub fn run(test: &str, needs: &[Need], body: impl FnOnce(&World) -> Result) -> R
         if let Err(reason) = check(*need) {
             let is_required = match need {
                 Need::FastDds => !cpp::FAST_DDS.lacks_library(),
+                Need::Hosts => false,
                 Need::Ros1 => has_package("python3-rospy"),
                 Need::Roscpp => !cpp::ROSCPP.lacks_library() || has_package("libroscpp-dev"),
                 Need::Ros2Package(_) | Need::WrapyfiOnRos2 => false,
@@ -98,6 +101,7 @@ fn check(need: Need) -> Result {
         Need::Python => python().map(drop),
         Need::Package(name) => package(name),
         Need::Ros1 => ros1(),
+        Need::Hosts => hosts::or_why_not(),
         Need::FastDds => cpp::FAST_DDS.or_why_not().map(drop),
         Need::Roscpp => cpp::ROSCPP.or_why_not().map(drop),
         Need::Ros2 => Installation::find().map(drop),

@@ -317,13 +317,17 @@ impl World {
     /// # Errors
     /// Where it cannot be started.
     pub fn peer(&self, script: &str, args: &str) -> Result<Process> {
+        Process::start(script, self.peer_command(script, args)?, &self.pillars)
+    }
+
+    pub(crate) fn peer_command(&self, script: &str, args: &str) -> Result<Command> {
         let file = repository().join("test/peers").join(script).into_os_string();
         let all = std::iter::once(file).chain(args.split_whitespace().map(Into::into));
         let mut command = self.command(&needs::python()?, all);
         // Python decides by locale otherwise; and a .pyc beside the source would show up in git.
         command.env("PYTHONUTF8", "1").env("PYTHONDONTWRITEBYTECODE", "1");
         self.cross_ports(&mut command, args);
-        Process::start(script, command, &self.pillars)
+        Ok(command)
     }
 
     /// Starts the peer on Fast DDS; `args` are split at blanks.
@@ -398,6 +402,12 @@ impl World {
         )
     }
 
+    /// Port of this test's ROS 1 master.
+    #[must_use]
+    pub fn ros_port(&self) -> u16 {
+        self.ros_port.number
+    }
+
     /// Address of this test's ROS 1 master.
     #[must_use]
     pub fn ros_master_uri(&self) -> String {
@@ -410,6 +420,10 @@ impl World {
     /// # Errors
     /// Where it cannot be started.
     pub fn rospy(&self, args: &str, value: Option<&str>) -> Result<Process> {
+        Process::start("rospy_peer.py", self.rospy_command(args, value), &self.pillars)
+    }
+
+    pub(crate) fn rospy_command(&self, args: &str, value: Option<&str>) -> Command {
         let file = repository().join("test/peers/rospy_peer.py").into_os_string();
         let mut all: Vec<std::ffi::OsString> = vec![file];
         all.extend(args.split_whitespace().map(Into::into));
@@ -418,7 +432,11 @@ impl World {
         }
         let mut command = self.command(Path::new(needs::SYSTEM_PYTHON), all);
         command.env("PYTHONUTF8", "1").env("PYTHONDONTWRITEBYTECODE", "1");
-        Process::start("rospy_peer.py", command, &self.pillars)
+        command
+    }
+
+    pub(crate) fn pillars(&self) -> &Pillars {
+        &self.pillars
     }
 
     /// Starts a node of roscpp; `args` are split at blanks, `value` is its `--value` as it is.
@@ -562,6 +580,10 @@ impl World {
             "ROS_HOSTNAME",
             "ROS_NAMESPACE",
             "RUST_LOG",
+            "WRAPYFI_ROS_INSECURE",
+            "WRAPYFI_YARP_INSECURE",
+            "WRAPYFI_ZEROMQ_INSECURE",
+            "YARP_IP",
         ] {
             command.env_remove(variable);
         }

@@ -8,6 +8,10 @@ pub enum Failure {
     /// Bad usage or configuration: exit code 2.
     #[error("{0}")]
     Usage(String),
+    /// Something that the settings name is not there: exit code 2 of a command. The routes of a bridge
+    /// wait for it.
+    #[error("{0}")]
+    Absent(String),
     /// What was waited for did not come in time: exit code 3.
     #[error("{0}")]
     TimedOut(String),
@@ -32,7 +36,7 @@ impl Failure {
         match self {
             Self::Unread => 0,
             Self::Failed(_) => 1,
-            Self::Usage(_) => 2,
+            Self::Usage(_) | Self::Absent(_) => 2,
             Self::TimedOut(_) => 3,
         }
     }

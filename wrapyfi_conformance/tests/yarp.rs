@@ -31,7 +31,7 @@ struct Raw {
 }
 
 fn side(name_server: SocketAddr, embedded: bool) -> Yarp {
-    let name_server = Some(name_server);
+    let name_server = Some(name_server.into());
     Yarp::start(&YarpConfig { name_server, embedded, ..YarpConfig::default() }).unwrap()
 }
 

@@ -22,6 +22,7 @@
 //! * [`plugin`]: pandas, torch, Pillow, … and objects of your own.
 //! * [`endpoint`]: the traits every middleware implements, bounded queues, counters.
 //! * [`middleware`]: the transports.
+//! * [`network`]: names of machines, and who may reach our sockets.
 //! * [`engine`]: configuration, routes and the loop that moves messages.
 //! * [`communicator`]: registered methods, Wrapyfi's programming model.
 //! * [`node`]: what makes a process a ROS 2 node: names, `--ros-args`.
@@ -80,6 +81,7 @@ pub mod endpoint;
 pub mod engine;
 mod limits;
 pub mod middleware;
+pub mod network;
 pub mod node;
 pub mod plugin;
 mod throttle;

@@ -44,7 +44,7 @@ impl World {
     }
 
     fn yarp(&self) -> Yarp {
-        let name_server = Some(self.address);
+        let name_server = Some(self.address.into());
         Yarp::start(&YarpConfig { name_server, ..YarpConfig::default() }).unwrap()
     }
 
@@ -315,10 +315,10 @@ fn ports_are_listed_by_their_connections() {
 
 #[test]
 fn other_machines_do_not_reach_ports_unless_they_may() {
-    let ip = Ipv4Addr::UNSPECIFIED.into();
-    let name_server = Some((Ipv4Addr::LOCALHOST, 1).into());
+    let ip = Some(Ipv4Addr::UNSPECIFIED.into());
+    let name_server = Some(([127, 0, 0, 1], 1).into());
     let config = YarpConfig { ip, name_server, ..YarpConfig::default() };
     let refused = Yarp::start(&config).unwrap_err();
     assert!(refused.to_string().contains("insecure: true"), "{refused}");
-    drop(Yarp::start(&YarpConfig { insecure: true, ..config }).unwrap());
+    drop(Yarp::start(&YarpConfig { insecure: true.into(), ..config }).unwrap());
 }

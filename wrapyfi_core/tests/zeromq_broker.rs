@@ -122,9 +122,12 @@ fn addresses_others_can_reach_are_refused() {
     let error = Broker::start(&config).unwrap_err();
     assert!(matches!(error, BrokerError::NotLoopback { .. }));
     assert!(error.to_string().contains("insecure: true"), "{error}");
-    Broker::start(&BrokerConfig { insecure: true, ..config }).unwrap();
-    let elsewhere =
-        BrokerConfig { ip: "192.0.2.1".to_owned(), insecure: true, ..BrokerConfig::default() };
+    Broker::start(&BrokerConfig { insecure: true.into(), ..config }).unwrap();
+    let elsewhere = BrokerConfig {
+        ip: "192.0.2.1".to_owned(),
+        insecure: true.into(),
+        ..BrokerConfig::default()
+    };
     assert!(matches!(Broker::start(&elsewhere), Err(BrokerError::NotHere { .. })));
 }
 

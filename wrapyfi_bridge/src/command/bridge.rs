@@ -41,7 +41,8 @@ pub fn run(
     options: Options,
     shutdown: &Shutdown,
 ) -> Result<(), Failure> {
-    let Loaded { endpoints, mut plan, types: mut store } = loaded;
+    let Loaded { mut endpoints, mut plan, types: mut store } = loaded;
+    middlewares::take_parameters(&mut endpoints, &mut parameters)?;
     overrides::apply(&mut plan, node, &mut parameters).map_err(Failure::usage)?;
     warn_of_unused(&parameters);
     warn_of_unheard(&plan, node);

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
 use wrapyfi_core::middleware::zeromq::{Broker, BrokerError, ServiceBroker, ZeroMqConfig};
+use wrapyfi_core::network::Place;
 
 use crate::cli::BrokerArgs;
 use crate::exit::Failure;
@@ -17,6 +18,7 @@ use crate::shutdown::Shutdown;
 /// Exit code 2 for bad settings, 1 when a port is taken.
 pub fn run(args: &BrokerArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let mut config = ZeroMqConfig::from_env().map_err(Failure::usage)?;
+    config.insecure.said(Place::Argument, args.ip.is_some(), args.insecure);
     if let Some(ip) = &args.ip {
         config.ip.clone_from(ip);
     }
@@ -24,7 +26,6 @@ pub fn run(args: &BrokerArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     config.sub_port = args.sub_port.unwrap_or(config.sub_port);
     config.rep_port = args.ports.rep_port.unwrap_or(config.rep_port);
     config.req_port = args.ports.req_port.unwrap_or(config.req_port);
-    config.insecure |= args.insecure;
     let services = match ServiceBroker::start(&config.service_broker_config()) {
         Ok(services) => Some(services),
         // Wrapyfi's servers bring theirs along: topics need not wait for them to end.
@@ -32,7 +33,7 @@ pub fn run(args: &BrokerArgs, shutdown: &Shutdown) -> Result<(), Failure> {
             tracing::warn!("no broker of requests and replies here: {error}");
             None
         }
-        Err(error) => return Err(anyhow::Error::new(error).into()),
+        Err(error) => return Err(failed(error)),
     };
     if let Some(services) = &services {
         tracing::info!(
@@ -42,7 +43,7 @@ pub fn run(args: &BrokerArgs, shutdown: &Shutdown) -> Result<(), Failure> {
             services.req_port()
         );
     }
-    let broker = Broker::start(&config.broker_config()).map_err(anyhow::Error::new)?;
+    let broker = Broker::start(&config.broker_config()).map_err(failed)?;
     tracing::info!(
         "broker on {}: listeners connect to port {}, publishers to port {}",
         broker.ip(),
@@ -69,4 +70,11 @@ pub fn run(args: &BrokerArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         tracing::info!("forwarded {} requests, {} replies", served.requests, served.replies);
     }
     Ok(())
+}
+
+fn failed(error: BrokerError) -> Failure {
+    match error {
+        BrokerError::NotLoopback(_) | BrokerError::SamePort { .. } => Failure::usage(error),
+        error => anyhow::Error::new(error).into(),
+    }
 }

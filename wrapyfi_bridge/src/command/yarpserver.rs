@@ -4,6 +4,8 @@ use std::net::{IpAddr, ToSocketAddrs};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
+use wrapyfi_core::middleware::yarp::{self, YarpConfig};
+use wrapyfi_core::network::Place;
 use wrapyfi_yarp::name::conf::{ConfError, NameServerConf, file_of, namespace};
 use wrapyfi_yarp::name::environment::Environment;
 use wrapyfi_yarp::server::{NameServer, NameServerError, NameServerOptions};
@@ -23,12 +25,17 @@ pub fn run(args: &YarpServerArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     };
     let place = place(args, &environment).map_err(Failure::usage)?;
     let ip = resolve(&place.host).map_err(Failure::usage)?;
+    let mut insecure = YarpConfig::from_env().map_err(Failure::usage)?.insecure;
+    insecure.said(Place::Environment, args.read, insecure.is_allowed);
+    insecure.said(Place::Argument, args.ip.is_some(), args.insecure);
+    insecure.check(yarp::NAME, "a name server", ip).map_err(Failure::usage)?;
     let discovery = environment.base_port().map_err(Failure::usage)?;
     let options = NameServerOptions {
         ip,
         port: place.port,
         namespace: namespace(&environment).map_err(Failure::usage)?,
-        insecure: args.insecure,
+        // Asked above.
+        insecure: true,
         discovery_port: (!args.no_discovery).then_some(discovery),
         ..NameServerOptions::default()
     };
@@ -38,7 +45,6 @@ pub fn run(args: &YarpServerArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         .build()
         .context("cannot start the runtime")?;
     let server = runtime.block_on(NameServer::start(options)).map_err(|error| match error {
-        NameServerError::NotLoopback { .. } => Failure::usage(format!("{error} (--insecure)")),
         NameServerError::BadNamespace { .. } => Failure::usage(error),
         error => anyhow::Error::new(error).into(),
     })?;

@@ -51,12 +51,13 @@ impl DemoMiddlewares {
         let mut sources = Registry::new();
         sources.register(Arc::new(ZeroMq::start(&config).context("zeromq")?));
         let robot_side = Yarp::start(&YarpConfig {
-            name_server: Some(SocketAddr::from((Ipv4Addr::LOCALHOST, 0))),
+            name_server: Some(SocketAddr::from((Ipv4Addr::LOCALHOST, 0)).into()),
             embedded: true,
             ..YarpConfig::default()
         });
         let robot_side = robot_side.context("yarp")?;
-        let config = YarpConfig { name_server: robot_side.embedded(), ..YarpConfig::default() };
+        let name_server = robot_side.embedded().map(Into::into);
+        let config = YarpConfig { name_server, ..YarpConfig::default() };
         let yarp = Yarp::start(&config).context("yarp")?;
         let name_server = robot_side.name_server().to_owned();
         sources.register(Arc::new(robot_side));

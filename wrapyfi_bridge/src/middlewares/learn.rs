@@ -48,7 +48,15 @@ pub(super) fn from_publishers(
         let Ok(name) = TypeName::parse(Dialect::Ros2, &wanted.value) else { continue };
         let ros1 = match &mut node {
             Some(ros1) => ros1,
-            none => none.insert(config.endpoints.ros.start()?),
+            none => match config.endpoints.ros.start(&config.endpoints.hosts) {
+                Ok(started) => none.insert(started),
+                Err(refused @ Failure::Usage(_)) => return Err(refused),
+                // Its routes wait; what they carry is said to be unknown below.
+                Err(absent) => {
+                    tracing::warn!("{name} cannot be asked from its publishers: {absent}");
+                    continue;
+                }
+            },
         };
         let end = begin + LEARNING;
         // Of several publishers one may show another type.

@@ -1,9 +1,13 @@
 //! A configuration file: its section `endpoints`, its routes, their types.
 
+use std::net::IpAddr;
 use std::path::Path;
 
 use serde::Deserialize;
-use wrapyfi_core::engine::{Carried, Config, ConfigError, MAX_CONFIG_BYTES, Plan, Problem};
+use wrapyfi_core::engine::{
+    Carried, Config, ConfigError, MAX_CONFIG_BYTES, Plan, Problem, Spanned,
+};
+use wrapyfi_core::network::{Hosts, Insecure, Place};
 use wrapyfi_interfaces::store::TypeStore;
 
 use super::learn;
@@ -26,6 +30,33 @@ pub struct Endpoints {
     pub ros: Ros1Section,
     /// YARP's name server, and our ports.
     pub yarp: YarpSection,
+    /// `hosts` of the configuration.
+    #[serde(skip)]
+    pub hosts: Hosts,
+}
+
+/// `insecure` of a section: whether other machines may reach what listens at its address.
+#[derive(Debug, Clone, Copy)]
+pub struct Word(pub Insecure);
+
+impl Default for Word {
+    fn default() -> Self {
+        Self(Insecure { is_allowed: false, place: Place::File })
+    }
+}
+
+impl<'de> Deserialize<'de> for Word {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let is_allowed = bool::deserialize(deserializer)?;
+        Ok(Self(Insecure { is_allowed, ..Self::default().0 }))
+    }
+}
+
+impl Word {
+    /// Adds what the section says to what the environment does.
+    pub fn say(self, insecure: &mut Insecure, names_address: bool) {
+        insecure.said(self.0.place, names_address, self.0.is_allowed);
+    }
 }
 
 /// A configuration that was read and checked.
@@ -87,7 +118,11 @@ fn read(
     learn: impl FnOnce(&Config<Endpoints>, &mut TypeStore) -> Result<(), Failure>,
 ) -> Result<Loaded, Failure> {
     let mut config: Config<Endpoints> = Config::from_yaml(text, name).map_err(Failure::usage)?;
-    check(&mut config.endpoints, beside)
+    hosts(&config)
+        .and_then(|hosts| {
+            config.endpoints.hosts = hosts;
+            check(&mut config.endpoints, beside)
+        })
         .map_err(|problem| ConfigError { file: name.to_owned(), problems: vec![problem] })
         .map_err(Failure::usage)?;
     let folders: Vec<_> =
@@ -106,9 +141,21 @@ fn read(
     Ok(Loaded { endpoints: config.endpoints, plan, types })
 }
 
+/// The names of machines that the configuration maps to addresses.
+fn hosts(config: &Config<Endpoints>) -> Result<Hosts, Problem> {
+    let address = |(host, written): (&String, &Spanned<String>)| match written.value.parse::<IpAddr>() {
+        Ok(ip) => Ok((host.clone(), ip)),
+        Err(_) => {
+            let text = format!("hosts: {host} is {:?}, which is no address", written.value);
+            Err(Problem::at(written.referenced, text))
+        }
+    };
+    config.hosts.iter().map(address).collect()
+}
+
 /// Finds what can be found wrong before anything is started, and reads what the sections name.
 fn check(endpoints: &mut Endpoints, beside: &Path) -> Result<(), Problem> {
-    endpoints.zeromq.check()?;
+    endpoints.zeromq.check(&endpoints.hosts)?;
     endpoints.yarp.check()?;
     endpoints.ros.read_rules(beside)
 }

@@ -6,6 +6,7 @@
 //!
 //!   learn                      types from publishers
 //!   load                       a configuration file -> sections and routes
+//!   parameters                 sections changed by the parameters of the node
 //!   zeromq, ros2, ros1, yarp   a section each, and the middleware that it makes
 //!   demo                       the parties of `wrapyfi demo`
 //! ```
@@ -15,6 +16,7 @@
 mod demo;
 mod learn;
 mod load;
+mod parameters;
 mod ros1;
 mod ros2;
 mod yarp;
@@ -25,16 +27,18 @@ use std::sync::Arc;
 
 use anyhow::Context as _;
 use wrapyfi_core::Limits;
-use wrapyfi_core::endpoint::{EndpointAddress, Middleware, Registry};
+use wrapyfi_core::endpoint::{EndpointAddress, Late, Middleware, Registry, StartFault};
 use wrapyfi_core::engine::{Available, Plan};
 use wrapyfi_core::middleware::ros2::graph::Graph;
 use wrapyfi_core::middleware::ros2::{NodeEndpoints, NodeHandle, Ros2};
+use wrapyfi_core::network::Hosts;
 use wrapyfi_core::node::parameters::ParameterStore;
 use wrapyfi_interfaces::store::TypeStore;
 
 pub use self::demo::DemoMiddlewares;
 pub(crate) use self::learn::{LearnTopicError, of_topic};
 pub use self::load::{Endpoints, Loaded, load, load_and_learn, load_text};
+pub use self::parameters::take_parameters;
 pub use self::ros1::Ros1Section;
 pub use self::ros2::Ros2Section;
 pub use self::yarp::{DialectWord, YarpSection};
@@ -74,24 +78,32 @@ impl Middlewares {
     /// The middlewares that `plan` uses, as the ROS 2 node `node`.
     ///
     /// # Errors
-    /// Exit code 2 for settings that cannot work, 1 when one does not start.
+    /// Exit code 2 for settings that cannot work, 1 when the ROS 2 node does not start. Another
+    /// middleware that does not start is no error: its routes wait, and it is tried again.
     pub fn for_plan(endpoints: &Endpoints, plan: &Plan, node: &Node) -> Result<Self, Failure> {
         let largest = plan.largest_message();
         let mut middlewares = Self::default();
+        let Endpoints { zeromq, ros, yarp, hosts, .. } = endpoints.clone();
         if plan.uses("zeromq") {
-            let zeromq = endpoints.zeromq.start(None, largest)?;
-            let ends = plan.services.iter().flat_map(|route| [&route.offered, &route.service]);
-            if ends.into_iter().any(|end| end.middleware == "zeromq") {
-                // A server of Wrapyfi's that was told not to start one relies on it.
-                zeromq.start_services().context("zeromq")?;
-            }
-            middlewares.add(Arc::new(zeromq));
+            let mut ends = plan.services.iter().flat_map(|route| [&route.offered, &route.service]);
+            let serves = ends.any(|end| end.middleware == "zeromq");
+            let hosts = hosts.clone();
+            middlewares.add_or_wait("zeromq", move || {
+                let zeromq = zeromq.start(None, largest, &hosts)?;
+                if serves {
+                    // A server of Wrapyfi's that was told not to start one relies on it.
+                    zeromq.start_services().context("zeromq")?;
+                }
+                Ok(Arc::new(zeromq))
+            })?;
         }
         if plan.uses(yarp::NAME) {
-            middlewares.add(Arc::new(endpoints.yarp.start(largest)?));
+            let hosts = hosts.clone();
+            middlewares
+                .add_or_wait(yarp::NAME, move || Ok(Arc::new(yarp.start(largest, &hosts)?)))?;
         }
         if plan.uses(ros1::NAME) {
-            middlewares.add(Arc::new(endpoints.ros.start()?));
+            middlewares.add_or_wait(ros1::NAME, move || Ok(Arc::new(ros.start(&hosts)?)))?;
         }
         if plan.uses("ros2") {
             let ros2 = endpoints.ros2.start(node, largest)?;
@@ -140,13 +152,19 @@ impl Middlewares {
         let largest = Limits::default().message_bytes;
         match address.middleware.as_str() {
             "zeromq" => {
-                middlewares.add(Arc::new(endpoints.zeromq.start(Some(role), largest)?));
+                middlewares.add(Arc::new(endpoints.zeromq.start(
+                    Some(role),
+                    largest,
+                    &endpoints.hosts,
+                )?));
             }
             "ros2" => {
                 middlewares.add(Arc::new(Self::ros2_of_command()?));
             }
-            yarp::NAME => middlewares.add(Arc::new(endpoints.yarp.start(largest)?)),
-            ros1::NAME => middlewares.add(Arc::new(endpoints.ros.start()?)),
+            yarp::NAME => {
+                middlewares.add(Arc::new(endpoints.yarp.start(largest, &endpoints.hosts)?));
+            }
+            ros1::NAME => middlewares.add(Arc::new(endpoints.ros.start(&endpoints.hosts)?)),
             other => {
                 let text = format!(
                     "middleware {other:?} is not available; available: {}",
@@ -178,7 +196,7 @@ impl Middlewares {
         let section = ZeroMqSection { rep_port, req_port, ..ZeroMqSection::default() };
         let mut middlewares = Self::default();
         let largest = Limits::default().message_bytes;
-        middlewares.add(Arc::new(section.start(Some(role), largest)?));
+        middlewares.add(Arc::new(section.start(Some(role), largest, &Hosts::default())?));
         Ok(middlewares)
     }
 
@@ -213,6 +231,29 @@ impl Middlewares {
 
     fn add(&mut self, middleware: Arc<dyn Middleware>) {
         self.registry.register(middleware);
+    }
+
+    /// Starts a middleware; where something that it needs is not there, it is tried again later.
+    fn add_or_wait(
+        &mut self,
+        name: &'static str,
+        mut start: impl FnMut() -> Result<Arc<dyn Middleware>, Failure> + Send + 'static,
+    ) -> Result<(), Failure> {
+        let middleware = match start() {
+            Ok(started) => started,
+            Err(Failure::Usage(fault)) => return Err(Failure::Usage(fault)),
+            Err(absent) => {
+                let again = move || {
+                    start().map_err(|failure| match failure {
+                        Failure::Usage(fault) => StartFault::Hopeless(fault),
+                        absent => StartFault::Absent(absent.to_string()),
+                    })
+                };
+                Arc::new(Late::new(name, absent.to_string(), again).context(name)?)
+            }
+        };
+        self.add(middleware);
+        Ok(())
     }
 }
 

@@ -7,8 +7,10 @@ use serde::Deserialize;
 use wrapyfi_core::engine::{Available, MAX_CONFIG_BYTES, Problem, Spanned};
 pub(super) use wrapyfi_core::middleware::ros1::NAME;
 use wrapyfi_core::middleware::ros1::{self, Ros1, Ros1Config, StartError};
+use wrapyfi_core::network::Hosts;
 use wrapyfi_interfaces::ros1::Rules;
 
+use super::load::Word;
 use crate::exit::Failure;
 
 /// The middleware as routes and commands address it, with its rules for topics.
@@ -27,7 +29,7 @@ pub struct Ros1Section {
     pub node: Option<String>,
     pub remap: BTreeMap<String, String>,
     pub mapping_rules: Vec<Spanned<String>>,
-    pub insecure: bool,
+    pub insecure: Word,
     /// What those files say, once they were read.
     #[serde(skip)]
     pub rules: Rules,
@@ -61,19 +63,21 @@ impl Ros1Section {
     ///
     /// # Errors
     /// Exit code 2 for settings that cannot work, 1 when it does not start.
-    pub fn start(&self) -> Result<Ros1, Failure> {
+    pub fn start(&self, hosts: &Hosts) -> Result<Ros1, Failure> {
         let mut config = Ros1Config::from_env().map_err(Failure::usage)?;
         let Ros1Section { master_uri, hostname, namespace, node, remap, insecure, rules, .. } =
             self.clone();
         config.master_uri = master_uri.unwrap_or(config.master_uri);
+        insecure.say(&mut config.insecure, hostname.is_some());
         config.hostname = hostname.or(config.hostname);
+        config.hosts = hosts.clone();
         config.namespace = namespace.unwrap_or(config.namespace);
         config.node = node.or(config.node);
         config.remaps = remap.into_iter().collect();
         config.mapping_rules = rules;
-        config.insecure |= insecure;
         Ros1::start(&config).map_err(|error| match error {
-            StartError::Config(error) => Failure::usage(error),
+            hopeless if hopeless.is_hopeless() => Failure::usage(hopeless),
+            StartError::Config(error) => Failure::Absent(error.to_string()),
             other => anyhow::Error::new(other).context("ros").into(),
         })
     }

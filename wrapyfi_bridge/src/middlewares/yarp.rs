@@ -1,12 +1,14 @@
 //! `endpoints.yarp` of a configuration, and the middleware that it makes.
 
-use std::net::{IpAddr, SocketAddr};
+use std::net::IpAddr;
 
 use serde::Deserialize;
 use wrapyfi_core::engine::{Available, Problem, Spanned};
 pub(super) use wrapyfi_core::middleware::yarp::NAME;
-use wrapyfi_core::middleware::yarp::{self, Dialect, StartError, Yarp, YarpConfig};
+use wrapyfi_core::middleware::yarp::{self, Dialect, NameServerConf, StartError, Yarp, YarpConfig};
+use wrapyfi_core::network::Hosts;
 
+use super::load::Word;
 use crate::exit::Failure;
 
 /// The middleware as routes and commands address it, with its rules for topics.
@@ -23,7 +25,7 @@ pub struct YarpSection {
     pub namespace: Option<String>,
     pub dialect: Option<DialectWord>,
     pub ip: Option<Spanned<String>>,
-    pub insecure: bool,
+    pub insecure: Word,
 }
 
 /// How bottles are encoded.
@@ -38,46 +40,34 @@ pub enum DialectWord {
 impl YarpSection {
     /// Finds what can be found wrong before anything is started.
     pub fn check(&self) -> Result<(), Problem> {
-        if let Some(written) = &self.name_server
-            && written.value.parse::<SocketAddr>().is_err()
-        {
-            let text = format!(
-                "name_server {:?} is no address: write it as 127.0.0.1:10000",
-                written.value
-            );
-            return Err(Problem::at(written.referenced, text));
+        if let Some(written) = &self.name_server {
+            let parsed = written.value.parse::<NameServerConf>();
+            parsed
+                .map_err(|wrong| Problem::at(written.referenced, format!("name_server {wrong}")))?;
         }
         let Some(written) = &self.ip else { return Ok(()) };
-        let text = match written.value.parse::<IpAddr>() {
-            Err(_) => format!("ip {:?} is no address: write it as 127.0.0.1", written.value),
-            Ok(ip) if !ip.is_loopback() && !self.insecure => format!(
-                "ip {ip} is open to other machines, and nothing is encrypted there; use 127.0.0.1, or \
-                 write insecure: true"
-            ),
-            Ok(_) => return Ok(()),
-        };
-        Err(Problem::at(written.referenced, text))
+        let wrong = |text: String| Problem::at(written.referenced, text);
+        let ip = written.value.parse::<IpAddr>().map_err(|_text| {
+            wrong(format!("ip {:?} is no address: write it as 127.0.0.1", written.value))
+        })?;
+        self.insecure.0.check(NAME, "a port", ip).map_err(|refused| wrong(refused.to_string()))
     }
 
     /// Starts the middleware.
     ///
     /// # Errors
-    /// Exit code 2 for settings that cannot work, 1 when it does not start.
-    pub fn start(&self, largest_message: usize) -> Result<Yarp, Failure> {
-        let mut config = match &self.name_server {
-            // The environment need not know a name server where the file does.
-            Some(_) => YarpConfig::default(),
-            None if self.embedded => YarpConfig::from_env().unwrap_or_default(),
-            None => YarpConfig::from_env().map_err(Failure::usage)?,
-        };
+    /// Exit code 2 for settings that cannot work or that name nothing, 1 when it does not start.
+    pub fn start(&self, largest_message: usize, hosts: &Hosts) -> Result<Yarp, Failure> {
+        let mut config = YarpConfig::from_env().map_err(Failure::usage)?;
         if let Some(written) = &self.name_server {
             config.name_server = Some(written.value.parse().map_err(Failure::usage)?);
         }
+        self.insecure.say(&mut config.insecure, self.ip.is_some());
         if let Some(written) = &self.ip {
-            config.ip = written.value.parse().map_err(Failure::usage)?;
+            config.ip = Some(written.value.parse().map_err(Failure::usage)?);
         }
         config.embedded = self.embedded;
-        config.insecure |= self.insecure;
+        config.hosts = hosts.clone();
         if let Some(namespace) = &self.namespace {
             config.namespace = Some(namespace.clone());
         }
@@ -88,7 +78,10 @@ impl YarpSection {
         }
         config.max_message_bytes = config.max_message_bytes.max(largest_message);
         Yarp::start(&config).map_err(|error| match error {
-            StartError::NameServer(_) | StartError::NotLoopback { .. } => Failure::usage(error),
+            hopeless if hopeless.is_hopeless() => Failure::usage(hopeless),
+            absent @ (StartError::NameServer(_) | StartError::Host { .. }) => {
+                Failure::Absent(absent.to_string())
+            }
             other => Failure::Failed(anyhow::Error::new(other).context("yarp")),
         })
     }

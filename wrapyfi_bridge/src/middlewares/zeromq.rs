@@ -1,13 +1,12 @@
 //! `endpoints.zeromq` of a configuration, and the middleware that it makes.
 
-use std::net::IpAddr;
-
-use anyhow::Context as _;
 use serde::Deserialize;
 use wrapyfi_core::engine::{Available, Problem, Spanned};
 use wrapyfi_core::middleware::zeromq::{self, BrokerMode, ZeroMq, ZeroMqConfig};
+use wrapyfi_core::network::Hosts;
 
 use super::Role;
+use super::load::Word;
 use crate::exit::Failure;
 
 /// The middleware as routes and commands address it, with its rules for topics.
@@ -28,7 +27,7 @@ pub struct ZeroMqSection {
     pub broker: Option<BrokerWord>,
     pub monitor_topic: Option<String>,
     pub send_hwm: Option<u16>,
-    pub insecure: bool,
+    pub insecure: Word,
 }
 
 /// Who runs the broker.
@@ -41,36 +40,45 @@ pub enum BrokerWord {
 }
 
 impl ZeroMqSection {
-    /// An address that other machines reach is refused before anything starts.
-    pub fn check(&self) -> Result<(), Problem> {
-        match &self.ip {
-            Some(ip) if !self.insecure => match ip.value.parse::<IpAddr>() {
-                Ok(address) if !address.is_loopback() => Err(Problem::at(
-                    ip.referenced,
-                    format!(
-                        "ip {address} is open to other machines, and nothing is encrypted there; use \
-                         127.0.0.1, or write insecure: true"
-                    ),
-                )),
-                _ => Ok(()),
-            },
-            _ => Ok(()),
+    /// A broker of ours that other machines reach is refused before anything starts.
+    pub fn check(&self, hosts: &Hosts) -> Result<(), Problem> {
+        let Some(written) = &self.ip else { return Ok(()) };
+        let mut config = ZeroMqConfig { hosts: hosts.clone(), ..ZeroMqConfig::default() };
+        self.say(&mut config);
+        config.check().map_err(|refused| Problem::at(written.referenced, refused.to_string()))
+    }
+
+    /// Who runs the broker, where, and who may reach it.
+    fn say(&self, config: &mut ZeroMqConfig) {
+        self.insecure.say(&mut config.insecure, self.ip.is_some());
+        if let Some(ip) = &self.ip {
+            config.ip.clone_from(&ip.value);
         }
+        match self.broker {
+            Some(BrokerWord::Embedded) => config.broker = BrokerMode::Embedded,
+            Some(BrokerWord::Foreign) => config.broker = BrokerMode::Foreign,
+            None => return,
+        }
+        config.service_broker = config.broker;
     }
 
     /// Starts the middleware, for a command in the `role` that is given, else for routes.
     ///
     /// # Errors
     /// Exit code 2 for settings that cannot work, 1 when it does not start.
-    pub fn start(&self, role: Option<Role>, largest_message: usize) -> Result<ZeroMq, Failure> {
+    pub fn start(
+        &self,
+        role: Option<Role>,
+        largest_message: usize,
+        hosts: &Hosts,
+    ) -> Result<ZeroMq, Failure> {
         let config = match role {
             Some(Role::Client) => ZeroMqConfig::from_env_of_client(),
             _ => ZeroMqConfig::from_env(),
         };
         let mut config = config.map_err(Failure::usage)?;
-        if let Some(ip) = &self.ip {
-            config.ip.clone_from(&ip.value);
-        }
+        config.hosts = hosts.clone();
+        self.say(&mut config);
         if let Some(topic) = &self.monitor_topic {
             config.monitor_topic.clone_from(topic);
         }
@@ -79,24 +87,19 @@ impl ZeroMqSection {
         config.rep_port = self.rep_port.unwrap_or(config.rep_port);
         config.req_port = self.req_port.unwrap_or(config.req_port);
         config.send_hwm = self.send_hwm.unwrap_or(config.send_hwm);
-        config.insecure |= self.insecure;
         config.max_frame_bytes = config.max_frame_bytes.max(largest_message);
-        match self.broker {
-            Some(BrokerWord::Embedded) => config.broker = BrokerMode::Embedded,
-            Some(BrokerWord::Foreign) => config.broker = BrokerMode::Foreign,
-            None => (),
+        if self.broker.is_none() && role == Some(Role::Client) {
+            config.service_broker = BrokerMode::Foreign;
         }
-        config.service_broker = match (self.broker, role) {
-            (None, Some(Role::Client)) => BrokerMode::Foreign,
-            (None, _) => config.service_broker,
-            (Some(_), _) => config.broker,
-        };
         // What a command does not use is not started for it.
         if self.broker.is_none()
             && matches!(role, Some(Role::Listener | Role::Client | Role::Server))
         {
             config.broker = BrokerMode::Foreign;
         }
-        Ok(ZeroMq::start(&config).context("zeromq")?)
+        ZeroMq::start(&config).map_err(|error| match error {
+            hopeless if hopeless.is_hopeless() => Failure::usage(format!("zeromq: {hopeless}")),
+            absent => anyhow::Error::new(absent).context("zeromq").into(),
+        })
     }
 }

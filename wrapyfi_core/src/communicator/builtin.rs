@@ -53,6 +53,7 @@ mod zeromq {
     use crate::communicator::resolve::Side;
     use crate::communicator::source::{Planned, Source, StartError, Wanted};
     use crate::middleware::zeromq::{BrokerMode, NAME, ZeroMq, ZeroMqConfig};
+    use crate::network::Place;
 
     pub(super) struct ZeroMqSource;
 
@@ -69,9 +70,12 @@ mod zeromq {
                 _ => ZeroMqConfig::from_env(),
             };
             let mut config = read.map_err(StartError::refused)?;
-            if let Some(ip) = options.text("socket_ip")? {
+            let ip = options.text("socket_ip")?;
+            if let Some(ip) = ip {
                 ip.clone_into(&mut config.ip);
             }
+            let is_insecure = options.switch("insecure")?.unwrap_or(false);
+            config.insecure.said(Place::Keyword, ip.is_some(), is_insecure);
             if let Some(topic) = options.text("pubsub_monitor_topic")? {
                 topic.clone_into(&mut config.monitor_topic);
             }
@@ -112,6 +116,7 @@ mod ros1 {
     use crate::communicator::resolve::Side;
     use crate::communicator::source::{Planned, Source, StartError, Wanted};
     use crate::middleware::ros1::{NAME, Ros1, Ros1Config};
+    use crate::network::Place;
 
     /// Name of a node that none was given to, as in Wrapyfi.
     const NODE: &str = "wrapyfi";
@@ -150,6 +155,8 @@ mod ros1 {
             };
             let mut config = Ros1Config::from_env().map_err(StartError::refused)?;
             config.node = Some(node.clone());
+            let is_insecure = switch("insecure")?.flatten().unwrap_or(false);
+            config.insecure.said(Place::Keyword, false, is_insecure);
             let start = move || {
                 let started = Ros1::start(&config).map_err(StartError::refused)?;
                 Ok(Arc::new(started) as _)
@@ -285,6 +292,7 @@ mod yarp {
     use crate::communicator::option::{OptionError, Options};
     use crate::communicator::source::{Planned, Source, StartError, Wanted};
     use crate::middleware::yarp::{Dialect, NAME, Yarp, YarpConfig};
+    use crate::network::Place;
 
     pub(super) struct YarpSource;
 
@@ -301,7 +309,7 @@ mod yarp {
             {
                 return None;
             }
-            match YarpConfig::from_env() {
+            match YarpConfig::default().check_name_server() {
                 Err(error) if error.is_missing() => Some(error.to_string()),
                 _ => None,
             }
@@ -310,19 +318,27 @@ mod yarp {
         fn plan(&self, wanted: &Wanted<'_>) -> Result<Planned, StartError> {
             let kwargs = wanted.options.map("yarp_kwargs")?;
             let text = |name: &str| kwargs.map(|kwargs| kwargs.text(name)).transpose();
-            let server = text("name_server")?.flatten();
-            let mut config = match server {
-                Some(address) => {
-                    let fault = || OptionError {
-                        name: "name_server".to_owned(),
-                        found: format!("{address:?}"),
-                        wanted: "an address and a port, such as 127.0.0.1:10000".to_owned(),
-                    };
-                    let name_server = Some(address.parse().map_err(|_text| fault())?);
-                    YarpConfig { name_server, ..YarpConfig::default() }
-                }
-                None => YarpConfig::from_env().map_err(StartError::refused)?,
+            let fault = |name: &str, found: &str, wanted: &str| OptionError {
+                name: name.to_owned(),
+                found: format!("{found:?}"),
+                wanted: wanted.to_owned(),
             };
+            let mut config = YarpConfig::from_env().map_err(StartError::refused)?;
+            if let Some(server) = text("name_server")?.flatten() {
+                let wanted = "a host and a port, such as 127.0.0.1:10000";
+                let parsed = server.parse();
+                let parsed = parsed.map_err(|_text| fault("name_server", server, wanted))?;
+                config.name_server = Some(parsed);
+            }
+            let ip = text("ip")?.flatten();
+            if let Some(ip) = ip {
+                let parsed = ip.parse();
+                let parsed =
+                    parsed.map_err(|_text| fault("ip", ip, "an address, such as 127.0.0.1"))?;
+                config.ip = Some(parsed);
+            }
+            let switch = kwargs.map(|kwargs| kwargs.switch("insecure")).transpose()?.flatten();
+            config.insecure.said(Place::Keyword, ip.is_some(), switch.unwrap_or(false));
             if let Some(dialect) = text("dialect")?.flatten() {
                 config.dialect = dialect.parse::<Dialect>().map_err(StartError::refused)?;
             }

@@ -180,6 +180,22 @@ pub enum DiscoverError {
         /// Middleware asked.
         middleware: String,
     },
+    /// The middleware has not started; it is tried again.
+    #[error("{middleware} to start: {reason}")]
+    NotStarted {
+        /// Middleware asked.
+        middleware: String,
+        /// Why the last try failed.
+        reason: String,
+    },
+    /// The middleware can never start with its settings.
+    #[error("{middleware} does not start: {reason}")]
+    Refused {
+        /// Middleware asked.
+        middleware: String,
+        /// What is wrong with them.
+        reason: String,
+    },
     /// The transport refused.
     #[error("{middleware} could not list its endpoints: {reason}")]
     Transport {

@@ -21,6 +21,7 @@ mod clock;
 mod counters;
 mod discovery;
 mod inbox;
+mod late;
 mod latency;
 mod learn;
 mod mark;
@@ -45,6 +46,7 @@ pub use discovery::{
     AnnouncedDurability, AnnouncedQos, DiscoverError, Discovered, Discovery, Role, Traffic,
 };
 pub use inbox::{Overflow, QueueSpec, Receiver, Sender, inbox};
+pub use late::{Late, StartFault};
 pub use latency::{Latency, LatencySummary};
 pub use learn::{LearnError, Learned};
 pub(crate) use learn::{service_of_name, topic_of_name};
@@ -178,6 +180,12 @@ pub trait Middleware: Send + Sync {
     /// once: `None` where it has not told yet, and a later call has the answer.
     fn keeps_last(&self, found: &Discovered) -> Option<bool> {
         Some(found.qos.is_some_and(|qos| qos.durability != AnnouncedDurability::Volatile))
+    }
+
+    /// Why nothing of this middleware can work at the moment, for instance a master that does not
+    /// answer; `None` where nothing is known to be wrong.
+    fn waiting_for(&self) -> Option<String> {
+        None
     }
 }
 

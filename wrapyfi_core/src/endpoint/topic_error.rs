@@ -54,6 +54,22 @@ pub enum OpenError {
         /// Service as given.
         service: String,
     },
+    /// The middleware has not started; it is tried again.
+    #[error("{middleware} to start: {reason}")]
+    NotStarted {
+        /// Middleware asked.
+        middleware: &'static str,
+        /// Why the last try failed.
+        reason: String,
+    },
+    /// The middleware can never start with its settings.
+    #[error("{middleware} does not start: {reason}")]
+    Refused {
+        /// Middleware asked.
+        middleware: &'static str,
+        /// What is wrong with them.
+        reason: String,
+    },
     /// The transport refused; opening again later may succeed.
     #[error("{middleware} could not open {topic:?}: {reason}")]
     Transport {
@@ -70,7 +86,7 @@ impl OpenError {
     /// True when trying again later can help.
     #[must_use]
     pub fn is_transient(&self) -> bool {
-        matches!(self, Self::Transport { .. })
+        matches!(self, Self::Transport { .. } | Self::NotStarted { .. })
     }
 }
 

@@ -34,6 +34,9 @@ pub struct Config<E> {
     /// How to reach each middleware.
     #[serde(default)]
     pub endpoints: E,
+    /// Names of machines and their addresses, beside those that the system knows.
+    #[serde(default)]
+    pub hosts: BTreeMap<String, Spanned<String>>,
     /// Values for routes that do not set their own.
     #[serde(default)]
     pub defaults: Defaults,

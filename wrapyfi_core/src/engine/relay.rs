@@ -256,7 +256,9 @@ impl Relay {
             return trouble.clone();
         }
         if self.spec.lazy && self.source.open.is_none() && self.sink.open.is_some() {
-            return RouteState::Waiting(format!("a listener on {}", self.spec.to));
+            let source = self.source.middleware.as_ref().and_then(|source| source.waiting_for());
+            let nobody = || format!("a listener on {}", self.spec.to);
+            return RouteState::Waiting(source.unwrap_or_else(nobody));
         }
         let (Some(listener), Some(publisher)) = (&self.source.open, &self.sink.open) else {
             return self.state.clone();

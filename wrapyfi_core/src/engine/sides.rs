@@ -108,7 +108,9 @@ impl Side {
             Some(discovery) => discovery,
             none => match middleware.discover_closely() {
                 Ok(opened) => none.insert(opened),
-                Err(error @ DiscoverError::Unsupported { .. }) => {
+                Err(
+                    error @ (DiscoverError::Unsupported { .. } | DiscoverError::Refused { .. }),
+                ) => {
                     return self.lost(Away::Unable(error.to_string()));
                 }
                 Err(error) => return self.lost(Away::Waiting(error.to_string())),

@@ -9,6 +9,8 @@
 //! Each request has a connection of its own, as in YARP, is given up after a time, and reads no more
 //! than the limits allow: whoever answers at that address need not be a name server.
 
+use std::collections::BTreeMap;
+use std::net::IpAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -103,7 +105,7 @@ struct Settings {
     namespace: String,
     timeout: Duration,
     limits: Limits,
-    environment: Environment,
+    hosts: BTreeMap<String, IpAddr>,
 }
 
 impl NameClient {
@@ -115,25 +117,29 @@ impl NameClient {
             namespace: super::conf::DEFAULT_NAMESPACE.to_owned(),
             timeout: DEFAULT_TIMEOUT,
             limits: Limits::default(),
-            environment: Environment::default(),
+            hosts: BTreeMap::new(),
         }))
     }
 
-    /// A client of the name server that this machine's configuration names. Ports are registered
-    /// under the names, numbers and addresses that the environment gives them.
+    /// A client of the name server that this machine's configuration names.
     ///
     /// # Errors
     /// When there is no usable configuration; the error names the file.
     pub fn from_environment(environment: &Environment) -> Result<Self, ConfError> {
         let Located { conf, namespace, .. } = locate(environment)?;
-        Ok(Self::new(conf).with_namespace(namespace).with_environment(environment.clone()))
+        Ok(Self::new(conf).with_namespace(namespace))
     }
 
-    /// The same, registering ports as the environment wants them: see
-    /// [`Environment::port_naming`] and [`Environment::ip_prefix`].
+    /// The same with addresses of machines whose names the system need not know, that of the name
+    /// server and those under which ports are registered.
     #[must_use]
-    pub fn with_environment(mut self, environment: Environment) -> Self {
-        Arc::make_mut(&mut self.0).environment = environment;
+    pub fn with_hosts(mut self, hosts: impl IntoIterator<Item = (String, IpAddr)>) -> Self {
+        let settings = Arc::make_mut(&mut self.0);
+        settings.hosts = hosts.into_iter().collect();
+        let server = settings.hosts.get(&settings.server.host);
+        if let Some(ip) = server {
+            settings.server.host = ip.to_string();
+        }
         self
     }
 
@@ -200,7 +206,7 @@ impl NameClient {
 
     /// Registers a port, which takes the name from whoever had it.
     pub async fn register(&self, request: &NameRequest) -> Result<Registration, NameError> {
-        let command = self.register_command(&self.adapted(request)?)?;
+        let command = self.register_command(request)?;
         // YARP's own ports end this line with both bytes, and the others with one.
         let answer = self.one_line(&command, "\r\n").await?;
         match self.registration(&command, &answer)? {
@@ -414,7 +420,12 @@ impl NameClient {
             None => Err(self.nonsense(command, &answer.end)),
             Some(line) if line.starts_with(b"refused") => Err(self.refused(command, answer)),
             Some(line) => match reply::registration(line) {
-                Some(registration) => Ok(Some(registration)),
+                Some(mut registration) => {
+                    if let Some(ip) = self.0.hosts.get(&registration.host) {
+                        registration.host = ip.to_string();
+                    }
+                    Ok(Some(registration))
+                }
                 None => Err(self.nonsense(command, line)),
             },
         }

@@ -9,7 +9,9 @@
 //! There is no address to fall back to: without a file nobody knows a name server.
 
 use std::io::ErrorKind;
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use super::environment::{DEFAULT_PORT, Environment, EnvironmentError, safe_name};
 
@@ -99,6 +101,39 @@ impl ConfError {
     #[must_use]
     pub fn is_missing(&self) -> bool {
         matches!(self, Self::Missing { .. } | Self::NoFolder)
+    }
+}
+
+impl From<SocketAddr> for NameServerConf {
+    fn from(address: SocketAddr) -> Self {
+        Self { host: address.ip().to_string(), port: address.port() }
+    }
+}
+
+impl From<([u8; 4], u16)> for NameServerConf {
+    fn from(address: ([u8; 4], u16)) -> Self {
+        SocketAddr::from(address).into()
+    }
+}
+
+/// `HOST:PORT`.
+impl FromStr for NameServerConf {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if let Ok(address) = text.parse::<SocketAddr>() {
+            return Ok(address.into());
+        }
+        let wrong =
+            || format!("{text:?} is no address: write it as 127.0.0.1:10000 or robot:10000");
+        let (host, port) = text.rsplit_once(':').ok_or_else(wrong)?;
+        let letter = |letter: char| letter.is_ascii_alphanumeric() || "-._".contains(letter);
+        match port.parse() {
+            Ok(port) if !host.is_empty() && host.chars().all(letter) => {
+                Ok(Self { host: host.to_owned(), port })
+            }
+            _ => Err(wrong()),
+        }
     }
 }
 

@@ -12,6 +12,7 @@
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
+use std::net::{IpAddr, Ipv4Addr, UdpSocket};
 use std::path::PathBuf;
 
 /// The port of a name server where nothing else is said, and the first of its range.
@@ -114,10 +115,19 @@ impl Environment {
         Ok(self.port("YARP_PORT_RANGE")?.unwrap_or(DEFAULT_PORT))
     }
 
-    /// Beginning of the address that ports of this machine advertise: `$YARP_IP`.
-    #[must_use]
-    pub fn ip_prefix(&self) -> Option<&str> {
-        self.text("YARP_IP")
+    /// The address at which ports of this machine are reached, where `$YARP_IP` says so: it is one, or
+    /// the beginning of one that this machine has.
+    ///
+    /// # Errors
+    /// When no address of this machine that leads anywhere begins so.
+    pub fn own_ip(&self) -> Result<Option<IpAddr>, EnvironmentError> {
+        let Some(prefix) = self.text("YARP_IP") else { return Ok(None) };
+        let found = own_address(prefix).ok_or_else(|| EnvironmentError {
+            name: "YARP_IP".to_owned(),
+            value: prefix.to_owned(),
+            reason: "begins none of this machine's addresses: write the whole address, or unset it",
+        });
+        found.map(Some)
     }
 
     /// The name and the number under which a port called `name` is opened here: `$YARP_RENAME…`
@@ -160,6 +170,25 @@ pub fn safe_name(name: &str) -> String {
         .collect()
 }
 
+/// An address of this machine that begins with `prefix`: the prefix itself where it is a whole one.
+fn own_address(prefix: &str) -> Option<IpAddr> {
+    if let Ok(whole) = prefix.parse() {
+        return Some(whole);
+    }
+    // Nothing is sent: the system only says from which address it would be.
+    let leads = |to: IpAddr| {
+        let socket = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).ok()?;
+        socket.connect((to, 9)).ok()?;
+        Some(socket.local_addr().ok()?.ip())
+    };
+    // Towards an address that would lie in the network meant, then towards everything else.
+    let mut parts: Vec<&str> = prefix.trim_end_matches('.').split('.').collect();
+    parts.resize(4, "1");
+    let inside = parts.join(".").parse().ok().and_then(leads);
+    let outside = leads(IpAddr::V4(super::DISCOVERY_GROUP));
+    [inside, outside].into_iter().flatten().find(|address| address.to_string().starts_with(prefix))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -196,6 +225,16 @@ mod tests {
         assert_eq!(naming("/other"), PortNaming { name: "/left/other".into(), port: None });
         assert_eq!(naming("..."), PortNaming { name: "...".into(), port: None });
         assert_eq!(naming("=tail"), PortNaming { name: "=tail".into(), port: None });
+    }
+
+    #[test]
+    fn an_address_may_be_given_by_its_beginning() {
+        let ip = |text: &str| Environment::from_pairs([("YARP_IP", text)]).own_ip();
+        assert_eq!(Environment::default().own_ip(), Ok(None));
+        assert_eq!(ip("127."), Ok(Some(Ipv4Addr::LOCALHOST.into())));
+        assert_eq!(ip("192.0.2.7"), Ok(Some([192, 0, 2, 7].into())));
+        let error = ip("9.9.9.").unwrap_err().to_string();
+        assert!(error.contains("YARP_IP=\"9.9.9.\""), "{error}");
     }
 
     #[test]

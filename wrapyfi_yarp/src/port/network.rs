@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use super::link::LinkOptions;
 use super::names::{NameTable, Names};
+use crate::name::Environment;
 use crate::wire::datagram::MAX_DATAGRAM;
 use crate::{Dialect, Limits};
 
@@ -42,6 +43,7 @@ pub(super) struct Shared {
     pub(super) listen: IpAddr,
     pub(super) host: Option<String>,
     pub(super) max_datagram: usize,
+    pub(super) environment: Environment,
 }
 
 /// A network of ports: its name server, its dialect and its limits. Clones are the same network.
@@ -79,6 +81,7 @@ impl Network {
             listen: Ipv4Addr::UNSPECIFIED.into(),
             host: None,
             max_datagram: MAX_DATAGRAM,
+            environment: Environment::default(),
         }
     }
 
@@ -129,6 +132,7 @@ pub struct NetworkBuilder {
     listen: IpAddr,
     host: Option<String>,
     max_datagram: usize,
+    environment: Environment,
 }
 
 impl std::fmt::Debug for NetworkBuilder {
@@ -178,10 +182,26 @@ impl NetworkBuilder {
         Self { max_datagram: bytes, ..self }
     }
 
+    /// Opens ports under the names, at the numbers and addresses that these variables give them:
+    /// [`Environment::port_naming`], [`Environment::own_ip`].
+    pub fn environment(self, environment: Environment) -> Self {
+        Self { environment, ..self }
+    }
+
     /// The network.
     #[must_use]
     pub fn build(self) -> Network {
-        let Self { names, dialect, limits, timeouts, listen, host, max_datagram } = self;
-        Network(Arc::new(Shared { names, dialect, limits, timeouts, listen, host, max_datagram }))
+        let Self { names, dialect, limits, timeouts, listen, host, max_datagram, environment } =
+            self;
+        Network(Arc::new(Shared {
+            names,
+            dialect,
+            limits,
+            timeouts,
+            listen,
+            host,
+            max_datagram,
+            environment,
+        }))
     }
 }

@@ -11,6 +11,7 @@ use tokio::net::TcpListener;
 
 use super::names::{NameRequest, NamesError};
 use super::network::Network;
+use crate::name::environment::{EnvironmentError, PortNaming};
 use crate::wire::Carrier;
 
 /// Where a port listens, and who is told.
@@ -52,6 +53,9 @@ pub enum OpenError {
         /// The name.
         String,
     ),
+    /// A variable of the environment cannot be followed.
+    #[error(transparent)]
+    Environment(#[from] EnvironmentError),
     /// The name server did not register it.
     #[error("cannot register port {name}: {error}")]
     Register {
@@ -98,13 +102,24 @@ pub(super) async fn open(
     if !anonymous && !well_formed {
         return Err(OpenError::Name { name: name.to_owned(), limit });
     }
+    let shared = &*network.0;
+    let naming = match options.register {
+        true => shared.environment.port_naming(name)?,
+        // Nobody hears of it.
+        false => PortNaming { name: name.to_owned(), port: None },
+    };
+    let name = naming.name.as_str();
     if options.register && !options.replace && !anonymous && network.exists(name).await {
         return Err(OpenError::Taken(name.to_owned()));
     }
-    let shared = &*network.0;
+    let host = match &shared.host {
+        Some(host) => Some(host.clone()),
+        None => shared.environment.own_ip()?.map(|ip| ip.to_string()),
+    };
     let mut request = NameRequest {
         name: name.to_owned(),
-        host: shared.host.clone(),
+        host,
+        port: naming.port,
         type_name: options.type_name.clone(),
         ..NameRequest::default()
     };
@@ -127,7 +142,7 @@ pub(super) async fn open(
             // Another program has this number, or none was chosen: any, and register that.
             (0, first) => first?,
             (_, Err(OpenError::Listen { error, .. }))
-                if error.kind() == io::ErrorKind::AddrInUse =>
+                if error.kind() == io::ErrorKind::AddrInUse && naming.port.is_none() =>
             {
                 listen(&registered.name, SocketAddr::new(shared.listen, 0)).await?
             }

@@ -4,11 +4,12 @@
 //!   ROS_MASTER_URI, ROS_HOSTNAME, ROS_IP, ROS_NAMESPACE ─▶ Ros1Config ─▶ Ros1::start
 //! ```
 
-use std::net::{IpAddr, Ipv4Addr, SocketAddr, ToSocketAddrs, UdpSocket};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 
 use wrapyfi_interfaces::ros1::Rules;
 
 use super::names::{NameError, NodeName};
+use crate::network::{Hosts, Insecure, Place, ReachedByOthers, facing, is_of_this_machine, is_on};
 
 /// Port of a master whose address names none.
 const MASTER_PORT: u16 = 11311;
@@ -32,7 +33,9 @@ pub struct Ros1Config {
     pub mapping_rules: Rules,
     /// Allows sockets on addresses that other machines reach (`WRAPYFI_ROS_INSECURE`). ROS 1 has no
     /// authentication and no encryption: whoever reaches the port may publish and call.
-    pub insecure: bool,
+    pub insecure: Insecure,
+    /// Addresses of names that the system need not know.
+    pub hosts: Hosts,
     /// Most connections from other nodes at once.
     pub connections: usize,
 }
@@ -46,7 +49,8 @@ impl Default for Ros1Config {
             node: None,
             remaps: Vec::new(),
             mapping_rules: Rules::built_in(),
-            insecure: false,
+            insecure: Insecure::default(),
+            hosts: Hosts::default(),
             connections: 256,
         }
     }
@@ -70,24 +74,17 @@ pub enum ConfigError {
     /// A name breaks the rules.
     #[error(transparent)]
     Name(#[from] NameError),
-    /// The own host name has no address.
-    #[error("hostname {hostname:?} (ROS_HOSTNAME, ROS_IP) has no address: {reason}")]
-    Hostname {
-        /// As configured.
-        hostname: String,
-        /// What the system said.
+    /// A host name has no address now.
+    #[error("{setting}: {reason}")]
+    Host {
+        /// What names it.
+        setting: &'static str,
+        /// What is wrong with it.
         reason: String,
     },
     /// Other machines would reach the sockets.
-    #[error(
-        "ROS 1 on {address} is open to other machines, and nothing is authenticated or encrypted \
-         there: keep it on 127.0.0.1 (ROS_IP), or say insecure: true under endpoints.ros \
-         (WRAPYFI_ROS_INSECURE=1)"
-    )]
-    Open {
-        /// Address that would be bound.
-        address: IpAddr,
-    },
+    #[error(transparent)]
+    Open(#[from] ReachedByOthers),
     /// A switch that is neither on nor off.
     #[error("{name}={value:?} is neither True nor False")]
     Switch {
@@ -175,6 +172,8 @@ pub(super) struct Resolved {
     pub(super) advertised: String,
     /// Where the sockets are.
     pub(super) bind: IpAddr,
+    /// Address of the master where it is on another machine.
+    pub(super) afar: Option<IpAddr>,
 }
 
 impl Ros1Config {
@@ -200,19 +199,17 @@ impl Ros1Config {
             None => Ok(None),
         };
         let name = "WRAPYFI_ROS_INSECURE";
-        let insecure = match text(name)? {
+        let is_insecure = match text(name)? {
             None => false,
-            Some(value) => match value.to_ascii_lowercase().as_str() {
-                "true" | "1" => true,
-                "false" | "0" => false,
-                _ => return Err(ConfigError::Switch { name, value }),
-            },
+            Some(value) => is_on(&value).ok_or(ConfigError::Switch { name, value })?,
         };
         let default = Self::default();
         let hostname = match text("ROS_HOSTNAME")? {
             Some(hostname) => Some(hostname),
             None => text("ROS_IP")?,
         };
+        let mut insecure = Insecure::default();
+        insecure.said(Place::Environment, hostname.is_some(), is_insecure);
         // An empty namespace is the root, also in ROS 1's own tools.
         let namespace = lookup("ROS_NAMESPACE")?.unwrap_or(default.namespace);
         let master_uri = text("ROS_MASTER_URI")?.unwrap_or(default.master_uri);
@@ -229,25 +226,33 @@ impl Ros1Config {
         for (from, to) in &self.remaps {
             node.remap(from, to)?;
         }
+        let resolved = |setting, host: &str| {
+            let found = self.hosts.resolve(host);
+            found.map_err(|reason| ConfigError::Host { setting, reason })
+        };
+        let address = resolved("master_uri (ROS_MASTER_URI)", &master.host)?;
         let (advertised, own) = match &self.hostname {
             Some(hostname) => {
-                let own = address_of(hostname).map_err(|reason| ConfigError::Hostname {
-                    hostname: hostname.clone(),
-                    reason,
-                })?;
+                let own = resolved("hostname (ROS_HOSTNAME, ROS_IP)", hostname)?;
                 (hostname.trim_matches(['[', ']']).to_owned(), own)
             }
+            None if address.is_loopback() => (address.to_string(), address),
             None => {
-                let own = facing(&master);
+                // No packet is sent for it.
+                let own = facing(SocketAddr::new(address, master.port));
+                let own = own.ok_or_else(|| ConfigError::Host {
+                    setting: "master_uri (ROS_MASTER_URI)",
+                    reason: format!("no way leads from this machine to {address}"),
+                })?;
                 (own.to_string(), own)
             }
         };
-        if !own.is_loopback() && !self.insecure {
-            return Err(ConfigError::Open { address: own });
-        }
+        self.insecure.check(super::NAME, "a ROS 1 node", own)?;
+        let afar = (!is_of_this_machine(address)).then_some(address);
+        let master = NodeUri { host: self.hosts.or_same(&master.host), ..master };
         // A host name may stand for another address on other machines: any of ours will do.
         let bind = if own.is_loopback() { own } else { unspecified(own) };
-        Ok(Resolved { master, node, advertised, bind })
+        Ok(Resolved { master, node, advertised, bind, afar })
     }
 }
 
@@ -265,33 +270,6 @@ fn anonymous() -> String {
     let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
     let millis = since.map_or(0, |since| since.as_millis());
     format!("wrapyfi_{}_{millis}_{}", std::process::id(), NEXT.fetch_add(1, Relaxed))
-}
-
-fn address_of(host: &str) -> Result<IpAddr, String> {
-    let bare = host.trim_matches(['[', ']']);
-    if let Ok(ip) = bare.parse() {
-        return Ok(ip);
-    }
-    let found: Vec<SocketAddr> =
-        (bare, 0).to_socket_addrs().map_err(|error| error.to_string())?.collect();
-    // ROS 1 speaks IPv4 unless it is told otherwise.
-    let preferred = found.iter().find(|address| address.is_ipv4()).or(found.first());
-    preferred.map(SocketAddr::ip).ok_or_else(|| "the name has no address".to_owned())
-}
-
-/// Our address as the master sees it: no packet is sent for it.
-fn facing(master: &NodeUri) -> IpAddr {
-    let loopback = IpAddr::from(Ipv4Addr::LOCALHOST);
-    let Ok(address) = address_of(&master.host) else { return loopback };
-    if address.is_loopback() {
-        return address;
-    }
-    let ask = || {
-        let socket = UdpSocket::bind((unspecified(address), 0))?;
-        socket.connect((address, master.port))?;
-        socket.local_addr()
-    };
-    ask().map_or(loopback, |own| own.ip())
 }
 
 #[cfg(test)]
@@ -334,12 +312,12 @@ mod tests {
     fn other_machines_are_let_in_only_by_word() {
         let open = from(&[("ROS_IP", "10.0.0.2")]).unwrap();
         let refused = open.resolve().unwrap_err();
-        assert!(matches!(refused, ConfigError::Open { .. }), "{refused}");
-        assert!(refused.to_string().contains("insecure: true"), "{refused}");
-        let allowed = Ros1Config { insecure: true, ..open }.resolve().unwrap();
+        assert!(matches!(refused, ConfigError::Open(_)), "{refused}");
+        assert!(refused.to_string().contains("WRAPYFI_ROS_INSECURE=1"), "{refused}");
+        let allowed = Ros1Config { insecure: true.into(), ..open }.resolve().unwrap();
         assert!(allowed.bind.is_unspecified());
         assert_eq!(allowed.advertised, "10.0.0.2");
-        assert!(from(&[("WRAPYFI_ROS_INSECURE", "True")]).unwrap().insecure);
+        assert!(from(&[("WRAPYFI_ROS_INSECURE", "True")]).unwrap().insecure.is_allowed);
     }
 
     #[test]
@@ -353,6 +331,19 @@ mod tests {
         }
         let node = Ros1Config { node: Some("1x".to_owned()), ..Ros1Config::default() };
         assert!(matches!(node.resolve(), Err(ConfigError::Name(_))));
+    }
+
+    #[test]
+    fn a_master_whose_name_is_not_known_yet_may_become_known() {
+        let master_uri = "http://no-such-host.invalid:11311".to_owned();
+        let config = Ros1Config { master_uri, ..Ros1Config::default() };
+        let error = config.resolve().unwrap_err();
+        assert!(matches!(error, ConfigError::Host { .. }), "{error}");
+        assert!(error.to_string().contains("no-such-host.invalid"), "{error}");
+        let local = IpAddr::from(Ipv4Addr::LOCALHOST);
+        let hosts = [("no-such-host.invalid".to_owned(), local)].into_iter().collect();
+        let resolved = Ros1Config { hosts, ..config }.resolve().unwrap();
+        assert_eq!((resolved.master.host.as_str(), resolved.afar), ("127.0.0.1", None));
     }
 
     #[test]

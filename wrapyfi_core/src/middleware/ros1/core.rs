@@ -219,7 +219,7 @@ impl Core {
             match NodeUri::parse(uri) {
                 // What this node publishes is not for its own listeners.
                 Ok(uri) if uri == self.api => {}
-                Ok(uri) => publishers.push(uri),
+                Ok(uri) => publishers.push(self.master.whereabouts.of(uri)),
                 Err(reason) => {
                     tracing::warn!(topic, "ROS 1: a publisher's address {uri:?} is none: {reason}");
                 }

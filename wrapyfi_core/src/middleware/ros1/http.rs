@@ -22,6 +22,7 @@ use tokio::sync::Semaphore;
 use tokio::time::timeout;
 
 use super::config::NodeUri;
+use super::tcpros;
 use super::xmlrpc::{self, Call, Reply, Value, XmlRpcError};
 
 /// Longest time a call takes, an unreachable host's included.
@@ -83,7 +84,7 @@ impl From<String> for Failed {
 }
 
 async fn post(uri: &NodeUri, body: String) -> Result<Bytes, Failed> {
-    let stream = TcpStream::connect((uri.host.as_str(), uri.port)).await.map_err(|error| {
+    let stream = tcpros::reach(&uri.host, uri.port).await.map_err(|error| {
         if error.kind() == std::io::ErrorKind::ConnectionRefused {
             Failed::Refused(error.to_string())
         } else {

@@ -150,8 +150,13 @@ impl Intake {
     pub(super) fn connected(&self) -> (usize, Option<String>) {
         let peers = self.peers();
         let up = peers.by_uri.values().filter(|peer| peer.address.is_some());
+        let core = self.core.upgrade();
+        let hint = |uri: &NodeUri| {
+            core.as_ref().map_or("", |core| core.master.whereabouts.hint(&uri.host))
+        };
         let why = peers.by_uri.iter().find_map(|(uri, peer)| {
-            peer.fault.as_ref().map(|reason| format!("publisher {uri}: {reason}"))
+            let reason = peer.fault.as_ref()?;
+            Some(format!("publisher {uri}: {reason}{}", hint(uri)))
         });
         (up.count(), why)
     }

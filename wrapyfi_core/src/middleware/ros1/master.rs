@@ -3,8 +3,11 @@
 //! Every method of the master's API that a node uses, with its values read into ours. Source: the pages
 //! `Master API` and `Parameter Server API` of the ROS 1 documentation.
 
+use std::sync::Arc;
+
 use super::config::NodeUri;
 use super::http::{self, HttpError};
+use super::whereabouts::Whereabouts;
 use super::xmlrpc::{Reply, SUCCESS, Value, text};
 
 /// Why the master did not do what it was asked for.
@@ -32,6 +35,12 @@ pub enum MasterError {
     },
 }
 
+impl MasterError {
+    pub(super) fn is_unreachable(&self) -> bool {
+        matches!(self, Self::Unreachable(_))
+    }
+}
+
 impl From<HttpError> for MasterError {
     fn from(error: HttpError) -> Self {
         Self::Unreachable(error.to_string())
@@ -57,11 +66,14 @@ pub(super) struct Master {
     caller: String,
     /// Where the node's own XML-RPC server is.
     api: String,
+    /// Which machines the addresses mean that it tells.
+    pub(super) whereabouts: Arc<Whereabouts>,
 }
 
 impl Master {
-    pub(super) fn new(uri: NodeUri, caller: &str, api: &str) -> Self {
-        Self { uri, caller: caller.to_owned(), api: api.to_owned() }
+    pub(super) fn new(uri: NodeUri, caller: &str, api: &str, whereabouts: Whereabouts) -> Self {
+        let whereabouts = Arc::new(whereabouts);
+        Self { uri, caller: caller.to_owned(), api: api.to_owned(), whereabouts }
     }
 
     pub(super) fn uri(&self) -> &NodeUri {
@@ -155,11 +167,18 @@ impl Master {
         let reply = self.raw(method, [text(name)]).await?;
         match &reply.value {
             _ if reply.status != SUCCESS => Ok(None),
-            Value::String(uri) => NodeUri::parse(uri).map(Some).map_err(|reason| {
-                MasterError::Odd { method, actual: format!("{uri:?}: {reason}") }
-            }),
+            Value::String(uri) => {
+                NodeUri::parse(uri).map(|uri| Some(self.whereabouts.of(uri))).map_err(|reason| {
+                    MasterError::Odd { method, actual: format!("{uri:?}: {reason}") }
+                })
+            }
             other => Err(odd(method, other)),
         }
+    }
+
+    /// The master's address in its own words.
+    pub(super) async fn own_uri(&self) -> Result<Value, MasterError> {
+        self.ask("getUri", []).await
     }
 
     /// The master's process: another one after a restart.

@@ -21,6 +21,7 @@
 //! | `http`, `master`, `slave`, `slave_info` | XML-RPC: calls, the master's API, ours |
 //! | `core`, `registrations`, `registrar` | the node; what the master should know, and that it does |
 //! | `tcpros` | connections: opened, accepted, refused |
+//! | `whereabouts` | which machines the addresses of other nodes mean |
 //! | `request`, `intake`, `listener` | a topic received |
 //! | `publication`, `kept`, `outlet` | a topic sent, what is kept of it, one subscriber |
 //! | `services`, `service_host`, `server`, `client` | services |
@@ -58,6 +59,7 @@ mod slave;
 mod slave_info;
 mod splitter;
 mod tcpros;
+mod whereabouts;
 pub mod xmlrpc;
 
 use std::net::{IpAddr, SocketAddr};
@@ -112,13 +114,22 @@ pub enum StartError {
     System(#[from] std::io::Error),
 }
 
+impl StartError {
+    /// Whether no later try can succeed: the settings are wrong.
+    #[must_use]
+    pub fn is_hopeless(&self) -> bool {
+        matches!(self, Self::Config(error) if !matches!(error, ConfigError::Host { .. }))
+    }
+}
+
 impl Ros1 {
     /// Opens the node's two ports and begins to look for the master, which need not run yet.
     ///
     /// # Errors
     /// When the settings cannot work, or the system gives no sockets.
     pub fn start(config: &Ros1Config) -> Result<Self, StartError> {
-        let Resolved { master, node, advertised, bind } = config.resolve()?;
+        let Resolved { master, node, advertised, bind, afar } = config.resolve()?;
+        let whereabouts = whereabouts::Whereabouts::new(config.hosts.clone(), afar);
         let runtime = Builder::new_multi_thread()
             .worker_threads(THREADS)
             .thread_name("wrapyfi-ros1")
@@ -128,7 +139,7 @@ impl Ros1 {
         let (data_socket, data_port) = bound(&runtime, bind)?;
         let api = NodeUri { host: advertised.clone(), port: api_port };
         let data = NodeUri { host: advertised, port: data_port };
-        let master = master::Master::new(master, node.full(), &api.to_string());
+        let master = master::Master::new(master, node.full(), &api.to_string(), whereabouts);
         let core = Core::new(node, master, api, data, runtime.handle().clone());
         if config.mapping_rules != Rules::built_in() {
             core.use_rules(config.mapping_rules.clone());
@@ -136,7 +147,11 @@ impl Ros1 {
         let answers = Arc::new(slave::Slave(Arc::downgrade(&core)));
         runtime.spawn(http::serve(api_socket, answers, config.connections));
         runtime.spawn(tcpros::accept(data_socket, Arc::downgrade(&core), config.connections));
-        runtime.spawn(registrar::keep(Arc::clone(&core)));
+        let registering = Arc::clone(&core);
+        runtime.spawn(async move {
+            whereabouts::meet_master(&registering).await;
+            registrar::keep(registering).await;
+        });
         tracing::info!(node = core.name.full(), master = %core.master.uri(), "ROS 1: node started");
         Ok(Self { core, runtime: Some(runtime) })
     }
@@ -271,6 +286,10 @@ impl Middleware for Ros1 {
 
     fn keeps_last(&self, found: &Discovered) -> Option<bool> {
         learn::latches(&self.core, found)
+    }
+
+    fn waiting_for(&self) -> Option<String> {
+        self.core.fault()
     }
 }
 

@@ -32,7 +32,7 @@ pub(super) async fn keep(core: Arc<Core>) {
                 LOOK
             }
             Err(error) => {
-                core.set_fault(Some(error.to_string()));
+                core.set_fault(Some(core.away(&error)));
                 backoff.wait()
             }
         };
@@ -61,7 +61,8 @@ async fn is_unknown(core: &Arc<Core>) -> Result<bool, MasterError> {
         return Ok(false);
     }
     let found = core.master.lookup_node(core.name.full()).await?;
-    Ok(found.as_ref() != Some(&core.api))
+    // Told as others' are.
+    Ok(found != Some(core.master.whereabouts.of(core.api.clone())))
 }
 
 async fn take_steps(core: &Arc<Core>) -> Result<(), MasterError> {

@@ -22,7 +22,7 @@ pub(super) async fn request_topic(
         Value::Array(parts) => match parts.as_slice() {
             [Value::String(_), Value::String(host), Value::Integer(port), ..] => {
                 let port = u16::try_from(*port).map_err(|_e| format!("port {port} is none"))?;
-                Ok((host.clone(), port))
+                Ok((core.master.whereabouts.of_host(host), port))
             }
             [] => Err("it does not speak TCPROS".to_owned()),
             _ => Err("it names no way to the topic".to_owned()),

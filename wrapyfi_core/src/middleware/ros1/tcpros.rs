@@ -19,6 +19,7 @@ use tokio::time::timeout;
 
 use super::core::Core;
 use super::header::{Header, HeaderError};
+use crate::network::Hosts;
 
 /// Longest time until a connection stands, an unreachable host's included.
 const CONNECT: Duration = Duration::from_secs(5);
@@ -54,7 +55,7 @@ pub(super) fn prepare(stream: &TcpStream) -> io::Result<()> {
 /// A connection to a node.
 pub(super) async fn connect(host: &str, port: u16) -> Result<TcpStream, String> {
     let failed = |error: io::Error| format!("{host}:{port} does not answer: {error}");
-    match timeout(CONNECT, TcpStream::connect((host, port))).await {
+    match timeout(CONNECT, reach(host, port)).await {
         Ok(Ok(stream)) => {
             prepare(&stream).map_err(failed)?;
             Ok(stream)
@@ -62,6 +63,13 @@ pub(super) async fn connect(host: &str, port: u16) -> Result<TcpStream, String> 
         Ok(Err(error)) => Err(failed(error)),
         Err(_) => Err(format!("{host}:{port} did not answer within {} s", CONNECT.as_secs())),
     }
+}
+
+/// A socket to a machine; an error says where it is the name that leads nowhere.
+pub(super) async fn reach(host: &str, port: u16) -> io::Result<TcpStream> {
+    let found = tokio::net::lookup_host((host, port)).await;
+    let found = found.map_err(|error| io::Error::other(Hosts::unresolved(host, &error)))?;
+    TcpStream::connect(found.collect::<Vec<_>>().as_slice()).await
 }
 
 /// Tells the other side our header and hears its.

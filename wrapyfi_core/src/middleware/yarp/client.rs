@@ -205,7 +205,8 @@ async fn stay_connected(shared: &Shared, desk: &Desk, port: &RpcClient) {
         }
         let at = shared.network.query(&desk.service).await.ok().flatten();
         if let Err(error) = port.connect(&desk.target()).await {
-            desk.standing.waiting(format!("port {} to answer: {error}", desk.service));
+            let hint = shared.hint(&desk.service).await;
+            desk.standing.waiting(format!("port {} to answer: {error}{hint}", desk.service));
             tokio::select! { () = bell.notified() => {}, () = retry.wait() => {} }
             continue;
         }

@@ -2,23 +2,30 @@
 //!
 //! ```text
 //!   YARP_CONFIG_HOME, HOME ─▶ yarp.conf ─▶ YarpConfig ─▶ name server: theirs, or ours (embedded)
-//!   YARP_NAMESPACE ──────────────────────┘          └──▶ ports: 127.0.0.1, or the robot's network
+//!   YARP_NAMESPACE ──────────────────────┘          └──▶ ports, which others are told to reach at
+//!        ip of the configuration, else YARP_IP, else the address that leads to the name server
 //! ```
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 
 use wrapyfi_yarp::Dialect;
 use wrapyfi_yarp::name::conf::{self, DEFAULT_NAMESPACE, locate};
+use wrapyfi_yarp::name::environment::EnvironmentError;
 use wrapyfi_yarp::name::{Environment, Located, NameServerConf};
 
+use super::StartError;
 use crate::Limits;
+use crate::network::{Hosts, Insecure, Place, facing, is_of_this_machine, is_on};
+
+/// Variable of the environment that lets other machines reach our ports.
+const INSECURE: &str = "WRAPYFI_YARP_INSECURE";
 
 /// Settings of [`Yarp`](super::Yarp).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct YarpConfig {
     /// Address of the name server. `None`: what YARP's own configuration says (`yarp.conf` in
     /// `$YARP_CONFIG_HOME`, …); with [`YarpConfig::embedded`] 127.0.0.1:10000 where it says nothing.
-    pub name_server: Option<SocketAddr>,
+    pub name_server: Option<NameServerConf>,
     /// Runs a name server in this process, unless one answers there already. With port 0 it takes
     /// any free one: [`Yarp::name_server`](super::Yarp::name_server) tells it.
     pub embedded: bool,
@@ -26,10 +33,15 @@ pub struct YarpConfig {
     pub namespace: Option<String>,
     /// How bottles are encoded: YARP 3 or YARP 4. Nothing on the wire tells.
     pub dialect: Dialect,
-    /// Address that ports listen on, and are reached at.
-    pub ip: IpAddr,
-    /// Allows an address that other machines can reach: nothing is authenticated or encrypted.
-    pub insecure: bool,
+    /// Address at which ports are reached; where it is one of this machine's they listen there alone.
+    /// `None`: what `YARP_IP` says, else the address that leads to the name server, which is
+    /// 127.0.0.1 where the name server is there.
+    pub ip: Option<IpAddr>,
+    /// Allows an address that other machines can reach (`WRAPYFI_YARP_INSECURE`): nothing is
+    /// authenticated or encrypted.
+    pub insecure: Insecure,
+    /// Addresses of names that the system need not know.
+    pub hosts: Hosts,
     /// Messages that wait for each reader of a publisher; those beyond are refused.
     pub send_queue: usize,
     /// Largest message in bytes that a port reads before it cuts the connection; topics and services
@@ -44,8 +56,9 @@ impl Default for YarpConfig {
             embedded: false,
             namespace: None,
             dialect: Dialect::V3,
-            ip: Ipv4Addr::LOCALHOST.into(),
-            insecure: false,
+            ip: None,
+            insecure: Insecure::default(),
+            hosts: Hosts::default(),
             send_queue: 16,
             max_message_bytes: Limits::default().message_bytes + SLACK,
         }
@@ -62,22 +75,46 @@ pub(super) struct Where {
     pub(super) namespace: String,
 }
 
+/// Where ports listen, and what others are told.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Listening {
+    pub(super) on: IpAddr,
+    /// `None`: the address from which the name server sees us, as YARP's ports.
+    pub(super) told: Option<IpAddr>,
+    /// The name server is on another machine.
+    pub(super) is_afar: bool,
+}
+
 impl YarpConfig {
-    /// The defaults with the name server that YARP's own configuration names, as YARP's programs and
-    /// Wrapyfi find it. Wrapyfi has no variables of its own for YARP. Ports listen on the loopback
-    /// interface where the name server does, else where other machines reach them.
+    /// The defaults, changed by `WRAPYFI_YARP_INSECURE`. Where the name server is, and `YARP_IP`, are
+    /// looked up when [`Yarp`](super::Yarp) starts, as YARP's programs and Wrapyfi find them.
     ///
     /// # Errors
-    /// When there is no usable configuration; the error names the file.
+    /// When that variable has a value that means nothing.
     pub fn from_env() -> Result<Self, conf::ConfError> {
+        let names_address = std::env::var_os("YARP_IP").is_some_and(|value| !value.is_empty());
+        let is_insecure = match std::env::var_os(INSECURE) {
+            None => false,
+            Some(value) => {
+                let value = value.to_string_lossy().into_owned();
+                is_on(&value).ok_or_else(|| EnvironmentError {
+                    name: INSECURE.to_owned(),
+                    value,
+                    reason: "is neither True nor False",
+                })?
+            }
+        };
         let mut config = Self::default();
-        let Located { conf, namespace, .. } = locate(&Environment::from_process())?;
-        config.namespace = Some(namespace);
-        // A name, or the address of another machine, stays with the file.
-        if let Ok(ip) = conf.host.parse::<IpAddr>() {
-            config.name_server = Some(SocketAddr::new(ip, conf.port));
-        }
+        config.insecure.said(Place::Environment, names_address, is_insecure);
         Ok(config)
+    }
+
+    /// Whether these settings say where the name server is.
+    ///
+    /// # Errors
+    /// When nothing says it; the error names the file.
+    pub fn check_name_server(&self) -> Result<(), conf::ConfError> {
+        self.find().map(drop)
     }
 
     /// The name server that these settings mean.
@@ -87,9 +124,8 @@ impl YarpConfig {
             let wanted = self.namespace.clone().or(known);
             wanted.unwrap_or_else(|| DEFAULT_NAMESPACE.to_owned())
         };
-        if let Some(address) = self.name_server {
-            let server = NameServerConf { host: address.ip().to_string(), port: address.port() };
-            return Ok(Where { server, namespace: namespace(None) });
+        if let Some(server) = &self.name_server {
+            return Ok(Where { server: server.clone(), namespace: namespace(None) });
         }
         match locate(&environment) {
             Ok(Located { conf, namespace: known, .. }) => {
@@ -103,6 +139,36 @@ impl YarpConfig {
             }
             Err(error) => Err(error),
         }
+    }
+
+    /// Where ports of these settings listen, with the name server at `server`.
+    pub(super) fn listening(
+        &self,
+        server: SocketAddr,
+        environment: &Environment,
+    ) -> Result<Listening, StartError> {
+        let is_afar = !is_of_this_machine(server.ip());
+        let of_environment = || environment.own_ip().map_err(conf::ConfError::from);
+        let said = match self.ip {
+            None => of_environment()?,
+            said => said,
+        };
+        let any: IpAddr = Ipv4Addr::UNSPECIFIED.into();
+        let (on, told) = match said {
+            Some(ip) if ip.is_unspecified() => (ip, None),
+            Some(ip) if is_of_this_machine(ip) => (ip, Some(ip)),
+            // What others call this machine, perhaps through a router.
+            Some(ip) => (any, Some(ip)),
+            None if server.ip().is_loopback() => (server.ip(), Some(server.ip())),
+            None => (any, None),
+        };
+        let reached = match (on, told) {
+            (on, None) if self.ip.is_none() => facing(server).unwrap_or(on),
+            (_, Some(told)) => told,
+            (on, None) => on,
+        };
+        self.insecure.check(super::NAME, "a port", reached)?;
+        Ok(Listening { on, told, is_afar })
     }
 }
 
@@ -119,5 +185,24 @@ mod tests {
         assert_eq!(found.namespace, "/root");
         let other = YarpConfig { namespace: Some("/icub01".to_owned()), ..config };
         assert_eq!(other.find().unwrap().namespace, "/icub01");
+    }
+
+    #[test]
+    fn ports_are_where_the_name_server_is_unless_it_is_said() {
+        let local = IpAddr::from(Ipv4Addr::LOCALHOST);
+        let server = SocketAddr::new(local, 10_000);
+        let (config, nothing) = (YarpConfig::default(), Environment::default());
+        let listening = config.listening(server, &nothing).unwrap();
+        assert_eq!(listening, Listening { on: local, told: Some(local), is_afar: false });
+        let variable = Environment::from_pairs([("YARP_IP", "192.0.2.7")]);
+        let refused = config.listening(server, &variable).unwrap_err().to_string();
+        assert!(refused.contains("192.0.2.7") && refused.contains(INSECURE), "{refused}");
+        let open = YarpConfig { insecure: true.into(), ..config.clone() };
+        let listening = open.listening(server, &variable).unwrap();
+        assert_eq!(listening.told, Some([192, 0, 2, 7].into()));
+        assert!(listening.on.is_unspecified(), "no address of this machine: others lead to it");
+        // What the configuration says goes before the variable.
+        let said = YarpConfig { ip: Some(local), ..config };
+        assert_eq!(said.listening(server, &variable).unwrap().told, Some(local));
     }
 }

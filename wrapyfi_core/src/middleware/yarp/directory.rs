@@ -23,6 +23,8 @@ use super::retry::Retry;
 #[derive(Debug)]
 pub(super) struct Directory {
     server: String,
+    /// It is on another machine.
+    is_afar: bool,
     inner: Mutex<Inner>,
 }
 
@@ -38,9 +40,10 @@ struct Inner {
 }
 
 impl Directory {
-    pub(super) fn new(client: &NameClient) -> Self {
+    pub(super) fn new(client: &NameClient, is_afar: bool) -> Self {
         let conf = client.server();
-        Self { server: format!("{}:{}", conf.host, conf.port), inner: Mutex::default() }
+        let server = format!("{}:{}", conf.host, conf.port);
+        Self { server, is_afar, inner: Mutex::default() }
     }
 
     fn inner(&self) -> MutexGuard<'_, Inner> {
@@ -75,7 +78,13 @@ impl Directory {
             return None;
         }
         let why = inner.failure.as_ref().map(|why| format!(" ({why})")).unwrap_or_default();
-        Some(format!("name server {}{why}: start one with `wrapyfi yarpserver`", self.server))
+        let remedy = if self.is_afar {
+            "it has to run there; YARP's own listens on all addresses, `wrapyfi yarpserver` on 127.0.0.1 \
+             unless --ip and --insecure are given there; a firewall may be between"
+        } else {
+            "start one with `wrapyfi yarpserver`"
+        };
+        Some(format!("name server {}{why}: {remedy}", self.server))
     }
 
     /// A bell that rings when this name comes or goes, and when the name server does.

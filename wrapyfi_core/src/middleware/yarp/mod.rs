@@ -43,20 +43,23 @@ use std::time::Duration;
 use tokio::runtime::{Builder, Handle, Runtime};
 use wrapyfi_yarp::name::conf::ConfError;
 use wrapyfi_yarp::name::registrar::RegistrarOptions;
-use wrapyfi_yarp::name::{NameClient, Registrar};
+use wrapyfi_yarp::name::{Environment, NameClient, Registrar};
 use wrapyfi_yarp::port::names::Names;
 use wrapyfi_yarp::port::{Network, Timeouts};
 use wrapyfi_yarp::server::{NameServer, NameServerError, NameServerOptions};
 
+use self::config::Listening;
 pub use config::YarpConfig;
 pub use options::OPTIONS;
 pub use wrapyfi_yarp::Dialect;
+pub use wrapyfi_yarp::name::NameServerConf;
 
 use crate::Limits;
 use crate::endpoint::{
     Client, Context, DiscoverError, Discovery, Listener, Middleware, OpenError, Publisher, Server,
     ServiceSpec, TopicSpec, Traits,
 };
+use crate::network::ReachedByOthers;
 
 /// Name of this middleware in addresses.
 pub const NAME: &str = "yarp";
@@ -86,9 +89,29 @@ struct Shared {
     own: own::OwnPorts,
     tasks: tasks::Tasks,
     send_queue: usize,
+    environment: Environment,
+    /// The name server is on another machine.
+    is_afar: bool,
 }
 
 impl Shared {
+    /// The name under which a port of ours is registered, as the environment wants it.
+    fn own_name(&self, name: &str) -> String {
+        let naming = self.environment.port_naming(name);
+        naming.map_or_else(|_| name.to_owned(), |naming| naming.name)
+    }
+
+    /// What is probable where a port of another program does not answer, else nothing.
+    async fn hint(&self, name: &str) -> &'static str {
+        let at = self.network.query(name).await.ok().flatten();
+        let is_loopback = at.and_then(|at| at.host.parse::<IpAddr>().ok());
+        if self.is_afar && is_loopback.is_some_and(|ip| ip.is_loopback()) {
+            "; it is registered at an address of its own machine alone: set YARP_IP there"
+        } else {
+            ""
+        }
+    }
+
     /// The network in which an endpoint with these options opens its port.
     fn network(&self, options: &options::YarpOptions) -> Network {
         options
@@ -116,27 +139,37 @@ pub enum StartError {
     /// No name server runs, and ours cannot.
     #[error(transparent)]
     Embedded(#[from] NameServerError),
-    /// The address of the embedded name server is none of this machine's.
-    #[error("a name server embedded here needs an address of this machine, not {host:?}")]
+    /// The name server's machine has no address.
+    #[error("name server: {reason}")]
     Host {
-        /// Host as configured.
-        host: String,
+        /// What is wrong with its name.
+        reason: String,
     },
-    /// Other machines could reach our ports.
-    #[error(
-        "ports on {ip} can be reached by other machines, and anyone there could send to them: use \
-         127.0.0.1, or set insecure: true where the network is trusted"
-    )]
-    NotLoopback {
-        /// Address asked for.
-        ip: IpAddr,
-    },
+    /// Other machines could reach our ports, or the name server.
+    #[error(transparent)]
+    NotLoopback(#[from] ReachedByOthers),
     /// The system refused.
     #[error("YARP could not start: {reason}")]
     Transport {
         /// What it said.
         reason: String,
     },
+}
+
+impl StartError {
+    /// Whether no later try can succeed: the settings are wrong.
+    #[must_use]
+    pub fn is_hopeless(&self) -> bool {
+        match self {
+            Self::NameServer(error) => !error.is_missing(),
+            Self::NotLoopback(_) => true,
+            Self::Embedded(error) => matches!(
+                error,
+                NameServerError::NotLoopback { .. } | NameServerError::BadNamespace { .. }
+            ),
+            Self::Host { .. } | Self::Transport { .. } => false,
+        }
+    }
 }
 
 impl Yarp {
@@ -146,10 +179,12 @@ impl Yarp {
     /// When nobody says where the name server is, or ours cannot run. A name server elsewhere that
     /// does not answer yet is no error: it is waited for.
     pub fn start(config: &YarpConfig) -> Result<Self, StartError> {
-        if !config.ip.is_loopback() && !config.insecure {
-            return Err(StartError::NotLoopback { ip: config.ip });
-        }
         let found = config.find()?;
+        let server = config.hosts.resolve(&found.server.host);
+        let server = server.map_err(|reason| StartError::Host { reason })?;
+        let environment = Environment::from_process();
+        let server = SocketAddr::new(server, found.server.port);
+        let Listening { on, told, is_afar } = config.listening(server, &environment)?;
         let runtime = Builder::new_multi_thread()
             .worker_threads(THREADS)
             .thread_name("wrapyfi-yarp")
@@ -157,10 +192,14 @@ impl Yarp {
             .build()
             .map_err(|error| StartError::Transport { reason: error.to_string() })?;
         let client = NameClient::new(found.server)
+            .with_hosts(config.hosts.iter().map(|(host, ip)| (host.to_owned(), ip)))
             .with_namespace(found.namespace)
             .with_timeout(NAMES_TIMEOUT);
-        let (client, server) =
-            if config.embedded { runtime.block_on(embed(client, config))? } else { (client, None) };
+        let (client, server) = if config.embedded {
+            runtime.block_on(embed(client, server.ip(), config))?
+        } else {
+            (client, None)
+        };
         let conf = client.server();
         let address = format!("{}:{}", conf.host, conf.port);
         let (shared, names) = {
@@ -175,16 +214,25 @@ impl Yarp {
                     ..wrapyfi_yarp::Limits::default()
                 })
                 .timeouts(Timeouts { close: Duration::from_millis(500), ..Timeouts::default() })
-                .listen(config.ip);
-            let network = if config.ip.is_unspecified() {
-                network.build()
-            } else {
-                network.host(config.ip.to_string()).build()
+                .environment(environment.clone())
+                .listen(on);
+            let network = match told {
+                Some(ip) => network.host(ip.to_string()).build(),
+                None => network.build(),
             };
-            let directory = Arc::new(directory::Directory::new(&client));
+            let directory = Arc::new(directory::Directory::new(&client, is_afar));
             let tasks = tasks::Tasks::new(runtime.handle().clone());
             let (own, send_queue) = (own::OwnPorts::default(), config.send_queue.max(1));
-            let shared = Shared { network, registrar, directory, own, tasks, send_queue };
+            let shared = Shared {
+                network,
+                registrar,
+                directory,
+                own,
+                tasks,
+                send_queue,
+                environment,
+                is_afar,
+            };
             (Arc::new(shared), client)
         };
         let (directory, registrar) = (Arc::clone(&shared.directory), shared.registrar.clone());
@@ -208,6 +256,7 @@ impl Yarp {
 /// Starts a name server, unless one answers there.
 async fn embed(
     client: NameClient,
+    ip: IpAddr,
     config: &YarpConfig,
 ) -> Result<(NameClient, Option<NameServer>), StartError> {
     let conf = client.server().clone();
@@ -215,15 +264,13 @@ async fn embed(
         tracing::info!("a name server runs at {}:{} already", conf.host, conf.port);
         return Ok((client, None));
     }
-    let ip = match conf.host.as_str() {
-        "localhost" => IpAddr::from([127, 0, 0, 1]),
-        host => host.parse().map_err(|_text| StartError::Host { host: host.to_owned() })?,
-    };
+    config.insecure.check(NAME, "a name server", ip)?;
     let options = NameServerOptions {
         ip,
         port: conf.port,
         namespace: client.namespace().to_owned(),
-        insecure: config.insecure,
+        // Asked above.
+        insecure: true,
         dialect: config.dialect,
         ..NameServerOptions::default()
     };
@@ -276,6 +323,10 @@ impl Middleware for Yarp {
     fn traits(&self) -> Traits {
         // A name belongs to one port of the network: nobody else publishes where we do.
         Traits { tells_own: true, ..Traits::default() }
+    }
+
+    fn waiting_for(&self) -> Option<String> {
+        self.shared.directory.waiting_for()
     }
 }
 

@@ -40,6 +40,8 @@ pub(super) struct YarpPublisher {
 /// What the publisher shares with its task.
 #[derive(Debug)]
 struct Outlet {
+    /// The port's name before the environment changes it.
+    given: String,
     name: String,
     port: Mutex<Option<OutputPort>>,
     standing: Arc<Standing>,
@@ -66,9 +68,11 @@ impl YarpPublisher {
         let options = YarpOptions::of_topic(spec)?;
         let name = options.port.clone().unwrap_or_else(|| spec.topic.clone());
         super::check_name(&name)?;
+        let given = name;
+        let name = shared.own_name(&given);
         let waiting = format!("port {name} to open");
         let standing = Arc::new(Standing::new(context.wake.clone(), waiting));
-        let outlet = Arc::new(Outlet { name, port: Mutex::default(), standing });
+        let outlet = Arc::new(Outlet { given, name, port: Mutex::default(), standing });
         let (stop, stopped) = shared.tasks.stop();
         let task = keep(Arc::clone(shared), Arc::clone(&outlet), options.clone(), stopped);
         shared.tasks.spawn(task);
@@ -106,7 +110,8 @@ async fn keep(
     };
     let opened = until_open(&shared, name, &outlet.standing, || {
         let (network, wanted) = (shared.network(&options), wanted.clone());
-        async move { network.open_output(name, &wanted).await }
+        let given = &outlet.given;
+        async move { network.open_output(given, &wanted).await }
     });
     let port = tokio::select! {
         () = stopped.wait() => return,

@@ -57,6 +57,8 @@ struct Asked {
 
 /// What the server shares with its port.
 struct Desk {
+    /// The port's name before the environment changes it.
+    given: String,
     name: String,
     spec: ServiceSpec,
     options: YarpOptions,
@@ -138,8 +140,11 @@ impl YarpServer {
         let options = YarpOptions::of_service(spec)?;
         let name = options.port.clone().unwrap_or_else(|| spec.service.clone());
         super::check_name(&name)?;
+        let given = name;
+        let name = shared.own_name(&given);
         let waiting = format!("port {name} to open");
         let desk = Arc::new(Desk {
+            given,
             name,
             spec: spec.clone(),
             dialect: shared.network(&options).dialect(),
@@ -182,10 +187,11 @@ async fn keep(shared: Arc<Shared>, desk: Arc<Desk>, mut stopped: Stopped) {
     let name = desk.name.as_str();
     let opened = until_open(&shared, name, &desk.standing, || {
         let (network, desk) = (shared.network(&desk.options), Arc::clone(&desk));
+        let given = desk.given.clone();
         async move {
             let wanted = PortOptions::default();
             network
-                .serve(name, &wanted, move |received, wants_reply| {
+                .serve(&given, &wanted, move |received, wants_reply| {
                     let desk = Arc::clone(&desk);
                     async move { desk.ask(received, wants_reply).await }
                 })

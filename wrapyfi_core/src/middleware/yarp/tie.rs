@@ -114,9 +114,10 @@ impl Tie {
                 let asked = shared.network.connect(from, to, Some(&self.carrier)).await;
                 failure = asked.err();
             }
+            let hint = shared.hint(self.other()).await;
             match failure {
-                Some(error) => say(format!("port {} to connect: {error}", self.other())),
-                None => say(format!("port {} to connect", self.other())),
+                Some(error) => say(format!("port {} to connect: {error}{hint}", self.other())),
+                None => say(format!("port {} to connect{hint}", self.other())),
             }
             tokio::select! {
                 () = bell.notified() => continue,

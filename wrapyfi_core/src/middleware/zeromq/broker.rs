@@ -18,13 +18,14 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::config::{ZeroMqConfig, resolve};
+use super::config::{ZeroMqConfig, allowed, resolve};
 use super::keeper::{Side, Stand};
 use super::monitor::Monitor;
 use super::options::{self, Bell};
 use super::proxy::Proxy;
 use super::sockopt;
 use super::traffic::{TopicTraffic, Traffic};
+use crate::network::{Insecure, ReachedByOthers};
 
 /// Settings of a [`Broker`]; the fields mean what they mean in [`ZeroMqConfig`].
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -38,7 +39,7 @@ pub struct BrokerConfig {
     pub monitor_topic: Option<String>,
     pub hwm: u16,
     pub max_frame_bytes: usize,
-    pub insecure: bool,
+    pub insecure: Insecure,
 }
 
 impl Default for BrokerConfig {
@@ -52,22 +53,14 @@ impl Default for BrokerConfig {
 #[non_exhaustive]
 pub enum BrokerError {
     /// The host has no address.
-    #[error("broker host {ip:?} cannot be resolved: {reason}")]
+    #[error("the broker's {reason}")]
     Host {
-        /// Host as given.
-        ip: String,
-        /// What the resolver said.
+        /// What is wrong with its name.
         reason: String,
     },
     /// Other machines could reach it.
-    #[error(
-        "a broker on {ip} can be reached by other machines, and anyone there could read and forge \
-         everything: use 127.0.0.1, or set insecure: true where the network is trusted"
-    )]
-    NotLoopback {
-        /// Address asked for.
-        ip: IpAddr,
-    },
+    #[error(transparent)]
+    NotLoopback(#[from] ReachedByOthers),
     /// Somebody else has the port.
     #[error("port {port} on {ip} is taken: stop what uses it, or choose another port")]
     PortTaken {
@@ -257,11 +250,9 @@ fn sockets(
 }
 
 /// The address of `host`, which others may reach only where that is allowed.
-pub(super) fn loopback(host: &str, insecure: bool) -> Result<IpAddr, BrokerError> {
-    let ip = resolve(host).map_err(|reason| BrokerError::Host { ip: host.to_owned(), reason })?;
-    if !ip.is_loopback() && !insecure {
-        return Err(BrokerError::NotLoopback { ip });
-    }
+pub(super) fn loopback(host: &str, insecure: Insecure) -> Result<IpAddr, BrokerError> {
+    let ip = resolve(host).map_err(|reason| BrokerError::Host { reason })?;
+    allowed(ip, insecure)?;
     Ok(ip)
 }
 

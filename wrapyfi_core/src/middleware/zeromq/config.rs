@@ -5,10 +5,11 @@
 //!                                    └──▶ tcp://ip:port (publishers, listeners)
 //! ```
 
-use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, ToSocketAddrs};
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
 
 use super::broker::BrokerConfig;
 use super::service_broker::ServiceBrokerConfig;
+use crate::network::{Hosts, Insecure, Place, ReachedByOthers, is_of_this_machine, is_on};
 
 /// Whether this process may run the broker.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -50,9 +51,11 @@ pub struct ZeroMqConfig {
     /// Largest frame a socket accepts before it cuts the connection, in bytes. A listener uses the
     /// limit of its own topic instead.
     pub max_frame_bytes: usize,
-    /// Allows a broker on addresses other machines can reach. Nothing is authenticated or
-    /// encrypted there.
-    pub insecure: bool,
+    /// Allows a broker on addresses other machines can reach (`WRAPYFI_ZEROMQ_INSECURE`). Nothing is
+    /// authenticated or encrypted there.
+    pub insecure: Insecure,
+    /// Addresses of names that the system need not know.
+    pub hosts: Hosts,
 }
 
 impl Default for ZeroMqConfig {
@@ -70,7 +73,8 @@ impl Default for ZeroMqConfig {
             // libzmq's own default, and so Wrapyfi's.
             send_hwm: 1000,
             max_frame_bytes: crate::Limits::default().message_bytes + FRAME_SLACK,
-            insecure: false,
+            insecure: Insecure::default(),
+            hosts: Hosts::default(),
         }
     }
 }
@@ -150,40 +154,55 @@ impl ZeroMqConfig {
                 _ => Err(ConfigError::Port { name, value }),
             },
         };
-        let switch = |name| match text(name)? {
-            None => Ok(true),
-            Some(value) => match value.trim().to_ascii_lowercase().as_str() {
-                "true" | "1" => Ok(true),
-                "false" | "0" => Ok(false),
-                _ => Err(ConfigError::Switch { name, value }),
-            },
+        let switch = |name, default| match text(name)? {
+            None => Ok(default),
+            Some(value) => is_on(&value).ok_or(ConfigError::Switch { name, value }),
         };
         let default = Self::default();
-        let broker = if switch("WRAPYFI_ZEROMQ_START_PROXY_BROKER")? {
+        let ip = text("WRAPYFI_ZEROMQ_SOCKET_IP")?;
+        let mut insecure = Insecure::default();
+        let is_insecure = switch("WRAPYFI_ZEROMQ_INSECURE", false)?;
+        insecure.said(Place::Environment, ip.is_some(), is_insecure);
+        let broker = if switch("WRAPYFI_ZEROMQ_START_PROXY_BROKER", true)? {
             BrokerMode::Embedded
         } else {
             BrokerMode::Foreign
         };
         Ok(Self {
-            ip: text("WRAPYFI_ZEROMQ_SOCKET_IP")?.unwrap_or(default.ip),
+            ip: ip.unwrap_or(default.ip),
+            insecure,
             pub_port: port("WRAPYFI_ZEROMQ_SOCKET_PUB_PORT", default.pub_port)?,
             sub_port: port("WRAPYFI_ZEROMQ_SOCKET_SUB_PORT", default.sub_port)?,
             rep_port: port("WRAPYFI_ZEROMQ_SOCKET_REQ_PORT", default.rep_port)?,
             req_port: port("WRAPYFI_ZEROMQ_SOCKET_REP_PORT", default.req_port)?,
             monitor_topic: text("WRAPYFI_ZEROMQ_PUBSUB_MONITOR_TOPIC")?
                 .unwrap_or(default.monitor_topic),
-            monitor: switch("WRAPYFI_ZEROMQ_START_PUBSUB_MONITOR")?,
+            monitor: switch("WRAPYFI_ZEROMQ_START_PUBSUB_MONITOR", true)?,
             broker,
             service_broker: broker,
             ..default
         })
     }
 
+    /// Whether a broker of ours would be open to other machines without that being said. An address
+    /// of another machine is only connected to, which needs nothing.
+    ///
+    /// # Errors
+    /// When it would; names the right word.
+    pub fn check(&self) -> Result<(), ReachedByOthers> {
+        let is_ours = [self.broker, self.service_broker].contains(&BrokerMode::Embedded);
+        // A name that has no address yet is looked at when the broker starts.
+        match self.hosts.or_same(&self.ip).parse::<IpAddr>() {
+            Ok(ip) if is_ours && is_of_this_machine(ip) => allowed(ip, self.insecure),
+            _ => Ok(()),
+        }
+    }
+
     /// The broker that these settings describe.
     #[must_use]
     pub fn broker_config(&self) -> BrokerConfig {
         BrokerConfig {
-            ip: self.ip.clone(),
+            ip: self.hosts.or_same(&self.ip),
             pub_port: self.pub_port,
             sub_port: self.sub_port,
             monitor_topic: self.monitor.then(|| self.monitor_topic.clone()),
@@ -207,7 +226,7 @@ impl ZeroMqConfig {
     #[must_use]
     pub fn service_broker_config(&self) -> ServiceBrokerConfig {
         ServiceBrokerConfig {
-            ip: self.ip.clone(),
+            ip: self.hosts.or_same(&self.ip),
             rep_port: self.rep_port,
             req_port: self.req_port,
             pending: ServiceBrokerConfig::PENDING,
@@ -222,14 +241,12 @@ pub(super) fn resolve(host: &str) -> Result<IpAddr, String> {
     if host == "*" {
         return Ok(Ipv4Addr::UNSPECIFIED.into());
     }
-    let bare = host.trim_start_matches('[').trim_end_matches(']');
-    if let Ok(ip) = bare.parse() {
-        return Ok(ip);
-    }
-    let found: Vec<_> = (host, 0).to_socket_addrs().map_err(|e| e.to_string())?.collect();
-    // Wrapyfi's sockets speak IPv4 only.
-    let preferred = found.iter().find(|address| address.is_ipv4()).or(found.first());
-    preferred.map(std::net::SocketAddr::ip).ok_or_else(|| "the name has no address".to_owned())
+    Hosts::default().resolve(host)
+}
+
+/// Whether a broker may be at this address.
+pub(super) fn allowed(ip: IpAddr, insecure: Insecure) -> Result<(), ReachedByOthers> {
+    insecure.check(super::NAME, "a broker", ip)
 }
 
 /// Where to connect for a broker bound to `ip`: all interfaces are reached through loopback.

@@ -6,7 +6,7 @@
 //!                          └─ anything else ──▶ StartError: what has the port
 //! ```
 
-use std::net::{IpAddr, SocketAddr, UdpSocket};
+use std::net::{IpAddr, SocketAddr};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -18,6 +18,7 @@ use super::link::{self, BrokerLink, Watch};
 use super::options::{self, Bell};
 use super::probe::{Answer, probe};
 use crate::Limits;
+use crate::network::is_of_this_machine;
 
 /// How long two processes that start at once, or one that is just ending, may leave the two ports
 /// in different hands.
@@ -140,7 +141,7 @@ fn settle<B: Stand>(config: &B::Config, ip: IpAddr) -> Result<Found<B>, StartErr
             Err(other) => return Err(other.into()),
         };
         let may_take_over = matches!(refusal, BrokerError::PortTaken { .. });
-        if !may_take_over && !is_here(ip) {
+        if !may_take_over && !is_of_this_machine(ip) {
             tracing::info!(%ip, "not an address of this machine: using the broker there");
             return Ok(Found::Foreign { may_take_over });
         }
@@ -189,11 +190,6 @@ impl Asked {
         let Self { port, expected, answer } = self;
         StartError::PortTaken { ip, port, expected, answer, settings }
     }
-}
-
-/// True for an address of this machine.
-fn is_here(ip: IpAddr) -> bool {
-    UdpSocket::bind((ip, 0)).is_ok()
 }
 
 /// Watches a foreign broker, and becomes the broker when it dies.

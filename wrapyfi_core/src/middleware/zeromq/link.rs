@@ -12,6 +12,7 @@
 //! broke the protocol, which includes a frame above the socket's limit. It does not report that;
 //! it only fails to report a next try. [`Watch::revive`] connects again then.
 
+use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
 use std::time::{Duration, Instant};
@@ -64,8 +65,19 @@ impl BrokerLink {
                 "a ZeroMQ broker at {} (what answers there is not the matching side of one)",
                 self.broker
             )),
+            _ if self.is_foreign() => Some(format!(
+                "the broker at {}, where nothing answers: it has to run there, and Wrapyfi's own listens \
+                 on 127.0.0.1 unless WRAPYFI_ZEROMQ_SOCKET_IP is set there",
+                self.broker
+            )),
             _ => Some(format!("the broker at {}", self.broker)),
         }
+    }
+
+    /// Whether it is reached at an address that is not this machine's alone.
+    fn is_foreign(&self) -> bool {
+        let address = self.broker.rsplit("://").next().and_then(|text| text.parse().ok());
+        address.is_some_and(|address: SocketAddr| !address.ip().is_loopback())
     }
 
     /// The socket is closed for good.
@@ -240,6 +252,8 @@ mod tests {
         assert!(link.happened(SocketEvent::HANDSHAKE_SUCCEEDED.to_raw()));
         assert_eq!(link.waiting_for(), None);
         assert!(!link.has_failed());
+        let elsewhere = BrokerLink::new("tcp://192.0.2.1:5555").waiting_for().unwrap();
+        assert!(elsewhere.contains("unless WRAPYFI_ZEROMQ_SOCKET_IP is set there"), "{elsewhere}");
         assert!(link.happened(SocketEvent::DISCONNECTED.to_raw()));
         assert!(!link.is_up());
         assert!(link.happened(SocketEvent::HANDSHAKE_FAILED_PROTOCOL.to_raw()));

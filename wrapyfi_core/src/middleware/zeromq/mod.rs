@@ -141,6 +141,19 @@ pub enum StartError {
     },
 }
 
+impl StartError {
+    /// Whether no later try can succeed: the settings are wrong.
+    #[must_use]
+    pub fn is_hopeless(&self) -> bool {
+        matches!(
+            self,
+            Self::NoPort { .. }
+                | Self::MonitorTopic { .. }
+                | Self::Broker(BrokerError::NotLoopback(_) | BrokerError::SamePort { .. })
+        )
+    }
+}
+
 impl From<zmq::Error> for StartError {
     fn from(error: zmq::Error) -> Self {
         Self::Transport { reason: error.to_string() }
@@ -158,8 +171,8 @@ impl ZeroMq {
             let topic = config.monitor_topic.clone();
             return Err(StartError::MonitorTopic { topic, reason });
         }
-        let ip = config::resolve(&config.ip)
-            .map_err(|reason| BrokerError::Host { ip: config.ip.clone(), reason })?;
+        let ip = config::resolve(&config.hosts.or_same(&config.ip))
+            .map_err(|reason| BrokerError::Host { reason })?;
         let keeper = keeper::Keeper::<Broker>::start(&config.broker_config(), config.broker, ip)?;
         let (pub_port, sub_port) = keeper
             .own(|broker| (broker.pub_port(), broker.sub_port()))
@@ -223,8 +236,8 @@ impl ZeroMq {
         let keeper = match &mut *services {
             Some(keeper) => keeper,
             none => {
-                let ip = config::resolve(&self.config.ip)
-                    .map_err(|reason| BrokerError::Host { ip: self.config.ip.clone(), reason })?;
+                let ip = config::resolve(&self.config.hosts.or_same(&self.config.ip))
+                    .map_err(|reason| BrokerError::Host { reason })?;
                 let config = self.config.service_broker_config();
                 none.insert(keeper::Keeper::start(&config, self.config.service_broker, ip)?)
             }

@@ -20,6 +20,7 @@ use super::keeper::{Side, Stand};
 use super::options::{self, Bell};
 use super::service_proxy::ServiceProxy;
 use crate::endpoint::ServiceSpec;
+use crate::network::Insecure;
 
 /// Settings of a [`ServiceBroker`]; the fields mean what they mean in [`ZeroMqConfig`].
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -32,7 +33,7 @@ pub struct ServiceBrokerConfig {
     /// Requests held while no server takes them; those beyond are answered with an error.
     pub pending: usize,
     pub max_frame_bytes: usize,
-    pub insecure: bool,
+    pub insecure: Insecure,
 }
 
 impl Default for ServiceBrokerConfig {

@@ -1,0 +1,285 @@
+//! Two and three machines, in network namespaces that are joined: who is reached where, who may listen,
+//! and what a route says that waits.
+
+#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
+
+use wrapyfi_e2e::{Host, Need, Process, Result, World, run, texts};
+
+const NEEDS: &[Need] = &[Need::Program, Need::Hosts];
+const WITH_PYTHON: &[Need] = &[Need::Program, Need::Hosts, Need::Python];
+const WITH_ROS: &[Need] = &[Need::Program, Need::Hosts, Need::Ros1];
+
+/// What publishers of ROS 1 send.
+const HELLO: &str = "--value {\"data\":\"hello\"}";
+
+/// Receives three messages.
+fn echo(host: &Host<'_>, endpoint: &str, message_type: &str) -> Result<Process> {
+    let args = ["echo", endpoint, "--type", message_type, "--count", "3", "--json"];
+    host.wrapyfi(args.into_iter().chain(["--timeout", "100"]))
+}
+
+/// Publishes text until it is dropped.
+fn publish(host: &Host<'_>, endpoint: &str) -> Result<Process> {
+    let args = ["pub", endpoint, "--type", "NativeObject", "--value", "{\"n\": 1}", "--rate", "20"];
+    host.wrapyfi(args)
+}
+
+/// Runs routes on a machine.
+fn bridge(world: &World, host: &Host<'_>, yaml: &str) -> Result<Process> {
+    let file = world.write("bridge.yaml", yaml)?.display().to_string();
+    host.wrapyfi(["bridge", "--config", &file, "--json"])
+}
+
+/// Waits until the first route says why it waits in words that have all these.
+fn waits(bridge: &Process, words: &[&str]) -> Result {
+    bridge.wait_until(&format!("a route that waits for {words:?}"), |output| {
+        output.objects().find(|status| {
+            let reason = status["routes"][0]["reason"].as_str().unwrap_or_default();
+            words.iter().all(|word| reason.contains(word))
+        })
+    })?;
+    Ok(())
+}
+
+/// Ends with exit code 2 and says these words.
+fn is_refused(mut process: Process, words: &[&str]) -> Result {
+    process.exits_with(2)?;
+    let said = process.stderr();
+    assert!(words.iter().all(|word| said.contains(word)), "{words:?} not in {said}");
+    Ok(())
+}
+
+#[test]
+fn three_machines_meet_at_a_zeromq_broker() -> Result {
+    run("three_machines_meet_at_a_zeromq_broker", WITH_PYTHON, |world| {
+        let [robot, laptop, desk] = world.hosts(["robot", "laptop", "desk"])?;
+        let (pub_port, sub_port) = (world.pub_port().to_string(), world.sub_port().to_string());
+        let ports = ["--pub-port", &pub_port, "--sub-port", &sub_port];
+        let topic = world.topic("x");
+        // A broker that is not there: the route says what is probable.
+        let route = format!(
+            "hosts: {{ robot: {} }}\nendpoints:\n  zeromq: {{ ip: robot, pub_port: {pub_port}, sub_port: \
+             {sub_port}, broker: foreign }}\nroutes:\n  - {{ from: \"zeromq:{topic}\", to: \
+             \"ros2:{topic}\", type: NativeObject }}\n",
+            robot.ip()
+        );
+        let bridge = bridge(world, &desk, &route)?;
+        waits(&bridge, &[robot.ip(), "unless WRAPYFI_ZEROMQ_SOCKET_IP is set there"])?;
+
+        let args = ["broker", "--ip", robot.ip(), "--insecure"].into_iter().chain(ports);
+        let _broker = robot.wrapyfi(args)?;
+        let laptop = laptop.with("WRAPYFI_ZEROMQ_SOCKET_IP", robot.ip());
+        let publisher = format!(
+            "publish --topic {topic} --pub-port {pub_port} --sub-port {sub_port} --no-broker --no-wait"
+        );
+        let _publisher = laptop.peer("wrapyfi_peer.py", &publisher)?;
+        // Connecting out needs no word, wherever the address is said.
+        let listener = desk.with("WRAPYFI_ZEROMQ_SOCKET_IP", robot.ip());
+        let heard = echo(&listener, &format!("zeromq:{topic}"), "NativeObject")?;
+        heard.objects(3)?;
+        bridge.wait_until("messages from the broker", |output| {
+            output.objects().find(|status| {
+                status["routes"][0]["counters"]["received"].as_u64().unwrap_or(0) > 2
+            })
+        })?;
+        Ok(())
+    })
+}
+
+#[test]
+fn an_address_that_others_reach_needs_the_word_of_its_place() -> Result {
+    run("an_address_that_others_reach_needs_the_word_of_its_place", NEEDS, |world| {
+        let [robot, other] = world.hosts(["robot", "other"])?;
+        let ip = robot.ip().to_owned();
+        is_refused(robot.wrapyfi(["broker", "--ip", &ip])?, &["--insecure", &ip])?;
+        is_refused(robot.wrapyfi(["yarpserver", "--ip", &ip])?, &["--insecure", &ip])?;
+        let check = |name: &str, endpoints: &str| {
+            let yaml = format!(
+                "endpoints:\n{endpoints}routes:\n  - {{ from: \"zeromq:/a\", to: \"ros2:/a\", type: Image }}\n"
+            );
+            let file = world.write(name, yaml)?.display().to_string();
+            robot.wrapyfi(["check", &file])
+        };
+        let in_file = ["insecure: true under endpoints.", &ip];
+        is_refused(check("a.yaml", &format!("  zeromq: {{ ip: {ip} }}\n"))?, &in_file)?;
+        is_refused(check("b.yaml", &format!("  yarp: {{ ip: {ip} }}\n"))?, &in_file)?;
+        for endpoints in [
+            format!("  zeromq: {{ ip: {ip}, insecure: true }}\n"),
+            format!("  zeromq: {{ ip: {ip}, broker: foreign }}\n"),
+            format!("  zeromq: {{ ip: {} }}\n", other.ip()),
+        ] {
+            check("c.yaml", &endpoints)?.exits_with(0)?;
+        }
+        let robot = robot.with("WRAPYFI_ZEROMQ_SOCKET_IP", &ip);
+        is_refused(robot.wrapyfi(["broker"])?, &["WRAPYFI_ZEROMQ_INSECURE=1", &ip])?;
+        let robot = robot.with("WRAPYFI_ZEROMQ_INSECURE", "1");
+        let broker = robot.wrapyfi(["broker"])?;
+        broker.wait_until("its address", |output| {
+            output.err.iter().any(|line| line.contains(&format!("broker on {ip}"))).then_some(())
+        })
+    })
+}
+
+/// What the name server says of a port, asked on its own machine.
+fn registered(robot: &Host<'_>, port: &str, name: &str) -> Result<String> {
+    let script = "ask_yarp.py";
+    let mut asked =
+        robot.program("/usr/bin/python3", &format!("{script} {} {port} {name}", robot.ip()))?;
+    asked.exits_with(0)?;
+    Ok(asked.stdout())
+}
+
+#[test]
+fn yarp_ports_are_reached_from_the_machine_of_the_name_server_and_from_a_third() -> Result {
+    run("yarp_ports_are_reached_from_the_machine_of_the_name_server", NEEDS, |world| {
+        let [robot, laptop, desk] = world.hosts(["robot", "laptop", "desk"])?;
+        let port = world.yarp_port().to_string();
+        world.write(
+            "ask_yarp.py",
+            "import socket, sys\n\
+             s = socket.create_connection((sys.argv[1], int(sys.argv[2])))\n\
+             s.sendall(b'NAME_SERVER query ' + sys.argv[3].encode() + b'\\n')\n\
+             s.shutdown(socket.SHUT_WR)\n\
+             print(s.makefile().read())\n",
+        )?;
+        world.write("yarp.conf", format!("{} {port} yarp\n", robot.ip()))?;
+        // Its ports would be open to others: that has to be said.
+        is_refused(publish(&laptop, "yarp:/cam")?, &[laptop.ip(), "WRAPYFI_YARP_INSECURE=1"])?;
+        let laptop = laptop.with("WRAPYFI_YARP_INSECURE", "1");
+        let desk = desk.with("WRAPYFI_YARP_INSECURE", "1");
+        let route = "endpoints:\n  yarp: { insecure: true }\nroutes:\n  - { from: \"yarp:/cam\", to: \
+                     \"ros2:/cam\", type: NativeObject }\n";
+        let waiting = bridge(world, &desk, route)?;
+        waits(&waiting, &["name server", robot.ip(), "has to run there"])?;
+        drop(waiting);
+
+        let args =
+            ["yarpserver", "--ip", robot.ip(), "--port", &port, "--no-discovery", "--insecure"];
+        let server = robot.wrapyfi(args)?;
+        server.wait_until("the name server", |output| {
+            output.err.iter().any(|line| line.contains("name server /root on")).then_some(())
+        })?;
+        let publisher = publish(&laptop, "yarp:/cam")?;
+        let heard = echo(&desk, "yarp:/cam", "NativeObject")?.objects(3);
+        heard.map_err(|error| error.context(publisher.tail()))?;
+        let told = registered(&robot, &port, "/cam")?;
+        assert!(told.contains(&format!("name /cam ip {} port", laptop.ip())), "{told}");
+        drop(publisher);
+
+        // What YARP's programs read of the environment.
+        let renamed = laptop.with("YARP_PORT_PREFIX", "/left").with("YARP_RENAME_cam", "/eye");
+        let renamed = renamed.with("YARP_IP", "10.77.");
+        let publisher = publish(&renamed, "yarp:/cam")?;
+        let heard = echo(&desk, "yarp:/left/eye", "NativeObject")?.objects(3);
+        heard.map_err(|error| error.context(publisher.tail()))?;
+        let told = registered(&robot, &port, "/left/eye")?;
+        assert!(told.contains(&format!("ip {} port", renamed.ip())), "{told}");
+        Ok(())
+    })
+}
+
+#[test]
+fn nodes_of_ros_1_are_found_by_the_names_of_their_machines() -> Result {
+    run("nodes_of_ros_1_are_found_by_the_names_of_their_machines", WITH_ROS, |world| {
+        let [robot, laptop, arm] = world.hosts(["robot", "laptop", "arm"])?;
+        let port = world.ros_port();
+        let uri = format!("http://{}:{port}", robot.ip());
+        let on = |host: Host<'_>, name: &str| {
+            host.with("ROS_MASTER_URI", &uri).with("ROS_IP", "").with("ROS_HOSTNAME", name)
+        };
+        let arm_ip = arm.ip().to_owned();
+        let (robot, arm) = (on(robot, "robot"), on(arm, "arm"));
+        let laptop = laptop.with("ROS_MASTER_URI", &uri).with("ROS_IP", "");
+
+        let topic = "/far/x".to_owned();
+        let endpoint = format!("ros:{topic}");
+        is_refused(echo(&laptop, &endpoint, "Text")?, &[laptop.ip(), "WRAPYFI_ROS_INSECURE=1"])?;
+        let laptop = laptop.with("WRAPYFI_ROS_INSECURE", "1");
+        let yaml = |hosts: &str, topic: &str| {
+            format!(
+                "{hosts}routes:\n  - {{ from: \"ros:{topic}\", to: \"ros2:{topic}\", type: Text, lazy: \
+                 true }}\n"
+            )
+        };
+        // Also while nobody listens, a route says that there is no master.
+        let waiting = bridge(world, &laptop, &yaml("", &topic))?;
+        waits(&waiting, &[robot.ip(), "roscore has to run there"])?;
+        drop(waiting);
+
+        let master = robot.rospy(&format!("master --port {port}"))?;
+        master.event("ready")?;
+        // The robot's name is known to nobody, but its master says it.
+        let publisher = robot.rospy(&format!("publish --topic {topic} {HELLO}"))?;
+        let heard = echo(&laptop, &endpoint, "Text")?.objects(3);
+        let heard = heard.map_err(|error| error.context(publisher.tail()))?;
+        assert_eq!(heard.len(), 3);
+        drop(publisher);
+
+        // A third machine's is written in the configuration.
+        let topic = "/far/y";
+        let _publisher = arm.rospy(&format!("publish --topic {topic} {HELLO}"))?;
+        let eager =
+            |hosts: &str, topic: &str| yaml(hosts, topic).replace("lazy: true", "lazy: false");
+        let lost = bridge(world, &laptop, &eager("", topic))?;
+        waits(&lost, &["\"arm\"", "does not resolve", "hosts:"])?;
+        drop(lost);
+        let found =
+            bridge(world, &laptop, &eager(&format!("hosts: {{ arm: {arm_ip} }}\n"), topic))?;
+        found.wait_until("messages of the arm", |output| {
+            output.objects().find(|status| {
+                status["routes"][0]["counters"]["received"].as_u64().unwrap_or(0) > 2
+            })
+        })?;
+        drop(found);
+
+        // A node that announced an address of its own machine alone.
+        let topic = "/far/z";
+        let local = arm.with("ROS_HOSTNAME", "").with("ROS_IP", "127.0.0.1");
+        let _publisher = local.rospy(&format!("publish --topic {topic} {HELLO}"))?;
+        let lost = bridge(world, &laptop, &eager("", topic))?;
+        waits(&lost, &["127.0.0.1", "set ROS_IP where it runs"])
+    })
+}
+
+#[test]
+fn a_middleware_that_is_not_there_makes_its_own_routes_wait() -> Result {
+    let needs = &[Need::Program, Need::Node];
+    run("a_middleware_that_is_not_there_makes_its_own_routes_wait", needs, |world| {
+        // There is no yarp.conf.
+        let (from, there) = (world.topic("from"), world.topic("there"));
+        let yaml = format!(
+            "endpoints:\n  zeromq: {{ pub_port: {}, sub_port: {} }}\nroutes:\n  - {{ from: \"yarp:{from}\", \
+             to: \"ros2:{from}\", type: NativeObject }}\n  - {{ from: \"zeromq:{there}\", to: \
+             \"ros2:{there}\", type: NativeObject }}\n",
+            world.pub_port(),
+            world.sub_port()
+        );
+        let file = world.write("bridge.yaml", yaml)?.display().to_string();
+        let args = ["--config", &file, "--ros-args", "-p", "status_json:=true", "-p", "rate:=10"];
+        let bridge = world.node(args)?;
+        waits(&bridge, &["yarp to start", "yarp.conf does not exist"])?;
+        let states = bridge.objects(1)?;
+        let routes = states[0]["routes"].as_array().cloned().unwrap_or_default();
+        assert_eq!(texts(&routes, "state").len(), 2);
+        assert!(!routes[1]["reason"].to_string().contains("yarp"), "{routes:?}");
+        // Now there is one, and the route goes on.
+        world.yarp_conf()?;
+        waits(&bridge, &["name server 127.0.0.1", "start one with `wrapyfi yarpserver`"])?;
+        let port = world.yarp_port().to_string();
+        let _server = world.wrapyfi(["yarpserver", "--port", &port, "--no-discovery"])?;
+        waits(&bridge, &[&format!("port {from}, which no program has opened")])
+    })
+}
+
+#[test]
+fn the_example_runs_where_nothing_else_does() -> Result {
+    run("the_example_runs_where_nothing_else_does", &[Need::Node], |world| {
+        let example = wrapyfi_e2e::repository().join("config/example.yaml").display().to_string();
+        let args =
+            ["--config", &example, "--ros-args", "-p", "seconds:=2", "-p", "status_json:=true"];
+        let mut bridge = world.node(args)?;
+        bridge.exits_with(0)?;
+        assert!(bridge.stdout().contains("yarp.conf does not exist"), "{}", bridge.stdout());
+        Ok(())
+    })
+}

@@ -1,0 +1,153 @@
+//! Settings of middlewares as parameters of the node: `-p endpoints.yarp.ip:=192.168.1.7`.
+//!
+//! They go before those of the file, have its names, and are declared where they are given.
+
+use serde_saphyr::{Location, Spanned};
+use wrapyfi_core::network::{Insecure, Place};
+use wrapyfi_core::node::ParameterValue;
+use wrapyfi_core::node::parameters::{ParameterDescriptor, ParameterStore};
+
+use super::load::Endpoints;
+use crate::exit::Failure;
+
+/// What the names begin with.
+const PREFIX: &str = "endpoints.";
+
+/// Names of the parameters that there are.
+const NAMES: [&str; 14] = [
+    "endpoints.ros.hostname",
+    "endpoints.ros.insecure",
+    "endpoints.ros.master_uri",
+    "endpoints.ros.namespace",
+    "endpoints.ros.node",
+    "endpoints.yarp.embedded",
+    "endpoints.yarp.insecure",
+    "endpoints.yarp.ip",
+    "endpoints.yarp.name_server",
+    "endpoints.yarp.namespace",
+    "endpoints.zeromq.insecure",
+    "endpoints.zeromq.ip",
+    "endpoints.zeromq.pub_port",
+    "endpoints.zeromq.sub_port",
+];
+
+/// Changes `endpoints` by the parameters that are given.
+///
+/// # Errors
+/// Exit code 2 for a name that there is not, or a value that it cannot have.
+pub fn take_parameters(
+    endpoints: &mut Endpoints,
+    store: &mut ParameterStore,
+) -> Result<(), Failure> {
+    let given = store.unused_overrides().filter(|(name, _)| name.starts_with(PREFIX));
+    let given: Vec<String> = given.map(|(name, _)| name.to_owned()).collect();
+    // By section: whether the address is among them, and the word.
+    let (mut ros, mut yarp, mut zeromq) = ((false, false), (false, false), (false, false));
+    for name in given {
+        if !NAMES.contains(&name.as_str()) {
+            return Err(Failure::Usage(format!(
+                "there is no parameter {name}; those of middlewares are {}",
+                NAMES.join(", ")
+            )));
+        }
+        let descriptor = ParameterDescriptor::new(name.as_str())
+            .with_description("Setting of the configuration file, in its place.")
+            .read_only()
+            .dynamic();
+        let value = store.declare(descriptor, ParameterValue::NotSet).map_err(Failure::usage)?;
+        match name.strip_prefix(PREFIX).unwrap_or_default() {
+            "ros.hostname" => (endpoints.ros.hostname, ros.0) = (Some(text(&name, value)?), true),
+            "ros.insecure" => ros.1 = switch(&name, &value)?,
+            "ros.master_uri" => endpoints.ros.master_uri = Some(text(&name, value)?),
+            "ros.namespace" => endpoints.ros.namespace = Some(text(&name, value)?),
+            "ros.node" => endpoints.ros.node = Some(text(&name, value)?),
+            "yarp.embedded" => endpoints.yarp.embedded = switch(&name, &value)?,
+            "yarp.insecure" => yarp.1 = switch(&name, &value)?,
+            "yarp.ip" => (endpoints.yarp.ip, yarp.0) = (Some(unplaced(text(&name, value)?)), true),
+            "yarp.name_server" => {
+                endpoints.yarp.name_server = Some(unplaced(text(&name, value)?));
+            }
+            "yarp.namespace" => endpoints.yarp.namespace = Some(text(&name, value)?),
+            "zeromq.insecure" => zeromq.1 = switch(&name, &value)?,
+            "zeromq.ip" => {
+                (endpoints.zeromq.ip, zeromq.0) = (Some(unplaced(text(&name, value)?)), true);
+            }
+            "zeromq.pub_port" => endpoints.zeromq.pub_port = Some(port(&name, &value)?),
+            _ => endpoints.zeromq.sub_port = Some(port(&name, &value)?),
+        }
+    }
+    let said = |insecure: &mut Insecure, (address, word)| {
+        insecure.said(Place::Parameter, address, word);
+    };
+    said(&mut endpoints.ros.insecure.0, ros);
+    said(&mut endpoints.yarp.insecure.0, yarp);
+    said(&mut endpoints.zeromq.insecure.0, zeromq);
+    let checked = endpoints.zeromq.check(&endpoints.hosts).and_then(|()| endpoints.yarp.check());
+    checked.map_err(|problem| Failure::Usage(format!("parameters {PREFIX}…: {}", problem.message)))
+}
+
+/// A value that stands in no file.
+fn unplaced(value: String) -> Spanned<String> {
+    Spanned::new(value, Location::UNKNOWN, Location::UNKNOWN)
+}
+
+fn text(name: &str, value: ParameterValue) -> Result<String, Failure> {
+    match value {
+        ParameterValue::String(text) => Ok(text),
+        other => Err(wrong(name, &other, "a text")),
+    }
+}
+
+fn switch(name: &str, value: &ParameterValue) -> Result<bool, Failure> {
+    match value {
+        ParameterValue::Bool(value) => Ok(*value),
+        other => Err(wrong(name, other, "true or false")),
+    }
+}
+
+fn port(name: &str, value: &ParameterValue) -> Result<u16, Failure> {
+    let port = match value {
+        ParameterValue::Integer(number) => u16::try_from(*number).ok().filter(|port| *port > 0),
+        _ => None,
+    };
+    port.ok_or_else(|| wrong(name, value, "a port from 1 to 65535"))
+}
+
+fn wrong(name: &str, value: &ParameterValue, wanted: &str) -> Failure {
+    Failure::Usage(format!("parameter {name} is {value}; it must be {wanted}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::*;
+    use wrapyfi_core::node::NodeName;
+
+    fn taken(given: &[(&str, ParameterValue)]) -> Result<Endpoints, String> {
+        let given: BTreeMap<_, _> =
+            given.iter().map(|(name, value)| ((*name).to_owned(), value.clone())).collect();
+        let name = NodeName::new("bridge", "/").unwrap();
+        let mut store = ParameterStore::new(&name, given).unwrap();
+        let mut endpoints = Endpoints::default();
+        take_parameters(&mut endpoints, &mut store).map_err(|failure| failure.to_string())?;
+        assert_eq!(store.unused_overrides().count(), 0);
+        Ok(endpoints)
+    }
+
+    #[test]
+    fn settings_are_parameters_and_one_rule_holds_for_addresses() {
+        let ip = ("endpoints.yarp.ip", ParameterValue::from("192.0.2.7"));
+        let refused = taken(std::slice::from_ref(&ip)).unwrap_err();
+        assert!(refused.contains("-p endpoints.yarp.insecure:=true"), "{refused}");
+        let word = ("endpoints.yarp.insecure", ParameterValue::Bool(true));
+        let endpoints = taken(&[ip, word]).unwrap();
+        assert_eq!(endpoints.yarp.ip.unwrap().value, "192.0.2.7");
+        let server = ("endpoints.yarp.name_server", ParameterValue::from("robot:10000"));
+        assert_eq!(taken(&[server]).unwrap().yarp.name_server.unwrap().value, "robot:10000");
+        let unknown = taken(&[("endpoints.yarp.pi", ParameterValue::from("x"))]).unwrap_err();
+        assert!(unknown.contains("endpoints.yarp.ip"), "{unknown}");
+        let wrong = taken(&[("endpoints.yarp.ip", ParameterValue::Integer(3))]).unwrap_err();
+        assert!(wrong.contains("it must be a text"), "{wrong}");
+    }
+}
