@@ -219,6 +219,15 @@ class Pictures(unittest.TestCase):
         )
         self.assertEqual(to_python(message).getpixel((0, 0)), (0, 0, 255))
 
+    def test_places_in_a_palette_stay_places(self):
+        message = write(np.array([[0, 7, 255]], "u1"))
+        body = '{"encoding": "mono8", "mode": "P", "width": 3, "height": 1, "data": %s}' % message.json
+        message.json = '{"__wrapyfi__": ["picture", %s]}' % body
+        found = to_python(message)
+        self.assertEqual((found.mode, found.tobytes()), ("P", b"\x00\x07\xff"))
+        with self.assertRaisesRegex(MessageError, "convert"):
+            write(found)
+
     def test_a_file_is_opened(self):
         import io
         from PIL import Image
