@@ -219,6 +219,9 @@ class Hostile(unittest.TestCase):
                 index=pandas.Index([5, 6], name="row"),
             )
             yield pandas.Series([1.5], index=pandas.MultiIndex.from_tuples([("a", 1)]))
+            yield pyarrow.array([{"l": [1, 2], "b": b"x"}, None])
+            pairs = pyarrow.array([[1, 2], [3, 4]], pyarrow.list_(pyarrow.int8(), 2))
+            yield pyarrow.table({"f": pairs, "n": pyarrow.nulls(2)})
             yield pyarrow.table(
                 {"x": [1, None], "b": [True, None], "s": pyarrow.array(["a", "b"]).dictionary_encode()}
             )

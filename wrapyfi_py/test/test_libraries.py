@@ -129,6 +129,35 @@ class Tables(unittest.TestCase):
             self.assertTrue(found.equals(value), f"{found} instead of {value}")
             self.assertIsNone(found.validate(full=True) if hasattr(found, "validate") else None)
 
+    def test_nested_objects_of_pyarrow_return(self):
+        import pyarrow as pa
+
+        pairs = pa.array([[1, 2], [3, 4], None], pa.list_(pa.int8(), 2))
+        structs = pa.array([{"x": 1, "l": [1, 2]}, None, {"x": 3, "l": None}])
+        strict = pa.schema([pa.field("a", pa.int64(), nullable=False)], metadata={"k": "v"})
+        for value in [
+            pa.array([[1, 2], None, [], [3]]).slice(1),
+            pa.array([["a"]], pa.large_list(pa.string())),
+            pairs,
+            pairs.slice(1),
+            structs,
+            structs.slice(1),
+            pa.array([b"ab", None, b"c"]).slice(1),
+            pa.array([], pa.binary()),
+            pa.array([], pa.list_(pa.int8())),
+            pa.nulls(3),
+            pa.array([datetime.time(1, 2)], pa.time32("s")),
+            pa.array([datetime.time(1, 2), None], pa.time64("us")),
+            pa.table({"a": [1]}, schema=strict),
+        ]:
+            found = travels(value)
+            self.assertIs(type(found), type(value))
+            self.assertTrue(found.equals(value), f"{found} instead of {value}")
+            self.assertEqual(getattr(found, "schema", None), getattr(value, "schema", None))
+            found.validate(full=True)
+        for scalar in [pa.scalar(3), pa.scalar(None, pa.string()), pa.scalar({"a": [None, 1.5]})]:
+            self.assertEqual(travels(scalar), scalar)
+
     def test_what_a_table_cannot_hold_is_named(self):
         import pandas
         import pyarrow
@@ -142,7 +171,7 @@ class Tables(unittest.TestCase):
             (frame, "attrs of a frame"),
             (pandas.Timestamp("2024-01-01T00:00:00.000000001"), "to_datetime64"),
             (pandas.Timedelta(1), "its parts"),
-            (pyarrow.array([{"a": 1}]), "to_pylist"),
+            (pyarrow.array([1], pyarrow.decimal128(5)), "to_pylist"),
             (pandas.DataFrame([[1]], columns=[datetime.date(2024, 1, 1)]), "a label of type date"),
         ]:
             with self.assertRaises(MessageError, msg=words) as caught:
@@ -175,7 +204,7 @@ class Pictures(unittest.TestCase):
         from PIL import Image
 
         colour = Image.fromarray((np.arange(48 * 64 * 3) * 7 % 256).astype("u1").reshape(48, 64, 3))
-        for mode in ["RGB", "L", "RGBA", "1", "F", "I", "I;16"]:
+        for mode in ["RGB", "L", "RGBA", "1", "F", "I", "I;16", "CMYK"]:
             image = (
                 Image.fromarray(np.arange(12, dtype="u2").reshape(3, 4)) if mode == "I;16" else colour.convert(mode)
             )
@@ -189,6 +218,15 @@ class Pictures(unittest.TestCase):
             '{"__wrapyfi__": ["picture", {"encoding": "bgr8", "width": 1, "height": 1, "data": %s}]}' % message.json
         )
         self.assertEqual(to_python(message).getpixel((0, 0)), (0, 0, 255))
+
+    def test_places_in_a_palette_stay_places(self):
+        message = write(np.array([[0, 7, 255]], "u1"))
+        body = '{"encoding": "mono8", "mode": "P", "width": 3, "height": 1, "data": %s}' % message.json
+        message.json = '{"__wrapyfi__": ["picture", %s]}' % body
+        found = to_python(message)
+        self.assertEqual((found.mode, found.tobytes()), ("P", b"\x00\x07\xff"))
+        with self.assertRaisesRegex(MessageError, "convert"):
+            write(found)
 
     def test_a_file_is_opened(self):
         import io

@@ -19,7 +19,7 @@ import zoneinfo
 
 import numpy as np
 
-from .columns import column_of
+from .columns import NESTED, column_of
 from .values import Absent, MessageError, library, member
 
 #: What pandas calls an array of PyArrow.
@@ -116,6 +116,8 @@ def values(pandas, column):
         return pandas.Categorical.from_codes(
             codes, pandas.Index(values(pandas, column.categories)), ordered=dtype == "category(ordered)"
         )
+    if column.type in NESTED or column.type.startswith(("time32", "time64")):
+        return _objects(column.to_arrow(library("pyarrow")).to_pylist(), None, None)
     if isinstance(data, list):
         return _texts(pandas, data, dtype)
     times = column.unit()

@@ -29,7 +29,16 @@ ENCODINGS = {
 FORMATS = {"jpeg": "JPEG", "png": "PNG"}
 
 #: Encoding of what has a mode of its own.
-MODES = {"L": "mono8", "RGB": "rgb8", "RGBA": "rgba8", "I;16": "mono16", "I": "32SC1", "F": "32FC1", "1": "mono8"}
+MODES = {
+    "CMYK": "8UC4",
+    "L": "mono8",
+    "RGB": "rgb8",
+    "RGBA": "rgba8",
+    "I;16": "mono16",
+    "I": "32SC1",
+    "F": "32FC1",
+    "1": "mono8",
+}
 
 
 def read(body, reader):
@@ -54,6 +63,9 @@ def read(body, reader):
         raise Absent(f"Pillow has no mode for {encoding}")
     image = library("PIL.Image")
     reader.budget.take("a picture", data.nbytes)
+    if mode in ("P", "CMYK") and (mode == "CMYK") == (channels == 4):
+        # Places in a palette that nobody sends, and inks: no other encoding's pixels.
+        own_mode, blue_first = mode, False
     if blue_first:
         data = data[..., [2, 1, 0, 3][:channels]]
     if 0 in size:
@@ -85,7 +97,7 @@ def write(value):
         raise MessageError(f'a picture of mode {value.mode}: use convert("RGB")')
     encoding = MODES[value.mode]
     element, channels, own_mode, _ = ENCODINGS[encoding]
-    pixels = value if value.mode == own_mode else value.convert(own_mode)
+    pixels = value.convert(own_mode) if value.mode == "1" else value
     shape = (value.height, value.width) if channels == 1 else (value.height, value.width, channels)
     data = np.asarray(pixels).astype(element, copy=False).reshape(shape)
     mode = {} if value.mode == own_mode else {"mode": value.mode}

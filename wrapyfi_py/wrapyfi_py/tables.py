@@ -8,6 +8,9 @@ from . import frames
 from .columns import Column, column_of
 from .values import MessageError, library, mapping, member
 
+#: Rows that a table may claim to have; what it has is checked.
+MAX_ROWS = 1 << 48
+
 #: Key of PyArrow's objects; tables of any other key become objects of pandas.
 ARROW_KEY = "PyArrowArray"
 
@@ -16,7 +19,9 @@ def read(body, reader):
     """The object of pandas or PyArrow that a table is."""
     body = mapping(body, "table")
     rows, kind = member(body, "rows", int, "table"), body.get("kind")
-    columns = [Column.read(column) for column in member(body, "columns", list, "table")]
+    if not 0 <= rows < MAX_ROWS:
+        raise MessageError(f"a table of {rows} rows")
+    columns = [Column.read(column, rows) for column in member(body, "columns", list, "table")]
     for column in columns:
         if len(column) != rows:
             raise MessageError(f"column {column.name[:40]!r} has {len(column)} of {rows} rows")
@@ -26,11 +31,17 @@ def read(body, reader):
         return frames.read(body, rows, columns, reader)
     arrow = library("pyarrow")
     arrays = [column.to_arrow(arrow) for column in columns]
-    if kind in ("Array", "ChunkedArray"):
+    if kind == "Scalar" and len(arrays) == rows == 1:
+        return arrays[0][0]
+    if kind in ("Array", "ChunkedArray", "Scalar"):
         if len(arrays) != 1:
             raise MessageError(f"an {kind} of {len(arrays)} columns")
         return arrays[0] if kind == "Array" else arrow.chunked_array(arrays)
-    fields = arrow.schema([arrow.field(column.name, array.type) for column, array in zip(columns, arrays)])
+    metadata = body.get("metadata", {})
+    if not isinstance(metadata, dict) or not all(isinstance(text, str) for text in metadata.values()):
+        raise MessageError("metadata of a table is no dict of texts")
+    fields = [arrow.field(column.name, array.type, column.nullable) for column, array in zip(columns, arrays)]
+    fields = arrow.schema(fields, metadata or None)
     make = arrow.RecordBatch if kind == "RecordBatch" else arrow.Table
     return make.from_arrays(arrays, schema=fields)
 
@@ -39,18 +50,23 @@ def write_arrow(value):
     """Tag and body of an object of PyArrow; ``None`` for any other."""
     import pyarrow as arrow
 
+    extra = {}
     if isinstance(value, arrow.Scalar):
-        value = arrow.array([value.as_py()], value.type)
-    if isinstance(value, (arrow.Array, arrow.ChunkedArray)):
+        kind, named, rows = "Scalar", [("", arrow.array([value.as_py()], value.type), True)], 1
+    elif isinstance(value, (arrow.Array, arrow.ChunkedArray)):
         kind = "ChunkedArray" if isinstance(value, arrow.ChunkedArray) else "Array"
-        named, rows = [("", value)], len(value)
+        named, rows = [("", value, True)], len(value)
     elif isinstance(value, (arrow.Table, arrow.RecordBatch)):
         kind = type(value).__name__
-        named, rows = list(zip(value.schema.names, value.columns)), value.num_rows
+        named = [(field.name, array, field.nullable) for field, array in zip(value.schema, value.columns)]
+        rows = value.num_rows
+        if value.schema.metadata:
+            metadata = value.schema.metadata.items()
+            extra = {"metadata": {key.decode(): text.decode() for key, text in metadata}}
     else:
         return None
-    columns = [{"name": name, **column_of(array, name)} for name, array in named]
-    return "table", {"key": ARROW_KEY, "kind": kind, "rows": rows, "columns": columns}
+    columns = [{"name": name, **column_of(array, name, nullable)} for name, array, nullable in named]
+    return "table", {"key": ARROW_KEY, "kind": kind, "rows": rows, **extra, "columns": columns}
 
 
 def write_pandas(value):
