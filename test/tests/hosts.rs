@@ -184,11 +184,10 @@ fn nodes_of_ros_1_are_found_by_the_names_of_their_machines() -> Result {
         let [robot, laptop, arm] = world.hosts(["robot", "laptop", "arm"])?;
         let port = world.ros_port();
         let uri = format!("http://{}:{port}", robot.ip());
-        let on = |host: Host<'_>, name: &str| {
-            host.with("ROS_MASTER_URI", &uri).with("ROS_IP", "").with("ROS_HOSTNAME", name)
-        };
         let arm_ip = arm.ip().to_owned();
-        let (robot, arm) = (on(robot, "robot"), on(arm, "arm"));
+        let [robot, arm] = [(robot, "robot"), (arm, "arm")].map(|(host, name)| {
+            host.with("ROS_MASTER_URI", &uri).with("ROS_IP", "").with("ROS_HOSTNAME", name)
+        });
         let laptop = laptop.with("ROS_MASTER_URI", &uri).with("ROS_IP", "");
 
         let topic = "/far/x".to_owned();
