@@ -9,7 +9,7 @@ use wrapyfi_core::node::parameters::ParameterStore;
 use wrapyfi_core::types::MessageType;
 
 use crate::exit::Failure;
-use crate::middlewares::{Loaded, Middlewares};
+use crate::middlewares::{self, Loaded, Middlewares};
 use crate::node::Node;
 use crate::output;
 use crate::overrides;
