@@ -239,8 +239,8 @@ fn the_bridge_has_its_name_at_the_master_and_ends_when_it_is_killed_there() -> R
             let subscribed = |books: &Books| has(&books.subscribers, &topic, name);
             books(world, name, subscribed).map_err(|error| error.context(bridge.tail()))?;
             let mut kill = world.ros_tool("rosnode", &format!("kill {name}"))?;
-            kill.exits_with(0)?;
             bridge.exits_with(1)?;
+            kill.exits_with(0)?;
             let said = log(&bridge);
             assert!(said.contains("told this node to shut down"), "{said}");
         }

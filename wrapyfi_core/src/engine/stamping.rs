@@ -79,8 +79,13 @@ mod tests {
     use super::*;
     use crate::types::{Encoding, Image, MessageType, NativeObject, RawPixels, Value};
 
-    const ROS: Traits =
-        Traits { any_ros_type: true, ros_time: true, tells_own: true, shows_marks: true };
+    const ROS: Traits = Traits {
+        any_ros_type: true,
+        ros_time: true,
+        tells_own: true,
+        shows_marks: true,
+        subscribes_first: false,
+    };
     const THEN: Stamp = Stamp { sec: 5, nanosec: 0 };
     const SYSTEM: RosNow = RosNow { stamp: Stamp { sec: 9, nanosec: 0 }, simulated: false };
     const SIMULATED: RosNow = RosNow { simulated: true, ..SYSTEM };

@@ -162,7 +162,11 @@ impl Scout {
             return false;
         };
         let sources = self.sources(spec.role(), from, &to.middleware);
-        sources.fold(false, |keeps, one| middleware.keeps_last(one) == Some(true) || keeps)
+        let mut keeps = false;
+        for one in sources {
+            keeps |= middleware.keeps_last(one) == Some(true);
+        }
+        keeps
     }
 
     /// The type that publishers of the source tell, where they do.
