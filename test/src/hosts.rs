@@ -119,7 +119,7 @@ impl World {
             let (environment, _switch) = (Vec::new(), Arc::clone(&switch));
             hosts.push(Host { world: self, holder, ip, environment, _switch });
         }
-        hosts.try_into().map_err(|_| anyhow::anyhow!("not {N} machines"))
+        hosts.try_into().map_err(|_hosts| anyhow::anyhow!("not {N} machines"))
     }
 }
 
@@ -142,7 +142,7 @@ impl Host<'_> {
     /// # Errors
     /// Where it cannot be started.
     pub fn wrapyfi<A: AsRef<OsStr>>(&self, args: impl IntoIterator<Item = A>) -> Result<Process> {
-        self.start("wrapyfi", self.world.command(&needs::program()?, args))
+        self.start("wrapyfi", &self.world.command(&needs::program()?, args))
     }
 
     /// Starts a Python peer from `test/peers` here; `args` are split at blanks.
@@ -150,7 +150,7 @@ impl Host<'_> {
     /// # Errors
     /// Where it cannot be started.
     pub fn peer(&self, script: &str, args: &str) -> Result<Process> {
-        self.start(script, self.world.peer_command(script, args)?)
+        self.start(script, &self.world.peer_command(script, args)?)
     }
 
     /// Starts a peer on rospy here; `args` are split at blanks.
@@ -158,7 +158,7 @@ impl Host<'_> {
     /// # Errors
     /// Where it cannot be started.
     pub fn rospy(&self, args: &str) -> Result<Process> {
-        self.start("rospy_peer.py", self.world.rospy_command(args, None))
+        self.start("rospy_peer.py", &self.world.rospy_command(args, None))
     }
 
     /// Starts any program here; `args` are split at blanks.
@@ -166,10 +166,10 @@ impl Host<'_> {
     /// # Errors
     /// Where it cannot be started.
     pub fn program(&self, program: &str, args: &str) -> Result<Process> {
-        self.start(program, self.world.command(program.as_ref(), args.split_whitespace()))
+        self.start(program, &self.world.command(program.as_ref(), args.split_whitespace()))
     }
 
-    fn start(&self, name: &str, command: Command) -> Result<Process> {
+    fn start(&self, name: &str, command: &Command) -> Result<Process> {
         let folder = command.get_current_dir().unwrap_or(Path::new("/"));
         let mut inside = self.holder.enter(folder, command.get_program());
         inside.args(command.get_args());
