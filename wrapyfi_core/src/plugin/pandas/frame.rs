@@ -149,7 +149,7 @@ impl Frame {
                 Value::Str(label) => label.clone(),
                 Value::Null => String::new(),
                 Value::Tuple(levels) => {
-                    let levels: Vec<_> = levels.iter().map(|level| to_json(level)).collect();
+                    let levels: Vec<_> = levels.iter().map(to_json).collect();
                     format!("({})", levels.into_iter().flatten().collect::<Vec<_>>().join(", "))
                 }
                 other => to_json(other).unwrap_or_default(),
