@@ -83,7 +83,12 @@ fn write(out: &mut String, value: &Value) {
         Value::Tagged(object) => match &object.refused {
             Some(reason) => _ = write!(out, "{}, not read: {reason}", object.key),
             None => {
-                _ = write!(out, "{}, {} bytes of an unknown plug-in", object.key, object.json.len())
+                _ = write!(
+                    out,
+                    "{}, {} bytes of an unknown plug-in",
+                    object.key,
+                    object.json.len()
+                );
             }
         },
         Value::Object(object) => _ = write!(out, "{object:?}"),
