@@ -10,7 +10,7 @@ use anyhow::{Context as _, bail};
 use wrapyfi_core::endpoint::{Context, Middleware as _, PublishError, TopicSpec};
 use wrapyfi_core::middleware::zeromq::{BrokerMode, ZeroMq, ZeroMqConfig};
 use wrapyfi_core::plugin::Plugins;
-use wrapyfi_core::types::{ForeignObject, MessageType, Payload};
+use wrapyfi_core::types::{ForeignObject, MessageType, Payload, Value};
 use wrapyfi_pose_plugin::{Pose2D, PosePlugin};
 
 fn main() -> anyhow::Result<()> {
