@@ -88,7 +88,9 @@ impl Drop for Holder {
 
 /// Whether machines can be made here.
 pub(crate) fn or_why_not() -> Result {
-    let made = Holder::new("ip link add name br0 type bridge && ip link add name v0 type veth peer name v1");
+    let made = Holder::new(
+        "ip link add name br0 type bridge && ip link add name v0 type veth peer name v1",
+    );
     made.map(drop)
 }
 

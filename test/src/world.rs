@@ -435,7 +435,6 @@ impl World {
         command
     }
 
-
     /// Starts a node of roscpp; `args` are split at blanks, `value` is its `--value` as it is.
     ///
     /// # Errors
