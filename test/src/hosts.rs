@@ -88,7 +88,9 @@ impl Drop for Holder {
 
 /// Whether machines can be made here.
 pub(crate) fn or_why_not() -> Result {
-    let made = Holder::new("ip link add br0 type bridge && ip link add a type veth peer name b");
+    let made = Holder::new(
+        "ip link add name br0 type bridge && ip link add name v0 type veth peer name v1",
+    );
     made.map(drop)
 }
 
@@ -98,7 +100,7 @@ impl World {
     /// # Errors
     /// Where the system refuses.
     pub fn hosts<const N: usize>(&self, names: [&str; N]) -> Result<[Host<'_>; N]> {
-        let switch = Holder::new("ip link add br0 type bridge && ip link set br0 up")?;
+        let switch = Holder::new("ip link add name br0 type bridge && ip link set br0 up")?;
         let switch = Arc::new(switch);
         let mut hosts = Vec::new();
         for (index, name) in names.iter().enumerate() {
@@ -111,7 +113,7 @@ impl World {
                  && ip link set lo up multicast on && ip route add 224.0.0.0/4 dev lo"
             ))?;
             let link =
-                format!("link add v{index} type veth peer name eth0 netns {}", holder.0.id());
+                format!("link add name v{index} type veth peer name eth0 netns {}", holder.0.id());
             switch.run("ip", &link)?;
             switch.run("ip", &format!("link set v{index} master br0 up"))?;
             holder.run("ip", &format!("addr add {ip}/24 dev eth0"))?;
@@ -161,6 +163,14 @@ impl Host<'_> {
         self.start("rospy_peer.py", &self.world.rospy_command(args, None))
     }
 
+    /// Starts a program of YARP's own here.
+    ///
+    /// # Errors
+    /// Where there is none, or it cannot be started.
+    pub fn yarp_tool(&self, tool: &str, args: &[&str]) -> Result<Process> {
+        self.start(tool, self.world.yarp_command(tool, args)?)
+    }
+
     /// Starts any program here; `args` are split at blanks.
     ///
     /// # Errors
@@ -185,6 +195,6 @@ impl Host<'_> {
                 value => inside.env(key, value),
             };
         }
-        Process::start(name, inside, self.world.pillars())
+        self.world.start(name, inside)
     }
 }

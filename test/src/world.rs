@@ -435,10 +435,6 @@ impl World {
         command
     }
 
-    pub(crate) fn pillars(&self) -> &Pillars {
-        &self.pillars
-    }
-
     /// Starts a node of roscpp; `args` are split at blanks, `value` is its `--value` as it is.
     ///
     /// # Errors
@@ -523,9 +519,13 @@ impl World {
     /// # Errors
     /// Where it is not there, or cannot be started.
     pub fn yarp_tool(&self, tool: &str, args: &[&str]) -> Result<Process> {
+        self.start(tool, self.yarp_command(tool, args)?)
+    }
+
+    pub(crate) fn yarp_command(&self, tool: &str, args: &[&str]) -> Result<Command> {
         let mut command = self.command(&real::yarp_tools()?.join(tool), args);
         command.env("YARP_FORWARD_LOG_ENABLE", "0").env("YARP_COLORED_OUTPUT", "0");
-        self.start(tool, command)
+        Ok(command)
     }
 
     /// Starts the interpreter that has Wrapyfi.

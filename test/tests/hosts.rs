@@ -179,6 +179,37 @@ fn yarp_ports_are_reached_from_the_machine_of_the_name_server_and_from_a_third()
 }
 
 #[test]
+fn programs_of_yarp_meet_ours_between_machines() -> Result {
+    let needs = &[Need::Program, Need::Hosts, Need::Yarp];
+    run("programs_of_yarp_meet_ours_between_machines", needs, |world| {
+        let [robot, laptop] = world.hosts(["robot", "laptop"])?;
+        let port = world.yarp_port().to_string();
+        let server = robot.yarp_tool("yarpserver", &["--socket", &port, "--write"])?;
+        server.wait_until("its address", |output| {
+            let mut lines = output.out.iter().chain(&output.err);
+            lines.any(|line| line.contains(&format!("http://{}:{port}", robot.ip()))).then_some(())
+        })?;
+        let laptop = laptop.with("WRAPYFI_YARP_INSECURE", "1");
+        let publisher = publish(&laptop, "yarp:/cam")?;
+        let reader = robot.yarp_tool("yarp", &["read", "/reader", "/cam"])?;
+        let read = reader.wait_until("what the laptop publishes", |output| {
+            output.out.iter().any(|line| line.contains("n\\\": 1")).then_some(())
+        });
+        read.map_err(|error| error.context(publisher.tail()))?;
+        let heard = echo(&laptop, "yarp:/out", "NativeObject")?;
+        let mut writer = robot.yarp_tool("yarp", &["write", "/out"])?;
+        let mut lines = 0;
+        while heard.stdout().lines().count() < 3 {
+            lines += 1;
+            assert!(lines < 1000, "{}\n{}", writer.tail(), heard.tail());
+            writer.tell("hello")?;
+            std::thread::sleep(std::time::Duration::from_millis(100));
+        }
+        Ok(())
+    })
+}
+
+#[test]
 fn nodes_of_ros_1_are_found_by_the_names_of_their_machines() -> Result {
     run("nodes_of_ros_1_are_found_by_the_names_of_their_machines", WITH_ROS, |world| {
         let [robot, laptop, arm] = world.hosts(["robot", "laptop", "arm"])?;

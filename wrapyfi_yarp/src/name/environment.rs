@@ -116,13 +116,14 @@ impl Environment {
     }
 
     /// The address at which ports of this machine are reached, where `$YARP_IP` says so: it is one, or
-    /// the beginning of one that this machine has.
+    /// the beginning of one that this machine has. `server` is where the name server is, if that is
+    /// known.
     ///
     /// # Errors
     /// When no address of this machine that leads anywhere begins so.
-    pub fn own_ip(&self) -> Result<Option<IpAddr>, EnvironmentError> {
+    pub fn own_ip(&self, server: Option<IpAddr>) -> Result<Option<IpAddr>, EnvironmentError> {
         let Some(prefix) = self.text("YARP_IP") else { return Ok(None) };
-        let found = own_address(prefix).ok_or_else(|| EnvironmentError {
+        let found = own_address(prefix, server).ok_or_else(|| EnvironmentError {
             name: "YARP_IP".to_owned(),
             value: prefix.to_owned(),
             reason: "begins none of this machine's addresses: write the whole address, or unset it",
@@ -171,7 +172,7 @@ pub fn safe_name(name: &str) -> String {
 }
 
 /// An address of this machine that begins with `prefix`: the prefix itself where it is a whole one.
-fn own_address(prefix: &str) -> Option<IpAddr> {
+fn own_address(prefix: &str, server: Option<IpAddr>) -> Option<IpAddr> {
     if let Ok(whole) = prefix.parse() {
         return Some(whole);
     }
@@ -181,12 +182,16 @@ fn own_address(prefix: &str) -> Option<IpAddr> {
         socket.connect((to, 9)).ok()?;
         Some(socket.local_addr().ok()?.ip())
     };
-    // Towards an address that would lie in the network meant, then towards everything else.
-    let mut parts: Vec<&str> = prefix.trim_end_matches('.').split('.').collect();
-    parts.resize(4, "1");
-    let inside = parts.join(".").parse().ok().and_then(leads);
-    let outside = leads(IpAddr::V4(super::DISCOVERY_GROUP));
-    [inside, outside].into_iter().flatten().find(|address| address.to_string().starts_with(prefix))
+    // Towards addresses that would lie in the network meant, the name server, everything else.
+    let inside = ["1", "0"].map(|filling| {
+        let mut parts: Vec<&str> = prefix.trim_end_matches('.').split('.').collect();
+        parts.resize(3, filling);
+        parts.push("1");
+        parts.join(".").parse().ok()
+    });
+    let outside = Some(IpAddr::V4(super::DISCOVERY_GROUP));
+    let mut found = inside.into_iter().chain([server, outside]).flatten().filter_map(leads);
+    found.find(|address| address.to_string().starts_with(prefix))
 }
 
 #[cfg(test)]
@@ -229,8 +234,8 @@ mod tests {
 
     #[test]
     fn an_address_may_be_given_by_its_beginning() {
-        let ip = |text: &str| Environment::from_pairs([("YARP_IP", text)]).own_ip();
-        assert_eq!(Environment::default().own_ip(), Ok(None));
+        let ip = |text: &str| Environment::from_pairs([("YARP_IP", text)]).own_ip(None);
+        assert_eq!(Environment::default().own_ip(None), Ok(None));
         assert_eq!(ip("127."), Ok(Some(Ipv4Addr::LOCALHOST.into())));
         assert_eq!(ip("192.0.2.7"), Ok(Some([192, 0, 2, 7].into())));
         let error = ip("9.9.9.").unwrap_err().to_string();

@@ -114,7 +114,7 @@ pub(super) async fn open(
     }
     let host = match &shared.host {
         Some(host) => Some(host.clone()),
-        None => shared.environment.own_ip()?.map(|ip| ip.to_string()),
+        None => shared.environment.own_ip(None)?.map(|ip| ip.to_string()),
     };
     let mut request = NameRequest {
         name: name.to_owned(),

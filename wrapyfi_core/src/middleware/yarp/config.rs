@@ -148,7 +148,8 @@ impl YarpConfig {
         environment: &Environment,
     ) -> Result<Listening, StartError> {
         let is_afar = !is_of_this_machine(server.ip());
-        let of_environment = || environment.own_ip().map_err(conf::ConfError::from);
+        let of_environment =
+            || environment.own_ip(Some(server.ip())).map_err(conf::ConfError::from);
         let said = match self.ip {
             None => of_environment()?,
             said => said,
