@@ -143,13 +143,14 @@ fn read(
 
 /// The names of machines that the configuration maps to addresses.
 fn hosts(config: &Config<Endpoints>) -> Result<Hosts, Problem> {
-    let address = |(host, written): (&String, &Spanned<String>)| match written.value.parse::<IpAddr>() {
-        Ok(ip) => Ok((host.clone(), ip)),
-        Err(_) => {
-            let text = format!("hosts: {host} is {:?}, which is no address", written.value);
-            Err(Problem::at(written.referenced, text))
-        }
-    };
+    let address =
+        |(host, written): (&String, &Spanned<String>)| match written.value.parse::<IpAddr>() {
+            Ok(ip) => Ok((host.clone(), ip)),
+            Err(_) => {
+                let text = format!("hosts: {host} is {:?}, which is no address", written.value);
+                Err(Problem::at(written.referenced, text))
+            }
+        };
     config.hosts.iter().map(address).collect()
 }
 
