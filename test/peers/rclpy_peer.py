@@ -60,7 +60,8 @@ def made(kind, source):
     if isinstance(kind, definition.Array):
         return [made(kind.value_type, source) for _ in range(kind.size)]
     if isinstance(kind, definition.AbstractNestedType):
-        return [made(kind.value_type, source) for _ in range(source.randint(1, 5))]
+        most = kind.maximum_size if isinstance(kind, definition.BoundedSequence) else 5
+        return [made(kind.value_type, source) for _ in range(source.randint(1, min(most, 5)))]
     return filled(getattr(importlib.import_module(".".join(kind.namespaces)), kind.name)(), source)
 
 

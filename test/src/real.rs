@@ -221,6 +221,17 @@ impl<'w> RealRos2<'w> {
         self.world.start("wrapyfi", self.command(&needs::program()?, args)?)
     }
 
+    /// Starts a node executable of ours where this ROS 2 is sourced, by its name. Not by `ros2 run`, whose
+    /// end leaves the node alone.
+    ///
+    /// # Errors
+    /// Where it cannot be started.
+    pub fn node(&self, name: &str, ros_args: &[&str]) -> Result<Process> {
+        let program = self.world.path("overlay/lib/wrapyfi_bridge").join(name);
+        let args = ["--ros-args"].iter().chain(ros_args);
+        Ok(self.world.start(name, self.command(&program, args)?)?.pillar())
+    }
+
     /// Starts a script with the interpreter that has Wrapyfi, where this ROS 2 is sourced.
     ///
     /// # Errors
@@ -268,9 +279,14 @@ fn overlay(world: &World) -> Result {
         let description = repository().join(package).join("package.xml");
         std::fs::copy(description, share.join("package.xml"))?;
     }
+    // Files, not folders: launch does not look through links to those.
     for folder in ["launch", "config"] {
         let place = prefix.join("share/wrapyfi").join(folder);
-        std::os::unix::fs::symlink(repository().join(folder), place)?;
+        std::fs::create_dir_all(&place)?;
+        for entry in std::fs::read_dir(repository().join(folder))? {
+            let entry = entry?;
+            std::os::unix::fs::symlink(entry.path(), place.join(entry.file_name()))?;
+        }
     }
     let programs = prefix.join("lib/wrapyfi_bridge");
     std::fs::create_dir_all(&programs)?;

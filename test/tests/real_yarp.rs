@@ -107,7 +107,8 @@ fn the_tools_know_our_ports(world: &World) -> Result {
     told(world, &["name", "query", &port], |said| said.contains("ip 127.0.0.1 port"))?;
     told(world, &["ping", &port], |said| said.contains("no outgoing connections"))?;
     let mut wait = world.yarp_tool("yarp", &["wait", &port])?;
-    wait.exits_with(0)?;
+    // It ends when the port is there, and says 1 then.
+    wait.exits_with(1)?;
     let listed = ["list", "yarp", "--json"];
     let mut list = world.wrapyfi(listed)?;
     list.exits_with(0)?;
