@@ -41,8 +41,9 @@ impl Whereabouts {
     }
 
     /// As [`Whereabouts::of_host`], for the address of a node.
-    pub(super) fn of(&self, uri: NodeUri) -> NodeUri {
-        NodeUri { host: self.of_host(&uri.host), ..uri }
+    pub(super) fn of(&self, mut uri: NodeUri) -> NodeUri {
+        uri.host = self.of_host(&uri.host);
+        uri
     }
 
     /// What is probable where a node that announced `host` does not answer, else nothing.
