@@ -168,7 +168,7 @@ impl Host<'_> {
     /// # Errors
     /// Where there is none, or it cannot be started.
     pub fn yarp_tool(&self, tool: &str, args: &[&str]) -> Result<Process> {
-        self.start(tool, self.world.yarp_command(tool, args)?)
+        self.start(tool, &self.world.yarp_command(tool, args)?)
     }
 
     /// Starts any program here; `args` are split at blanks.

@@ -1,6 +1,7 @@
 //! Processes that a test starts, listens to and ends.
 
 use std::io::{BufRead as _, BufReader, Read, Write as _};
+use std::os::unix::process::CommandExt as _;
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -76,6 +77,8 @@ impl Process {
     /// Where the program cannot be started.
     pub(crate) fn start(name: &str, mut command: Command, pillars: &Pillars) -> Result<Self> {
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        // What it starts is ended with it: Wrapyfi's scripts leave their brokers behind.
+        command.process_group(0);
         let mut child = command.spawn().with_context(|| format!("starting {name}: {command:?}"))?;
         let shared = Arc::new(Shared {
             name: name.to_owned(),
@@ -350,6 +353,10 @@ impl Drop for Process {
             let _killed: std::io::Result<()> = self.child.kill();
             let _status: std::io::Result<_> = self.child.wait();
         }
+        let group = rustix::process::Pid::from_child(&self.child);
+        // Nobody is left in most groups.
+        let _killed: rustix::io::Result<()> =
+            rustix::process::kill_process_group(group, rustix::process::Signal::KILL);
     }
 }
 
