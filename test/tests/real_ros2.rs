@@ -5,7 +5,7 @@
 
 use serde_json::{Value, json};
 use wrapyfi_e2e::{
-    Need, Process, RealRos2, Result, Route, World, ros2, run, sha256, texts, zeromq,
+    Config, Need, Process, RealRos2, Result, Route, World, ros2, run, sha256, texts, zeromq,
 };
 
 const NEEDS: &[Need] =
