@@ -27,9 +27,9 @@ args = parser.parse_args()
 
 
 class MirrorCls(MiddlewareCommunicator):
-    @MiddlewareCommunicator.register("NativeObject", "$mware", "MirrorCls", "/example/read_msg",
+    @MiddlewareCommunicator.register("NativeObject", "$0", "MirrorCls", "/example/read_msg",
                                      carrier="tcp", should_wait="$blocking")
-    def read_msg(self, mware=None, msg="", blocking=True):
+    def read_msg(self, mware, msg="", blocking=True):
         try:
             msg_ip = input("Type message: ")
         except EOFError:
@@ -42,9 +42,9 @@ def main():
     mirror = MirrorCls()
     mirror.activate_communication("read_msg", mode=args.mode)
     while True:
-        # As Wrapyfi's own mirroring_example.py asks: by name, and without what has a default.
+        # As Wrapyfi's own example of mirroring asks: without what has a default.
         if args.mode == "request":
-            message, = mirror.read_msg(mware=args.mware, msg=args.msg)
+            message, = mirror.read_msg(args.mware, msg=args.msg)
         else:
             message, = mirror.read_msg(args.mware, msg=args.msg, blocking=True)
         if message is None:
