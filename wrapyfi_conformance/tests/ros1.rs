@@ -87,6 +87,8 @@ impl Rig for Roscore {
         let content = match spec.message_type {
             // Any text is a text: what is broken is the message around it.
             MessageType::Text => body.to_vec(),
+            // So is one that is no JSON.
+            MessageType::NativeObject | MessageType::StringJson if body == b"{" => body.to_vec(),
             other if other.data_type() == DataType::NativeObject => framed(body),
             _ => body.to_vec(),
         };

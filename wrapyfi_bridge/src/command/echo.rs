@@ -61,6 +61,9 @@ fn learned(
                 MessageType::ALL.map(|known| known.to_string()).join(", ")
             )),
             LearnTopicError::Discover(error) => Failure::usage(error),
+            LearnTopicError::Nobody => {
+                Failure::TimedOut(format!("{}: still waiting for a publisher", args.endpoint))
+            }
             other => Failure::TimedOut(format!("{}: still waiting for {other}", args.endpoint)),
         })
 }

@@ -84,9 +84,12 @@ pub(super) fn from_publishers(
 /// Why the type of a topic was not learned.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum LearnTopicError {
-    /// Nobody was there, or the middleware cannot be asked now.
+    /// The middleware cannot be asked now; names what it waits for.
     #[error("{0}")]
-    Waiting(String),
+    Away(String),
+    /// The topic has no endpoint.
+    #[error("nobody publishes it")]
+    Nobody,
     /// An endpoint is there, and its type is not known.
     #[error(transparent)]
     Untold(#[from] LearnError),
@@ -112,10 +115,8 @@ pub(crate) fn of_topic<T>(
     loop {
         // Before the look: it looks once more when the time is over.
         let last = is_over();
-        let mut why = LearnTopicError::Waiting(match discovery.waiting_for() {
-            Some(what) => what,
-            None => format!("a publisher of {topic}"),
-        });
+        let mut why =
+            discovery.waiting_for().map_or(LearnTopicError::Nobody, LearnTopicError::Away);
         let mut found = discovery.endpoints()?;
         found
             .retain(|one| one.name == name && matches!(one.role, Role::Publisher | Role::Listener));

@@ -62,8 +62,13 @@ pub fn what_is_malformed_is_counted_and_passed_over<R: Rig>() {
             sink.counters().received == sent
         });
         let now = sink.counters();
-        let unusable = [DropReason::Malformed, DropReason::Mismatch, DropReason::Oversize]
-            .map(|reason| now.dropped_for(reason));
+        let unusable = [
+            DropReason::Malformed,
+            DropReason::Nesting,
+            DropReason::Mismatch,
+            DropReason::Oversize,
+        ]
+        .map(|reason| now.dropped_for(reason));
         assert_eq!(unusable.iter().sum::<u64>(), sent, "{message_type}: {now:?}");
         source.send(&small::<R>(message_type));
         assert!(sink.receive() == small::<R>(message_type), "{message_type} after broken ones");

@@ -453,6 +453,7 @@ pub fn requests_that_are_none_are_told<R: Rig>() {
         let counted = |clerk: &Clerk| {
             let now = clerk.counters();
             now.dropped_for(DropReason::Malformed)
+                + now.dropped_for(DropReason::Nesting)
                 + now.dropped_for(DropReason::Mismatch)
                 + now.dropped_for(DropReason::Oversize)
         };

