@@ -18,6 +18,7 @@ expect an exception: {"event": "failed", "error"}.
 import argparse
 import hashlib
 import logging
+import os
 import sys
 import threading
 import traceback
@@ -68,7 +69,7 @@ import payload  # noqa: E402
 from lines import leave, leaving, say, watch_stdin  # noqa: E402
 
 # The broker and the monitor run as threads of this process, so that nothing outlives it.
-options = {"should_wait": not args.no_wait, "socket_ip": "127.0.0.1"}
+options = {"should_wait": not args.no_wait, "socket_ip": os.environ["WRAPYFI_ZEROMQ_SOCKET_IP"]}
 if args.role in ("publish", "listen"):
     options.update(socket_pub_port=args.pub_port, pubsub_monitor_listener_spawn="thread")
 else:

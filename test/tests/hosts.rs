@@ -187,10 +187,13 @@ fn programs_of_yarp_meet_ours_between_machines() -> Result {
         let server = robot.yarp_tool("yarpserver", &["--socket", &port, "--write"])?;
         server.wait_until("its address", |output| {
             let mut lines = output.out.iter().chain(&output.err);
-            lines.any(|line| line.contains(&format!("http://{}:{port}", robot.ip()))).then_some(())
+            lines.any(|line| line.contains(&format!("{}:{port}/", robot.ip()))).then_some(())
         })?;
         let laptop = laptop.with("WRAPYFI_YARP_INSECURE", "1");
         let publisher = publish(&laptop, "yarp:/cam")?;
+        publisher.wait_until("its port", |output| {
+            output.err.iter().any(|line| line.contains("a reader of /cam")).then_some(())
+        })?;
         let reader = robot.yarp_tool("yarp", &["read", "/reader", "/cam"])?;
         let read = reader.wait_until("what the laptop publishes", |output| {
             output.out.iter().any(|line| line.contains("n\\\": 1")).then_some(())
