@@ -8,6 +8,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail};
+use rustix::process::Signal;
 use serde_json::Value;
 
 use crate::{PATIENCE, Result};
@@ -68,6 +69,8 @@ pub struct Process {
     stdin: Option<ChildStdin>,
     shared: Arc<Shared>,
     pillars: Pillars,
+    /// What asks it to end.
+    end: Signal,
 }
 
 impl Process {
@@ -93,7 +96,15 @@ impl Process {
             read_along(stream, &shared, |output| &mut output.err);
         }
         let stdin = child.stdin.take();
-        Ok(Self { name: name.to_owned(), child, stdin, shared, pillars: Arc::clone(pillars) })
+        let pillars = Arc::clone(pillars);
+        Ok(Self { name: name.to_owned(), child, stdin, shared, pillars, end: Signal::TERM })
+    }
+
+    /// SIGINT asks it to end: a program that leaves its children alone at SIGTERM, as `ros2 launch` does.
+    #[must_use]
+    pub(crate) fn ends_at_interrupt(mut self) -> Self {
+        self.end = Signal::INT;
+        self
     }
 
     /// The rest of the test depends on this process: while it should run, its end is a failure.
@@ -255,15 +266,15 @@ impl Process {
         })?
     }
 
-    /// Sends SIGTERM.
+    /// Sends the signal that asks it to end, SIGTERM.
     ///
     /// # Errors
     /// Where the process cannot be signalled.
     pub fn terminate(&self) -> Result {
         self.shared.should_run.store(false, Relaxed);
         let pid = rustix::process::Pid::from_child(&self.child);
-        rustix::process::kill_process(pid, rustix::process::Signal::TERM)
-            .with_context(|| format!("sending SIGTERM to {}", self.name))
+        rustix::process::kill_process(pid, self.end)
+            .with_context(|| format!("asking {} to end", self.name))
     }
 
     /// Sends SIGKILL and waits for the end: the process tells nobody.

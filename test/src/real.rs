@@ -169,7 +169,7 @@ impl<'w> RealRos2<'w> {
         let tool = self.installation.tool.as_os_str();
         let mut command = self.command(&self.installation.python, std::iter::once(tool))?;
         command.args(args);
-        self.world.start("ros2", command)
+        Ok(self.world.start("ros2", command)?.ends_at_interrupt())
     }
 
     /// What `ros2` says, once it is what is wanted. Commands that look at the graph look for two seconds,

@@ -402,7 +402,8 @@ fn launch_without_arguments_keeps_running(_: &World, ros: &RealRos2<'_>) -> Resu
 fn run_finds_the_nodes(_: &World, ros: &RealRos2<'_>) -> Result {
     ros.told(&["pkg", "executables", "wrapyfi_bridge"], |said| {
         let programs = ["bridge", "wrapyfi", "ros1_bridge", "yarp_bridge", "zeromq_bridge"];
-        programs.iter().all(|name| said.contains(&format!("wrapyfi_bridge {name}\n")))
+        let listed = |name: &str| said.lines().any(|line| line == format!("wrapyfi_bridge {name}"));
+        programs.into_iter().all(listed)
     })?;
     let mut check = ros.ros2(&["run", "wrapyfi_bridge", "wrapyfi", "--version"])?;
     check.exits_with(0)
