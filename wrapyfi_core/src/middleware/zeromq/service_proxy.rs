@@ -20,8 +20,8 @@ use super::service_broker::Tally;
 
 /// Messages passed on before the other side and the clock are looked at.
 const BATCH: usize = 128;
-/// Longest time that the last replies are waited for.
-const FAREWELL: Duration = Duration::from_millis(200);
+/// Longest time that the last replies are waited for; a program has two seconds to end.
+const FAREWELL: Duration = Duration::from_millis(1000);
 
 pub(super) struct ServiceProxy {
     front: zmq::Socket,
