@@ -249,6 +249,8 @@ impl<'w> RealRos2<'w> {
         command.envs(&self.installation.environment);
         for (name, value) in [
             ("RMW_IMPLEMENTATION", self.rmw),
+            // Setup files set the subnet: Fast DDS would look for nobody by unicast.
+            ("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST"),
             ("PYTHONUNBUFFERED", "1"),
             ("PYTHONUTF8", "1"),
             ("PYTHONDONTWRITEBYTECODE", "1"),
