@@ -16,6 +16,7 @@ use std::time::Duration;
 use tokio::sync::Notify;
 use wrapyfi_yarp::name::events::NameEvents;
 use wrapyfi_yarp::name::{NameClient, NameEvent, Registrar};
+use wrapyfi_yarp::port::names::Registration;
 
 use super::retry::Retry;
 
@@ -122,12 +123,23 @@ impl Directory {
         }
     }
 
-    fn found(&self, names: impl Iterator<Item = String>) {
+    fn found(&self, names: BTreeSet<String>) {
         let mut inner = self.inner();
         inner.times += 1;
         inner.reached = Some(inner.times);
         inner.failure = None;
-        inner.names = names.collect();
+        inner.names = names;
+        drop(inner);
+        self.ring_all();
+    }
+
+    /// Takes over names of the same name server, where they are others than are known.
+    fn amended(&self, names: BTreeSet<String>) {
+        let mut inner = self.inner();
+        if inner.names == names {
+            return;
+        }
+        inner.names = names;
         drop(inner);
         self.ring_all();
     }
@@ -147,6 +159,11 @@ fn ring(bell: &Notify) -> bool {
     bell.notify_one();
     true
 }
+
+/// When the names are asked for again after the name server was told to tell changes. It does not say
+/// from when on it tells them: a port that is registered between the first list and that moment is in
+/// neither.
+const LOOKS_AGAIN: [Duration; 2] = [Duration::from_millis(200), Duration::from_secs(2)];
 
 /// Keeps the directory up to date for as long as it is run.
 pub(super) async fn follow(directory: Arc<Directory>, client: NameClient, registrar: Registrar) {
@@ -177,16 +194,34 @@ async fn listen(
     };
     match client.list("").await {
         Ok(found) => {
-            let ports = found.into_iter().filter(|port| port.carrier != "mcast");
-            directory.found(ports.map(|port| port.name));
+            directory.found(ports(found));
         }
         Err(error) => return Box::new(error),
     }
     retry.reset();
+    let begin = tokio::time::Instant::now();
+    let mut looks = LOOKS_AGAIN.iter();
+    let mut next_look = looks.next();
     loop {
-        match events.next().await {
-            Ok(event) => directory.apply(event),
-            Err(error) => return Box::new(error),
+        let look_at = begin + next_look.copied().unwrap_or_default();
+        tokio::select! {
+            event = events.next() => match event {
+                Ok(event) => directory.apply(event),
+                Err(error) => return Box::new(error),
+            },
+            () = tokio::time::sleep_until(look_at), if next_look.is_some() => {
+                next_look = looks.next();
+                // Changes that are told meanwhile wait in the connection, and are applied after it.
+                match client.list("").await {
+                    Ok(found) => directory.amended(ports(found)),
+                    Err(error) => return Box::new(error),
+                }
+            }
         }
     }
+}
+
+/// Names of registered ports, without multicast groups.
+fn ports(found: Vec<Registration>) -> BTreeSet<String> {
+    found.into_iter().filter(|port| port.carrier != "mcast").map(|port| port.name).collect()
 }
