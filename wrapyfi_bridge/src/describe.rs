@@ -21,8 +21,12 @@ use crate::words::words;
 #[must_use]
 pub fn describe(payload: &Payload) -> String {
     let object = match payload {
-        Payload::NativeObject(value) => return with_value("NativeObject", value),
-        Payload::Properties(properties) => return with_value("Properties", &properties.to_value()),
+        Payload::NativeObject(object) => {
+            return with_value("NativeObject", object.stamp, &object.value);
+        }
+        Payload::Properties(properties) => {
+            return with_value("Properties", Stamp::default(), &properties.to_value());
+        }
         Payload::RosMessage(message) => return describe_message(message),
         Payload::Image(image) => describe_image(image),
         Payload::AudioChunk(chunk) => describe_audio(chunk),
@@ -31,25 +35,35 @@ pub fn describe(payload: &Payload) -> String {
     object.to_string()
 }
 
-fn with_value(kind: &str, value: &Value) -> String {
+fn with_value(kind: &str, stamp: Stamp, value: &Value) -> String {
     let text = canonical(value);
-    let sha256 = digest(text.as_bytes());
+    let (stamp, sha256) = (seconds(stamp), digest(text.as_bytes()));
     // Written as text: JSON numbers have no bound, `serde_json`'s do.
-    format!(r#"{{"type":"{kind}","stamp":null,"sha256":"{sha256}","value":{text}}}"#)
+    format!(r#"{{"type":"{kind}","stamp":{stamp},"sha256":"{sha256}","value":{text}}}"#)
 }
 
 fn describe_message(message: &RosMessage) -> String {
     let sha256 = digest(&message.cdr);
     let (kind, value) = (message.ros_type.name(), fields(message));
-    format!(r#"{{"type":"{kind}","stamp":null,"sha256":"{sha256}","value":{value}}}"#)
+    let stamp = seconds(stamp(&value));
+    format!(r#"{{"type":"{kind}","stamp":{stamp},"sha256":"{sha256}","value":{value}}}"#)
 }
 
 /// The fields as JSON, or as a JSON text why they cannot be read.
-fn fields(message: &RosMessage) -> String {
+fn fields(message: &RosMessage) -> Json {
     match message.fields(message.cdr.len()) {
-        Ok(fields) => fields.to_json().to_string(),
-        Err(error) => Json::String(format!("malformed: {error}")).to_string(),
+        Ok(fields) => fields.to_json(),
+        Err(error) => Json::String(format!("malformed: {error}")),
     }
+}
+
+/// The time of a message: that of its header, or its own.
+fn stamp(fields: &Json) -> Stamp {
+    let time = fields.get("header").unwrap_or(fields).get("stamp");
+    let part = |name| time.and_then(|time| time.get(name)).and_then(Json::as_i64);
+    let sec = part("sec").and_then(|sec| i32::try_from(sec).ok());
+    let nanosec = part("nanosec").and_then(|nanosec| u32::try_from(nanosec).ok());
+    sec.zip(nanosec).map_or_else(Stamp::default, |(sec, nanosec)| Stamp { sec, nanosec })
 }
 
 fn describe_image(image: &Image) -> Json {
@@ -128,7 +142,7 @@ pub fn summary(payload: &Payload) -> String {
     match payload {
         Payload::NativeObject(value) => words(value),
         Payload::Properties(properties) => words(&properties.to_value()),
-        Payload::RosMessage(message) => fields(message),
+        Payload::RosMessage(message) => fields(message).to_string(),
         Payload::Image(image) => match &image.pixels {
             Pixels::Raw(raw) => format!(
                 "image {}x{} {} {} bytes at {:.6}",
@@ -155,5 +169,34 @@ pub fn summary(payload: &Payload) -> String {
             chunk.stamp.as_secs_f64()
         ),
         _ => "unknown".to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use wrapyfi_core::types::{Header, Map, MessageType, NativeObject, Value};
+    use wrapyfi_interfaces::store::TypeStore;
+
+    #[test]
+    fn every_payload_that_has_a_time_shows_it() {
+        let then = Stamp { sec: 5, nanosec: 500_000_000 };
+        let object = NativeObject { stamp: then, frame_id: String::new(), value: 1.into() };
+        let message = |name: &str, fields: Map| {
+            let known = MessageType::resolve(name, &mut TypeStore::generated()).unwrap();
+            let MessageType::Ros(ros_type) = known else { panic!("{name}") };
+            let header = || Header { stamp: then, frame_id: String::new() };
+            RosMessage::from_value_with(ros_type, fields.into(), header, 1 << 20).unwrap().into()
+        };
+        let time = Map::from([("sec", Value::from(5)), ("nanosec", 500_000_000.into())]);
+        let shown = |payload: &Payload| {
+            let text: Json = serde_json::from_str(&describe(payload)).unwrap();
+            text["stamp"].clone()
+        };
+        assert_eq!(shown(&object.into()), 5.5);
+        assert_eq!(shown(&message("sensor_msgs/msg/JointState", Map::new())), 5.5);
+        assert_eq!(shown(&message("std_msgs/msg/Header", Map::from([("stamp", time)]))), 5.5);
+        assert_eq!(shown(&message("geometry_msgs/msg/Twist", Map::new())), Json::Null);
+        assert_eq!(shown(&Value::from(1).into()), Json::Null);
     }
 }

@@ -4,7 +4,7 @@
 mod golden;
 
 use golden::sent;
-use wrapyfi_yarp::bottle::text_is_complete;
+use wrapyfi_yarp::bottle::{Vocab, text_is_complete};
 use wrapyfi_yarp::sig::Stamp;
 use wrapyfi_yarp::{Bottle, Limits, Value};
 
@@ -50,6 +50,10 @@ fn numbers_and_booleans_are_read_from_any_type() {
     assert_eq!(bottle.values[3].as_bool(), Some(true));
     assert_eq!(bottle.values[4].as_bool(), Some(false));
     assert_eq!(bottle.values[5].as_bool(), None);
+    assert_eq!((Vocab::OK, Vocab::FAIL), (Vocab::new("ok"), Vocab::new("fail")));
+    for (word, flag) in [("[ok]", Some(true)), ("[fail]", Some(false)), ("[okay]", None)] {
+        assert_eq!(self::bottle(word).values[0].as_bool(), flag, "{word}");
+    }
     assert_eq!(bottle.values[5].as_str(), Some("word"));
 }
 

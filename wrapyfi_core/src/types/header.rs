@@ -12,10 +12,11 @@ pub struct Header {
 }
 
 impl Header {
-    /// The member `header` of a dict of fields, where it has the fields of one.
+    /// The member `header` of a dict of fields, where it has the fields of one; else the dict itself,
+    /// where it has a `stamp`, as `std_msgs/msg/Header` and `rcl_interfaces/msg/Log` do.
     #[must_use]
     pub fn of_fields(fields: &Value) -> Option<Self> {
-        let header = fields.get("header")?;
+        let header = fields.get("header").unwrap_or(fields);
         let time = header.get("stamp")?;
         let sec = i32::try_from(time.get("sec")?.as_i64()?).ok()?;
         let nanosec = u32::try_from(time.get("nanosec")?.as_i64()?).ok()?;
@@ -25,9 +26,13 @@ impl Header {
 
     /// The dict that [`Header::of_fields`] reads.
     fn to_fields(&self) -> Map {
+        Map::from([("stamp", self.time()), ("frame_id", self.frame_id.as_str().into())])
+    }
+
+    /// The time as the fields of a `builtin_interfaces/msg/Time`.
+    fn time(&self) -> Value {
         let Stamp { sec, nanosec } = self.stamp;
-        let time = Map::from([("sec", Value::from(sec)), ("nanosec", nanosec.into())]);
-        Map::from([("stamp", Value::from(time)), ("frame_id", self.frame_id.as_str().into())])
+        Map::from([("sec", Value::from(sec)), ("nanosec", nanosec.into())]).into()
     }
 }
 
@@ -93,7 +98,7 @@ impl RosMessage {
     }
 
     /// The message that a dict of fields is. Fields that are missing have their default value, except
-    /// for a header: that is then `header`.
+    /// for a header: that is then `header`. So is a `stamp` in a message without header.
     ///
     /// # Errors
     /// As [`RosMessage::from_value`].
@@ -103,11 +108,12 @@ impl RosMessage {
         header: impl FnOnce() -> Header,
         max_bytes: usize,
     ) -> Result<Self, RosValueError> {
-        if let Value::Map(fields) = &mut value
-            && ros_type.has_header()
-            && fields.get("header").is_none()
-        {
-            fields.insert("header", header().to_fields());
+        if let Value::Map(fields) = &mut value {
+            if ros_type.has_header() && fields.get("header").is_none() {
+                fields.insert("header", header().to_fields());
+            } else if ros_type.has_stamp() && fields.get("stamp").is_none() {
+                fields.insert("stamp", header().time());
+            }
         }
         Self::from_value(ros_type, &value, max_bytes)
     }
@@ -146,6 +152,11 @@ mod tests {
         assert_eq!(read(Map::from([("header", own.to_fields())]).into()), own);
         let twist = ros_type("geometry_msgs/msg/Twist");
         RosMessage::from_value_with(twist, Map::new().into(), head, 1 << 20).unwrap();
+        let itself = ros_type("std_msgs/msg/Header");
+        let named = Map::from([("frame_id", "arm")]);
+        let message = RosMessage::from_value_with(itself, named.into(), head, 1 << 20).unwrap();
+        let stamped = Header { stamp: THEN, frame_id: "arm".into() };
+        assert_eq!(Header::of_fields(&message.to_value(1 << 20).unwrap()).unwrap(), stamped);
     }
 
     #[test]

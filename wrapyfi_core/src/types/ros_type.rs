@@ -42,6 +42,7 @@ struct Known {
     resolved: ResolvedType,
     plan: Plan,
     has_header: bool,
+    has_stamp: bool,
 }
 
 /// Why a definition cannot be used as the type of messages.
@@ -103,7 +104,9 @@ impl RosType {
         let defaults = plan.default_message();
         let has_header = defaults.get("header.stamp.nanosec").is_some()
             && defaults.get("header.frame_id").is_some();
-        let known = Known { name, dds, hash, resolved: resolved.clone(), plan, has_header };
+        let has_stamp = defaults.get("stamp.nanosec").is_some();
+        let resolved = resolved.clone();
+        let known = Known { name, dds, hash, resolved, plan, has_header, has_stamp };
         let known = Self(Box::leak(Box::new(known)));
         types.insert(key, known);
         Ok(known)
@@ -137,6 +140,12 @@ impl RosType {
     #[must_use]
     pub fn has_header(self) -> bool {
         self.0.has_header
+    }
+
+    /// Whether its messages have a field `stamp` of type `builtin_interfaces/msg/Time`.
+    #[must_use]
+    pub fn has_stamp(self) -> bool {
+        self.0.has_stamp
     }
 
     /// How its messages are read and written.

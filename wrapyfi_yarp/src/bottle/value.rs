@@ -88,12 +88,13 @@ impl Value {
         }
     }
 
-    /// The boolean, where this is the vocab `[1]` or the vocab 0: YARP has no other booleans.
+    /// The boolean, where this is one: the vocab `[1]` or the vocab 0 in bottles that programs
+    /// put together, `[ok]` or `[fail]` in the structures of YARP's interfaces.
     #[must_use]
     pub fn as_bool(&self) -> Option<bool> {
         match self {
-            Self::Vocab32(Vocab::TRUE) => Some(true),
-            Self::Vocab32(Vocab::FALSE) => Some(false),
+            Self::Vocab32(Vocab::TRUE | Vocab::OK) => Some(true),
+            Self::Vocab32(Vocab::FALSE | Vocab::FAIL) => Some(false),
             _ => None,
         }
     }
@@ -154,6 +155,10 @@ impl Vocab {
     pub const TRUE: Self = Self(0x31);
     /// False: no letters at all.
     pub const FALSE: Self = Self(0);
+    /// True in the structures of YARP's interfaces, and "it was done" in replies: `[ok]`.
+    pub const OK: Self = Self(0x6b6f);
+    /// False in the structures of YARP's interfaces, and "it was not done" in replies: `[fail]`.
+    pub const FAIL: Self = Self(0x6c69_6166);
 
     /// The first four bytes of `word`.
     #[must_use]

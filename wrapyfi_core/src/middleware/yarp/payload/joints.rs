@@ -10,7 +10,7 @@
 //! of option `joints`: YARP sends none.
 
 use bytes::Bytes;
-use wrapyfi_yarp::{Bottle, Dialect, Value as Element};
+use wrapyfi_yarp::{Bottle, Dialect};
 
 use super::super::options::YarpOptions;
 use super::numbers::{self, Numbers, Width};
@@ -77,10 +77,8 @@ fn field(values: Vec<f64>) -> Result<Value, DecodeError> {
 fn extended(bottle: &Bottle) -> Option<[Vec<f64>; 3]> {
     let part = |at: usize| {
         let values = numbers::plain(bottle.get(at)?.as_list()?)?;
-        let valid = match bottle.get(at + 1)? {
-            flag @ Element::Vocab32(_) => flag.as_bool()?,
-            number => number.as_i64()? != 0,
-        };
+        let flag = bottle.get(at + 1)?;
+        let valid = flag.as_bool().or_else(|| Some(flag.as_i64()? != 0))?;
         Some(if valid { values } else { Vec::new() })
     };
     Some([part(POSITION)?, part(VELOCITY)?, part(TORQUE)?])

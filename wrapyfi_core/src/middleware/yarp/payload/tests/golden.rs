@@ -285,6 +285,27 @@ fn sounds_of_yarp() {
 }
 
 #[test]
+fn states_of_yarp() {
+    let spec = topic(MessageType::Ros(ros("sensor_msgs/msg/JointState")), []);
+    let options = YarpOptions::default();
+    for (name, measured) in [("state_tcp.json", 0), ("state_ext_tcp.json", 3)] {
+        for (bytes, envelope) in sent(name) {
+            let sent_at = envelope.unwrap();
+            let bytes = Bytewise::object(bytes);
+            let payload = decode(&bytes, envelope, &spec, &options, Dialect::V3, NOW).unwrap();
+            let fields = value(&payload);
+            let count = |field: &str| {
+                fields.get(field).and_then(Value::as_tensor).map_or(0, Tensor::element_count)
+            };
+            assert_eq!(count("position"), 3, "{name}");
+            assert_eq!((count("velocity"), count("effort")), (measured, measured), "{name}");
+            let stamp = written(&payload, &spec).unwrap().stamp.unwrap();
+            assert!((stamp.time_s - sent_at.time_s).abs() < 1e-6, "{name}");
+        }
+    }
+}
+
+#[test]
 fn vectors_and_matrices_of_yarp() {
     let numbers = topic(MessageType::Ros(ros("std_msgs/msg/Float64MultiArray")), []);
     let any = topic(MessageType::NativeObject, []);

@@ -117,16 +117,21 @@ fn the_extended_state_has_velocities_and_torques() {
     let spec = topic(MessageType::Ros(ros("sensor_msgs/msg/JointState")), []);
     let text = |velocity: &str| {
         format!(
-            "(90.0 180.0) true (180.0 0.0) {velocity} (0.0 0.0) true (1.0 2.0) true (0.0 0.0) true \
-             (0.0 0.0) true (1.5 -2.5) 1 (0.0 0.0) true (0.0 0.0) true (1 1) true (1 1) true"
+            "(90.0 180.0) [ok] (180.0 0.0) {velocity} (0.0 0.0) [ok] (1.0 2.0) [ok] (0.0 0.0) [ok] \
+             (0.0 0.0) [ok] (1.5 -2.5) 1 (0.0 0.0) [ok] (0.0 0.0) [ok] (1 1) [ok] (1 1) [ok]"
         )
     };
-    let fields = value(&read(typed(&text("true")), &spec).unwrap());
-    assert_eq!(floats(fields.get("position")), [FRAC_PI_2, PI]);
-    assert_eq!(floats(fields.get("velocity")), [PI, 0.0]);
-    assert_eq!(floats(fields.get("effort")), [1.5, -2.5]);
-    let fields = value(&read(typed(&text("false")), &spec).unwrap());
-    assert!(floats(fields.get("velocity")).is_empty());
+    for valid in ["[ok]", "true", "1"] {
+        let fields = value(&read(typed(&text(valid)), &spec).unwrap());
+        assert_eq!(floats(fields.get("position")), [FRAC_PI_2, PI]);
+        assert_eq!(floats(fields.get("velocity")), [PI, 0.0]);
+        assert_eq!(floats(fields.get("effort")), [1.5, -2.5]);
+    }
+    for invalid in ["[fail]", "false", "0"] {
+        let fields = value(&read(typed(&text(invalid)), &spec).unwrap());
+        assert!(floats(fields.get("velocity")).is_empty());
+    }
+    assert!(read(typed(&text("[maybe]")), &spec).is_err());
 }
 
 #[test]

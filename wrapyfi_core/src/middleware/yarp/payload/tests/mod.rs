@@ -160,10 +160,21 @@ fn properties_are_the_dict_of_a_native_object() {
 #[test]
 fn an_envelope_is_the_stamp_and_the_other_way_round() {
     let ros_type = ros("std_msgs/msg/Header");
-    // Header has no header of its own: nothing to stamp.
+    // Header has no header of its own, but a stamp.
     let spec = topic(MessageType::Ros(ros_type), []);
     let payload = message(ros_type, &Map::from([("frame_id", "map")]).into());
     assert_eq!(written(&payload, &spec).unwrap().stamp, None);
+    let payload = read(typed("(frame_id map)"), &spec).unwrap();
+    assert_eq!(written(&payload, &spec).unwrap().stamp.unwrap().time_s, NOW.as_secs_f64());
+
+    let object = topic(MessageType::NativeObject, []);
+    let sent = Bytewise::object(typed("1 2"));
+    let envelope = Some(sig::Stamp { count: 1, time_s: 12.5 });
+    let options = YarpOptions::default();
+    let payload = decode(&sent, envelope, &object, &options, Dialect::V3, NOW).unwrap();
+    let Payload::NativeObject(read) = &payload else { panic!("{payload:?}") };
+    assert_eq!(read.stamp, Stamp { sec: 12, nanosec: 500_000_000 });
+    assert_eq!(written(&payload, &object).unwrap().stamp.unwrap().time_s, 12.5);
 
     let sound = topic(MessageType::AudioChunk, []);
     let silence = sig::Sound::from_planar(&[0, 0], 1, 8000).unwrap().encode(Dialect::V3).unwrap();
