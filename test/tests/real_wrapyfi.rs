@@ -180,6 +180,7 @@ macro_rules! plug_ins {
 }
 
 plug_ins! {
+    numpy_and_pandas_are_read: "pandas" in "numpy_pandas_example" on "/notify/test_native_exchange";
     pint_is_read: "pint" in "pint_example" on "/notify/test_pint_exchange";
     pyarrow_is_read: "pyarrow" in "pyarrow_example" on "/notify/test_arrow_exchange";
     xarray_is_read: "xarray" in "xarray_example" on "/notify/test_xarray_exchange";

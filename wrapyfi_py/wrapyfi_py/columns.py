@@ -6,27 +6,12 @@ from typing import Any, Optional
 
 import numpy as np
 
+from .arrays import DTYPES
 from .values import MessageError, mapping, member
 
-#: Arrow's types of a fixed width, by name: what a tensor of theirs holds.
-NUMBERS = {
-    name: name
-    for name in (
-        "int8",
-        "int16",
-        "int32",
-        "int64",
-        "uint8",
-        "uint16",
-        "uint32",
-        "uint64",
-        "float16",
-        "float32",
-        "float64",
-    )
-}
-NUMBERS |= {"date32": "int32", "date64": "int64", "bool": "bool"}
-
+#: Arrow's types of a fixed width, by name: what a tensor of theirs holds. Arrow has no complex numbers.
+NUMBERS = {name: name for name, dtype in DTYPES.items() if dtype.kind in "biuf"}
+NUMBERS |= {"date32": "int32", "date64": "int64"}
 NUMBERS |= {"time32[s]": "int32", "time32[ms]": "int32", "time64[us]": "int64", "time64[ns]": "int64"}
 
 #: Types whose values are those of other columns, or bytes; and the type of offsets where they have them.
