@@ -105,25 +105,26 @@ impl Outlet {
 
     /// Takes note of who listens; when to do it again.
     pub(super) fn look(&self, now: Instant) -> Option<Instant> {
-        let (review, link) = {
-            let mut state = self.lock();
-            let review = state.publisher.review(now);
-            (review, state.publisher.link())
-        };
+        let mut state = self.lock();
+        let review = state.publisher.review(now);
+        self.note(&state);
+        drop(state);
         for warning in &review.warnings {
             tracing::warn!("{}: {warning}", self.endpoint);
         }
-        self.note(&link);
         self.changed.ring();
         review.next
     }
 
-    fn note(&self, link: &Link) {
-        let is_open = is_open(link);
+    /// Under the lock: of two who look at once the one that saw the newer link notes it last.
+    fn note(&self, state: &State) -> Link {
+        let link = state.publisher.link();
+        let is_open = is_open(&link);
         self.is_idle.store(!is_open && !link.keeps_last, SeqCst);
         if is_open {
             self.is_established.store(true, SeqCst);
         }
+        link
     }
 
     /// Waits for the first listener, where it is to be waited for.
@@ -157,9 +158,7 @@ impl Outlet {
 
     /// What it is connected to now; sends follow it from here on.
     pub(super) fn link(&self) -> Link {
-        let link = self.lock().publisher.link();
-        self.note(&link);
-        link
+        self.note(&self.lock())
     }
 
     fn waited_for(&self) -> String {
@@ -180,5 +179,75 @@ fn is_open(link: &Link) -> bool {
     match link.peers {
         Some(peers) => peers > 0,
         None => link.waiting_for.is_none(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::AtomicUsize;
+
+    use super::super::option::Options;
+    use super::*;
+    use crate::endpoint::Review;
+
+    /// Has this many listeners, and a warning at every look.
+    struct Counting(Arc<AtomicUsize>);
+
+    impl Publisher for Counting {
+        fn publish(&mut self, _: &Payload) -> Result<usize, PublishError> {
+            Ok(0)
+        }
+
+        fn link(&self) -> Link {
+            Link { peers: Some(self.0.load(SeqCst)), ..Link::default() }
+        }
+
+        fn review(&mut self, _: Instant) -> Review {
+            Review { warnings: vec!["somebody comes".to_owned()], ..Review::default() }
+        }
+    }
+
+    /// A log that lets the first listener come, and somebody look at the link, at each line.
+    struct Interrupting {
+        peers: Arc<AtomicUsize>,
+        outlet: Arc<Outlet>,
+    }
+
+    impl tracing::Subscriber for Interrupting {
+        fn enabled(&self, _: &tracing::Metadata<'_>) -> bool {
+            true
+        }
+
+        fn new_span(&self, _: &tracing::span::Attributes<'_>) -> tracing::span::Id {
+            tracing::span::Id::from_u64(1)
+        }
+
+        fn record(&self, _: &tracing::span::Id, _: &tracing::span::Record<'_>) {}
+
+        fn record_follows_from(&self, _: &tracing::span::Id, _: &tracing::span::Id) {}
+
+        fn event(&self, _: &tracing::Event<'_>) {
+            self.peers.store(1, SeqCst);
+            assert_eq!(self.outlet.link().peers, Some(1));
+        }
+
+        fn enter(&self, _: &tracing::span::Id) {}
+
+        fn exit(&self, _: &tracing::span::Id) {}
+    }
+
+    #[test]
+    fn an_older_look_does_not_undo_a_newer_one() {
+        let peers = Arc::new(AtomicUsize::new(0));
+        let rules = Rules::from_options(&Options::default()).unwrap();
+        let manners = Manners { should_wait: false, timeout: None, rules };
+        let publisher = Box::new(Counting(Arc::clone(&peers)));
+        let endpoint = "memory:/x".parse().unwrap();
+        let outlet = Arc::new(Outlet::new(endpoint, publisher, Arc::default(), manners, false));
+        assert!(outlet.is_idle());
+        let log = Interrupting { peers, outlet: Arc::clone(&outlet) };
+        // The look began before the listener came.
+        tracing::subscriber::with_default(log, || outlet.look(Instant::now()));
+        assert!(!outlet.is_idle(), "what is sent now would go nowhere");
     }
 }

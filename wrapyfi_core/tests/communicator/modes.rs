@@ -117,6 +117,8 @@ fn transceive_and_reemit_meet_on_swapped_topics() {
     // A receiver gets the same without sending anything on.
     second.activate(RobotMethod::Chat, Mode::Receive).unwrap();
     assert_eq!(second.chat("", "", None, b"x").unwrap().unwrap(), ["x"]);
+    // Its listener is another one than before.
+    until_heard(&first);
     first.chat("", "", None, b"third").unwrap();
     assert_eq!(second.chat("", "", None, b"x").unwrap().unwrap(), ["third", "x"]);
 }
