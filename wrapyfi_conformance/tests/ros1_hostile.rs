@@ -10,7 +10,9 @@ use std::time::{Duration, Instant};
 
 use ros1_common::{Master, RawPublisher, framed, greet, read_framed};
 use wrapyfi_conformance::{Caller, Clerk, Sink, Source, wait_until};
-use wrapyfi_core::endpoint::{LearnError, Learned, Middleware as _, ServiceSpec, TopicSpec};
+use wrapyfi_core::endpoint::{
+    Discovered, LearnError, Learned, Middleware as _, Role, ServiceSpec, TopicSpec, Wake,
+};
 use wrapyfi_core::middleware::ros1::header::Header;
 use wrapyfi_core::middleware::ros1::xmlrpc::{Value, text};
 use wrapyfi_core::middleware::ros1::{Ros1, Ros1Config};
@@ -280,4 +282,34 @@ fn a_call_outlives_the_master() {
     drop((caller, clerk, near, far));
     let state = master.ask("getSystemState", vec![text("/raw")]);
     assert_eq!(state.value, Value::Array(vec![Value::Array(vec![]); 3]), "nothing is left");
+}
+
+/// Nobody knows whether a publisher latches before it has said so.
+#[test]
+fn a_publisher_that_could_not_be_asked_is_not_taken_for_one_that_does_not_latch() {
+    let master = Master::start();
+    let node = node(&master, "near");
+    // Registered, and dead.
+    let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+    let uri = format!("http://127.0.0.1:{port}/");
+    let entry = ["/late", "/x", "std_msgs/String", &uri].map(text);
+    master.ask("registerPublisher", entry.to_vec());
+    let found =
+        Discovered { node: Some("/late".to_owned()), ..Discovered::new("/x", Role::Publisher) };
+    let (mut types, wake) = (TypeStore::generated(), Wake::new());
+    wait_until(&wake, "its silence", || {
+        assert_eq!(node.keeps_last(&found), None);
+        matches!(node.learn_topic(&found, &mut types), Err(LearnError::Silent { .. }))
+    });
+    assert_eq!(node.keeps_last(&found), None);
+    let fields = Header::new()
+        .with("type", "std_msgs/String")
+        .with("md5sum", "992ce8a1687cec8c8bd883ec73ca41d1")
+        .with("latching", "1");
+    let _publisher = RawPublisher::start(&master, "/late", "/x", &fields);
+    wait_until(&wake, "its word", || {
+        let keeps = node.keeps_last(&found);
+        assert_ne!(keeps, Some(false));
+        keeps == Some(true)
+    });
 }

@@ -71,6 +71,8 @@ pub use plan_service::ServiceRouteSpec;
 pub use relay::{Relay, Step};
 pub use route::{PatternCounts, RouteState, RouteStatus};
 pub use running::Running;
+#[cfg(all(test, feature = "ros1"))]
+pub(crate) use scout::{GONE_AFTER, LOOK_EVERY};
 pub use service_relay::ServiceRelay;
 pub use stamping::StampSource;
 pub use unheard::Unheard;

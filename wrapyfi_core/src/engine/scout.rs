@@ -25,11 +25,11 @@ use super::sides::{Away, Sides};
 use crate::endpoint::{BridgeMark, Counters, CountersSnapshot, EndpointAddress, Registry, Role};
 
 /// How often it looks.
-pub(super) const LOOK_EVERY: Duration = Duration::from_millis(500);
+pub(crate) const LOOK_EVERY: Duration = Duration::from_millis(500);
 /// How long a source must have been there before its route is made.
 const SETTLE: Duration = Duration::from_millis(700);
 /// How long a source must be gone before its route ends.
-pub(super) const GONE_AFTER: Duration = Duration::from_secs(5);
+pub(crate) const GONE_AFTER: Duration = Duration::from_secs(5);
 /// Routes that ended whose counters are kept for when they come back.
 const MAX_KEPT: usize = 10_000;
 

@@ -14,7 +14,7 @@ use super::probe;
 use crate::endpoint::{DiscoverError, Discovered, Discovery, Role};
 
 /// Time between two looks: the master tells nobody by itself.
-const LOOK: Duration = Duration::from_millis(250);
+pub(super) const LOOK: Duration = Duration::from_millis(250);
 
 /// Looks until it is dropped.
 pub(super) struct Ros1Discovery {
