@@ -5,8 +5,10 @@
 //!                                          reply of ours    │ mark: CDR      │ "" │ CDR            │
 //!                                                           │ mark: error    │ "" │ text           │
 //!
-//!   57 52 43 01 │ kind │ content │ 00 00 │ timeout, ms, 4 bytes │ number, 8 bytes │    little-endian
+//!   57 52 43 02 │ kind │ content │ 00 00 │ timeout, ms, 4 │ number, 8 │ machine, 4 │ end, ms, 8 │
 //! ```
+//!
+//! All little-endian, with the bytes that a number takes.
 //!
 //! ZeroMQ's envelope is every frame before the empty one. A REP socket, as Python's servers have,
 //! hands it back unread: so a reply with the mark as it was is Wrapyfi's own, and one with another
@@ -14,10 +16,10 @@
 
 use crate::types::{DataType, MessageType};
 
-/// First bytes: `WRC`, version 1.
-const MAGIC: [u8; 4] = *b"WRC\x01";
+/// First bytes: `WRC`, version 2.
+const MAGIC: [u8; 4] = *b"WRC\x02";
 /// Bytes of a mark.
-pub const SIZE: usize = 20;
+pub const SIZE: usize = 32;
 
 /// What the message with a mark is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -89,6 +91,10 @@ pub struct Mark {
     pub timeout_ms: u32,
     /// The caller's number for the call.
     pub number: u64,
+    /// Number of the caller's machine: on the same one clocks agree. 0 where it is not known.
+    pub machine: u32,
+    /// When the caller gives up, in milliseconds of Unix time by the clock of its machine.
+    pub ends_ms: u64,
 }
 
 impl Mark {
@@ -104,6 +110,8 @@ impl Mark {
         frame.extend([kind, self.content.code(), 0, 0]);
         frame.extend(self.timeout_ms.to_le_bytes());
         frame.extend(self.number.to_le_bytes());
+        frame.extend(self.machine.to_le_bytes());
+        frame.extend(self.ends_ms.to_le_bytes());
         frame
     }
 
@@ -112,12 +120,15 @@ impl Mark {
     #[must_use]
     pub fn decode(frame: &[u8]) -> Option<Self> {
         let frame: &[u8; SIZE] = frame.try_into().ok()?;
-        let [m0, m1, m2, m3, kind, content, 0, 0, t0, t1, t2, t3, number @ ..] = *frame else {
-            return None;
-        };
+        let (head, numbers) = frame.split_first_chunk::<8>()?;
+        let [m0, m1, m2, m3, kind, content, 0, 0] = *head else { return None };
         if [m0, m1, m2, m3] != MAGIC {
             return None;
         }
+        let (timeout_ms, numbers) = numbers.split_first_chunk()?;
+        let (number, numbers) = numbers.split_first_chunk()?;
+        let (machine, numbers) = numbers.split_first_chunk()?;
+        let (ends_ms, _) = numbers.split_first_chunk()?;
         let kind = match kind {
             0 => Kind::Request,
             1 => Kind::Binary,
@@ -125,8 +136,14 @@ impl Mark {
             _ => return None,
         };
         let content = Content::ALL.into_iter().find(|known| known.code() == content)?;
-        let timeout_ms = u32::from_le_bytes([t0, t1, t2, t3]);
-        Some(Self { kind, content, timeout_ms, number: u64::from_le_bytes(number) })
+        Some(Self {
+            kind,
+            content,
+            timeout_ms: u32::from_le_bytes(*timeout_ms),
+            number: u64::from_le_bytes(*number),
+            machine: u32::from_le_bytes(*machine),
+            ends_ms: u64::from_le_bytes(*ends_ms),
+        })
     }
 }
 
@@ -143,8 +160,11 @@ mod tests {
             content: Content::AudioChunk,
             timeout_ms: 5000,
             number: 0x0102,
+            machine: 3,
+            ends_ms: 0x0405,
         };
-        let bytes = b"WRC\x01\x01\x04\0\0\x88\x13\0\0\x02\x01\0\0\0\0\0\0";
+        let bytes = b"WRC\x02\x01\x04\0\0\x88\x13\0\0\x02\x01\0\0\0\0\0\0\
+                      \x03\0\0\0\x05\x04\0\0\0\0\0\0";
         assert_eq!(mark.encode(), bytes);
         assert_eq!(Mark::decode(bytes), Some(mark));
         for at in [0, 3, 4, 5, 6, 7] {
@@ -152,7 +172,7 @@ mod tests {
             other[at] = 9;
             assert_eq!(Mark::decode(&other), None, "byte {at}");
         }
-        assert_eq!(Mark::decode(&bytes[..19]), None);
+        assert_eq!(Mark::decode(&bytes[..SIZE - 1]), None);
         // The routing id of a ROUTER: a zero and four bytes.
         assert_eq!(Mark::decode(&[0, 1, 2, 3, 4]), None);
     }
@@ -166,9 +186,16 @@ mod tests {
         }
 
         #[test]
-        fn every_mark_is_read(number: u64, timeout_ms: u32, choice in 0..12_usize) {
+        fn every_mark_is_read(
+            number: u64,
+            timeout_ms: u32,
+            machine: u32,
+            ends_ms: u64,
+            choice in 0..12_usize,
+        ) {
             let kind = [Kind::Request, Kind::Binary, Kind::Error][choice % 3];
-            let mark = Mark { kind, content: Content::ALL[choice / 3], timeout_ms, number };
+            let content = Content::ALL[choice / 3];
+            let mark = Mark { kind, content, timeout_ms, number, machine, ends_ms };
             prop_assert_eq!(Mark::decode(&mark.encode()), Some(mark));
         }
     }

@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 
+use super::deadline;
 use super::envelope::{self, Parcel};
 use super::line::{Delivery, End, Line, Post, Unusable};
 use super::{Shared, transport};
@@ -59,13 +60,8 @@ impl ZeroMqClient {
         while self.post.link().is_up() && self.book.next_to_send().is_some() {
             self.number += 1;
             let Some(Outgoing { body, deadline }) = self.book.send(self.number) else { break };
-            let left = deadline.saturating_duration_since(Instant::now()).as_millis();
-            let mark = Mark {
-                kind: Kind::Request,
-                content: Content::of(self.spec.kind.message_type()),
-                timeout_ms: u32::try_from(left).unwrap_or(u32::MAX),
-                number: self.number.unsigned_abs(),
-            };
+            let content = Content::of(self.spec.kind.message_type());
+            let mark = deadline::request(content, self.number.unsigned_abs(), deadline);
             let envelope = vec![Bytes::from(mark.encode())];
             self.post.send(Parcel { envelope, body }, Some(deadline));
         }

@@ -27,6 +27,7 @@
 mod broker;
 mod client;
 mod config;
+mod deadline;
 mod discovery;
 mod echo;
 mod envelope;

@@ -7,14 +7,15 @@
 //! ```
 //!
 //! A request is read at once and held here, not in libzmq: so it can be counted, refused when too
-//! many wait, and dropped when its caller has given up, as the mark of our clients tells. What
-//! Python's clients ask is held until a server comes: they wait for ever.
+//! many wait, and dropped when its caller has given up, as the mark of our clients tells, also where
+//! it was that long on its way. What Python's clients ask is held until a server comes: they wait for ever.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
+use super::deadline;
 use super::envelope::{self, Misfit, Parcel};
 use super::service_broker::Tally;
 
@@ -129,6 +130,11 @@ impl ServiceProxy {
                     continue;
                 }
             };
+            let until = parcel.mark().and_then(|mark| deadline::of(&mark));
+            if until.is_some_and(|until| until <= Instant::now()) {
+                count(&self.tally.expired);
+                continue;
+            }
             // Straight through where nobody waits in front of it.
             if self.held.is_empty() && self.forward(&parcel)? {
                 continue;
@@ -143,8 +149,6 @@ impl ServiceProxy {
                 self.answer(&Parcel::error(parcel.envelope, &text))?;
                 continue;
             }
-            let timeout = parcel.mark().map(|mark| Duration::from_millis(mark.timeout_ms.into()));
-            let until = timeout.and_then(|timeout| Instant::now().checked_add(timeout));
             self.held.push_back(Held { parcel, until });
         }
         Ok(())
@@ -201,4 +205,43 @@ impl ServiceProxy {
 
 fn count(counter: &AtomicU64) {
     counter.fetch_add(1, Relaxed);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::codec::requests::mark::{Content, Mark};
+
+    #[test]
+    fn a_request_that_was_too_long_on_its_way_reaches_no_server() {
+        let context = zmq::Context::new();
+        let bound = |kind, name: &str| {
+            let socket = context.socket(kind).unwrap();
+            socket.bind(name).unwrap();
+            socket
+        };
+        let (front, back) =
+            (bound(zmq::ROUTER, "inproc://front"), bound(zmq::DEALER, "inproc://back"));
+        let stop = bound(zmq::PAIR, "inproc://stop");
+        let client = context.socket(zmq::DEALER).unwrap();
+        client.connect("inproc://front").unwrap();
+        let server = context.socket(zmq::REP).unwrap();
+        server.connect("inproc://back").unwrap();
+        let tally = Arc::new(Tally::default());
+        let mut proxy = ServiceProxy::new(front, back, stop, 10, Arc::clone(&tally));
+
+        let minute = Duration::from_secs(60);
+        let fresh = deadline::request(Content::NativeObject, 2, Instant::now() + minute);
+        // Its caller has given up, though its timeout is a minute.
+        let late = Mark { number: 1, ends_ms: fresh.ends_ms - 61_000, ..fresh };
+        for (mark, body) in [(late, "late"), (fresh, "fresh")] {
+            client.send_multipart([&mark.encode(), "".as_bytes(), body.as_bytes()], 0).unwrap();
+        }
+        let seen = || tally.expired.load(Relaxed) + tally.requests.load(Relaxed);
+        while seen() < 2 {
+            assert!(proxy.turn().unwrap());
+        }
+        assert_eq!(server.recv_bytes(0).unwrap(), b"fresh");
+        assert_eq!(tally.expired.load(Relaxed), 1);
+    }
 }
