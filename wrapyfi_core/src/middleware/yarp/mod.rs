@@ -101,11 +101,15 @@ impl Shared {
         naming.map_or_else(|_| name.to_owned(), |naming| naming.name)
     }
 
-    /// What is probable where a port of another program does not answer, else nothing.
+    /// What is probable where a port of another program does not answer, else nothing. A name server
+    /// on this machine is not asked: loopback is the usual address there.
     async fn hint(&self, name: &str) -> &'static str {
+        if !self.is_afar {
+            return "";
+        }
         let at = self.network.query(name).await.ok().flatten();
-        let is_loopback = at.and_then(|at| at.host.parse::<IpAddr>().ok());
-        if self.is_afar && is_loopback.is_some_and(|ip| ip.is_loopback()) {
+        let ip = at.and_then(|at| at.host.parse::<IpAddr>().ok());
+        if ip.is_some_and(|ip| ip.is_loopback()) {
             "; it is registered at an address of its own machine alone: set YARP_IP there"
         } else {
             ""
