@@ -283,6 +283,31 @@ fn wrong_values_and_types_are_named() -> Result {
     })
 }
 
+#[test]
+fn echo_says_that_it_waits_for_a_broker() -> Result {
+    run("echo_says_that_it_waits_for_a_broker", &[Need::Program], |world| {
+        let native = ["--type", "NativeObject"];
+        let echo = ["echo", "zeromq:/x", "--count", "1", "--json"];
+        let mut echoes = [world.wrapyfi([&echo, &native[..]].concat())?, world.wrapyfi(echo)?];
+        let port = world.pub_port();
+        let words = format!("zeromq:/x: waiting for the broker at tcp://127.0.0.1:{port}");
+        for echo in &echoes {
+            echo.wait_until("what it waits for", |output| {
+                output.err.iter().any(|line| line.contains(&words)).then_some(())
+            })?;
+        }
+        // It goes on when there is one.
+        let _broker = world.broker()?;
+        let publish = ["pub", "zeromq:/x", "--value", "1", "--rate", "20"];
+        let _publisher = world.wrapyfi([&publish[..], &native].concat())?;
+        for echo in &mut echoes {
+            assert_eq!(echo.objects(1)?[0]["value"], 1);
+            echo.exits_with(0)?;
+        }
+        Ok(())
+    })
+}
+
 /// A node built from another version of the same definition, and one of another type.
 #[test]
 fn who_has_another_type_is_named() -> Result {

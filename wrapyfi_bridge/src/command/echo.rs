@@ -1,6 +1,6 @@
 //! `wrapyfi echo`: prints the messages of an endpoint.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use wrapyfi_core::endpoint::{
     Context, EndpointAddress, LearnError, Overflow, Qos, QueueSpec, TopicSpec,
@@ -50,8 +50,11 @@ fn learned(
     let mut types = any::definitions(&args.definitions)
         .map_err(|failure| Failure::Usage(format!("--definitions {failure}")))?;
     let deadline = args.timeout.map(|timeout| Instant::now() + timeout);
-    let is_over =
-        || shutdown.requested() || deadline.is_some_and(|deadline| Instant::now() >= deadline);
+    let mut waiting = Waiting::new(&args.endpoint);
+    let is_over = |why: &LearnTopicError| {
+        waiting.say(&awaited(why));
+        shutdown.requested() || deadline.is_some_and(|deadline| Instant::now() >= deadline)
+    };
     of_topic(known.as_ref(), name, &mut types, is_over, Ok)
         .map(|learned| learned.message_type(false))
         .map_err(|error| match error {
@@ -61,11 +64,44 @@ fn learned(
                 MessageType::ALL.map(|known| known.to_string()).join(", ")
             )),
             LearnTopicError::Discover(error) => Failure::usage(error),
-            LearnTopicError::Nobody => {
-                Failure::TimedOut(format!("{}: still waiting for a publisher", args.endpoint))
-            }
-            other => Failure::TimedOut(format!("{}: still waiting for {other}", args.endpoint)),
+            other => Failure::TimedOut(format!(
+                "{}: still waiting for {}",
+                args.endpoint,
+                awaited(&other)
+            )),
         })
+}
+
+fn awaited(why: &LearnTopicError) -> String {
+    match why {
+        LearnTopicError::Nobody => "a publisher".to_owned(),
+        other => other.to_string(),
+    }
+}
+
+/// Tells the log what an endpoint waits for.
+struct Waiting<'a> {
+    endpoint: &'a EndpointAddress,
+    since: Instant,
+    said: String,
+}
+
+impl<'a> Waiting<'a> {
+    /// What is there at once is not worth a line, nor what changes all the time.
+    const SAY_AFTER: Duration = Duration::from_secs(1);
+
+    fn new(endpoint: &'a EndpointAddress) -> Self {
+        Self { endpoint, since: Instant::now(), said: String::new() }
+    }
+
+    /// Says so once, and again when it is something else.
+    fn say(&mut self, what: &str) {
+        if self.since.elapsed() >= Self::SAY_AFTER && self.said != what {
+            tracing::warn!("{}: waiting for {what}", self.endpoint);
+            what.clone_into(&mut self.said);
+            self.since = Instant::now();
+        }
+    }
 }
 
 /// Prints the messages of a type that routes carry. Without `--qos` the publishers' quality of
@@ -88,7 +124,7 @@ pub(super) fn known(
     let middleware =
         middlewares.registry().get(&args.endpoint.middleware).map_err(Failure::usage)?;
     let mut listener = middleware.open_listener(&spec, &context).map_err(Failure::usage)?;
-    let mut printed = 0;
+    let (mut printed, mut waiting) = (0, Waiting::new(&args.endpoint));
     let mut deadline = args.timeout.map(|timeout| Instant::now() + timeout);
     while !shutdown.requested() && args.count.is_none_or(|count| printed < count) {
         for warning in listener.review(Instant::now()).warnings {
@@ -112,6 +148,9 @@ pub(super) fn known(
                     && Instant::now() >= at
                 {
                     return Err(timed_out(args, printed, &listener.link(), &context));
+                }
+                if let Some(what) = listener.link().waiting_for {
+                    waiting.say(&what);
                 }
                 context.wake.wait(super::WAIT_SLICE);
             }

@@ -66,7 +66,7 @@ pub(super) fn from_publishers(
                 reason: error.to_string(),
             })
         };
-        match of_topic(ros1, topic, types, || Instant::now() >= end, named) {
+        match of_topic(ros1, topic, types, |_| Instant::now() >= end, named) {
             Ok(found) => {
                 tracing::info!("{name} is what a publisher of ros:{topic} shows");
                 types.add_resolved(&found);
@@ -99,7 +99,8 @@ pub(crate) enum LearnTopicError {
 }
 
 /// What `accept` makes of the type of a topic, as its publishers tell it, else who listens there. Looks
-/// until they tell, or until `is_over`; blocks the caller.
+/// until they tell, or until `is_over`, which is told after each look what is waited for; blocks the
+/// caller.
 ///
 /// # Errors
 /// What it waited for last; at once where the middleware tells no types.
@@ -107,14 +108,13 @@ pub(crate) fn of_topic<T>(
     middleware: &dyn Middleware,
     topic: &str,
     types: &mut TypeStore,
-    is_over: impl Fn() -> bool,
+    mut is_over: impl FnMut(&LearnTopicError) -> bool,
     accept: impl Fn(Learned) -> Result<T, LearnError>,
 ) -> Result<T, LearnTopicError> {
     let mut discovery = middleware.discover_closely()?;
     let name = format!("/{}", topic.trim_start_matches('/'));
+    let mut last = false;
     loop {
-        // Before the look: it looks once more when the time is over.
-        let last = is_over();
         let mut why =
             discovery.waiting_for().map_or(LearnTopicError::Nobody, LearnTopicError::Away);
         let mut found = discovery.endpoints()?;
@@ -132,6 +132,8 @@ pub(crate) fn of_topic<T>(
         if last || is_never_told {
             return Err(why);
         }
-        std::thread::sleep(LOOK);
+        // It looks once more when the time is over.
+        last = is_over(&why);
+        std::thread::sleep(if last { Duration::ZERO } else { LOOK });
     }
 }
