@@ -33,6 +33,7 @@ parser = argparse.ArgumentParser()
 parser.add_argument("role", choices=["publish", "listen", "request", "reply", "broker"])
 parser.add_argument("--type", default="NativeObject", choices=sorted(FLAVOURS))
 parser.add_argument("--flavour")
+parser.add_argument("--quality", type=int, help="of JPEG files, instead of Wrapyfi's own")
 parser.add_argument("--case", help="an object of another library, by its name in plugins.py, instead of a flavour")
 parser.add_argument("--bare", action="store_true", help="the case's object itself, not a dict that has it")
 parser.add_argument("--cases", default="plugins", help="the module that has the case")
@@ -86,7 +87,8 @@ if args.mware == "ros":
 channels, rate = (2 if flavour == "stereo" else 1), 16000
 frames = 441
 if args.type == "Image":
-    options.update(rgb="mono" not in flavour, fp=flavour.startswith("float"), jpg=flavour.startswith("jpg"))
+    jpg = flavour.startswith("jpg") and (True if args.quality is None else {"quality": args.quality})
+    options.update(rgb="mono" not in flavour, fp=flavour.startswith("float"), jpg=jpg)
 elif args.type == "AudioChunk":
     options.update(channels=channels, rate=rate, chunk=frames)
 
@@ -130,7 +132,7 @@ def facts(value):
     found["sha256"] = payload.digest(value)
     if flavour.startswith("jpg") and args.role in ("publish", "reply"):
         from wrapyfi.utils.image_encoders import JpegEncoder
-        file = bytes(JpegEncoder().encode_jpg_image(value))
+        file = bytes(JpegEncoder(**(jpg if isinstance(jpg, dict) else {})).encode_jpg_image(value))
         pixels = cv2.imdecode(np.frombuffer(file, np.uint8), cv2.IMREAD_UNCHANGED)
         found.update(file_sha256=hashlib.sha256(file).hexdigest(), decoded_sha256=payload.digest(pixels))
     return found

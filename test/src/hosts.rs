@@ -155,6 +155,14 @@ impl Host<'_> {
         self.start(script, &self.world.peer_command(script, args)?)
     }
 
+    /// Starts a program of `examples/communicator` here; `args` are split at blanks.
+    ///
+    /// # Errors
+    /// Where it cannot be started.
+    pub fn example(&self, name: &str, args: &str) -> Result<Process> {
+        self.start(name, &self.world.command(&needs::example(name)?, args.split_whitespace()))
+    }
+
     /// Starts a peer on rospy here; `args` are split at blanks.
     ///
     /// # Errors

@@ -185,7 +185,7 @@ fn ros1() -> Result {
 
 fn find_ros1() -> std::result::Result<(), String> {
     let probe = "import importlib.util as u, sys\n\
-                 sys.exit(' '.join(m for m in ('rosmaster', 'rospy', 'rostopic', 'rosnode', 'std_srvs', 'sensor_msgs') if not u.find_spec(m)) or 0)";
+                 sys.exit(' '.join(m for m in ('rosbag', 'rosmaster', 'rospy', 'rostopic', 'rosnode', 'std_srvs', 'sensor_msgs') if not u.find_spec(m)) or 0)";
     let ran = Command::new(SYSTEM_PYTHON)
         .args(["-c", probe])
         .output()

@@ -203,6 +203,41 @@ fn a_jpeg_comes_from_python() -> Result {
     from_python("a_jpeg_comes_from_python", "Image", "jpg", "--jpg", "file_sha256")
 }
 
+/// Bytes of a JPEG file that a publisher with this quality sends, as an independent listener has them.
+fn jpeg_bytes(world: &World, is_rust: bool, quality: Option<u8>) -> Result<u64> {
+    let topic = world.topic(&format!("{is_rust}_{}", quality.unwrap_or_default()));
+    let quality = quality.map(|quality| format!("--quality {quality}")).unwrap_or_default();
+    let _publisher = if is_rust {
+        let args = format!("--type Image --mode publish --topic {topic} --jpg {quality}");
+        world.example("exchange", &args)?
+    } else {
+        let args = format!("--type Image --flavour jpg --no-broker {quality}");
+        world.wrapyfi_publisher(&topic, &args)?
+    };
+    let endpoint = format!("zeromq:{topic}");
+    let args = ["echo", &endpoint, "--type", "CompressedImage", "--count", "1", "--json"];
+    let mut echo = world.wrapyfi(args.into_iter().chain(["--timeout", "100"]))?;
+    let heard = echo.objects(1)?.remove(0);
+    echo.exits_with(0)?;
+    assert_eq!(heard["format"], "jpeg", "{heard}");
+    anyhow::Context::context(heard["size"].as_u64(), "no size")
+}
+
+#[test]
+fn the_quality_of_jpegs_is_followed_in_both_languages() -> Result {
+    run("the_quality_of_jpegs_is_followed_in_both_languages", EXCHANGE, |world| {
+        let _broker = world.broker()?;
+        for is_rust in [false, true] {
+            let qualities = [Some(5), Some(50), Some(80), None, Some(100)];
+            let sizes = qualities.map(|quality| jpeg_bytes(world, is_rust, quality));
+            let sizes = sizes.into_iter().collect::<Result<Vec<_>>>()?;
+            // Without one it is 95.
+            assert!(sizes.is_sorted_by(|one, next| one < next), "Rust {is_rust}: {sizes:?}");
+        }
+        Ok(())
+    })
+}
+
 #[test]
 fn sound_comes_from_python() -> Result {
     from_python("sound_comes_from_python", "AudioChunk", "mono", "", "sha256")

@@ -42,8 +42,13 @@ fn waits(bridge: &Process, words: &[&str]) -> Result {
 }
 
 /// Ends with exit code 2 and says these words.
-fn is_refused(mut process: Process, words: &[&str]) -> Result {
-    process.exits_with(2)?;
+fn is_refused(process: Process, words: &[&str]) -> Result {
+    ends_with(process, 2, words)
+}
+
+/// Ends with an exit code and says these words.
+fn ends_with(mut process: Process, code: i32, words: &[&str]) -> Result {
+    process.exits_with(code)?;
     let said = process.stderr();
     assert!(words.iter().all(|word| said.contains(word)), "{words:?} not in {said}");
     Ok(())
@@ -120,6 +125,39 @@ fn an_address_that_others_reach_needs_the_word_of_its_place() -> Result {
     })
 }
 
+#[test]
+fn a_communicator_owns_the_broker_of_several_machines() -> Result {
+    let needs = &[WITH_PYTHON, &[Need::Example("exchange")]].concat();
+    run("a_communicator_owns_the_broker_of_several_machines", needs, |world| {
+        let [robot, laptop] = world.hosts(["robot", "laptop"])?;
+        let ip = robot.ip().to_owned();
+        let laptop = laptop.with("WRAPYFI_ZEROMQ_SOCKET_IP", &ip);
+        // The address, and the word that belongs to it: as options of the method, then as variables.
+        let said = |more: &str| format!("--mode publish --topic {} {more}", world.topic("x"));
+        let by_options = robot.example("exchange", &said(&format!("--socket-ip {ip}")))?;
+        ends_with(by_options, 1, &[&ip, "insecure=true"])?;
+        let by_options = said(&format!("--socket-ip {ip} --insecure"));
+        is_heard(world, &laptop, robot.example("exchange", &by_options)?)?;
+
+        let robot = robot.with("WRAPYFI_ZEROMQ_SOCKET_IP", &ip);
+        let by_variables = robot.example("exchange", &said(""))?;
+        ends_with(by_variables, 1, &[&ip, "WRAPYFI_ZEROMQ_INSECURE=1"])?;
+        let robot = robot.with("WRAPYFI_ZEROMQ_INSECURE", "1");
+        is_heard(world, &laptop, robot.example("exchange", &said(""))?)
+    })
+}
+
+/// What `publisher` says is heard on a machine by Wrapyfi and by us.
+fn is_heard(world: &World, host: &Host<'_>, publisher: Process) -> Result {
+    let topic = world.topic("x");
+    let ours = echo(host, &format!("zeromq:{topic}"), "NativeObject")?;
+    let args = format!("listen --topic {topic} --pub-port {} --count 3", world.pub_port());
+    let theirs = host.peer("wrapyfi_peer.py", &args)?;
+    ours.objects(3).map_err(|error| error.context(publisher.tail()))?;
+    theirs.messages(3).map_err(|error| error.context(publisher.tail()))?;
+    Ok(())
+}
+
 /// What the name server says of a port, asked on its own machine.
 fn registered(robot: &Host<'_>, port: &str, name: &str) -> Result<String> {
     let script = "ask_yarp.py";
@@ -175,6 +213,33 @@ fn yarp_ports_are_reached_from_the_machine_of_the_name_server_and_from_a_third()
         let told = registered(&robot, &port, "/left/eye")?;
         assert!(told.contains(&format!("ip {} port", renamed.ip())), "{told}");
         Ok(())
+    })
+}
+
+#[test]
+fn a_port_at_an_address_of_its_own_machine_is_named() -> Result {
+    run("a_port_at_an_address_of_its_own_machine_is_named", NEEDS, |world| {
+        let [robot, laptop, desk] = world.hosts(["robot", "laptop", "desk"])?;
+        let port = world.yarp_port().to_string();
+        world.write("yarp.conf", format!("{} {port} yarp\n", robot.ip()))?;
+        let args =
+            ["yarpserver", "--ip", robot.ip(), "--port", &port, "--no-discovery", "--insecure"];
+        let _server = robot.wrapyfi(args)?;
+        // They register where nobody but their own machine reaches them.
+        let laptop = laptop.with("YARP_IP", "127.0.0.1");
+        let publisher = publish(&laptop, "yarp:/cam")?;
+        let server = laptop.wrapyfi(["serve", "yarp:/function", "--echo"])?;
+        server.wait_until("the server", |output| {
+            output.err.iter().any(|line| line.contains("serving")).then_some(())
+        })?;
+        let desk = desk.with("WRAPYFI_YARP_INSECURE", "1");
+        let route = "endpoints:\n  yarp: { insecure: true }\nroutes:\n  - { from: \"yarp:/cam\", to: \
+                     \"ros2:/cam\", type: NativeObject }\n";
+        let hint = "registered at an address of its own machine alone: set YARP_IP there";
+        let waiting = bridge(world, &desk, route)?;
+        waits(&waiting, &["port /cam", hint]).map_err(|error| error.context(publisher.tail()))?;
+        let calls = ["call", "yarp:/function", "--value", "1", "--timeout", "5"];
+        ends_with(desk.wrapyfi(calls)?, 3, &["port /function", hint])
     })
 }
 

@@ -76,6 +76,7 @@ const OPTIONS: &[(&str, Form)] = &[
     ("map_paddle_devices", Form::Map),
     ("map_torch_devices", Form::Map),
     // ZeroMQ.
+    ("insecure", Form::Switch),
     ("proxy_broker_spawn", Form::Text),
     ("pubsub_monitor_listener_spawn", Form::Text),
     ("pubsub_monitor_topic", Form::Text),

@@ -6,6 +6,7 @@
 #![allow(clippy::print_stdout, reason = "a program for the terminal")]
 
 use clap::Parser;
+use serde::{Deserialize, Serialize};
 use serde_json::{Value as Json, json};
 use wrapyfi_communicator_examples::{
     described_image, described_sound, image, log_to_stderr, pause, sound,
@@ -31,6 +32,23 @@ struct Options {
     /// JPEG files instead of pixels
     #[arg(long)]
     jpg: bool,
+    /// The same, of this quality, from 0 to 100
+    #[arg(long)]
+    quality: Option<u8>,
+    /// Address of the broker of objects; a publisher runs the broker there if it is one of this machine
+    #[arg(long)]
+    socket_ip: Option<String>,
+    /// That broker may be reached by other machines
+    #[arg(long)]
+    insecure: bool,
+}
+
+/// The option `jpg`, which Wrapyfi writes in two ways.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+#[serde(untagged)]
+enum Jpg {
+    Is(bool),
+    Of { quality: u8 },
 }
 
 struct Exchange {
@@ -39,9 +57,15 @@ struct Exchange {
 
 #[communicator]
 impl Exchange {
-    #[register(NativeObject, "$mware", "$topic")]
-    fn object(&mut self, mware: &str, topic: &str) -> Value {
-        _ = (mware, topic);
+    #[register(NativeObject, "$mware", "$topic", socket_ip = "$socket_ip", insecure = "$insecure")]
+    fn object(
+        &mut self,
+        mware: &str,
+        topic: &str,
+        socket_ip: &Option<String>,
+        insecure: bool,
+    ) -> Value {
+        _ = (mware, topic, socket_ip, insecure);
         self.calls = self.calls.wrapping_add(1);
         let ramp: Vec<f32> = (0..=self.calls).map(f32::from).collect();
         let ramp = Tensor::from_elements(&[usize::from(self.calls) + 1], ramp);
@@ -51,7 +75,7 @@ impl Exchange {
     }
 
     #[register(Image, "$mware", "$topic", jpg = "$jpg")]
-    fn image(&mut self, mware: &str, topic: &str, jpg: bool) -> Option<Image> {
+    fn image(&mut self, mware: &str, topic: &str, jpg: Jpg) -> Option<Image> {
         _ = (mware, topic, jpg);
         self.calls = self.calls.wrapping_add(1);
         image(self.calls, 64, 48)
@@ -74,7 +98,9 @@ impl Exchange {
 
 fn main() -> anyhow::Result<()> {
     log_to_stderr();
-    let Options { data_type, mode, mware, topic, jpg } = Options::parse();
+    let options = Options::parse();
+    let Options { data_type, mode, mware, topic, socket_ip, insecure, .. } = options;
+    let jpg = options.quality.map_or(Jpg::Is(options.jpg), |quality| Jpg::Of { quality });
     let mut exchange = Exchange { calls: 0 }.communicator();
     for method in ["object", "image", "sound", "properties"] {
         exchange.activate(method, mode)?;
@@ -90,7 +116,10 @@ fn main() -> anyhow::Result<()> {
             DataType::Properties => exchange
                 .properties(&mware, &topic)?
                 .map(|properties| json!({ "value": properties.to_value() })),
-            _ => exchange.object(&mware, &topic)?.as_ref().map(described_object),
+            _ => exchange
+                .object(&mware, &topic, &socket_ip, insecure)?
+                .as_ref()
+                .map(described_object),
         };
         if let Some(Json::Object(mut told)) = told {
             told.insert("event".to_owned(), "message".into());
