@@ -3,6 +3,7 @@
 
     rospy_peer.py publish   --topic /x --type std_msgs/String --value '{"data": "{}"}' [--latch] [--count N]
     rospy_peer.py subscribe --topic /x --type std_msgs/String [--count N]
+    rospy_peer.py bag       --topic /x --value JSON --count N --bag FILE     writes what rosbag play publishes
     rospy_peer.py master    --port P                          a roscore: master and parameter server
     rospy_peer.py serve     --topic /x                        std_srvs/SetBool, refuses False
     rospy_peer.py serve     --topic /x --type demo/Say --value '{"sum": "=request.a + 1"}'     = is an expression
@@ -26,7 +27,7 @@ import sys
 import types
 
 parser = argparse.ArgumentParser()
-parser.add_argument("role", choices=["publish", "subscribe", "master", "serve", "call", "param", "params", "log"])
+parser.add_argument("role", choices=["publish", "subscribe", "bag", "master", "serve", "call", "param", "params", "log"])
 parser.add_argument("--topic", default="/x")
 parser.add_argument("--type", default="std_msgs/String")
 parser.add_argument("--definition")
@@ -36,6 +37,7 @@ parser.add_argument("--node", default="rospy_peer")
 parser.add_argument("--latch", action="store_true")
 parser.add_argument("--count", type=int, default=0, help="0: until stdin closes")
 parser.add_argument("--rate", type=float, default=20.0)
+parser.add_argument("--bag")
 parser.add_argument("--port", type=int, default=0)
 args = parser.parse_args()
 
@@ -154,6 +156,14 @@ if args.role == "publish":
         leaving.wait(1.0 / args.rate)
     say("done", count=index)
     leaving.wait()
+elif args.role == "bag":
+    import rosbag
+    kind = message_class()
+    with rosbag.Bag(args.bag, "w") as bag:
+        for index in range(args.count):
+            message = filled(kind(), json.loads(args.value.replace("{n}", str(index))))
+            bag.write(args.topic, message, rospy.Time.from_sec(1_700_000_000 + index / args.rate))
+    say("done", count=args.count)
 elif args.role == "subscribe":
     kind = message_class()
     index = [0]

@@ -224,6 +224,28 @@ fn where_somebody_listens_the_subscription_is_there_before_a_publisher() -> Resu
 }
 
 #[test]
+fn a_bag_is_heard_from_its_first_message() -> Result {
+    run("a_bag_is_heard_from_its_first_message", WITH_DDS, |world| {
+        let _roscore = world.roscore()?;
+        let topic = world.topic("text");
+        let words = format!("bag --topic {topic} --bag talk.bag --count 30 --rate 50");
+        world.rospy(&words, Some(r#"{"data": "{n}"}"#))?.event("done")?;
+        let bridge = bridge(world, &[])?;
+        let listener = world.dds_subscriber(&topic, "std_msgs/msg/String", "--plain")?;
+        let stands = |books: &Books| has(&books.subscribers, &topic, NODE);
+        books(world, "the bridge as a subscriber", stands)
+            .map_err(|error| error.context(bridge.tail()))?;
+        listener.event("matched")?;
+        // It waits for subscribers, and there is none but the one that stands.
+        let mut player = world.ros_tool("rosbag", "play --wait-for-subscribers talk.bag")?;
+        let heard = listener.messages(30).map_err(|error| error.context(player.tail()))?;
+        let heard: Vec<Value> = heard.iter().map(|one| one["fields"]["data"].clone()).collect();
+        assert_eq!(heard, (0..30).map(|number| json!(number.to_string())).collect::<Vec<_>>());
+        player.exits_with(0)
+    })
+}
+
+#[test]
 fn the_bridge_has_its_name_at_the_master_and_ends_when_it_is_killed_there() -> Result {
     let test = "the_bridge_has_its_name_at_the_master_and_ends_when_it_is_killed_there";
     run(test, NEEDS, |world| {
