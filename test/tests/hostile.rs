@@ -193,6 +193,22 @@ fn malformed_and_foreign_topics_are_told_apart() -> Result {
 }
 
 #[test]
+fn nesting_beyond_the_limit_has_a_count_of_its_own() -> Result {
+    run("nesting_beyond_the_limit_has_a_count_of_its_own", NEEDS, |world| {
+        let (from, to) = (world.topic("from"), world.topic("to"));
+        let route = Route::new(&format!("zeromq:{from}"), &format!("ros2:{to}"), "NativeObject");
+        let bridge = world.bridge(&world.embedded().route(route))?;
+        let _subscriber = world.dds_subscriber(&to, "wrapyfi_msgs/msg/NativeObject", "")?;
+        status(&bridge, "an active route", |r| r["routes"][0]["state"] == "active")?;
+        let _sender = send(world, &from, "native_deep,native_truncated,native_deep_tags")?;
+        let report = status(&bridge, "three drops", |r| dropped(r, 0) >= 3)?;
+        let counted = serde_json::json!({"malformed": 1, "nesting": 2});
+        assert_eq!(report["routes"][0]["counters"]["drops"], counted, "{report}");
+        Ok(())
+    })
+}
+
+#[test]
 fn objects_from_ros_that_are_none_are_dropped() -> Result {
     run("objects_from_ros_that_are_none_are_dropped", NEEDS, |world| {
         let (from, to) = (world.topic("from"), world.topic("to"));

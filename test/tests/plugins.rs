@@ -4,6 +4,7 @@
 //! ```text
 //!   Wrapyfi ── zeromq:/from ──▶ bridge ── zeromq:/to ──▶ Wrapyfi        the same object again
 //!                                  └───── ros2:/graph ─▶ wrapyfi_py     the same, from its readable form
+//!   Wrapyfi ── zeromq:/x ─────▶ wrapyfi echo                            in words
 //!   wrapyfi_py ── ros2:/from ──▶ bridge ─ zeromq:/to ──▶ Wrapyfi        the same object again
 //! ```
 
@@ -90,6 +91,71 @@ fn arrives_as_an_image(
             assert!(message["stamp"].as_f64().is_some_and(|s| s > 1.7e9), "no time: {message}");
         }
         Ok(())
+    })
+}
+
+/// `wrapyfi echo` says to a person what Wrapyfi publishes: the lines that `words` makes of the facts that
+/// the publisher tells.
+fn is_said(
+    test: &str,
+    package: &'static str,
+    case: &str,
+    words: impl Fn(&Value) -> Vec<String>,
+) -> Result {
+    run(test, &[Need::Program, Need::Python, Need::Package(package)], |world| {
+        let topic = world.topic("x");
+        let publisher = world.wrapyfi_publisher(&topic, &format!("--case {case} --bare"))?;
+        let endpoint = format!("zeromq:{topic}");
+        let args = ["echo", &endpoint, "--type", "NativeObject", "--count", "1"];
+        let mut echo = world.wrapyfi(args.into_iter().chain(["--timeout", "100"]))?;
+        echo.exits_with(0)?;
+        let said: Vec<String> = echo.stdout().lines().map(str::to_owned).collect();
+        let told = publisher.wait_until("what was published up to then", |output| {
+            let sent = output.events("message");
+            let told: Vec<_> = sent.iter().map(|one| words(&one["facts"])).collect();
+            // The publisher tells of a message after it was sent.
+            (told.contains(&said) || told.len() > 200).then_some(told)
+        })?;
+        assert!(told.contains(&said), "{said:#?} is not among {:#?}", told.first());
+        Ok(())
+    })
+}
+
+#[test]
+fn echo_says_how_large_a_picture_is() -> Result {
+    is_said("echo_says_how_large_a_picture_is", "PIL", "pillowfile", |_| {
+        vec!["Picture 64x48 png".to_owned()]
+    })
+}
+
+#[test]
+fn echo_says_the_rows_of_a_table() -> Result {
+    is_said("echo_says_the_rows_of_a_table", "pandas", "pandasframe", |facts| {
+        let first = facts["values"][0][0].as_str().unwrap_or_default();
+        let width = first.len();
+        [
+            "DataFrame, 2 rows of 4 columns".to_owned(),
+            format!("  row     {:width$}  s  t", "a"),
+            format!("  first   {first}  x  2024-01-01 00:00:00"),
+            format!("  second  {:width$}  -  2024-01-02 00:00:00", "2"),
+        ]
+        .to_vec()
+    })
+}
+
+#[test]
+fn echo_says_a_quantity_with_its_unit() -> Result {
+    is_said("echo_says_a_quantity_with_its_unit", "pint", "pint", |facts| {
+        let units = facts["units"].as_str().unwrap_or_default();
+        vec![format!("{} {units}", facts["magnitude"])]
+    })
+}
+
+#[test]
+fn echo_says_the_numbers_of_an_array() -> Result {
+    is_said("echo_says_the_numbers_of_an_array", "numpy", "numpy", |facts| {
+        let values = facts["values"].to_string().replace(',', ", ");
+        vec![format!("array int32 (2, 3): {values}")]
     })
 }
 

@@ -3,8 +3,10 @@
 
 #![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
 
+use std::time::Instant;
+
 use serde_json::{Value, json};
-use wrapyfi_e2e::{Need, Process, Result, World, run};
+use wrapyfi_e2e::{Need, PATIENCE, Process, Result, World, run};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Python];
 
@@ -127,11 +129,73 @@ fn hello_world_asks_ours() -> Result {
 fn mirroring_goes_through_our_broker() -> Result {
     run("mirroring_goes_through_our_broker", NEEDS, |world| {
         let _broker = world.broker()?;
-        let module = "communication_schemes.mirroring_example";
-        let listener = example(world, module, &["--mode", "listen"], &[])?;
-        let _publisher = example(world, module, &["--mode", "publish"], &["ping", "pong"])?;
+        let listener = example(world, MIRRORING, &["--mode", "listen"], &[])?;
+        let _publisher = example(world, MIRRORING, &["--mode", "publish"], &["ping", "pong"])?;
         prints(&listener, &["'msg_ip': 'ping'"])?;
         prints(&listener, &["'msg_ip': 'pong'"])
+    })
+}
+
+const LISTING: &[Need] = &[Need::Program, Need::Python, Need::Example("read_msg")];
+const MIRRORING: &str = "communication_schemes.mirroring_example";
+
+/// The listing of the guide serves the script, which leaves out what has a default.
+#[test]
+fn mirroring_asks_the_listing_of_the_guide() -> Result {
+    run("mirroring_asks_the_listing_of_the_guide", LISTING, |world| {
+        let mut listing = world.example("read_msg", "reply")?;
+        let script = example(world, MIRRORING, &["--mode", "request"], &[])?;
+        for typed in ["yes", "and again"] {
+            listing.tell(typed)?;
+            let reply = format!("'msg_ip': '{typed}'");
+            prints(
+                &script,
+                &["'msg': 'This argument message was sent by the request script'", &reply],
+            )
+            .map_err(|error| error.context(listing.tail()))?;
+            prints(&listing, &[typed])?;
+        }
+        Ok(())
+    })
+}
+
+#[test]
+fn mirroring_hears_the_listing_of_the_guide() -> Result {
+    run("mirroring_hears_the_listing_of_the_guide", LISTING, |world| {
+        let _broker = world.broker()?;
+        let script = example(world, MIRRORING, &["--mode", "listen"], &[])?;
+        let mut listing = world.example("read_msg", "publish")?;
+        listing.tell("ping")?;
+        prints(&script, &["'msg': 'hello'", "'msg_ip': 'ping'"])
+    })
+}
+
+#[test]
+fn the_listing_of_the_guide_hears_mirroring() -> Result {
+    run("the_listing_of_the_guide_hears_mirroring", LISTING, |world| {
+        let _broker = world.broker()?;
+        let listing = world.example("read_msg", "listen")?;
+        let _script = example(world, MIRRORING, &["--mode", "publish"], &["pong"])?;
+        prints(&listing, &["pong"])
+    })
+}
+
+#[test]
+fn the_listing_of_the_guide_asks_mirroring() -> Result {
+    run("the_listing_of_the_guide_asks_mirroring", LISTING, |world| {
+        let mut script = example(world, MIRRORING, &["--mode", "reply"], &[])?;
+        let started = Instant::now();
+        loop {
+            // What is not asked in time may be answered late, and that takes a line, too.
+            script.tell("answer")?;
+            let listing = world.example("read_msg", "request")?;
+            match prints(&listing, &["answer"]) {
+                Err(error) if started.elapsed() > PATIENCE => return Err(error),
+                // The script needs a while to start, and a call waits for five seconds.
+                Err(_) => {}
+                Ok(()) => return Ok(()),
+            }
+        }
     })
 }
 

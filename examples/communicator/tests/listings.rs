@@ -1,52 +1,17 @@
 //! The listings of Wrapyfi's paper as docs/communicator.md shows them: compiled and run here, and compared
-//! with the guide's text.
+//! with the guide's text. The first one is a program, `read_msg`.
 //!
 //! Middlewares are in memory, under the names of those that the listings ask for.
 
 #![allow(clippy::unwrap_used, reason = "in a test a panic is the right answer")]
-#![allow(clippy::print_stdout, reason = "the listing is a program for the terminal")]
 
 use std::sync::Arc;
 use std::thread;
 
-use serde::{Deserialize, Serialize};
 use wrapyfi_communicator_examples::{image, pixels, samples, sound};
 use wrapyfi_core::communicator::{Context, Mode, communicator};
 use wrapyfi_core::middleware::memory::Memory;
 use wrapyfi_core::types::{AudioChunk, Image, ParameterValue, Properties, Value};
-
-// Listing 1
-#[derive(Serialize, Deserialize)]
-struct Message {
-    msg: String,
-    msg_ip: String,
-}
-
-struct MirrorCls;
-
-#[communicator]
-impl MirrorCls {
-    #[register(
-        NativeObject,
-        "$0",
-        "MirrorCls",
-        "/example/read_msg",
-        carrier = "tcp",
-        should_wait = "$blocking"
-    )]
-    fn read_msg(
-        &self,
-        mware: &str,
-        #[default("")] msg: &str,
-        #[default(true)] blocking: bool,
-    ) -> Message {
-        _ = (mware, blocking); // for #[register]
-        println!("Type message:");
-        let typed = std::io::stdin().lines().next().and_then(Result::ok);
-        Message { msg: msg.to_owned(), msg_ip: typed.unwrap_or_default() }
-    }
-}
-// End
 
 // Listing 2
 struct ForwardCls;
@@ -154,25 +119,6 @@ fn context(names: &[&str]) -> Context {
 }
 
 #[test]
-fn a_message_is_mirrored() {
-    let context = context(&["zeromq"]);
-    for modes in [["publish", "listen"], ["reply", "request"]] {
-        let mut mirrors = [(); 2].map(|()| MirrorCls.communicator_in(&context));
-        for (mirror, mode) in mirrors.iter_mut().zip(modes) {
-            mirror.activate(MirrorClsMethod::ReadMsg, mode).unwrap();
-        }
-        let [here, there] = &mirrors;
-        thread::scope(|scope| {
-            let there = scope.spawn(|| there.read_msg("zeromq", "hello", true).unwrap().unwrap());
-            let here = here.read_msg("zeromq", "hello", true).unwrap().unwrap();
-            let there = there.join().unwrap();
-            assert_eq!((&*here.msg, &*there.msg), ("hello", "hello"));
-            assert_eq!(here.msg_ip, there.msg_ip);
-        });
-    }
-}
-
-#[test]
 fn a_message_is_forwarded() {
     let context = context(&["yarp", "zeromq"]);
     let start = |first: Mode, second: Mode| {
@@ -253,7 +199,8 @@ fn bare(code: &str) -> String {
 fn the_guide_shows_what_runs_here() {
     let guide = bare(include_str!("../../../docs/communicator.md"));
     let mut count = 0;
-    for part in include_str!("listings.rs").split("\n// Listing ").skip(1) {
+    let sources = [include_str!("../src/bin/read_msg.rs"), include_str!("listings.rs")];
+    for part in sources.iter().flat_map(|source| source.split("\n// Listing ").skip(1)) {
         let (listing, _) = part.split_once("\n// End\n").unwrap();
         let (number, code) = listing.split_once('\n').unwrap();
         assert!(guide.contains(&bare(code)), "listing {number} is another one in the guide");
