@@ -509,7 +509,9 @@ impl World {
 
     /// Gives a program that is a client its port, which clients and servers call by different names.
     fn cross_ports(&self, command: &mut Command, args: &str) {
-        if args.contains("--mode request") || args.contains("--request") {
+        if ["--mode request", "--request"].iter().any(|mode| args.contains(mode))
+            || args == "request"
+        {
             command.env("WRAPYFI_ZEROMQ_SOCKET_REP_PORT", self.rep_port().to_string());
         }
     }
