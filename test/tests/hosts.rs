@@ -147,7 +147,7 @@ fn a_communicator_owns_the_broker_of_several_machines() -> Result {
     })
 }
 
-/// What `publisher` says is heard on a machine by Wrapyfi and by us.
+/// Waits until Wrapyfi and `wrapyfi echo` hear `publisher` on a machine.
 fn is_heard(world: &World, host: &Host<'_>, publisher: Process) -> Result {
     let topic = world.topic("x");
     let ours = echo(host, &format!("zeromq:{topic}"), "NativeObject")?;

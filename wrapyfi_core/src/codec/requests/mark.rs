@@ -93,7 +93,7 @@ pub struct Mark {
     pub number: u64,
     /// Number of the caller's machine: on the same one clocks agree. 0 where it is not known.
     pub machine: u32,
-    /// When the caller gives up, in milliseconds of Unix time by the clock of its machine.
+    /// Time at which the caller gives up, in milliseconds of Unix time by the clock of its machine.
     pub ends_ms: u64,
 }
 

@@ -72,11 +72,11 @@ enum Said {
     Has(BTreeSet<(Role, String)>),
 }
 
-/// What one node is to be asked.
+/// Question to one node.
 #[derive(Debug, PartialEq, Eq)]
 struct Question {
     node: String,
-    /// Where it was.
+    /// Address at which it was.
     known: Option<NodeUri>,
     /// Services that the master lists no more. Of what it lists, the node's word is not needed.
     services: Vec<String>,
@@ -100,7 +100,7 @@ impl Presence {
         all
     }
 
-    /// What was there before and is not listed any more.
+    /// Endpoints that were there before and are not listed any more.
     fn missing(&mut self, listed: &[Discovered], now: Instant) -> Vec<Discovered> {
         let keys: BTreeSet<Key> = listed.iter().map(key).collect();
         let missing: Vec<Discovered> =
@@ -113,7 +113,7 @@ impl Presence {
         missing
     }
 
-    /// Whose turn it is to be asked; they count as asked from now on.
+    /// Questions to the nodes whose turn it is; they count as asked from now on.
     fn due(&self, listed: &[Discovered], missing: &[Discovered], now: Instant) -> Vec<Question> {
         let mut nodes = lock(&self.nodes);
         let named = listed.iter().chain(missing).filter_map(|one| one.node.as_ref());
@@ -149,7 +149,7 @@ impl Presence {
         due.into_iter().take(free).map(ask).collect()
     }
 
-    /// What is there, by what the master lists and what nodes said.
+    /// Endpoints that are there, by what the master lists and what nodes said.
     fn sorted(
         &mut self,
         listed: Vec<Discovered>,

@@ -1,4 +1,4 @@
-//! When a caller gives up, as it tells a broker.
+//! Deadlines of requests, as callers tell them to a broker.
 //!
 //! ```text
 //!   on the same machine   the time at which it gives up      however long the request was on its way
@@ -10,7 +10,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use crate::codec::requests::mark::{Content, Kind, Mark};
 
-/// The mark of a request whose caller gives up at `deadline`.
+/// Mark of a request whose caller gives up at `deadline`.
 pub(super) fn request(content: Content, number: u64, deadline: Instant) -> Mark {
     // In this order: what passes between the two makes the time that is told earlier, never later.
     let unix = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
@@ -25,7 +25,7 @@ pub(super) fn request(content: Content, number: u64, deadline: Instant) -> Mark 
     }
 }
 
-/// When the caller of a request that has just come gives up; `None` for never.
+/// Deadline of a request that has just come; `None` for none.
 pub(super) fn of(mark: &Mark) -> Option<Instant> {
     let now = Instant::now();
     let timeout = Duration::from_millis(mark.timeout_ms.into());
