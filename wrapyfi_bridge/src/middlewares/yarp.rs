@@ -5,8 +5,11 @@ use std::net::IpAddr;
 use serde::Deserialize;
 use wrapyfi_core::engine::{Available, Problem, Spanned};
 pub(super) use wrapyfi_core::middleware::yarp::NAME;
-use wrapyfi_core::middleware::yarp::{self, Dialect, NameServerConf, StartError, Yarp, YarpConfig};
+use wrapyfi_core::middleware::yarp::{
+    self, Convention, Dialect, NameServerConf, StartError, Yarp, YarpConfig,
+};
 use wrapyfi_core::network::Hosts;
+use wrapyfi_core::types::MessageType;
 
 use super::load::Word;
 use crate::exit::Failure;
@@ -26,6 +29,34 @@ pub struct YarpSection {
     pub dialect: Option<DialectWord>,
     pub ip: Option<Spanned<String>>,
     pub insecure: Word,
+    pub types: Vec<NamedType>,
+}
+
+/// An entry of `types`: ports whose names tell the type of what they send.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NamedType {
+    /// Their names, as a regular expression.
+    pub names: Spanned<String>,
+    /// What they send.
+    #[serde(rename = "type")]
+    pub message_type: Spanned<String>,
+}
+
+impl NamedType {
+    fn convention(&self) -> Result<Convention, Problem> {
+        let Self { names, message_type } = self;
+        let word = &message_type.value;
+        // A type of ROS may be defined where nobody has looked yet.
+        if !word.contains('/') {
+            let read = word.parse::<MessageType>();
+            read.map_err(|wrong| Problem::at(message_type.referenced, wrong.to_string()))?;
+        }
+        Convention::new(&names.value, word).map_err(|fault| {
+            let text = format!("names {:?} is no regular expression: {fault}", names.value);
+            Problem::at(names.referenced, text)
+        })
+    }
 }
 
 /// How bottles are encoded.
@@ -44,6 +75,9 @@ impl YarpSection {
             let parsed = written.value.parse::<NameServerConf>();
             parsed
                 .map_err(|wrong| Problem::at(written.referenced, format!("name_server {wrong}")))?;
+        }
+        for named in &self.types {
+            named.convention()?;
         }
         let Some(written) = &self.ip else { return Ok(()) };
         let wrong = |text: String| Problem::at(written.referenced, text);
@@ -66,6 +100,9 @@ impl YarpSection {
         if let Some(written) = &self.ip {
             config.ip = Some(written.value.parse().map_err(Failure::usage)?);
         }
+        // Those of the configuration come first.
+        let own = self.types.iter().filter_map(|named| named.convention().ok());
+        config.conventions = own.chain(std::mem::take(&mut config.conventions)).collect();
         config.embedded = self.embedded;
         config.hosts = hosts.clone();
         if let Some(namespace) = &self.namespace {

@@ -16,8 +16,17 @@ use serde::Serialize;
 
 use super::{BridgeMark, History, Liveliness, Reliability};
 
+/// Tells the names of endpoints that whoever looks wants to know of.
+pub type NameFilter = Box<dyn Fn(&str) -> bool + Send + Sync>;
+
 /// Looks for endpoints until it is dropped. It sees more the longer it looks.
 pub trait Discovery: Send {
+    /// Says which names matter, before the first look; all do unless it is said. Where endpoints have to
+    /// be asked one by one what they are, the others are left alone, and may be left out.
+    fn only(&mut self, wanted: NameFilter) {
+        _ = wanted;
+    }
+
     /// What is known now, in order of name and role. Endpoints that went are gone from it.
     ///
     /// # Errors

@@ -43,7 +43,8 @@ pub use calls::Ticket;
 pub use clock::{RosClock, RosNow};
 pub use counters::{Counters, CountersSnapshot, DropReason, QosEvent};
 pub use discovery::{
-    AnnouncedDurability, AnnouncedQos, DiscoverError, Discovered, Discovery, Role, Traffic,
+    AnnouncedDurability, AnnouncedQos, DiscoverError, Discovered, Discovery, NameFilter, Role,
+    Traffic,
 };
 pub use inbox::{Overflow, QueueSpec, Receiver, Sender, inbox};
 pub use late::{Late, StartFault};
@@ -204,6 +205,9 @@ pub struct Traits {
     /// A subscription that is there first hears a publisher at once, long before discovery finds that:
     /// where somebody waits at the destination, a route subscribes before there is a publisher.
     pub subscribes_first: bool,
+    /// Its messages have no types but what they look like, and may be read as any type that they fit:
+    /// a route takes the one that its listeners want.
+    pub untyped: bool,
 }
 
 /// Receives one topic.

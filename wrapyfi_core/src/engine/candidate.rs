@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use super::route::RouteState;
 use crate::endpoint::{EndpointAddress, Role};
+use crate::types::MessageType;
 
 /// Longest time after which the younger of two that are in each other's way yields, in milliseconds.
 const YIELD_SPREAD_MS: u64 = 2000;
@@ -23,6 +24,12 @@ pub(super) struct Candidate {
     pub(super) is_ahead: bool,
     /// The type of the route that was made ahead of its publishers, which may have another.
     pub(super) guessed_type: Option<&'static str>,
+    /// The type that its route carries.
+    pub(super) carried: Option<MessageType>,
+    /// The type that its listeners want, where that is another one than was learned and can be made.
+    pub(super) wished: Option<MessageType>,
+    /// What its route was told last of listeners that it cannot serve.
+    pub(super) misfits: Option<String>,
     /// Its route closes the source while nobody listens; it must not where a publisher keeps messages.
     pub(super) rests: bool,
 }
@@ -48,6 +55,9 @@ impl Candidate {
             rival_since: None,
             is_ahead: false,
             guessed_type: None,
+            carried: None,
+            wished: None,
+            misfits: None,
             rests: false,
         }
     }

@@ -1,12 +1,11 @@
-//! Runs the routes of a plan: step by step for tests, one thread a route in production.
+//! Runs the routes of a plan: step by step for tests, on threads in production.
 //!
 //! ```text
 //!   Plan ─ routes ──────────────▶ Work ─ start ─▶ a thread each
 //!        └ patterns ─▶ Scout ─ Change::Make, KeepOpen, End ─▶ more of them, and fewer
 //! ```
 //!
-//! A thread a route keeps them apart: a reliable reader that stalls its writer stalls that route
-//! and no other.
+//! Which thread steps a route is told in `threads`.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -55,10 +54,25 @@ impl Work {
         }
     }
 
-    /// As [`Relay::keep_open`]; services rest nowhere.
+    /// Whether it moves nothing, because nobody wants it.
+    pub(super) fn is_at_rest(&self, now: Instant) -> bool {
+        match self {
+            Self::Topic(relay) => relay.is_at_rest(),
+            Self::Service(relay) => relay.is_at_rest(now),
+        }
+    }
+
+    /// As [`Relay::keep_open`]; services have no source.
     pub(super) fn keep_open(&mut self) {
         if let Self::Topic(relay) = self {
             relay.keep_open();
+        }
+    }
+
+    /// As [`Relay::name_misfits`]; services have none.
+    pub(super) fn name_misfits(&mut self, named: Option<String>) {
+        if let Self::Topic(relay) = self {
+            relay.name_misfits(named);
         }
     }
 
@@ -78,13 +92,14 @@ impl Work {
 }
 
 /// Says that a route by pattern is over, and what it has done.
-pub(super) fn log_end(status: &RouteStatus, why: &str) {
+pub(super) fn log_end(status: &RouteStatus, why: &str, is_one_of_many: bool) {
     let (received, sent) = (status.counters.received, status.counters.sent);
     let dropped = status.counters.dropped();
-    tracing::info!(
-        route = status.name,
-        "route ended: {why}; {received} in, {sent} out, {dropped} dropped"
-    );
+    let text = format!("route ended: {why}; {received} in, {sent} out, {dropped} dropped");
+    match is_one_of_many {
+        true => tracing::debug!(route = status.name, "{text}"),
+        false => tracing::info!(route = status.name, "{text}"),
+    }
 }
 
 impl Engine {
@@ -133,12 +148,17 @@ impl Engine {
                         let route = self.relays.iter_mut().find(|it| it.0 == id);
                         route.into_iter().for_each(|(_, work)| work.keep_open());
                     }
-                    Change::End { id, why } => {
+                    Change::Misfits { id, named } => {
+                        let route = self.relays.iter_mut().find(|it| it.0 == id);
+                        route.into_iter().for_each(|(_, work)| work.name_misfits(named.clone()));
+                    }
+                    Change::End { id, why, is_one_of_many } => {
                         let (over, stays) =
                             std::mem::take(&mut self.relays).into_iter().partition(|it| it.0 == id);
                         self.relays = stays;
                         let over: Vec<(u64, Work)> = over;
-                        over.iter().for_each(|(_, work)| log_end(&work.status(), &why));
+                        over.iter()
+                            .for_each(|(_, work)| log_end(&work.status(), &why, is_one_of_many));
                     }
                 }
             }
@@ -153,7 +173,8 @@ impl Engine {
         self.relays.iter().map(|(_, relay)| relay.status()).chain(found).collect()
     }
 
-    /// Gives every route a thread, and one to the patterns.
+    /// Runs the routes on threads: one for each that has something to do, one for all others, and one for
+    /// the patterns.
     ///
     /// # Errors
     /// When the system refuses a thread; the routes started before it are stopped.

@@ -40,6 +40,7 @@ mod config_qos;
 mod conventions;
 #[expect(clippy::module_inception, reason = "the engine is this module's one main type")]
 mod engine;
+mod news;
 mod pattern;
 mod plan;
 mod plan_address;
@@ -53,6 +54,7 @@ mod scout;
 mod service_relay;
 mod sides;
 mod stamping;
+mod threads;
 mod unheard;
 mod verdict;
 

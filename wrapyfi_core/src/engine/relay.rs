@@ -45,6 +45,8 @@ pub struct Relay {
     /// Since when nobody wants what a lazy route carries.
     unwanted_since: Option<Instant>,
     state: RouteState,
+    /// Listeners of another type than the route's, in words.
+    misfits: Option<String>,
     last_loss: Option<(Instant, String)>,
     /// Losses, and objects passed on as they came: all are counted, few are logged.
     losses: Throttle,
@@ -85,6 +87,7 @@ impl Relay {
             backoff: Backoff::new(seed),
             not_before: None,
             unwanted_since: None,
+            misfits: None,
             last_loss: None,
             losses: Throttle::default(),
             unread: Throttle::default(),
@@ -105,6 +108,26 @@ impl Relay {
     pub(super) fn keep_open(&mut self) {
         self.spec.lazy = false;
         self.context.wake.ring();
+    }
+
+    /// Whether its source is closed, because nobody wants what it carries.
+    pub(super) fn is_at_rest(&self) -> bool {
+        self.spec.lazy && self.source.open.is_none()
+    }
+
+    /// Names listeners of another type than the route's, for as long as nobody else listens.
+    pub(super) fn name_misfits(&mut self, named: Option<String>) {
+        self.misfits = named;
+        self.context.wake.ring();
+    }
+
+    /// Waits for a listener, and says who does not count as one.
+    fn no_listener(&self) -> RouteState {
+        let (to, carried) = (&self.spec.to, self.spec.message_type.ros_type());
+        RouteState::Waiting(match &self.misfits {
+            Some(misfits) => format!("a listener on {to} of {carried}: {misfits}"),
+            None => format!("a listener on {to}"),
+        })
     }
 
     /// Rings when the route has work.
@@ -131,15 +154,19 @@ impl Relay {
 
     /// Brings the route one step on. Blocks only as long as a reliable destination does.
     pub fn step(&mut self, now: Instant) -> Step {
+        let rested = self.is_at_rest();
         self.reconcile(now);
         let review_at = self.review(now);
-        let moved = self.propagate(now);
+        // The step that opens the source of a route at rest moves nothing: it may be on a thread that others
+        // wait for.
+        let moved = if rested { 0 } else { self.propagate(now) };
         let state = self.judge(now);
         if state != self.state {
             state.log(&self.spec.name, self.spec.mark.is_some());
             self.state = state;
         }
-        let next = if moved == BATCH { now } else { now + REVIEW_EVERY };
+        let is_more = moved == BATCH || (rested && !self.is_at_rest());
+        let next = if is_more { now } else { now + REVIEW_EVERY };
         let due = [self.source.retry_at, self.sink.retry_at, review_at];
         Step { moved, next: due.into_iter().flatten().fold(next, Instant::min).max(now) }
     }
@@ -257,8 +284,7 @@ impl Relay {
         }
         if self.spec.lazy && self.source.open.is_none() && self.sink.open.is_some() {
             let source = self.source.middleware.as_ref().and_then(|source| source.waiting_for());
-            let nobody = || format!("a listener on {}", self.spec.to);
-            return RouteState::Waiting(source.unwrap_or_else(nobody));
+            return source.map_or_else(|| self.no_listener(), RouteState::Waiting);
         }
         let (Some(listener), Some(publisher)) = (&self.source.open, &self.sink.open) else {
             return self.state.clone();
@@ -276,7 +302,7 @@ impl Relay {
             return RouteState::Waiting(format!("a publisher on {}", self.spec.from));
         }
         if sink.peers == Some(0) {
-            return RouteState::Waiting(format!("a listener on {}", self.spec.to));
+            return self.no_listener();
         }
         RouteState::Active
     }

@@ -1,13 +1,14 @@
-//! Routes at work: a thread each, and one that makes and ends those of patterns.
+//! Routes at work, and the thread that makes and ends those of patterns.
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::Instant;
 
 use super::engine::{Work, log_end};
 use super::route::RouteStatus;
 use super::scout::{Change, LOOK_EVERY, Scout};
+use super::threads::{Member, Rest, lock};
 use crate::endpoint::{Registry, Wake};
 
 /// Routes at work. Dropping it stops them.
@@ -15,6 +16,8 @@ pub struct Running {
     shared: Arc<Shared>,
     /// Makes and ends routes by pattern, where there are patterns.
     scout: Option<JoinHandle<()>>,
+    /// Steps the routes that nobody wants.
+    rest: Option<JoinHandle<()>>,
 }
 
 /// What the thread of the patterns shares with the owner.
@@ -22,58 +25,21 @@ struct Shared {
     registry: Registry,
     stop: AtomicBool,
     wake: Wake,
+    rest: Arc<Rest>,
     routes: Mutex<Vec<Route>>,
     /// What the patterns say of themselves.
     found: Mutex<Vec<RouteStatus>>,
 }
 
 struct Route {
-    id: u64,
-    stop: Arc<AtomicBool>,
-    relay: Arc<Mutex<Work>>,
+    member: Arc<Member>,
     status: StatusCache,
-    wake: Wake,
-    thread: Option<JoinHandle<()>>,
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Route {
-    fn start(id: u64, relay: Work) -> std::io::Result<Self> {
-        let wake = relay.wake().clone();
-        let relay = Arc::new(Mutex::new(relay));
-        let stop = Arc::new(AtomicBool::new(false));
-        let status = StatusCache::new(&relay);
-        let (stopped, shared, bell) = (Arc::clone(&stop), Arc::clone(&relay), wake.clone());
-        let thread = std::thread::Builder::new()
-            .name(format!("route-{id}"))
-            .spawn(move || run(&shared, &bell, &stopped))?;
-        Ok(Self { id, stop, relay, status, wake, thread: Some(thread) })
-    }
-
-    fn tell_to_stop(&self) {
-        self.stop.store(true, Ordering::Relaxed);
-        self.wake.ring();
-    }
-
-    fn join(&mut self) {
-        if let Some(thread) = self.thread.take()
-            && thread.join().is_err()
-        {
-            tracing::error!("a route's thread panicked");
-        }
-    }
-}
-
-fn run(relay: &Mutex<Work>, wake: &Wake, stop: &AtomicBool) {
-    while !stop.load(Ordering::Relaxed) {
-        let step = lock(relay).step(Instant::now());
-        let rest = step.next.saturating_duration_since(Instant::now());
-        if !rest.is_zero() {
-            wake.wait(rest);
-        }
+    fn start(id: u64, work: Work, rest: &Arc<Rest>) -> std::io::Result<Self> {
+        let status = StatusCache(Mutex::new(work.status()));
+        Ok(Self { member: Member::start(id, work, rest)?, status })
     }
 }
 
@@ -81,49 +47,60 @@ fn run(relay: &Mutex<Work>, wake: &Wake, stop: &AtomicBool) {
 struct StatusCache(Mutex<RouteStatus>);
 
 impl StatusCache {
-    fn new(relay: &Mutex<Work>) -> Self {
-        Self(Mutex::new(lock(relay).status()))
-    }
-
-    fn refresh(&self, relay: &Mutex<Work>) -> RouteStatus {
+    fn refresh(&self, work: &Mutex<Option<Work>>) -> RouteStatus {
         let mut cached = lock(&self.0);
-        if let Ok(relay) = relay.try_lock() {
-            *cached = relay.status();
+        if let Ok(work) = work.try_lock()
+            && let Some(work) = &*work
+        {
+            *cached = work.status();
         }
         cached.clone()
     }
 }
 
 impl Shared {
+    /// Does something with a route.
+    fn with(&self, id: u64, act: impl FnOnce(&mut Work)) {
+        let found = {
+            let routes = lock(&self.routes);
+            let found = routes.iter().find(|route| route.member.id == id);
+            found.map(|route| Arc::clone(&route.member))
+        };
+        // Outside the lock: it may be in the middle of a send.
+        let Some(member) = found else { return };
+        let mut work = lock(&member.work);
+        if let Some(work) = work.as_mut() {
+            act(work);
+        }
+    }
+
     fn change(&self, scout: &mut Scout, change: Change) {
         match change {
             Change::Make { id, made, counters } => {
-                match Route::start(id, Work::made(id, made, counters, &self.registry)) {
+                let work = Work::made(id, made, counters, &self.registry);
+                match Route::start(id, work, &self.rest) {
                     Ok(route) => lock(&self.routes).push(route),
                     Err(error) => scout.failed(id, &format!("the system gives no thread: {error}")),
                 }
             }
             Change::KeepOpen { id } => {
-                let found = lock(&self.routes)
-                    .iter()
-                    .find(|route| route.id == id)
-                    .map(|route| Arc::clone(&route.relay));
-                // Outside the lock, as below.
-                if let Some(relay) = found {
-                    lock(&relay).keep_open();
-                }
+                self.with(id, Work::keep_open);
             }
-            Change::End { id, why } => {
+            Change::Misfits { id, named } => self.with(id, |work| work.name_misfits(named)),
+            Change::End { id, why, is_one_of_many } => {
                 let found = {
                     let mut routes = lock(&self.routes);
-                    let place = routes.iter().position(|route| route.id == id);
+                    let place = routes.iter().position(|route| route.member.id == id);
                     place.map(|place| routes.remove(place))
                 };
                 // Outside the lock: it may be in the middle of a send.
-                if let Some(mut route) = found {
-                    route.tell_to_stop();
-                    route.join();
-                    log_end(&lock(&route.relay).status(), &why);
+                if let Some(Route { member, .. }) = found {
+                    member.tell_to_stop();
+                    member.join();
+                    let ended = lock(&member.work).take();
+                    if let Some(work) = ended {
+                        log_end(&work.status(), &why, is_one_of_many);
+                    }
                 }
             }
         }
@@ -150,12 +127,16 @@ impl Running {
             registry,
             stop: AtomicBool::new(false),
             wake: Wake::new(),
+            rest: Arc::default(),
             routes: Mutex::default(),
             found: Mutex::new(scout.as_ref().map(Scout::status).unwrap_or_default()),
         });
-        let mut running = Self { shared, scout: None };
+        let mut running = Self { shared, scout: None, rest: None };
+        let rest = Arc::clone(&running.shared.rest);
+        let thread = std::thread::Builder::new().name("routes-at-rest".to_owned());
+        running.rest = Some(thread.spawn(move || rest.run())?);
         for (id, relay) in relays {
-            let route = Route::start(id, relay)?;
+            let route = Route::start(id, relay, &running.shared.rest)?;
             lock(&running.shared.routes).push(route);
         }
         if let Some(scout) = scout {
@@ -174,7 +155,7 @@ impl Running {
     pub fn status(&self) -> Vec<RouteStatus> {
         let mut all: Vec<RouteStatus> = lock(&self.shared.routes)
             .iter()
-            .map(|route| route.status.refresh(&route.relay))
+            .map(|route| route.status.refresh(&route.member.work))
             .collect();
         all.extend(lock(&self.shared.found).iter().cloned());
         all
@@ -196,9 +177,16 @@ impl Running {
         {
             tracing::error!("the thread of the patterns panicked");
         }
-        let mut routes = lock(&self.shared.routes);
-        routes.iter().for_each(Route::tell_to_stop);
-        routes.iter_mut().for_each(Route::join);
+        // Next, so that it gives none a thread.
+        self.shared.rest.tell_to_stop();
+        if let Some(thread) = self.rest.take()
+            && thread.join().is_err()
+        {
+            tracing::error!("the thread of the routes at rest panicked");
+        }
+        let routes = lock(&self.shared.routes);
+        routes.iter().for_each(|route| route.member.tell_to_stop());
+        routes.iter().for_each(|route| route.member.join());
     }
 }
 

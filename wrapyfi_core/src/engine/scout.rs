@@ -16,6 +16,7 @@ use std::time::{Duration, Instant};
 use wrapyfi_interfaces::store::TypeStore;
 
 use super::candidate::{Candidate, State};
+use super::news::{self, News};
 use super::pattern::Inverse;
 use super::plan::{Plan, RouteSpec};
 use super::plan_pattern::{Carried, PatternSpec, Source};
@@ -47,8 +48,10 @@ pub(super) enum Change {
     Make { id: u64, made: Made, counters: Arc<Counters> },
     /// Open its source, and keep it open whether somebody listens or not.
     KeepOpen { id: u64 },
-    /// End it, and say why.
-    End { id: u64, why: String },
+    /// Name listeners that it cannot serve in its reason; none any more.
+    Misfits { id: u64, named: Option<String> },
+    /// End it, and say why; in a low voice where many end at once.
+    End { id: u64, why: String, is_one_of_many: bool },
 }
 
 /// Pattern by its place in the plan, and the name of the source.
@@ -79,6 +82,9 @@ pub(super) struct Pattern {
     told_over: bool,
     made: u64,
     ended: u64,
+    /// What its names become.
+    targets: BTreeMap<String, Option<EndpointAddress>>,
+    news: News,
 }
 
 impl Scout {
@@ -96,19 +102,20 @@ impl Scout {
                 candidates.insert((index, from.name.clone()), candidate);
             }
         }
-        let names = plan.patterns.iter();
-        let names = names.flat_map(|spec| [spec.source_middleware(), spec.to.middleware.as_str()]);
-        let patterns = plan.patterns.iter().map(|spec| Pattern {
-            spec: Arc::new(spec.clone()),
+        let specs: Vec<_> = plan.patterns.iter().map(|spec| Arc::new(spec.clone())).collect();
+        let patterns = specs.iter().map(|spec| Pattern {
+            spec: Arc::clone(spec),
             inverse: spec.inverse(),
             over: 0,
             told_over: false,
             made: 0,
             ended: 0,
+            targets: BTreeMap::new(),
+            news: News::default(),
         });
         Self {
-            sides: Sides::new(registry, names),
             patterns: patterns.collect(),
+            sides: Sides::new(registry, &specs),
             explicit,
             types: TypeStore::from_environment().or_generated(),
             number: BridgeMark::number(),
@@ -136,21 +143,50 @@ impl Scout {
                 self.candidates.insert(key, kept);
             }
         }
+        for pattern in &mut self.patterns {
+            pattern.news.tell(&pattern.spec, now);
+        }
+        news::lower(&mut changes);
         changes
     }
 
     /// Enters what the pattern means of what is there.
     fn note(&mut self, index: usize, now: Instant) {
+        let Some(pattern) = self.patterns.get_mut(index) else { return };
+        let mut targets = std::mem::take(&mut pattern.targets);
+        self.note_names(index, &mut targets, now);
+        if let Some(pattern) = self.patterns.get_mut(index) {
+            pattern.targets = targets;
+        }
+    }
+
+    fn note_names(
+        &mut self,
+        index: usize,
+        targets: &mut BTreeMap<String, Option<EndpointAddress>>,
+        now: Instant,
+    ) {
         let Some(pattern) = self.patterns.get(index) else { return };
         let spec = &pattern.spec;
         let Source::Names { middleware, .. } = &spec.from else { return };
         let Some(side) = self.sides.get(middleware).filter(|side| side.away().is_none()) else {
             return;
         };
+        if targets.len() > MAX_KEPT {
+            targets.clear();
+        }
         let mut of_pattern = self.of_pattern(index).count();
         let (mut found, mut ahead, mut over) = (Vec::new(), Vec::new(), 0);
         for name in side.names(spec.role()) {
-            let Some(to) = spec.target(name) else { continue };
+            let to = match targets.get(name) {
+                Some(known) => known.clone(),
+                None => {
+                    let target = spec.target(name);
+                    targets.insert(name.clone(), target.clone());
+                    target
+                }
+            };
+            let Some(to) = to else { continue };
             let from = EndpointAddress { middleware: middleware.clone(), name: name.clone() };
             if self.is_left_out(spec, &from, &to) {
                 continue;
@@ -248,7 +284,7 @@ impl Scout {
         }
         if let State::Runs(id) = candidate.state {
             let why = match self.rival(&spec, &candidate) {
-                _ if !spec.is_many() => return self.goes_on(&spec, candidate, id),
+                _ if !spec.is_many() => return self.goes_on(&spec, candidate, id, None),
                 _ if candidate.is_gone(now, GONE_AFTER) => match candidate.is_ahead {
                     true => "nobody waits for it any more".to_owned(),
                     false => "its source is gone".to_owned(),
@@ -272,7 +308,13 @@ impl Scout {
                             if told.is_some() {
                                 candidate.guessed_type = None;
                             }
-                            return self.goes_on(&spec, candidate, id);
+                            let misfits = self.misfits(&spec, &candidate);
+                            let Some(instead) = misfits.instead else {
+                                return self.goes_on(&spec, candidate, id, misfits.named);
+                            };
+                            candidate.state = State::New;
+                            candidate.wished = Some(instead);
+                            misfits.named.unwrap_or_default()
                         }
                     }
                 }
@@ -281,7 +323,10 @@ impl Scout {
                 pattern.ended += 1;
             }
             let stays = !matches!(candidate.state, State::Runs(_));
-            return (stays.then_some(candidate), Some(Change::End { id, why }));
+            return (
+                stays.then_some(candidate),
+                Some(Change::End { id, why, is_one_of_many: false }),
+            );
         }
         if spec.is_many() && candidate.is_gone(now, GONE_AFTER) {
             return (None, None);
@@ -303,18 +348,20 @@ impl Scout {
         self.next_id += 1;
         candidate.state = State::Runs(id);
         self.ours.insert((spec.role(), candidate.to.clone()));
-        if let Some(pattern) = self.patterns.get_mut(key.0) {
-            pattern.made += 1;
-        }
+        (candidate.misfits, candidate.carried) = (None, None);
         let label = match &made {
             Made::Topic(route) => {
                 candidate.rests = route.lazy;
+                candidate.carried = Some(route.message_type);
                 route.message_type.label()
             }
             Made::Service(route) => route.kind.ros_type(),
         };
         candidate.guessed_type = candidate.is_ahead.then_some(label);
-        tracing::info!(route = name, "route made for {}: {label}", candidate.from);
+        if let Some(pattern) = self.patterns.get_mut(key.0) {
+            pattern.made += 1;
+            pattern.news.add(name.clone(), &candidate.from, label, now);
+        }
         if self.counters.len() >= MAX_KEPT {
             self.counters.retain(|_, counters| Arc::strong_count(counters) > 1);
         }
@@ -322,13 +369,19 @@ impl Scout {
         (Some(candidate), Some(Change::Make { id, made, counters }))
     }
 
-    /// A route stays; its source is opened once a publisher has come that keeps messages.
+    /// A route stays; its source is opened once a publisher has come that keeps messages, and listeners
+    /// that it cannot serve are named.
     fn goes_on(
         &self,
         spec: &PatternSpec,
         mut candidate: Candidate,
         id: u64,
+        misfits: Option<String>,
     ) -> (Option<Candidate>, Option<Change>) {
+        if candidate.misfits != misfits {
+            candidate.misfits.clone_from(&misfits);
+            return (Some(candidate), Some(Change::Misfits { id, named: misfits }));
+        }
         let opens = candidate.rests && self.keeps_last(spec, &candidate);
         if opens {
             candidate.rests = false;

@@ -13,7 +13,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::plan_service::ServiceRouteSpec;
-use super::relay::{DEGRADED_FOR, REVIEW_EVERY, Step};
+use super::relay::{DEGRADED_FOR, REVIEW_EVERY, Step, UNWANTED_FOR};
 use super::route::{RouteState, RouteStatus};
 use crate::Throttle;
 use crate::backoff::Backoff;
@@ -37,6 +37,8 @@ pub struct ServiceRelay {
     /// Calls under way, and the requests they are for.
     calls: HashMap<Ticket, RequestId>,
     state: RouteState,
+    /// When it moved something last.
+    moved_at: Option<Instant>,
     last_loss: Option<(Instant, String)>,
     losses: Throttle,
 }
@@ -96,6 +98,7 @@ impl ServiceRelay {
             backoff: Backoff::new(seed),
             calls: HashMap::new(),
             state: RouteState::Waiting("its first step".to_owned()),
+            moved_at: None,
             last_loss: None,
             losses: Throttle::default(),
             spec,
@@ -107,6 +110,12 @@ impl ServiceRelay {
     pub(super) fn counting(mut self, counters: Arc<Counters>) -> Self {
         self.front.counters = counters;
         self
+    }
+
+    /// Whether nobody calls, and nobody has called for a while.
+    pub(super) fn is_at_rest(&self, now: Instant) -> bool {
+        let is_quiet = |at: Instant| now.saturating_duration_since(at) >= UNWANTED_FOR;
+        self.calls.is_empty() && self.moved_at.is_none_or(is_quiet)
     }
 
     /// Rings when the route has work.
@@ -135,6 +144,9 @@ impl ServiceRelay {
     pub fn step(&mut self, now: Instant) -> Step {
         self.reconcile(now);
         let moved = self.ask(now).saturating_add(self.answer(now));
+        if moved > 0 {
+            self.moved_at = Some(now);
+        }
         let state = self.judge(now);
         if state != self.state {
             state.log(&self.spec.name, self.spec.mark.is_some());

@@ -9,7 +9,11 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use crate::endpoint::{DiscoverError, Discovered, Discovery, Middleware, Registry, Role, Traits};
+use super::pattern::Inverse;
+use super::plan_pattern::PatternSpec;
+use crate::endpoint::{
+    DiscoverError, Discovered, Discovery, Middleware, NameFilter, Registry, Role, Traits,
+};
 
 /// How long a side must have been seen before routes are made of it: what exists already shows by then.
 const SETTLED: Duration = Duration::from_millis(1000);
@@ -19,6 +23,8 @@ const SILENT: Duration = Duration::from_secs(60);
 /// One middleware.
 pub(super) struct Side {
     pub(super) middleware: Option<Arc<dyn Middleware>>,
+    /// Names that its discovery has to look at, until it is told.
+    meant: Option<NameFilter>,
     discovery: Option<Box<dyn Discovery>>,
     found: BTreeMap<Role, BTreeMap<String, Vec<Discovered>>>,
     away: Option<Away>,
@@ -40,13 +46,18 @@ pub(super) enum Away {
 pub(super) struct Sides(BTreeMap<String, Side>);
 
 impl Sides {
-    pub(super) fn new<'n>(registry: &Registry, names: impl Iterator<Item = &'n str>) -> Self {
+    pub(super) fn new(registry: &Registry, patterns: &[Arc<PatternSpec>]) -> Self {
         let side = |name: &str| match registry.get(name) {
-            Ok(middleware) => Side::new(Arc::clone(middleware)),
+            Ok(middleware) => {
+                Side { meant: meant(name, patterns), ..Side::empty(Some(Arc::clone(middleware))) }
+            }
             Err(unknown) => {
                 Side { away: Some(Away::Unable(unknown.to_string())), ..Side::empty(None) }
             }
         };
+        let names = patterns
+            .iter()
+            .flat_map(|spec| [spec.source_middleware(), spec.to.middleware.as_str()]);
         Self(names.map(|name| (name.to_owned(), side(name))).collect())
     }
 
@@ -59,20 +70,34 @@ impl Sides {
     }
 }
 
+/// Tells the names of a middleware that patterns mean, as sources or as destinations.
+fn meant(middleware: &str, patterns: &[Arc<PatternSpec>]) -> Option<NameFilter> {
+    let of = |spec: &&Arc<PatternSpec>| spec.source_middleware() == middleware;
+    let sources: Vec<_> = patterns.iter().filter(of).cloned().collect();
+    let to = |spec: &&Arc<PatternSpec>| spec.to.middleware == middleware;
+    let targets = patterns.iter().filter(to);
+    let targets: Vec<_> = targets.map(|spec| (Arc::clone(spec), spec.inverse())).collect();
+    Some(Box::new(move |name| {
+        let is_target = |(spec, inverse): &(Arc<PatternSpec>, Option<Inverse>)| match inverse {
+            Some(inverse) => inverse.source(name).is_some_and(|it| spec.target(&it).is_some()),
+            // Which names it makes cannot be told.
+            None => spec.is_many() || spec.to.name == name,
+        };
+        sources.iter().any(|spec| spec.target(name).is_some()) || targets.iter().any(is_target)
+    }))
+}
+
 impl Side {
     fn empty(middleware: Option<Arc<dyn Middleware>>) -> Self {
         Self {
             middleware,
+            meant: None,
             discovery: None,
             found: BTreeMap::new(),
             away: Some(Away::Waiting("the first look at what exists".to_owned())),
             seen_since: None,
             traffic: BTreeMap::new(),
         }
-    }
-
-    fn new(middleware: Arc<dyn Middleware>) -> Self {
-        Self::empty(Some(middleware))
     }
 
     pub(super) fn traits(&self) -> Traits {
@@ -107,7 +132,12 @@ impl Side {
         let discovery = match &mut self.discovery {
             Some(discovery) => discovery,
             none => match middleware.discover_closely() {
-                Ok(opened) => none.insert(opened),
+                Ok(mut opened) => {
+                    if let Some(meant) = self.meant.take() {
+                        opened.only(meant);
+                    }
+                    none.insert(opened)
+                }
                 Err(
                     error @ (DiscoverError::Unsupported { .. } | DiscoverError::Refused { .. }),
                 ) => {

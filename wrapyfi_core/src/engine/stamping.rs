@@ -85,6 +85,7 @@ mod tests {
         tells_own: true,
         shows_marks: true,
         subscribes_first: false,
+        untyped: false,
     };
     const THEN: Stamp = Stamp { sec: 5, nanosec: 0 };
     const SYSTEM: RosNow = RosNow { stamp: Stamp { sec: 9, nanosec: 0 }, simulated: false };

@@ -15,7 +15,7 @@ use super::plan_pattern::{Carried, PatternSpec};
 use super::route::RouteState;
 use super::scout::{Made, Scout};
 use crate::endpoint::{BridgeMark, Discovered, Durability, EndpointAddress, LearnError, Role};
-use crate::types::{MessageType, ServiceKind};
+use crate::types::{DataType, MessageType, ServiceKind};
 
 /// How soon to try again what cannot be made now.
 const RETRY: Duration = Duration::from_secs(2);
@@ -127,7 +127,10 @@ impl Scout {
                 (route.name, route.mark) = (name, mark);
                 (route.from, route.to) = (from.clone(), to.clone());
                 if !typed {
-                    let learned = self.learn_topic(&sources, from, to, *otherwise)?;
+                    let learned = match candidate.wished {
+                        Some(wished) => wished,
+                        None => self.learn_topic(&sources, from, to, *otherwise)?,
+                    };
                     (route.message_type, route.from_type) = (learned, learned);
                 }
                 let keeps = (route.lazy || sources.iter().any(|one| one.qos.is_some()))
@@ -188,6 +191,39 @@ impl Scout {
             Some(learned.message_type(between_ros).label())
         });
         told.next()
+    }
+
+    /// What listeners at the destination of a route want that it does not give them.
+    pub(super) fn misfits(&mut self, spec: &PatternSpec, candidate: &Candidate) -> Misfits {
+        let Candidate { from, to, .. } = candidate;
+        let mut misfits = Misfits::default();
+        let (Carried::Topics { typed, .. }, Some(carried)) = (&spec.carried, candidate.carried)
+        else {
+            return misfits;
+        };
+        let between_ros = self.are_both_ros(from, to);
+        let untyped = self.sides.get(&from.middleware).is_some_and(|side| side.traits().untyped);
+        let Some(target) = self.sides.get(&to.middleware) else { return misfits };
+        let Some(middleware) = target.middleware.clone() else { return misfits };
+        let mut served = false;
+        for listener in target.endpoints(Role::Listener, &to.name) {
+            let Ok(learned) = middleware.learn_topic(listener, &mut self.types) else { continue };
+            let wanted = learned.message_type(between_ros);
+            if wanted.ros_type() == carried.ros_type() {
+                served = true;
+                continue;
+            }
+            if untyped && !typed && may_be_read_as(carried, wanted) {
+                misfits.instead = misfits.instead.or(Some(wanted));
+            }
+            let who = listener.node.as_deref().unwrap_or("a listener");
+            let text = format!("{who} wants {}", wanted.ros_type());
+            misfits.named.get_or_insert(text);
+        }
+        if served {
+            misfits.instead = None;
+        }
+        misfits
     }
 
     fn are_both_ros(&self, from: &EndpointAddress, to: &EndpointAddress) -> bool {
@@ -276,6 +312,22 @@ impl Scout {
             (Err(error), _) => Err(refused(&error)),
         }
     }
+}
+
+/// Listeners of other types than a route's.
+#[derive(Debug, Default, PartialEq)]
+pub(super) struct Misfits {
+    /// The first one, in words.
+    pub(super) named: Option<String>,
+    /// The type that the route may carry instead: nobody wants its own.
+    pub(super) instead: Option<MessageType>,
+}
+
+/// Whether messages that come without a type may be read as another one than they look like.
+fn may_be_read_as(looks: MessageType, wanted: MessageType) -> bool {
+    let fields = [DataType::NativeObject, DataType::RosMessage];
+    let (looks, wanted) = (looks.data_type(), wanted.data_type());
+    looks == wanted || (fields.contains(&looks) && fields.contains(&wanted))
 }
 
 fn refused(error: &LearnError) -> Refusal {

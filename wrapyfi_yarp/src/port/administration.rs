@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::core::Core;
+use super::core::{Core, Sink};
 use crate::wire::Command;
 use crate::wire::admin::{self, Direction, Request};
 use crate::{Bottle, Value};
@@ -183,16 +183,26 @@ impl Core {
         output.is_some() || connections.inputs.iter().any(|input| input.name == peer)
     }
 
+    /// What the port is, as YARP's ports tell it: `(process ((pid 7))) (port ((is_input 1) …))`.
+    fn itself(&self) -> Bottle {
+        let pair = |key: &str, value: Value| Value::from(Bottle::from(vec![key.into(), value]));
+        let group = |key: &str, pairs: Vec<Value>| pair(key, Bottle::from(pairs).into());
+        let is_input = !matches!(self.sink, Sink::Nobody);
+        let flag = |key: &str, is: bool| pair(key, i32::from(is).into());
+        let process = vec![pair("pid", i64::from(std::process::id()).into())];
+        let port = vec![
+            flag("is_input", is_input),
+            flag("is_output", self.role.outputs),
+            flag("is_rpc", self.rpc),
+            pair("type", self.type_name.as_deref().unwrap_or_default().into()),
+        ];
+        Bottle::from(vec![group("process", process), group("port", port)])
+    }
+
     fn property(&self, key: Option<&str>) -> Bottle {
         let connections = self.connections();
         match key {
-            Some(key) if key == self.name => {
-                let pid = Value::from(i64::from(std::process::id()));
-                let pid = Value::from(Bottle::from(vec!["pid".into(), pid]));
-                let process: Bottle = vec![pid].into();
-                std::iter::once(Bottle::from(vec!["process".into(), process.into()]).into())
-                    .collect()
-            }
+            Some(key) if key == self.name => self.itself(),
             Some(key) => connections.properties.get(key).cloned().unwrap_or_default(),
             None => {
                 let pair = |(key, values): (&String, &Bottle)| {

@@ -108,6 +108,10 @@ pub(super) struct Core {
     pub(super) address: SocketAddr,
     pub(super) contact: String,
     registered: bool,
+    /// Its owner says that it is for requests.
+    pub(super) rpc: bool,
+    /// What its owner says that it carries.
+    pub(super) type_name: Option<String>,
     pub(super) role: Role,
     pub(super) sink: Sink,
     pub(super) session: SessionOptions,
@@ -174,6 +178,8 @@ impl Core {
             address: opened.address,
             contact: opened.contact,
             registered: options.register,
+            rpc: options.rpc || role.client,
+            type_name: options.type_name.clone(),
             role,
             sink,
             session,

@@ -25,11 +25,13 @@ pub struct PortOptions {
     pub replace: bool,
     /// Type of what it carries, as YARP registers it: `yarp/image`.
     pub type_name: Option<String>,
+    /// Tell those who ask what the port is that it answers requests, as YARP's `setRpcMode` does.
+    pub rpc: bool,
 }
 
 impl Default for PortOptions {
     fn default() -> Self {
-        Self { address: None, register: true, replace: false, type_name: None }
+        Self { address: None, register: true, replace: false, type_name: None, rpc: false }
     }
 }
 

@@ -13,7 +13,7 @@ use crate::wire::{Carrier, Command, Sender};
 use crate::{Bottle, Dialect, Value};
 
 /// Name of those who administer.
-const ADMIN: &str = "admin";
+pub(super) const ADMIN: &str = "admin";
 
 /// Why a request to a port failed.
 #[derive(Debug, thiserror::Error)]
@@ -193,7 +193,7 @@ impl Network {
         }
     }
 
-    async fn registered(&self, name: &str) -> Result<Registration, AdminError> {
+    pub(super) async fn registered(&self, name: &str) -> Result<Registration, AdminError> {
         let bare = split_destination(name).map_or_else(|| name.to_owned(), |(_, name)| name);
         self.query(&bare).await?.ok_or_else(|| AdminError::Unknown(name.to_owned()))
     }

@@ -261,6 +261,7 @@ impl Middleware for Ros1 {
             tells_own: true,
             shows_marks: true,
             subscribes_first: true,
+            untyped: false,
         }
     }
 

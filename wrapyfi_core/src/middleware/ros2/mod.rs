@@ -227,6 +227,7 @@ impl Middleware for Ros2 {
             tells_own: true,
             shows_marks: true,
             subscribes_first: false,
+            untyped: false,
         }
     }
 }

@@ -13,7 +13,7 @@ use wrapyfi_yarp::name::conf::{self, DEFAULT_NAMESPACE, locate};
 use wrapyfi_yarp::name::environment::EnvironmentError;
 use wrapyfi_yarp::name::{Environment, Located, NameServerConf};
 
-use super::StartError;
+use super::{Convention, StartError};
 use crate::Limits;
 use crate::network::{Hosts, Insecure, Place, facing, is_of_this_machine, is_on};
 
@@ -21,7 +21,7 @@ use crate::network::{Hosts, Insecure, Place, facing, is_of_this_machine, is_on};
 const INSECURE: &str = "WRAPYFI_YARP_INSECURE";
 
 /// Settings of [`Yarp`](super::Yarp).
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct YarpConfig {
     /// Address of the name server. `None`: what YARP's own configuration says (`yarp.conf` in
     /// `$YARP_CONFIG_HOME`, …); with [`YarpConfig::embedded`] 127.0.0.1:10000 where it says nothing.
@@ -47,6 +47,9 @@ pub struct YarpConfig {
     /// Largest message in bytes that a port reads before it cuts the connection; topics and services
     /// have limits of their own below it.
     pub max_message_bytes: usize,
+    /// Ports whose names tell the type of what they send, the first that matches;
+    /// [`Convention::usual`] unless said. The first message of any other port shows it.
+    pub conventions: Vec<Convention>,
 }
 
 impl Default for YarpConfig {
@@ -61,6 +64,7 @@ impl Default for YarpConfig {
             hosts: Hosts::default(),
             send_queue: 16,
             max_message_bytes: Limits::default().message_bytes + SLACK,
+            conventions: Convention::usual(),
         }
     }
 }

@@ -9,7 +9,7 @@
 //! One connection tells all changes, so that nobody has to ask again and again whether a port is
 //! there. When the name server ends and comes back, everybody is rung: a new one knows nothing.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::Duration;
 
@@ -19,6 +19,16 @@ use wrapyfi_yarp::name::{NameClient, NameEvent, Registrar};
 use wrapyfi_yarp::port::names::Registration;
 
 use super::retry::Retry;
+
+/// A registered port.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Entry {
+    /// Differs from that of whatever had the name before: what was known of that port is not known of
+    /// this one.
+    pub(super) number: u64,
+    /// Its address, where it was told with the name.
+    pub(super) contact: Option<String>,
+}
 
 /// What the name server has told.
 #[derive(Debug)]
@@ -36,8 +46,33 @@ struct Inner {
     times: u64,
     failure: Option<String>,
     /// Of ports; multicast groups are none.
-    names: BTreeSet<String>,
+    names: BTreeMap<String, Entry>,
+    /// Counts the ports that were entered.
+    entered: u64,
     watchers: BTreeMap<String, Vec<Weak<Notify>>>,
+}
+
+impl Inner {
+    /// Takes over the ports of a list, without multicast groups; whether names came or went. A port that
+    /// is where it was is the one that it was.
+    fn enter(&mut self, ports: Vec<Registration>) -> bool {
+        let mut before = std::mem::take(&mut self.names);
+        let mut changed = false;
+        for port in ports.into_iter().filter(|port| port.carrier != "mcast") {
+            let contact = Some(port.contact());
+            let known = before.remove(&port.name);
+            changed |= known.is_none();
+            let number = match known {
+                Some(known) if known.contact.is_none() || known.contact == contact => known.number,
+                _ => {
+                    self.entered += 1;
+                    self.entered
+                }
+            };
+            self.names.insert(port.name, Entry { number, contact });
+        }
+        changed || !before.is_empty()
+    }
 }
 
 impl Directory {
@@ -64,12 +99,17 @@ impl Directory {
 
     /// Whether a port of this name is registered.
     pub(super) fn knows(&self, name: &str) -> bool {
-        self.inner().names.contains(name)
+        self.inner().names.contains_key(name)
     }
 
-    /// All names.
-    pub(super) fn names(&self) -> Vec<String> {
-        self.inner().names.iter().cloned().collect()
+    /// The port of this name.
+    pub(super) fn entry(&self, name: &str) -> Option<Entry> {
+        self.inner().names.get(name).cloned()
+    }
+
+    /// All ports by name.
+    pub(super) fn entries(&self) -> BTreeMap<String, Entry> {
+        self.inner().names.clone()
     }
 
     /// Why nothing is known; none while the name server is there.
@@ -110,7 +150,9 @@ impl Directory {
         let mut inner = self.inner();
         let name = match event {
             NameEvent::Added(name) => {
-                inner.names.insert(name.clone());
+                inner.entered += 1;
+                let entry = Entry { number: inner.entered, contact: None };
+                inner.names.insert(name.clone(), entry);
                 name
             }
             NameEvent::Removed(name) => {
@@ -123,25 +165,21 @@ impl Directory {
         }
     }
 
-    fn found(&self, names: BTreeSet<String>) {
+    fn found(&self, ports: Vec<Registration>) {
         let mut inner = self.inner();
         inner.times += 1;
         inner.reached = Some(inner.times);
         inner.failure = None;
-        inner.names = names;
+        inner.enter(ports);
         drop(inner);
         self.ring_all();
     }
 
     /// Takes over names of the same name server, where they are others than are known.
-    fn amended(&self, names: BTreeSet<String>) {
-        let mut inner = self.inner();
-        if inner.names == names {
-            return;
+    fn amended(&self, ports: Vec<Registration>) {
+        if self.inner().enter(ports) {
+            self.ring_all();
         }
-        inner.names = names;
-        drop(inner);
-        self.ring_all();
     }
 
     fn lost(&self, why: &dyn std::fmt::Display) {
@@ -194,7 +232,7 @@ async fn listen(
     };
     match client.list("").await {
         Ok(found) => {
-            directory.found(ports(found));
+            directory.found(found);
         }
         Err(error) => return Box::new(error),
     }
@@ -213,7 +251,7 @@ async fn listen(
                 next_look = looks.next();
                 // Changes that are told meanwhile wait in the connection, and are applied after it.
                 match client.list("").await {
-                    Ok(found) => directory.amended(ports(found)),
+                    Ok(found) => directory.amended(found),
                     Err(error) => return Box::new(error),
                 }
             }
@@ -221,7 +259,29 @@ async fn listen(
     }
 }
 
-/// Names of registered ports, without multicast groups.
-fn ports(found: Vec<Registration>) -> BTreeSet<String> {
-    found.into_iter().filter(|port| port.carrier != "mcast").map(|port| port.name).collect()
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn port(name: &str, port: u16) -> Registration {
+        let (name, host, carrier) = (name.to_owned(), "127.0.0.1".to_owned(), "tcp".to_owned());
+        Registration { name, host, port, carrier }
+    }
+
+    #[test]
+    fn a_port_keeps_its_number_until_it_is_another_one() {
+        let mut inner = Inner::default();
+        assert!(inner.enter(vec![port("/a", 1), port("/b", 2)]));
+        let number = |inner: &Inner, name: &str| inner.names[name].number;
+        let (a, b) = (number(&inner, "/a"), number(&inner, "/b"));
+        assert_ne!(a, b);
+        assert!(!inner.enter(vec![port("/a", 1), port("/b", 3)]), "the same names");
+        assert_eq!(number(&inner, "/a"), a);
+        assert_ne!(number(&inner, "/b"), b, "it is elsewhere");
+        inner.names.get_mut("/a").unwrap().contact = None;
+        let group = Registration { carrier: "mcast".into(), ..port("/group", 4) };
+        assert!(inner.enter(vec![port("/a", 7), group]), "/b went");
+        assert_eq!(number(&inner, "/a"), a, "its address was not known before");
+        assert_eq!(inner.names.len(), 1);
+    }
 }

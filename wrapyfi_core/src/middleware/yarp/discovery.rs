@@ -5,182 +5,130 @@
 //!   /cam:in417   listener of /cam        /head/cmd:i     listener         /head/rpc     server
 //! ```
 //!
-//! A name server knows names only: neither types nor what a port does. So the ports themselves are
-//! asked for their connections, once when they are first seen and again a while later: what has outputs
-//! is a publisher, what has inputs alone a listener. Of a port without connections, and of one that does
-//! not answer, the role is what YARP's customs make of the name (`:i`, `:o`, `rpc`), and Wrapyfi's (`:in`
-//! and a number). Nobody can be asked for types.
+//! A name server knows names only: neither types nor what a port does. So the ports themselves are asked
+//! once (`survey`). What a port is decides, in this order:
+//!
+//! | | |
+//! | --- | --- |
+//! | what its program made it | for requests, for one direction only |
+//! | its connections | what has outputs is a publisher, what has inputs alone a listener |
+//! | the customs of names | `:i`, `:o`, `in`, `rpc`, and Wrapyfi's `:in` and a number |
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::sync::Arc;
 
-use tokio::task::JoinSet;
+use wrapyfi_yarp::port::{Inspection, Modes};
 
-use super::Shared;
-use super::tasks::{Stop, Stopped};
-use crate::endpoint::{DiscoverError, Discovered, Discovery, Role};
-
-/// How long what a port said is believed.
-const BELIEVED: Duration = Duration::from_secs(2);
-/// Longest time that a port is given for its answer: those that died are still registered.
-const PATIENCE: Duration = Duration::from_millis(500);
-/// Most ports that are asked at once.
-const AT_ONCE: usize = 16;
+use super::directory::Entry;
+use super::{Shared, survey};
+use crate::endpoint::{DiscoverError, Discovered, Discovery, NameFilter, Role};
 
 /// Looks at one name server.
 pub(super) struct YarpDiscovery {
     shared: Arc<Shared>,
-    asked: Arc<Asked>,
-    /// Ends what is being asked.
-    stop: Option<Stop>,
+    wanted: Option<NameFilter>,
+    /// What it said of the ports there are.
+    judged: BTreeMap<String, bool>,
     /// What was told last is all that the name server and the ports say.
     complete: bool,
 }
 
-/// What ports said of their connections.
-#[derive(Debug, Default)]
-struct Asked(Mutex<BTreeMap<String, Answer>>);
-
-/// What one port said.
-#[derive(Debug, Clone, Copy)]
-struct Answer {
-    asked_at: Instant,
-    /// Its answer to the last question is not there yet.
-    is_open: bool,
-    traffic: Option<Traffic>,
-}
-
-/// Which ways a port is connected with other ports.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Traffic {
-    inputs: bool,
-    outputs: bool,
-}
-
-impl Asked {
-    fn known(&self) -> MutexGuard<'_, BTreeMap<String, Answer>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
 impl YarpDiscovery {
     pub(super) fn new(shared: &Arc<Shared>) -> Self {
-        Self { shared: Arc::clone(shared), asked: Arc::default(), stop: None, complete: false }
+        Self { shared: Arc::clone(shared), wanted: None, judged: BTreeMap::new(), complete: false }
     }
 
-    /// Asks those ports of `names` that have not said anything lately.
-    fn ask(&mut self, names: &[String]) {
-        let due: Vec<String> = {
-            let mut known = self.asked.known();
-            known.retain(|name, _| names.contains(name));
-            let old = |name: &&String| {
-                known.get(*name).is_none_or(|answer| answer.asked_at.elapsed() > BELIEVED)
-            };
-            let due = names.iter().filter(old).cloned().collect::<Vec<_>>();
-            for name in &due {
-                // Whatever was said before holds until there is an answer.
-                let traffic = known.get(name).and_then(|answer| answer.traffic);
-                let answer = Answer { asked_at: Instant::now(), is_open: true, traffic };
-                known.insert(name.clone(), answer);
+    /// Leaves out ports that nobody wants to know of.
+    fn sift(&mut self, ports: &mut BTreeMap<String, Entry>) {
+        let Some(wanted) = &self.wanted else { return };
+        self.judged.retain(|name, _| ports.contains_key(name));
+        ports.retain(|name, _| match self.judged.get(name) {
+            Some(known) => *known,
+            None => {
+                let is_wanted = wanted(topic_of(name).0);
+                self.judged.insert(name.clone(), is_wanted);
+                is_wanted
             }
-            due
-        };
-        if due.is_empty() {
-            return;
+        });
+    }
+}
+
+/// The topic that a port is about, and whether its name is that of a reader of it.
+fn topic_of(name: &str) -> (&str, bool) {
+    match name.rsplit_once(":in") {
+        Some((topic, number))
+            if !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit()) =>
+        {
+            (topic, true)
         }
-        let (stop, stopped) = self.shared.tasks.stop();
-        // Those asked before, who have not answered yet, are asked no longer.
-        self.stop = Some(stop);
-        let (shared, asked) = (Arc::clone(&self.shared), Arc::clone(&self.asked));
-        self.shared.tasks.spawn(ask_all(shared, asked, due, stopped));
+        _ => (name, false),
     }
 }
 
-async fn ask_all(shared: Arc<Shared>, asked: Arc<Asked>, names: Vec<String>, mut stopped: Stopped) {
-    let (mut running, mut names) = (JoinSet::new(), names.into_iter());
-    let all = async {
-        loop {
-            while running.len() < AT_ONCE
-                && let Some(name) = names.next()
-            {
-                let network = shared.network.clone();
-                running.spawn(async move {
-                    let traffic = tokio::time::timeout(PATIENCE, traffic(&network, &name)).await;
-                    (name, traffic.ok().flatten())
-                });
-            }
-            match running.join_next().await {
-                Some(Ok((name, traffic))) => {
-                    let answer = Answer { asked_at: Instant::now(), is_open: false, traffic };
-                    asked.known().insert(name, answer);
-                }
-                Some(Err(_ended)) => {}
-                None => return,
-            }
-        }
-    };
-    tokio::select! {
-        () = all => {}
-        () = stopped.wait() => {}
-    }
-}
-
-/// What a port says of its connections with other ports; none where it does not answer.
-async fn traffic(network: &wrapyfi_yarp::port::Network, name: &str) -> Option<Traffic> {
-    let connected = async |outputs| {
-        let names = network.connections(name, outputs).await.ok()?;
-        // The tools that ask are no ports, and the name server reads nobody.
-        Some(names.iter().any(|other| other.starts_with('/')))
-    };
-    Some(Traffic { outputs: connected(true).await?, inputs: connected(false).await? })
-}
-
-/// What a port is, by its name and its connections: of what, and in which role.
-fn role(name: &str, traffic: Option<Traffic>) -> (&str, Role) {
-    let last = name.rsplit('/').next().unwrap_or(name);
-    if let Some((topic, number)) = name.rsplit_once(":in")
-        && !number.is_empty()
-        && number.bytes().all(|byte| byte.is_ascii_digit())
-    {
+/// What a port is, by what it says and by its name: of what, and in which role.
+fn role<'n>(name: &'n str, told: Option<&Inspection>) -> (&'n str, Role) {
+    let modes = told.and_then(|told| told.modes);
+    let inputs = told.is_some_and(|told| !told.inputs.is_empty());
+    let outputs = told.is_some_and(|told| !told.outputs.is_empty());
+    let (topic, reads) = topic_of(name);
+    if reads {
         // It asks what it is connected to.
-        let asks = matches!(traffic, Some(Traffic { outputs: true, .. }));
+        let asks = outputs || modes.is_some_and(|modes| !modes.input);
         return (topic, if asks { Role::Client } else { Role::Listener });
     }
+    let last = name.rsplit('/').next().unwrap_or(name);
     let by_custom = match last.split_once(':') {
-        _ if last.starts_with("rpc") => return (name, Role::Server),
-        Some((_, "rpc")) => return (name, Role::Server),
+        _ if last.starts_with("rpc") => Role::Server,
+        Some((_, "rpc")) => Role::Server,
         Some((_, "i")) => Role::Listener,
+        None if matches!(last, "i" | "in" | "input") => Role::Listener,
         _ => Role::Publisher,
     };
-    let role = match traffic {
-        Some(Traffic { outputs: true, .. }) => Role::Publisher,
-        Some(Traffic { inputs: true, outputs: false }) => Role::Listener,
+    let role = match modes {
+        Some(Modes { rpc: true, input: true, .. }) => Role::Server,
+        Some(Modes { rpc: true, .. }) => Role::Client,
+        _ if by_custom == Role::Server => Role::Server,
+        Some(Modes { input: true, output: false, .. }) => Role::Listener,
+        Some(Modes { input: false, output: true, .. }) => Role::Publisher,
+        _ if outputs => Role::Publisher,
+        _ if inputs => Role::Listener,
         _ => by_custom,
     };
     (name, role)
 }
 
 impl Discovery for YarpDiscovery {
+    fn only(&mut self, wanted: NameFilter) {
+        self.wanted = Some(wanted);
+        self.judged.clear();
+    }
+
     fn endpoints(&mut self) -> Result<Vec<Discovered>, DiscoverError> {
-        let was_asked = self.shared.directory.was_asked();
-        let (mut names, own) = (self.shared.directory.names(), self.shared.registrar.client());
+        let shared = Arc::clone(&self.shared);
+        let was_asked = shared.directory.was_asked();
+        let (mut ports, own) = (shared.directory.entries(), shared.registrar.client());
+        shared.survey.forget(|name| ports.contains_key(name));
         // The name server's own names are no endpoints.
-        names.retain(|name| {
-            name != own.namespace() && name != "fallback" && !self.shared.own.contains(name)
+        ports.retain(|name, _| {
+            name != own.namespace() && name != "fallback" && !shared.own.contains(name)
         });
-        self.ask(&names);
-        let mut counts: BTreeMap<(&str, Role), u64> = BTreeMap::new();
-        let asked = self.asked.known();
-        self.complete = was_asked && asked.values().all(|answer| !answer.is_open);
-        for name in &names {
-            let traffic = asked.get(name).and_then(|answer| answer.traffic);
-            *counts.entry(role(name, traffic)).or_default() += 1;
+        self.sift(&mut ports);
+        survey::ask(&shared, &ports);
+        let mut found: BTreeMap<(&str, Role), Discovered> = BTreeMap::new();
+        self.complete = was_asked && shared.survey.is_over(&ports);
+        for (port, entry) in &ports {
+            let told = shared.survey.told(port);
+            let (name, role) = role(port, told.as_deref());
+            let one = found
+                .entry((name, role))
+                .or_insert_with(|| Discovered { count: 0, ..Discovered::new(name, role) });
+            one.count += 1;
+            if role == Role::Publisher {
+                let promised = told.as_ref().and_then(|told| told.type_name.as_deref());
+                one.type_name = shared.types.of(port, entry.number, promised);
+            }
         }
-        let found = counts
-            .into_iter()
-            .map(|((name, role), count)| Discovered { count, ..Discovered::new(name, role) });
-        Ok(found.collect())
+        Ok(found.into_values().collect())
     }
 
     fn waiting_for(&self) -> Option<String> {
@@ -196,9 +144,15 @@ impl Discovery for YarpDiscovery {
 mod tests {
     use super::*;
 
+    fn told(modes: Option<(bool, bool, bool)>, inputs: bool, outputs: bool) -> Inspection {
+        let names = |there: bool| if there { vec!["/other".to_owned()] } else { Vec::new() };
+        let modes = modes.map(|(input, output, rpc)| Modes { input, output, rpc });
+        Inspection { modes, type_name: None, inputs: names(inputs), outputs: names(outputs) }
+    }
+
     #[test]
     fn names_tell_what_ports_do() {
-        for (port, name, told) in [
+        for (port, name, wanted) in [
             ("/cam", "/cam", Role::Publisher),
             ("/cam:in417", "/cam", Role::Listener),
             ("/cam:in", "/cam:in", Role::Publisher),
@@ -206,25 +160,52 @@ mod tests {
             ("/icub/head/command:i", "/icub/head/command:i", Role::Listener),
             ("/icub/head/rpc:i", "/icub/head/rpc:i", Role::Server),
             ("/grabber/rpc", "/grabber/rpc", Role::Server),
+            ("/speech/in", "/speech/in", Role::Listener),
+            ("/speech/input", "/speech/input", Role::Listener),
+            ("/speech/i", "/speech/i", Role::Listener),
+            ("/speech/o", "/speech/o", Role::Publisher),
         ] {
-            assert_eq!(role(port, None), (name, told), "{port}");
-            let idle = Some(Traffic { inputs: false, outputs: false });
-            assert_eq!(role(port, idle), (name, told), "{port}");
+            assert_eq!(role(port, None), (name, wanted), "{port}");
+            let idle = told(Some((true, true, false)), false, false);
+            assert_eq!(role(port, Some(&idle)), (name, wanted), "{port}");
         }
     }
 
     #[test]
     fn connections_tell_more_than_names() {
-        let traffic = |inputs, outputs| Some(Traffic { inputs, outputs });
-        for (port, traffic, name, told) in [
-            ("/view", traffic(true, false), "/view", Role::Listener),
-            ("/relay", traffic(true, true), "/relay", Role::Publisher),
-            ("/odd:i", traffic(false, true), "/odd:i", Role::Publisher),
-            ("/cam:in417", traffic(true, false), "/cam", Role::Listener),
-            ("/ask:in3", traffic(false, true), "/ask", Role::Client),
-            ("/head/rpc:i", traffic(true, false), "/head/rpc:i", Role::Server),
+        for (port, (inputs, outputs), name, wanted) in [
+            ("/view", (true, false), "/view", Role::Listener),
+            ("/relay", (true, true), "/relay", Role::Publisher),
+            ("/odd:i", (false, true), "/odd:i", Role::Publisher),
+            ("/cam:in417", (true, false), "/cam", Role::Listener),
+            ("/ask:in3", (false, true), "/ask", Role::Client),
+            ("/head/rpc:i", (true, false), "/head/rpc:i", Role::Server),
         ] {
-            assert_eq!(role(port, traffic), (name, told), "{port}");
+            for modes in [None, Some((true, true, false))] {
+                assert_eq!(
+                    role(port, Some(&told(modes, inputs, outputs))),
+                    (name, wanted),
+                    "{port}"
+                );
+            }
         }
+    }
+
+    #[test]
+    fn what_a_port_was_made_tells_most() {
+        for (port, modes, wanted) in [
+            ("/view", (true, false, false), Role::Listener),
+            ("/odd:i", (false, true, false), Role::Publisher),
+            ("/motors", (true, false, true), Role::Server),
+            ("/asker", (false, true, true), Role::Client),
+            ("/head/rpc:i", (true, false, false), Role::Server),
+        ] {
+            for (inputs, outputs) in [(false, false), (true, false), (false, true)] {
+                let told = told(Some(modes), inputs, outputs);
+                assert_eq!(role(port, Some(&told)), (port, wanted), "{port}");
+            }
+        }
+        let idle = told(Some((false, true, true)), false, false);
+        assert_eq!(role("/ask:in3", Some(&idle)), ("/ask", Role::Client));
     }
 }

@@ -14,7 +14,9 @@
 //! | --- | --- |
 //! | `config`, `options` | settings of the middleware; of a topic or service |
 //! | `payload` | bytes of messages ⇄ payloads |
-//! | `directory`, `discovery` | the names there are, and who waits for one |
+//! | `directory` | the names there are, and who waits for one |
+//! | `survey`, `discovery` | what ports say of themselves, and what that makes them |
+//! | `types`, `first_message` | what ports send |
 //! | `opening`, `tie`, `retry` | ports that open, connections that stay, whatever ends meanwhile |
 //! | `publisher`, `listener`, `client`, `server` | the endpoints |
 //! | `standing`, `losses`, `tasks`, `own` | what an endpoint says of itself; where its task runs |
@@ -23,6 +25,7 @@ mod client;
 mod config;
 mod directory;
 mod discovery;
+mod first_message;
 mod listener;
 mod losses;
 mod opening;
@@ -33,14 +36,17 @@ mod publisher;
 mod retry;
 mod server;
 mod standing;
+mod survey;
 mod tasks;
 mod tie;
+mod types;
 
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::runtime::{Builder, Handle, Runtime};
+use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_yarp::name::conf::ConfError;
 use wrapyfi_yarp::name::registrar::RegistrarOptions;
 use wrapyfi_yarp::name::{Environment, NameClient, Registrar};
@@ -51,13 +57,14 @@ use wrapyfi_yarp::server::{NameServer, NameServerError, NameServerOptions};
 use self::config::Listening;
 pub use config::YarpConfig;
 pub use options::OPTIONS;
+pub use types::Convention;
 pub use wrapyfi_yarp::Dialect;
 pub use wrapyfi_yarp::name::NameServerConf;
 
 use crate::Limits;
 use crate::endpoint::{
-    Client, Context, DiscoverError, Discovery, Listener, Middleware, OpenError, Publisher, Server,
-    ServiceSpec, TopicSpec, Traits,
+    Client, Context, DiscoverError, Discovered, Discovery, LearnError, Learned, Listener,
+    Middleware, OpenError, Publisher, Role, Server, ServiceSpec, TopicSpec, Traits, topic_of_name,
 };
 use crate::network::ReachedByOthers;
 
@@ -87,6 +94,8 @@ struct Shared {
     registrar: Registrar,
     directory: Arc<directory::Directory>,
     own: own::OwnPorts,
+    survey: survey::Survey,
+    types: types::Types,
     tasks: tasks::Tasks,
     send_queue: usize,
     environment: Environment,
@@ -232,6 +241,8 @@ impl Yarp {
                 registrar,
                 directory,
                 own,
+                survey: survey::Survey::default(),
+                types: types::Types::new(config.conventions.clone()),
                 tasks,
                 send_queue,
                 environment,
@@ -326,7 +337,19 @@ impl Middleware for Yarp {
 
     fn traits(&self) -> Traits {
         // A name belongs to one port of the network: nobody else publishes where we do.
-        Traits { tells_own: true, ..Traits::default() }
+        Traits { tells_own: true, untyped: true, ..Traits::default() }
+    }
+
+    fn learn_topic(
+        &self,
+        found: &Discovered,
+        types: &mut TypeStore,
+    ) -> Result<Learned, LearnError> {
+        if found.type_name.is_some() || found.role != Role::Publisher {
+            return topic_of_name(NAME, found, types);
+        }
+        let told = first_message::learn(&self.shared, &found.name)?.to_owned();
+        topic_of_name(NAME, &Discovered { type_name: Some(told), ..found.clone() }, types)
     }
 
     fn waiting_for(&self) -> Option<String> {
@@ -339,7 +362,7 @@ impl Drop for Yarp {
         let Some(runtime) = self.runtime.take() else { return };
         let (shared, server) = (Arc::clone(&self.shared), self.server.take());
         let ended = async move {
-            shared.tasks.end().await;
+            tokio::join!(shared.tasks.end(), shared.types.heard.close());
             if let Some(server) = server {
                 server.stop().await;
             }

@@ -189,7 +189,7 @@ async fn keep(shared: Arc<Shared>, desk: Arc<Desk>, mut stopped: Stopped) {
         let (network, desk) = (shared.network(&desk.options), Arc::clone(&desk));
         let given = desk.given.clone();
         async move {
-            let wanted = PortOptions::default();
+            let wanted = PortOptions { rpc: true, ..PortOptions::default() };
             network
                 .serve(&given, &wanted, move |received, wants_reply| {
                     let desk = Arc::clone(&desk);

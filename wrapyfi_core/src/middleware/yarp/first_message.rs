@@ -1,0 +1,244 @@
+//! The first message of a port, which shows its type.
+//!
+//! ```text
+//!   learn /imu ─▶ one of 4 at once: /imu ══▶ /wrapyfi/types:in7 ── first message ─▶ its type, disconnected
+//!                       │ nothing within 2 s: the next one has its turn
+//!                       └─▶ stays connected, for as long as it sends nothing (at most 64 ports)
+//! ```
+//!
+//! A port that sends nothing costs nothing: so the first message of one that is silent ends its wait,
+//! whenever it comes, and nobody has to be asked again and again.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use tokio::sync::{Notify, Semaphore};
+use wrapyfi_yarp::port::{Answer, PortOptions, Received, RpcServer};
+
+use super::opening::numbered;
+use super::{NAME, Shared, types};
+use crate::endpoint::LearnError;
+
+/// Most ports that are listened to at once, of those that may be sending.
+const AT_ONCE: usize = 4;
+/// Most ports that are waited for although they send nothing.
+const SILENT_AT_ONCE: usize = 64;
+/// How long a port is taken to be one that sends.
+const WINDOW: Duration = Duration::from_secs(2);
+/// Time after which a port that could not be listened to is tried again; it doubles each time.
+const FIRST_AGAIN: Duration = Duration::from_secs(1);
+/// Longest such time.
+const LAST_AGAIN: Duration = Duration::from_secs(300);
+/// Name of the port that listens, before its number.
+const EAR: &str = "/wrapyfi/types";
+
+/// What the first messages have shown.
+#[derive(Debug)]
+pub(super) struct FirstMessages {
+    ports: Mutex<BTreeMap<String, Heard>>,
+    room: Semaphore,
+    silent: Semaphore,
+    /// The port that all send to, once there is something to listen to.
+    ear: tokio::sync::Mutex<Option<Ear>>,
+}
+
+impl Default for FirstMessages {
+    fn default() -> Self {
+        Self {
+            ports: Mutex::default(),
+            room: Semaphore::new(AT_ONCE),
+            silent: Semaphore::new(SILENT_AT_ONCE),
+            ear: tokio::sync::Mutex::default(),
+        }
+    }
+}
+
+#[derive(Debug)]
+struct Ear {
+    name: String,
+    port: RpcServer,
+}
+
+#[derive(Debug)]
+struct Heard {
+    /// The port that it is of, as the directory numbers it.
+    number: u64,
+    state: State,
+    failures: u32,
+    /// Rung when its first message has come.
+    bell: Arc<Notify>,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq)]
+enum State {
+    /// It may be sending.
+    Listening,
+    /// It has sent nothing for a while.
+    Silent,
+    Told(&'static str),
+    /// Why it could not be listened to, and when.
+    Failed(String, Instant),
+}
+
+fn pause(failures: u32) -> Duration {
+    FIRST_AGAIN.saturating_mul(1 << failures.saturating_sub(1).min(16)).min(LAST_AGAIN)
+}
+
+impl FirstMessages {
+    fn ports(&self) -> MutexGuard<'_, BTreeMap<String, Heard>> {
+        self.ports.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The type that the first message of a port has shown.
+    pub(super) fn told(&self, port: &str, number: u64) -> Option<&'static str> {
+        match self.ports().get(port)? {
+            Heard { number: heard, state: State::Told(told), .. } if *heard == number => {
+                Some(*told)
+            }
+            _ => None,
+        }
+    }
+
+    fn set(&self, port: &str, number: u64, state: State) {
+        let mut ports = self.ports();
+        if let Some(heard) = ports.get_mut(port).filter(|heard| heard.number == number) {
+            if matches!(state, State::Failed(..)) {
+                heard.failures = heard.failures.saturating_add(1);
+            }
+            heard.state = state;
+        }
+    }
+
+    /// Takes a message in: the first one that tells is what counts.
+    fn hear(&self, received: &Received, limits: &wrapyfi_yarp::Limits) {
+        let mut ports = self.ports();
+        let Some(heard) = ports.get_mut(&*received.from) else { return };
+        if matches!(heard.state, State::Told(_)) {
+            return;
+        }
+        if let Some(told) = types::of_message(&received.payload, limits) {
+            heard.state = State::Told(told);
+            heard.bell.notify_one();
+        }
+    }
+
+    /// Closes the port that listens.
+    pub(super) async fn close(&self) {
+        let ear = self.ear.lock().await.take();
+        if let Some(ear) = ear {
+            ear.port.close().await;
+        }
+    }
+}
+
+/// The type of what a port sends, by its first message. Returns at once: where that has to be waited for,
+/// a later call has the answer.
+///
+/// # Errors
+/// Why the type is not known yet.
+pub(super) fn learn(shared: &Arc<Shared>, port: &str) -> Result<&'static str, LearnError> {
+    let name = port.to_owned();
+    let Some(entry) = shared.directory.entry(port) else {
+        return Err(LearnError::Untold { middleware: NAME.to_owned() });
+    };
+    let (number, now) = (entry.number, Instant::now());
+    let mut ports = shared.types.heard.ports();
+    let known = ports.get(port).filter(|heard| heard.number == number);
+    let failures = match known {
+        None => 0,
+        Some(heard) => match &heard.state {
+            State::Told(told) => return Ok(*told),
+            State::Listening => return Err(LearnError::Asked { name }),
+            State::Silent => {
+                let reason = "it has sent nothing yet, and its first message will tell".to_owned();
+                return Err(LearnError::Silent { name, reason });
+            }
+            State::Failed(reason, at)
+                if now.saturating_duration_since(*at) < pause(heard.failures) =>
+            {
+                return Err(LearnError::Silent { name, reason: reason.clone() });
+            }
+            State::Failed(..) => heard.failures,
+        },
+    };
+    ports.retain(|name, _| shared.directory.knows(name));
+    let bell = Arc::new(Notify::new());
+    let heard = Heard { number, state: State::Listening, failures, bell: Arc::clone(&bell) };
+    ports.insert(name.clone(), heard);
+    drop(ports);
+    let (tasks, to_listen) = (Arc::clone(shared), name.clone());
+    tasks.tasks.spawn_aside(listen(Arc::clone(shared), to_listen, number, bell));
+    Err(LearnError::Asked { name })
+}
+
+/// Listens to a port until it has sent a message that tells its type, or is another one.
+async fn listen(shared: Arc<Shared>, port: String, number: u64, first: Arc<Notify>) {
+    let heard = &shared.types.heard;
+    let Ok(turn) = heard.room.acquire().await else { return };
+    let ear = match ear(&shared).await {
+        Ok(ear) => ear,
+        Err(reason) => return heard.set(&port, number, State::Failed(reason, Instant::now())),
+    };
+    if let Err(error) = shared.network.connect(&port, &ear, Some("tcp")).await {
+        tracing::debug!(port, %error, "is not listened to");
+        let reason = error.to_string();
+        return heard.set(&port, number, State::Failed(reason, Instant::now()));
+    }
+    if tokio::time::timeout(WINDOW, first.notified()).await.is_err() {
+        drop(turn);
+        match heard.silent.try_acquire() {
+            Ok(_place) => {
+                // Its message may have come just now.
+                if heard.told(&port, number).is_none() {
+                    heard.set(&port, number, State::Silent);
+                    stays(&shared, &port, number, &first).await;
+                }
+            }
+            Err(_full) => {
+                let reason = format!(
+                    "it has sent nothing for {} s, and so have {SILENT_AT_ONCE} others that are \
+                     waited for",
+                    WINDOW.as_secs()
+                );
+                heard.set(&port, number, State::Failed(reason, Instant::now()));
+            }
+        }
+    }
+    if let Err(error) = shared.network.disconnect(&port, &ear).await {
+        tracing::debug!(port, %error, "stays connected until it sends again");
+    }
+}
+
+/// Waits for the first message of a silent port, for as long as it is that port.
+async fn stays(shared: &Shared, port: &str, number: u64, first: &Notify) {
+    let changes = shared.directory.watch(port);
+    while shared.directory.entry(port).is_some_and(|entry| entry.number == number) {
+        tokio::select! {
+            () = first.notified() => return,
+            () = changes.notified() => {}
+        }
+    }
+}
+
+/// The name of the port that all send to, which is opened where it is not open.
+async fn ear(shared: &Arc<Shared>) -> Result<String, String> {
+    let mut ear = shared.types.heard.ear.lock().await;
+    if let Some(open) = &*ear {
+        return Ok(open.name.clone());
+    }
+    let weak = Arc::downgrade(shared);
+    let handler = move |received: Received, _reply| {
+        if let Some(shared) = weak.upgrade() {
+            shared.types.heard.hear(&received, shared.network.limits());
+        }
+        std::future::ready(Answer::Nothing)
+    };
+    let opened = shared.network.serve(&numbered(EAR), &PortOptions::default(), handler).await;
+    let port = opened.map_err(|error| error.to_string())?;
+    let name = port.name().to_owned();
+    // It is nobody's endpoint.
+    shared.own.insert(&name);
+    *ear = Some(Ear { name: name.clone(), port });
+    Ok(name)
+}

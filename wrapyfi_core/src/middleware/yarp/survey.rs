@@ -1,0 +1,192 @@
+//! What ports say of themselves, each asked once.
+//!
+//! ```text
+//!   names that somebody wants ─ ask ─▶ at most 16 at once: Network::inspect, one connection a port
+//!        ▲                                │ told: never again until the name server enters it anew
+//!        └────── Answers ◀────────────────┴ silent: again after 1 s, 2 s, … 5 min
+//! ```
+//!
+//! Whoever looks shares the answers; nothing is asked that nobody wants to know, and nothing in turns.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use tokio::sync::Semaphore;
+use wrapyfi_yarp::port::Inspection;
+
+use super::Shared;
+use super::directory::Entry;
+
+/// Longest time that a port is given for its answer: those that died are still registered.
+const PATIENCE: Duration = Duration::from_secs(1);
+/// Most ports that are asked at once.
+const AT_ONCE: usize = 16;
+/// Time after which a port that did not answer is asked again; it doubles each time.
+const FIRST_AGAIN: Duration = Duration::from_secs(1);
+/// Longest such time.
+const LAST_AGAIN: Duration = Duration::from_secs(300);
+
+/// The answers of a network.
+#[derive(Debug)]
+pub(super) struct Survey {
+    answers: Mutex<BTreeMap<String, Answer>>,
+    room: Arc<Semaphore>,
+}
+
+/// What one port said.
+#[derive(Debug, Clone)]
+struct Answer {
+    /// The port that it is of.
+    number: u64,
+    state: State,
+    failures: u32,
+}
+
+#[derive(Debug, Clone)]
+enum State {
+    Asked,
+    Told(Arc<Inspection>),
+    Silent(Instant),
+}
+
+impl Default for Survey {
+    fn default() -> Self {
+        Self { answers: Mutex::default(), room: Arc::new(Semaphore::new(AT_ONCE)) }
+    }
+}
+
+/// When a port is asked again that has failed to answer so often.
+fn pause(failures: u32) -> Duration {
+    FIRST_AGAIN.saturating_mul(1 << failures.saturating_sub(1).min(16)).min(LAST_AGAIN)
+}
+
+impl Answer {
+    /// Whether the port has to be asked.
+    fn is_due(&self, number: u64, now: Instant) -> bool {
+        match self.state {
+            _ if self.number != number => true,
+            State::Asked | State::Told(_) => false,
+            State::Silent(at) => now.saturating_duration_since(at) >= pause(self.failures),
+        }
+    }
+}
+
+impl Survey {
+    fn answers(&self) -> MutexGuard<'_, BTreeMap<String, Answer>> {
+        self.answers.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// What a port has said, if it has.
+    pub(super) fn told(&self, name: &str) -> Option<Arc<Inspection>> {
+        match &self.answers().get(name)?.state {
+            State::Told(told) => Some(Arc::clone(told)),
+            State::Asked | State::Silent(_) => None,
+        }
+    }
+
+    /// Whether all of these ports have answered, or were given up for now.
+    pub(super) fn is_over(&self, ports: &BTreeMap<String, Entry>) -> bool {
+        let answers = self.answers();
+        ports.keys().all(|name| {
+            answers.get(name).is_some_and(|answer| !matches!(answer.state, State::Asked))
+        })
+    }
+
+    /// Forgets the ports that `exists` does not know.
+    pub(super) fn forget(&self, exists: impl Fn(&str) -> bool) {
+        self.answers().retain(|name, _| exists(name));
+    }
+
+    /// Marks those that have to be asked.
+    fn due(&self, ports: &BTreeMap<String, Entry>, now: Instant) -> Vec<(String, Entry)> {
+        let mut answers = self.answers();
+        let is_due =
+            |name: &str, number| answers.get(name).is_none_or(|answer| answer.is_due(number, now));
+        let due = ports.iter().filter(|(name, entry)| is_due(name, entry.number));
+        let due: Vec<_> = due.map(|(name, entry)| (name.clone(), entry.clone())).collect();
+        for (name, entry) in &due {
+            let number = entry.number;
+            let before = answers.get(name).filter(|answer| answer.number == number);
+            let failures = before.map_or(0, |answer| answer.failures);
+            answers.insert(name.clone(), Answer { number, state: State::Asked, failures });
+        }
+        due
+    }
+
+    fn enter(&self, name: &str, number: u64, told: Option<Inspection>, now: Instant) {
+        let mut answers = self.answers();
+        // Another port may have the name by now, or nobody.
+        let Some(answer) = answers.get_mut(name).filter(|answer| answer.number == number) else {
+            return;
+        };
+        answer.state = match told {
+            Some(told) => State::Told(Arc::new(told)),
+            None => {
+                answer.failures = answer.failures.saturating_add(1);
+                State::Silent(now)
+            }
+        };
+    }
+}
+
+/// Asks those of `ports` that have not been asked. Returns at once.
+pub(super) fn ask(shared: &Arc<Shared>, ports: &BTreeMap<String, Entry>) {
+    for (name, entry) in shared.survey.due(ports, Instant::now()) {
+        let (shared, room) = (Arc::clone(shared), Arc::clone(&shared.survey.room));
+        let tasks = Arc::clone(&shared);
+        tasks.tasks.spawn_aside(async move {
+            let Ok(_permit) = room.acquire_owned().await else { return };
+            let asked = shared.network.inspect(&name, entry.contact.as_deref());
+            let told = match tokio::time::timeout(PATIENCE, asked).await {
+                Ok(Ok(told)) => Some(told),
+                Ok(Err(error)) => {
+                    tracing::debug!(port = name, %error, "does not say what it is");
+                    None
+                }
+                Err(_elapsed) => {
+                    tracing::debug!(port = name, "did not say within {PATIENCE:?} what it is");
+                    None
+                }
+            };
+            shared.survey.enter(&name, entry.number, told, Instant::now());
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ports(number: u64) -> BTreeMap<String, Entry> {
+        BTreeMap::from([("/a".to_owned(), Entry { number, contact: None })])
+    }
+
+    #[test]
+    fn a_port_is_asked_once_and_one_that_is_silent_less_and_less_often() {
+        let (survey, mut now) = (Survey::default(), Instant::now());
+        assert_eq!(survey.due(&ports(1), now).len(), 1);
+        assert!(!survey.is_over(&ports(1)));
+        let mut pauses = Vec::new();
+        for _ in 0..11 {
+            survey.enter("/a", 1, None, now);
+            assert!(survey.is_over(&ports(1)));
+            let mut pause = Duration::ZERO;
+            while survey.due(&ports(1), now + pause).is_empty() {
+                pause += Duration::from_secs(1);
+            }
+            now += pause;
+            pauses.push(pause.as_secs());
+        }
+        assert_eq!(pauses, [1, 2, 4, 8, 16, 32, 64, 128, 256, 300, 300]);
+        survey.enter("/a", 1, Some(Inspection::default()), now);
+        let later = now + Duration::from_secs(1_000_000);
+        assert!(survey.due(&ports(1), later).is_empty(), "it has said it");
+        assert!(survey.told("/a").is_some());
+        assert_eq!(survey.due(&ports(2), now).len(), 1, "another port of that name");
+        survey.enter("/a", 1, Some(Inspection::default()), now);
+        assert!(survey.told("/a").is_none(), "the answer of the one before");
+        survey.forget(|_| false);
+        assert_eq!(survey.due(&ports(2), now).len(), 1);
+    }
+}

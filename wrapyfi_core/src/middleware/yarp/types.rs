@@ -1,0 +1,158 @@
+//! The types of what ports send, which YARP does not announce.
+//!
+//! ```text
+//!   promised   the port says yarp/image (frameGrabber)     ─┐
+//!   by name    …/state:o, …/cam/…, …Image:o (conventions)   ├─▶ Discovered::type_name
+//!   heard      its first message (first_message)           ─┘
+//! ```
+
+use wrapyfi_yarp::port::{Payload as Bytewise, PayloadKind};
+use wrapyfi_yarp::sig::{ImageHeader, Sound, Vector};
+use wrapyfi_yarp::{Dialect, Limits};
+
+use super::first_message::FirstMessages;
+use crate::engine::NamePattern;
+
+/// Type of a vector of which nothing more is known.
+const NUMBERS: &str = "std_msgs/msg/Float64MultiArray";
+
+/// Ports whose names tell what they send.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Convention {
+    /// Whole names of ports, without their first slash.
+    pub names: NamePattern,
+    /// Type of a topic, as routes name it.
+    pub message_type: String,
+}
+
+impl Convention {
+    /// Ports whose names match a regular expression send messages of a type.
+    ///
+    /// # Errors
+    /// What is wrong with the expression.
+    pub fn new(names: &str, message_type: &str) -> Result<Self, String> {
+        Ok(Self { names: NamePattern::new(names)?, message_type: message_type.to_owned() })
+    }
+
+    /// Those of the iCub and of YARP's own devices.
+    #[must_use]
+    pub fn usual() -> Vec<Self> {
+        let usual = [
+            ("(.*/)?state(Ext)?:o", "sensor_msgs/msg/JointState"),
+            ("(.*/)?cams?/[^:]*(:o)?", "Image"),
+            ("(.*/)?\\w*([iI]mage|[iI]mg):o", "Image"),
+        ];
+        usual.into_iter().filter_map(|(names, kind)| Self::new(names, kind).ok()).collect()
+    }
+}
+
+/// What is known of the types of a network.
+#[derive(Debug)]
+pub(super) struct Types {
+    conventions: Vec<Convention>,
+    pub(super) heard: FirstMessages,
+}
+
+impl Types {
+    pub(super) fn new(conventions: Vec<Convention>) -> Self {
+        Self { conventions, heard: FirstMessages::default() }
+    }
+
+    /// The type of what a port sends, as routes name it. `number` is that of its entry, `promised` what
+    /// its program has promised.
+    pub(super) fn of(&self, port: &str, number: u64, promised: Option<&str>) -> Option<String> {
+        let by_name = || {
+            let found = self.conventions.iter().find(|one| one.names.matches(port));
+            found.map(|one| one.message_type.clone())
+        };
+        match promised {
+            Some("yarp/image") => Some("Image".to_owned()),
+            Some("yarp/sound") => Some("AudioChunk".to_owned()),
+            Some("yarp/vector") => by_name().or_else(|| Some(NUMBERS.to_owned())),
+            _ => by_name().or_else(|| self.heard.told(port, number).map(str::to_owned)),
+        }
+    }
+}
+
+/// The type of a message, by its bytes; none where they do not decide: an empty list may be anything.
+pub(super) fn of_message(message: &Bytewise, limits: &Limits) -> Option<&'static str> {
+    let bytes = &message.bytes;
+    if message.kind == PayloadKind::Raw {
+        return Some("CompressedImage");
+    }
+    if ImageHeader::read(bytes, limits).is_ok() {
+        return Some("Image");
+    }
+    let dialects = [Dialect::V3, Dialect::V4];
+    if dialects.iter().any(|dialect| Sound::decode(bytes, *dialect, limits).is_ok()) {
+        return Some("AudioChunk");
+    }
+    // The code and the count of a list, before its elements.
+    let elements = bytes.len().checked_sub(8).filter(|&length| length > 0)?;
+    let is_vector = dialects.iter().any(|dialect| {
+        let read = Vector::<f64>::decode(bytes, *dialect, limits);
+        read.is_ok_and(|numbers| numbers.0.len() * 8 == elements)
+    });
+    Some(if is_vector { NUMBERS } else { "NativeObject" })
+}
+
+#[cfg(test)]
+mod tests {
+    use wrapyfi_yarp::Bottle;
+    use wrapyfi_yarp::sig::{Image, PixelCode};
+
+    use super::*;
+
+    fn type_of(bytes: Vec<u8>) -> Option<&'static str> {
+        of_message(&Bytewise::object(bytes), &Limits::default())
+    }
+
+    #[test]
+    fn messages_show_what_they_are() {
+        let pixels = vec![7; 4 * 2 * 3];
+        let rgb = PixelCode::Rgb;
+        let image = Image::from_packed(rgb, 4, 2, pixels.into()).unwrap();
+        assert_eq!(type_of(image.encode().unwrap()), Some("Image"));
+        assert_eq!(
+            of_message(&Bytewise::raw(vec![0xff, 0xd8]), &Limits::default()),
+            Some("CompressedImage")
+        );
+        for dialect in [Dialect::V3, Dialect::V4] {
+            let sound = Sound::from_interleaved(&[1, 2, 3, 4], 2, 44_100).unwrap();
+            assert_eq!(type_of(sound.encode(dialect).unwrap()), Some("AudioChunk"), "{dialect:?}");
+            let vector = Vector(vec![1.0, 2.0]).encode(dialect).unwrap();
+            assert_eq!(type_of(vector), Some(NUMBERS), "{dialect:?}");
+            let words = Bottle::from(vec!["x".into(), 1.5.into()]).encode(dialect).unwrap();
+            assert_eq!(type_of(words), Some("NativeObject"), "{dialect:?}");
+            let nothing = Bottle::new().encode(dialect).unwrap();
+            assert_eq!(type_of(nothing), None, "{dialect:?}");
+        }
+        assert_eq!(type_of(Vec::new()), None);
+    }
+
+    #[test]
+    fn names_go_before_messages_and_promises_before_names() {
+        let types = Types::new(Convention::usual());
+        for (port, promised, wanted) in [
+            ("/icub/head/state:o", None, Some("sensor_msgs/msg/JointState")),
+            ("/icub/head/stateExt:o", None, Some("sensor_msgs/msg/JointState")),
+            ("/icub/head/state:o", Some("yarp/vector"), Some("sensor_msgs/msg/JointState")),
+            ("/icub/cam/left", None, Some("Image")),
+            ("/icubSim/cam/left/rgbImage:o", None, Some("Image")),
+            ("/depthCamera/depthImage:o", None, Some("Image")),
+            ("/viewer/img:o", None, Some("Image")),
+            ("/grabber", Some("yarp/image"), Some("Image")),
+            ("/grabber", Some("yarp/vector"), Some(NUMBERS)),
+            ("/grabber", Some("yarp/bottle"), None),
+            ("/icub/inertial", None, None),
+            ("/estate:o", None, None),
+            ("/camera/info:o", None, None),
+        ] {
+            assert_eq!(types.of(port, 1, promised).as_deref(), wanted, "{port} {promised:?}");
+        }
+        let own = Types::new(vec![Convention::new("my/.*", "Text").unwrap()]);
+        assert_eq!(own.of("/my/words", 1, None).as_deref(), Some("Text"));
+        assert_eq!(own.of("/icub/cam/left", 1, None), None);
+        assert!(Convention::new("(", "Text").is_err());
+    }
+}

@@ -1,0 +1,291 @@
+//! What the ports of a robot are asked, and what that costs them.
+//!
+//! ```text
+//!   tree: 250 ports that count their connections ── name server ── Yarp ── engine, patterns, memory
+//! ```
+#![allow(clippy::unwrap_used, clippy::panic, clippy::indexing_slicing)]
+
+use std::collections::BTreeMap;
+use std::net::SocketAddr;
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use serde::Deserialize;
+use tokio::net::{TcpListener, TcpStream};
+use tokio::runtime::Runtime;
+use wrapyfi_core::endpoint::Registry;
+use wrapyfi_core::engine::{Available, Config, Engine, Plan};
+use wrapyfi_core::middleware::memory::Memory;
+use wrapyfi_core::middleware::yarp::{Yarp, YarpConfig};
+use wrapyfi_interfaces::store::TypeStore;
+use wrapyfi_yarp::name::{NameClient, NameServerConf};
+use wrapyfi_yarp::port::names::NameRequest;
+use wrapyfi_yarp::port::{
+    InputOptions, InputPort, Message, Network, OutputOptions, OutputPort, Payload, PortOptions,
+    RpcServer,
+};
+use wrapyfi_yarp::server::{NameServer, NameServerOptions};
+use wrapyfi_yarp::sig::{Sound, Vector};
+use wrapyfi_yarp::{Bottle, Dialect};
+
+const PATIENCE: Duration = Duration::from_secs(60);
+
+struct World {
+    runtime: Runtime,
+    server: NameServer,
+}
+
+impl World {
+    fn new() -> Self {
+        let mut threads = tokio::runtime::Builder::new_multi_thread();
+        let runtime = threads.worker_threads(2).enable_all().build().unwrap();
+        let server = runtime
+            .block_on(NameServer::start(NameServerOptions {
+                port: 0,
+                ..NameServerOptions::default()
+            }))
+            .unwrap();
+        Self { runtime, server }
+    }
+
+    fn yarp(&self) -> Yarp {
+        let name_server = Some(self.server.address().into());
+        Yarp::start(&YarpConfig { name_server, ..YarpConfig::default() }).unwrap()
+    }
+
+    fn names(&self) -> NameClient {
+        let address = self.server.address();
+        NameClient::new(NameServerConf { host: address.ip().to_string(), port: address.port() })
+    }
+
+    /// Ports of somebody else.
+    fn network(&self) -> Network {
+        Network::builder().names(self.names()).listen(self.server.address().ip()).build()
+    }
+
+    /// A port that somebody may read, behind a relay that counts who connects.
+    fn output(&self, name: &str, counts: &Counts) -> OutputPort {
+        let network = self.network();
+        let options = OutputOptions { port: unregistered(), ..OutputOptions::default() };
+        let port = self.runtime.block_on(network.open_output(name, &options)).unwrap();
+        self.runtime.block_on(self.relay(name, port.address(), counts));
+        port
+    }
+
+    fn port(&self, name: &str, kind: Kind, counts: &Counts) -> Port {
+        let network = self.network();
+        let (port, address) = match kind {
+            Kind::Output => return Port::Output { _port: self.output(name, counts) },
+            Kind::Input => {
+                let options = InputOptions { port: unregistered(), ..InputOptions::default() };
+                let opened = self.runtime.block_on(network.open_input(name, &options)).unwrap();
+                let address = opened.address();
+                (Port::Input { _port: opened }, address)
+            }
+            Kind::Rpc => {
+                let options = unregistered();
+                let opened = network.open_rpc_server(name, &options);
+                let opened = self.runtime.block_on(opened).unwrap();
+                let address = opened.address();
+                (Port::Rpc { _port: opened }, address)
+            }
+        };
+        self.runtime.block_on(self.relay(name, address, counts));
+        port
+    }
+
+    /// Registers a relay to `back` as the port of this name.
+    async fn relay(&self, name: &str, back: SocketAddr, counts: &Counts) {
+        let front = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let at = front.local_addr().unwrap();
+        let request = NameRequest {
+            name: name.to_owned(),
+            host: Some(at.ip().to_string()),
+            port: Some(at.port()),
+            ..NameRequest::default()
+        };
+        self.names().register(&request).await.unwrap();
+        let (name, counts) = (name.to_owned(), Arc::clone(counts));
+        tokio::spawn(async move {
+            while let Ok((mut near, _)) = front.accept().await {
+                *counts.lock().unwrap().entry(name.clone()).or_default() += 1;
+                tokio::spawn(async move {
+                    if let Ok(mut far) = TcpStream::connect(back).await {
+                        tokio::io::copy_bidirectional(&mut near, &mut far).await.ok();
+                    }
+                });
+            }
+        });
+    }
+}
+
+fn unregistered() -> PortOptions {
+    PortOptions { register: false, ..PortOptions::default() }
+}
+
+#[derive(Clone, Copy)]
+enum Kind {
+    Output,
+    Input,
+    Rpc,
+}
+
+/// A port for as long as this lives.
+enum Port {
+    Output { _port: OutputPort },
+    Input { _port: InputPort },
+    Rpc { _port: RpcServer },
+}
+
+/// Connections that each port has had.
+type Counts = Arc<Mutex<BTreeMap<String, usize>>>;
+
+fn send(port: &OutputPort, message: &Message) {
+    let _sent = port.write(message.clone());
+}
+
+#[track_caller]
+fn until(what: &str, mut holds: impl FnMut() -> bool) {
+    let deadline = Instant::now() + PATIENCE;
+    while !holds() {
+        assert!(Instant::now() < deadline, "never: {what}");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+#[derive(Debug, Default, Deserialize)]
+struct NoEndpoints {}
+
+/// An engine with patterns from `yarp` to a bus called `b`.
+fn engine(yarp: &Arc<Yarp>, routes: &[&str]) -> (Engine, Arc<Memory>) {
+    let bus = Arc::new(Memory::new("b"));
+    let mut registry = Registry::new();
+    registry.register(Arc::clone(yarp) as _);
+    registry.register(Arc::clone(&bus) as _);
+    let text: String = routes.iter().map(|route| format!("  - {{ {route} }}\n")).collect();
+    let config: Config<NoEndpoints> =
+        Config::from_yaml(&format!("routes:\n{text}"), "bridge.yaml").unwrap();
+    let known = |name| Available { name, check_topic: &|_| Ok(()), options: &[] };
+    let mut types = TypeStore::generated();
+    let plan = Plan::new(&config, &[known("yarp"), known("b")], &mut types, "bridge.yaml").unwrap();
+    (Engine::new(plan, &registry).with_types(TypeStore::generated()), bus)
+}
+
+/// Rounds of an engine whose clock runs ahead of the world's.
+struct Rounds(Instant);
+
+impl Rounds {
+    fn step(&mut self, engine: &mut Engine, rounds: usize) {
+        for _ in 0..rounds {
+            self.0 += Duration::from_millis(500);
+            engine.step(self.0);
+        }
+    }
+}
+
+fn type_of(engine: &Engine, port: &str) -> Option<&'static str> {
+    let status = engine.status();
+    let wanted = format!("yarp:{port}");
+    status.iter().find(|route| route.from == wanted).map(|route| route.message_type)
+}
+
+const PORTS: usize = 250;
+
+/// The robot of a laboratory: nobody listens, and nobody is bothered.
+#[test]
+fn each_of_250_ports_is_asked_once_and_those_that_are_not_meant_never() {
+    let (world, counts) = (World::new(), Counts::default());
+    let port = |n: usize| match n % 5 {
+        0 => (format!("/icub/part{n}/state:o"), Kind::Output),
+        1 => (format!("/icub/cam/camera{n}"), Kind::Output),
+        2 => (format!("/icub/part{n}/command:i"), Kind::Input),
+        3 => (format!("/icub/part{n}/rpc:i"), Kind::Rpc),
+        _ => (format!("/other/part{n}/state:o"), Kind::Output),
+    };
+    let ports: Vec<_> = (0..PORTS)
+        .map(|n| {
+            let (name, kind) = port(n);
+            world.port(&name, kind, &counts)
+        })
+        .collect();
+    let yarp = Arc::new(world.yarp());
+    let routes = ["from: 'yarp:/(icub/.*)', to: 'b:/$1'"];
+    let (mut engine, _bus) = engine(&yarp, &routes);
+    let mut rounds = Rounds(Instant::now());
+    until("all routes", || {
+        rounds.step(&mut engine, 1);
+        let made = engine.status().iter().find_map(|route| route.pattern);
+        made.is_some_and(|made| made.routes == PORTS / 5 * 2)
+    });
+    assert_eq!(type_of(&engine, &port(0).0), Some("sensor_msgs/msg/JointState"));
+    assert_eq!(type_of(&engine, &port(1).0), Some("sensor_msgs/msg/Image"));
+    // Hours pass, and some seconds.
+    for _ in 0..300 {
+        rounds.step(&mut engine, 10);
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    let asked = counts.lock().unwrap().clone();
+    for n in 0..PORTS {
+        let (name, _) = port(n);
+        let count = asked.get(&name).copied().unwrap_or_default();
+        assert_eq!(count, usize::from(n % 5 != 4), "{name}");
+    }
+    // A program that is started again is another one.
+    let (name, kind) = port(5);
+    let again = world.port(&name, kind, &counts);
+    until("the port to be asked again", || {
+        rounds.step(&mut engine, 1);
+        counts.lock().unwrap()[&name] == 2
+    });
+    rounds.step(&mut engine, 1000);
+    assert_eq!(counts.lock().unwrap().values().sum::<usize>(), PORTS / 5 * 4 + 1);
+    drop((ports, again));
+}
+
+/// What names do not tell, the first message does; then nobody listens any more.
+#[test]
+fn the_first_message_shows_the_type() {
+    let (world, counts) = (World::new(), Counts::default());
+    let vector = Vector(vec![1.0, 2.0]).encode(Dialect::V3).unwrap();
+    let sound = Sound::from_interleaved(&[1, 2, 3, 4], 2, 44_100).unwrap();
+    let words = Bottle::from(vec!["hello".into(), 1.5.into()]);
+    let sends = [
+        ("/imu", vector, "std_msgs/msg/Float64MultiArray"),
+        ("/ears", sound.encode(Dialect::V4).unwrap(), "wrapyfi_msgs/msg/AudioChunk"),
+        ("/words", words.encode(Dialect::V3).unwrap(), "wrapyfi_msgs/msg/NativeObject"),
+    ];
+    let sends = sends.map(|(name, bytes, wanted)| {
+        (name, world.output(name, &counts), Message::new(Payload::object(bytes)), wanted)
+    });
+    let silent = world.output("/silent", &counts);
+    let yarp = Arc::new(world.yarp());
+    let (mut engine, _bus) = engine(&yarp, &["from: 'yarp:/(.*)', to: 'b:/$1'"]);
+    let mut rounds = Rounds(Instant::now());
+    until("their types", || {
+        sends.iter().for_each(|(_, port, message, _)| send(port, message));
+        rounds.step(&mut engine, 1);
+        sends.iter().all(|(name, _, _, wanted)| type_of(&engine, name) == Some(*wanted))
+    });
+    until("that nobody listens any more", || {
+        sends.iter().for_each(|(_, port, message, _)| send(port, message));
+        sends.iter().all(|(_, port, _, _)| port.status().is_empty())
+    });
+    // One that is silent is waited for, with one connection, and its first message is its type.
+    until("the reason", || {
+        rounds.step(&mut engine, 1);
+        let status = engine.status();
+        let reason = status.iter().find(|route| route.from == "yarp:/silent");
+        let reason = reason.and_then(|route| route.state.reason()).unwrap_or_default();
+        reason.contains("it has sent nothing yet")
+    });
+    let asked = counts.lock().unwrap()["/silent"];
+    rounds.step(&mut engine, 1000);
+    assert_eq!(counts.lock().unwrap()["/silent"], asked);
+    assert_eq!(silent.status().len(), 1);
+    send(&silent, &sends[0].2);
+    until("its type", || {
+        rounds.step(&mut engine, 1);
+        type_of(&engine, "/silent") == Some("std_msgs/msg/Float64MultiArray")
+    });
+    until("that nobody listens to it either", || silent.status().is_empty());
+}
