@@ -48,6 +48,8 @@ pub enum Need {
     WrapyfiOnRos2,
     /// YARP's tools.
     Yarp,
+    /// This device of that YARP. Those that are not built are skipped, whatever is required.
+    YarpDevice(&'static str),
 }
 
 /// The interpreter that the distribution's packages are for.
@@ -72,7 +74,7 @@ pub fn run(test: &str, needs: &[Need], body: impl FnOnce(&World) -> Result) -> R
                 Need::Hosts => false,
                 Need::Ros1 => has_package("python3-rospy"),
                 Need::Roscpp => !cpp::ROSCPP.lacks_library() || has_package("libroscpp-dev"),
-                Need::Ros2Package(_) | Need::WrapyfiOnRos2 => false,
+                Need::Ros2Package(_) | Need::WrapyfiOnRos2 | Need::YarpDevice(_) => false,
                 _ => true,
             };
             let variable = match need {
@@ -109,6 +111,7 @@ fn check(need: Need) -> Result {
         Need::Ros2Package(name) => bail!("this ROS 2 has no package {name}"),
         Need::WrapyfiOnRos2 => Installation::find()?.imports(&python()?),
         Need::Yarp => real::yarp_tools().map(drop),
+        Need::YarpDevice(name) => real::yarp_device(name),
     }
 }
 

@@ -141,6 +141,29 @@ pub(crate) fn yarp_tools() -> Result<PathBuf> {
     Ok(place)
 }
 
+/// Where YARP's programs find what else belongs to them: as said, else beside the tools.
+///
+/// # Errors
+/// Where there are no tools.
+pub(crate) fn yarp_data() -> Result<PathBuf> {
+    match std::env::var_os("YARP_DATA_DIRS") {
+        Some(folders) if !folders.is_empty() => Ok(folders.into()),
+        _ => Ok(yarp_tools()?.join("../share/yarp")),
+    }
+}
+
+/// Whether `yarpdev` has this device.
+///
+/// # Errors
+/// Where it has not.
+pub(crate) fn yarp_device(name: &str) -> Result {
+    let plugin = yarp_data()?.join(format!("plugins/{name}.ini"));
+    if yarp_tools()?.join("yarpdev").is_file() && plugin.is_file() {
+        return Ok(());
+    }
+    bail!("this YARP has no device {name}")
+}
+
 /// ROS 2 as it is installed, in one test and under one middleware. Our packages are found in it as if
 /// they were installed, too.
 #[derive(Debug)]

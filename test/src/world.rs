@@ -527,6 +527,7 @@ impl World {
     pub(crate) fn yarp_command(&self, tool: &str, args: &[&str]) -> Result<Command> {
         let mut command = self.command(&real::yarp_tools()?.join(tool), args);
         command.env("YARP_FORWARD_LOG_ENABLE", "0").env("YARP_COLORED_OUTPUT", "0");
+        command.env("YARP_DATA_DIRS", real::yarp_data()?);
         Ok(command)
     }
 

@@ -11,9 +11,13 @@ use wrapyfi_core::endpoint::{
     TopicSpec,
 };
 use wrapyfi_core::middleware::yarp::{Yarp, YarpConfig};
-use wrapyfi_core::types::{Map, MessageType, Payload, ServiceKind, Value};
+use wrapyfi_core::types::{Map, MessageType, Payload, RosMessage, ServiceKind, Tensor, Value};
+use wrapyfi_interfaces::store::TypeStore;
+use wrapyfi_yarp::bottle::Vocab;
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
-use wrapyfi_yarp::port::{Answer, InputOptions, Network, OutputOptions, PortOptions, Received};
+use wrapyfi_yarp::port::{
+    Acknowledge, Answer, InputOptions, Network, OutputOptions, PortOptions, Reading, Received,
+};
 use wrapyfi_yarp::server::{NameServer, NameServerOptions};
 use wrapyfi_yarp::{Bottle, Dialect, Value as Element};
 
@@ -310,6 +314,115 @@ fn ports_are_listed_by_their_connections() {
     world.runtime.block_on(async {
         reader.close().await;
         writer.close().await;
+    });
+}
+
+/// The answers of a control board with a joint that turns and one that slides.
+async fn board(received: Received, _: bool) -> Answer {
+    let words = received.bottle().unwrap_or_default();
+    let is_first = words.get(2).and_then(Element::as_i64) == Some(0);
+    let (name, kind) = if is_first { ("neck", "atrv") } else { ("heave", "atpr") };
+    let asked = words.get(1).cloned().unwrap_or(Element::Int32(0));
+    let told = match &asked {
+        word if word.is_word("axes") => Element::Int32(2),
+        word if word.is_word("name") => Element::string(name),
+        _ => Element::Int32(Vocab::new(kind).0),
+    };
+    Answer::Bottle(Bottle::from(vec![Element::vocab("is"), asked, told]))
+}
+
+fn numbers(values: &[f64]) -> Value {
+    Tensor::from_elements(&[values.len()], values.to_vec()).unwrap().into()
+}
+
+fn message(message_type: MessageType, fields: Map) -> Payload {
+    let MessageType::Ros(ros_type) = message_type else { panic!("{message_type}") };
+    RosMessage::from_value(ros_type, &fields.into(), 1 << 20).unwrap().into()
+}
+
+/// A board is asked for its joints: what it says has names and metres, and so has what moves it.
+#[test]
+fn a_control_board_names_its_joints_and_is_moved() {
+    let world = World::new();
+    let (yarp, network) = (world.yarp(), world.network());
+    let (here, there) = (Context::default(), Context::default());
+    let strict = InputOptions {
+        reading: Reading::Strict { queue: 16, acknowledge: Acknowledge::Queued },
+        ..InputOptions::default()
+    };
+    let (rpc, state, command) = world.runtime.block_on(async {
+        let rpc = network.serve("/robot/rpc:i", &PortOptions::default(), board).await.unwrap();
+        let wanted = OutputOptions::default();
+        let state = network.open_output("/robot/state:o", &wanted).await.unwrap();
+        let command = network.open_input("/robot/command:i", &strict).await.unwrap();
+        (rpc, state, command)
+    });
+    let mut types = TypeStore::generated();
+    let mut resolved = |name: &str| MessageType::resolve(name, &mut types).unwrap();
+    let joints = resolved("sensor_msgs/msg/JointState");
+    let spec = TopicSpec::new("/robot/state:o", joints);
+    let mut sink = yarp.open_listener(&spec, &here).unwrap();
+    open_way(&here, || sink.link());
+    world.runtime.block_on(state.wait_for_outputs(1));
+    state.write_bottle(&Bottle::from(vec![180.0.into(), 0.25.into()])).unwrap();
+    let mut came = None;
+    until(&here, "the state", || {
+        came = sink.take().unwrap();
+        came.is_some()
+    });
+    let Payload::RosMessage(first) = came.unwrap().payload else { panic!("another payload") };
+    let fields = first.to_value(1 << 20).unwrap();
+    let names: Vec<_> = fields.get("name").unwrap().as_items().unwrap().to_vec();
+    assert_eq!(names, ["neck".into(), "heave".into()], "the very first message has them");
+    let position = fields.get("position").unwrap().as_tensor().unwrap().to_vec::<f64>();
+    assert_eq!(position.unwrap(), [std::f64::consts::PI, 0.25]);
+
+    let heard = || {
+        let heard = world.runtime.block_on(command.recv()).unwrap();
+        heard.bottle().unwrap().to_text()
+    };
+    let source = |name: &str, message_type| {
+        let options = [("port", name), ("out_topic_connect", "/robot/command:i")];
+        let spec = TopicSpec { options: Map::from(options), ..TopicSpec::new(name, message_type) };
+        let source = yarp.open_publisher(&spec, &there).unwrap();
+        open_way(&there, || source.link());
+        source
+    };
+    let names = || ["heave", "neck"].into_iter().collect::<Value>();
+    let mut mover = source("/bridge/state", joints);
+    let wanted = Map::from([("name", names()), ("position", numbers(&[0.5, 0.0]))]);
+    let wanted = message(joints, wanted);
+    until(&there, "the board has told its joints", || mover.publish(&wanted).is_ok());
+    assert_eq!(heard(), "([poss]) (0.0 0.5)");
+    let unknown =
+        Map::from([("name", ["elbow"].into_iter().collect()), ("position", numbers(&[1.0]))]);
+    let error = mover.publish(&message(joints, unknown)).unwrap_err().to_string();
+    assert!(error.contains("neck, heave") && error.contains("elbow"), "{error}");
+
+    let trajectories = resolved("trajectory_msgs/msg/JointTrajectory");
+    let mut mover = source("/bridge/trajectory", trajectories);
+    let trajectory = |points: [(f64, i32); 2]| {
+        let point = |(heave, sec)| {
+            let time = Map::from([("sec", sec), ("nanosec", 0)]);
+            let positions = numbers(&[heave, 0.0]);
+            let time = ("time_from_start", Value::from(time));
+            Value::from(Map::from([("positions", positions), time]))
+        };
+        let points = Value::List(points.map(point).to_vec());
+        message(trajectories, Map::from([("joint_names", names()), ("points", points)]))
+    };
+    let first = trajectory([(0.125, 0), (0.25, 3)]);
+    until(&there, "the board has told its joints", || mover.publish(&first).is_ok());
+    // The second one replaces what is left of the first.
+    mover.publish(&trajectory([(0.375, 0), (0.75, 4)])).unwrap();
+    for heave in ["0.125", "0.375", "0.75"] {
+        assert_eq!(heard(), format!("([poss]) (0.0 {heave})"));
+    }
+    drop((mover, sink));
+    world.runtime.block_on(async {
+        rpc.close().await;
+        state.close().await;
+        command.close().await;
     });
 }
 

@@ -180,6 +180,7 @@ fn check_services(plan: &Plan) -> Result<(), String> {
 
 #[cfg(test)]
 mod tests {
+    use wrapyfi_core::engine::RouteSpec;
     use wrapyfi_interfaces::ros1::Rules;
 
     use super::*;
@@ -197,6 +198,28 @@ mod tests {
         assert!(loaded.plan.routes.len() > 8 && loaded.plan.services.len() == 2, "{loaded:?}");
         let map = loaded.plan.routes.iter().find(|route| route.name == "map").unwrap();
         assert_eq!(map.message_type.ros_type(), "nav_msgs/msg/OccupancyGrid");
+    }
+
+    /// What `wrapyfi check` looks at: every example, with nothing of ROS or YARP installed.
+    #[test]
+    fn every_example_is_valid() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../config");
+        let mut found = Vec::new();
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let file = entry.unwrap().path();
+            let loaded = load(&file).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
+            let plan = loaded.plan;
+            assert!(plan.routes.len() + plan.patterns.len() > 0, "{}", file.display());
+            found.push(file.file_name().unwrap().to_str().unwrap().to_owned());
+            if file.ends_with("icub.yaml") || file.ends_with("base_on_yarp.yaml") {
+                let of_robot = |route: &&RouteSpec| route.from.middleware == "yarp";
+                let eager = plan.routes.iter().filter(of_robot).find(|route| !route.lazy);
+                assert_eq!(eager.map(|route| &route.name), None, "it streams at rest");
+            }
+        }
+        for robot in ["icub.yaml", "base_on_yarp.yaml", "pepper_on_ros1.yaml"] {
+            assert!(found.iter().any(|file| file == robot), "{robot} is missing in {found:?}");
+        }
     }
 
     #[test]

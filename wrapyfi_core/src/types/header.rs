@@ -25,7 +25,7 @@ impl Header {
     }
 
     /// The dict that [`Header::of_fields`] reads.
-    fn to_fields(&self) -> Map {
+    pub(crate) fn to_fields(&self) -> Map {
         Map::from([("stamp", self.time()), ("frame_id", self.frame_id.as_str().into())])
     }
 

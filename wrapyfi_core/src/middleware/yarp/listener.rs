@@ -13,6 +13,7 @@ use wrapyfi_yarp::Dialect;
 use wrapyfi_yarp::port::{Answer, PortOptions, Received, RpcServer};
 
 use super::Shared;
+use super::board::Board;
 use super::losses::Losses;
 use super::opening::{numbered, until_open};
 use super::options::YarpOptions;
@@ -29,7 +30,6 @@ use crate::types::Stamp;
 /// Receives one topic.
 pub(super) struct YarpListener {
     spec: TopicSpec,
-    options: YarpOptions,
     dialect: Dialect,
     inbox: Receiver<Arrival>,
     inlet: Arc<Inlet>,
@@ -47,6 +47,7 @@ struct Arrival {
 struct Inlet {
     /// A port that answers nothing: its function runs on the connection's own task.
     port: Mutex<Option<RpcServer>>,
+    board: Board,
     standing: Arc<Standing>,
     inbox: Sender<Arrival>,
     limit: usize,
@@ -86,6 +87,7 @@ impl Inlet {
         if bytes > self.limit {
             return counters.dropped(DropReason::Oversize);
         }
+        self.board.wait().await;
         let received_at = Instant::now();
         let arrival = Arrival { received, received_at, stamp: Stamp::now() };
         let Err(mut held) = self.inbox.push(arrival) else { return };
@@ -128,6 +130,7 @@ impl YarpListener {
         let waiting = format!("port {} to send", spec.topic);
         let inlet = Arc::new(Inlet {
             port: Mutex::default(),
+            board: Board::new(spec.message_type, &options, &spec.topic),
             standing: Arc::new(Standing::new(context.wake.clone(), waiting)),
             inbox: sender,
             limit: spec.limits.message_bytes,
@@ -140,7 +143,6 @@ impl YarpListener {
         Ok(Self {
             spec: spec.clone(),
             dialect: shared.network(&options).dialect(),
-            options,
             inbox: receiver,
             inlet,
             _stop: stop,
@@ -212,6 +214,7 @@ async fn keep(
         () = stopped.wait() => {}
         () = counted => {}
         () = tie.keep(&shared, changes.clone(), tied, say) => {}
+        () = inlet.board.follow(&shared, changes.clone(), || !inlet.sources().is_empty()) => {}
     }
     tie.forget(&shared).await;
     let port = inlet.port().take();
@@ -224,10 +227,10 @@ async fn keep(
 impl Listener for YarpListener {
     fn take(&mut self) -> Result<Option<Sample>, TakeError> {
         let Some(Arrival { received, received_at, stamp }) = self.pop() else { return Ok(None) };
-        let (spec, options) = (&self.spec, &self.options);
+        let (spec, options) = (&self.spec, self.inlet.board.options());
         let sent_at = received.stamp();
         let payload =
-            payload::decode(&received.payload, sent_at, spec, options, self.dialect, stamp)?;
+            payload::decode(&received.payload, sent_at, spec, &options, self.dialect, stamp)?;
         let wire_bytes = received.payload.bytes.len();
         Ok(Some(Sample { payload, wire_bytes, received_at, origin: None }))
     }

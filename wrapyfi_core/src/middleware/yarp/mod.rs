@@ -17,10 +17,12 @@
 //! | `directory` | the names there are, and who waits for one |
 //! | `survey`, `discovery` | what ports say of themselves, and what that makes them |
 //! | `types`, `first_message` | what ports send |
+//! | `board` | what a control board tells of its joints |
 //! | `opening`, `tie`, `retry` | ports that open, connections that stay, whatever ends meanwhile |
 //! | `publisher`, `listener`, `client`, `server` | the endpoints |
 //! | `standing`, `losses`, `tasks`, `own` | what an endpoint says of itself; where its task runs |
 
+mod board;
 mod client;
 mod config;
 mod directory;

@@ -16,6 +16,7 @@ pub const OPTIONS: &[&str] = &[
     "bottle",
     "carrier",
     "command",
+    "control",
     "degrees",
     "dialect",
     "frame_id",
@@ -24,6 +25,7 @@ pub const OPTIONS: &[&str] = &[
     "packed_rows",
     "persistent",
     "port",
+    "sensor",
     "wrapyfi_images",
 ];
 
@@ -42,6 +44,28 @@ pub enum Form {
     Property,
 }
 
+/// What numbers for a control board are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Control {
+    /// Where joints shall go, on the board's own trajectory: `[poss]`.
+    Position,
+    /// Where joints shall be, at once: `[dpos]`.
+    PositionDirect,
+    /// How fast joints shall move: `[vmos]`.
+    Velocity,
+    /// Torques or forces: `[dtqs]`.
+    Torque,
+}
+
+/// How a joint moves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Axis {
+    /// It turns.
+    Revolute,
+    /// It slides.
+    Prismatic,
+}
+
 /// What a topic or service asks of YARP. Everything has a default.
 #[derive(Debug, Clone, PartialEq)]
 pub struct YarpOptions {
@@ -55,8 +79,16 @@ pub struct YarpOptions {
     pub out_topic_connect: Option<String>,
     /// `port`: the name of our own port, so that `yarp connect` finds it; made up unless given.
     pub port: Option<String>,
-    /// `joints`: names of the joints of a `state:o`, in its order.
+    /// `joints`: names of the joints of a `state:o` or a `command:i`, in its order; what the control
+    /// board tells unless given.
     pub joints: Vec<String>,
+    /// Kinds of the joints, as the control board tells them; no option. Empty where it has not told.
+    pub axes: Vec<Axis>,
+    /// `control`: what the numbers for a control board are: `position`, `position_direct`, `velocity` or
+    /// `torque`. Unless given, what a message has: positions, else velocities, else efforts.
+    pub control: Option<Control>,
+    /// `sensor`: which sensor of each list of `measures:o` is meant, counted from 0 (0).
+    pub sensor: usize,
     /// `degrees`: whether angles are in degrees on YARP's side (true); they are radians in ROS.
     pub degrees: bool,
     /// `dialect`: how our port writes bottles, and how the peer's replies are read: `v3` or `v4`; that
@@ -85,6 +117,9 @@ impl Default for YarpOptions {
             out_topic_connect: None,
             port: None,
             joints: Vec::new(),
+            axes: Vec::new(),
+            control: None,
+            sensor: 0,
             degrees: true,
             dialect: None,
             packed_rows: false,
@@ -111,6 +146,11 @@ impl YarpOptions {
     /// As [`YarpOptions::of_topic`].
     pub fn of_service(spec: &ServiceSpec) -> Result<Self, OpenError> {
         Self::read(&spec.options, &spec.service)
+    }
+
+    /// Whether YARP has degrees where ROS has radians for this joint.
+    pub(super) fn has_degrees(&self, joint: usize) -> bool {
+        self.degrees && self.axes.get(joint) != Some(&Axis::Prismatic)
     }
 
     /// Whether pictures go out as the files of carrier `mjpeg`.
@@ -150,6 +190,10 @@ impl YarpOptions {
                 let text = value.as_str().filter(|text| !text.trim().is_empty());
                 self.command = Some(text.ok_or("words as text, such as \"[set] [pos]\"")?.into());
             }
+            "control" => {
+                let word = value.as_str().and_then(control);
+                self.control = Some(word.ok_or("position, position_direct, velocity or torque")?);
+            }
             "degrees" => self.degrees = value.as_bool().ok_or(SWITCH)?,
             "dialect" => {
                 let word = value.as_str().and_then(|text| text.parse().ok());
@@ -161,6 +205,10 @@ impl YarpOptions {
             "packed_rows" => self.packed_rows = value.as_bool().ok_or(SWITCH)?,
             "persistent" => self.persistent = value.as_bool().ok_or(SWITCH)?,
             "port" => self.port = Some(port(value).ok_or(PORT)?),
+            "sensor" => {
+                let number = value.as_i64().and_then(|number| usize::try_from(number).ok());
+                self.sensor = number.ok_or("the number of a sensor, counted from 0")?;
+            }
             "wrapyfi_images" => self.wrapyfi_images = value.as_bool().ok_or(SWITCH)?,
             _ => {}
         }
@@ -173,6 +221,16 @@ fn form(value: &Value) -> Option<Form> {
         Value::Bool(true) => Some(Form::Bottle),
         Value::Bool(false) => Some(Form::Json),
         Value::Str(text) if text == "property" => Some(Form::Property),
+        _ => None,
+    }
+}
+
+fn control(word: &str) -> Option<Control> {
+    match word {
+        "position" => Some(Control::Position),
+        "position_direct" => Some(Control::PositionDirect),
+        "velocity" => Some(Control::Velocity),
+        "torque" => Some(Control::Torque),
         _ => None,
     }
 }
@@ -241,6 +299,8 @@ mod tests {
             ("wrapyfi_images", true.into()),
             ("bottle", "property".into()),
             ("command", "[set] [pos]".into()),
+            ("control", "position_direct".into()),
+            ("sensor", 2.into()),
             ("frame_id", "head".into()),
         ]);
         assert_eq!(options.len(), OPTIONS.len());
@@ -251,6 +311,9 @@ mod tests {
             out_topic_connect: Some("/viewer".into()),
             port: Some("/bridge/head".into()),
             joints: vec!["neck".into(), "eye".into()],
+            axes: Vec::new(),
+            control: Some(Control::PositionDirect),
+            sensor: 2,
             degrees: false,
             dialect: Some(Dialect::V4),
             packed_rows: true,
@@ -279,6 +342,8 @@ mod tests {
             ("joints", "neck".into(), "it must be a list"),
             ("bottle", 3.into(), "must be true, false or property"),
             ("command", " ".into(), "must be words as text"),
+            ("control", "speed".into(), "must be position, position_direct, velocity or torque"),
+            ("sensor", (-1).into(), "must be the number of a sensor"),
             ("frame_id", 3.into(), "must be a text"),
         ] {
             let error = read(Map::from([(option, value)])).unwrap_err().to_string();
@@ -307,7 +372,7 @@ mod tests {
             let spec = route.topic_spec(&at_yarp([&route.from, &route.to]));
             YarpOptions::of_topic(&spec).unwrap();
         }
-        assert!(plan.routes.len() > 6 && plan.services.len() == 2, "{plan:?}");
+        assert!(plan.routes.len() > 6 && plan.services.len() == 4, "{plan:?}");
     }
 
     #[test]

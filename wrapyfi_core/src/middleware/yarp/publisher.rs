@@ -3,16 +3,24 @@
 //! ```text
 //!   publish ── payload::encode ──▶ OutputPort ══▶ readers            the caller's thread, then tasks
 //!   task: opens the port, counts its readers, keeps it tied to `out_topic_connect`
+//!
+//!   JointTrajectory ─▶ movements for a control board ─▶ a task writes each at its time, unless another
+//!                                                       message comes before
 //! ```
 
-use std::sync::atomic::{AtomicI32, Ordering::Relaxed};
+use std::sync::atomic::{AtomicI32, AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 use tokio::sync::watch;
+use tokio::time::Instant;
 use wrapyfi_yarp::Dialect;
-use wrapyfi_yarp::port::{Connected, Message, OutputOptions, OutputPort, Overflow, PortOptions};
+use wrapyfi_yarp::port::{
+    Connected, Message, OutputOptions, OutputPort, Overflow, PortOptions, Written,
+};
 
 use super::Shared;
+use super::board::Board;
 use super::opening::until_open;
 use super::options::YarpOptions;
 use super::payload::{self, Outgoing};
@@ -22,18 +30,16 @@ use super::tie::Tie;
 use crate::endpoint::{
     Context, Counters, DropReason, Link, OpenError, PublishError, Publisher, TopicSpec,
 };
-use crate::types::Payload;
+use crate::types::{Payload, Stamp};
 
 /// Sends one topic.
 pub(super) struct YarpPublisher {
     spec: TopicSpec,
-    options: YarpOptions,
     dialect: Dialect,
     depth: usize,
     outlet: Arc<Outlet>,
     counters: Arc<Counters>,
     shared: Arc<Shared>,
-    count: AtomicI32,
     _stop: Stop,
 }
 
@@ -44,12 +50,27 @@ struct Outlet {
     given: String,
     name: String,
     port: Mutex<Option<OutputPort>>,
+    board: Board,
     standing: Arc<Standing>,
+    /// Number of the next message with a time.
+    count: AtomicI32,
+    /// Counts messages: a movement that is under way ends when another one comes.
+    messages: AtomicU64,
 }
 
 impl Outlet {
     fn port(&self) -> MutexGuard<'_, Option<OutputPort>> {
         self.port.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Writes a message to all readers; none where the port is closed.
+    fn write(&self, Outgoing { payload, stamp }: Outgoing) -> Option<Written> {
+        let mut message = Message::new(payload);
+        if let Some(stamp) = stamp {
+            let count = self.count.fetch_add(1, Relaxed);
+            message = message.stamped(wrapyfi_yarp::sig::Stamp { count, ..stamp });
+        }
+        self.port().as_ref().map(|port| port.write(message))
     }
 
     fn has_output_to(&self, name: &str) -> bool {
@@ -72,25 +93,72 @@ impl YarpPublisher {
         let name = shared.own_name(&given);
         let waiting = format!("port {name} to open");
         let standing = Arc::new(Standing::new(context.wake.clone(), waiting));
-        let outlet = Arc::new(Outlet { given, name, port: Mutex::default(), standing });
+        let destination = options.out_topic_connect.as_deref().unwrap_or(&spec.topic);
+        let outlet = Arc::new(Outlet {
+            given,
+            name,
+            port: Mutex::default(),
+            board: Board::new(spec.message_type, &options, destination),
+            standing,
+            count: AtomicI32::new(0),
+            messages: AtomicU64::new(0),
+        });
         let (stop, stopped) = shared.tasks.stop();
-        let task = keep(Arc::clone(shared), Arc::clone(&outlet), options.clone(), stopped);
+        let dialect = shared.network(&options).dialect();
+        let task = keep(Arc::clone(shared), Arc::clone(&outlet), options, stopped);
         shared.tasks.spawn(task);
         Ok(Self {
             spec: spec.clone(),
-            dialect: shared.network(&options).dialect(),
-            options,
+            dialect,
             depth: shared.send_queue,
             outlet,
             counters: Arc::clone(&context.counters),
             shared: Arc::clone(shared),
-            count: AtomicI32::new(0),
             _stop: stop,
         })
     }
 
     fn nobody(&self) -> PublishError {
         PublishError::NoConsumer { topic: self.spec.topic.clone() }
+    }
+
+    /// Writes a message, and counts who missed it.
+    fn write(&self, outgoing: Outgoing) -> Result<(), PublishError> {
+        let written = self.outlet.write(outgoing).filter(|written| written.targets > 0);
+        let written = written.ok_or_else(|| self.nobody())?;
+        if written.dropped == written.targets {
+            let (topic, depth) = (self.spec.topic.clone(), self.depth);
+            return Err(PublishError::QueueFull { topic, depth });
+        }
+        (0..written.dropped).for_each(|_| self.counters.dropped(DropReason::SendQueueFull));
+        Ok(())
+    }
+
+    /// Writes movements at their times, those of now at once; their bytes.
+    fn run(&self, movements: Vec<(Duration, Outgoing)>, own: u64) -> Result<usize, PublishError> {
+        let begin = Instant::now();
+        let bytes = movements.iter().map(|(_, movement)| movement.payload.bytes.len()).sum();
+        let mut later = Vec::new();
+        for (due, movement) in movements {
+            if due.is_zero() {
+                self.write(movement)?;
+            } else {
+                later.push((due, movement));
+            }
+        }
+        let (outlet, counters) = (Arc::clone(&self.outlet), Arc::clone(&self.counters));
+        self.shared.tasks.spawn_aside(async move {
+            for (due, movement) in later {
+                let Some(time) = begin.checked_add(due) else { return };
+                tokio::time::sleep_until(time).await;
+                if outlet.messages.load(Relaxed) != own {
+                    return;
+                }
+                let Some(written) = outlet.write(movement) else { return };
+                (0..written.dropped).for_each(|_| counters.dropped(DropReason::SendQueueFull));
+            }
+        });
+        Ok(bytes)
     }
 }
 
@@ -130,6 +198,7 @@ async fn keep(
         () = stopped.wait() => {}
         () = count_readers(changes.clone(), &outlet) => {}
         () = kept => {}
+        () = outlet.board.follow(&shared, changes.clone(), || changes.borrow().outputs > 0) => {}
     }
     let port = outlet.port().take();
     if let Some(tie) = &tie {
@@ -162,26 +231,18 @@ impl Publisher for YarpPublisher {
         if self.outlet.port().as_ref().is_none_or(|port| port.connected().borrow().outputs == 0) {
             return Err(self.nobody());
         }
-        let Outgoing { payload, stamp } =
-            payload::encode(payload, &self.spec, &self.options, self.dialect)?;
-        let bytes = payload.bytes.len();
-        let mut message = Message::new(payload);
-        if let Some(stamp) = stamp {
-            let count = self.count.fetch_add(1, Relaxed);
-            message = message.stamped(wrapyfi_yarp::sig::Stamp { count, ..stamp });
+        let (spec, options, dialect) = (&self.spec, self.outlet.board.options(), self.dialect);
+        let now = Stamp::now();
+        let movements = payload::trajectory(payload, spec, &options, dialect, now)?;
+        // What is refused leaves a movement under way.
+        let next = || self.outlet.messages.fetch_add(1, Relaxed).wrapping_add(1);
+        if let Some(movements) = movements {
+            return self.run(movements, next());
         }
-        let written = match self.outlet.port().as_ref() {
-            Some(port) => port.write(message),
-            None => return Err(self.nobody()),
-        };
-        if written.targets == 0 {
-            return Err(self.nobody());
-        }
-        if written.dropped == written.targets {
-            let (topic, depth) = (self.spec.topic.clone(), self.depth);
-            return Err(PublishError::QueueFull { topic, depth });
-        }
-        (0..written.dropped).for_each(|_| self.counters.dropped(DropReason::SendQueueFull));
+        let outgoing = payload::encode(payload, spec, &options, dialect)?;
+        let bytes = outgoing.payload.bytes.len();
+        next();
+        self.write(outgoing)?;
         Ok(bytes)
     }
 

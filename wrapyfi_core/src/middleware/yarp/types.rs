@@ -39,6 +39,9 @@ impl Convention {
     pub fn usual() -> Vec<Self> {
         let usual = [
             ("(.*/)?state(Ext)?:o", "sensor_msgs/msg/JointState"),
+            ("(.*/)?inertial(:o)?", "sensor_msgs/msg/Imu"),
+            ("(.*/)?FT:o", "geometry_msgs/msg/WrenchStamped"),
+            ("(.*/)?tf:o", "tf2_msgs/msg/TFMessage"),
             ("(.*/)?cams?/[^:]*(:o)?", "Image"),
             ("(.*/)?\\w*([iI]mage|[iI]mg):o", "Image"),
         ];
@@ -144,7 +147,10 @@ mod tests {
             ("/grabber", Some("yarp/image"), Some("Image")),
             ("/grabber", Some("yarp/vector"), Some(NUMBERS)),
             ("/grabber", Some("yarp/bottle"), None),
-            ("/icub/inertial", None, None),
+            ("/icub/inertial", None, Some("sensor_msgs/msg/Imu")),
+            ("/icub/inertial/raw", None, None),
+            ("/icub/left_arm/FT:o", None, Some("geometry_msgs/msg/WrenchStamped")),
+            ("/server/tf:o", None, Some("tf2_msgs/msg/TFMessage")),
             ("/estate:o", None, None),
             ("/camera/info:o", None, None),
         ] {

@@ -6,8 +6,9 @@
 //!   position    ──▶  p p p …                              for a port that takes positions
 //! ```
 //!
-//! Angles are degrees in YARP and radians in ROS, unless option `degrees` is false. Names are those
-//! of option `joints`: YARP sends none.
+//! Angles are degrees in YARP and radians in ROS, unless option `degrees` is false; what a prismatic joint
+//! measures is metres in both. YARP sends no names: they are those of option `joints`, or what the
+//! control board tells of its joints.
 
 use bytes::Bytes;
 use wrapyfi_yarp::{Bottle, Dialect};
@@ -55,8 +56,10 @@ pub(super) fn read(
         }
     }
     let angles = |mut values: Vec<f64>| {
-        if options.degrees {
-            values.iter_mut().for_each(|value| *value = value.to_radians());
+        for (joint, value) in values.iter_mut().enumerate() {
+            if options.has_degrees(joint) {
+                *value = value.to_radians();
+            }
         }
         field(values)
     };
@@ -90,19 +93,26 @@ pub(super) fn write(
     options: &YarpOptions,
     dialect: Dialect,
 ) -> Result<Vec<u8>, EncodeError> {
-    let position =
-        fields.get("position").and_then(Value::as_tensor).and_then(Tensor::to_vec::<f64>);
-    let position = position.unwrap_or_default();
-    let names: Vec<&str> = fields
-        .get("name")
-        .and_then(Value::as_items)
-        .map(|names| names.iter().filter_map(Value::as_str).collect())
-        .unwrap_or_default();
+    let (names, position) = (texts(fields, "name"), floats(fields, "position"));
     let mut values = ordered(&names, position, &options.joints)?;
-    if options.degrees {
-        values.iter_mut().for_each(|value| *value = value.to_degrees());
+    for (joint, value) in values.iter_mut().enumerate() {
+        if options.has_degrees(joint) {
+            *value = value.to_degrees();
+        }
     }
     numbers::write(Numbers { values, shape: None }, Width::Float64, dialect)
+}
+
+/// The numbers of a field of a message.
+pub(super) fn floats(fields: &Value, name: &str) -> Vec<f64> {
+    let field = fields.get(name).and_then(Value::as_tensor);
+    field.and_then(Tensor::to_vec::<f64>).unwrap_or_default()
+}
+
+/// The texts of a field of a message.
+pub(super) fn texts<'a>(fields: &'a Value, name: &str) -> Vec<&'a str> {
+    let items = fields.get(name).and_then(Value::as_items).unwrap_or_default();
+    items.iter().filter_map(Value::as_str).collect()
 }
 
 fn ordered(names: &[&str], position: Vec<f64>, joints: &[String]) -> Result<Vec<f64>, EncodeError> {

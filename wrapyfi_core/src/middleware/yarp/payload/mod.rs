@@ -5,15 +5,17 @@
 //!   Text         │ bottle of one string                                      ◀──▶ Str
 //!   Image        │ header and rows; a bottle of base64 of .npy of JPEG       ◀──▶ Image
 //!   AudioChunk   │ Sound: planar, 16 bits                                    ◀──▶ AudioChunk
-//!   Ros          │ Vector, Matrix, joints, or pairs of field and value       ◀──▶ RosMessage
+//!   Ros          │ Vector, Matrix, joints, sensors, pairs of field and value ◀──▶ RosMessage
 //!   envelope     │ "42 1700000000.5"                                         ◀──▶ stamp
 //! ```
 //!
 //! The table with examples: `docs/wire/yarp.md`. Nothing here has sockets or a clock. Pixels and the
 //! samples of one channel are those of the message, not copies.
 
+mod command;
 mod element;
 mod fault;
+mod frames;
 mod image;
 mod joints;
 mod native;
@@ -21,6 +23,7 @@ mod numbers;
 mod positional;
 mod requests;
 mod ros;
+mod sensors;
 mod sound;
 #[cfg(test)]
 mod tests;
@@ -36,6 +39,7 @@ use crate::endpoint::TopicSpec;
 use crate::types::{DataType, MessageType, NativeObject, Payload, Stamp};
 use element::Writer;
 
+pub(super) use command::{COMMAND_PORT, trajectory};
 pub use requests::{decode_reply, decode_request, encode_error, encode_reply, encode_request};
 
 /// A message to write: its bytes, and the time that goes with it.
@@ -102,6 +106,12 @@ pub fn encode(
     };
     fault::check_size(bytes.len(), spec.limits.message_bytes)?;
     Ok(Outgoing { payload: Bytewise::object(bytes), stamp: envelope(stamp) })
+}
+
+/// Whether messages of this type are about the joints of a control board.
+pub(super) fn is_of_joints(message_type: MessageType) -> bool {
+    let MessageType::Ros(ros_type) = message_type else { return false };
+    matches!(ros_type.name(), ros::JOINTS | ros::TRAJECTORY)
 }
 
 /// The stamp that goes with a message; none where it has no time.

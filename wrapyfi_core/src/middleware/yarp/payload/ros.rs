@@ -2,7 +2,9 @@
 //!
 //! ```text
 //!   std_msgs/msg/Float64MultiArray, Float32…, Int32…  ◀──▶  Vector, Matrix
-//!   sensor_msgs/msg/JointState                        ◀──▶  positions
+//!   sensor_msgs/msg/JointState                        ◀──▶  positions; to `…/command:i` a movement
+//!   sensor_msgs/msg/Imu, geometry_msgs/msg/WrenchStamped  ◀──▶  vectors of sensors
+//!   tf2_msgs/msg/TFMessage                            ◀──▶  transforms
 //!   any other  ◀──▶  (linear ((x 0.1) …)) (angular …)   or JSON (bottle: false)
 //!   header.stamp                    ◀──▶  envelope
 //! ```
@@ -14,12 +16,18 @@ use wrapyfi_yarp::{Dialect, Value as Element};
 use super::super::options::{Form, YarpOptions};
 use super::element::Writer;
 use super::numbers::Width;
-use super::{fault, joints, native, numbers};
+use super::{command, fault, frames, joints, native, numbers, sensors};
 use crate::codec::{DecodeError, EncodeError, json};
 use crate::endpoint::TopicSpec;
 use crate::types::{Header, Map, RosMessage, RosType, Stamp, Value};
 
-const JOINTS: &str = "sensor_msgs/msg/JointState";
+/// Joints of a control board, and movements of them.
+pub(crate) const JOINTS: &str = "sensor_msgs/msg/JointState";
+/// Movements of joints, point by point.
+pub(crate) const TRAJECTORY: &str = "trajectory_msgs/msg/JointTrajectory";
+const IMU: &str = "sensor_msgs/msg/Imu";
+const WRENCH: &str = "geometry_msgs/msg/WrenchStamped";
+const FRAMES: &str = "tf2_msgs/msg/TFMessage";
 
 /// Writes a message; its bytes, and the time of its header.
 pub(super) fn encode(
@@ -28,22 +36,33 @@ pub(super) fn encode(
     options: &YarpOptions,
     dialect: Dialect,
 ) -> Result<(Vec<u8>, Option<Stamp>), EncodeError> {
-    let fields = message.to_value(spec.limits.message_bytes).map_err(|error| {
-        let what = format!("a malformed {}: {error}", message.ros_type);
-        fault::unwritable("bottle", what, "$", "look at its publisher")
-    })?;
+    let fields = fields(message, spec)?;
     let name = message.ros_type.name();
     let bytes = match (name, Width::of(name), options.bottle) {
         (_, _, Some(Form::Json)) => {
             native::bytes(&native::single(json::encode_with(&fields, &spec.plugins)?), dialect)?
         }
+        (JOINTS, _, None) if command::is_for(spec, options) => {
+            command::of_state(&fields, spec, options, dialect)?
+        }
         (JOINTS, _, None) => joints::write(&fields, options, dialect)?,
+        (IMU, _, None) => sensors::write_imu(&fields, options, dialect)?,
+        (WRENCH, _, None) => sensors::write_wrench(&fields, dialect)?,
+        (FRAMES, _, None) => return frames::write(&fields, dialect),
         (_, Some(width), None) => {
             numbers::write(numbers::of_fields(&fields, width)?, width, dialect)?
         }
         _ => native::bytes(&Writer { dialect, limits: &spec.limits }.bottle(&fields)?, dialect)?,
     };
     Ok((bytes, Header::of_fields(&fields).map(|header| header.stamp)))
+}
+
+/// The fields of a message.
+pub(super) fn fields(message: &RosMessage, spec: &TopicSpec) -> Result<Value, EncodeError> {
+    message.to_value(spec.limits.message_bytes).map_err(|error| {
+        let what = format!("a malformed {}: {error}", message.ros_type);
+        fault::unwritable("bottle", what, "$", "look at its publisher")
+    })
 }
 
 /// Reads a message. `stamp` becomes that of its header where the bytes bring none.
@@ -59,6 +78,9 @@ pub(super) fn decode(
     let name = ros_type.name();
     let fields = match (name, Width::of(name), options.bottle) {
         (JOINTS, _, None) => joints::read(bytes, options, dialect, limits)?,
+        (IMU, _, None) => sensors::read_imu(bytes, options, dialect, limits)?,
+        (WRENCH, _, None) => sensors::read_wrench(bytes, options, dialect, limits)?,
+        (FRAMES, _, None) => frames::read(bytes, dialect, limits, stamp)?,
         (_, Some(width), None) => {
             numbers::to_fields(numbers::read(bytes, dialect, limits)?, width)?
         }

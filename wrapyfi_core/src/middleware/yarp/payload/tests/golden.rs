@@ -17,7 +17,7 @@ pub(super) fn hex(text: &str) -> Vec<u8> {
 }
 
 /// Payload and envelope of each data message on a tcp connection.
-fn sent(name: &str) -> Vec<(Bytes, Option<sig::Stamp>)> {
+pub(super) fn sent(name: &str) -> Vec<(Bytes, Option<sig::Stamp>)> {
     let recorded = file(name);
     let parts = recorded["stream"].as_array().unwrap().iter();
     let stream: Vec<u8> = parts

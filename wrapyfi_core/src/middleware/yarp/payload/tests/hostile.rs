@@ -7,8 +7,14 @@ use crate::endpoint::ServiceSpec;
 use crate::types::ServiceKind;
 
 fn topics() -> Vec<TopicSpec> {
-    let named =
-        ["std_msgs/msg/Float64MultiArray", "sensor_msgs/msg/JointState", "std_msgs/msg/Header"];
+    let named = [
+        "std_msgs/msg/Float64MultiArray",
+        "sensor_msgs/msg/JointState",
+        "std_msgs/msg/Header",
+        "sensor_msgs/msg/Imu",
+        "geometry_msgs/msg/WrenchStamped",
+        "tf2_msgs/msg/TFMessage",
+    ];
     let types = MessageType::ALL.into_iter().chain(named.map(|name| MessageType::Ros(ros(name))));
     types
         .flat_map(|kind| {
@@ -56,6 +62,9 @@ fn seeds() -> Vec<Bytes> {
         image.encode().unwrap().into(),
         matrix.encode(Dialect::V3).unwrap().into(),
         typed("1.0 2.0").into(),
+        typed("1.0 2.0 3.0 4.0 5.0 6.0").into(),
+        typed("0 ((root head 5.5 0 1.0 2.0 3.0 0.0 0.0 0.0 1.0))").into(),
+        typed("(((1.0 2.0 3.0) 0.5)) () () () () (((1.0 2.0 3.0 4.0 5.0 6.0) 1.5))").into(),
         typed("[set] (a 1) ((b 2)) \"{\\\"x\\\": 1}\"").into(),
         typed("\"[{\\\"__wrapyfi__\\\": [\\\"tuple\\\", []]}, {}]\"").into(),
         typed("(frame_id map) (stamp ((sec 1)))").into(),

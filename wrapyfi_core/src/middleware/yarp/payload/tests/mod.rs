@@ -5,6 +5,7 @@ mod golden;
 mod hostile;
 mod messages;
 mod pictures;
+mod robot;
 mod services;
 
 use bytes::Bytes;
