@@ -312,11 +312,16 @@ fn a_topic_is_worth_one_line() -> Result {
         let mut listener = echo(world, &ros2(&topic), &["--type", "Text", "--count", "3"])?;
         listener.exits_with(0)?;
         until_route(&bridge, &format!("ros:{topic} -> ros2:{topic}"), waits_for_a_listener)?;
-        let said = log(&bridge);
-        let lines: Vec<&str> = said
-            .lines()
-            .filter(|line| line.contains(&topic) && !line.trim_start().starts_with('{'))
-            .collect();
+        // It is told a second later: those that are many get one line.
+        let lines = |output: &Output| -> Vec<String> {
+            let all = output.out.iter().chain(&output.err);
+            let told = all.filter(|it| it.contains(&topic) && !it.trim_start().starts_with('{'));
+            told.cloned().collect()
+        };
+        let lines = bridge.wait_until("the line", |output| {
+            let lines = lines(output);
+            (!lines.is_empty()).then_some(lines)
+        })?;
         assert_eq!(lines.len(), 1, "{lines:#?}");
         assert!(lines[0].contains("route made for"), "{lines:#?}");
         Ok(())

@@ -16,6 +16,9 @@ use crate::overrides;
 use crate::shutdown::Shutdown;
 use crate::table;
 
+/// Most routes without a message that get a line of their own at the end.
+const FEW_IDLE: usize = 10;
+
 /// How long a bridge runs and what it prints.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Options {
@@ -85,8 +88,19 @@ pub fn run(
     if options.json {
         output::line(&table::json(&last).to_string())?;
     }
-    // A pattern carries nothing itself.
-    for route in last.iter().filter(|route| route.pattern.is_none()) {
+    // A pattern carries nothing itself, and many routes of patterns nothing either.
+    let routes = last.iter().filter(|route| route.pattern.is_none());
+    let (carried, idle): (Vec<_>, Vec<_>) = routes.partition(|route| {
+        let counters = &route.counters;
+        counters.received > 0 || counters.sent > 0 || !counters.drops.is_empty()
+    });
+    let mut each = carried;
+    if idle.len() <= FEW_IDLE {
+        each.extend(idle);
+    } else {
+        tracing::info!("{} routes end that carried nothing", idle.len());
+    }
+    for route in each {
         let drops: Vec<String> = route
             .counters
             .drops

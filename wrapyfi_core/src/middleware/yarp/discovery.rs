@@ -65,6 +65,9 @@ fn topic_of(name: &str) -> (&str, bool) {
     }
 }
 
+/// Last parts of names that ports have which only receive; `quit` ends YARP's modules.
+const INPUTS: [&str; 4] = ["i", "in", "input", "quit"];
+
 /// What a port is, by what it says and by its name: of what, and in which role.
 fn role<'n>(name: &'n str, told: Option<&Inspection>) -> (&'n str, Role) {
     let modes = told.and_then(|told| told.modes);
@@ -81,7 +84,7 @@ fn role<'n>(name: &'n str, told: Option<&Inspection>) -> (&'n str, Role) {
         _ if last.starts_with("rpc") => Role::Server,
         Some((_, "rpc")) => Role::Server,
         Some((_, "i")) => Role::Listener,
-        None if matches!(last, "i" | "in" | "input") => Role::Listener,
+        None if INPUTS.contains(&last) => Role::Listener,
         _ => Role::Publisher,
     };
     let role = match modes {
@@ -164,6 +167,7 @@ mod tests {
             ("/speech/input", "/speech/input", Role::Listener),
             ("/speech/i", "/speech/i", Role::Listener),
             ("/speech/o", "/speech/o", Role::Publisher),
+            ("/cam/quit", "/cam/quit", Role::Listener),
         ] {
             assert_eq!(role(port, None), (name, wanted), "{port}");
             let idle = told(Some((true, true, false)), false, false);

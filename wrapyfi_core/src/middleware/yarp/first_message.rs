@@ -1,8 +1,8 @@
 //! The first message of a port, which shows its type.
 //!
 //! ```text
-//!   learn /imu ─▶ one of 4 at once: /imu ══▶ /wrapyfi/types:in7 ── first message ─▶ its type, disconnected
-//!                       │ nothing within 2 s: the next one has its turn
+//!   learn /imu ─▶ one of 8 at once: /imu ══▶ /wrapyfi/types:in7 ── first message ─▶ its type, disconnected
+//!                       │ nothing within 0.25 s: the next one has its turn
 //!                       └─▶ stays connected, for as long as it sends nothing (at most 64 ports)
 //! ```
 //!
@@ -20,12 +20,12 @@ use super::opening::numbered;
 use super::{NAME, Shared, types};
 use crate::endpoint::LearnError;
 
-/// Most ports that are listened to at once, of those that may be sending.
-const AT_ONCE: usize = 4;
+/// Most ports that are listened to at once, of those that may send often.
+const AT_ONCE: usize = 8;
 /// Most ports that are waited for although they send nothing.
 const SILENT_AT_ONCE: usize = 64;
-/// How long a port is taken to be one that sends.
-const WINDOW: Duration = Duration::from_secs(2);
+/// How long a port is taken to be one that sends often: a few messages a second are no load.
+const WINDOW: Duration = Duration::from_millis(250);
 /// Time after which a port that could not be listened to is tried again; it doubles each time.
 const FIRST_AGAIN: Duration = Duration::from_secs(1);
 /// Longest such time.
@@ -197,9 +197,9 @@ async fn listen(shared: Arc<Shared>, port: String, number: u64, first: Arc<Notif
             }
             Err(_full) => {
                 let reason = format!(
-                    "it has sent nothing for {} s, and so have {SILENT_AT_ONCE} others that are \
+                    "it has sent nothing for {} ms, and {SILENT_AT_ONCE} others that are silent are \
                      waited for",
-                    WINDOW.as_secs()
+                    WINDOW.as_millis()
                 );
                 heard.set(&port, number, State::Failed(reason, Instant::now()));
             }
