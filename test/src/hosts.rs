@@ -26,8 +26,9 @@ pub struct Host<'w> {
     holder: Holder,
     ip: String,
     environment: Vec<(String, String)>,
-    /// What joins it to the others.
-    _switch: Arc<Holder>,
+    /// What joins it to the others, and its socket there.
+    switch: Arc<Holder>,
+    socket: String,
 }
 
 /// A process in namespaces of its own, which exist as long as it does.
@@ -118,8 +119,9 @@ impl World {
             switch.run("ip", &format!("link set v{index} master br0 up"))?;
             holder.run("ip", &format!("addr add {ip}/24 dev eth0"))?;
             holder.run("ip", "link set eth0 up")?;
-            let (environment, _switch) = (Vec::new(), Arc::clone(&switch));
-            hosts.push(Host { world: self, holder, ip, environment, _switch });
+            let (environment, switch) = (Vec::new(), Arc::clone(&switch));
+            let socket = format!("v{index}");
+            hosts.push(Host { world: self, holder, ip, environment, switch, socket });
         }
         hosts.try_into().map_err(|_hosts| anyhow::anyhow!("not {N} machines"))
     }
@@ -130,6 +132,15 @@ impl Host<'_> {
     #[must_use]
     pub fn ip(&self) -> &str {
         &self.ip
+    }
+
+    /// Puts its cable into the switch, or takes it out: the other machines notice nothing by themselves.
+    ///
+    /// # Errors
+    /// Where the system refuses.
+    pub fn plug(&self, plugged: bool) -> Result {
+        let state = if plugged { "up" } else { "down" };
+        self.switch.run("ip", &format!("link set {} {state}", self.socket))
     }
 
     /// The same, where programs that are started from now on see this variable.

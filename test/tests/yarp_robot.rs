@@ -37,7 +37,7 @@ fn until_typed(bridge: &Process, port: &str, kind: &str, reason: &str) -> Result
 /// Four by four pixels of three colours, as numpy writes them.
 fn picture(world: &World) -> Result<String> {
     let mut header = "{'descr': '|u1', 'fortran_order': False, 'shape': (4, 4, 3), }".to_owned();
-    while (header.len() + 11) % 64 != 0 {
+    while !(header.len() + 11).is_multiple_of(64) {
         header.push(' ');
     }
     header.push('\n');

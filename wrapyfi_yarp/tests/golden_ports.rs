@@ -20,7 +20,7 @@ use wrapyfi_yarp::port::{
     PortOptions, Reading, Received,
 };
 use wrapyfi_yarp::wire::number;
-use wrapyfi_yarp::{Bottle, Dialect, Limits};
+use wrapyfi_yarp::{Bottle, Dialect, Limits, Value};
 
 fn network(names: NameTable, dialect: Dialect) -> Network {
     Network::builder().listen([127, 0, 0, 1].into()).names(names).dialect(dialect).build()
@@ -216,7 +216,9 @@ async fn our_reader_refuses_what_it_lacks() {
         ("shmem_basic", "unsupported_carrier"),
     ] {
         let mut steps = parts(&format!("{name}.json"));
-        if name == "shmem_basic" {
+        // YARP answers a modifier that it lacks and then closes: its `connect` says Success. Ours
+        // closes at once, and `connect` says that it cannot connect.
+        if ["shmem_basic", "fast_tcp_recv_portmonitor_missing"].contains(&name) {
             steps.retain(|step| !matches!(step, Part::Server(_)));
         }
         let (port, _) = {
@@ -553,10 +555,17 @@ async fn pictures_as_yarp_pulls_them() {
     let names = NameTable::new().with("/golden/src", listener.local_addr().unwrap());
     let network = network(names, Dialect::V3);
     let port = network.open_input("/golden/dst", &strict()).await.unwrap();
-    network.admin("/golden/dst", &bottle("[add] mjpeg://golden/src")).await.unwrap();
-    let (mut stream, _) = within(listener.accept()).await.unwrap();
-    expect(&mut stream, request, false, "mjpeg_basic").await;
-    tokio::io::AsyncWriteExt::write_all(&mut stream, &server).await.unwrap();
+    let request_to_add = bottle("[add] mjpeg://golden/src");
+    // It is added once the camera has answered.
+    let added = network.admin("/golden/dst", &request_to_add);
+    let camera = async {
+        let (mut stream, _) = within(listener.accept()).await.unwrap();
+        expect(&mut stream, request, false, "mjpeg_basic").await;
+        tokio::io::AsyncWriteExt::write_all(&mut stream, &server).await.unwrap();
+        stream
+    };
+    let (added, stream) = tokio::join!(added, camera);
+    assert_eq!(added.unwrap().get(0).and_then(Value::as_i64), Some(0));
     let picture = within(port.recv()).await.unwrap();
     assert_eq!(picture.payload, Payload::raw(jpeg));
     drop(stream);

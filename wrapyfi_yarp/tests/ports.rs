@@ -158,6 +158,37 @@ async fn pictures_are_pulled() {
 }
 
 #[tokio::test]
+async fn mjpeg_is_refused_where_no_pictures_are() {
+    let network = network();
+    let bottles = PortOptions { pictures: false, ..PortOptions::default() };
+    let reading = strict(4).reading;
+    let view = network.open_input("/view", &strict(4)).await.unwrap();
+    let ears = InputOptions { port: bottles.clone(), reading };
+    let ears = network.open_input("/ears", &ears).await.unwrap();
+    let talk = OutputOptions { port: bottles, ..OutputOptions::default() };
+    let talk = network.open_output("/talk", &talk).await.unwrap();
+    let cam = network.open_output("/cam", &OutputOptions::default()).await.unwrap();
+    let refused = network.connect("/cam", "/ears", Some("mjpeg")).await.unwrap_err();
+    assert!(refused.to_string().contains("port /ears has no pictures"), "{refused}");
+    let refused = network.connect("/talk", "/view", Some("mjpeg")).await.unwrap_err();
+    assert!(refused.to_string().contains("Cannot connect to mjpeg://talk"), "{refused}");
+    assert_eq!(talk.counters().get("no_pictures"), 1);
+    network.connect("/cam", "/view", Some("mjpeg")).await.unwrap();
+    within(view.wait_for_inputs(1)).await;
+    within(cam.wait_for_outputs(1)).await;
+    // A camera's readers of both kinds.
+    cam.connect("tcp://ears").await.unwrap();
+    assert_eq!((cam.picture_readers(), cam.connected().borrow().outputs), (1, 2));
+    let jpeg: &[u8] = &[0xff, 0xd8, 0xff, 0xe0, 0, 2, 0xff, 0xda, 0, 2, 1, 2, 3, 0xff, 0xd9];
+    assert_eq!(cam.write_picture(Message::new(Payload::raw(jpeg))).targets, 1);
+    let object = Payload::bottle(&bottle("pixels"), network.dialect()).unwrap();
+    assert_eq!(cam.write_object(Message::new(object)).targets, 1);
+    assert_eq!(next(&view).await.payload.bytes, jpeg);
+    assert_eq!(next(&ears).await.bottle().unwrap(), bottle("pixels"));
+    assert_eq!(cam.status().iter().map(|to| to.unsendable).sum::<u64>(), 0);
+}
+
+#[tokio::test]
 async fn requests_are_answered_over_every_carrier_with_replies() {
     for carrier in ["tcp", "fast_tcp", "text", "text_ack"] {
         let network = network();
@@ -343,15 +374,56 @@ async fn a_qualifier_that_we_lack_ends_the_connection() {
     let network = network();
     let reader = network.open_input("/reader", &strict(4)).await.unwrap();
     let writer = network.open_output("/writer", &OutputOptions::default()).await.unwrap();
-    writer.connect("fast_tcp+recv.portmonitor+type.dll+file.nosuch://reader").await.unwrap();
-    let mut connected = writer.connected();
-    within(connected.wait_for(|now| now.outputs == 0)).await.unwrap();
-    assert_eq!(reader.counters().get("missing_modifier"), 1);
+    for (count, carrier) in [(1, "fast_tcp"), (2, "tcp"), (3, "text_ack"), (4, "udp")] {
+        let wanted = format!("{carrier}+recv.portmonitor+type.dll+file.nosuch://reader");
+        let error = writer.connect(&wanted).await.unwrap_err();
+        assert_eq!(error.to_string(), format!("Cannot connect to {wanted}"));
+        assert_eq!(reader.counters().get("missing_modifier"), count);
+        assert_eq!(writer.connected().borrow().outputs, 0);
+    }
+    for modifier in ["send.portmonitor", "log.in"] {
+        let error = writer.connect(&format!("tcp+{modifier}://reader")).await.unwrap_err();
+        assert!(error.to_string().contains(&format!("modifier {modifier} is not")), "{error}");
+    }
+    let error = writer.connect("unix_stream://reader").await.unwrap_err();
+    assert!(error.to_string().contains("is unknown: use tcp"), "{error}");
     writer.connect("tcp+recv.priority://reader").await.unwrap();
     within(reader.wait_for_inputs(1)).await;
     let listed = network.admin("/reader", &bottle("[list] [in] /writer")).await.unwrap();
     let expected = "(from \"/writer\") (to \"/reader\") (carrier \"tcp+recv.priority\")";
     assert_eq!(listed.to_text(), expected);
+}
+
+#[tokio::test]
+async fn graphs_of_the_network_find_what_they_ask_for() {
+    let network = network();
+    let reader = network.open_input("/reader", &strict(4)).await.unwrap();
+    let writer = network.open_output("/writer", &OutputOptions::default()).await.unwrap();
+    writer.connect("tcp://reader").await.unwrap();
+    within(reader.wait_for_inputs(1)).await;
+    let asked = async |port: &str, about: &str| {
+        let request = bottle(&format!("[prop] [get] {about}"));
+        network.admin(port, &request).await.unwrap()
+    };
+    let about = asked("/writer", "/writer").await;
+    let part =
+        |key: &str| about.find(key).and_then(Value::as_list).unwrap_or_else(|| panic!("{key}"));
+    let process = part("process");
+    assert_eq!(process.find("pid").and_then(Value::as_i64), Some(std::process::id().into()));
+    assert!(process.find("name").and_then(Value::as_str).unwrap().starts_with("ports"));
+    assert_eq!(part("platform").find("hostname").and_then(Value::as_str), Some("127.0.0.1"));
+    let port = part("port");
+    assert_eq!(port.find("is_output").and_then(Value::as_i64), Some(1));
+    assert_eq!(port.find("is_input").and_then(Value::as_i64), Some(0));
+    let priority = bottle("[prop] [set] /reader (qos ((priority HIGH)))");
+    assert_eq!(network.admin("/writer", &priority).await.unwrap(), bottle("[ok]"));
+    let connection = asked("/writer", "/reader").await;
+    let qos = connection.find("qos").and_then(Value::as_list).unwrap();
+    assert_eq!(qos.find("tos").and_then(Value::as_i64), Some(36 << 2));
+    let none = asked("/writer", "/nobody").await;
+    assert_eq!(none.to_text(), "[fail] \"cannot find any connection to/from /nobody\"");
+    let attached = network.admin("/reader", &bottle("[atch] \"(type dll)\"")).await.unwrap();
+    assert!(attached.to_text().starts_with("[fail] \"attach command must be"), "{attached:?}");
 }
 
 #[tokio::test]

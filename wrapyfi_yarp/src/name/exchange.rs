@@ -13,6 +13,7 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 
 use crate::bottle::TextError;
+use crate::liveness;
 use crate::port::names::Registration;
 use crate::wire::text::{self, Lines};
 use crate::wire::{Carrier, Command, Fault, Sender, Step, header};
@@ -141,6 +142,7 @@ impl<'a> Line<'a> {
         let refused = |source| ExchangeError::Unreachable { address: self.address(), source };
         let stream = TcpStream::connect((self.host, self.port)).await.map_err(refused)?;
         stream.set_nodelay(true).map_err(|error| self.io(error))?;
+        liveness::set_reader(&stream);
         Ok(stream)
     }
 

@@ -12,6 +12,11 @@ const MAX_PROPERTIES: usize = 1024;
 /// Longest text of one of them.
 const MAX_PROPERTY_BYTES: usize = 16 * 1024;
 
+/// How threads run: tasks of ours have none of their own.
+fn sched() -> Value {
+    admin::dict("sched", [("tid", (-1).into()), ("priority", (-1).into()), ("policy", (-1).into())])
+}
+
 impl Core {
     /// Carries a request out.
     pub(super) async fn administer(self: &Arc<Self>, request: &Bottle) -> Bottle {
@@ -32,8 +37,12 @@ impl Core {
             }
             Request::SetProperty { key, values } => self.set_property(&key, values),
             Request::Property { key } => self.property(key.as_deref()),
-            Request::Attach => admin::no_monitor(),
-            Request::Detach => admin::ok(),
+            Request::Attach { directed } => {
+                let name = &self.name;
+                tracing::warn!(target: "wrapyfi_yarp::port", name, "port monitors are not available here");
+                admin::attached(directed)
+            }
+            Request::Detach { directed } => admin::detached(directed),
             Request::Unknown => admin::not_understood(),
         }
     }
@@ -183,26 +192,50 @@ impl Core {
         output.is_some() || connections.inputs.iter().any(|input| input.name == peer)
     }
 
-    /// What the port is, as YARP's ports tell it: `(process ((pid 7))) (port ((is_input 1) …))`.
-    fn itself(&self) -> Bottle {
-        let pair = |key: &str, value: Value| Value::from(Bottle::from(vec![key.into(), value]));
-        let group = |key: &str, pairs: Vec<Value>| pair(key, Bottle::from(pairs).into());
-        let is_input = !matches!(self.sink, Sink::Nobody);
-        let flag = |key: &str, is: bool| pair(key, i32::from(is).into());
-        let process = vec![pair("pid", i64::from(std::process::id()).into())];
-        let port = vec![
-            flag("is_input", is_input),
-            flag("is_output", self.role.outputs),
-            flag("is_rpc", self.rpc),
-            pair("type", self.type_name.as_deref().unwrap_or_default().into()),
+    /// What the port is, as YARP's ports tell it to `yarpconnectionsinfo` and to bridges.
+    fn about(&self) -> Bottle {
+        let program = std::env::args_os().next().map(std::path::PathBuf::from);
+        let program = program.as_deref().and_then(std::path::Path::file_name);
+        let program = program.map_or_else(|| "unknown".into(), |name| name.to_string_lossy());
+        let host = self.contact.rsplit_once(':').map_or(&*self.contact, |(host, _)| host);
+        let flag = |set: bool| Value::from(i32::from(set));
+        let process = [
+            ("pid", i64::from(std::process::id()).into()),
+            ("name", Value::string(program.as_ref())),
+            // Whatever stands behind a command is nobody's business.
+            ("arguments", Value::string("")),
+            ("priority", 0.into()),
+            ("policy", 0.into()),
         ];
-        Bottle::from(vec![group("process", process), group("port", port)])
+        let platform = [("os", Value::string("Linux")), ("hostname", Value::string(host))];
+        let port = [
+            ("is_input", flag(!matches!(self.sink, Sink::Nobody))),
+            ("is_output", flag(self.role.outputs)),
+            ("is_rpc", flag(self.rpc)),
+            ("type", self.type_name.as_deref().unwrap_or_default().into()),
+        ];
+        let process = admin::dict("process", process);
+        [sched(), process, admin::dict("platform", platform), admin::dict("port", port)]
+            .into_iter()
+            .collect()
     }
 
     fn property(&self, key: Option<&str>) -> Bottle {
         let connections = self.connections();
         match key {
-            Some(key) if key == self.name => self.itself(),
+            Some(key) if key == self.name => self.about(),
+            Some(key) if key.starts_with('/') => {
+                let output = connections.outputs.iter().find(|output| output.name == key);
+                if output.is_none() && !connections.inputs.iter().any(|input| input.name == key) {
+                    return admin::fail(Some(&format!("cannot find any connection to/from {key}")));
+                }
+                let socket = output.and_then(|output| output.socket.as_ref());
+                let service = socket.and_then(|socket| {
+                    socket2::SockRef::from(&**socket).tos_v4().ok().map(i64::from)
+                });
+                let service = service.unwrap_or(-1);
+                [sched(), admin::dict("qos", [("tos", service.into())])].into_iter().collect()
+            }
             Some(key) => connections.properties.get(key).cloned().unwrap_or_default(),
             None => {
                 let pair = |(key, values): (&String, &Bottle)| {

@@ -14,7 +14,7 @@ use super::session::{Answer, Data, Event, Session, SessionError};
 use super::target::Way;
 use crate::Bottle;
 use crate::wire::http::{self, Request};
-use crate::wire::{Carrier, Command, Opening, mjpeg};
+use crate::wire::{Carrier, Command, Fault, Opening, mjpeg};
 
 /// An entry in the list of inputs, while this lives.
 pub(super) struct Entered {
@@ -257,10 +257,16 @@ async fn serve_events(
                 session.answer(answer).await?;
             }
             Event::Http(request) => {
-                if request.wants_stream() && core.role.outputs && !core.role.client {
+                let answer = if !request.wants_stream() {
+                    page(core, &request)
+                } else if core.role.outputs && !core.role.client && core.pictures {
                     return Ok(Turn::Pictures);
-                }
-                session.answer(Answer::Raw(page(core, &request).into())).await?;
+                } else {
+                    let fault = Fault::NoPictures(core.name.clone());
+                    core.counters.count(&fault);
+                    http::not_acceptable(&fault.to_string())
+                };
+                session.answer(Answer::Raw(answer.into())).await?;
             }
             // Only name servers have an answer to these.
             Event::Line(_) => core.counters.add("name_request"),

@@ -112,6 +112,8 @@ pub(super) struct Core {
     pub(super) rpc: bool,
     /// What its owner says that it carries.
     pub(super) type_name: Option<String>,
+    /// Whether carrier mjpeg is taken.
+    pub(super) pictures: bool,
     pub(super) role: Role,
     pub(super) sink: Sink,
     pub(super) session: SessionOptions,
@@ -180,6 +182,7 @@ impl Core {
             registered: options.register,
             rpc: options.rpc || role.client,
             type_name: options.type_name.clone(),
+            pictures: options.pictures,
             role,
             sink,
             session,

@@ -12,13 +12,26 @@ pub struct Counters(Mutex<BTreeMap<&'static str, u64>>);
 impl Counters {
     /// Counts what a peer did wrong, and says it to the log.
     pub fn count(&self, fault: &Fault) {
-        tracing::debug!(target: "wrapyfi_yarp::port", %fault, "counted");
-        self.add(fault.name());
+        let count = self.add_up(fault.name());
+        // Whoever connected so waits for messages; peers cannot fill the log with it.
+        if count == 1 && fault.is_refusal() {
+            tracing::warn!(target: "wrapyfi_yarp::port", "a connection was refused: {fault}");
+        } else {
+            tracing::debug!(target: "wrapyfi_yarp::port", %fault, "counted");
+        }
     }
 
     /// Counts one under any name.
     pub fn add(&self, reason: &'static str) {
-        *self.counts().entry(reason).or_default() += 1;
+        self.add_up(reason);
+    }
+
+    /// Counts one; how many there are now.
+    fn add_up(&self, reason: &'static str) -> u64 {
+        let mut counts = self.counts();
+        let count = counts.entry(reason).or_default();
+        *count += 1;
+        *count
     }
 
     /// How often one reason was counted.

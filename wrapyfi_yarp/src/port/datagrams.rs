@@ -154,7 +154,7 @@ fn group_receiver(interface: Ipv4Addr, group: SocketAddrV4) -> io::Result<UdpSoc
 /// Goes on where a session of udp or mcast has read its header.
 pub(super) async fn receive(core: Arc<Core>, session: Session, group: Option<SocketAddrV4>) {
     let (name, carrier) = (session.sender().name, session.carrier_text());
-    let (mut stream, _) = session.into_parts();
+    let (stream, _) = session.into_parts();
     let opened = async {
         let local = stream.local_addr()?.ip();
         match group {
@@ -167,7 +167,7 @@ pub(super) async fn receive(core: Arc<Core>, session: Session, group: Option<Soc
                 let socket = UdpSocket::bind((local, 0)).await?;
                 widen(&socket);
                 let port = i32::from(socket.local_addr()?.port());
-                super::io::write_all(&mut stream, &[&number::encode(port)]).await?;
+                super::io::write_all(&stream, &[&number::encode(port)]).await?;
                 Ok(socket)
             }
         }

@@ -4,17 +4,16 @@
 //!   connect ─▶ header ─▶ answer ─▶ { command + payload ─▶ [◀─ reply] [◀─ ack] }* ─▶ goodbye
 //! ```
 
-use std::io;
 use std::net::SocketAddr;
 use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
-use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 use tokio::time::timeout;
 
-use super::io::write_all;
+use super::io;
 use crate::bottle::{BottleError, BottleScan, Frame};
+use crate::liveness::{self, Silence};
 use crate::wire::message::{self, read_ack};
 use crate::wire::text::{self, BottleLines, Lines};
 use crate::wire::{Body, Carrier, Command, Fault, Sender, Step, header, number};
@@ -29,14 +28,14 @@ pub enum LinkError {
         /// Where.
         address: String,
         /// Why.
-        error: io::Error,
+        error: std::io::Error,
     },
     /// The peer broke a rule.
     #[error(transparent)]
     Fault(#[from] Fault),
     /// The socket failed.
     #[error("the connection failed: {0}")]
-    Io(#[from] io::Error),
+    Io(#[from] std::io::Error),
     /// The peer closed the connection.
     #[error("the peer closed the connection")]
     Closed,
@@ -75,6 +74,7 @@ pub(super) struct Link {
     buffer: BytesMut,
     carrier: Carrier,
     options: LinkOptions,
+    silence: Silence,
 }
 
 impl Link {
@@ -90,11 +90,11 @@ impl Link {
             let connect = |error| LinkError::Connect { address: address.to_owned(), error };
             let stream = TcpStream::connect(address).await.map_err(connect)?;
             stream.set_nodelay(true)?;
-            let (buffer, options) = (BytesMut::new(), options.clone());
-            let mut link = Self { stream, buffer, carrier, options };
+            liveness::set_writer(&stream);
+            let mut link = Self::over(stream, carrier, options.clone());
             let mut head = header::encode(carrier, sender, &link.options.limits)?;
             head.extend_from_slice(behind_name);
-            link.stream.write_all(&head).await?;
+            link.write_raw(&[&head]).await?;
             let number = loop {
                 match header::read_answer(carrier, &mut link.buffer, &link.options.limits)? {
                     Step::Event(number) => break number,
@@ -108,18 +108,23 @@ impl Link {
 
     /// A connection turned around: the header was the peer's.
     pub(super) fn reversed(stream: TcpStream, options: LinkOptions) -> Self {
-        Self { stream, buffer: BytesMut::new(), carrier: Carrier::Text, options }
+        liveness::set_writer(&stream);
+        Self::over(stream, Carrier::Text, options)
+    }
+
+    fn over(stream: TcpStream, carrier: Carrier, options: LinkOptions) -> Self {
+        Self { stream, buffer: BytesMut::new(), carrier, options, silence: Silence::default() }
     }
 
     pub(super) fn carrier(&self) -> Carrier {
         self.carrier
     }
 
-    pub(super) fn local_address(&self) -> io::Result<SocketAddr> {
+    pub(super) fn local_address(&self) -> std::io::Result<SocketAddr> {
         self.stream.local_addr()
     }
 
-    pub(super) fn peer_address(&self) -> io::Result<SocketAddr> {
+    pub(super) fn peer_address(&self) -> std::io::Result<SocketAddr> {
         self.stream.peer_addr()
     }
 
@@ -141,10 +146,10 @@ impl Link {
                 reason: error.to_string(),
             })?;
             let message = text::message(command, Some(&bottle.to_text_bytes()));
-            return Ok(self.stream.write_all(&message).await?);
+            return self.write_raw(&[&message]).await;
         }
         let head = message::head(command, &[payload.len()])?;
-        Ok(write_all(&mut self.stream, &[&head, payload]).await?)
+        self.write_raw(&[&head, payload]).await
     }
 
     /// Waits for an acknowledgement, on carriers that have them. Not cancel-safe on text.
@@ -256,18 +261,16 @@ impl Link {
             true => text::message(&Command::Quit, None),
             false => message::quit(),
         };
-        self.stream.write_all(&goodbye).await?;
+        self.write_raw(&[&goodbye]).await?;
         self.acknowledged().await
     }
 
-    /// Waits until the peer closes, throwing away what it says. Cancel-safe.
-    pub(super) async fn closed(&mut self) {
+    /// Waits until the peer closes or is gone, throwing away what it says; why. Cancel-safe.
+    pub(super) async fn ended(&mut self) -> LinkError {
         loop {
             self.buffer.clear();
-            self.buffer.reserve(1024);
-            match self.stream.read_buf(&mut self.buffer).await {
-                Ok(0) | Err(_) => return,
-                Ok(_) => {}
+            if let Err(error) = self.fill(1024).await {
+                return error;
             }
         }
     }
@@ -282,13 +285,18 @@ impl Link {
             Ok(0) => true,
             // Something unasked for stands there: the connection is out of step.
             Ok(_) => true,
-            Err(error) => error.kind() != io::ErrorKind::WouldBlock,
+            Err(error) => error.kind() != std::io::ErrorKind::WouldBlock,
         }
     }
 
     /// Writes bytes as they are.
     pub(super) async fn write_raw(&mut self, parts: &[&[u8]]) -> Result<(), LinkError> {
-        Ok(write_all(&mut self.stream, parts).await?)
+        self.silence.sent();
+        tokio::select! {
+            biased;
+            written = io::write_all(&self.stream, parts) => Ok(written?),
+            error = self.silence.gone(&self.stream) => Err(error.into()),
+        }
     }
 
     /// One line, without its end.
@@ -304,7 +312,12 @@ impl Link {
 
     async fn fill(&mut self, more: usize) -> Result<(), LinkError> {
         self.buffer.reserve(more.max(4 * 1024));
-        match self.stream.read_buf(&mut self.buffer).await? {
+        let read = tokio::select! {
+            biased;
+            read = io::read(&self.stream, &mut self.buffer) => read?,
+            error = self.silence.gone(&self.stream) => return Err(error.into()),
+        };
+        match read {
             0 => Err(LinkError::Closed),
             _ => Ok(()),
         }

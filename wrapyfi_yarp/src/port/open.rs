@@ -27,11 +27,15 @@ pub struct PortOptions {
     pub type_name: Option<String>,
     /// Tell those who ask what the port is that it answers requests, as YARP's `setRpcMode` does.
     pub rpc: bool,
+    /// Take connections of carrier mjpeg. Where the messages are no pictures it brings nothing: such a
+    /// connection is then refused, and the log says why.
+    pub pictures: bool,
 }
 
 impl Default for PortOptions {
     fn default() -> Self {
-        Self { address: None, register: true, replace: false, type_name: None, rpc: false }
+        let (rpc, pictures) = (false, true);
+        Self { address: None, register: true, replace: false, type_name: None, rpc, pictures }
     }
 }
 

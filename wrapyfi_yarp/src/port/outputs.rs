@@ -7,6 +7,7 @@
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
+use std::time::Duration;
 
 use tokio::net::UdpSocket;
 use tokio::time::timeout;
@@ -18,7 +19,11 @@ use super::message::Message;
 use super::outbox::Outbox;
 use super::rpc_client::RpcLink;
 use super::target::{self, Way};
-use crate::wire::{Carrier, Sender, admin, header};
+use crate::wire::{Carrier, Fault, Sender, UnknownCarrier, admin, header};
+
+/// How long a receiver is given to find that it lacks a modifier: it answers the header first, and then
+/// closes.
+const MODIFIER: Duration = Duration::from_millis(500);
 
 /// Where an output leads.
 #[derive(Debug, Clone)]
@@ -65,12 +70,27 @@ impl Core {
             tracing::debug!(target: "wrapyfi_yarp::port", name, destination, %error, "connect");
             ConnectError(admin::unreachable_destination(destination))
         };
+        let refused = |reason: &dyn std::fmt::Display| {
+            let name = &self.name;
+            tracing::warn!(target: "wrapyfi_yarp::port", name, destination, "connect refused: {reason}");
+            ConnectError(admin::refused_destination(destination, reason))
+        };
         let (carrier, name) = admin::split_destination(destination).ok_or_else(unknown)?;
         let mut sender = Sender::new(self.name.clone());
         let carrier = carrier.map(|carrier| sender.qualify(carrier));
         let pull = carrier == Some(Carrier::Mjpeg.name());
         if !self.role.outputs && !pull {
             return Err(ConnectError(admin::NO_OUTPUTS.to_owned()));
+        }
+        if let Some(modifier) = sender.sender_modifier() {
+            let kind = &modifier.key;
+            let what = modifier.value.as_deref().unwrap_or_default();
+            let reason =
+                format!("modifier {kind}.{what} is not available here: connect without it");
+            return Err(refused(&reason));
+        }
+        if pull && !self.pictures {
+            return Err(refused(&Fault::NoPictures(self.name.clone())));
         }
         let _one_at_a_time = self.adding.lock().await;
         if self.role.client && !self.connections().outputs.is_empty() {
@@ -79,7 +99,7 @@ impl Core {
         let found = self.network.names().query(&name).await;
         let found = found.map_err(|error| unreachable(&error))?.ok_or_else(unknown)?;
         let carrier: Carrier = match carrier {
-            Some(carrier) => carrier.parse().map_err(|error| unreachable(&error))?,
+            Some(carrier) => carrier.parse().map_err(|error: UnknownCarrier| refused(&error))?,
             None => found.carrier.parse().unwrap_or(Carrier::Tcp),
         };
         let contact = found.contact();
@@ -138,7 +158,12 @@ impl Core {
             });
             return Ok(());
         }
-        let (link, number) = Link::open(&contact, carrier, sender, &[], &options).await?;
+        let (mut link, number) = Link::open(&contact, carrier, sender, &[], &options).await?;
+        if sender.foreign_modifier().is_some()
+            && let Ok(error) = timeout(MODIFIER, link.ended()).await
+        {
+            return Err(error);
+        }
         let (way, socket) = match carrier {
             Carrier::Udp => {
                 let (local, peer) = (link.local_address()?, link.peer_address()?);
@@ -259,13 +284,19 @@ impl Core {
         }
     }
 
-    /// Puts a message in front of every target.
-    pub(super) fn write(&self, message: Message) -> Written {
+    /// Number of targets of carrier mjpeg.
+    pub(super) fn picture_readers(&self) -> usize {
+        let connections = self.connections();
+        connections.outputs.iter().filter(|output| output.carrier == Carrier::Mjpeg).count()
+    }
+
+    /// Puts a message in front of every target whose carrier is meant.
+    pub(super) fn write(&self, message: Message, meant: impl Fn(Carrier) -> bool) -> Written {
         let message = Arc::new(message);
         let mut written = Written::default();
         let connections = self.connections();
         let mut groups: Vec<*const Group> = Vec::new();
-        for output in &connections.outputs {
+        for output in connections.outputs.iter().filter(|output| meant(output.carrier)) {
             let outbox = match &output.kind {
                 Kind::Queue(outbox) => outbox,
                 // One datagram reaches all of them.

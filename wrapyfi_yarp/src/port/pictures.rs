@@ -12,6 +12,7 @@ use super::connection::Entered;
 use super::core::Core;
 use super::link::LinkError;
 use super::message::Payload;
+use crate::liveness;
 use crate::wire::mjpeg::{self, MjpegReader};
 use crate::wire::{Carrier, Step};
 
@@ -20,11 +21,23 @@ impl Core {
     pub(super) async fn pull(self: &Arc<Self>, name: &str, contact: &str) -> Result<(), LinkError> {
         let connect = |error| LinkError::Connect { address: contact.to_owned(), error };
         let limit = self.network.0.timeouts.connect;
-        let connected = timeout(limit, TcpStream::connect(contact)).await;
-        let mut stream =
-            connected.map_err(|_elapsed| LinkError::Timeout(limit))?.map_err(connect)?;
-        let host = contact.rsplit_once(':').map_or(contact, |(host, _)| host);
-        stream.write_all(&mjpeg::request(host)).await?;
+        let opening = async {
+            let mut stream = TcpStream::connect(contact).await.map_err(connect)?;
+            liveness::set_reader(&stream);
+            let host = contact.rsplit_once(':').map_or(contact, |(host, _)| host);
+            stream.write_all(&mjpeg::request(host)).await?;
+            let mut reader = MjpegReader::new(self.network.limits());
+            let mut buffer = BytesMut::new();
+            // Whoever has no pictures says so here, and this connection is not made.
+            while !reader.poll_answer(&mut buffer)? {
+                if stream.read_buf(&mut buffer).await? == 0 {
+                    return Err(LinkError::Closed);
+                }
+            }
+            Ok((stream, reader, buffer))
+        };
+        let opened = timeout(limit, opening).await;
+        let opened = opened.unwrap_or(Err(LinkError::Timeout(limit)))?;
         let carrier = Carrier::Mjpeg.name().to_owned();
         let entered = Entered::new(self, name.to_owned(), carrier, false, false);
         let core = Arc::clone(self);
@@ -34,7 +47,7 @@ impl Core {
                 biased;
                 () = entered.stop.notified() => Ok(()),
                 _ = closing.wait_for(|closing| *closing) => Ok(()),
-                ended = read(&core, &entered, stream) => ended,
+                ended = read(&core, &entered, opened) => ended,
             };
             if let Err(error) = ended {
                 let (name, from) = (&core.name, &*entered.name);
@@ -46,9 +59,11 @@ impl Core {
     }
 }
 
-async fn read(core: &Core, entered: &Entered, mut stream: TcpStream) -> io::Result<()> {
-    let mut reader = MjpegReader::new(core.network.limits());
-    let mut buffer = BytesMut::new();
+async fn read(
+    core: &Core,
+    entered: &Entered,
+    (mut stream, mut reader, mut buffer): (TcpStream, MjpegReader, BytesMut),
+) -> io::Result<()> {
     loop {
         match reader.poll(&mut buffer) {
             Ok(Step::Event(picture)) => {

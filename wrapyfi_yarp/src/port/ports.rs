@@ -23,6 +23,7 @@ use super::rpc_server::RpcServer;
 use super::tools::AdminError;
 use crate::Bottle;
 use crate::bottle::EncodeError;
+use crate::wire::Carrier;
 
 /// How an output keeps messages for its targets.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -182,7 +183,23 @@ macro_rules! writers {
             /// Puts a message in front of every target, and never waits: where a target's queue is
             /// full, one message gives way and is counted.
             pub fn write(&self, message: Message) -> Written {
-                self.owner.core.write(message)
+                self.owner.core.write(message, |_any| true)
+            }
+
+            /// As [`Self::write`], to the targets of carrier mjpeg alone: a JPEG file.
+            pub fn write_picture(&self, message: Message) -> Written {
+                self.owner.core.write(message, |carrier| carrier == Carrier::Mjpeg)
+            }
+
+            /// As [`Self::write`], to all targets but those of carrier mjpeg.
+            pub fn write_object(&self, message: Message) -> Written {
+                self.owner.core.write(message, |carrier| carrier != Carrier::Mjpeg)
+            }
+
+            /// Number of targets of carrier mjpeg.
+            #[must_use]
+            pub fn picture_readers(&self) -> usize {
+                self.owner.core.picture_readers()
             }
 
             /// [`Self::write`] with a bottle and no envelope.

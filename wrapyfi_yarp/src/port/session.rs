@@ -53,6 +53,7 @@ use tokio::net::TcpStream;
 
 use super::spare::Spare;
 use crate::Bottle;
+use crate::liveness;
 use crate::wire::admin;
 use crate::wire::header::{self, HeaderReader};
 use crate::wire::http::Request;
@@ -116,6 +117,7 @@ impl Session {
         options: &SessionOptions,
     ) -> Result<Self, SessionError> {
         stream.set_nodelay(true)?;
+        liveness::set_reader(&stream);
         let peer = stream.peer_addr()?;
         let mut buffer = BytesMut::with_capacity(READ_BYTES);
         let mut header = HeaderReader::new(&options.limits);
@@ -142,15 +144,14 @@ impl Session {
             Opening::Names(line) => (None, Reader::Lines(Some(line.clone()), Lines::new(limits))),
             Opening::Http(request) => (None, Reader::Http(Some(request.clone()))),
             Opening::Messages { carrier, sender, .. } => {
+                // YARP answers first and then finds that it lacks the modifier: its `connect` says
+                // Success, and nothing comes. Without an answer it says that it cannot connect.
+                if let Some(modifier) = sender.foreign_modifier() {
+                    return Err(Fault::MissingModifier(modifier.to_owned()).into());
+                }
                 if !carrier.is_connectionless() {
                     let answer = header::answer(*carrier, sender, options.own_port);
                     stream.write_all(&answer).await?;
-                }
-                // YARP answers first and then finds that it lacks the modifier.
-                if let Some(modifier) = sender.receiver_modifier()
-                    && modifier != "priority"
-                {
-                    return Err(Fault::MissingModifier(modifier.to_owned()).into());
                 }
                 let reader = match carrier {
                     Carrier::Tcp | Carrier::FastTcp => Reader::Binary(MessageReader::new(limits)),
@@ -390,7 +391,7 @@ impl Session {
             bytes.extend_from_slice(ack);
             self.stream.write_all(&bytes).await?;
         } else {
-            super::io::write_all(&mut self.stream, &[&reply, ack]).await?;
+            super::io::write_all(&self.stream, &[&reply, ack]).await?;
         }
         if matches!(self.reader, Reader::Http(_)) {
             self.stream.shutdown().await?;

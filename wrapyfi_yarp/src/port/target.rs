@@ -42,7 +42,7 @@ pub(super) async fn run(mut way: Way, outbox: &Outbox) -> Result<(), LinkError> 
             Way::Stream(link) | Way::Reversed(link) | Way::Mjpeg(link) => tokio::select! {
                 biased;
                 next = outbox.next() => next,
-                () = link.closed() => return Err(LinkError::Closed),
+                error = link.ended() => return Err(error),
             },
             Way::Datagrams { .. } => outbox.next().await,
         };

@@ -278,7 +278,8 @@ async fn administer(request: &Bottle, shared: &Arc<Shared>) -> Bottle {
         }
         Request::Property { .. } => Bottle::new(),
         Request::SetProperty { .. } => admin::fail(None),
-        Request::Attach | Request::Detach => admin::no_monitor(),
+        Request::Attach { directed } => admin::attached(directed),
+        Request::Detach { directed } => admin::detached(directed),
         Request::Unknown => admin::not_understood(),
     }
 }

@@ -69,9 +69,15 @@ pub enum Request {
         key: Option<String>,
     },
     /// `[atch]`: monitors that change data.
-    Attach,
+    Attach {
+        /// Whether `[in]` or `[out]` followed.
+        directed: bool,
+    },
     /// `[dtch]`.
-    Detach,
+    Detach {
+        /// Whether `[in]` or `[out]` followed.
+        directed: bool,
+    },
     /// Anything else.
     Unknown,
 }
@@ -108,9 +114,9 @@ impl Request {
         } else if is(0, "prop") && is(1, "get") {
             Self::Property { key: given(2) }
         } else if is(0, "atch") {
-            Self::Attach
+            Self::Attach { directed: is(1, "in") || is(1, "out") }
         } else if is(0, "dtch") {
-            Self::Detach
+            Self::Detach { directed: is(1, "in") || is(1, "out") }
         } else {
             Self::Unknown
         }
@@ -199,6 +205,12 @@ pub fn unreachable_destination(destination: &str) -> String {
     format!("Cannot connect to {destination}")
 }
 
+/// The destination is not connected so.
+#[must_use]
+pub fn refused_destination(destination: &str, reason: &dyn std::fmt::Display) -> String {
+    format!("{}: {reason}", unreachable_destination(destination))
+}
+
 /// The port takes data only.
 pub const NO_OUTPUTS: &str = "Outputs not allowed";
 /// A client of requests has one server.
@@ -247,8 +259,20 @@ pub fn not_understood() -> Bottle {
 
 /// The answer to `[atch]`: there are no monitors here.
 #[must_use]
-pub fn no_monitor() -> Bottle {
-    fail(Some("Failed to configure the portmonitor plug-in"))
+pub fn attached(directed: bool) -> Bottle {
+    fail(Some(match directed {
+        true => "Failed to configure the portmonitor plug-in",
+        false => "attach command must be followed by [out] or [in]",
+    }))
+}
+
+/// The answer to `[dtch]`, where no monitor is.
+#[must_use]
+pub fn detached(directed: bool) -> Bottle {
+    match directed {
+        true => ok(),
+        false => fail(Some("detach command must be followed by [out] or [in]")),
+    }
 }
 
 /// One line of `[list] [in] /name`.
@@ -264,6 +288,13 @@ pub fn details(from: &str, to: &str, carrier: &str, connectionless: bool, push: 
         lists.push(pair("push", 0.into()));
     }
     lists.into()
+}
+
+/// One part of the answer to `[prop] [get] /port`: a key with what is known of it.
+pub fn dict(key: &str, pairs: impl IntoIterator<Item = (&'static str, Value)>) -> Value {
+    let pair = |(key, value): (&str, Value)| Value::from(Bottle::from(vec![key.into(), value]));
+    let dict = Value::Dict(pairs.into_iter().map(pair).collect());
+    Bottle::from(vec![key.into(), dict]).into()
 }
 
 /// The answer to `[help]`.

@@ -26,6 +26,12 @@ pub enum Fault {
         /// Its name.
         String,
     ),
+    /// Carrier mjpeg at a port whose messages are no pictures.
+    #[error("port {0} has no pictures, which are all that carrier mjpeg brings: connect with tcp")]
+    NoPictures(
+        /// The port.
+        String,
+    ),
     /// The length of a sender's name is outside what YARP reads.
     #[error("a sender's name has {length} bytes, allowed are 1 to {limit} with its NUL")]
     NameLength {
@@ -107,6 +113,12 @@ pub enum Fault {
 }
 
 impl Fault {
+    /// Whether the peer did nothing wrong, and asked for what ports of ours lack.
+    #[must_use]
+    pub const fn is_refusal(&self) -> bool {
+        matches!(self, Self::UnsupportedCarrier(_) | Self::MissingModifier(_) | Self::NoPictures(_))
+    }
+
     /// The name under which it is counted.
     #[must_use]
     pub const fn name(&self) -> &'static str {
@@ -114,6 +126,7 @@ impl Fault {
             Self::UnknownHeader(_) => "unknown_header",
             Self::UnsupportedCarrier(_) => "unsupported_carrier",
             Self::MissingModifier(_) => "missing_modifier",
+            Self::NoPictures(_) => "no_pictures",
             Self::NameLength { .. } => "name_length",
             Self::NegativeLength(_) => "negative_length",
             Self::MessageTooLarge { .. } => "message_too_large",

@@ -91,6 +91,17 @@ pub fn page(body: &str) -> Vec<u8> {
     .into_bytes()
 }
 
+/// An answer that refuses a stream of pictures, after which the connection closes.
+#[must_use]
+pub fn not_acceptable(reason: &str) -> Vec<u8> {
+    let length = reason.len() + 2;
+    format!(
+        "HTTP/1.1 406 Not Acceptable\r\nContent-Type: text/plain; charset=utf-8\r\n\
+         Content-Length: {length}\r\nConnection: close\r\n\r\n{reason}\r\n"
+    )
+    .into_bytes()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -71,6 +71,27 @@ impl MjpegReader {
         Self { state: State::Response, max_message_bytes: limits.max_message_bytes }
     }
 
+    /// Reads the head of the answer; whether it is complete, and pictures follow.
+    ///
+    /// # Errors
+    /// When the answer is not a stream of pictures.
+    pub fn poll_answer(&mut self, buffer: &mut BytesMut) -> Result<bool, Fault> {
+        if !matches!(self.state, State::Response) {
+            return Ok(true);
+        }
+        let Some(head) = head(buffer)? else { return Ok(false) };
+        let status = head.lines().next().unwrap_or_default();
+        if status.split_whitespace().nth(1) != Some("200") {
+            return Err(Fault::BadHttp(format!("status line {status:?}")));
+        }
+        let kind = header(&head, "content-type").unwrap_or_default();
+        if !kind.to_ascii_lowercase().starts_with("multipart/") {
+            return Err(Fault::BadHttp(format!("Content-Type is {kind:?}")));
+        }
+        self.state = State::Part;
+        Ok(true)
+    }
+
     /// Reads on.
     ///
     /// # Errors
@@ -79,16 +100,9 @@ impl MjpegReader {
         loop {
             match self.state {
                 State::Response => {
-                    let Some(head) = head(buffer)? else { return Ok(Step::Need(1)) };
-                    let status = head.lines().next().unwrap_or_default();
-                    if status.split_whitespace().nth(1) != Some("200") {
-                        return Err(Fault::BadHttp(format!("status line {status:?}")));
+                    if !self.poll_answer(buffer)? {
+                        return Ok(Step::Need(1));
                     }
-                    let kind = header(&head, "content-type").unwrap_or_default();
-                    if !kind.to_ascii_lowercase().starts_with("multipart/") {
-                        return Err(Fault::BadHttp(format!("Content-Type is {kind:?}")));
-                    }
-                    self.state = State::Part;
                 }
                 State::Part => {
                     // Empty lines and the boundary stand in front of a part's own lines.

@@ -32,7 +32,7 @@ pub mod text;
 mod carrier;
 mod fault;
 
-pub use carrier::Carrier;
+pub use carrier::{Carrier, UnknownCarrier};
 pub use command::{Body, BodyError, Command, Incoming};
 pub use fault::Fault;
 pub use header::Opening;

@@ -87,6 +87,20 @@ impl Sender {
         Some(named.value.as_deref().unwrap_or_default())
     }
 
+    /// The modifier that the receiver must apply and that ports of ours lack: any but `priority`, which
+    /// changes no bytes.
+    #[must_use]
+    pub fn foreign_modifier(&self) -> Option<&str> {
+        self.receiver_modifier().filter(|&modifier| modifier != "priority")
+    }
+
+    /// The qualifier that makes the sender itself change what it sends: `send.portmonitor` and its kin,
+    /// and `log.in`, which sends what the port receives.
+    #[must_use]
+    pub fn sender_modifier(&self) -> Option<&Qualifier> {
+        self.qualifiers.iter().find(|one| matches!(one.key.as_str(), "send" | "log"))
+    }
+
     /// The carrier with the qualifiers, as `[list]` tells it.
     #[must_use]
     pub fn carrier_text(&self, carrier: Carrier) -> String {

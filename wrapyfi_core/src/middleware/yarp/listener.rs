@@ -25,7 +25,7 @@ use crate::endpoint::{
     Context, DropReason, Link, Listener, OpenError, Overflow, Receiver, Sample, Sender, TakeError,
     TopicSpec, inbox,
 };
-use crate::types::Stamp;
+use crate::types::{DataType, Stamp};
 
 /// Receives one topic.
 pub(super) struct YarpListener {
@@ -139,7 +139,9 @@ impl YarpListener {
         });
         let (stop, stopped) = shared.tasks.stop();
         let (topic, wanted) = (spec.topic.clone(), options.clone());
-        shared.tasks.spawn(keep(Arc::clone(shared), Arc::clone(&inlet), topic, wanted, stopped));
+        let pictures = spec.message_type.data_type() == DataType::Image;
+        let kept = (Arc::clone(shared), Arc::clone(&inlet));
+        shared.tasks.spawn(keep(kept, topic, wanted, pictures, stopped));
         Ok(Self {
             spec: spec.clone(),
             dialect: shared.network(&options).dialect(),
@@ -160,10 +162,10 @@ impl YarpListener {
 
 /// The life of a port.
 async fn keep(
-    shared: Arc<Shared>,
-    inlet: Arc<Inlet>,
+    (shared, inlet): (Arc<Shared>, Arc<Inlet>),
     topic: String,
     options: YarpOptions,
+    pictures: bool,
     mut stopped: Stopped,
 ) {
     let opened = until_open(&shared, &topic, &inlet.standing, || {
@@ -171,7 +173,7 @@ async fn keep(
         let (network, shared, inlet) =
             (shared.network(&options), Arc::clone(&shared), Arc::clone(&inlet));
         async move {
-            let port_options = PortOptions::default();
+            let port_options = PortOptions { pictures, ..PortOptions::default() };
             network
                 .serve(&name, &port_options, move |received, _| {
                     let (shared, inlet) = (Arc::clone(&shared), Arc::clone(&inlet));

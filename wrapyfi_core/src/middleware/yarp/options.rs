@@ -158,6 +158,12 @@ impl YarpOptions {
         self.carrier.split('+').next() == Some("mjpeg")
     }
 
+    /// The same, of messages that go out as files of carrier `mjpeg`, or do not.
+    pub(super) fn sending_files(&self, files: bool) -> Self {
+        let carrier = if files { "mjpeg" } else { "tcp" };
+        Self { carrier: carrier.to_owned(), ..self.clone() }
+    }
+
     /// Reads `options` of the topic or service `name`.
     fn read(options: &Map, name: &str) -> Result<Self, OpenError> {
         let mut read = Self::default();

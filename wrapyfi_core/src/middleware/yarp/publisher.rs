@@ -16,7 +16,7 @@ use tokio::sync::watch;
 use tokio::time::Instant;
 use wrapyfi_yarp::Dialect;
 use wrapyfi_yarp::port::{
-    Connected, Message, OutputOptions, OutputPort, Overflow, PortOptions, Written,
+    Connected, Message, OutputOptions, OutputPort, Overflow, PayloadKind, PortOptions, Written,
 };
 
 use super::Shared;
@@ -30,7 +30,7 @@ use super::tie::Tie;
 use crate::endpoint::{
     Context, Counters, DropReason, Link, OpenError, PublishError, Publisher, TopicSpec,
 };
-use crate::types::{Payload, Stamp};
+use crate::types::{DataType, Payload, Stamp};
 
 /// Sends one topic.
 pub(super) struct YarpPublisher {
@@ -63,14 +63,25 @@ impl Outlet {
         self.port.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Writes a message to all readers; none where the port is closed.
-    fn write(&self, Outgoing { payload, stamp }: Outgoing) -> Option<Written> {
-        let mut message = Message::new(payload);
-        if let Some(stamp) = stamp {
-            let count = self.count.fetch_add(1, Relaxed);
-            message = message.stamped(wrapyfi_yarp::sig::Stamp { count, ..stamp });
+    /// Writes the forms of a message to their readers, files to those of carrier mjpeg and objects to
+    /// all others; none where the port is closed.
+    fn write(&self, forms: impl IntoIterator<Item = Outgoing>) -> Option<Written> {
+        let (mut written, mut number) = (Written::default(), None);
+        let port = self.port();
+        let port = port.as_ref()?;
+        for Outgoing { payload, stamp } in forms {
+            let is_file = payload.kind == PayloadKind::Raw;
+            let mut message = Message::new(payload);
+            if let Some(stamp) = stamp {
+                let count = *number.get_or_insert_with(|| self.count.fetch_add(1, Relaxed));
+                message = message.stamped(wrapyfi_yarp::sig::Stamp { count, ..stamp });
+            }
+            let more =
+                if is_file { port.write_picture(message) } else { port.write_object(message) };
+            written.targets += more.targets;
+            written.dropped += more.dropped;
         }
-        self.port().as_ref().map(|port| port.write(message))
+        Some(written)
     }
 
     fn has_output_to(&self, name: &str) -> bool {
@@ -105,7 +116,8 @@ impl YarpPublisher {
         });
         let (stop, stopped) = shared.tasks.stop();
         let dialect = shared.network(&options).dialect();
-        let task = keep(Arc::clone(shared), Arc::clone(&outlet), options, stopped);
+        let pictures = spec.message_type.data_type() == DataType::Image;
+        let task = keep(Arc::clone(shared), Arc::clone(&outlet), options, pictures, stopped);
         shared.tasks.spawn(task);
         Ok(Self {
             spec: spec.clone(),
@@ -123,8 +135,8 @@ impl YarpPublisher {
     }
 
     /// Writes a message, and counts who missed it.
-    fn write(&self, outgoing: Outgoing) -> Result<(), PublishError> {
-        let written = self.outlet.write(outgoing).filter(|written| written.targets > 0);
+    fn write(&self, forms: impl IntoIterator<Item = Outgoing>) -> Result<(), PublishError> {
+        let written = self.outlet.write(forms).filter(|written| written.targets > 0);
         let written = written.ok_or_else(|| self.nobody())?;
         if written.dropped == written.targets {
             let (topic, depth) = (self.spec.topic.clone(), self.depth);
@@ -141,7 +153,7 @@ impl YarpPublisher {
         let mut later = Vec::new();
         for (due, movement) in movements {
             if due.is_zero() {
-                self.write(movement)?;
+                self.write([movement])?;
             } else {
                 later.push((due, movement));
             }
@@ -154,7 +166,7 @@ impl YarpPublisher {
                 if outlet.messages.load(Relaxed) != own {
                     return;
                 }
-                let Some(written) = outlet.write(movement) else { return };
+                let Some(written) = outlet.write([movement]) else { return };
                 (0..written.dropped).for_each(|_| counters.dropped(DropReason::SendQueueFull));
             }
         });
@@ -167,11 +179,12 @@ async fn keep(
     shared: Arc<Shared>,
     outlet: Arc<Outlet>,
     options: YarpOptions,
+    pictures: bool,
     mut stopped: Stopped,
 ) {
     let name = outlet.name.as_str();
     let wanted = OutputOptions {
-        port: PortOptions::default(),
+        port: PortOptions { pictures, ..PortOptions::default() },
         queue: shared.send_queue,
         // The publisher is told what finds no room, as on ZeroMQ.
         overflow: Overflow::DropNewest,
@@ -226,9 +239,14 @@ async fn count_readers(mut changes: watch::Receiver<Connected>, outlet: &Outlet)
 
 impl Publisher for YarpPublisher {
     /// While nobody is connected nothing is encoded: [`PublishError::NoConsumer`]. Where some readers
-    /// are too slow, what they miss is counted as `send_queue_full`.
+    /// are too slow, what they miss is counted as `send_queue_full`. Readers of carrier mjpeg get a
+    /// picture as a file, all others as an object.
     fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {
-        if self.outlet.port().as_ref().is_none_or(|port| port.connected().borrow().outputs == 0) {
+        let (objects, pictures) = self.outlet.port().as_ref().map_or((0, 0), |port| {
+            let pictures = port.picture_readers();
+            (port.connected().borrow().outputs.saturating_sub(pictures), pictures)
+        });
+        if objects + pictures == 0 {
             return Err(self.nobody());
         }
         let (spec, options, dialect) = (&self.spec, self.outlet.board.options(), self.dialect);
@@ -239,10 +257,17 @@ impl Publisher for YarpPublisher {
         if let Some(movements) = movements {
             return self.run(movements, next());
         }
-        let outgoing = payload::encode(payload, spec, &options, dialect)?;
-        let bytes = outgoing.payload.bytes.len();
+        let mut forms = Vec::new();
+        for (readers, files) in [(objects, false), (pictures, true)] {
+            if readers > 0 {
+                let other = (options.sends_files() != files).then(|| options.sending_files(files));
+                let options = other.as_ref().unwrap_or(&options);
+                forms.push(payload::encode(payload, spec, options, dialect)?);
+            }
+        }
+        let bytes = forms.iter().map(|form| form.payload.bytes.len()).max().unwrap_or(0);
         next();
-        self.write(outgoing)?;
+        self.write(forms)?;
         Ok(bytes)
     }
 
