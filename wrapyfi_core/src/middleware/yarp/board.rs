@@ -7,13 +7,13 @@
 //!      [get] [type] 0    ─▶  [is] [type] 1987212385 …     the vocab [atrv] turns, [atpr] slides
 //! ```
 //!
-//! Option `joints` goes before the names that are told. A board without such a port, or one that does not
-//! answer, leaves joints without names.
+//! Option `joints` goes before the names that are told. The ports of a board are there before it can
+//! answer, so it is asked again for a while. One that never does leaves joints without names.
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use tokio::sync::watch;
+use tokio::sync::{Notify, watch};
 use tokio::time::timeout;
 use wrapyfi_yarp::bottle::Vocab;
 use wrapyfi_yarp::port::{Connected, PortOptions, RpcClient};
@@ -23,6 +23,7 @@ use super::Shared;
 use super::opening::numbered;
 use super::options::{Axis, YarpOptions};
 use super::payload;
+use super::retry::Retry;
 use crate::types::MessageType;
 
 /// How ports of a control board end that have a port for requests beside them.
@@ -31,6 +32,10 @@ const PORTS: [&str; 3] = ["/state:o", "/stateExt:o", payload::COMMAND_PORT];
 const MOST: i64 = 256;
 /// How long a board may take for all its answers.
 const ANSWERS: Duration = Duration::from_secs(2);
+/// Time to the second try.
+const FIRST: Duration = Duration::from_millis(100);
+/// Tries before a board is asked only when somebody needs it.
+const TRIES: u32 = 8;
 /// How long the first messages wait for the names of their joints.
 const PATIENCE: Duration = Duration::from_secs(1);
 
@@ -41,8 +46,10 @@ pub(super) struct Board {
     /// Of requests to the board; none where the topic is no board's.
     rpc: Option<String>,
     told: Mutex<Arc<YarpOptions>>,
-    /// It was asked, or there is nobody to ask.
+    /// Messages need not wait: it has told, or took too long, or there is nobody to ask.
     settled: watch::Sender<bool>,
+    /// Rung by messages that would wait.
+    wanted: Notify,
 }
 
 impl Board {
@@ -53,20 +60,29 @@ impl Board {
         let rpc = prefix.filter(|_| is_of_joints).map(|prefix| format!("{prefix}/rpc:i"));
         let given = Arc::new(options.clone());
         let settled = watch::Sender::new(rpc.is_none());
-        Self { told: Mutex::new(Arc::clone(&given)), given, rpc, settled }
+        let told = Mutex::new(Arc::clone(&given));
+        Self { told, given, rpc, settled, wanted: Notify::new() }
     }
 
     /// The options as they are now.
     pub(super) fn options(&self) -> Arc<YarpOptions> {
-        Arc::clone(&self.told.lock().unwrap_or_else(PoisonError::into_inner))
+        let options = Arc::clone(&self.told.lock().unwrap_or_else(PoisonError::into_inner));
+        if self.rpc.is_some() && options.axes.is_empty() {
+            self.wanted.notify_one();
+        }
+        options
     }
 
     fn tell(&self, options: Arc<YarpOptions>) {
         *self.told.lock().unwrap_or_else(PoisonError::into_inner) = options;
     }
 
-    /// Waits, for a short while, until the board has told or will not.
+    /// Waits, for a short while, until the board has told.
     pub(super) async fn wait(&self) {
+        if *self.settled.borrow() {
+            return;
+        }
+        self.wanted.notify_one();
         let mut settled = self.settled.subscribe();
         if timeout(PATIENCE, settled.wait_for(|settled| *settled)).await.is_err() {
             // Once is enough.
@@ -74,8 +90,8 @@ impl Board {
         }
     }
 
-    /// Asks the board whenever it gets connected, for as long as it is run. `changes` tells when to
-    /// look at `connected`.
+    /// Asks the board whenever it gets connected, for as long as it is run, and again while it cannot
+    /// tell: its ports are there before it is. `changes` tells when to look at `connected`.
     pub(super) async fn follow(
         &self,
         shared: &Shared,
@@ -84,29 +100,46 @@ impl Board {
     ) {
         let Some(rpc) = &self.rpc else { return std::future::pending().await };
         let bell = shared.directory.watch(rpc);
-        let mut asked = false;
+        let (mut retry, mut tries, mut has_told) = (Retry::new(FIRST), 0, false);
         loop {
             // Seen before the look, so that no change is missed.
             changes.mark_unchanged();
             if !connected() {
-                asked = false;
+                retry.reset();
+                (tries, has_told) = (0, false);
                 self.settled.send_replace(false);
                 self.tell(Arc::clone(&self.given));
-            } else {
-                if !asked && shared.directory.knows(rpc) {
-                    asked = true;
-                    match ask(shared, &self.given, rpc).await {
-                        Ok(joints) => self.tell(Arc::new(joints.applied(&self.given))),
-                        Err(why) => tracing::warn!(
-                            "{rpc} did not tell the names of its joints: {why}; option joints may \
-                             name them"
-                        ),
+            } else if !has_told && shared.directory.knows(rpc) {
+                match ask(shared, &self.given, rpc).await {
+                    Ok(joints) => {
+                        has_told = true;
+                        self.tell(Arc::new(joints.applied(&self.given)));
+                        self.settled.send_replace(true);
+                    }
+                    Err(why) => {
+                        tries += 1;
+                        if tries == TRIES {
+                            tracing::warn!(
+                                "{rpc} did not tell the names of its joints: {why}; option joints \
+                                 may name them"
+                            );
+                        }
                     }
                 }
-                self.settled.send_replace(true);
             }
+            let again = async {
+                if tries == 0 || has_told {
+                    return std::future::pending().await;
+                }
+                if tries >= TRIES {
+                    // Not before somebody needs it.
+                    self.wanted.notified().await;
+                }
+                retry.wait().await;
+            };
             tokio::select! {
                 () = bell.notified() => {}
+                () = again => {}
                 changed = changes.changed() => {
                     if changed.is_err() {
                         return std::future::pending().await;
