@@ -75,6 +75,13 @@ impl Candidate {
         self.last_seen = Some(now);
     }
 
+    /// It was there until `now` where it was seen at `then`: nothing has changed between.
+    pub(super) fn stayed(&mut self, then: Instant, now: Instant) {
+        if self.last_seen == Some(then) {
+            self.last_seen = Some(now);
+        }
+    }
+
     /// Whether it was last seen so long ago.
     pub(super) fn is_gone(&self, now: Instant, after: Duration) -> bool {
         self.last_seen.is_some_and(|at| now.saturating_duration_since(at) >= after)

@@ -32,6 +32,8 @@ pub(super) const DEGRADED_FOR: Duration = Duration::from_secs(5);
 pub(super) const UNWANTED_FOR: Duration = Duration::from_secs(2);
 /// How often links are looked at when nothing rings.
 pub(super) const REVIEW_EVERY: Duration = Duration::from_millis(500);
+/// How often a route at rest looks: a listener that comes rings.
+pub(super) const REST_REVIEW_EVERY: Duration = Duration::from_secs(2);
 
 /// One route at work.
 pub struct Relay {
@@ -166,7 +168,11 @@ impl Relay {
             self.state = state;
         }
         let is_more = moved == BATCH || (rested && !self.is_at_rest());
-        let next = if is_more { now } else { now + REVIEW_EVERY };
+        let next = match (is_more, self.is_at_rest()) {
+            (true, _) => now,
+            (false, true) => now + REST_REVIEW_EVERY,
+            (false, false) => now + REVIEW_EVERY,
+        };
         let due = [self.source.retry_at, self.sink.retry_at, review_at];
         Step { moved, next: due.into_iter().flatten().fold(next, Instant::min).max(now) }
     }

@@ -31,6 +31,10 @@ pub(crate) const LOOK_EVERY: Duration = Duration::from_millis(500);
 const SETTLE: Duration = Duration::from_millis(700);
 /// How long a source must be gone before its route ends.
 pub(crate) const GONE_AFTER: Duration = Duration::from_secs(5);
+/// Time without any change after which candidates are looked at less often, until there is one.
+const CALM_AFTER: Duration = Duration::from_secs(10);
+/// How often they are looked at then: what comes and goes is seen as soon as ever.
+const CALM_SCAN_EVERY: Duration = Duration::from_secs(4);
 /// Routes that ended whose counters are kept for when they come back.
 const MAX_KEPT: usize = 10_000;
 
@@ -71,6 +75,12 @@ pub(super) struct Scout {
     /// Of routes by pattern, by name.
     counters: BTreeMap<String, Arc<Counters>>,
     next_id: u64,
+    /// When something was other than before.
+    stirred_at: Option<Instant>,
+    /// When all candidates were looked at.
+    scanned_at: Option<Instant>,
+    /// When nothing had changed since.
+    unchanged_at: Option<Instant>,
 }
 
 pub(super) struct Pattern {
@@ -123,12 +133,27 @@ impl Scout {
             ours: BTreeSet::new(),
             counters: BTreeMap::new(),
             next_id: first_id,
+            stirred_at: None,
+            scanned_at: None,
+            unchanged_at: None,
         }
     }
 
     /// Looks at what exists; what is to be done about it.
     pub(super) fn scan(&mut self, now: Instant) -> Vec<Change> {
-        self.sides.look(now);
+        if self.sides.look(now) {
+            self.stirred_at = Some(now);
+        }
+        let since = |at: Option<Instant>| at.map(|at| now.saturating_duration_since(at));
+        let is_calm = since(self.stirred_at).is_some_and(|it| it >= CALM_AFTER);
+        if is_calm && since(self.scanned_at).is_some_and(|it| it < CALM_SCAN_EVERY) {
+            self.unchanged_at = Some(now);
+            return Vec::new();
+        }
+        if let (Some(scanned), Some(unchanged)) = (self.scanned_at, self.unchanged_at.take()) {
+            self.candidates.values_mut().for_each(|it| it.stayed(scanned, unchanged));
+        }
+        self.scanned_at = Some(now);
         for index in 0..self.patterns.len() {
             self.note(index, now);
         }
@@ -147,6 +172,9 @@ impl Scout {
             pattern.news.tell(&pattern.spec, now);
         }
         news::lower(&mut changes);
+        if !changes.is_empty() {
+            self.stirred_at = Some(now);
+        }
         changes
     }
 

@@ -106,6 +106,26 @@ fn a_topic_that_comes_gets_a_route_that_opens_its_source_when_wanted() {
     assert_eq!(source.link().peers, Some(0), "the source is let go");
 }
 
+/// A source that goes after a long calm has as long to come back as any other.
+#[test]
+fn a_calm_shortens_no_time() {
+    for calm in (10..20).map(|n| n * SECOND + 300 * MS) {
+        let mut bench = Bench::new(&[ALL]);
+        let source = publisher(&bench.a, "/x", MessageType::NativeObject);
+        bench.run(3 * SECOND + calm);
+        drop(source);
+        bench.run(4 * SECOND);
+        assert_eq!(bench.counts().routes, 1, "after {calm:?}");
+        bench.run(3 * SECOND);
+        assert_eq!(bench.counts().routes, 0, "after {calm:?}");
+        // What comes is seen at once.
+        bench.run(30 * SECOND);
+        let _source = publisher(&bench.a, "/y", MessageType::NativeObject);
+        bench.run(2 * SECOND);
+        assert_eq!(bench.counts().routes, 1, "after {calm:?}");
+    }
+}
+
 /// What nobody listens to needs no thread of its own.
 #[test]
 fn routes_at_rest_share_a_thread() {

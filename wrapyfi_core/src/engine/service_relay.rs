@@ -13,7 +13,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::plan_service::ServiceRouteSpec;
-use super::relay::{DEGRADED_FOR, REVIEW_EVERY, Step, UNWANTED_FOR};
+use super::relay::{DEGRADED_FOR, REST_REVIEW_EVERY, REVIEW_EVERY, Step, UNWANTED_FOR};
 use super::route::{RouteState, RouteStatus};
 use crate::Throttle;
 use crate::backoff::Backoff;
@@ -152,7 +152,11 @@ impl ServiceRelay {
             state.log(&self.spec.name, self.spec.mark.is_some());
             self.state = state;
         }
-        let next = if moved >= BATCH { now } else { now + REVIEW_EVERY };
+        let next = match (moved >= BATCH, self.is_at_rest(now)) {
+            (true, _) => now,
+            (false, true) => now + REST_REVIEW_EVERY,
+            (false, false) => now + REVIEW_EVERY,
+        };
         let due = [
             self.offered.retry_at,
             self.called.retry_at,

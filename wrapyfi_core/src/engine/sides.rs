@@ -26,6 +26,8 @@ pub(super) struct Side {
     /// Names that its discovery has to look at, until it is told.
     meant: Option<NameFilter>,
     discovery: Option<Box<dyn Discovery>>,
+    /// What was told last, and what of it is there.
+    told: Vec<Discovered>,
     found: BTreeMap<Role, BTreeMap<String, Vec<Discovered>>>,
     away: Option<Away>,
     seen_since: Option<Instant>,
@@ -61,8 +63,10 @@ impl Sides {
         Self(names.map(|name| (name.to_owned(), side(name))).collect())
     }
 
-    pub(super) fn look(&mut self, now: Instant) {
-        self.0.values_mut().for_each(|side| side.look(now));
+    /// Looks; whether anything is other than before.
+    pub(super) fn look(&mut self, now: Instant) -> bool {
+        let looks = self.0.values_mut().map(|side| side.look(now));
+        looks.fold(false, |before, changed| before || changed)
     }
 
     pub(super) fn get(&self, name: &str) -> Option<&Side> {
@@ -93,6 +97,7 @@ impl Side {
             middleware,
             meant: None,
             discovery: None,
+            told: Vec::new(),
             found: BTreeMap::new(),
             away: Some(Away::Waiting("the first look at what exists".to_owned())),
             seen_since: None,
@@ -124,10 +129,11 @@ impl Side {
         self.found.get(&role).and_then(|names| names.get(name)).map_or(&[], Vec::as_slice)
     }
 
-    fn look(&mut self, now: Instant) {
-        let Some(middleware) = &self.middleware else { return };
+    /// Looks; whether anything is other than before.
+    fn look(&mut self, now: Instant) -> bool {
+        let Some(middleware) = &self.middleware else { return false };
         if matches!(self.away, Some(Away::Unable(_))) {
-            return;
+            return false;
         }
         let discovery = match &mut self.discovery {
             Some(discovery) => discovery,
@@ -151,27 +157,34 @@ impl Side {
             (Some(what), _) => self.lost(Away::Waiting(what)),
             (None, Err(error)) => self.lost(Away::Waiting(error.to_string())),
             (None, Ok(found)) => {
-                self.away = None;
+                let was_away = self.away.take().is_some();
                 self.seen_since.get_or_insert(now);
-                self.enter(found, now);
+                // Topics that show by their messages go without a change of what is told.
+                let same = self.told == found && found.iter().all(|one| one.traffic.is_none());
+                if !same {
+                    self.enter(&found, now);
+                    self.told = found;
+                }
+                was_away || !same
             }
         }
     }
 
     /// What was seen last stays: that it cannot be looked at does not mean that it is gone.
-    fn lost(&mut self, away: Away) {
-        self.away = Some(away);
+    fn lost(&mut self, away: Away) -> bool {
+        let before = self.away.replace(away);
         self.seen_since = None;
+        before != self.away
     }
 
-    fn enter(&mut self, all: Vec<Discovered>, now: Instant) {
+    fn enter(&mut self, all: &[Discovered], now: Instant) {
         self.found.clear();
         for one in all {
-            if !self.passes(&one, now) {
+            if !self.passes(one, now) {
                 continue;
             }
             let names = self.found.entry(one.role).or_default();
-            names.entry(one.name.clone()).or_default().push(one);
+            names.entry(one.name.clone()).or_default().push(one.clone());
         }
     }
 

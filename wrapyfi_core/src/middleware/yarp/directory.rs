@@ -49,6 +49,8 @@ struct Inner {
     names: BTreeMap<String, Entry>,
     /// Counts the ports that were entered.
     entered: u64,
+    /// Counts the changes of names.
+    changes: u64,
     watchers: BTreeMap<String, Vec<Weak<Notify>>>,
 }
 
@@ -56,6 +58,7 @@ impl Inner {
     /// Takes over the ports of a list, without multicast groups; whether names came or went. A port that
     /// is where it was is the one that it was.
     fn enter(&mut self, ports: Vec<Registration>) -> bool {
+        self.changes += 1;
         let mut before = std::mem::take(&mut self.names);
         let mut changed = false;
         for port in ports.into_iter().filter(|port| port.carrier != "mcast") {
@@ -107,6 +110,11 @@ impl Directory {
         self.inner().names.get(name).cloned()
     }
 
+    /// How often names have changed.
+    pub(super) fn changes(&self) -> u64 {
+        self.inner().changes
+    }
+
     /// All ports by name.
     pub(super) fn entries(&self) -> BTreeMap<String, Entry> {
         self.inner().names.clone()
@@ -148,6 +156,7 @@ impl Directory {
 
     fn apply(&self, event: NameEvent) {
         let mut inner = self.inner();
+        inner.changes += 1;
         let name = match event {
             NameEvent::Added(name) => {
                 inner.entered += 1;

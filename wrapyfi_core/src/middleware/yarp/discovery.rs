@@ -29,13 +29,27 @@ pub(super) struct YarpDiscovery {
     wanted: Option<NameFilter>,
     /// What it said of the ports there are.
     judged: BTreeMap<String, bool>,
+    /// What was known at the last look: of names, answers, types and ports of ours, by how often they
+    /// had changed.
+    known: Option<(bool, [u64; 4])>,
+    /// The ports that were asked then, and what was found.
+    ports: BTreeMap<String, Entry>,
+    found: Vec<Discovered>,
     /// What was told last is all that the name server and the ports say.
     complete: bool,
 }
 
 impl YarpDiscovery {
     pub(super) fn new(shared: &Arc<Shared>) -> Self {
-        Self { shared: Arc::clone(shared), wanted: None, judged: BTreeMap::new(), complete: false }
+        Self {
+            shared: Arc::clone(shared),
+            wanted: None,
+            judged: BTreeMap::new(),
+            known: None,
+            ports: BTreeMap::new(),
+            found: Vec::new(),
+            complete: false,
+        }
     }
 
     /// Leaves out ports that nobody wants to know of.
@@ -104,11 +118,19 @@ impl Discovery for YarpDiscovery {
     fn only(&mut self, wanted: NameFilter) {
         self.wanted = Some(wanted);
         self.judged.clear();
+        self.known = None;
     }
 
     fn endpoints(&mut self) -> Result<Vec<Discovered>, DiscoverError> {
         let shared = Arc::clone(&self.shared);
         let was_asked = shared.directory.was_asked();
+        // Before the look, so that no change is missed.
+        let now = (was_asked, shared.changes());
+        if self.known == Some(now) {
+            // Those that did not answer may have to be asked again.
+            survey::ask(&shared, &self.ports);
+            return Ok(self.found.clone());
+        }
         let (mut ports, own) = (shared.directory.entries(), shared.registrar.client());
         shared.survey.forget(|name| ports.contains_key(name));
         // The name server's own names are no endpoints.
@@ -131,7 +153,9 @@ impl Discovery for YarpDiscovery {
                 one.type_name = shared.types.of(port, entry.number, promised);
             }
         }
-        Ok(found.into_values().collect())
+        self.found = found.into_values().collect();
+        (self.known, self.ports) = (Some(now), ports);
+        Ok(self.found.clone())
     }
 
     fn waiting_for(&self) -> Option<String> {

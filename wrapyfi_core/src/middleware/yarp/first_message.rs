@@ -10,6 +10,7 @@
 //! whenever it comes, and nobody has to be asked again and again.
 
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -37,6 +38,8 @@ const EAR: &str = "/wrapyfi/types";
 #[derive(Debug)]
 pub(super) struct FirstMessages {
     ports: Mutex<BTreeMap<String, Heard>>,
+    /// Counts the types that were shown.
+    shown: AtomicU64,
     room: Semaphore,
     silent: Semaphore,
     /// The port that all send to, once there is something to listen to.
@@ -47,6 +50,7 @@ impl Default for FirstMessages {
     fn default() -> Self {
         Self {
             ports: Mutex::default(),
+            shown: AtomicU64::default(),
             room: Semaphore::new(AT_ONCE),
             silent: Semaphore::new(SILENT_AT_ONCE),
             ear: tokio::sync::Mutex::default(),
@@ -90,6 +94,11 @@ impl FirstMessages {
         self.ports.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// How many types were shown.
+    pub(super) fn shown(&self) -> u64 {
+        self.shown.load(Ordering::Acquire)
+    }
+
     /// The type that the first message of a port has shown.
     pub(super) fn told(&self, port: &str, number: u64) -> Option<&'static str> {
         match self.ports().get(port)? {
@@ -119,6 +128,7 @@ impl FirstMessages {
         }
         if let Some(told) = types::of_message(&received.payload, limits) {
             heard.state = State::Told(told);
+            self.shown.fetch_add(1, Ordering::Release);
             heard.bell.notify_one();
         }
     }

@@ -106,6 +106,13 @@ struct Shared {
 }
 
 impl Shared {
+    /// How often names, what ports have said, types, and ports of ours have changed: what is found is the
+    /// same while these are.
+    fn changes(&self) -> [u64; 4] {
+        let Self { directory, survey, types, own, .. } = self;
+        [directory.changes(), survey.changes(), types.heard.shown(), own.changes()]
+    }
+
     /// The name under which a port of ours is registered, as the environment wants it.
     fn own_name(&self, name: &str) -> String {
         let naming = self.environment.port_naming(name);

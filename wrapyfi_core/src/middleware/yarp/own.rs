@@ -6,22 +6,28 @@ use std::sync::{Mutex, PoisonError};
 
 /// Their names. A name belongs to one port of a network at a time.
 #[derive(Debug, Default)]
-pub(super) struct OwnPorts(Mutex<BTreeSet<String>>);
+pub(super) struct OwnPorts(Mutex<(BTreeSet<String>, u64)>);
 
 impl OwnPorts {
-    fn with<T>(&self, look: impl FnOnce(&mut BTreeSet<String>) -> T) -> T {
-        look(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
+    fn with<T>(&self, look: impl FnOnce(&mut BTreeSet<String>, &mut u64) -> T) -> T {
+        let (names, changes) = &mut *self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        look(names, changes)
     }
 
     pub(super) fn insert(&self, name: &str) {
-        self.with(|names| _ = names.insert(name.to_owned()));
+        self.with(|names, changes| *changes += u64::from(names.insert(name.to_owned())));
     }
 
     pub(super) fn remove(&self, name: &str) {
-        self.with(|names| _ = names.remove(name));
+        self.with(|names, changes| *changes += u64::from(names.remove(name)));
     }
 
     pub(super) fn contains(&self, name: &str) -> bool {
-        self.with(|names| names.contains(name))
+        self.with(|names, _| names.contains(name))
+    }
+
+    /// How often a port was opened or closed.
+    pub(super) fn changes(&self) -> u64 {
+        self.with(|_, changes| *changes)
     }
 }

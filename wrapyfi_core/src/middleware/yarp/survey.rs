@@ -9,6 +9,7 @@
 //! Whoever looks shares the answers; nothing is asked that nobody wants to know, and nothing in turns.
 
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -31,6 +32,8 @@ const LAST_AGAIN: Duration = Duration::from_secs(300);
 #[derive(Debug)]
 pub(super) struct Survey {
     answers: Mutex<BTreeMap<String, Answer>>,
+    /// Counts what was answered, or was not.
+    changes: AtomicU64,
     room: Arc<Semaphore>,
 }
 
@@ -52,7 +55,11 @@ enum State {
 
 impl Default for Survey {
     fn default() -> Self {
-        Self { answers: Mutex::default(), room: Arc::new(Semaphore::new(AT_ONCE)) }
+        Self {
+            answers: Mutex::default(),
+            changes: AtomicU64::default(),
+            room: Arc::new(Semaphore::new(AT_ONCE)),
+        }
     }
 }
 
@@ -75,6 +82,11 @@ impl Answer {
 impl Survey {
     fn answers(&self) -> MutexGuard<'_, BTreeMap<String, Answer>> {
         self.answers.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// How often an answer has come, or was given up.
+    pub(super) fn changes(&self) -> u64 {
+        self.changes.load(Ordering::Acquire)
     }
 
     /// What a port has said, if it has.
@@ -127,6 +139,7 @@ impl Survey {
                 State::Silent(now)
             }
         };
+        self.changes.fetch_add(1, Ordering::Release);
     }
 }
 
