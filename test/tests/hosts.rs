@@ -137,18 +137,18 @@ fn a_communicator_owns_the_broker_of_several_machines() -> Result {
         let by_options = robot.example("exchange", &said(&format!("--socket-ip {ip}")))?;
         ends_with(by_options, 1, &[&ip, "insecure=true"])?;
         let by_options = said(&format!("--socket-ip {ip} --insecure"));
-        is_heard(world, &laptop, robot.example("exchange", &by_options)?)?;
+        is_heard(world, &laptop, &robot.example("exchange", &by_options)?)?;
 
         let robot = robot.with("WRAPYFI_ZEROMQ_SOCKET_IP", &ip);
         let by_variables = robot.example("exchange", &said(""))?;
         ends_with(by_variables, 1, &[&ip, "WRAPYFI_ZEROMQ_INSECURE=1"])?;
         let robot = robot.with("WRAPYFI_ZEROMQ_INSECURE", "1");
-        is_heard(world, &laptop, robot.example("exchange", &said(""))?)
+        is_heard(world, &laptop, &robot.example("exchange", &said(""))?)
     })
 }
 
 /// Waits until Wrapyfi and `wrapyfi echo` hear `publisher` on a machine.
-fn is_heard(world: &World, host: &Host<'_>, publisher: Process) -> Result {
+fn is_heard(world: &World, host: &Host<'_>, publisher: &Process) -> Result {
     let topic = world.topic("x");
     let ours = echo(host, &format!("zeromq:{topic}"), "NativeObject")?;
     let args = format!("listen --topic {topic} --pub-port {} --count 3", world.pub_port());
