@@ -11,6 +11,7 @@ const CARRIERS: [&str; 4] = ["tcp", "fast_tcp", "text", "text_ack"];
 fn name_server(world: &World, robot: &Host<'_>) -> Result<Process> {
     let port = world.yarp_port().to_string();
     world.write("yarp.conf", format!("{} {port} yarp\n", robot.ip()))?;
+    world.write("ask.py", ASK)?;
     let args = ["yarpserver", "--ip", robot.ip(), "--port", &port, "--no-discovery", "--insecure"];
     let server = robot.wrapyfi(args)?;
     server.wait_until("the name server", |output| {
@@ -19,38 +20,81 @@ fn name_server(world: &World, robot: &Host<'_>) -> Result<Process> {
     Ok(server)
 }
 
-/// Lines in which a process says what it waits for.
-fn words(process: &Process) -> usize {
-    process.stderr().lines().filter(|line| line.contains("waiting for")).count()
-}
-
-/// Waits until a reader says again what it waits for.
-fn waits(echo: &Process, before: usize) -> Result {
-    echo.wait_until("a word about the dead link", |output| {
-        let said = output.err.iter().filter(|line| line.contains("waiting for")).count();
-        (said > before).then_some(())
-    })
-}
-
-/// Asks a port for its outputs, in turns, until it has none.
+/// Waits until a port says that it has a connection of a kind, and then until it has none.
 const ASK: &str = r#"
 import re, socket, sys, time
-host, server, name = sys.argv[1], int(sys.argv[2]), sys.argv[3]
-def ask(port, text):
-    with socket.create_connection((host, port)) as s:
+server, number, name, words = sys.argv[1], int(sys.argv[2]), sys.argv[3], " ".join(sys.argv[4:])
+def ask(address, text):
+    with socket.create_connection(address) as s:
         s.sendall(text)
         s.shutdown(socket.SHUT_WR)
         return s.makefile().read()
-number = int(re.search(r"port (\d+)", ask(server, b"NAME_SERVER query " + name.encode() + b"\n")).group(1))
-while "output connection" in ask(number, b"CONNECT ask\r\n*\r\nq\r\n"):
+def port():
+    while True:
+        told = ask((server, number), b"NAME_SERVER query " + name.encode() + b"\n")
+        found = re.search(r"ip (\S+) port (\d+)", told)
+        if found:
+            return found.group(1), int(found.group(2))
+        time.sleep(0.1)
+there = port()
+is_connected = lambda: words in ask(there, b"CONNECT ask\r\n*\r\nq\r\n")
+while not is_connected():
+    time.sleep(0.1)
+print("connected", flush=True)
+while is_connected():
     time.sleep(0.1)
 "#;
 
-/// Waits until a publisher has no reader left.
-fn has_no_reader(world: &World, robot: &Host<'_>, name: &str) -> Result {
-    let file = world.write("ask.py", ASK)?.display().to_string();
-    let args = format!("{file} {} {} {name}", robot.ip(), world.yarp_port());
-    robot.program("/usr/bin/python3", &args)?.exits_with(0)
+/// Asks a port on its own machine; returns when it has the connection.
+fn ask(world: &World, robot: &Host<'_>, at: &Host<'_>, port: &str, words: &str) -> Result<Process> {
+    let args = format!("ask.py {} {} {port} {words}", robot.ip(), world.yarp_port());
+    let asked = at.program("/usr/bin/python3", &args)?;
+    asked.wait_until(words, |output| {
+        output.out.iter().any(|line| line == "connected").then_some(())
+    })?;
+    Ok(asked)
+}
+
+/// A pair of ports between two machines, and those who ask them.
+struct Pair {
+    carrier: &'static str,
+    _publisher: Process,
+    echo: Process,
+    writer: Process,
+    reader: Process,
+}
+
+impl Pair {
+    /// Connects; `rate` is in messages a second.
+    fn new(
+        world: &World,
+        robot: &Host<'_>,
+        laptop: &Host<'_>,
+        carrier: &'static str,
+        rate: &str,
+    ) -> Result<Self> {
+        let (port, ear) = (format!("/{carrier}"), format!("/ear/{carrier}"));
+        let endpoint = format!("yarp:{port}");
+        let text = ["--type", "Text", "--value", "\"hello\"", "--rate", rate];
+        let publisher = robot.wrapyfi([&["pub", &endpoint], &text[..]].concat())?;
+        let (carried, named) = (format!("carrier={carrier}"), format!("port={ear}"));
+        let options = ["--option", &carried, "--option", &named];
+        let echo = ["echo", &endpoint, "--type", "Text", "--json"];
+        let echo = laptop.wrapyfi([&echo, &options[..]].concat())?;
+        let writer = ask(world, robot, robot, &port, &format!("output connection from {port} to"))?;
+        let words = format!("input connection from {port} to");
+        let reader = ask(world, robot, laptop, &ear, &words)?;
+        echo.objects(1)?;
+        Ok(Self { carrier, _publisher: publisher, echo, writer, reader })
+    }
+
+    /// Waits until both ends have noticed.
+    fn is_noticed(&mut self) -> Result {
+        let at = |end: &str| format!("{}, the {end}", self.carrier);
+        let (writer, reader) = (at("writer"), at("reader"));
+        self.writer.exits_with(0).map_err(|error| error.context(writer))?;
+        self.reader.exits_with(0).map_err(|error| error.context(reader))
+    }
 }
 
 #[test]
@@ -62,29 +106,19 @@ fn a_dead_link_is_noticed_at_both_ends_and_recovers() -> Result {
         let _server = name_server(world, &robot)?;
         let mut pairs = Vec::new();
         for carrier in CARRIERS {
-            let endpoint = format!("yarp:/{carrier}");
-            let publish =
-                ["pub", &endpoint, "--type", "NativeObject", "--value", "1", "--rate", "20"];
-            let option = format!("carrier={carrier}");
-            let echo = ["echo", &endpoint, "--type", "NativeObject", "--json", "--option", &option];
-            pairs.push((carrier, robot.wrapyfi(publish)?, laptop.wrapyfi(echo)?));
+            // So seldom that no queue fills before the link is given up.
+            pairs.push(Pair::new(world, &robot, &laptop, carrier, "1")?);
         }
-        for (carrier, _, echo) in &pairs {
-            echo.objects(3).map_err(|error| error.context(*carrier))?;
-        }
-        let before: Vec<usize> = pairs.iter().map(|(_, _, echo)| words(echo)).collect();
         // The writer's machine still has its link: only silence tells.
         laptop.plug(false)?;
-        for ((carrier, _, echo), before) in pairs.iter().zip(before) {
-            has_no_reader(world, &robot, &format!("/{carrier}"))
-                .map_err(|error| error.context(format!("{carrier}, the writer")))?;
-            waits(echo, before).map_err(|error| error.context(format!("{carrier}, the reader")))?;
+        for pair in &mut pairs {
+            pair.is_noticed()?;
         }
         let heard: Vec<usize> =
-            pairs.iter().map(|(_, _, echo)| echo.stdout().lines().count()).collect();
+            pairs.iter().map(|pair| pair.echo.stdout().lines().count()).collect();
         laptop.plug(true)?;
-        for ((carrier, _, echo), heard) in pairs.iter().zip(heard) {
-            echo.objects(heard + 3).map_err(|error| error.context(*carrier))?;
+        for (pair, heard) in pairs.iter().zip(heard) {
+            pair.echo.objects(heard + 3).map_err(|error| error.context(pair.carrier))?;
         }
         Ok(())
     })
@@ -98,14 +132,8 @@ fn an_idle_link_that_is_dead_is_noticed() -> Result {
         let laptop = laptop.with("WRAPYFI_YARP_INSECURE", "1");
         let _server = name_server(world, &robot)?;
         // One message, and silence.
-        let publish =
-            ["pub", "yarp:/x", "--type", "Text", "--value", "\"hello\"", "--rate", "0.001"];
-        let _publisher = robot.wrapyfi(publish)?;
-        let echo = laptop.wrapyfi(["echo", "yarp:/x", "--type", "Text", "--json"])?;
-        echo.objects(1)?;
-        let before = words(&echo);
+        let mut pair = Pair::new(world, &robot, &laptop, "fast_tcp", "0.001")?;
         laptop.plug(false)?;
-        has_no_reader(world, &robot, "/x")?;
-        waits(&echo, before)
+        pair.is_noticed()
     })
 }
