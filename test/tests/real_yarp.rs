@@ -41,6 +41,8 @@ at_each! {
     ours_asks_rpcserver;
     ports_of_tools_find_each_other;
     a_bridge_carries_what_tools_write_and_read;
+    a_control_board_is_commanded_and_asked;
+    ours_take_no_number_that_a_robot_is_given;
 }
 
 fn at(test: &str, names: Names, body: impl FnOnce(&World) -> Result) -> Result {
@@ -236,4 +238,60 @@ fn a_bridge_carries_what_tools_write_and_read(world: &World) -> Result {
     exists(world, &said)?;
     let read = world.yarp_tool("yarp", &["read", "...", &said])?;
     prints(&read, "down again")
+}
+
+/// A simulated head under YARP's own control board server.
+fn control_board(world: &World, head: &str) -> Result<Process> {
+    let device = ["--device", "deviceBundler", "--wrapper_device", "controlBoard_nws_yarp"];
+    let joints = ["--attached_device", "fakeMotionControl", "--period", "0.02", "--name", head];
+    let board = world.yarp_tool("yarpdev", &[&device[..], &joints[..]].concat())?;
+    exists(world, &format!("{head}/rpc:i"))?;
+    Ok(board)
+}
+
+fn a_control_board_is_commanded_and_asked(world: &World) -> Result {
+    let head = world.topic("head");
+    let _board = control_board(world, &head)?;
+    let bridge = world.executable("yarp_bridge", &[])?;
+    let ask = |endpoint: &str, args: &str| {
+        let kind = ["--type", "NativeObject", "--json", "--timeout", "60", "--args", args];
+        let mut call = world.wrapyfi([&["call", endpoint], &kind[..]].concat())?;
+        call.exits_with(0).map_err(|error| error.context(bridge.tail()))?;
+        Ok::<_, anyhow::Error>(call.objects(1)?.remove(0)["value"].clone())
+    };
+    for endpoint in [ros2(&format!("{head}/rpc/i")), yarp(&format!("{head}/rpc:i"))] {
+        // On ROS 2 the object is in a message.
+        let told = ask(&endpoint, r#"["get", "enc", 0]"#)?.to_string();
+        assert!(["[is]", "enc", "[ok]"].iter().all(|word| told.contains(word)), "{told}");
+        // This one has no help, and says so.
+        let told = ask(&endpoint, r#"["help"]"#)?.to_string();
+        assert!(told.contains("[nak]"), "{told}");
+    }
+    let (endpoint, input) = (ros2(&format!("{head}/command/i")), format!("{head}/command:i"));
+    let kind = ["--type", "std_msgs/msg/Float64MultiArray", "--value", r#"{"data": [1.0]}"#];
+    let _commands = world.wrapyfi([&["pub", &endpoint], &kind[..], &["--rate", "10"]].concat())?;
+    told(world, &["ping", &input], |said| said.contains(":out:")).map(drop)
+}
+
+/// YARP's server, started anew, gives the same numbers away again.
+fn ours_take_no_number_that_a_robot_is_given(world: &World) -> Result {
+    let port = world.topic("cam");
+    let _publisher = publisher(world, &port, "hello")?;
+    exists(world, &port)?;
+    let number = |name: &str| {
+        let said = told(world, &["name", "query", name], |said| said.contains(" port "))?;
+        let number = said.split(" port ").nth(1).and_then(|rest| rest.split(' ').next());
+        Ok::<_, anyhow::Error>(number.unwrap_or_default().parse::<u16>()?)
+    };
+    let ours = number(&port)?;
+    let given = world.topic("given");
+    told(world, &["name", "register", &given], |said| said.contains(" port "))?;
+    let base = world.yarp_port();
+    let near = |number: u16| {
+        let bases = [base, 10_000];
+        bases.iter().any(|base| (*base..base.saturating_add(100)).contains(&number))
+    };
+    assert!(near(number(&given)?), "the name server gives {} away", number(&given)?);
+    assert!(!near(ours), "ours listens on {ours}");
+    Ok(())
 }

@@ -137,12 +137,18 @@ impl Whole {
             }
             Self::Yarp => {
                 // What a name server does not tell.
-                let kind = ", type_if_unknown: NativeObject";
+                const UNKNOWN: &str = ", type_if_unknown: NativeObject";
+                // Robots take bottles, functions of Wrapyfi JSON.
+                const CALLS: &str = ", options: { bottle: auto }";
                 for is_service in [false, true] {
-                    add(into("yarp:/([^:]*)", "$1"), is_service, false, kind);
+                    let calls = if is_service { CALLS } else { "" };
+                    let kind = format!("{UNKNOWN}{calls}");
+                    add(into("yarp:/([^:]*)", "$1"), is_service, false, &kind);
                     // Names of ROS have no colon: /head/state:o is /head/state/o there.
-                    add(into("yarp:/([^:]*):([A-Za-z]\\w*)", "${1}/$2"), is_service, false, kind);
-                    add(back("yarp:/$1"), is_service, true, "");
+                    add(into("yarp:/([^:]*):([A-Za-z]\\w*)", "${1}/$2"), is_service, false, &kind);
+                    // An input port whose name is meant is written to: /head/command/i to
+                    // /head/command:i.
+                    add(back("yarp:/$1"), is_service, true, calls);
                 }
             }
             Self::ZeroMq => {

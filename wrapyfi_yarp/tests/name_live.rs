@@ -209,6 +209,8 @@ async fn ports_come_back_when_the_name_server_does() {
     tokio::time::timeout(PATIENCE, told).await.unwrap().unwrap();
     kept.unregister().await.unwrap();
     assert_eq!(client.query("/kept").await.unwrap().unwrap().port, 9);
+    // Whoever opens it anew is not told of that.
+    assert!(status.borrow().taken.is_empty());
 
     // Dropping unregisters.
     drop(other);
@@ -218,6 +220,66 @@ async fn ports_come_back_when_the_name_server_does() {
 
 fn network(client: NameClient) -> Network {
     Network::builder().names(client).build()
+}
+
+#[tokio::test]
+async fn ports_take_no_number_that_the_name_server_gives_away() {
+    let server = server().await;
+    let client = server.client();
+    let first = client.register(&named("/first")).await.unwrap().port;
+    let network = network(client.clone());
+    let output = network.open_output("/cam", &OutputOptions::default()).await.unwrap();
+    let registered = client.query("/cam").await.unwrap().unwrap();
+    assert_eq!(registered.port, output.address().port());
+    assert_eq!(client.register(&named("/second")).await.unwrap().port, first + 1);
+    assert_ne!(registered.port, first + 1);
+    output.close().await;
+    server.stop().await;
+}
+
+/// A port that is opened again while the name server is away has another number: that is the one to
+/// register.
+#[tokio::test]
+async fn a_port_that_was_opened_again_meanwhile_is_not_held_to_be_taken() {
+    let server = server().await;
+    let port = server.address().port();
+    let options = RegistrarOptions {
+        retry_from: Duration::from_millis(5),
+        check_every: Duration::from_millis(20),
+    };
+    let registrar = Registrar::start(server.client(), options);
+    let mut ports = Vec::new();
+    for at in 0..40 {
+        ports.push(registrar.register(&named(&format!("/many/{at}"))).await.unwrap());
+    }
+    let mut status = registrar.status();
+    status.wait_for(|status| status.connected).await.unwrap();
+    server.stop().await;
+    let server = server_on(port).await;
+    // All of them are opened anew, at other numbers, while the registrar brings the old ones back.
+    let mut now = Vec::new();
+    for (at, old) in ports.into_iter().enumerate() {
+        let number = 40_000 + u16::try_from(at).unwrap();
+        let request = NameRequest {
+            host: Some("127.0.0.1".into()),
+            port: Some(number),
+            ..named(&format!("/many/{at}"))
+        };
+        std::mem::forget(old);
+        now.push(registrar.register(&request).await.unwrap());
+    }
+    let settled = status.wait_for(|status| status.connected);
+    tokio::time::timeout(PATIENCE, settled).await.unwrap().unwrap();
+    let client = server.client();
+    for (at, kept) in now.iter().enumerate() {
+        until("the new number", async || {
+            let found = client.query(&format!("/many/{at}")).await.unwrap();
+            found.as_ref() == Some(kept.registration())
+        })
+        .await;
+    }
+    assert_eq!(status.borrow().taken, Vec::<String>::new());
+    server.stop().await;
 }
 
 #[tokio::test]

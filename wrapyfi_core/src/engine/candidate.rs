@@ -14,6 +14,8 @@ const YIELD_SPREAD_MS: u64 = 2000;
 pub(super) struct Candidate {
     pub(super) from: EndpointAddress,
     pub(super) to: EndpointAddress,
+    /// Where it has to go instead.
+    pub(super) moves_to: Option<EndpointAddress>,
     pub(super) state: State,
     first_seen: Option<Instant>,
     last_seen: Option<Instant>,
@@ -48,6 +50,7 @@ impl Candidate {
         Self {
             from,
             to,
+            moves_to: None,
             state: State::New,
             first_seen: seen,
             last_seen: seen,

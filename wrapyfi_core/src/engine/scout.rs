@@ -22,7 +22,7 @@ use super::plan::{Plan, RouteSpec};
 use super::plan_pattern::{Carried, PatternSpec, Source};
 use super::plan_service::ServiceRouteSpec;
 use super::route::{PatternCounts, RouteState, RouteStatus};
-use super::sides::{Away, Sides};
+use super::sides::{Away, Side, Sides};
 use crate::endpoint::{BridgeMark, Counters, CountersSnapshot, EndpointAddress, Registry, Role};
 
 /// How often it looks.
@@ -215,6 +215,7 @@ impl Scout {
                 }
             };
             let Some(to) = to else { continue };
+            let to = self.apart(index, side, name, to);
             let from = EndpointAddress { middleware: middleware.clone(), name: name.clone() };
             if self.is_left_out(spec, &from, &to) {
                 continue;
@@ -242,9 +243,11 @@ impl Scout {
         }
         for (key, from, to) in found {
             let candidate = self.candidates.entry(key);
-            let candidate = candidate.or_insert_with(|| Candidate::new(from, to, Some(now)));
+            let new = || Candidate::new(from, to.clone(), Some(now));
+            let candidate = candidate.or_insert_with(new);
             candidate.seen(now);
             candidate.is_ahead = false;
+            candidate.moves_to = (candidate.to != to).then_some(to);
         }
         for (key, from, to) in ahead {
             let candidate = self.candidates.entry(key);
@@ -262,6 +265,34 @@ impl Scout {
                  max_routes, or narrow it with allow and deny"
             );
         }
+    }
+
+    /// Where the source called `name` goes, which alone would go to `to`. Names of YARP may differ by a
+    /// colon, which no name of ROS has: where `/a/b:o` and `/a/b/o` would become one, that with the colon
+    /// is `/a/b/o_`.
+    fn apart(
+        &self,
+        index: usize,
+        side: &Side,
+        name: &str,
+        mut to: EndpointAddress,
+    ) -> EndpointAddress {
+        let (Some((before, last)), Some(pattern)) =
+            (name.rsplit_once(':'), self.patterns.get(index))
+        else {
+            return to;
+        };
+        let (spec, plain) = (&pattern.spec, format!("{before}/{last}"));
+        let others = self.patterns.iter().map(|other| &other.spec);
+        let mut others = others.filter(|other| {
+            other.role() == spec.role() && other.source_middleware() == spec.source_middleware()
+        });
+        if !side.endpoints(spec.role(), &plain).is_empty()
+            && others.any(|other| other.target(&plain).as_ref() == Some(&to))
+        {
+            to.name.push('_');
+        }
+        to
     }
 
     /// Sources that nobody publishes yet, and that listeners at the destination wait for: theirs has no
@@ -304,6 +335,17 @@ impl Scout {
             return (None, None);
         };
         let name = candidate.name(spec.role());
+        if let Some(to) = candidate.moves_to.take() {
+            let state = std::mem::replace(&mut candidate.state, State::New);
+            candidate.to = to;
+            if let State::Runs(id) = state {
+                if let Some(pattern) = self.patterns.get_mut(key.0) {
+                    pattern.ended += 1;
+                }
+                let why = format!("it goes to {} now: another source has its name", candidate.to);
+                return (Some(candidate), Some(Change::End { id, why }));
+            }
+        }
         if let Some(away) = self.away(&spec) {
             // Nothing is gone because it cannot be seen.
             candidate.seen(now);

@@ -191,6 +191,32 @@ fn two_sources_of_one_name_get_one_route() {
     assert_eq!(bench.counts().routes, 1);
 }
 
+/// Names of YARP become names of ROS by a slash for their colon.
+#[test]
+fn names_that_differ_by_a_colon_get_a_route_each_whichever_comes_first() {
+    let routes = ["from: 'a:/([^:]*)', to: 'b:/$1'", "from: 'a:/([^:]*):(o|i)', to: 'b:/${1}/$2'"];
+    let wanted = ["a:/x/y/o -> b:/x/y/o", "a:/x/y:o -> b:/x/y/o_"];
+    for colon_first in [true, false] {
+        let mut bench = Bench::new(&routes);
+        let (first, second) = if colon_first { ("/x/y:o", "/x/y/o") } else { ("/x/y/o", "/x/y:o") };
+        let _first = publisher(&bench.a, first, MessageType::NativeObject);
+        bench.run(3 * SECOND);
+        // Alone it needs no other name.
+        let mut names = bench.names();
+        assert!(names.len() == 1 && names[0].ends_with("-> b:/x/y/o"), "{names:?}");
+        let _second = publisher(&bench.a, second, MessageType::NativeObject);
+        bench.run(5 * SECOND);
+        names = bench.names();
+        names.sort();
+        assert_eq!(names, wanted);
+        for name in wanted {
+            let (_, to) = name.split_once("-> ").unwrap();
+            let waits = format!("waiting for a listener on {to}");
+            assert_eq!(bench.state(name), Some(waits), "{colon_first}");
+        }
+    }
+}
+
 #[test]
 fn a_route_ends_a_while_after_its_source_and_counts_on_when_that_comes_back() {
     let mut bench = Bench::new(&["from: 'a:/(.*)', to: 'b:/$1', lazy: false"]);

@@ -233,7 +233,16 @@ impl Shared {
     }
 
     fn forget(&self, name: &str) -> Option<Wanted> {
-        self.names().remove(name)
+        let forgotten = self.names().remove(name);
+        if forgotten.as_ref().is_some_and(|wanted| wanted.taken) {
+            self.status.send_modify(|status| status.taken.retain(|known| known != name));
+        }
+        forgotten
+    }
+
+    /// What is wanted of a name now; none when it was unregistered.
+    fn wanted(&self, name: &str) -> Option<Wanted> {
+        self.names().get(name).cloned()
     }
 
     fn change(&self, name: &str, how: impl FnOnce(&mut Wanted)) {
@@ -261,15 +270,23 @@ impl Shared {
     }
 
     /// Makes sure that one port is registered where it is.
-    async fn renew(&self, wanted: &Wanted) -> Result<(), NameError> {
-        let Registration { name, host, port, carrier } = &wanted.at;
+    async fn renew(&self, name: &str) -> Result<(), NameError> {
         if let Some(other) = self.client.query(name).await? {
-            self.compare(wanted, &other);
+            self.compare(&other);
             return Ok(());
         }
-        if !self.names().contains_key(name) {
-            return Ok(()); // unregistered meanwhile
+        // As it is now: a port that was opened again meanwhile has another number.
+        while let Some(wanted) = self.wanted(name) {
+            self.register(&wanted).await?;
+            if self.wanted(name).is_none_or(|now| now.at == wanted.at) {
+                break;
+            }
         }
+        Ok(())
+    }
+
+    async fn register(&self, wanted: &Wanted) -> Result<(), NameError> {
+        let Registration { name, host, port, carrier } = &wanted.at;
         let request = NameRequest {
             name: name.clone(),
             carrier: Some(carrier.clone()),
@@ -290,15 +307,19 @@ impl Shared {
     }
 
     /// What it means that a name is registered, perhaps by somebody else.
-    fn compare(&self, wanted: &Wanted, found: &Registration) {
-        let name = &wanted.at.name;
-        let taken = (&found.host, found.port) != (&wanted.at.host, wanted.at.port);
-        if taken == wanted.taken {
-            return;
-        }
-        if let Some(wanted) = self.names().get_mut(name) {
+    fn compare(&self, found: &Registration) {
+        let name = &found.name;
+        let taken = {
+            let mut names = self.names();
+            // Unregistered meanwhile.
+            let Some(wanted) = names.get_mut(name) else { return };
+            let taken = (&found.host, found.port) != (&wanted.at.host, wanted.at.port);
+            if taken == wanted.taken {
+                return;
+            }
             wanted.taken = taken;
-        }
+            taken
+        };
         if taken {
             tracing::warn!(
                 target: "wrapyfi_yarp::name",
@@ -324,14 +345,14 @@ async fn watch_over(shared: Arc<Shared>) {
             shared.wake.notified().await;
             continue;
         }
-        let names: Vec<Wanted> = shared.names().values().cloned().collect();
+        let names: Vec<String> = shared.names().keys().cloned().collect();
         let line = shared.client.line();
         let opened = line.in_time(line.greet(Carrier::TextAck, "anon_registrar")).await;
         let ended: Box<dyn std::fmt::Display + Send> = match opened {
             Ok(connection) => {
                 let mut renewed = Ok(());
-                for wanted in &names {
-                    renewed = shared.renew(wanted).await;
+                for name in &names {
+                    renewed = shared.renew(name).await;
                     if renewed.is_err() {
                         break;
                     }
@@ -381,9 +402,9 @@ async fn stay(
         match line.in_time(asked).await {
             Err(error) => return Some(error),
             Ok(answer) => match answer.first().and_then(|line| reply::registration(line)) {
-                Some(found) => shared.compare(&wanted, &found),
+                Some(found) => shared.compare(&found),
                 None => {
-                    if let Err(error) = shared.renew(&wanted).await {
+                    if let Err(error) = shared.renew(&name).await {
                         tracing::warn!(target: "wrapyfi_yarp::name", %error, name, "not registered");
                         shared
                             .status

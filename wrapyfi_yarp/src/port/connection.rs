@@ -14,7 +14,7 @@ use super::session::{Answer, Data, Event, Session, SessionError};
 use super::target::Way;
 use crate::Bottle;
 use crate::wire::http::{self, Request};
-use crate::wire::{Carrier, Command, Fault, Opening, mjpeg};
+use crate::wire::{Body, Carrier, Command, Fault, Opening, mjpeg};
 
 /// An entry in the list of inputs, while this lives.
 pub(super) struct Entered {
@@ -64,6 +64,7 @@ impl Entered {
         self.messages.fetch_add(1, Ordering::Relaxed);
         let core = &self.core;
         let Data { body, envelope, reply } = data;
+        let is_text = matches!(body, Body::Text(_));
         let payload = match Payload::received(body, core.network.dialect(), core.network.limits()) {
             Ok(payload) => payload,
             Err(fault) => {
@@ -71,13 +72,13 @@ impl Entered {
                 return Answer::Nothing;
             }
         };
-        self.hand(self.received(payload, envelope), reply).await
+        self.hand(self.received(payload, envelope, is_text), reply).await
     }
 
     /// Hands over what came without a session, and waits for room.
     pub(super) async fn put(&self, payload: Payload, envelope: Option<bytes::Bytes>) {
         self.messages.fetch_add(1, Ordering::Relaxed);
-        self.hand(self.received(payload, envelope), false).await;
+        self.hand(self.received(payload, envelope, false), false).await;
     }
 
     async fn hand(&self, received: Received, reply: bool) -> Answer {
@@ -122,7 +123,7 @@ impl Entered {
     /// Hands data over when there is room now; datagrams cannot be held back.
     pub(super) async fn offer(&self, payload: Payload, envelope: Option<bytes::Bytes>) {
         self.messages.fetch_add(1, Ordering::Relaxed);
-        let received = self.received(payload, envelope);
+        let received = self.received(payload, envelope, false);
         match &self.core.sink {
             Sink::Handler(handler) => drop(handler(received, false).await),
             Sink::Nobody => self.core.leave_unread(),
@@ -134,11 +135,17 @@ impl Entered {
         }
     }
 
-    fn received(&self, payload: Payload, envelope: Option<bytes::Bytes>) -> Received {
+    fn received(
+        &self,
+        payload: Payload,
+        envelope: Option<bytes::Bytes>,
+        is_text: bool,
+    ) -> Received {
         Received {
             payload,
             envelope,
             from: Arc::clone(&self.name),
+            is_text,
             dialect: self.core.network.dialect(),
             limits: Arc::clone(&self.core.limits),
         }

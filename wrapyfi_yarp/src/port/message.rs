@@ -103,6 +103,8 @@ pub struct Received {
     pub envelope: Option<Bytes>,
     /// The name of the sender, as it said.
     pub from: Arc<str>,
+    /// Whether it came as text: its bytes are of the network's dialect, whatever the sender speaks.
+    pub is_text: bool,
     /// Encoding of bottles.
     pub(super) dialect: Dialect,
     pub(super) limits: Arc<Limits>,

@@ -1,7 +1,7 @@
 //! Opening of a port: its name, its socket, and who is told.
 //!
 //! ```text
-//!   register ─▶ number ─▶ listen ─▶ set offers, accepts, ips, process ─▶ announce
+//!   listen ─▶ number ─▶ register ─▶ set offers, accepts, ips, process ─▶ announce
 //! ```
 
 use std::io;
@@ -9,7 +9,7 @@ use std::net::{IpAddr, SocketAddr};
 
 use tokio::net::TcpListener;
 
-use super::names::{NameRequest, NamesError};
+use super::names::{NameRequest, NamesError, Registration};
 use super::network::Network;
 use crate::name::environment::{EnvironmentError, PortNaming};
 use crate::wire::Carrier;
@@ -17,7 +17,7 @@ use crate::wire::Carrier;
 /// Where a port listens, and who is told.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct PortOptions {
-    /// Listen here, instead of where the name server says.
+    /// Listen here, instead of at any free number.
     pub address: Option<SocketAddr>,
     /// Register the name.
     pub register: bool,
@@ -122,58 +122,36 @@ pub(super) async fn open(
         Some(host) => Some(host.clone()),
         None => shared.environment.own_ip(None)?.map(|ip| ip.to_string()),
     };
-    let mut request = NameRequest {
-        name: name.to_owned(),
-        host,
-        port: naming.port,
-        type_name: options.type_name.clone(),
-        ..NameRequest::default()
-    };
-    let register = async |request: &NameRequest| {
-        let registered = shared.names.register(request).await;
-        registered.map_err(|error| OpenError::Register { name: request.name.clone(), error })
-    };
-    let mut contact = None;
-    let listener = if let Some(address) = options.address {
-        listen(name, address).await?
-    } else if options.register {
-        let registered = register(&request).await?;
-        request.name.clone_from(&registered.name);
-        let address = SocketAddr::new(shared.listen, registered.port);
-        match (registered.port, listen(&registered.name, address).await) {
-            (1.., Ok(listener)) => {
-                contact = Some(registered.host);
-                listener
-            }
-            // Another program has this number, or none was chosen: any, and register that.
-            (0, first) => first?,
-            (_, Err(OpenError::Listen { error, .. }))
-                if error.kind() == io::ErrorKind::AddrInUse && naming.port.is_none() =>
-            {
-                listen(&registered.name, SocketAddr::new(shared.listen, 0)).await?
-            }
-            (_, Err(error)) => return Err(error),
-        }
-    } else {
-        listen(name, SocketAddr::new(shared.listen, 0)).await?
-    };
+    // Any free number, and that is registered: those that a name server gives away are given away again
+    // when it is started anew, and a program that is told one where we listen does not start.
+    let any = || SocketAddr::new(shared.listen, naming.port.unwrap_or(0));
+    let wanted = options.address.unwrap_or_else(any);
+    let listener = listen(name, wanted).await?;
     let address = listener.local_addr().map_err(|error| OpenError::Listen {
-        name: request.name.clone(),
-        address: SocketAddr::new(shared.listen, 0),
+        name: name.to_owned(),
+        address: wanted,
         error,
     })?;
-    if options.register && contact.is_none() {
-        request.port = Some(address.port());
-        if !address.ip().is_unspecified() && request.host.is_none() {
-            request.host = Some(address.ip().to_string());
-        }
-        let registered = register(&request).await?;
-        request.name = registered.name;
-        contact = Some(registered.host);
+    let mut registered = None;
+    if options.register {
+        let own_host = (!address.ip().is_unspecified()).then(|| address.ip().to_string());
+        let request = NameRequest {
+            name: name.to_owned(),
+            host: host.or(own_host),
+            port: Some(address.port()),
+            type_name: options.type_name.clone(),
+            ..NameRequest::default()
+        };
+        let answer = shared.names.register(&request).await;
+        let failed = |error| OpenError::Register { name: name.to_owned(), error };
+        registered = Some(answer.map_err(failed)?);
     }
-    let host = contact.unwrap_or_else(|| address.ip().to_string());
+    let (name, host) = match registered {
+        Some(Registration { name, host, .. }) => (name, host),
+        None => (name.to_owned(), address.ip().to_string()),
+    };
     let contact = format!("{host}:{}", address.port());
-    Ok(Opened { name: request.name, listener, address, contact })
+    Ok(Opened { name, listener, address, contact })
 }
 
 async fn listen(name: &str, address: SocketAddr) -> Result<TcpListener, OpenError> {

@@ -14,7 +14,7 @@ use wrapyfi_core::Limits;
 use wrapyfi_core::codec::{self, json};
 use wrapyfi_core::endpoint::{CallError, Context, Request, ServeError, Server, ServiceSpec};
 use wrapyfi_core::endpoint::{EndpointAddress, TopicSpec};
-use wrapyfi_core::middleware::ros1;
+use wrapyfi_core::middleware::{ros1, yarp};
 use wrapyfi_core::types::{Map, Payload, ServiceKind, Stamp, Value};
 
 use crate::canonical::canonical;
@@ -45,7 +45,11 @@ pub(super) fn call(args: &CallArgs, shutdown: &Shutdown) -> Result<(), Failure> 
             kwargs: keywords("--kwargs", args.kwargs.as_deref())?,
         },
     };
-    let options = args.options.map();
+    let mut options = args.options.map();
+    if args.endpoint.middleware == yarp::NAME && options.get("bottle").is_none() {
+        // A robot's port reads bottles, a function of Wrapyfi JSON; the name server tells them apart.
+        options.insert("bottle", "auto");
+    }
     let spec = ServiceSpec { options, ..ServiceSpec::new(&args.endpoint.name, kind) };
     let context = Context::default();
     let middlewares = Middlewares::for_service(&args.endpoint, Role::Client, &args.ports)?;

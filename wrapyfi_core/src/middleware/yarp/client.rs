@@ -7,7 +7,8 @@
 //!
 //! YARP's replies have no number, so a connection carries one call at a time, and several calls have
 //! several connections. One more has a port with a name, as Wrapyfi's client is; it carries no calls
-//! and tells when the server goes. A connection whose call took too long is kept for its late reply for a
+//! and tells when the server goes. Under `bottle: auto` it also finds out, before the first call, whether a
+//! function of Wrapyfi answers there ([`super::form`]). A connection whose call took too long is kept for its late reply for a
 //! while, so that this is counted and taken for no other.
 
 use std::collections::VecDeque;
@@ -21,12 +22,14 @@ use wrapyfi_yarp::Dialect;
 use wrapyfi_yarp::port::{CallError as PortCallError, LinkError, PortOptions, RpcClient};
 
 use super::Shared;
+use super::form::{self, FoundForm};
 use super::opening::{numbered, until_open};
 use super::options::YarpOptions;
 use super::payload;
 use super::retry::Retry;
 use super::standing::Standing;
 use super::tasks::{Stop, Stopped};
+use crate::codec::EncodeError;
 use crate::codec::requests::reform;
 use crate::endpoint::book::Book;
 use crate::endpoint::calls::{Stage, ends};
@@ -40,8 +43,14 @@ const LATE: Duration = Duration::from_secs(30);
 
 /// A request until it is sent.
 struct Outgoing {
-    body: Bytes,
+    body: Body,
     deadline: Instant,
+}
+
+enum Body {
+    Written(Bytes),
+    /// Nobody knows yet how the server reads.
+    Unwritten(Request),
 }
 
 /// Calls one service.
@@ -61,12 +70,16 @@ enum Outcome {
     Silence,
     /// The connection failed after the request went out.
     Lost(String),
+    /// The request has no form that the server reads.
+    Unwritable(EncodeError),
 }
 
 /// What the client shares with its tasks.
 struct Desk {
+    spec: ServiceSpec,
     service: String,
     options: YarpOptions,
+    form: FoundForm,
     dialect: Dialect,
     standing: Standing,
     outcomes: Mutex<VecDeque<(i64, Outcome, Instant)>>,
@@ -124,10 +137,20 @@ impl Desk {
         }
     }
 
+    /// The options, with the form that the server reads.
+    fn options(&self) -> &YarpOptions {
+        self.form.options(&self.options)
+    }
+
+    fn write(&self, request: &Request) -> Result<Bytes, EncodeError> {
+        payload::encode_request(request, &self.spec, self.options(), self.dialect)
+    }
+
     /// Makes one call. Until the request is out, a server that is lost is waited for; `None` when
     /// its time was over before.
-    async fn call(&self, shared: &Shared, body: &Bytes, deadline: Instant) -> Option<Outcome> {
+    async fn call(&self, shared: &Shared, body: &Body, deadline: Instant) -> Option<Outcome> {
         let mut up = self.up.subscribe();
+        let mut written = None;
         let left = || deadline.saturating_duration_since(Instant::now());
         loop {
             let time = tokio::time::timeout(left(), up.wait_for(Option::is_some)).await;
@@ -138,6 +161,16 @@ impl Desk {
                     self.idle().push((time, client));
                     return None;
                 }
+                let body = match body {
+                    Body::Written(body) => body,
+                    Body::Unwritten(request) => match self.write(request) {
+                        Ok(body) => written.insert(body),
+                        Err(fault) => {
+                            self.idle().push((time, client));
+                            return Some(Outcome::Unwritable(fault));
+                        }
+                    },
+                };
                 match client.call_bytes(body, left() + LATE).await {
                     Ok(reply) => {
                         self.idle().push((time, client));
@@ -195,8 +228,10 @@ async fn stay_connected(shared: &Shared, desk: &Desk, port: &RpcClient) {
     let bell = shared.directory.watch(&desk.service);
     let (mut retry, mut time) = (Retry::default(), 0);
     let mut changes = port.connected();
+    let mut has_just_come = false;
     loop {
         if !shared.directory.knows(&desk.service) {
+            has_just_come = true;
             let away = shared.directory.waiting_for();
             let nobody = || format!("port {}, which no program has opened", desk.service);
             desk.standing.waiting(away.unwrap_or_else(nobody));
@@ -210,6 +245,10 @@ async fn stay_connected(shared: &Shared, desk: &Desk, port: &RpcClient) {
             tokio::select! { () = bell.notified() => {}, () = retry.wait() => {} }
             continue;
         }
+        if desk.options.finds_form {
+            desk.form.set(form::of_server(shared, &desk.service, has_just_come).await);
+        }
+        has_just_come = false;
         retry.reset();
         time += 1;
         desk.up.send_replace(Some(time));
@@ -250,7 +289,9 @@ impl YarpClient {
         }
         let waiting = format!("port {} to answer", spec.service);
         let desk = Arc::new(Desk {
+            spec: spec.clone(),
             service: spec.service.clone(),
+            form: FoundForm::new(&options),
             dialect: shared.network(&options).dialect(),
             options,
             standing: Standing::new(context.wake.clone(), waiting),
@@ -304,6 +345,9 @@ impl YarpClient {
                 let reason = "its port took the request and does not answer requests".to_owned();
                 return self.book.failed(number, CallError::Transport { service, reason });
             }
+            Outcome::Unwritable(fault) => {
+                return self.book.failed(number, CallError::Request { service, fault });
+            }
             Outcome::Lost(why) => {
                 let reason = format!("{why}; it may have been carried out, or not");
                 return self.book.failed(number, CallError::Transport { service, reason });
@@ -312,7 +356,7 @@ impl YarpClient {
         let (spec, desk) = (&self.spec, &self.desk);
         self.book.answered(number, body.len(), at, || {
             let now = Stamp::now();
-            match payload::decode_reply(&body, spec, &desk.options, desk.dialect, now) {
+            match payload::decode_reply(&body, spec, desk.options(), desk.dialect, now) {
                 // Servers send pixels; a service of files gives files.
                 Ok(Ok(Payload::Image(image))) => match reform(image, spec) {
                     Ok(image) => Ok(image.into()),
@@ -338,10 +382,15 @@ async fn make(shared: Arc<Shared>, desk: Arc<Desk>, number: i64, outgoing: Outgo
 
 impl Client for YarpClient {
     fn send(&mut self, request: &Request, timeout: Duration) -> Result<Ticket, CallError> {
-        let Desk { options, dialect, .. } = &*self.desk;
-        let body = payload::encode_request(request, &self.spec, options, *dialect);
-        let service = || self.spec.service.clone();
-        let body = body.map_err(|fault| CallError::Request { service: service(), fault })?;
+        let body = if self.desk.options.finds_form {
+            Body::Unwritten(request.clone())
+        } else {
+            let service = || self.spec.service.clone();
+            let written = self.desk.write(request);
+            Body::Written(
+                written.map_err(|fault| CallError::Request { service: service(), fault })?,
+            )
+        };
         let deadline = ends(Instant::now(), timeout);
         let ticket = self.book.begin(Outgoing { body, deadline }, timeout)?;
         self.turn();

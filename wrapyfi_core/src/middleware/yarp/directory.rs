@@ -20,6 +20,9 @@ use wrapyfi_yarp::port::names::Registration;
 
 use super::retry::Retry;
 
+/// How long the first answer of the name server is waited for.
+const FIRST_ANSWER: Duration = Duration::from_secs(1);
+
 /// A registered port.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Entry {
@@ -136,13 +139,28 @@ impl Directory {
         Some(format!("name server {}{why}: {remedy}", self.server))
     }
 
+    /// Waits until the name server was asked, for a second at most.
+    pub(super) async fn was_asked_in_time(&self) {
+        let deadline = tokio::time::Instant::now() + FIRST_ANSWER;
+        while !self.was_asked() && tokio::time::Instant::now() < deadline {
+            tokio::time::sleep(FIRST_ANSWER / 50).await;
+        }
+    }
+
     /// A bell that rings when this name comes or goes, and when the name server does.
     pub(super) fn watch(&self, name: &str) -> Arc<Notify> {
+        self.watch_any(&[name])
+    }
+
+    /// As [`Directory::watch`], for any of these names.
+    pub(super) fn watch_any(&self, names: &[impl AsRef<str>]) -> Arc<Notify> {
         let bell = Arc::new(Notify::new());
         let mut inner = self.inner();
-        let watchers = inner.watchers.entry(name.to_owned()).or_default();
-        watchers.retain(|watcher| watcher.strong_count() > 0);
-        watchers.push(Arc::downgrade(&bell));
+        for name in names {
+            let watchers = inner.watchers.entry(name.as_ref().to_owned()).or_default();
+            watchers.retain(|watcher| watcher.strong_count() > 0);
+            watchers.push(Arc::downgrade(&bell));
+        }
         bell
     }
 

@@ -20,7 +20,7 @@ use std::sync::Arc;
 use wrapyfi_yarp::port::{Inspection, Modes};
 
 use super::directory::Entry;
-use super::{Shared, survey};
+use super::{Shared, input, survey};
 use crate::endpoint::{DiscoverError, Discovered, Discovery, NameFilter, Role};
 
 /// Looks at one name server.
@@ -79,8 +79,6 @@ fn topic_of(name: &str) -> (&str, bool) {
     }
 }
 
-/// Last parts of names that ports have which only receive; `quit` ends YARP's modules.
-const INPUTS: [&str; 4] = ["i", "in", "input", "quit"];
 
 /// What a port is, by what it says and by its name: of what, and in which role.
 fn role<'n>(name: &'n str, told: Option<&Inspection>) -> (&'n str, Role) {
@@ -97,8 +95,7 @@ fn role<'n>(name: &'n str, told: Option<&Inspection>) -> (&'n str, Role) {
     let by_custom = match last.split_once(':') {
         _ if last.starts_with("rpc") => Role::Server,
         Some((_, "rpc")) => Role::Server,
-        Some((_, "i")) => Role::Listener,
-        None if INPUTS.contains(&last) => Role::Listener,
+        _ if input::is_input(name) || last == "quit" => Role::Listener,
         _ => Role::Publisher,
     };
     let role = match modes {
@@ -182,7 +179,8 @@ mod tests {
         for (port, name, wanted) in [
             ("/cam", "/cam", Role::Publisher),
             ("/cam:in417", "/cam", Role::Listener),
-            ("/cam:in", "/cam:in", Role::Publisher),
+            ("/cam:in", "/cam:in", Role::Listener),
+            ("/robot/in", "/robot/in", Role::Listener),
             ("/icub/head/state:o", "/icub/head/state:o", Role::Publisher),
             ("/icub/head/command:i", "/icub/head/command:i", Role::Listener),
             ("/icub/head/rpc:i", "/icub/head/rpc:i", Role::Server),

@@ -19,6 +19,9 @@
 //! | `types`, `first_message` | what ports send |
 //! | `board` | what a control board tells of its joints |
 //! | `opening`, `tie`, `retry` | ports that open, connections that stay, whatever ends meanwhile |
+//! | `input` | input ports of other programs, and the names that mean them |
+//! | `form` | functions of Wrapyfi, told from the rpc ports of robots |
+//! | `manner` | how a request was written, and so its answer |
 //! | `publisher`, `listener`, `client`, `server` | the endpoints |
 //! | `standing`, `losses`, `tasks`, `own` | what an endpoint says of itself; where its task runs |
 
@@ -28,8 +31,11 @@ mod config;
 mod directory;
 mod discovery;
 mod first_message;
+mod form;
+mod input;
 mod listener;
 mod losses;
+mod manner;
 mod opening;
 pub mod options;
 mod own;

@@ -34,8 +34,12 @@ pub(super) async fn until_open<P, F: Future<Output = Result<P, OpenError>>>(
 
 /// A name for a port that nobody has to know: that of what it reads, with a number, as Wrapyfi's.
 pub(super) fn numbered(topic: &str) -> String {
+    format!("{topic}:in{}", number())
+}
+
+/// A random number of five digits at most.
+pub(super) fn number() -> u64 {
     use std::hash::{BuildHasher, Hasher};
     // Keys of the map that nobody uses: what the standard library has for random numbers.
-    let number = std::hash::RandomState::new().build_hasher().finish() % 100_000;
-    format!("{topic}:in{number}")
+    std::hash::RandomState::new().build_hasher().finish() % 100_000
 }

@@ -100,9 +100,12 @@ pub struct YarpOptions {
     /// `wrapyfi_images`: whether the peer is Python Wrapyfi, whose images have packed rows and call
     /// every order of colours `rgb` (false).
     pub wrapyfi_images: bool,
-    /// `bottle`: `true`, `false` or `property`; unset, native objects are JSON and the services of
+    /// `bottle`: `true`, `false` or `property`; unset or `auto`, native objects are JSON and the services of
     /// ROS plain bottles.
     pub bottle: Option<Form>,
+    /// `bottle: auto`: bottles, unless a function of Wrapyfi is behind the port that is called; what is
+    /// answered has the form of what was asked.
+    pub finds_form: bool,
     /// `command`: the words that begin every request, as text (`[set] [pos]`).
     pub command: Option<String>,
     /// `frame_id`: coordinate frame of what is received: YARP names none.
@@ -125,6 +128,7 @@ impl Default for YarpOptions {
             packed_rows: false,
             wrapyfi_images: false,
             bottle: None,
+            finds_form: false,
             command: None,
             frame_id: String::new(),
         }
@@ -185,7 +189,8 @@ impl YarpOptions {
         const SWITCH: &str = "true or false";
         const PORT: &str = "the name of a port, which begins with / and has no blanks";
         match key {
-            "bottle" => self.bottle = Some(form(value).ok_or("true, false or property")?),
+            "bottle" if value.as_str() == Some("auto") => self.finds_form = true,
+            "bottle" => self.bottle = Some(form(value).ok_or("true, false, property or auto")?),
             "carrier" => {
                 let carrier = value.as_str().filter(|text| is_carrier(text));
                 carrier
@@ -325,6 +330,7 @@ mod tests {
             packed_rows: true,
             wrapyfi_images: true,
             bottle: Some(Form::Property),
+            finds_form: false,
             command: Some("[set] [pos]".into()),
             frame_id: "head".into(),
         };
@@ -346,7 +352,7 @@ mod tests {
             ("out_topic_connect", "/a b".into(), "must be the name of a port"),
             ("joints", repeated, "is [\"neck\", \"neck\"], it must be a list of different names"),
             ("joints", "neck".into(), "it must be a list"),
-            ("bottle", 3.into(), "must be true, false or property"),
+            ("bottle", 3.into(), "must be true, false, property or auto"),
             ("command", " ".into(), "must be words as text"),
             ("control", "speed".into(), "must be position, position_direct, velocity or torque"),
             ("sensor", (-1).into(), "must be the number of a sensor"),

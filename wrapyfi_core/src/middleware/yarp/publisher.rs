@@ -6,9 +6,16 @@
 //!
 //!   JointTrajectory ─▶ movements for a control board ─▶ a task writes each at its time, unless another
 //!                                                       message comes before
+//!
+//!   /cam                  ─▶ port /cam                              anybody connects it
+//!   /icub/head/command:i  ─▶ port /icub/head/command:i:out:417 ══▶ the robot's /icub/head/command:i
 //! ```
+//!
+//! Where the name means an input port of another program ([`input`]), that port is what is written to,
+//! and ours has a name that nobody has to know. This changes whenever such a port appears, and stays
+//! so while the robot is away.
 
-use std::sync::atomic::{AtomicI32, AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicI32, AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -19,18 +26,18 @@ use wrapyfi_yarp::port::{
     Connected, Message, OutputOptions, OutputPort, Overflow, PayloadKind, PortOptions, Written,
 };
 
-use super::Shared;
 use super::board::Board;
-use super::opening::until_open;
-use super::options::YarpOptions;
+use super::opening::{number, until_open};
+use super::options::{Form, YarpOptions};
 use super::payload::{self, Outgoing};
 use super::standing::Standing;
 use super::tasks::{Stop, Stopped};
 use super::tie::Tie;
+use super::{Shared, input};
 use crate::endpoint::{
     Context, Counters, DropReason, Link, OpenError, PublishError, Publisher, TopicSpec,
 };
-use crate::types::{DataType, Payload, Stamp};
+use crate::types::{DataType, MessageType, Payload, Stamp};
 
 /// Sends one topic.
 pub(super) struct YarpPublisher {
@@ -50,6 +57,8 @@ struct Outlet {
     given: String,
     name: String,
     port: Mutex<Option<OutputPort>>,
+    /// The port writes to an input of another program.
+    commands: AtomicBool,
     board: Board,
     standing: Arc<Standing>,
     /// Number of the next message with a time.
@@ -109,6 +118,7 @@ impl YarpPublisher {
             given,
             name,
             port: Mutex::default(),
+            commands: AtomicBool::new(false),
             board: Board::new(spec.message_type, &options, destination),
             standing,
             count: AtomicI32::new(0),
@@ -174,7 +184,7 @@ impl YarpPublisher {
     }
 }
 
-/// The life of a port.
+/// The life of a publisher: ports one after the other, as input ports of its name come.
 async fn keep(
     shared: Arc<Shared>,
     outlet: Arc<Outlet>,
@@ -182,52 +192,135 @@ async fn keep(
     pictures: bool,
     mut stopped: Stopped,
 ) {
-    let name = outlet.name.as_str();
+    // Whoever names the port, or what it is connected to, means that.
+    let is_fixed = options.port.is_some() || options.out_topic_connect.is_some();
+    let mut destination = None;
+    if !is_fixed && !input::may_mean(&outlet.given).is_empty() {
+        // A port of ours that is closed again at once would only confuse.
+        let known = shared.directory.was_asked_in_time();
+        tokio::select! { () = stopped.wait() => return, () = known => {} }
+    }
+    loop {
+        let found = async {
+            if is_fixed {
+                return std::future::pending().await;
+            }
+            new_input(&shared, &outlet, destination.as_deref()).await
+        };
+        let serve = serve(&shared, &outlet, &options, pictures, destination.as_deref());
+        let next = tokio::select! {
+            () = stopped.wait() => None,
+            found = found => Some(found),
+            () = serve => None,
+        };
+        close(&shared, &outlet, &options).await;
+        let Some(found) = next else { break };
+        tracing::info!("{} writes to the port {found}, which exists", outlet.name);
+        destination = Some(found);
+    }
+    outlet.standing.waiting("YARP, which has ended");
+}
+
+/// Waits for an input port that the publisher's name means, other than `now`, which is written to.
+async fn new_input(shared: &Shared, outlet: &Outlet, now: Option<&str>) -> String {
+    let ports = input::may_mean(&outlet.given);
+    if ports.is_empty() {
+        return std::future::pending().await;
+    }
+    let bell = shared.directory.watch_any(&ports);
+    let mut registered = shared.registrar.status();
+    let is_others = |port: &str| {
+        let is_ours = shared.own.contains(port) && shared.taken(port).is_none();
+        shared.directory.knows(port) && !is_ours
+    };
+    loop {
+        registered.mark_unchanged();
+        match input::meant(&outlet.given, is_others) {
+            Some(found) if Some(found.as_str()) != now => return found,
+            _ => {}
+        }
+        tokio::select! {
+            () = bell.notified() => {}
+            // A port that takes our name is another program's from then on.
+            _ = registered.changed() => {}
+        }
+    }
+}
+
+/// Has a port open for as long as it is run.
+async fn serve(
+    shared: &Shared,
+    outlet: &Outlet,
+    options: &YarpOptions,
+    pictures: bool,
+    destination: Option<&str>,
+) {
     let wanted = OutputOptions {
         port: PortOptions { pictures, ..PortOptions::default() },
         queue: shared.send_queue,
         // The publisher is told what finds no room, as on ZeroMQ.
         overflow: Overflow::DropNewest,
     };
-    let opened = until_open(&shared, name, &outlet.standing, || {
-        let (network, wanted) = (shared.network(&options), wanted.clone());
-        let given = &outlet.given;
+    // Two colons: no other bridge takes it for an endpoint.
+    let numbered = destination.map(|port| format!("{port}:out:{}", number()));
+    let given = numbered.as_deref().unwrap_or(&outlet.given);
+    let port = until_open(shared, &outlet.name, &outlet.standing, || {
+        let (network, wanted) = (shared.network(options), wanted.clone());
         async move { network.open_output(given, &wanted).await }
-    });
-    let port = tokio::select! {
-        () = stopped.wait() => return,
-        port = opened => port,
-    };
+    })
+    .await;
+    let name = port.name().to_owned();
     let changes = port.connected();
-    shared.own.insert(name);
+    shared.own.insert(&name);
+    outlet.commands.store(destination.is_some(), Relaxed);
     *outlet.port() = Some(port);
-    let tie = options.out_topic_connect.as_deref().map(|to| Tie::to(to, name, &options));
+    let tie = tie(&name, options, destination);
     let kept = async {
         let Some(tie) = &tie else { return std::future::pending().await };
         let tied = || outlet.has_output_to(tie.other());
-        tie.keep(&shared, changes.clone(), tied, |_why| {}).await;
+        tie.keep(shared, changes.clone(), tied, |why| {
+            if destination.is_some() {
+                outlet.standing.waiting(why);
+            }
+        })
+        .await;
     };
     tokio::select! {
-        () = stopped.wait() => {}
-        () = count_readers(changes.clone(), &outlet) => {}
+        () = count_readers(changes.clone(), outlet, destination.is_some()) => {}
         () = kept => {}
-        () = outlet.board.follow(&shared, changes.clone(), || changes.borrow().outputs > 0) => {}
+        () = outlet.board.follow(shared, changes.clone(), || changes.borrow().outputs > 0) => {}
     }
+}
+
+/// The connection that the port `own` of the publisher makes by itself.
+fn tie(own: &str, options: &YarpOptions, destination: Option<&str>) -> Option<Tie> {
+    match destination {
+        // The name server would keep the wish of a port whose name is never used again.
+        Some(to) => Some(Tie::to(to, own, &YarpOptions { persistent: false, ..options.clone() })),
+        None => options.out_topic_connect.as_deref().map(|to| Tie::to(to, own, options)),
+    }
+}
+
+/// Closes the port that is open, if any.
+async fn close(shared: &Shared, outlet: &Outlet, options: &YarpOptions) {
     let port = outlet.port().take();
-    if let Some(tie) = &tie {
-        tie.forget(&shared).await;
+    let Some(port) = port else { return };
+    let name = port.name().to_owned();
+    if !outlet.commands.load(Relaxed)
+        && let Some(tie) = tie(&name, options, None)
+    {
+        tie.forget(shared).await;
     }
-    if let Some(port) = port {
-        port.close().await;
-    }
-    shared.own.remove(name);
-    outlet.standing.waiting("YARP, which has ended");
+    port.close().await;
+    shared.own.remove(&name);
 }
 
 /// Tells how many read, for as long as the port lives.
-async fn count_readers(mut changes: watch::Receiver<Connected>, outlet: &Outlet) {
+async fn count_readers(mut changes: watch::Receiver<Connected>, outlet: &Outlet, commands: bool) {
     loop {
         match changes.borrow_and_update().outputs {
+            // Whoever keeps the connection knows why it is not there.
+            0 if commands => {}
             0 => outlet.standing.waiting(format!("a reader of {}", outlet.name)),
             readers => outlet.standing.connected(readers),
         }
@@ -249,7 +342,13 @@ impl Publisher for YarpPublisher {
         if objects + pictures == 0 {
             return Err(self.nobody());
         }
-        let (spec, options, dialect) = (&self.spec, self.outlet.board.options(), self.dialect);
+        let (spec, mut options, dialect) = (&self.spec, self.outlet.board.options(), self.dialect);
+        // Objects for an input port of another program are bottles; messages of ROS have forms of
+        // their own.
+        let is_object = !matches!(spec.message_type, MessageType::Ros(_));
+        if is_object && options.bottle.is_none() && self.outlet.commands.load(Relaxed) {
+            options = Arc::new(YarpOptions { bottle: Some(Form::Bottle), ..(*options).clone() });
+        }
         let now = Stamp::now();
         let movements = payload::trajectory(payload, spec, &options, dialect, now)?;
         // What is refused leaves a movement under way.

@@ -6,6 +6,8 @@
 //!                              └────────────────────────────────────────────────────────┘
 //! ```
 //!
+//! An answer is of the dialect of its request ([`super::manner`]), and under `bottle: auto` of its form.
+//!
 //! A YARP client asks one thing at a time on a connection, and waits for as long as it wants to: so a
 //! request that is not answered in its time is answered by an error.
 
@@ -19,18 +21,21 @@ use wrapyfi_yarp::Dialect;
 use wrapyfi_yarp::port::{Answer, PortOptions, Received, RpcServer};
 
 use super::Shared;
+use super::form::{self, FoundForm};
 use super::losses::Losses;
+use super::manner::{self, Clients};
 use super::opening::until_open;
-use super::options::YarpOptions;
+use super::options::{Form, YarpOptions};
 use super::payload;
 use super::standing::Standing;
 use super::tasks::{Stop, Stopped};
+use crate::codec::EncodeError;
 use crate::endpoint::calls::ends;
 use crate::endpoint::{
     Context, DropReason, IncomingRequest, Link, OpenError, RequestId, ServeError, Server,
     ServiceSpec,
 };
-use crate::types::Payload;
+use crate::types::{Payload, ServiceKind};
 
 /// Offers one service.
 pub(super) struct YarpServer {
@@ -43,7 +48,8 @@ pub(super) struct YarpServer {
 
 /// A request with its user.
 struct Open {
-    reply: oneshot::Sender<Answer>,
+    reply: oneshot::Sender<Reply>,
+    manner: Manner,
     received_at: Instant,
     until: Instant,
 }
@@ -51,8 +57,24 @@ struct Open {
 /// A request that nobody has taken.
 struct Asked {
     body: Bytes,
-    reply: oneshot::Sender<Answer>,
+    reply: oneshot::Sender<Reply>,
+    manner: Manner,
     received_at: Instant,
+}
+
+/// How a request was written.
+#[derive(Debug, Clone, Copy)]
+struct Manner {
+    /// As far as it shows.
+    dialect: Option<Dialect>,
+    form: Form,
+}
+
+/// What goes back.
+enum Reply {
+    Known(Bytes),
+    /// In the dialect that is set, and in the other one, which the client may have.
+    Either(Bytes, Bytes),
 }
 
 /// What the server shares with its port.
@@ -62,7 +84,9 @@ struct Desk {
     name: String,
     spec: ServiceSpec,
     options: YarpOptions,
+    forms: FoundForm,
     dialect: Dialect,
+    clients: Clients,
     context: Context,
     standing: Standing,
     port: Mutex<Option<RpcServer>>,
@@ -91,14 +115,42 @@ impl Desk {
         self.context.counters.dropped(reason);
     }
 
-    /// Why there is no reply, as an answer.
-    fn error(&self, text: &str) -> Answer {
-        Answer::Object(payload::encode_error(text, &self.spec, &self.options, self.dialect))
+    /// Why there is no reply. It has no floats, and so no dialect.
+    fn error(&self, text: &str, manner: Manner) -> Bytes {
+        let options = self.forms.of(&self.options, manner.form);
+        payload::encode_error(text, &self.spec, options, self.dialect)
+    }
+
+    /// Writes an answer; twice where its floats differ and nobody knows what the client reads.
+    fn write(
+        &self,
+        answer: &Payload,
+        manner: Manner,
+    ) -> Result<(Bytes, Option<Bytes>), EncodeError> {
+        let options = self.forms.of(&self.options, manner.form);
+        let write = |dialect| payload::encode_reply(answer, &self.spec, options, dialect);
+        let body = write(manner.dialect.unwrap_or(self.dialect))?;
+        let is_json = options.bottle.unwrap_or_default() == Form::Json
+            && !matches!(self.spec.kind, ServiceKind::Ros(_));
+        if manner.dialect.is_some() || is_json {
+            return Ok((body, None));
+        }
+        // What only one dialect has a form for is written in that one.
+        let other = write(self.dialect.other()).ok().filter(|other| *other != body);
+        Ok((body, other))
+    }
+
+    /// Whether it takes calls as Wrapyfi's functions do.
+    fn is_function(&self) -> bool {
+        let is_ros = matches!(self.spec.kind, ServiceKind::Ros(_));
+        !is_ros && self.options.bottle.unwrap_or_default() == Form::Json
     }
 
     /// Takes a request in and waits for its answer.
     async fn ask(&self, received: Received, wants_reply: bool) -> Answer {
+        let dialect = self.clients.dialect(&received);
         let body = received.payload.bytes;
+        let manner = Manner { dialect, form: manner::form(&body) };
         self.context.counters.received(body.len());
         let (reply, answered) = oneshot::channel();
         let over = {
@@ -110,20 +162,28 @@ impl Desk {
                 let (service, limit) = (self.spec.service.clone(), self.spec.pending);
                 Some(ServeError::Overloaded { service, limit }.to_string())
             } else {
-                waiting.queue.push_back(Asked { body, reply, received_at: Instant::now() });
+                let received_at = Instant::now();
+                waiting.queue.push_back(Asked { body, reply, manner, received_at });
                 None
             }
         };
         if let Some(why) = over {
-            return if wants_reply { self.error(&why) } else { Answer::Nothing };
+            let answer = || Answer::Object(self.error(&why, manner));
+            return if wants_reply { answer() } else { Answer::Nothing };
         }
         self.context.wake.ring();
         if !wants_reply {
             // Plain data for a port of requests: served, and nobody hears the answer.
             return Answer::Nothing;
         }
-        let ended = |_dropped| self.error(&format!("{:?} has ended", self.spec.service));
-        answered.await.unwrap_or_else(ended)
+        Answer::Object(match answered.await {
+            Ok(Reply::Known(body)) => body,
+            Ok(Reply::Either(body, other)) => {
+                let is_usual = self.clients.ask(&received.from).await == self.dialect;
+                if is_usual { body } else { other }
+            }
+            Err(_dropped) => self.error(&format!("{:?} has ended", self.spec.service), manner),
+        })
     }
 
     fn timeout_ms(&self) -> u64 {
@@ -148,6 +208,8 @@ impl YarpServer {
             name,
             spec: spec.clone(),
             dialect: shared.network(&options).dialect(),
+            clients: Clients::new(shared.network(&options)),
+            forms: FoundForm::new(&options),
             options,
             context: context.clone(),
             standing: Standing::new(context.wake.clone(), waiting),
@@ -177,7 +239,8 @@ impl YarpServer {
             let (service, limit) = (&self.desk.spec.service, self.desk.timeout_ms());
             let text = format!("{service:?} did not answer within {limit} ms");
             // Whoever asked may be gone.
-            open.reply.send(self.desk.error(&text)).ok();
+            let error = self.desk.error(&text, open.manner);
+            open.reply.send(Reply::Known(error)).ok();
         }
     }
 }
@@ -205,6 +268,9 @@ async fn keep(shared: Arc<Shared>, desk: Arc<Desk>, mut stopped: Stopped) {
     let mut changes = port.connected();
     shared.own.insert(name);
     *desk.port() = Some(port);
+    if desk.is_function() {
+        form::mark(&shared, name).await;
+    }
     let counted = async {
         loop {
             changes.mark_unchanged();
@@ -247,14 +313,16 @@ impl Server for YarpServer {
             waiting.open = self.open.len() + 1;
             (asked, self.open.len())
         };
-        let Asked { body, reply, received_at } = asked;
+        let Asked { body, reply, manner, received_at } = asked;
         let Desk { spec, options, dialect, .. } = &*self.desk;
-        match payload::decode_request(&body, spec, options, *dialect) {
+        let options = self.desk.forms.of(options, manner.form);
+        let dialect = manner.dialect.unwrap_or(*dialect);
+        match payload::decode_request(&body, spec, options, dialect) {
             Ok(request) => {
                 self.next += 1;
                 let id = RequestId(self.next);
                 let until = ends(Instant::now(), spec.timeout);
-                self.open.insert(id, Open { reply, received_at, until });
+                self.open.insert(id, Open { reply, manner, received_at, until });
                 Ok(Some(IncomingRequest { id, request, wire_bytes: body.len(), received_at }))
             }
             Err(fault) => {
@@ -263,7 +331,7 @@ impl Server for YarpServer {
                 self.desk.dropped(reason);
                 let (service, fault) = (spec.service.clone(), fault.to_string());
                 let error = ServeError::Request { service, fault, reason };
-                reply.send(self.desk.error(&error.to_string())).ok();
+                reply.send(Reply::Known(self.desk.error(&error.to_string(), manner))).ok();
                 Err(error)
             }
         }
@@ -274,27 +342,32 @@ impl Server for YarpServer {
         id: RequestId,
         answer: Result<Payload, String>,
     ) -> Result<usize, ServeError> {
-        let Open { reply, received_at, .. } =
+        let Open { reply, manner, received_at, .. } =
             self.close(id).ok_or_else(|| ServeError::NotWaiting {
                 service: self.desk.spec.service.clone(),
                 timeout_ms: self.desk.timeout_ms(),
             })?;
-        let Desk { spec, options, dialect, .. } = &*self.desk;
-        let body = match answer {
-            Err(reason) => payload::encode_error(&reason, spec, options, *dialect),
-            Ok(answer) => match payload::encode_reply(&answer, spec, options, *dialect) {
-                Ok(body) => body,
+        let (body, other) = match answer {
+            Err(reason) => (self.desk.error(&reason, manner), None),
+            Ok(answer) => match self.desk.write(&answer, manner) {
+                Ok(written) => written,
                 Err(fault) => {
                     self.desk.dropped(DropReason::Unencodable);
-                    let error = ServeError::Reply { service: spec.service.clone(), fault };
-                    reply.send(self.desk.error(&error.to_string())).ok();
+                    let service = self.desk.spec.service.clone();
+                    let error = ServeError::Reply { service, fault };
+                    reply.send(Reply::Known(self.desk.error(&error.to_string(), manner))).ok();
                     return Err(error);
                 }
             },
         };
         let bytes = body.len();
         // Whoever asked may be gone: then nobody waits for it any more.
-        reply.send(Answer::Object(body)).ok();
+        reply
+            .send(other.map_or_else(
+                || Reply::Known(body.clone()),
+                |other| Reply::Either(body.clone(), other),
+            ))
+            .ok();
         self.desk.context.counters.sent(bytes, received_at.elapsed());
         Ok(bytes)
     }

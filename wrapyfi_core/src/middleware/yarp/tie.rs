@@ -115,6 +115,9 @@ impl Tie {
                 failure = asked.err();
             }
             let hint = shared.hint(self.other()).await;
+            if tied() {
+                continue;
+            }
             match failure {
                 Some(error) => say(format!("port {} to connect: {error}{hint}", self.other())),
                 None => say(format!("port {} to connect{hint}", self.other())),

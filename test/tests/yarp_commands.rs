@@ -1,0 +1,113 @@
+//! What a robot on YARP is told from ROS 2 while `yarp_bridge` runs as it is: commands to input ports,
+//! calls to rpc ports. The robot is ours; `real_yarp.rs` has one of YARP's.
+
+#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
+
+use serde_json::{Value, json};
+use wrapyfi_e2e::{Need, Process, Result, World, ros2, run, yarp};
+
+const NEEDS: &[Need] = &[Need::Program, Need::Executable("yarp_bridge")];
+
+/// An input port of this name that prints what it is told.
+fn input_port(world: &World, port: &str) -> Result<Process> {
+    let (endpoint, own) = (yarp(&world.topic("nobody")), format!("port={port}"));
+    let (kind, form) = (["--type", "NativeObject"], ["--option", "bottle=true", "--json"]);
+    let own = ["--option", &own];
+    world.wrapyfi([&["echo", &endpoint], &kind[..], &own[..], &form[..]].concat())
+}
+
+fn publisher(world: &World, topic: &str, kind: &str, value: &str) -> Result<Process> {
+    let endpoint = ros2(topic);
+    world.wrapyfi(["pub", &endpoint, "--type", kind, "--value", value, "--rate", "10"])
+}
+
+/// Waits for the first message, which must be this.
+fn hears(port: &Process, wanted: &Value, bridge: &Process) -> Result {
+    let heard = port.objects(1).map_err(|error| error.context(bridge.tail()))?;
+    assert_eq!(heard[0]["value"], *wanted, "{heard:?}");
+    Ok(())
+}
+
+#[test]
+fn topics_named_like_an_input_port_are_written_to_it() -> Result {
+    run("topics_named_like_an_input_port_are_written_to_it", NEEDS, |world| {
+        let _names = world.yarpserver()?;
+        let head = world.topic("head");
+        let (command, emotion) = (format!("{head}/command:i"), format!("{head}/emotion/in"));
+        let robot = [input_port(world, &command)?, input_port(world, &emotion)?];
+        let bridge = world.executable("yarp_bridge", &[])?;
+        let (angles, words) = (json!([1.0, 2.5]), json!(["set", "mou", "sur"]));
+        let topic = format!("{head}/command/i");
+        let (array, data) = ("std_msgs/msg/Float64MultiArray", r#"{"data": [1.0, 2.5]}"#);
+        let _angles = publisher(world, &topic, array, data)?;
+        let _words = publisher(world, &emotion, "NativeObject", &words.to_string())?;
+        hears(&robot[0], &angles, &bridge)?;
+        hears(&robot[1], &words, &bridge)?;
+        // No port has the topic's name.
+        let mut list = world.wrapyfi(["list", "yarp", "--json"])?;
+        list.exits_with(0)?;
+        let names: Vec<Value> = list.objects(2)?.iter().map(|one| one["name"].clone()).collect();
+        assert!(names.contains(&json!(command)) && !names.contains(&json!(topic)), "{names:?}");
+        // The robot is started again, and is commanded again.
+        let [mut first, second] = robot;
+        first.kill()?;
+        drop(first);
+        let again = input_port(world, &command)?;
+        hears(&again, &angles, &bridge)?;
+        drop(second);
+        Ok(())
+    })
+}
+
+#[test]
+fn a_robot_that_comes_later_is_commanded() -> Result {
+    run("a_robot_that_comes_later_is_commanded", NEEDS, |world| {
+        let _names = world.yarpserver()?;
+        let port = world.topic("robot") + "/in";
+        let bridge = world.executable("yarp_bridge", &["-p", "status_json:=true"])?;
+        let _words = publisher(world, &port, "NativeObject", r#"["go"]"#)?;
+        let name = format!("ros2:{port} -> yarp:{port}");
+        bridge.wait_until("the route to wait for a reader", |output| {
+            let status = output.objects().last()?;
+            let mut routes = status["routes"].as_array()?.iter();
+            routes.any(|route| route["name"] == *name).then_some(())
+        })?;
+        // It takes the name that the bridge had.
+        let (endpoint, own) = (yarp(&world.topic("nobody")), format!("port={port}"));
+        let robot = ["echo", &endpoint, "--type", "NativeObject", "--option", &own, "--json"];
+        let robot = world.wrapyfi(robot)?;
+        hears(&robot, &json!(["go"]), &bridge)
+    })
+}
+
+#[test]
+fn rpc_ports_of_robots_take_bottles_and_functions_of_wrapyfi_json() -> Result {
+    let test = "rpc_ports_of_robots_take_bottles_and_functions_of_wrapyfi_json";
+    run(test, NEEDS, |world| {
+        let _names = world.yarpserver()?;
+        let (robot, function) = (world.topic("head") + "/rpc", world.topic("lab") + "/rpc");
+        let serve = |name: &str, more: &[&str]| {
+            let endpoint = yarp(name);
+            let said = ["serve", &endpoint, "--type", "NativeObject", "--echo", "--json"];
+            world.wrapyfi([&said[..], more].concat())
+        };
+        let robot_port = serve(&robot, &["--option", "bottle=true"])?;
+        let function_port = serve(&function, &[])?;
+        let bridge = world.executable("yarp_bridge", &[])?;
+        let ends = |name: &str| [ros2(name), yarp(name)];
+        for endpoint in ends(&robot).into_iter().chain(ends(&function)) {
+            let (endpoint, args) = (endpoint.as_str(), r#"["get", "enc", 0]"#);
+            let kind = ["--type", "NativeObject", "--json", "--timeout", "40"];
+            let call = [&["call", endpoint, "--args", args], &kind[..]].concat();
+            let mut call = world.wrapyfi(call)?;
+            call.exits_with(0).map_err(|error| error.context(bridge.tail()))?;
+        }
+        // A robot that got JSON would have one argument: its text.
+        for port in [robot_port, function_port] {
+            for asked in port.objects(2)? {
+                assert_eq!(asked["args"], json!(["get", "enc", 0]), "{asked}");
+            }
+        }
+        Ok(())
+    })
+}

@@ -1,0 +1,128 @@
+//! How a request was written, and so its answer.
+//!
+//! ```text
+//!   a float in the request            ─▶ its size: YARP 3 or YARP 4
+//!   none, but one in the reply        ─▶ what this client wrote before, else its port is asked, once
+//!   one string that begins with "["   ─▶ a call of Wrapyfi: JSON
+//! ```
+
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use wrapyfi_yarp::bottle::Frame;
+use wrapyfi_yarp::port::{Network, Received};
+use wrapyfi_yarp::{Bottle, Dialect};
+
+use super::options::Form;
+
+/// Most clients whose dialect is remembered.
+const MOST: usize = 256;
+/// Longest time that a client's port may take to tell its dialect.
+const PATIENCE: Duration = Duration::from_millis(500);
+/// The beginning of a bottle that holds one string, before its length.
+const ONE_STRING: [u8; 8] = [4, 1, 0, 0, 1, 0, 0, 0];
+/// Bytes before the text of that string.
+const BEFORE_TEXT: usize = 12;
+
+/// The dialects of the clients of one port.
+pub(super) struct Clients {
+    network: Network,
+    known: Mutex<HashMap<Arc<str>, Dialect>>,
+}
+
+impl Clients {
+    pub(super) fn new(network: Network) -> Self {
+        Self { network, known: Mutex::default() }
+    }
+
+    /// The dialect of a request, as far as it can be told by now.
+    pub(super) fn dialect(&self, received: &Received) -> Option<Dialect> {
+        if received.is_text {
+            return Some(self.network.dialect());
+        }
+        let shown = shown(&received.payload.bytes, self.network.limits());
+        if let Some(dialect) = shown {
+            self.learn(&received.from, dialect);
+            return shown;
+        }
+        self.known(|known| known.get(&received.from).copied())
+    }
+
+    /// Asks the port of a client for its dialect; that of the network where it does not tell.
+    pub(super) async fn ask(&self, name: &Arc<str>) -> Dialect {
+        let told = tokio::time::timeout(PATIENCE, self.network.probe_dialect(name)).await;
+        let dialect = match told {
+            Ok(Ok(dialect)) => dialect,
+            _ => self.network.dialect(),
+        };
+        self.learn(name, dialect);
+        dialect
+    }
+
+    fn learn(&self, name: &Arc<str>, dialect: Dialect) {
+        self.known(|known| {
+            if known.len() >= MOST && !known.contains_key(name) {
+                known.clear();
+            }
+            known.insert(Arc::clone(name), dialect);
+        });
+    }
+
+    fn known<T>(&self, look: impl FnOnce(&mut HashMap<Arc<str>, Dialect>) -> T) -> T {
+        look(&mut self.known.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+/// The one dialect in which `bytes` are a bottle; none where they are one in both, or in neither.
+fn shown(bytes: &[u8], limits: &wrapyfi_yarp::Limits) -> Option<Dialect> {
+    let is_whole = |dialect| {
+        let frame = Bottle::frame(bytes, dialect, limits);
+        matches!(frame, Ok(Frame::Complete(length)) if length == bytes.len())
+    };
+    match (is_whole(Dialect::V3), is_whole(Dialect::V4)) {
+        (true, false) => Some(Dialect::V3),
+        (false, true) => Some(Dialect::V4),
+        _ => None,
+    }
+}
+
+/// Whether a request is a call of Wrapyfi, or of somebody who types bottles.
+pub(super) fn form(bytes: &[u8]) -> Form {
+    let text = bytes.strip_prefix(&ONE_STRING).and_then(|_| bytes.get(BEFORE_TEXT..));
+    match text {
+        Some(text) if text.trim_ascii_start().starts_with(b"[") => Form::Json,
+        _ => Form::Bottle,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bytes(text: &str, dialect: Dialect) -> Vec<u8> {
+        let bottle = Bottle::from_text(text.as_bytes(), &wrapyfi_yarp::Limits::default()).unwrap();
+        bottle.encode(dialect).unwrap()
+    }
+
+    #[test]
+    fn a_float_shows_who_wrote_it() {
+        let limits = wrapyfi_yarp::Limits::default();
+        for text in ["[set] [pos] 2 10.5", "1.5", "(1.5 2) word", "1.5 2.5 3.5"] {
+            for dialect in [Dialect::V3, Dialect::V4] {
+                assert_eq!(shown(&bytes(text, dialect), &limits), Some(dialect), "{text}");
+            }
+        }
+        for text in ["[get] [enc] 0", "", "word"] {
+            assert_eq!(shown(&bytes(text, Dialect::V3), &limits), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn calls_of_wrapyfi_are_one_string() {
+        assert_eq!(form(&bytes("\"[[1], {}]\"", Dialect::V3)), Form::Json);
+        for text in ["get enc 0", "help", "\"[[1], {}]\" 2", "", "[get]"] {
+            assert_eq!(form(&bytes(text, Dialect::V3)), Form::Bottle, "{text}");
+        }
+    }
+}
