@@ -270,6 +270,7 @@ fn a_control_board_is_commanded_and_asked(world: &World) -> Result {
     let (endpoint, input) = (ros2(&format!("{head}/command/i")), format!("{head}/command:i"));
     let kind = ["--type", "std_msgs/msg/Float64MultiArray", "--value", r#"{"data": [1.0]}"#];
     let _commands = world.wrapyfi([&["pub", &endpoint], &kind[..], &["--rate", "10"]].concat())?;
+    prints(&bridge, &format!("writes to the port {input}"))?;
     told(world, &["ping", &input], |said| said.contains(":out:")).map(drop)
 }
 

@@ -65,7 +65,7 @@ fn a_robot_that_comes_later_is_commanded() -> Result {
         let _names = world.yarpserver()?;
         let port = world.topic("robot") + "/in";
         let bridge = world.executable("yarp_bridge", &["-p", "status_json:=true"])?;
-        let _words = publisher(world, &port, "NativeObject", r#"["go"]"#)?;
+        let _words = publisher(world, &port, "NativeObject", r#"["go", 1]"#)?;
         let name = format!("ros2:{port} -> yarp:{port}");
         bridge.wait_until("the route to wait for a reader", |output| {
             let status = output.objects().last()?;
@@ -76,7 +76,7 @@ fn a_robot_that_comes_later_is_commanded() -> Result {
         let (endpoint, own) = (yarp(&world.topic("nobody")), format!("port={port}"));
         let robot = ["echo", &endpoint, "--type", "NativeObject", "--option", &own, "--json"];
         let robot = world.wrapyfi(robot)?;
-        hears(&robot, &json!(["go"]), &bridge)
+        hears(&robot, &json!(["go", 1]), &bridge)
     })
 }
 
