@@ -277,6 +277,28 @@ impl Process {
             .with_context(|| format!("asking {} to end", self.name))
     }
 
+    /// Lets it stand still, with its connections open; [`Process::resume`] lets it go on.
+    ///
+    /// # Errors
+    /// Where the process cannot be signalled.
+    pub fn pause(&self) -> Result {
+        self.send(Signal::STOP)
+    }
+
+    /// Lets it go on after [`Process::pause`].
+    ///
+    /// # Errors
+    /// Where the process cannot be signalled.
+    pub fn resume(&self) -> Result {
+        self.send(Signal::CONT)
+    }
+
+    fn send(&self, signal: Signal) -> Result {
+        let pid = rustix::process::Pid::from_child(&self.child);
+        rustix::process::kill_process(pid, signal)
+            .with_context(|| format!("signalling {}", self.name))
+    }
+
     /// Sends SIGKILL and waits for the end: the process tells nobody.
     ///
     /// # Errors

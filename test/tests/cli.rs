@@ -499,6 +499,23 @@ fn echo_and_pub_speak_ros() -> Result {
 // The YARP name server ---------------------------------------------------------------------------
 
 #[test]
+fn a_name_server_is_detected_and_written_down() -> Result {
+    run("a_name_server_is_detected_and_written_down", PROGRAM, |world| {
+        let port = world.yarp_port().to_string();
+        // The group is asked at the base port of the network.
+        world.set_variable("YARP_PORT_RANGE", &port);
+        let detect = |more: &[&str]| world.wrapyfi([&["detect"], more].concat());
+        detect(&["--timeout", "0.1"])?.exits_with(3)?;
+        let _server = world.wrapyfi(["yarpserver", "--port", &port])?.pillar();
+        let mut detect = detect(&["--write", "--timeout", "30"])?;
+        detect.exits_with(0)?;
+        assert_eq!(detect.stdout().trim(), format!("/root 127.0.0.1 {port}"));
+        // Everybody finds it now.
+        world.wrapyfi(["list", "yarp"])?.exits_with(0)
+    })
+}
+
+#[test]
 fn a_yarpserver_says_where_it_is_and_ends_in_good_order() -> Result {
     use std::io::{Read as _, Write as _};
 

@@ -111,3 +111,24 @@ fn rpc_ports_of_robots_take_bottles_and_functions_of_wrapyfi_json() -> Result {
         Ok(())
     })
 }
+
+#[test]
+fn pub_goes_on_while_a_reader_stands_still() -> Result {
+    run("pub_goes_on_while_a_reader_stands_still", &[Need::Program], |world| {
+        let _names = world.yarpserver()?;
+        let endpoint = yarp(&world.topic("cam"));
+        let kind = ["--type", "NativeObject"];
+        let reader = world.wrapyfi([&["echo", &endpoint, "--json"], &kind[..]].concat())?;
+        let value = ["--value", "[1, 2]", "--rate", "100"];
+        let publisher = world.wrapyfi([&["pub", &endpoint], &kind[..], &value[..]].concat())?;
+        reader.objects(3)?;
+        reader.pause()?;
+        let full = "is full";
+        publisher.wait_until("it to say that nothing is taken", |output| {
+            output.err.iter().any(|line| line.contains(full)).then_some(())
+        })?;
+        reader.resume()?;
+        // More than were queued.
+        reader.objects(200).map_err(|error| error.context(publisher.tail())).map(drop)
+    })
+}

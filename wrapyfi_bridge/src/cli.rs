@@ -56,6 +56,8 @@ pub enum Command {
     Broker(BrokerArgs),
     /// Run a YARP name server, for YARP's tools, ports and Wrapyfi's scripts on YARP.
     Yarpserver(YarpServerArgs),
+    /// Look for a YARP name server by multicast, and write its address down for YARP's programs and ours.
+    Detect(DetectArgs),
 }
 
 /// Arguments of `wrapyfi demo`.
@@ -366,6 +368,26 @@ pub struct YarpServerArgs {
     /// Allow an address that other machines reach. Nothing is encrypted or authenticated.
     #[arg(long)]
     pub insecure: bool,
+}
+
+/// Arguments of `wrapyfi detect`.
+#[derive(Debug, Args)]
+pub struct DetectArgs {
+    /// Write the address into the configuration file, where YARP's programs and ours find it.
+    #[arg(long)]
+    pub write: bool,
+    /// Address of the interface on which to ask; by default that of the system's choice.
+    #[arg(long, value_name = "IP")]
+    pub ip: Option<std::net::Ipv4Addr>,
+    /// UDP port of the group; default from YARP_PORT_RANGE, else 10000.
+    #[arg(long, value_name = "PORT")]
+    pub port: Option<u16>,
+    /// Name of the name server; default from YARP_NAMESPACE, else yarp_namespace.conf, else /root.
+    #[arg(long, value_name = "NAME")]
+    pub namespace: Option<String>,
+    /// How long to ask.
+    #[arg(long, value_name = "S", default_value = "3", value_parser = seconds)]
+    pub timeout: Duration,
 }
 
 /// A type as `--type` names it.

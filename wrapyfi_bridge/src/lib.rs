@@ -3,7 +3,7 @@
 //! # Layout
 //!
 //! ```text
-//!   main.rs ─▶ cli ─▶ command::{demo, bridge, check, list, echo, publish, service, broker, yarpserver}
+//!   main.rs ─▶ cli ─▶ command::{demo, bridge, check, list, echo, publish, service, broker, yarpserver, detect}
 //!   bin/bridge.rs ─▶ node ─▶ command::bridge        `ros2 run wrapyfi_bridge bridge`
 //!   bin/…_bridge.rs ─▶ node ─▶ whole                all of a middleware, without a configuration
 //!

@@ -44,5 +44,6 @@ fn run(cli: &Cli, ros: Vec<OsString>) -> Result<(), Failure> {
         Command::Serve(args) => command::service::serve::run(args, &shutdown),
         Command::Broker(args) => command::broker::run(args, &shutdown),
         Command::Yarpserver(args) => command::yarpserver::run(args, &shutdown),
+        Command::Detect(args) => command::detect::run(args),
     }
 }

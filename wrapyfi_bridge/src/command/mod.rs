@@ -7,6 +7,7 @@ pub mod bridge;
 pub mod broker;
 pub mod check;
 pub mod demo;
+pub mod detect;
 pub mod echo;
 pub mod list;
 pub mod publish;

@@ -97,26 +97,31 @@ fn publish(
 ) -> Result<u64, Failure> {
     let interval = Duration::from_secs_f64(1.0 / args.rate);
     let start = Instant::now();
-    let (mut sent, mut alone) = (0, false);
+    let (mut sent, mut turns, mut is_told) = (0, 0_u64, false);
     while args.count.is_none_or(|count| sent < count) && !shutdown.requested() {
         input::restamp(payload, args.endpoint.middleware == "ros2");
         match publisher.publish(payload) {
-            Ok(_) => alone = false,
-            // It left in the middle: others may come. Once is enough to say so.
-            Err(error @ PublishError::NoConsumer { .. }) => {
-                if !alone {
+            Ok(_) => {
+                sent += 1;
+                is_told = false;
+            }
+            // The listener left in the middle, and others may come; or it stands still, and may go on:
+            // then the message is tried again. Once is enough to say so.
+            Err(error @ (PublishError::NoConsumer { .. } | PublishError::QueueFull { .. })) => {
+                if !is_told {
                     tracing::warn!("{error}");
                 }
-                alone = true;
+                is_told = true;
+                sent += u64::from(matches!(error, PublishError::NoConsumer { .. }));
             }
             Err(error) => return Err(anyhow::Error::new(error).into()),
         }
-        sent += 1;
+        turns += 1;
         if args.count == Some(sent) {
             break;
         }
         // From the start on, so that the rate does not drift with the cost of a send.
-        let due = start + interval.mul_f64(sent as f64);
+        let due = start + interval.mul_f64(turns as f64);
         while Instant::now() < due && !shutdown.requested() {
             let rest = due.saturating_duration_since(Instant::now());
             context.wake.wait(rest.min(super::WAIT_SLICE));
