@@ -79,7 +79,6 @@ fn topic_of(name: &str) -> (&str, bool) {
     }
 }
 
-
 /// What a port is, by what it says and by its name: of what, and in which role.
 fn role<'n>(name: &'n str, told: Option<&Inspection>) -> (&'n str, Role) {
     let modes = told.and_then(|told| told.modes);

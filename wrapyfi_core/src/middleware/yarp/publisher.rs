@@ -42,6 +42,8 @@ use crate::types::{DataType, MessageType, Payload, Stamp};
 /// Sends one topic.
 pub(super) struct YarpPublisher {
     spec: TopicSpec,
+    /// The same under the name of the input port that it may mean, by which boards are known.
+    command_spec: Option<TopicSpec>,
     dialect: Dialect,
     depth: usize,
     outlet: Arc<Outlet>,
@@ -113,7 +115,10 @@ impl YarpPublisher {
         let name = shared.own_name(&given);
         let waiting = format!("port {name} to open");
         let standing = Arc::new(Standing::new(context.wake.clone(), waiting));
-        let destination = options.out_topic_connect.as_deref().unwrap_or(&spec.topic);
+        let with_colon = input::with_colon(&spec.topic).filter(|port| input::is_input(port));
+        let destination = options.out_topic_connect.as_deref();
+        let destination = destination.or(with_colon.as_deref()).unwrap_or(&spec.topic);
+        let command_spec = with_colon.clone().map(|topic| TopicSpec { topic, ..spec.clone() });
         let outlet = Arc::new(Outlet {
             given,
             name,
@@ -131,6 +136,7 @@ impl YarpPublisher {
         shared.tasks.spawn(task);
         Ok(Self {
             spec: spec.clone(),
+            command_spec,
             dialect,
             depth: shared.send_queue,
             outlet,
@@ -342,11 +348,13 @@ impl Publisher for YarpPublisher {
         if objects + pictures == 0 {
             return Err(self.nobody());
         }
-        let (spec, mut options, dialect) = (&self.spec, self.outlet.board.options(), self.dialect);
+        let (mut options, dialect) = (self.outlet.board.options(), self.dialect);
+        let commands = self.outlet.commands.load(Relaxed);
+        let spec = self.command_spec.as_ref().filter(|_| commands).unwrap_or(&self.spec);
         // Objects for an input port of another program are bottles; messages of ROS have forms of
         // their own.
         let is_object = !matches!(spec.message_type, MessageType::Ros(_));
-        if is_object && options.bottle.is_none() && self.outlet.commands.load(Relaxed) {
+        if is_object && options.bottle.is_none() && commands {
             options = Arc::new(YarpOptions { bottle: Some(Form::Bottle), ..(*options).clone() });
         }
         let now = Stamp::now();
