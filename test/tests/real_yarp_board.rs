@@ -117,3 +117,25 @@ fn the_extended_state_has_velocities_and_torques() -> Result {
         Ok(())
     })
 }
+
+/// What `yarp_bridge` makes of a topic of ROS: a route to the port that its name means.
+#[test]
+fn a_topic_that_means_the_command_port_moves_the_board() -> Result {
+    run("a_topic_that_means_the_command_port_moves_the_board", NEEDS, |world| {
+        let _server = world.yarpserver()?;
+        let part = world.topic("leg");
+        let _board = board(world, &part)?;
+        let endpoint = yarp(&format!("{part}/state:o"));
+        let echo = world.wrapyfi(["echo", &endpoint, "--type", JOINTS, "--json"])?;
+        moved(&echo, [0.0; 3])?;
+        let command = format!("{part}/command/i");
+        let route = Route::new(&ros2(&command), &yarp(&command), JOINTS);
+        let bridge = world.bridge(&world.embedded().route(route))?;
+        let wanted = json!({ "name": NAMES, "position": [0.5, -0.25, 0.05] }).to_string();
+        let (topic, rate) = (ros2(&command), ["--rate", "20"]);
+        let publish = ["pub", &topic, "--type", JOINTS, "--value", &wanted];
+        let _publisher = world.wrapyfi([&publish[..], &rate].concat())?;
+        moved(&echo, [0.5, -0.25, 0.05]).map_err(|error| error.context(bridge.tail()))?;
+        Ok(())
+    })
+}

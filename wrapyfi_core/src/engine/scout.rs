@@ -343,7 +343,8 @@ impl Scout {
                     pattern.ended += 1;
                 }
                 let why = format!("it goes to {} now: another source has its name", candidate.to);
-                return (Some(candidate), Some(Change::End { id, why }));
+                let end = Change::End { id, why, is_one_of_many: false };
+                return (Some(candidate), Some(end));
             }
         }
         if let Some(away) = self.away(&spec) {
