@@ -8,6 +8,9 @@ use wrapyfi_core::Limits;
 use wrapyfi_core::codec::json;
 use wrapyfi_core::types::{Map, Value};
 
+use crate::exit::Failure;
+use crate::middlewares::option_names;
+
 /// Settings of the endpoint, as `options` of a route.
 #[derive(Debug, Clone, Default, Args)]
 pub struct EndpointOptions {
@@ -39,10 +42,20 @@ impl FromStr for EndpointOption {
 }
 
 impl EndpointOptions {
-    /// As an endpoint takes them; the last one of a name counts.
-    #[must_use]
-    pub fn map(&self) -> Map {
-        self.options.iter().map(|option| (option.name.as_str(), option.value.clone())).collect()
+    /// As an endpoint of `middleware` takes them; the last one of a name counts.
+    ///
+    /// # Errors
+    /// Exit code 2 for an option that the middleware does not know.
+    pub fn of(&self, middleware: &str) -> Result<Map, Failure> {
+        let known = option_names(middleware);
+        if let Some(other) = self.options.iter().find(|one| !known.contains(&one.name.as_str())) {
+            let names = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
+            return Err(Failure::Usage(format!(
+                "option {} is unknown on {middleware}; options there: {names}",
+                other.name
+            )));
+        }
+        Ok(self.options.iter().map(|option| (option.name.as_str(), option.value.clone())).collect())
     }
 }
 
@@ -58,10 +71,12 @@ mod tests {
                 .map(read)
                 .to_vec(),
         };
-        let map = options.map();
+        let map = options.of("yarp").unwrap();
         assert_eq!(map.get("carrier"), Some(&"mcast".into()));
         assert_eq!(map.get("persistent"), Some(&false.into()));
         assert_eq!(map.get("joints"), Some(&Value::from_iter(["a", "b"])));
+        let refused = options.of("zeromq").unwrap_err().to_string();
+        assert_eq!(refused, "option carrier is unknown on zeromq; options there: none");
         assert!("udp".parse::<EndpointOption>().unwrap_err().contains("carrier=udp"));
     }
 }

@@ -5,26 +5,37 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::iterator::Signals;
 
 /// Set once the process is asked to end.
 #[derive(Debug, Clone, Default)]
 pub struct Shutdown(Arc<AtomicBool>);
 
+/// How long after the first signal others mean the same.
+const SAME_WISH: Duration = Duration::from_secs(1);
 /// How often a waiting command looks at the flag.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 
 impl Shutdown {
-    /// Catches SIGINT and SIGTERM. A second one ends the process at once.
+    /// Catches SIGINT and SIGTERM. One that comes a second after the first, or later, ends the process at once
+    /// with exit code 1; one that comes earlier is the same wish: a supervisor signals the group of processes,
+    /// and `ros2 launch` in it passes the signal on.
     ///
     /// # Errors
-    /// When the system refuses a handler.
+    /// When the system refuses a handler or a thread.
     pub fn on_signals() -> std::io::Result<Self> {
         let shutdown = Self::default();
-        for signal in [SIGINT, SIGTERM] {
-            // Order matters: the second signal finds the flag set and exits.
-            signal_hook::flag::register_conditional_shutdown(signal, 1, Arc::clone(&shutdown.0))?;
-            signal_hook::flag::register(signal, Arc::clone(&shutdown.0))?;
-        }
+        let flag = Arc::clone(&shutdown.0);
+        let mut signals = Signals::new([SIGINT, SIGTERM])?;
+        std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
+            let mut first = None;
+            for _signal in signals.forever() {
+                if first.get_or_insert_with(Instant::now).elapsed() >= SAME_WISH {
+                    signal_hook::low_level::exit(1);
+                }
+                flag.store(true, Ordering::Relaxed);
+            }
+        })?;
         Ok(shutdown)
     }
 

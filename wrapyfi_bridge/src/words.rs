@@ -2,7 +2,7 @@
 //!
 //! | value | text |
 //! | --- | --- |
-//! | null, numbers, text, lists and dicts of these | [canonical] JSON |
+//! | null, numbers, text, lists and dicts of these | [canonical] JSON, letters of any script as they are |
 //! | tuple, set | `(1, 2)`, `{1, 2}` |
 //! | array | `array float32 (2, 3): [[0, 1, 2], [3, 4, 5]]`, of large ones the first elements |
 //! | tensor of a library | `PytorchTensor float32 (2, 3) on cuda:0: …` |
@@ -49,7 +49,7 @@ fn is_plain(value: &Value) -> bool {
 // Writing to a String cannot fail, so the results of `write!` are not looked at.
 fn write(out: &mut String, value: &Value) {
     match value {
-        plain if is_plain(plain) => out.push_str(&canonical(plain)),
+        plain if is_plain(plain) => legible(out, &canonical(plain)),
         Value::List(items) => listed(out, "[", items, "]"),
         Value::Tuple(items) => {
             listed(out, "(", items, if items.len() == 1 { ",)" } else { ")" });
@@ -94,6 +94,47 @@ fn write(out: &mut String, value: &Value) {
         Value::Object(object) => _ = write!(out, "{object:?}"),
         _ => out.push_str(value.kind()),
     }
+}
+
+/// Writes JSON in ASCII with its letters in place of `\\u00e4`; what would not be seen stays as it is.
+fn legible(out: &mut String, json: &str) {
+    let mut rest = json;
+    while let Some((before, escape)) = rest.split_once('\\') {
+        out.push_str(before);
+        let (units, after) = code_units(escape);
+        rest = after;
+        if units.is_empty() {
+            // Another escape, of one character.
+            let length = escape.chars().next().map_or(0, char::len_utf8);
+            let (escaped, after) = escape.split_at(length);
+            out.push('\\');
+            out.push_str(escaped);
+            rest = after;
+        }
+        for read in char::decode_utf16(units) {
+            match read {
+                Ok(letter) if !letter.is_control() => out.push(letter),
+                Ok(control) => _ = write!(out, "\\u{:04x}", u32::from(control)),
+                Err(lone) => _ = write!(out, "\\u{:04x}", lone.unpaired_surrogate()),
+            }
+        }
+    }
+    out.push_str(rest);
+}
+
+/// The code units at the beginning of `text`, which stands behind a backslash: `u00e4\\u00f6 and`; and what
+/// follows them.
+fn code_units(text: &str) -> (Vec<u16>, &str) {
+    let (mut units, mut rest) = (Vec::new(), text);
+    let mut next = Some(text);
+    while let Some(digits) = next.and_then(|text| text.strip_prefix('u'))
+        && let Some((digits, after)) = digits.split_at_checked(4)
+        && let Ok(unit) = u16::from_str_radix(digits, 16)
+    {
+        units.push(unit);
+        (rest, next) = (after, after.strip_prefix('\\'));
+    }
+    (units, rest)
 }
 
 fn listed(out: &mut String, open: &str, items: &[Value], close: &str) {
@@ -230,6 +271,19 @@ mod tests {
         for text in [r#"{"a":[1,2.5,null],"b":"x"}"#, "[true]", "5"] {
             assert_eq!(words(&read(text)), text);
         }
+    }
+
+    #[test]
+    fn letters_of_any_script_are_letters() {
+        for (text, said) in [
+            ("hällo", "\"hällo\""),
+            ("日本 🤖", "\"日本 🤖\""),
+            ("a\\u00e4 \"q\" \n", r#""a\\u00e4 \"q\" \n""#),
+            ("bell \u{7} del \u{7f}", r#""bell \u0007 del \u007f""#),
+        ] {
+            assert_eq!(words(&text.into()), said);
+        }
+        assert_eq!(words(&read(r#"{"ü": ["ö", "\ud800"]}"#)), r#"{"ü":["ö","\ud800"]}"#);
     }
 
     #[test]

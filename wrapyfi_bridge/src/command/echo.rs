@@ -20,6 +20,8 @@ use crate::shutdown::Shutdown;
 /// # Errors
 /// Exit code 3 when a message did not come in time, 2 when the endpoint is wrong.
 pub fn run(args: &EchoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
+    // Before anything starts.
+    args.options.of(&args.endpoint.middleware)?;
     match (&args.message_type, args.endpoint.middleware.as_str()) {
         (Some(TypeName::Known(message_type)), _) => {
             let middlewares = Middlewares::for_endpoint(&args.endpoint, Role::Listener)?;
@@ -118,7 +120,7 @@ pub(super) fn known(
         qos: args.qos.map_or(start, Qos::from),
         match_peers: args.qos.is_none(),
         queue: QueueSpec { depth: 100, overflow: Overflow::DropOldest },
-        options: args.options.map(),
+        options: args.options.of(&args.endpoint.middleware)?,
         ..TopicSpec::new(&args.endpoint.name, message_type)
     };
     let middleware =

@@ -20,6 +20,8 @@ use crate::{describe, input};
 /// Exit code 3 when no listener came in time, 2 when endpoint or input is wrong.
 pub fn run(args: &PubArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let args = &with_defaults(args);
+    // Before anything starts.
+    args.options.of(&args.endpoint.middleware)?;
     let message_type = match (&args.message_type, args.endpoint.middleware.as_str()) {
         (TypeName::Known(message_type), _) => *message_type,
         (TypeName::Ros(name), "ros2") => return any::publish::run(args, name, shutdown),
@@ -27,7 +29,7 @@ pub fn run(args: &PubArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     };
     let spec = TopicSpec {
         qos: args.qos.into(),
-        options: args.options.map(),
+        options: args.options.of(&args.endpoint.middleware)?,
         ..TopicSpec::new(&args.endpoint.name, message_type)
     };
     let payload = match (&args.value, &args.file) {

@@ -111,8 +111,8 @@ pub(crate) fn of_topic<T>(
     mut is_over: impl FnMut(&LearnTopicError) -> bool,
     accept: impl Fn(Learned) -> Result<T, LearnError>,
 ) -> Result<T, LearnTopicError> {
-    let mut discovery = middleware.discover_closely()?;
     let name = format!("/{}", topic.trim_start_matches('/'));
+    let mut discovery = middleware.discover_closely(Some(&name))?;
     let mut last = false;
     loop {
         let mut why =

@@ -53,6 +53,12 @@ fn available() -> [Available<'static>; 4] {
     [zeromq::AVAILABLE, ros2::AVAILABLE, ros1::AVAILABLE, yarp::AVAILABLE]
 }
 
+/// Names of the settings of one endpoint that only this middleware has.
+#[must_use]
+pub fn option_names(middleware: &str) -> &'static [&'static str] {
+    available().iter().find(|known| known.name == middleware).map_or(&[], |known| known.options)
+}
+
 /// Which end of a topic a command is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {

@@ -169,8 +169,8 @@ impl Middleware for Late {
         self.started().map_err(|fault| not_listed(self.name, fault))?.discover()
     }
 
-    fn discover_closely(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
-        self.started().map_err(|fault| not_listed(self.name, fault))?.discover_closely()
+    fn discover_closely(&self, topic: Option<&str>) -> Result<Box<dyn Discovery>, DiscoverError> {
+        self.started().map_err(|fault| not_listed(self.name, fault))?.discover_closely(topic)
     }
 
     fn traits(&self) -> Traits {

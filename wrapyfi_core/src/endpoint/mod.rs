@@ -133,11 +133,12 @@ pub trait Middleware: Send + Sync {
     }
 
     /// As [`Middleware::discover`], and also sees what shows only to those who listen to it, which may
-    /// cost its publishers something.
+    /// cost its publishers something: of `topic`, or of all.
     ///
     /// # Errors
     /// As [`Middleware::discover`].
-    fn discover_closely(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
+    fn discover_closely(&self, topic: Option<&str>) -> Result<Box<dyn Discovery>, DiscoverError> {
+        _ = topic;
         self.discover()
     }
 

@@ -410,6 +410,16 @@ pub(super) fn route_spec(
                 let text = format!("route from {from} to itself: it would loop");
                 return Err(vec![Problem::at(entry.referenced, text)]);
             }
+            // Between two ROS a String stays what it is; written as JSON, a plain text would get quotes.
+            let is_ros = |end: &EndpointAddress| matches!(end.middleware.as_str(), "ros" | "ros2");
+            let (message_type, from_type) = match (message_type, from_type) {
+                (MessageType::StringJson, MessageType::StringJson)
+                    if is_ros(&from) && is_ros(&to) =>
+                {
+                    (MessageType::Text, MessageType::Text)
+                }
+                types => types,
+            };
             let mut route = RouteSpec::new(from, to, message_type);
             route.from_type = from_type;
             if let Some(name) = &config.name {

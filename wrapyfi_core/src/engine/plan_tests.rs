@@ -180,3 +180,20 @@ fn duplicates_and_shared_destinations_are_refused() {
     assert!(plan(to_itself).unwrap_err().to_string().contains("loop"));
     assert!(plan("routes: []\n").unwrap_err().to_string().contains("no routes"));
 }
+
+#[test]
+fn text_between_two_ros_stays_as_it_is() {
+    let types = |route: &str| {
+        let plan = plan(&format!("routes:\n  - {{ {route} }}\n")).unwrap();
+        (plan.routes[0].from_type, plan.routes[0].message_type)
+    };
+    let string = "type: std_msgs/msg/String";
+    let text = (MessageType::Text, MessageType::Text);
+    assert_eq!(types(&format!("from: 'ros2:/a', to: 'ros2:/b', {string}")), text);
+    let json = (MessageType::StringJson, MessageType::StringJson);
+    assert_eq!(types(&format!("from: 'ros2:/a', to: 'zeromq:/b', {string}")), json);
+    // Made an object of on the way.
+    let read =
+        types("from: 'ros2:/a', to: 'ros2:/b', from_type: std_msgs/msg/String, type: NativeObject");
+    assert_eq!(read, (MessageType::StringJson, MessageType::NativeObject));
+}

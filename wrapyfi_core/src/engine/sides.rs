@@ -137,7 +137,7 @@ impl Side {
         }
         let discovery = match &mut self.discovery {
             Some(discovery) => discovery,
-            none => match middleware.discover_closely() {
+            none => match middleware.discover_closely(None) {
                 Ok(mut opened) => {
                     if let Some(meant) = self.meant.take() {
                         opened.only(meant);

@@ -52,7 +52,8 @@ pub fn run(args: &DemoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let mut tick = start;
     loop {
         let next = tick + Duration::from_secs(1);
-        let until = end.map_or(next, |end| next.min(end));
+        // Not a moment of its own for what is left: rates over it would be noise.
+        let until = end.filter(|end| *end < next + Duration::from_millis(500)).unwrap_or(next);
         let ended = viewer.watch(until, shutdown);
         let now = running.status();
         let elapsed = tick.elapsed();

@@ -45,7 +45,7 @@ pub(super) fn call(args: &CallArgs, shutdown: &Shutdown) -> Result<(), Failure> 
             kwargs: keywords("--kwargs", args.kwargs.as_deref())?,
         },
     };
-    let mut options = args.options.map();
+    let mut options = args.options.of(&args.endpoint.middleware)?;
     if args.endpoint.middleware == yarp::NAME && options.get("bottle").is_none() {
         // A robot's port reads bottles, a function of Wrapyfi JSON; the name server tells them apart.
         options.insert("bottle", "auto");
@@ -133,7 +133,7 @@ pub(super) fn serve(args: &ServeArgs, shutdown: &Shutdown) -> Result<(), Failure
         (None, "ros2" | ros1::NAME) => return Err(super::no_type(&args.endpoint)),
         (None, _) => ServiceKind::NativeObject,
     };
-    let options = args.options.map();
+    let options = args.options.of(&args.endpoint.middleware)?;
     let spec = ServiceSpec { options, ..ServiceSpec::new(&args.endpoint.name, kind) };
     let constant = constant(args, &spec)?;
     let context = Context::default();

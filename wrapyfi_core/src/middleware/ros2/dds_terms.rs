@@ -42,8 +42,9 @@ pub(super) fn discovered(endpoint: cyclone::EndpointFound, own: &Gid) -> Discove
     }
 }
 
-/// Key of a bridge's mark in USER_DATA.
-const MARK: &str = "wrapyfi_bridge=";
+/// Key of a bridge's mark in USER_DATA. Letters and digits alone: the rmw of ROS 2 passes over all of the
+/// USER_DATA, the type hash with it, where another character is in a key.
+const MARK: &str = "wrapyfibridge=";
 
 /// USER_DATA of a participant: where its security settings would lie.
 pub(super) const ENCLAVE: &str = "enclave=/;";
@@ -93,6 +94,13 @@ mod tests {
         let text = marked("typehash=RIHS01_ab;".to_owned(), Some(&wanted));
         assert_eq!(type_hash(text.as_bytes()).as_deref(), Some("RIHS01_ab"));
         assert_eq!(mark(text.as_bytes()), Some(wanted));
-        assert_eq!(mark(b"typehash=RIHS01_ab;wrapyfi_bridge=nonsense;"), None);
+        assert_eq!(mark(b"typehash=RIHS01_ab;wrapyfibridge=nonsense;"), None);
+        for pair in text.split_terminator(';') {
+            let (key, _) = pair.split_once('=').unwrap();
+            assert!(
+                key.bytes().all(|byte| byte.is_ascii_alphanumeric()),
+                "rmw does not read {key}"
+            );
+        }
     }
 }

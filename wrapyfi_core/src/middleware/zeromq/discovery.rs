@@ -70,10 +70,10 @@ impl ZeroMqDiscovery {
         })
     }
 
-    /// Subscribes to everything from the start.
-    pub(super) fn of_everything(mut self) -> Result<Self, DiscoverError> {
+    /// Subscribes to what begins with `prefix` from the start, and sees what passes there.
+    pub(super) fn subscribed(mut self, prefix: &str) -> Result<Self, DiscoverError> {
         if let Some(socket) = &self.socket {
-            socket.set_subscribe(b"").map_err(|error| transport(&error))?;
+            socket.set_subscribe(prefix.as_bytes()).map_err(|error| transport(&error))?;
             self.sees_all = true;
         }
         Ok(self)

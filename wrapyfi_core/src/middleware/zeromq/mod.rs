@@ -343,10 +343,11 @@ impl Middleware for ZeroMq {
         Ok(Box::new(discovery::ZeroMqDiscovery::new(&self.shared, &self.monitor_topic)?))
     }
 
-    /// A publisher sends nothing that nobody subscribes to: so everything is subscribed to.
-    fn discover_closely(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
+    /// A publisher sends nothing that nobody subscribes to, and Wrapyfi's waits until somebody names its topic:
+    /// so the topic is subscribed to, or everything.
+    fn discover_closely(&self, topic: Option<&str>) -> Result<Box<dyn Discovery>, DiscoverError> {
         let discovery = discovery::ZeroMqDiscovery::new(&self.shared, &self.monitor_topic)?;
-        Ok(Box::new(discovery.of_everything()?))
+        Ok(Box::new(discovery.subscribed(topic.unwrap_or_default())?))
     }
 }
 
