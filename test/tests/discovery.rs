@@ -308,6 +308,22 @@ fn echo_says_that_it_waits_for_a_broker() -> Result {
     })
 }
 
+/// Wrapyfi's publishers send nothing until somebody names their topic.
+#[test]
+fn echo_without_a_type_is_a_listener_that_publishers_wait_for() -> Result {
+    run("echo_without_a_type_is_a_listener_that_publishers_wait_for", NEEDS, |world| {
+        let _broker = world.broker()?;
+        let topic = world.topic("shy");
+        let _publisher =
+            world.wrapyfi_publisher(&topic, "--type Image --flavour red --no-broker")?;
+        let address = format!("zeromq:{topic}");
+        let mut echo =
+            world.wrapyfi(["echo", &address, "--count", "1", "--timeout", "100", "--json"])?;
+        assert_eq!(echo.objects(1)?[0]["type"], "Image");
+        echo.exits_with(0)
+    })
+}
+
 /// A node built from another version of the same definition, and one of another type.
 #[test]
 fn who_has_another_type_is_named() -> Result {
