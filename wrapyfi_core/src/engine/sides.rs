@@ -66,7 +66,7 @@ impl Sides {
     /// Looks; whether anything is other than before.
     pub(super) fn look(&mut self, now: Instant) -> bool {
         let looks = self.0.values_mut().map(|side| side.look(now));
-        looks.fold(false, |before, changed| before || changed)
+        looks.filter(|changed| *changed).count() > 0
     }
 
     pub(super) fn get(&self, name: &str) -> Option<&Side> {
