@@ -59,23 +59,25 @@ fn topics_named_like_an_input_port_are_written_to_it() -> Result {
     })
 }
 
+/// Also where the topic was there first and no port of the robot.
 #[test]
 fn a_robot_that_comes_later_is_commanded() -> Result {
     run("a_robot_that_comes_later_is_commanded", NEEDS, |world| {
         let _names = world.yarpserver()?;
-        let port = world.topic("robot") + "/in";
+        let head = world.topic("head");
+        let (topic, port) = (format!("{head}/command/i"), format!("{head}/command:i"));
         let bridge = world.executable("yarp_bridge", &["-p", "status_json:=true"])?;
-        let _words = publisher(world, &port, "NativeObject", r#"["go", 1]"#)?;
-        let name = format!("ros2:{port} -> yarp:{port}");
+        let _words = publisher(world, &topic, "NativeObject", r#"["go", 1]"#)?;
+        // Until then its port has the topic's name, and is not taken for a robot's.
+        let name = format!("ros2:{topic} -> yarp:{topic}");
         bridge.wait_until("the route to wait for a reader", |output| {
             let status = output.objects().last()?;
             let mut routes = status["routes"].as_array()?.iter();
-            routes.any(|route| route["name"] == *name).then_some(())
+            let route = routes.find(|route| route["name"] == *name)?;
+            assert_eq!(route["counters"]["sent"], 0, "{route}");
+            (route["reason"] == format!("a reader of {topic}")).then_some(())
         })?;
-        // It takes the name that the bridge had.
-        let (endpoint, own) = (yarp(&world.topic("nobody")), format!("port={port}"));
-        let robot = ["echo", &endpoint, "--type", "NativeObject", "--option", &own, "--json"];
-        let robot = world.wrapyfi(robot)?;
+        let robot = input_port(world, &port)?;
         hears(&robot, &json!(["go", 1]), &bridge)
     })
 }

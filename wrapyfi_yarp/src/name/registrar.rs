@@ -189,29 +189,38 @@ impl Kept {
     /// When the name server does not answer; the port is no longer kept all the same.
     pub async fn unregister(mut self) -> Result<(), NameError> {
         self.done = true;
-        if !self.forget() {
-            return Ok(());
+        let shared = &self.registrar.0.shared;
+        match shared.forget(&self.at.name) {
+            Some(wanted) => release(&shared.client, &wanted).await,
+            None => Ok(()),
         }
-        self.registrar.client().unregister(&self.at.name).await
     }
+}
 
-    /// Whether it was still ours.
-    fn forget(&self) -> bool {
-        let wanted = self.registrar.0.shared.forget(&self.at.name);
-        wanted.is_some_and(|wanted| !wanted.taken)
+/// Unregisters a port, unless somebody else has its name by now.
+async fn release(client: &NameClient, wanted: &Wanted) -> Result<(), NameError> {
+    let at = &wanted.at;
+    let found = if wanted.taken { None } else { client.query(&at.name).await? };
+    match found {
+        Some(found) if (&found.host, found.port) == (&at.host, at.port) => {
+            client.unregister(&at.name).await
+        }
+        _ => Ok(()),
     }
 }
 
 impl Drop for Kept {
     fn drop(&mut self) {
-        if self.done || !self.forget() {
+        if self.done {
             return;
         }
-        let (client, name) = (self.registrar.client().clone(), self.at.name.clone());
+        let shared = &self.registrar.0.shared;
+        let Some(wanted) = shared.forget(&self.at.name) else { return };
+        let client = shared.client.clone();
         // Without a runtime the process is ending: yarp clean will find out.
         if let Ok(runtime) = tokio::runtime::Handle::try_current() {
             runtime.spawn(async move {
-                if let Err(error) = client.unregister(&name).await {
+                if let Err(error) = release(&client, &wanted).await {
                     tracing::warn!(target: "wrapyfi_yarp::name", %error, "port stays registered");
                 }
             });

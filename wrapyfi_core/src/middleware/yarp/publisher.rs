@@ -61,6 +61,8 @@ struct Outlet {
     port: Mutex<Option<OutputPort>>,
     /// The port writes to an input of another program.
     commands: AtomicBool,
+    /// A port is being opened: its name may be known already, and is not another program's.
+    opening: watch::Sender<bool>,
     board: Board,
     standing: Arc<Standing>,
     /// Number of the next message with a time.
@@ -124,6 +126,7 @@ impl YarpPublisher {
             name,
             port: Mutex::default(),
             commands: AtomicBool::new(false),
+            opening: watch::Sender::new(false),
             board: Board::new(spec.message_type, &options, destination),
             standing,
             count: AtomicI32::new(0),
@@ -235,21 +238,38 @@ async fn new_input(shared: &Shared, outlet: &Outlet, now: Option<&str>) -> Strin
     }
     let bell = shared.directory.watch_any(&ports);
     let mut registered = shared.registrar.status();
-    let is_others = |port: &str| {
-        let is_ours = shared.own.contains(port) && shared.taken(port).is_none();
-        shared.directory.knows(port) && !is_ours
-    };
+    let mut opening = outlet.opening.subscribe();
     loop {
         registered.mark_unchanged();
-        match input::meant(&outlet.given, is_others) {
-            Some(found) if Some(found.as_str()) != now => return found,
-            _ => {}
+        // One that is being opened is opened first: its registration would stay behind.
+        if !*opening.borrow_and_update() {
+            let is_ours = is_ours(shared, outlet).await;
+            let is_others = |port: &str| {
+                let ours = if port == outlet.name { is_ours } else { shared.own.contains(port) };
+                shared.directory.knows(port) && !ours
+            };
+            match input::meant(&outlet.given, is_others) {
+                Some(found) if Some(found.as_str()) != now => return found,
+                _ => {}
+            }
         }
         tokio::select! {
             () = bell.notified() => {}
+            Ok(()) = opening.changed() => {}
             // A port that takes our name is another program's from then on.
             _ = registered.changed() => {}
         }
+    }
+}
+
+/// Whether the publisher's own port has its name still: YARP's ports take names from others.
+async fn is_ours(shared: &Shared, outlet: &Outlet) -> bool {
+    let own = outlet.port().as_ref().map(|port| (port.name().to_owned(), port.address().port()));
+    let Some((_, number)) = own.filter(|(name, _)| *name == outlet.name) else { return false };
+    match shared.network.query(&outlet.name).await {
+        Ok(Some(found)) => found.port == number,
+        // Nobody else's, at least.
+        _ => true,
     }
 }
 
@@ -272,7 +292,14 @@ async fn serve(
     let given = numbered.as_deref().unwrap_or(&outlet.given);
     let port = until_open(shared, &outlet.name, &outlet.standing, || {
         let (network, wanted) = (shared.network(options), wanted.clone());
-        async move { network.open_output(given, &wanted).await }
+        async move {
+            outlet.opening.send_replace(true);
+            let opened = network.open_output(given, &wanted).await;
+            if opened.is_err() {
+                outlet.opening.send_replace(false);
+            }
+            opened
+        }
     })
     .await;
     let name = port.name().to_owned();
@@ -280,6 +307,7 @@ async fn serve(
     shared.own.insert(&name);
     outlet.commands.store(destination.is_some(), Relaxed);
     *outlet.port() = Some(port);
+    outlet.opening.send_replace(false);
     let tie = tie(&name, options, destination);
     let kept = async {
         let Some(tie) = &tie else { return std::future::pending().await };
@@ -309,6 +337,7 @@ fn tie(own: &str, options: &YarpOptions, destination: Option<&str>) -> Option<Ti
 
 /// Closes the port that is open, if any.
 async fn close(shared: &Shared, outlet: &Outlet, options: &YarpOptions) {
+    outlet.opening.send_replace(false);
     let port = outlet.port().take();
     let Some(port) = port else { return };
     let name = port.name().to_owned();

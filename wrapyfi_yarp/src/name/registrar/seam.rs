@@ -1,6 +1,6 @@
 //! Ports that stay registered, without doing anything for it.
 
-use super::Registrar;
+use super::{Registrar, release};
 use crate::port::names::{Later, NameRequest, Names, Registration};
 
 /// For ports: whatever registers through this stays registered until it unregisters.
@@ -23,8 +23,8 @@ impl Names for Registrar {
     fn unregister<'a>(&'a self, name: &'a str) -> Later<'a, ()> {
         Box::pin(async move {
             match self.0.shared.forget(name) {
-                Some(wanted) if wanted.taken => Ok(()),
-                _ => Ok(self.client().unregister(name).await?),
+                Some(wanted) => Ok(release(self.client(), &wanted).await?),
+                None => Ok(self.client().unregister(name).await?),
             }
         })
     }
