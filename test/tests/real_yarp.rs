@@ -43,7 +43,6 @@ at_each! {
     a_bridge_carries_what_tools_write_and_read;
     a_control_board_is_commanded_and_asked;
     ours_take_no_number_that_a_robot_is_given;
-    a_robot_takes_the_name_of_a_topic;
 }
 
 fn at(test: &str, names: Names, body: impl FnOnce(&World) -> Result) -> Result {
@@ -296,17 +295,4 @@ fn ours_take_no_number_that_a_robot_is_given(world: &World) -> Result {
     assert!(near(number(&given)?), "the name server gives {} away", number(&given)?);
     assert!(!near(ours), "ours listens on {ours}");
     Ok(())
-}
-
-/// YARP's ports take names from whoever has them: the bridge lets go, and writes to the new one.
-fn a_robot_takes_the_name_of_a_topic(world: &World) -> Result {
-    let port = world.topic("robot") + "/in";
-    let (bridge, endpoint) = (world.executable("yarp_bridge", &[])?, ros2(&port));
-    let value = ["--type", "NativeObject", "--value", r#"["walk", 1]"#, "--rate", "10"];
-    let _words = world.wrapyfi([&["pub", &endpoint], &value[..]].concat())?;
-    exists(world, &port)?;
-    let read = world.yarp_tool("yarp", &["read", &port])?;
-    prints(&read, "walk 1").map_err(|error| error.context(bridge.tail()))?;
-    // Its name is still its own.
-    exists(world, &port)
 }
