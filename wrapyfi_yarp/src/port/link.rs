@@ -235,7 +235,9 @@ impl Link {
     }
 
     async fn binary_reply(&mut self) -> Result<Option<Bytes>, LinkError> {
-        let mut scan = BottleScan::new(self.options.dialect, &self.options.limits);
+        let begin = |dialect| BottleScan::new(dialect, &self.options.limits);
+        let (mut scan, mut other) =
+            (begin(self.options.dialect), Some(begin(self.options.dialect.other())));
         loop {
             // A bottle cannot begin with these letters: its first number has no list bit.
             if self.carrier == Carrier::Tcp && self.buffer.starts_with(&number::ACK) {
@@ -244,11 +246,20 @@ impl Link {
             }
             let more = match self.buffer.len() {
                 length @ 0..8 => 8 - length,
-                _ => match scan.advance(&self.buffer)? {
-                    Frame::Complete(size) => {
+                _ => match (scan.advance(&self.buffer), other.take()) {
+                    (Ok(Frame::Complete(size)), _) => {
                         return Ok(Some(self.buffer.split_to(size).freeze()));
                     }
-                    Frame::NeedMore(more) => more.max(1),
+                    (Ok(Frame::NeedMore(more)), rest) => {
+                        other = rest;
+                        more.max(1)
+                    }
+                    // A code that only the other dialect has shows who wrote this.
+                    (Err(BottleError::OtherDialect { .. }), Some(rest)) => {
+                        scan = rest;
+                        continue;
+                    }
+                    (Err(error), _) => return Err(error.into()),
                 },
             };
             self.fill(more).await?;

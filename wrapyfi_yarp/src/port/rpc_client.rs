@@ -182,7 +182,7 @@ impl RpcClient {
         let network = &self.owner.core.network;
         let bytes = request.encode(network.dialect())?.into();
         let Some(reply) = self.call_bytes(&bytes, after).await? else { return Ok(None) };
-        let read = Bottle::decode(&reply, network.dialect(), network.limits());
+        let read = Bottle::decode_either(&reply, network.dialect(), network.limits());
         let server = || self.server().map_or_else(String::new, |(name, _)| name);
         read.map(|(reply, _)| Some(reply))
             .map_err(|error| CallError::Reply { server: server(), error })

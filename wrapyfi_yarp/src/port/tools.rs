@@ -5,7 +5,7 @@ use std::time::Duration;
 use bytes::Bytes;
 use tokio::time::timeout;
 
-use super::link::{Link, LinkError};
+use super::link::{Link, LinkError, LinkOptions};
 use super::names::{NamesError, Registration};
 use super::network::Network;
 use crate::wire::admin::split_destination;
@@ -165,22 +165,11 @@ impl Network {
         let asked = async {
             let contact = port.contact();
             let sender = Sender::new(ADMIN);
-            let mut options = self.link_options();
-            // Its frame is the same in both dialects but for the size of this one number.
-            for dialect in [Dialect::V3, Dialect::V4] {
-                options.dialect = dialect;
-                let (mut link, _) =
-                    Link::open(&contact, Carrier::Tcp, &sender, &[], &options).await?;
-                let request = get.encode(dialect).unwrap_or_default().into();
-                let answer = link.request(&Command::Admin, &request).await;
-                match answer {
-                    Ok(Some(bytes)) => return Ok(bytes),
-                    Ok(None) => return Ok(Bytes::new()),
-                    Err(LinkError::Reply(_)) => {}
-                    Err(error) => return Err(error),
-                }
-            }
-            Ok(Bytes::new())
+            // Of YARP 3, since 10 is a code of both; 20 shows YARP 4.
+            let options = LinkOptions { dialect: Dialect::V3, ..self.link_options() };
+            let (mut link, _) = Link::open(&contact, Carrier::Tcp, &sender, &[], &options).await?;
+            let request = get.encode(options.dialect).unwrap_or_default().into();
+            Ok::<_, LinkError>(link.request(&Command::Admin, &request).await?.unwrap_or_default())
         };
         let limit = self.0.timeouts.admin;
         let answer = timeout(limit, asked).await.unwrap_or(Err(LinkError::Timeout(limit)));

@@ -5,7 +5,12 @@
 //!      [get] [axes]      ─▶  [is] [axes] 6 …
 //!      [get] [name] 0    ─▶  [is] [name] neck_pitch …
 //!      [get] [type] 0    ─▶  [is] [type] 1987212385 …     the vocab [atrv] turns, [atpr] slides
+//!   of YARP 4: /icub/head/nws/rpc:i
+//!      getAxesRPC        ─▶  ([ok]) 6
+//!      getAxisNameRPC 0  ─▶  ([ok]) neck_pitch
 //! ```
+//!
+//! Which of the two ports a board has also tells how it reads floats.
 //!
 //! Option `joints` goes before the names that are told. The ports of a board are there before it can
 //! answer, so it is asked again for a while. One that never does leaves joints without names.
@@ -17,7 +22,7 @@ use tokio::sync::{Notify, watch};
 use tokio::time::timeout;
 use wrapyfi_yarp::bottle::Vocab;
 use wrapyfi_yarp::port::{Connected, PortOptions, RpcClient};
-use wrapyfi_yarp::{Bottle, Value};
+use wrapyfi_yarp::{Bottle, Dialect, Value};
 
 use super::Shared;
 use super::opening::numbered;
@@ -28,6 +33,8 @@ use crate::types::MessageType;
 
 /// How ports of a control board end that have a port for requests beside them.
 const PORTS: [&str; 3] = ["/state:o", "/stateExt:o", payload::COMMAND_PORT];
+/// How the port for requests ends, by what the board speaks.
+const REQUESTS: [(&str, Dialect); 2] = [("/rpc:i", Dialect::V3), ("/nws/rpc:i", Dialect::V4)];
 /// Most joints of a board.
 const MOST: i64 = 256;
 /// How long a board may take for all its answers.
@@ -43,8 +50,8 @@ const PATIENCE: Duration = Duration::from_secs(1);
 #[derive(Debug)]
 pub(super) struct Board {
     given: Arc<YarpOptions>,
-    /// Of requests to the board; none where the topic is no board's.
-    rpc: Option<String>,
+    /// Of requests to the board, as in [`REQUESTS`]; none where the topic is no board's.
+    rpc: Option<[String; 2]>,
     told: Mutex<Arc<YarpOptions>>,
     /// Messages need not wait: it has told, or took too long, or there is nobody to ask.
     settled: watch::Sender<bool>,
@@ -57,7 +64,9 @@ impl Board {
     pub(super) fn new(message_type: MessageType, options: &YarpOptions, port: &str) -> Self {
         let is_of_joints = payload::is_of_joints(message_type) && options.bottle.is_none();
         let prefix = PORTS.iter().find_map(|end| port.strip_suffix(end));
-        let rpc = prefix.filter(|_| is_of_joints).map(|prefix| format!("{prefix}/rpc:i"));
+        let rpc = prefix
+            .filter(|_| is_of_joints)
+            .map(|prefix| REQUESTS.map(|(end, _)| format!("{prefix}{end}")));
         let given = Arc::new(options.clone());
         let settled = watch::Sender::new(rpc.is_none());
         let told = Mutex::new(Arc::clone(&given));
@@ -99,7 +108,11 @@ impl Board {
         connected: impl Fn() -> bool,
     ) {
         let Some(rpc) = &self.rpc else { return std::future::pending().await };
-        let bell = shared.directory.watch(rpc);
+        let bell = shared.directory.watch_any(rpc);
+        let known = || {
+            let named = rpc.iter().zip(REQUESTS).find(|(name, _)| shared.directory.knows(name));
+            named.map(|(name, (_, dialect))| (name, dialect))
+        };
         let (mut retry, mut tries, mut has_told) = (Retry::new(FIRST), 0, false);
         loop {
             // Seen before the look, so that no change is missed.
@@ -109,18 +122,18 @@ impl Board {
                 (tries, has_told) = (0, false);
                 self.settled.send_replace(false);
                 self.tell(Arc::clone(&self.given));
-            } else if !has_told && shared.directory.knows(rpc) {
-                match ask(shared, &self.given, rpc).await {
+            } else if let Some((name, dialect)) = known().filter(|_| !has_told) {
+                match ask(shared, name, dialect).await {
                     Ok(joints) => {
                         has_told = true;
-                        self.tell(Arc::new(joints.applied(&self.given)));
+                        self.tell(Arc::new(joints.applied(&self.given, dialect)));
                         self.settled.send_replace(true);
                     }
                     Err(why) => {
                         tries += 1;
                         if tries == TRIES {
                             tracing::warn!(
-                                "{rpc} did not tell the names of its joints: {why}; option joints \
+                                "{name} did not tell the names of its joints: {why}; option joints \
                                  may name them"
                             );
                         }
@@ -151,7 +164,7 @@ impl Board {
 }
 
 /// The joints of a board, in its order.
-#[derive(Debug, Default, PartialEq, Eq)]
+#[derive(Debug, Default, Clone, PartialEq, Eq)]
 struct Joints {
     /// None where the board has no name for one, or one name for two.
     names: Vec<String>,
@@ -159,9 +172,11 @@ struct Joints {
 }
 
 impl Joints {
-    fn applied(self, given: &YarpOptions) -> YarpOptions {
+    fn applied(self, given: &YarpOptions, dialect: Dialect) -> YarpOptions {
         let joints = if given.joints.is_empty() { self.names } else { given.joints.clone() };
-        YarpOptions { joints, axes: self.axes, ..given.clone() }
+        // Boards of YARP 4 alone are told by their port: those of YARP 3 have what is set.
+        let dialect = given.dialect.or(Some(dialect).filter(|dialect| *dialect == Dialect::V4));
+        YarpOptions { joints, axes: self.axes, dialect, ..given.clone() }
     }
 
     fn add(&mut self, name: Option<String>, axis: Axis) {
@@ -185,28 +200,29 @@ impl Joints {
     }
 }
 
-async fn ask(shared: &Shared, options: &YarpOptions, rpc: &str) -> Result<Joints, String> {
+async fn ask(shared: &Shared, rpc: &str, dialect: Dialect) -> Result<Joints, String> {
     let unregistered = PortOptions { register: false, ..PortOptions::default() };
-    let client = shared.network(options).open_rpc_client(&numbered(rpc), &unregistered).await;
+    let client = shared.network.open_rpc_client(&numbered(rpc), &unregistered).await;
     let client = client.map_err(|error| error.to_string())?;
     let told = async {
         client.connect(&format!("tcp:/{rpc}")).await.map_err(|error| error.to_string())?;
-        joints(&client).await
+        joints(&client, dialect).await
     };
     let told = timeout(ANSWERS, told).await;
     client.close().await;
     told.unwrap_or_else(|_| Err(format!("its answers took more than {ANSWERS:?}")))
 }
 
-async fn joints(client: &RpcClient) -> Result<Joints, String> {
-    let axes = get(client, "axes", None).await?;
+async fn joints(client: &RpcClient, dialect: Dialect) -> Result<Joints, String> {
+    let get = async |word, joint| get(client, dialect, word, joint).await;
+    let axes = get(Word::Axes, None).await?;
     let count = axes.as_ref().and_then(Value::as_i64).filter(|count| (1..=MOST).contains(count));
     let count = count.ok_or_else(|| format!("it said {axes:?} joints, up to {MOST} are read"))?;
     let mut joints = Joints::default();
     for joint in 0..count {
-        let name = get(client, "name", Some(joint)).await?;
+        let name = get(Word::Name, Some(joint)).await?;
         let name = name.as_ref().and_then(Value::as_str).map(str::to_owned);
-        let kind = get(client, "type", Some(joint)).await?;
+        let kind = get(Word::Type, Some(joint)).await?;
         joints.add(name, kind.as_ref().map_or(Axis::Revolute, axis));
     }
     Ok(joints.finished())
@@ -221,15 +237,50 @@ fn axis(kind: &Value) -> Axis {
     if code == Some(Vocab::new("atpr")) { Axis::Prismatic } else { Axis::Revolute }
 }
 
+/// What a board is asked for.
+#[derive(Debug, Clone, Copy)]
+enum Word {
+    Axes,
+    Name,
+    Type,
+}
+
+impl Word {
+    /// The words of the question to a board of YARP 3, or the function of one of YARP 4.
+    fn asked(self, dialect: Dialect) -> Vec<Value> {
+        let (word, function) = match self {
+            Self::Axes => ("axes", "getAxesRPC"),
+            Self::Name => ("name", "getAxisNameRPC"),
+            Self::Type => ("type", "getJointTypeRPC"),
+        };
+        match dialect {
+            Dialect::V3 => vec![Value::vocab("get"), Value::vocab(word)],
+            Dialect::V4 => vec![function.into()],
+        }
+    }
+}
+
 /// What the board says of `word`, and of a joint; nothing where it says that it cannot.
-async fn get(client: &RpcClient, word: &str, joint: Option<i64>) -> Result<Option<Value>, String> {
-    let words = [Value::vocab("get"), Value::vocab(word)];
+async fn get(
+    client: &RpcClient,
+    dialect: Dialect,
+    word: Word,
+    joint: Option<i64>,
+) -> Result<Option<Value>, String> {
     let joint = joint.and_then(|joint| i32::try_from(joint).ok()).map(Value::Int32);
-    let request = Bottle { values: words.into_iter().chain(joint).collect() };
+    let request = Bottle { values: word.asked(dialect).into_iter().chain(joint).collect() };
     let reply = client.call(&request, ANSWERS).await.map_err(|error| error.to_string())?;
     let reply = reply.unwrap_or_default();
-    let says = reply.get(0).is_some_and(|first| first.is_word("is"));
-    Ok(if says { reply.get(2).cloned() } else { None })
+    Ok(match (dialect, reply.get(0)) {
+        (Dialect::V3, Some(first)) if first.is_word("is") => reply.get(2),
+        (Dialect::V4, Some(Value::List(done)))
+            if done.get(0).is_some_and(|it| it.is_word("ok")) =>
+        {
+            reply.get(1)
+        }
+        _ => None,
+    }
+    .cloned())
 }
 
 #[cfg(test)]
@@ -260,9 +311,11 @@ mod tests {
             assert_eq!((told.names.len(), told.axes.len()), (0, 2));
         }
         let given = YarpOptions { joints: vec!["a".into(), "b".into()], ..YarpOptions::default() };
-        let applied = named.applied(&given);
-        assert_eq!(applied.joints, ["a", "b"]);
+        let applied = named.clone().applied(&given, Dialect::V3);
+        assert_eq!((applied.joints, applied.dialect), (given.joints.clone(), None));
+        let applied = named.applied(&given, Dialect::V4);
         assert!(applied.has_degrees(0) && !applied.has_degrees(1));
+        assert_eq!(applied.dialect, Some(Dialect::V4));
     }
 
     #[test]
@@ -271,7 +324,7 @@ mod tests {
         let rpc = |port: &str, options: &YarpOptions| Board::new(joints, options, port).rpc;
         let usual = YarpOptions::default();
         for port in ["/icub/head/state:o", "/icub/head/stateExt:o", "/icub/head/command:i"] {
-            assert_eq!(rpc(port, &usual).unwrap(), "/icub/head/rpc:i");
+            assert_eq!(rpc(port, &usual).unwrap(), ["/icub/head/rpc:i", "/icub/head/nws/rpc:i"]);
         }
         assert_eq!(rpc("/icub/head/encoders:o", &usual), None);
         let other = YarpOptions { bottle: Some(Default::default()), ..usual.clone() };

@@ -8,8 +8,9 @@
 //! YARP's replies have no number, so a connection carries one call at a time, and several calls have
 //! several connections. One more has a port with a name, as Wrapyfi's client is; it carries no calls
 //! and tells when the server goes. Under `bottle: auto` it also finds out, before the first call, whether a
-//! function of Wrapyfi answers there ([`super::form`]). A connection whose call took too long is kept for its late reply for a
-//! while, so that this is counted and taken for no other.
+//! function of Wrapyfi answers there ([`super::form`]), and before the first request with a float whether a
+//! program of YARP 4 does ([`super::manner`]). A connection whose call took too long is kept for its late
+//! reply for a while, so that this is counted and taken for no other.
 
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
@@ -23,6 +24,7 @@ use wrapyfi_yarp::port::{CallError as PortCallError, LinkError, PortOptions, Rpc
 
 use super::Shared;
 use super::form::{self, FoundForm};
+use super::manner;
 use super::opening::{numbered, until_open};
 use super::options::YarpOptions;
 use super::payload;
@@ -48,10 +50,14 @@ struct Outgoing {
 }
 
 enum Body {
-    Written(Bytes),
+    Written(Written),
     /// Nobody knows yet how the server reads.
     Unwritten(Request),
 }
+
+/// A request in the dialect that is set, and in the other one where its floats differ and the server
+/// may have that.
+struct Written(Bytes, Option<Bytes>);
 
 /// Calls one service.
 pub(super) struct YarpClient {
@@ -81,6 +87,8 @@ struct Desk {
     options: YarpOptions,
     form: FoundForm,
     dialect: Dialect,
+    /// The dialect of the server as it is now, once it was asked.
+    told: Mutex<Option<Dialect>>,
     standing: Standing,
     outcomes: Mutex<VecDeque<(i64, Outcome, Instant)>>,
     /// Connections without a call, and which of the server's times they belong to.
@@ -142,8 +150,31 @@ impl Desk {
         self.form.options(&self.options)
     }
 
-    fn write(&self, request: &Request) -> Result<Bytes, EncodeError> {
-        payload::encode_request(request, &self.spec, self.options(), self.dialect)
+    fn write(&self, request: &Request) -> Result<Written, EncodeError> {
+        let options = self.options();
+        let write = |dialect| payload::encode_request(request, &self.spec, options, dialect);
+        let usual = write(self.dialect)?;
+        if options.dialect.is_some() || payload::is_json(&self.spec, options) {
+            return Ok(Written(usual, None));
+        }
+        let other = write(self.dialect.other()).ok().filter(|other| *other != usual);
+        Ok(Written(usual, other))
+    }
+
+    fn told(&self) -> MutexGuard<'_, Option<Dialect>> {
+        self.told.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The form of a request that the server reads: it is asked once, and where that decides.
+    async fn readable<'a>(&self, shared: &Shared, written: &'a Written) -> &'a Bytes {
+        let Written(usual, Some(other)) = written else { return &written.0 };
+        let told = *self.told();
+        let dialect = match told {
+            Some(dialect) => dialect,
+            None => manner::ask(&shared.network, &self.service).await,
+        };
+        *self.told() = Some(dialect);
+        if dialect == self.dialect { usual } else { other }
     }
 
     /// Makes one call. Until the request is out, a server that is lost is waited for; `None` when
@@ -171,6 +202,7 @@ impl Desk {
                         }
                     },
                 };
+                let body = self.readable(shared, body).await;
                 match client.call_bytes(body, left() + LATE).await {
                     Ok(reply) => {
                         self.idle().push((time, client));
@@ -250,6 +282,7 @@ async fn stay_connected(shared: &Shared, desk: &Desk, port: &RpcClient) {
         }
         has_just_come = false;
         retry.reset();
+        *desk.told() = None;
         time += 1;
         desk.up.send_replace(Some(time));
         desk.standing.connected(1);
@@ -293,6 +326,7 @@ impl YarpClient {
             service: spec.service.clone(),
             form: FoundForm::new(&options),
             dialect: shared.network(&options).dialect(),
+            told: Mutex::default(),
             options,
             standing: Standing::new(context.wake.clone(), waiting),
             outcomes: Mutex::default(),

@@ -5,6 +5,8 @@
 //!   none, but one in the reply        ─▶ what this client wrote before, else its port is asked, once
 //!   one string that begins with "["   ─▶ a call of Wrapyfi: JSON
 //! ```
+//!
+//! The other way round a server is asked before the first request with a float ([`ask`]).
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -18,7 +20,7 @@ use super::options::Form;
 
 /// Most clients whose dialect is remembered.
 const MOST: usize = 256;
-/// Longest time that a client's port may take to tell its dialect.
+/// Longest time that a port may take to tell its dialect.
 const PATIENCE: Duration = Duration::from_millis(500);
 /// The beginning of a bottle that holds one string, before its length.
 const ONE_STRING: [u8; 8] = [4, 1, 0, 0, 1, 0, 0, 0];
@@ -51,11 +53,7 @@ impl Clients {
 
     /// Asks the port of a client for its dialect; that of the network where it does not tell.
     pub(super) async fn ask(&self, name: &Arc<str>) -> Dialect {
-        let told = tokio::time::timeout(PATIENCE, self.network.probe_dialect(name)).await;
-        let dialect = match told {
-            Ok(Ok(dialect)) => dialect,
-            _ => self.network.dialect(),
-        };
+        let dialect = ask(&self.network, name).await;
         self.learn(name, dialect);
         dialect
     }
@@ -71,6 +69,14 @@ impl Clients {
 
     fn known<T>(&self, look: impl FnOnce(&mut HashMap<Arc<str>, Dialect>) -> T) -> T {
         look(&mut self.known.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+/// Asks a port for its dialect; that of the network where it does not tell.
+pub(super) async fn ask(network: &Network, name: &str) -> Dialect {
+    match tokio::time::timeout(PATIENCE, network.probe_dialect(name)).await {
+        Ok(Ok(dialect)) => dialect,
+        _ => network.dialect(),
     }
 }
 

@@ -377,7 +377,8 @@ impl Publisher for YarpPublisher {
         if objects + pictures == 0 {
             return Err(self.nobody());
         }
-        let (mut options, dialect) = (self.outlet.board.options(), self.dialect);
+        let mut options = self.outlet.board.options();
+        let dialect = options.dialect.unwrap_or(self.dialect);
         let commands = self.outlet.commands.load(Relaxed);
         let spec = self.command_spec.as_ref().filter(|_| commands).unwrap_or(&self.spec);
         // Objects for an input port of another program are bottles; messages of ROS have forms of

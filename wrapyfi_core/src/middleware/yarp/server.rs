@@ -130,9 +130,7 @@ impl Desk {
         let options = self.forms.of(&self.options, manner.form);
         let write = |dialect| payload::encode_reply(answer, &self.spec, options, dialect);
         let body = write(manner.dialect.unwrap_or(self.dialect))?;
-        let is_json = options.bottle.unwrap_or_default() == Form::Json
-            && !matches!(self.spec.kind, ServiceKind::Ros(_));
-        if manner.dialect.is_some() || is_json {
+        if manner.dialect.is_some() || payload::is_json(&self.spec, options) {
             return Ok((body, None));
         }
         // What only one dialect has a form for is written in that one.

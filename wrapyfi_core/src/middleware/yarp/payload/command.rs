@@ -159,21 +159,25 @@ impl Movement {
     }
 
     fn encode(self, dialect: Dialect) -> Result<Vec<u8>, EncodeError> {
-        let (all, some) = match self.control {
-            Control::Position => ("poss", ""),
-            Control::PositionDirect => ("dpos", "dpog"),
-            Control::Velocity => ("vmos", "vmog"),
-            Control::Torque => ("dtqs", "dtqg"),
+        let (interface, all, some) = match self.control {
+            Control::Position => ("ipos", "poss", ""),
+            Control::PositionDirect => ("ipod", "dpos", "dpog"),
+            Control::Velocity => ("ivel", "vmos", "vmog"),
+            Control::Torque => ("itrq", "dtqs", "dtqg"),
         };
         let number = |place: usize| Element::Int32(i32::try_from(place).unwrap_or(i32::MAX));
-        let head = match self.joints {
-            None => vec![Element::vocab(all)],
+        let mut head = match dialect {
+            Dialect::V3 => Vec::new(),
+            Dialect::V4 => vec![Element::vocab(interface)],
+        };
+        match self.joints {
+            None => head.push(Element::vocab(all)),
             Some(joints) => {
                 let count = number(joints.len());
                 let places = joints.into_iter().map(number).collect::<Bottle>();
-                vec![Element::vocab(some), count, Element::List(places)]
+                head.extend([Element::vocab(some), count, Element::List(places)]);
             }
-        };
+        }
         let body = self.values.into_iter().map(Element::Float64).collect();
         let pair = [Bottle { values: head }, body].map(Element::List);
         native::bytes(&Bottle { values: pair.into() }, dialect)

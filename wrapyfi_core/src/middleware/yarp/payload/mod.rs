@@ -40,7 +40,9 @@ use crate::types::{DataType, MessageType, NativeObject, Payload, Stamp};
 use element::Writer;
 
 pub(super) use command::{COMMAND_PORT, trajectory};
-pub use requests::{decode_reply, decode_request, encode_error, encode_reply, encode_request};
+pub use requests::{
+    decode_reply, decode_request, encode_error, encode_reply, encode_request, is_json,
+};
 
 /// A message to write: its bytes, and the time that goes with it.
 #[derive(Debug, Clone, PartialEq)]

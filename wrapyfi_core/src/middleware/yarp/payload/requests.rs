@@ -35,6 +35,11 @@ fn form(spec: &ServiceSpec, options: &YarpOptions) -> Form {
     }
 }
 
+/// Whether requests and replies of the service are JSON, which has no dialects.
+pub fn is_json(spec: &ServiceSpec, options: &YarpOptions) -> bool {
+    !matches!(spec.kind, ServiceKind::Ros(_)) && form(spec, options) == Form::Json
+}
+
 /// Writes a request: the bytes of a bottle. Option `command` goes before its arguments.
 ///
 /// # Errors
@@ -190,8 +195,8 @@ pub fn encode_error(
     native::bytes(&bottle, dialect).unwrap_or_default().into()
 }
 
-/// Reads a reply: the payload, or the server's word why there is none. `now` stands in for the time
-/// stamp, which replies have not.
+/// Reads a reply, of either dialect: the payload, or the server's word why there is none. `now` stands
+/// in for the time stamp, which replies have not.
 ///
 /// # Errors
 /// When it is no reply of the service's kind, or exceeds a limit.
@@ -202,7 +207,20 @@ pub fn decode_reply(
     dialect: Dialect,
     now: Stamp,
 ) -> Result<Result<Payload, String>, DecodeError> {
-    let bottle = read(bytes, spec, dialect)?;
+    fault::check_received(bytes.len(), spec.limits.message_bytes)?;
+    native::in_either(bytes, dialect, &spec.limits, |dialect| {
+        decode_reply_as(bytes, spec, options, dialect, now)
+    })
+}
+
+fn decode_reply_as(
+    bytes: &Bytes,
+    spec: &ServiceSpec,
+    options: &YarpOptions,
+    dialect: Dialect,
+    now: Stamp,
+) -> Result<Result<Payload, String>, DecodeError> {
+    let bottle = native::bottle(bytes, dialect, &spec.limits)?;
     let form = form(spec, options);
     if let (Form::Json, [Element::String(text)]) = (form, bottle.values.as_slice()) {
         // Pictures and sound come as native objects, too: as arrays.
@@ -248,11 +266,6 @@ pub(super) fn failure(bottle: &Bottle) -> Option<String> {
 /// The words of option `command`.
 fn words(options: &YarpOptions, writer: Writer<'_>) -> Result<Bottle, EncodeError> {
     options.command.as_deref().map_or(Ok(Bottle::new()), |text| native::typed(text, writer))
-}
-
-fn read(bytes: &Bytes, spec: &ServiceSpec, dialect: Dialect) -> Result<Bottle, DecodeError> {
-    fault::check_received(bytes.len(), spec.limits.message_bytes)?;
-    native::bottle(bytes, dialect, &spec.limits)
 }
 
 fn finish(bottle: &Bottle, spec: &ServiceSpec, dialect: Dialect) -> Result<Bytes, EncodeError> {
