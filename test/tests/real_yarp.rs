@@ -39,6 +39,7 @@ at_each! {
     connect_and_disconnect_work_on_our_ports;
     rpc_asks_ours;
     ours_asks_rpcserver;
+    numbers_are_answered_as_the_client_writes_them;
     ports_of_tools_find_each_other;
     a_bridge_carries_what_tools_write_and_read;
     a_control_board_is_commanded_and_asked;
@@ -196,6 +197,75 @@ fn ours_asks_rpcserver(world: &World) -> Result {
     Ok(())
 }
 
+/// How YARP prints the numbers of [`server`], of either version.
+const NUMBERS: [&str; 2] = ["2.5 -7 w (0.10000", ") 9007199254740993"];
+
+/// Ours that answers with numbers.
+fn server(world: &World, port: &str) -> Result<Process> {
+    let endpoint = yarp(port);
+    let value = r#"[2.5, -7, "w", [0.1], 9007199254740993]"#;
+    let server =
+        world.wrapyfi(["serve", &endpoint, "--value", value, "--option", "bottle=true"])?;
+    exists(world, port)?;
+    Ok(server)
+}
+
+/// Asks from a port with a name, and looks for what every answer should have.
+fn asks(world: &World, port: &str, client: &str, lines: &[&str], wanted: &[&str]) -> Result {
+    let mut rpc = world.yarp_tool("yarp", &["rpc", "--client", client])?;
+    exists(world, client)?;
+    world.yarp_tool("yarp", &["connect", client, port])?.exits_with(0)?;
+    for line in lines {
+        rpc.tell(line)?;
+    }
+    // What it prints into a pipe comes when it ends.
+    rpc.close_stdin();
+    rpc.exits_with(0)?;
+    for wanted in wanted {
+        assert_eq!(rpc.stdout().matches(wanted).count(), lines.len(), "{}", rpc.tail());
+    }
+    Ok(())
+}
+
+/// YARP 4 writes floats in another way than YARP 3, and a request with one shows which.
+fn numbers_are_answered_as_the_client_writes_them(world: &World) -> Result {
+    let (port, client) = (world.topic("numbers"), world.topic("client"));
+    let _server = server(world, &port)?;
+    asks(world, &port, &client, &["(1.5 2)", "hello", "1"], &NUMBERS)
+}
+
+/// Requests without floats: the name server is of the same YARP.
+#[test]
+fn numbers_for_who_shows_none_are_those_of_the_name_server() -> Result {
+    run("numbers_for_who_shows_none_are_those_of_the_name_server", NEEDS, |world| {
+        let _names = yarps_server(world)?;
+        let [port, client, params, own] =
+            ["numbers", "client", "params", "own"].map(|name| world.topic(name));
+        let _server = server(world, &port)?;
+        asks(world, &port, &client, &["hello", "1"], &NUMBERS)?;
+        let mut rpc = world.yarp_tool("yarp", &["rpc", &port])?;
+        rpc.tell("hello")?;
+        rpc.close_stdin();
+        rpc.exits_with(0)?;
+        assert!(rpc.stdout().contains(NUMBERS[0]), "{}", rpc.tail());
+
+        // A service of ROS 2, by a bridge.
+        let (offered, kind) = (ros2(&params), "rcl_interfaces/srv/GetParameters");
+        let value = r#"{"values": [{"type": 3, "double_value": 2.5, "integer_value": -7}]}"#;
+        let _ros = world.wrapyfi(["serve", &offered, "--type", kind, "--value", value])?;
+        let route = Route::service(&offered, &yarp(&own), kind);
+        let _bridge = world.bridge(&world.embedded().route(route))?;
+        exists(world, &own)?;
+        asks(
+            world,
+            &own,
+            &world.topic("asker"),
+            &["(gain)"],
+            &["(double_value 2.5)", "(integer_value -7)"],
+        )
+    })
+}
+
 /// Nothing of ours but perhaps the name server.
 fn ports_of_tools_find_each_other(world: &World) -> Result {
     let (mouth, ear) = (world.topic("mouth"), world.topic("ear"));
@@ -245,7 +315,7 @@ fn control_board(world: &World, head: &str) -> Result<Process> {
     let device = ["--device", "deviceBundler", "--wrapper_device", "controlBoard_nws_yarp"];
     let joints = ["--attached_device", "fakeMotionControl", "--period", "0.02", "--name", head];
     let board = world.yarp_tool("yarpdev", &[&device[..], &joints[..]].concat())?;
-    exists(world, &format!("{head}/rpc:i"))?;
+    exists(world, &format!("{head}/stateExt:o"))?;
     Ok(board)
 }
 
@@ -259,13 +329,21 @@ fn a_control_board_is_commanded_and_asked(world: &World) -> Result {
         call.exits_with(0).map_err(|error| error.context(bridge.tail()))?;
         Ok::<_, anyhow::Error>(call.objects(1)?.remove(0)["value"].clone())
     };
-    for endpoint in [ros2(&format!("{head}/rpc/i")), yarp(&format!("{head}/rpc:i"))] {
-        // On ROS 2 the object is in a message.
-        let told = ask(&endpoint, r#"["get", "enc", 0]"#)?.to_string();
-        assert!(["[is]", "enc", "[ok]"].iter().all(|word| told.contains(word)), "{told}");
-        // This one has no help, and says so.
-        let told = ask(&endpoint, r#"["help"]"#)?.to_string();
-        assert!(told.contains("[nak]"), "{told}");
+    let nws = format!("{head}/nws/rpc:i");
+    let is_of_yarp_4 = world.yarp_tool("yarp", &["exists", &nws])?.exit_code()? == 0;
+    // Of YARP 3 it has no help, and says so.
+    let (rpc, questions) = if is_of_yarp_4 {
+        (nws, [(r#"["getAxesRPC"]"#, &["[ok]", "1"][..]), (r#"["help"]"#, &["getAxesRPC"])])
+    } else {
+        let words = &["[is]", "enc", "[ok]"][..];
+        (format!("{head}/rpc:i"), [(r#"["get", "enc", 0]"#, words), (r#"["help"]"#, &["[nak]"])])
+    };
+    for endpoint in [ros2(&rpc.replace(':', "/")), yarp(&rpc)] {
+        for (question, words) in questions {
+            // On ROS 2 the object is in a message.
+            let told = ask(&endpoint, question)?.to_string();
+            assert!(words.iter().all(|word| told.contains(word)), "{told}");
+        }
     }
     let (endpoint, input) = (ros2(&format!("{head}/command/i")), format!("{head}/command:i"));
     let kind = ["--type", "std_msgs/msg/Float64MultiArray", "--value", r#"{"data": [1.0]}"#];

@@ -171,7 +171,7 @@ impl Desk {
         let told = *self.told();
         let dialect = match told {
             Some(dialect) => dialect,
-            None => manner::ask(&shared.network, &self.service).await,
+            None => manner::ask(&shared.network, &self.service).await.0,
         };
         *self.told() = Some(dialect);
         if dialect == self.dialect { usual } else { other }

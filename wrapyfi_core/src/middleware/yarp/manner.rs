@@ -2,7 +2,8 @@
 //!
 //! ```text
 //!   a float in the request            ─▶ its size: YARP 3 or YARP 4
-//!   none, but one in the reply        ─▶ what this client wrote before, else its port is asked, once
+//!   none, but one in the reply        ─▶ what this client wrote before, or its port told after the first
+//!                                        reply; that one is of the name server's dialect
 //!   one string that begins with "["   ─▶ a call of Wrapyfi: JSON
 //! ```
 //!
@@ -12,16 +13,17 @@ use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
+use tokio::sync::OnceCell;
 use wrapyfi_yarp::bottle::Frame;
 use wrapyfi_yarp::port::{Network, Received};
 use wrapyfi_yarp::{Bottle, Dialect};
 
-use super::options::Form;
+use super::options::{Form, YarpOptions};
 
 /// Most clients whose dialect is remembered.
 const MOST: usize = 256;
 /// Longest time that a port may take to tell its dialect.
-const PATIENCE: Duration = Duration::from_millis(500);
+const PATIENCE: Duration = Duration::from_secs(1);
 /// The beginning of a bottle that holds one string, before its length.
 const ONE_STRING: [u8; 8] = [4, 1, 0, 0, 1, 0, 0, 0];
 /// Bytes before the text of that string.
@@ -30,12 +32,17 @@ const BEFORE_TEXT: usize = 12;
 /// The dialects of the clients of one port.
 pub(super) struct Clients {
     network: Network,
+    /// The name server's port, where it may tell how those read that show nothing.
+    name_server: Option<String>,
+    usual: OnceCell<Dialect>,
     known: Mutex<HashMap<Arc<str>, Dialect>>,
 }
 
 impl Clients {
-    pub(super) fn new(network: Network) -> Self {
-        Self { network, known: Mutex::default() }
+    pub(super) fn new(network: Network, name_server: &str, options: &YarpOptions) -> Self {
+        let is_set = options.dialect.is_some() || network.dialect() != Dialect::default();
+        let name_server = (!is_set).then(|| name_server.to_owned());
+        Self { network, name_server, usual: OnceCell::new(), known: Mutex::default() }
     }
 
     /// The dialect of a request, as far as it can be told by now.
@@ -51,11 +58,30 @@ impl Clients {
         self.known(|known| known.get(&received.from).copied())
     }
 
-    /// Asks the port of a client for its dialect; that of the network where it does not tell.
-    pub(super) async fn ask(&self, name: &Arc<str>) -> Dialect {
-        let dialect = ask(&self.network, name).await;
+    /// The dialect of clients that show none: what is set, else that of YARP's name server.
+    pub(super) async fn usual(&self) -> Dialect {
+        let Some(name_server) = &self.name_server else { return self.network.dialect() };
+        *self.usual.get_or_init(|| async { ask(&self.network, name_server).await.0 }).await
+    }
+
+    /// A reply with floats goes to a client that has shown no dialect. Its port is asked behind that, for the
+    /// next time: YARP's ports tell nothing while they wait for a reply.
+    pub(super) fn written(self: &Arc<Self>, name: &Arc<str>, dialect: Dialect) {
         self.learn(name, dialect);
-        dialect
+        let (clients, name) = (Arc::clone(self), Arc::clone(name));
+        tokio::spawn(async move {
+            let (told, has_told) = ask(&clients.network, &name).await;
+            if has_told && told == dialect {
+                return;
+            }
+            if has_told {
+                clients.learn(&name, told);
+            }
+            let it = if has_told { "has others" } else { "does not tell which it has" };
+            tracing::warn!(
+                "{name} was answered with floats of dialect {dialect}, and {it}: set option dialect"
+            );
+        });
     }
 
     fn learn(&self, name: &Arc<str>, dialect: Dialect) {
@@ -72,11 +98,11 @@ impl Clients {
     }
 }
 
-/// Asks a port for its dialect; that of the network where it does not tell.
-pub(super) async fn ask(network: &Network, name: &str) -> Dialect {
+/// Asks a port for its dialect; that of the network where it does not tell. Whether it has told.
+pub(super) async fn ask(network: &Network, name: &str) -> (Dialect, bool) {
     match tokio::time::timeout(PATIENCE, network.probe_dialect(name)).await {
-        Ok(Ok(dialect)) => dialect,
-        _ => network.dialect(),
+        Ok(Ok(dialect)) => (dialect, true),
+        _ => (network.dialect(), false),
     }
 }
 

@@ -86,7 +86,7 @@ struct Desk {
     options: YarpOptions,
     forms: FoundForm,
     dialect: Dialect,
-    clients: Clients,
+    clients: Arc<Clients>,
     context: Context,
     standing: Standing,
     port: Mutex<Option<RpcServer>>,
@@ -177,8 +177,9 @@ impl Desk {
         Answer::Object(match answered.await {
             Ok(Reply::Known(body)) => body,
             Ok(Reply::Either(body, other)) => {
-                let is_usual = self.clients.ask(&received.from).await == self.dialect;
-                if is_usual { body } else { other }
+                let dialect = self.clients.usual().await;
+                self.clients.written(&received.from, dialect);
+                if dialect == self.dialect { body } else { other }
             }
             Err(_dropped) => self.error(&format!("{:?} has ended", self.spec.service), manner),
         })
@@ -206,7 +207,11 @@ impl YarpServer {
             name,
             spec: spec.clone(),
             dialect: shared.network(&options).dialect(),
-            clients: Clients::new(shared.network(&options)),
+            clients: Arc::new(Clients::new(
+                shared.network(&options),
+                shared.registrar.client().namespace(),
+                &options,
+            )),
             forms: FoundForm::new(&options),
             options,
             context: context.clone(),

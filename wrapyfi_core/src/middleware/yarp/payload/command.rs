@@ -7,6 +7,8 @@
 //!   torque            ([dtqs]) (t t t …)      ([dtqg] 2 (0 2)) (t t)
 //! ```
 //!
+//! YARP 4 has the interface before the word: `[ipos]`, `[ipod]`, `[ivel]`, `[itrq]`. Its dialect tells.
+//!
 //! YARP's own `StreamingMessagesParser` is the specification. It takes a vector that is too short for one
 //! that is long enough, so nothing is written here before the number of joints is known. Limits are
 //! kept by the board itself.

@@ -77,6 +77,10 @@ fn positions_are_moved_to_in_the_units_and_the_order_of_the_board() {
     assert_eq!(written(&options), "180.0 -90.0 0.25");
     options.out_topic_connect = Some("/icub/head/command:i".into());
     assert_eq!(written(&options), "([poss]) (180.0 -90.0 0.25)");
+    // YARP 4 has the interface before the word.
+    let bytes = encode(&payload, &spec, &options, Dialect::V4).unwrap().payload.bytes;
+    let read = Bottle::decode_whole(&bytes, Dialect::V4, &wrapyfi_yarp::Limits::default());
+    assert_eq!(read.unwrap().to_text(), "([ipos] [poss]) (180.0 -90.0 0.25)");
 }
 
 #[test]
