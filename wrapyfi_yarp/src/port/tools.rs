@@ -148,7 +148,7 @@ impl Network {
 
     /// Finds out which dialect a port speaks, by the bytes of a number that it keeps for us.
     ///
-    /// It leaves the property `wrapyfi_probe` at that port, so nothing calls this by itself.
+    /// It leaves the property `wrapyfi_probe` at that port. One that waits for a reply tells nothing.
     ///
     /// # Errors
     /// As [`AdminError`].

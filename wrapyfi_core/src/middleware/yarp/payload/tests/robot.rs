@@ -284,12 +284,14 @@ proptest! {
         let bottle = Bottle::decode_whole(&bytes, dialect, &limits).unwrap();
         let [head, body] = bottle.values.as_slice() else { panic!("{bottle:?}") };
         let (head, body) = (head.as_list().unwrap(), body.as_list().unwrap());
-        let places: Vec<usize> = match head.get(2) {
+        // YARP 4 has the interface first.
+        let word = usize::from(v4);
+        let places: Vec<usize> = match head.get(word + 2) {
             None => (0..3).collect(),
             Some(list) => list.as_list().unwrap().into_iter()
                 .map(|place| usize::try_from(place.as_i64().unwrap()).unwrap()).collect(),
         };
-        prop_assert_eq!(head.get(0).unwrap().is_word("vmos"), count == 3);
+        prop_assert_eq!(head.get(word).unwrap().is_word("vmos"), count == 3);
         prop_assert_eq!((places.len(), body.len()), (count, count));
         for (place, number) in places.into_iter().zip(body) {
             let name = JOINTS[place];
