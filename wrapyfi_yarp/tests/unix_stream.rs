@@ -17,7 +17,7 @@ use wrapyfi_yarp::port::{
     Acknowledge, Answer, CallError, InputOptions, InputPort, Network, OutputOptions, PortOptions,
     Reading, Timeouts,
 };
-use wrapyfi_yarp::{Bottle, Limits};
+use wrapyfi_yarp::{Bottle, Dialect, Limits};
 
 const PATIENCE: Duration = Duration::from_secs(20);
 
@@ -112,6 +112,23 @@ async fn our_reader_reads_what_yarp_wrote() {
     assert_eq!(within(stream.read_to_end(&mut rest)).await.unwrap(), 0);
     assert_eq!(port.counters().all(), [].into());
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[tokio::test]
+async fn a_float_of_yarp_4_shows_its_dialect() {
+    // A message of v4_tcp_basic without its index, twice: [3.25].
+    let message =
+        hex("120000007e0000014420343320313730303030303030302e350014010000010000000000000000000a40");
+    let folder = tempfile::tempdir().unwrap();
+    let port = input(&network(folder.path(), NameTable::new())).await;
+    let header = said("unix_stream_write", "c2s", "tcp");
+    let mut stream = meet(folder.path(), port.address(), &header).await;
+    stream.write_all(&message.repeat(2)).await.unwrap();
+    for _ in 0..2 {
+        let payload = within(port.recv()).await.unwrap().payload;
+        let read = payload.to_bottle(Dialect::V4, &Limits::default()).unwrap();
+        assert_eq!(read, bottle("3.25"));
+    }
 }
 
 #[tokio::test]

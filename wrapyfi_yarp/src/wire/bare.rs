@@ -34,7 +34,7 @@ pub struct BareReader {
 }
 
 impl BareReader {
-    /// A reader of payloads in `dialect` that refuses what exceeds `limits`.
+    /// A reader of payloads in `dialect`, or the other one once its codes show, that refuses what exceeds `limits`.
     #[must_use]
     pub fn new(dialect: Dialect, limits: &Limits) -> Self {
         Self { state: State::Command, dialect, limits: limits.clone() }
@@ -75,8 +75,19 @@ impl BareReader {
                     Command::from_text(&line)
                 }
                 State::Payload { command, scan } => {
-                    let found = scan.advance(buffer);
-                    let found = found.map_err(|error| Fault::BadPayload(error.to_string()))?;
+                    let found = match scan.advance(buffer) {
+                        Ok(found) => found,
+                        // A code that one dialect lacks shows that the sender speaks the other.
+                        Err(error) => {
+                            let mut other = BottleScan::new(self.dialect.other(), &self.limits);
+                            let again = other.advance(buffer);
+                            let found =
+                                again.map_err(|_neither| Fault::BadPayload(error.to_string()))?;
+                            self.dialect = self.dialect.other();
+                            **scan = other;
+                            found
+                        }
+                    };
                     let size = match found {
                         Frame::Complete(size) => size,
                         Frame::NeedMore(more) => return Ok(Step::Need(more.max(1))),
