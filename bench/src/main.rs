@@ -295,6 +295,16 @@ fn run(cli: &Cli) -> Result<()> {
 
     let asked: Vec<Asked> = Asked::ALL.into_iter().filter(|ask| wanted(ask.name())).collect();
 
+    let mut library = None;
+    if rides.iter().any(|ride| ride.way.is_library()) {
+        match yarp::Library::compile(repository, folder.path()) {
+            Ok(compiled) => library = Some(compiled),
+            Err(error) => {
+                note(&format!("without libYARP: {error:#}"));
+                results.failures.push(format!("libYARP: {error:#}"));
+            }
+        }
+    }
     let hops: Vec<Hop> = Hop::ALL.into_iter().filter(|hop| wanted(&hop.name())).collect();
     let mut master = None;
     if !hops.is_empty() {
@@ -322,7 +332,7 @@ fn run(cli: &Cli) -> Result<()> {
     for round in 1..=cli.rounds {
         results.loads.push(proc::load());
         results.micro(round, bodies.base64()?);
-        yarp::round(&bench, &rides, round, &mut results);
+        yarp::round(&bench, library.as_ref(), &rides, round, &mut results);
         if let Some(master) = &mut master {
             tcpros::round(&bench, master, &hops, round, &mut results);
         }

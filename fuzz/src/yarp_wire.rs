@@ -1,7 +1,7 @@
 //! The target of connections between YARP's ports.
 
 use bytes::BytesMut;
-use wrapyfi_yarp::Limits;
+use wrapyfi_yarp::wire::bare::BareReader;
 use wrapyfi_yarp::wire::datagram::{self, Assembler};
 use wrapyfi_yarp::wire::header::{self, HeaderReader};
 use wrapyfi_yarp::wire::http::MAX_HEAD;
@@ -9,6 +9,7 @@ use wrapyfi_yarp::wire::message::{self, Found, MessageReader};
 use wrapyfi_yarp::wire::mjpeg::MjpegReader;
 use wrapyfi_yarp::wire::text::{self, Lines, TextReader};
 use wrapyfi_yarp::wire::{Body, Carrier, Fault, Incoming, Opening, Step};
+use wrapyfi_yarp::{Dialect, Limits};
 
 use crate::bounded;
 
@@ -97,6 +98,9 @@ fn connection(bytes: &[u8], piece: usize) {
             }
             if carrier.is_text() {
                 let mut reader = TextReader::new(&limits());
+                read(rest, piece, &mut buffer, |buffer| reader.poll(buffer), |found| again(&found));
+            } else if carrier.is_unix() {
+                let mut reader = BareReader::new(Dialect::V3, &limits());
                 read(rest, piece, &mut buffer, |buffer| reader.poll(buffer), |found| again(&found));
             } else {
                 let mut reader = MessageReader::new(&limits());

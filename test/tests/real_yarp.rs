@@ -40,6 +40,7 @@ at_each! {
     rpc_asks_ours;
     ours_asks_rpcserver;
     numbers_are_answered_as_the_client_writes_them;
+    unix_sockets_carry_both_ways;
     ports_of_tools_find_each_other;
     a_bridge_carries_what_tools_write_and_read;
     a_control_board_is_commanded_and_asked;
@@ -264,6 +265,49 @@ fn numbers_for_who_shows_none_are_those_of_the_name_server() -> Result {
             &["(double_value 2.5)", "(integer_value -7)"],
         )
     })
+}
+
+/// Messages, requests and replies; with acknowledgements and without.
+fn unix_sockets_carry_both_ways(world: &World) -> Result {
+    world.set_variable("YARP_RUNTIME_DIR", world.path("sockets"));
+    let port = world.topic("ours");
+    let _publisher = publisher(world, &port, "how are you")?;
+    exists(world, &port)?;
+    let (typed, echoes) = (world.topic("typed"), world.topic("echoes"));
+    let mut write = world.yarp_tool("yarp", &["write", &typed])?;
+    exists(world, &typed)?;
+    let _server = world.yarp_tool("yarp", &["rpcserver", "--echo", &echoes])?;
+    exists(world, &echoes)?;
+    for carrier in ["unix_stream", "unix_stream+ack"] {
+        let ear = world.topic(&carrier.replace('+', "_"));
+        let read = world.yarp_tool("yarp", &["read", &ear])?;
+        exists(world, &ear)?;
+        world.yarp_tool("yarp", &["connect", &port, &ear, carrier])?.exits_with(0)?;
+        prints(&read, "how are you").map_err(|error| error.context(carrier))?;
+        told(world, &["ping", &port], |said| said.contains(carrier))?;
+        world.yarp_tool("yarp", &["disconnect", &port, &ear])?.exits_with(0)?;
+        told(world, &["ping", &port], |said| !said.contains(&ear))?;
+
+        let carried = format!("carrier={carrier}");
+        let listen = ["echo", &yarp(&typed), "--type", "NativeObject", "--json"];
+        let echo = world.wrapyfi([&listen[..], &["--option", &carried]].concat())?;
+        let wanted = format!("{typed}:in");
+        told(world, &["ping", &typed], |said| said.contains(&wanted) && said.contains(carrier))?;
+        write.tell("say 7 (1 2.5 \"a b\")")?;
+        let heard = echo.objects(1)?.remove(0);
+        assert_eq!(heard["value"], json!(["say", 7, [1, 2.5, "a b"]]), "{carrier}");
+        drop(echo);
+        told(world, &["ping", &typed], |said| !said.contains(&wanted))?;
+
+        let ask = ["call", &yarp(&echoes), "--json", "--timeout", "60"];
+        let how = ["--args", "[\"get\", 2.5]", "--option", "bottle=true", "--option", &carried];
+        let mut call = world.wrapyfi([&ask[..], &how[..]].concat())?;
+        let told = call.objects(1)?.remove(0);
+        call.exits_with(0)?;
+        assert_eq!(told["value"], json!(["get", 2.5]), "{carrier}");
+    }
+    assert_eq!(std::fs::read_dir(world.path("sockets"))?.count(), 0, "sockets are left");
+    Ok(())
 }
 
 /// Nothing of ours but perhaps the name server.

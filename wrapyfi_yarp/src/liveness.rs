@@ -125,7 +125,9 @@ impl Silence {
 
     /// Waits until the peer is gone; for ever while it acknowledges. Cancel-safe: it goes on from where
     /// it was.
-    pub(crate) async fn gone(&mut self, stream: &TcpStream) -> io::Error {
+    /// Without a TCP connection it waits for ever: the kernel ends what is on one host.
+    pub(crate) async fn gone(&mut self, stream: Option<&TcpStream>) -> io::Error {
+        let Some(stream) = stream else { return std::future::pending().await };
         loop {
             let Some(next) = self.next else { return std::future::pending().await };
             sleep_until(next).await;

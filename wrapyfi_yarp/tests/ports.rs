@@ -4,6 +4,7 @@
 use std::time::Duration;
 
 use bytes::Bytes;
+use wrapyfi_yarp::name::Environment;
 use wrapyfi_yarp::port::names::NameTable;
 use wrapyfi_yarp::port::{
     Acknowledge, Answer, CallError, InputOptions, InputPort, Message, Network, OutputOptions,
@@ -14,7 +15,10 @@ use wrapyfi_yarp::{Bottle, Limits, Value};
 const PATIENCE: Duration = Duration::from_secs(20);
 
 fn network() -> Network {
-    Network::builder().listen([127, 0, 0, 1].into()).names(NameTable::new()).build()
+    // Sockets are gone from there as soon as both ends have met.
+    let sockets = Environment::from_pairs([("YARP_RUNTIME_DIR", env!("CARGO_TARGET_TMPDIR"))]);
+    let builder = Network::builder().listen([127, 0, 0, 1].into()).names(NameTable::new());
+    builder.environment(sockets).build()
 }
 
 fn strict(queue: usize) -> InputOptions {
@@ -36,7 +40,9 @@ async fn next(port: &InputPort) -> wrapyfi_yarp::port::Received {
 
 #[tokio::test]
 async fn messages_arrive_over_every_push_carrier() {
-    for carrier in ["tcp", "fast_tcp", "text", "text_ack", "udp", "mcast"] {
+    for carrier in
+        ["tcp", "fast_tcp", "text", "text_ack", "udp", "mcast", "unix_stream", "unix_stream+ack"]
+    {
         let network = network();
         let reader = network.open_input("/reader", &strict(16)).await.unwrap();
         let writer = network.open_output("/writer", &OutputOptions::default()).await.unwrap();
@@ -70,7 +76,7 @@ async fn messages_arrive_over_every_push_carrier() {
 
 #[tokio::test]
 async fn a_reader_that_closes_first_ends_the_output() {
-    for carrier in ["tcp", "fast_tcp", "text_ack", "udp"] {
+    for carrier in ["tcp", "fast_tcp", "text_ack", "udp", "unix_stream", "unix_stream+ack"] {
         let network = network();
         let reader = network.open_input("/reader", &strict(16)).await.unwrap();
         let writer = network.open_output("/writer", &OutputOptions::default()).await.unwrap();
@@ -190,7 +196,7 @@ async fn mjpeg_is_refused_where_no_pictures_are() {
 
 #[tokio::test]
 async fn requests_are_answered_over_every_carrier_with_replies() {
-    for carrier in ["tcp", "fast_tcp", "text", "text_ack"] {
+    for carrier in ["tcp", "fast_tcp", "text", "text_ack", "unix_stream", "unix_stream+ack"] {
         let network = network();
         let options = PortOptions::default();
         let server = network.open_rpc_server("/server", &options).await.unwrap();
@@ -385,7 +391,7 @@ async fn a_qualifier_that_we_lack_ends_the_connection() {
         let error = writer.connect(&format!("tcp+{modifier}://reader")).await.unwrap_err();
         assert!(error.to_string().contains(&format!("modifier {modifier} is not")), "{error}");
     }
-    let error = writer.connect("unix_stream://reader").await.unwrap_err();
+    let error = writer.connect("shmem://reader").await.unwrap_err();
     assert!(error.to_string().contains("is unknown: use tcp"), "{error}");
     writer.connect("tcp+recv.priority://reader").await.unwrap();
     within(reader.wait_for_inputs(1)).await;

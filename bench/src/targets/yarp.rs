@@ -1,10 +1,13 @@
-//! What was promised of YARP's ports, beside bare sockets.
+//! What was promised of YARP's ports, beside bare sockets and libYARP.
 
 use super::Target;
 use crate::estimate::{Estimate, Limit};
 use crate::results::Results;
 use crate::yarp::Load::{Bottle1k, VgaRgb};
-use crate::yarp::Way::{Blocking, Data, FastTcp, Queue, Tcp, Tokio};
+use crate::yarp::Way::{
+    Blocking, Data, FastTcp, LibraryFastTcp, LibraryShmem, LibraryTcp, LibraryUnixStream, Queue,
+    Tcp, Tokio, UnixStream,
+};
 use crate::yarp::{Ports, Ride};
 
 /// All of them.
@@ -32,23 +35,55 @@ pub(super) fn check(results: &Results, targets: &mut Vec<Target>) {
             |[ours, bare]| format!("{ours:.1} / {bare:.1} us"),
         ));
     }
+    for (ours, theirs, what, limit) in [
+        (
+            Tcp,
+            LibraryTcp,
+            "YARP request and reply over tcp, a bottle with 1 KiB of text, p50 against libYARP",
+            Some(Limit::AtMost(1.2)),
+        ),
+        (FastTcp, LibraryFastTcp, "└ the same over fast_tcp", None),
+        (UnixStream, LibraryUnixStream, "└ the same over unix_stream", None),
+        (UnixStream, Tcp, "└ ours over unix_stream against ours over tcp", None),
+        (LibraryShmem, LibraryTcp, "└ libYARP over shmem against libYARP over tcp", None),
+    ] {
+        targets.push(Target::ratio(
+            what.to_owned(),
+            limit,
+            halves(ours, Bottle1k)
+                .zip(halves(theirs, Bottle1k))
+                .and_then(|(ours, lib)| Estimate::of([&ours, &lib], |[ours, lib]| ours / lib)),
+            |[ours, lib]| format!("{ours:.1} / {lib:.1} us"),
+        ));
+    }
     let rate = |micros: f64| 1e6 / micros;
-    for (ours, what, limit) in [
+    for (ours, other, what, limit) in [
         (
             FastTcp,
+            Tokio,
             "YARP stream of 640x480 RGB over fast_tcp, port to port, against a tokio reader into one \
              buffer: images a second",
             Some(Limit::AtLeast(0.85)),
         ),
-        (Tcp, "└ the same over tcp, with acknowledgements", None),
+        (Tcp, Tokio, "└ the same over tcp, with acknowledgements", None),
+        (
+            Tcp,
+            LibraryTcp,
+            "YARP stream of 640x480 RGB over tcp, port to port, against libYARP: images a second",
+            Some(Limit::AtLeast(1.0)),
+        ),
+        (FastTcp, LibraryFastTcp, "└ the same over fast_tcp", None),
+        (UnixStream, LibraryUnixStream, "└ the same over unix_stream", None),
+        (UnixStream, Tcp, "└ ours over unix_stream against ours over tcp", None),
+        (LibraryShmem, LibraryTcp, "└ libYARP over shmem against libYARP over tcp", None),
     ] {
         targets.push(Target::ratio(
             what.to_owned(),
             limit,
             halves(ours, VgaRgb)
-                .zip(halves(Tokio, VgaRgb))
-                .and_then(|(ours, bare)| Estimate::of([&ours, &bare], |[ours, bare]| bare / ours)),
-            |[ours, bare]| format!("{:.0} / {:.0}", rate(ours), rate(bare)),
+                .zip(halves(other, VgaRgb))
+                .and_then(|(ours, one)| Estimate::of([&ours, &one], |[ours, one]| one / ours)),
+            |[ours, one]| format!("{:.0} / {:.0}", rate(ours), rate(one)),
         ));
     }
     targets.push(Target::counted(

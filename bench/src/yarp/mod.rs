@@ -1,18 +1,19 @@
-//! YARP: our ports beside bare sockets that carry the same bytes.
+//! YARP: our ports beside bare sockets that carry the same bytes, and beside ports of YARP's own library.
 //!
 //! ```text
 //!   round trip   near ══ a bottle ══▶ far       bare: blocking, tokio    ports: RpcClient, RpcServer
 //!                near ◀═ the same ═══ far                                       or ports that send
 //!   stream       near ══ images ════▶ far       bare: tokio, one buffer  ports: OutputPort, InputPort
-//!                near ◀─ a byte for each batch
+//!                near ◀─ a byte for each batch                           libYARP: Port, BufferedPort
 //! ```
 //!
 //! Near and far are processes of their own, each on a tokio runtime with two threads that differs in
 //! nothing between bare sockets and ports; all of it runs in tasks. The blocking round trip never
-//! meets the runtime. Names are known by a name server in the process that orders the turn, which is
+//! meets the runtime. Both ends of a ride over libYARP are one C++ program, `peers/yarp_ports.cpp`. Names are known by a name server in the process that orders the turn, which is
 //! asked before anything is measured only.
 
 mod far;
+mod library;
 mod names;
 mod near;
 mod rest;
@@ -24,7 +25,7 @@ use anyhow::{Context as _, Result, anyhow, ensure};
 use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 use tokio::runtime::Runtime;
-use wrapyfi_yarp::name::{NameClient, NameServerConf};
+use wrapyfi_yarp::name::{Environment, NameClient, NameServerConf};
 use wrapyfi_yarp::port::{Acknowledge, InputOptions, Network, Reading};
 use wrapyfi_yarp::server::{NameServer, NameServerOptions};
 use wrapyfi_yarp::sig::{Image, PixelCode};
@@ -37,15 +38,19 @@ use crate::turn::{Bench, Line};
 use crate::worker::{Order, Report};
 
 pub(crate) use far::far;
+pub(crate) use library::Library;
 pub(crate) use near::near;
 pub(crate) use rest::{Ports, ports};
 
 /// How long one exchange may take.
 const PATIENCE: Duration = Duration::from_secs(20);
-/// Most turns of one round.
+/// Turns of one round. Where the scheduler puts two processes, and what else is in the caches, decides
+/// more than how many messages they exchange.
 const SWEEPS: u32 = 5;
 /// Images of one batch: far acknowledges the last of them.
 const BATCH: u32 = 100;
+/// Variable with the folder of unix sockets.
+const SOCKETS: &str = "YARP_RUNTIME_DIR";
 /// Width and height of an image.
 const SIZE: (usize, usize) = (640, 480);
 
@@ -64,6 +69,16 @@ pub(crate) enum Way {
     Queue,
     /// `fast_tcp`, a port that sends and one that reads at both ends.
     Data,
+    /// Ports, over a unix socket, without acknowledgements.
+    UnixStream,
+    /// Ports of libYARP, without acknowledgements.
+    LibraryFastTcp,
+    /// Ports of libYARP, each message acknowledged.
+    LibraryTcp,
+    /// Ports of libYARP, over a unix socket, without acknowledgements.
+    LibraryUnixStream,
+    /// Ports of libYARP, through shared memory.
+    LibraryShmem,
 }
 
 impl Way {
@@ -76,6 +91,11 @@ impl Way {
             Self::Tcp => "tcp",
             Self::Queue => "queue",
             Self::Data => "data",
+            Self::LibraryFastTcp => "library-fast-tcp",
+            Self::LibraryTcp => "library-tcp",
+            Self::UnixStream => "unix-stream",
+            Self::LibraryUnixStream => "library-unix-stream",
+            Self::LibraryShmem => "library-shmem",
         }
     }
 
@@ -88,12 +108,30 @@ impl Way {
             Self::Tcp => "ports over tcp, with acknowledgements",
             Self::Queue => "request over fast_tcp, answered out of a queue",
             Self::Data => "a port each way over fast_tcp",
+            Self::LibraryFastTcp => "ports of libYARP over fast_tcp",
+            Self::LibraryTcp => "ports of libYARP over tcp, with acknowledgements",
+            Self::UnixStream => "ports over unix_stream",
+            Self::LibraryUnixStream => "ports of libYARP over unix_stream",
+            Self::LibraryShmem => "ports of libYARP over shmem, with acknowledgements",
         }
     }
 
     /// Name of the carrier that connects its ports.
     fn carrier(self) -> &'static str {
-        if self == Self::Tcp { "tcp" } else { "fast_tcp" }
+        match self {
+            Self::Tcp | Self::LibraryTcp => "tcp",
+            Self::UnixStream | Self::LibraryUnixStream => "unix_stream",
+            Self::LibraryShmem => "shmem",
+            _ => "fast_tcp",
+        }
+    }
+
+    /// Whether its ports are those of libYARP.
+    pub(crate) fn is_library(self) -> bool {
+        matches!(
+            self,
+            Self::LibraryFastTcp | Self::LibraryTcp | Self::LibraryUnixStream | Self::LibraryShmem
+        )
     }
 }
 
@@ -128,15 +166,6 @@ impl Load {
         match self {
             Self::Bottle1k => 1500,
             Self::VgaRgb => 3,
-        }
-    }
-
-    /// Turns of one round. Where the scheduler puts two processes, and what else is in the caches,
-    /// decides more about a stream than how long it is.
-    fn sweeps(self) -> u32 {
-        match self {
-            Self::Bottle1k => 1,
-            Self::VgaRgb => SWEEPS,
         }
     }
 
@@ -179,16 +208,26 @@ struct Ready {
 
 impl Ride {
     /// Every ride, those that are compared next to each other.
-    pub(crate) const ALL: [Self; 9] = [
+    pub(crate) const ALL: [Self; 19] = [
         Self { load: Load::Bottle1k, way: Way::Blocking },
         Self { load: Load::Bottle1k, way: Way::Tokio },
         Self { load: Load::Bottle1k, way: Way::FastTcp },
+        Self { load: Load::Bottle1k, way: Way::LibraryFastTcp },
         Self { load: Load::Bottle1k, way: Way::Tcp },
+        Self { load: Load::Bottle1k, way: Way::LibraryTcp },
+        Self { load: Load::Bottle1k, way: Way::UnixStream },
+        Self { load: Load::Bottle1k, way: Way::LibraryUnixStream },
+        Self { load: Load::Bottle1k, way: Way::LibraryShmem },
         Self { load: Load::Bottle1k, way: Way::Queue },
         Self { load: Load::Bottle1k, way: Way::Data },
         Self { load: Load::VgaRgb, way: Way::Tokio },
         Self { load: Load::VgaRgb, way: Way::FastTcp },
+        Self { load: Load::VgaRgb, way: Way::LibraryFastTcp },
         Self { load: Load::VgaRgb, way: Way::Tcp },
+        Self { load: Load::VgaRgb, way: Way::LibraryTcp },
+        Self { load: Load::VgaRgb, way: Way::UnixStream },
+        Self { load: Load::VgaRgb, way: Way::LibraryUnixStream },
+        Self { load: Load::VgaRgb, way: Way::LibraryShmem },
     ];
 
     /// `yarp-way/load`.
@@ -197,17 +236,25 @@ impl Ride {
     }
 
     /// Measures it once.
-    pub(crate) fn turn(self, bench: &Bench) -> Result<Leg> {
+    pub(crate) fn turn(self, bench: &Bench, library: Option<&Library>) -> Result<Leg> {
         let server = Server::start()?;
         let start = |role: &str, peer: u16| {
-            let mut command = bench.command(&bench.own);
-            command.args([role, "--load", self.load.name(), "--way", self.way.name()]);
-            command.args(["--names", &server.port.to_string(), "--peer", &peer.to_string()]);
-            Child::start(role, command, &bench.folder)
+            let mut command = if self.way.is_library() {
+                let library = library.context("libYARP is not there")?;
+                library.command(role, Place { ride: self, names: server.port, peer })?
+            } else {
+                let mut command = bench.command(&bench.own);
+                command.args([&format!("yarp-{role}"), "--load", self.load.name()]);
+                command.args(["--way", self.way.name(), "--names", &server.port.to_string()]);
+                command.args(["--peer", &peer.to_string()]);
+                command
+            };
+            command.env(SOCKETS, &bench.folder);
+            Child::start(&format!("yarp-{role}"), command, &bench.folder)
         };
-        let mut sink = start("yarp-far", 0)?;
+        let mut sink = start("far", 0)?;
         let Ready { peer } = sink.answer()?;
-        let source = start("yarp-near", peer)?;
+        let source = start("near", peer)?;
         let mut line = Line { source, sink, middle: Vec::new(), domain: 0, acks: 0 };
         let warm = line.ask(&Order::Warm).context("warming up")?;
         let calls = line.phase(&Order::Window { count: self.load.count(), inflight: 1 })?;
@@ -218,15 +265,22 @@ impl Ride {
 }
 
 /// All of it, as every round has it: backwards in every other one.
-pub(crate) fn round(bench: &Bench, rides: &[Ride], round: u32, results: &mut Results) {
-    let mut rides = rides.to_vec();
+pub(crate) fn round(
+    bench: &Bench,
+    library: Option<&Library>,
+    rides: &[Ride],
+    round: u32,
+    results: &mut Results,
+) {
+    let there = |ride: &&Ride| library.is_some() || !ride.way.is_library();
+    let mut rides: Vec<Ride> = rides.iter().filter(there).copied().collect();
     if round.is_multiple_of(2) {
         rides.reverse();
     }
     let mut legs: BTreeMap<Ride, Leg> = BTreeMap::new();
-    for sweep in 0..SWEEPS {
-        for ride in rides.iter().filter(|ride| sweep < ride.load.sweeps()) {
-            match ride.turn(bench) {
+    for _ in 0..SWEEPS {
+        for ride in &rides {
+            match ride.turn(bench, library) {
                 Ok(leg) => add(legs.entry(*ride).or_default(), leg),
                 Err(error) => {
                     let failure = format!("round {round}, {}: {error:#}", ride.name());
@@ -303,7 +357,9 @@ fn client(port: u16) -> NameClient {
 /// The network that this name server knows.
 fn network(names: u16) -> Network {
     let here = std::net::Ipv4Addr::LOCALHOST.into();
-    Network::builder().names(client(names)).listen(here).build()
+    let folder = std::env::var_os(SOCKETS).unwrap_or_else(|| std::env::temp_dir().into());
+    let environment = Environment::from_pairs([(SOCKETS, folder)]);
+    Network::builder().names(client(names)).listen(here).environment(environment).build()
 }
 
 /// Keeps every message.
@@ -371,7 +427,7 @@ mod tests {
 
     #[test]
     fn every_way_carries() {
-        for ride in Ride::ALL {
+        for ride in Ride::ALL.into_iter().filter(|ride| !ride.way.is_library()) {
             let server = Server::start().unwrap();
             let names = server.port;
             let place = move |peer| Place { ride, names, peer };
@@ -382,6 +438,32 @@ mod tests {
             let each = if ride.load == Load::VgaRgb { BATCH } else { 1 };
             let (sent, received, times) = (report.sent, report.received, report.latency_us.len());
             assert_eq!((sent, received, times), (2 * each, 2 * each, 2), "{}", ride.name());
+        }
+    }
+    #[test]
+    fn libyarp_carries_where_it_is_installed() {
+        let folder = tempfile::tempdir().unwrap();
+        let repository = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
+        let library = match Library::compile(repository, folder.path()) {
+            Ok(library) => library,
+            Err(error) => return println!("skipped: {error:#}"),
+        };
+        for ride in Ride::ALL.into_iter().filter(|ride| ride.way.is_library()) {
+            let server = Server::start().unwrap();
+            let start = |role, peer| {
+                let place = Place { ride, names: server.port, peer };
+                let mut command = library.command(role, place).unwrap();
+                command.env(SOCKETS, folder.path());
+                Child::start(role, command, folder.path()).unwrap()
+            };
+            let mut far = start("far", 0);
+            let Ready { peer } = far.answer().unwrap();
+            let mut near = start("near", peer);
+            near.tell(&Order::Window { count: 2, inflight: 1 }).unwrap();
+            let report: Report = near.answer().unwrap();
+            let each = if ride.load == Load::VgaRgb { BATCH } else { 1 };
+            let found = (report.sent, report.received, report.latency_us.len());
+            assert_eq!(found, (2 * each, 2 * each, 2), "{}", ride.name());
         }
     }
 }

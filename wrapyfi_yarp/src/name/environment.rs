@@ -2,6 +2,7 @@
 //!
 //! ```text
 //!   YARP_CONFIG_HOME, XDG_CONFIG_HOME, HOME ──▶ folder of yarp.conf
+//!   YARP_RUNTIME_DIR, XDG_RUNTIME_DIR, USER ──▶ folder of unix sockets
 //!   YARP_NAMESPACE                          ──▶ name of the name server
 //!   YARP_PORT_PREFIX, YARP_RENAME…          ──▶ names of our ports
 //!   YARP_IP, YARP_PORTNUMBER…               ──▶ where they listen
@@ -49,9 +50,8 @@ impl Environment {
     /// The environment of this process.
     #[must_use]
     pub fn from_process() -> Self {
-        let ours = |name: &str| {
-            name.starts_with("YARP_") || ["XDG_CONFIG_HOME", "HOME", "APPDATA"].contains(&name)
-        };
+        let others = ["XDG_CONFIG_HOME", "XDG_RUNTIME_DIR", "HOME", "USER", "APPDATA"];
+        let ours = |name: &str| name.starts_with("YARP_") || others.contains(&name);
         let variables = std::env::vars_os()
             .filter_map(|(name, value)| Some((name.into_string().ok()?, value)))
             .filter(|(name, _)| ours(name))
@@ -105,6 +105,19 @@ impl Environment {
         folder("XDG_CONFIG_HOME")
             .or_else(|| folder("HOME").map(|home| home.join(".config")))
             .map(|config| config.join("yarp"))
+    }
+
+    /// The folder where ports of this machine meet on unix sockets: `$YARP_RUNTIME_DIR`, else `yarp` in
+    /// `$XDG_RUNTIME_DIR`, else `/tmp/runtime-$USER/yarp`. None without any of them.
+    #[must_use]
+    pub fn runtime_folder(&self) -> Option<PathBuf> {
+        let set = |name: &str| self.variables.get(name).filter(|value| !value.is_empty());
+        if let Some(folder) = set("YARP_RUNTIME_DIR") {
+            return Some(folder.into());
+        }
+        let parent = set("XDG_RUNTIME_DIR").map(PathBuf::from);
+        let parent = parent.or_else(|| Some(format!("/tmp/runtime-{}", self.text("USER")?).into()));
+        parent.map(|parent| parent.join("yarp"))
     }
 
     /// The first port of the range of a name server: `$YARP_PORT_RANGE`, else [`DEFAULT_PORT`].
@@ -213,6 +226,21 @@ mod tests {
             assert_eq!(home.config_home(), Some("/home/me/.config/yarp".into()));
             assert_eq!(home.with("HOME", "").config_home(), None);
         }
+    }
+
+    #[test]
+    fn the_folder_of_sockets_is_that_of_yarp() {
+        let all = Environment::from_pairs([
+            ("YARP_RUNTIME_DIR", "/own"),
+            ("XDG_RUNTIME_DIR", "/run/user/7"),
+            ("USER", "me"),
+        ]);
+        assert_eq!(all.runtime_folder(), Some("/own".into()));
+        let xdg = all.with("YARP_RUNTIME_DIR", "");
+        assert_eq!(xdg.runtime_folder(), Some("/run/user/7/yarp".into()));
+        let user = xdg.with("XDG_RUNTIME_DIR", "");
+        assert_eq!(user.runtime_folder(), Some("/tmp/runtime-me/yarp".into()));
+        assert_eq!(user.with("USER", "").runtime_folder(), None);
     }
 
     #[test]

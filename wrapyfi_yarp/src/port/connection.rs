@@ -198,13 +198,13 @@ pub(super) async fn run(core: Arc<Core>, stream: TcpStream) {
         After::Reversed(session) => {
             let contact = session.peer().to_string();
             let carrier = session.carrier_text();
-            let (stream, _) = session.into_parts();
+            let Some(stream) = session.into_tcp() else { return };
             let way = Way::Reversed(core.reversed(stream));
             core.start(&name, Carrier::Text, carrier, contact, way, None);
         }
         After::Pictures(session) => {
             let contact = session.peer().to_string();
-            let (stream, _) = session.into_parts();
+            let Some(stream) = session.into_tcp() else { return };
             let mut link = core.reversed(stream);
             if link.write_raw(&[mjpeg::RESPONSE_HEAD.as_bytes()]).await.is_ok() {
                 let carrier = Carrier::Mjpeg.name().to_owned();

@@ -172,6 +172,7 @@ impl Core {
             limits: network.limits().clone(),
             handshake_timeout: network.0.timeouts.handshake,
             own_port: opened.address.port(),
+            runtime_folder: network.0.environment.runtime_folder(),
             counters: Arc::clone(&counters),
         };
         let core = Arc::new(Self {

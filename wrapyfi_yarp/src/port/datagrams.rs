@@ -11,6 +11,7 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddr, SocketAddrV4};
 use std::sync::Arc;
 
 use socket2::{Domain, Protocol, SockRef, Socket, Type};
+use tokio::io::AsyncWriteExt as _;
 use tokio::net::UdpSocket;
 
 use super::connection::Entered;
@@ -154,7 +155,7 @@ fn group_receiver(interface: Ipv4Addr, group: SocketAddrV4) -> io::Result<UdpSoc
 /// Goes on where a session of udp or mcast has read its header.
 pub(super) async fn receive(core: Arc<Core>, session: Session, group: Option<SocketAddrV4>) {
     let (name, carrier) = (session.sender().name, session.carrier_text());
-    let (stream, _) = session.into_parts();
+    let Some(mut stream) = session.into_tcp() else { return };
     let opened = async {
         let local = stream.local_addr()?.ip();
         match group {
@@ -167,7 +168,7 @@ pub(super) async fn receive(core: Arc<Core>, session: Session, group: Option<Soc
                 let socket = UdpSocket::bind((local, 0)).await?;
                 widen(&socket);
                 let port = i32::from(socket.local_addr()?.port());
-                super::io::write_all(&stream, &[&number::encode(port)]).await?;
+                stream.write_all(&number::encode(port)).await?;
                 Ok(socket)
             }
         }

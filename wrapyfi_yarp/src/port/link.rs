@@ -1,22 +1,24 @@
 //! A connection that we open to a port: what writes, asks, and administers.
 //!
 //! ```text
-//!   connect ─▶ header ─▶ answer ─▶ { command + payload ─▶ [◀─ reply] [◀─ ack] }* ─▶ goodbye
+//!   connect ─▶ header ─▶ answer, or the unix socket ─▶ { command + payload ─▶ [◀─ reply] [◀─ ack] }* ─▶ goodbye
 //! ```
 
 use std::net::SocketAddr;
+use std::path::PathBuf;
 use std::time::Duration;
 
 use bytes::{Bytes, BytesMut};
 use tokio::net::TcpStream;
 use tokio::time::timeout;
 
-use super::io;
+use super::stream::Stream;
+use super::unix::Meeting;
 use crate::bottle::{BottleError, BottleScan, Frame};
 use crate::liveness::{self, Silence};
 use crate::wire::message::{self, read_ack};
 use crate::wire::text::{self, BottleLines, Lines};
-use crate::wire::{Body, Carrier, Command, Fault, Sender, Step, header, number};
+use crate::wire::{Body, Carrier, Command, Fault, Sender, Step, bare, header, number};
 use crate::{Dialect, Limits};
 
 /// Why a connection to a port did not do what it should.
@@ -65,12 +67,14 @@ pub(super) struct LinkOptions {
     pub(super) limits: Limits,
     /// For connecting and for the answer to the header.
     pub(super) timeout: Duration,
+    /// Where unix sockets are.
+    pub(super) runtime_folder: Option<PathBuf>,
 }
 
 /// An open connection of a stream carrier.
 #[derive(Debug)]
 pub(super) struct Link {
-    stream: TcpStream,
+    stream: Stream,
     buffer: BytesMut,
     carrier: Carrier,
     options: LinkOptions,
@@ -91,10 +95,19 @@ impl Link {
             let stream = TcpStream::connect(address).await.map_err(connect)?;
             stream.set_nodelay(true)?;
             liveness::set_writer(&stream);
-            let mut link = Self::over(stream, carrier, options.clone());
+            let meeting = if carrier.is_unix() {
+                let folder = options.runtime_folder.as_deref();
+                Some(Meeting::new(folder, stream.local_addr()?, stream.peer_addr()?, false)?)
+            } else {
+                None
+            };
+            let mut link = Self::over(Stream::Tcp(stream), carrier, options.clone());
             let mut head = header::encode(carrier, sender, &link.options.limits)?;
             head.extend_from_slice(behind_name);
             link.write_raw(&[&head]).await?;
+            if let Some(meeting) = meeting {
+                link.stream = Stream::Unix(meeting.connect().await?);
+            }
             let number = loop {
                 match header::read_answer(carrier, &mut link.buffer, &link.options.limits)? {
                     Step::Event(number) => break number,
@@ -109,10 +122,10 @@ impl Link {
     /// A connection turned around: the header was the peer's.
     pub(super) fn reversed(stream: TcpStream, options: LinkOptions) -> Self {
         liveness::set_writer(&stream);
-        Self::over(stream, Carrier::Text, options)
+        Self::over(Stream::Tcp(stream), Carrier::Text, options)
     }
 
-    fn over(stream: TcpStream, carrier: Carrier, options: LinkOptions) -> Self {
+    fn over(stream: Stream, carrier: Carrier, options: LinkOptions) -> Self {
         Self { stream, buffer: BytesMut::new(), carrier, options, silence: Silence::default() }
     }
 
@@ -120,15 +133,13 @@ impl Link {
         self.carrier
     }
 
-    pub(super) fn local_address(&self) -> std::io::Result<SocketAddr> {
-        self.stream.local_addr()
+    /// The addresses of both ends, its own first.
+    pub(super) fn addresses(&self) -> std::io::Result<(SocketAddr, SocketAddr)> {
+        let tcp = self.stream.tcp().ok_or(std::io::ErrorKind::Unsupported)?;
+        Ok((tcp.local_addr()?, tcp.peer_addr()?))
     }
 
-    pub(super) fn peer_address(&self) -> std::io::Result<SocketAddr> {
-        self.stream.peer_addr()
-    }
-
-    pub(super) fn stream(&self) -> &TcpStream {
+    pub(super) fn stream(&self) -> &Stream {
         &self.stream
     }
 
@@ -148,7 +159,10 @@ impl Link {
             let message = text::message(command, Some(&bottle.to_text_bytes()));
             return self.write_raw(&[&message]).await;
         }
-        let head = message::head(command, &[payload.len()])?;
+        let head = match self.carrier.is_unix() {
+            true => bare::head(command),
+            false => message::head(command, &[payload.len()])?,
+        };
         self.write_raw(&[&head, payload]).await
     }
 
@@ -161,6 +175,7 @@ impl Link {
         loop {
             let step = match self.carrier {
                 Carrier::Tcp => read_ack(&mut self.buffer)?,
+                Carrier::UnixStreamAck => bare::read_ack(&mut self.buffer)?,
                 _ => match lines.poll(&mut self.buffer)? {
                     Step::Event(line) if line == text::ACK => Step::Event(()),
                     // A reply that nobody asked for.
@@ -238,9 +253,14 @@ impl Link {
         let begin = |dialect| BottleScan::new(dialect, &self.options.limits);
         let (mut scan, mut other) =
             (begin(self.options.dialect), Some(begin(self.options.dialect.other())));
+        // A bottle cannot begin with these letters: as a number they are no list.
+        let ack: &[u8] = match self.carrier {
+            Carrier::Tcp => &number::ACK,
+            Carrier::UnixStreamAck => &bare::ACK,
+            _ => &[],
+        };
         loop {
-            // A bottle cannot begin with these letters: its first number has no list bit.
-            if self.carrier == Carrier::Tcp && self.buffer.starts_with(&number::ACK) {
+            if !ack.is_empty() && self.buffer.starts_with(ack) {
                 self.acknowledged().await?;
                 return Ok(None);
             }
@@ -270,6 +290,7 @@ impl Link {
     pub(super) async fn quit(mut self) -> Result<(), LinkError> {
         let goodbye = match self.carrier.is_text() {
             true => text::message(&Command::Quit, None),
+            false if self.carrier.is_unix() => bare::head(&Command::Quit),
             false => message::quit(),
         };
         self.write_raw(&[&goodbye]).await?;
@@ -288,16 +309,8 @@ impl Link {
 
     /// Whether the peer closed in the meantime, as far as the system knows.
     pub(super) fn is_closed(&self) -> bool {
-        if !self.buffer.is_empty() {
-            return true;
-        }
-        let mut byte = [0];
-        match self.stream.try_read(&mut byte) {
-            Ok(0) => true,
-            // Something unasked for stands there: the connection is out of step.
-            Ok(_) => true,
-            Err(error) => error.kind() != std::io::ErrorKind::WouldBlock,
-        }
+        // Where something unasked for stands, the connection is out of step.
+        !self.buffer.is_empty() || self.stream.has_more()
     }
 
     /// Writes bytes as they are.
@@ -305,8 +318,8 @@ impl Link {
         self.silence.sent();
         tokio::select! {
             biased;
-            written = io::write_all(&self.stream, parts) => Ok(written?),
-            error = self.silence.gone(&self.stream) => Err(error.into()),
+            written = self.stream.write_all(parts) => Ok(written?),
+            error = self.silence.gone(self.stream.tcp()) => Err(error.into()),
         }
     }
 
@@ -325,8 +338,8 @@ impl Link {
         self.buffer.reserve(more.max(4 * 1024));
         let read = tokio::select! {
             biased;
-            read = io::read(&self.stream, &mut self.buffer) => read?,
-            error = self.silence.gone(&self.stream) => return Err(error.into()),
+            read = self.stream.read(&mut self.buffer) => read?,
+            error = self.silence.gone(self.stream.tcp()) => return Err(error.into()),
         };
         match read {
             0 => Err(LinkError::Closed),

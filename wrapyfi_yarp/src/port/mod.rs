@@ -36,7 +36,6 @@ mod counters;
 mod datagrams;
 mod inbox;
 mod inspect;
-mod io;
 mod link;
 mod message;
 pub mod names;
@@ -50,8 +49,10 @@ mod rpc_client;
 mod rpc_server;
 pub mod session;
 mod spare;
+mod stream;
 mod target;
 mod tools;
+mod unix;
 
 pub use core::Connected;
 pub use counters::Counters;

@@ -118,6 +118,7 @@ impl Network {
             dialect: self.0.dialect,
             limits: self.0.limits.clone(),
             timeout: self.0.timeouts.connect,
+            runtime_folder: self.0.environment.runtime_folder(),
         }
     }
 }

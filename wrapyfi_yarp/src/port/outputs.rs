@@ -102,6 +102,7 @@ impl Core {
             Some(carrier) => carrier.parse().map_err(|error: UnknownCarrier| refused(&error))?,
             None => found.carrier.parse().unwrap_or(Carrier::Tcp),
         };
+        let carrier = carrier.qualified(&sender);
         let contact = found.contact();
         let made = if pull {
             self.pull(&name, &contact).await
@@ -109,7 +110,10 @@ impl Core {
             self.remove_output(&name).await;
             self.make_output(&name, carrier, &sender, contact).await
         };
-        made.map_err(|error| unreachable(&error))?;
+        made.map_err(|error| match &error {
+            LinkError::Fault(fault) if fault.is_refusal() => refused(fault),
+            _ => unreachable(&error),
+        })?;
         Ok(admin::added(&self.name, destination))
     }
 
@@ -166,7 +170,7 @@ impl Core {
         }
         let (way, socket) = match carrier {
             Carrier::Udp => {
-                let (local, peer) = (link.local_address()?, link.peer_address()?);
+                let (local, peer) = link.addresses()?;
                 drop(link);
                 let socket = udp_to(local, peer, number).await?;
                 let largest = self.network.0.max_datagram;

@@ -48,13 +48,15 @@ use std::io;
 use std::net::SocketAddr;
 
 use bytes::{Bytes, BytesMut};
-use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 
 use super::spare::Spare;
+use super::stream::Stream;
+use super::unix::Meeting;
 use crate::Bottle;
 use crate::liveness;
 use crate::wire::admin;
+use crate::wire::bare::{self, BareReader};
 use crate::wire::header::{self, HeaderReader};
 use crate::wire::http::Request;
 use crate::wire::message::{Found, MessageReader};
@@ -71,6 +73,7 @@ const COPY_BYTES: usize = 4 * 1024;
 #[derive(Debug)]
 enum Reader {
     Binary(MessageReader),
+    Bare(BareReader),
     Text(TextReader),
     /// The first request stands in the opening.
     Lines(Option<Bytes>, Lines),
@@ -82,7 +85,7 @@ enum Reader {
 /// A connection that was opened to us.
 #[derive(Debug)]
 pub struct Session {
-    stream: TcpStream,
+    stream: Stream,
     peer: SocketAddr,
     buffer: BytesMut,
     spare: Spare,
@@ -113,12 +116,13 @@ impl Session {
     }
 
     async fn shake_hands(
-        mut stream: TcpStream,
+        stream: TcpStream,
         options: &SessionOptions,
     ) -> Result<Self, SessionError> {
         stream.set_nodelay(true)?;
         liveness::set_reader(&stream);
-        let peer = stream.peer_addr()?;
+        let (own, peer) = (stream.local_addr()?, stream.peer_addr()?);
+        let mut stream = Stream::Tcp(stream);
         let mut buffer = BytesMut::with_capacity(READ_BYTES);
         let mut header = HeaderReader::new(&options.limits);
         let opening = loop {
@@ -126,13 +130,13 @@ impl Session {
                 Ok(Step::Event(opening)) => break opening,
                 Ok(Step::Need(more)) => {
                     buffer.reserve(more.max(READ_BYTES));
-                    if stream.read_buf(&mut buffer).await? == 0 {
+                    if stream.read(&mut buffer).await? == 0 {
                         return Err(SessionError::Silent);
                     }
                 }
                 Err(fault) => {
                     if matches!(fault, Fault::UnknownHeader(_)) {
-                        stream.write_all(header::UNKNOWN_HEADER_HELP.as_bytes()).await?;
+                        stream.write_all(&[header::UNKNOWN_HEADER_HELP.as_bytes()]).await?;
                         stream.shutdown().await?;
                     }
                     return Err(fault.into());
@@ -151,11 +155,19 @@ impl Session {
                 }
                 if !carrier.is_connectionless() {
                     let answer = header::answer(*carrier, sender, options.own_port);
-                    stream.write_all(&answer).await?;
+                    stream.write_all(&[&answer]).await?;
+                }
+                if carrier.is_unix() {
+                    let folder = options.runtime_folder.as_deref();
+                    let bound = Meeting::new(folder, own, peer, true)?.bind()?;
+                    stream = Stream::Unix(bound.accept().await?);
                 }
                 let reader = match carrier {
                     Carrier::Tcp | Carrier::FastTcp => Reader::Binary(MessageReader::new(limits)),
                     Carrier::Text | Carrier::TextAck => Reader::Text(TextReader::new(limits)),
+                    Carrier::UnixStream | Carrier::UnixStreamAck => {
+                        Reader::Bare(BareReader::new(options.dialect, limits))
+                    }
                     Carrier::Udp | Carrier::Mcast | Carrier::Mjpeg => Reader::None,
                 };
                 (Some(*carrier), reader)
@@ -215,16 +227,13 @@ impl Session {
         self.peer
     }
 
-    /// The socket, for its options.
+    /// The socket alone; none where it is a unix socket.
     #[must_use]
-    pub fn stream(&self) -> &TcpStream {
-        &self.stream
-    }
-
-    /// The socket alone, and what was read from it beyond the last event.
-    #[must_use]
-    pub fn into_parts(self) -> (TcpStream, BytesMut) {
-        (self.stream, self.buffer)
+    pub fn into_tcp(self) -> Option<TcpStream> {
+        match self.stream {
+            Stream::Tcp(stream) => Some(stream),
+            Stream::Unix(_) => None,
+        }
     }
 
     /// The next thing that the peer wants; `None` at the end. Acknowledges the last one first,
@@ -297,6 +306,7 @@ impl Session {
         let rest = self.buffer.len();
         let fault = match &self.reader {
             Reader::Binary(reader) => reader.end(rest),
+            Reader::Bare(reader) => reader.end(rest),
             Reader::Text(reader) => reader.end(rest),
             // The last line of a hurried peer may lack its end.
             Reader::Lines(..) | Reader::Http(_) | Reader::None => None,
@@ -318,6 +328,10 @@ impl Session {
                     self.options.counters.count(&fault);
                     return self.poll();
                 }
+                Step::Need(more) => Step::Need(more),
+            },
+            Reader::Bare(reader) => match reader.poll(&mut self.buffer)? {
+                Step::Event(message) => Step::Event(Item::Message(message)),
                 Step::Need(more) => Step::Need(more),
             },
             Reader::Text(reader) => match reader.poll(&mut self.buffer)? {
@@ -342,7 +356,7 @@ impl Session {
     /// Reads at least one byte, straight to where it stays; false at the end.
     async fn fill(&mut self, more: usize) -> Result<bool, SessionError> {
         self.spare.make_room(&mut self.buffer, more.max(READ_BYTES));
-        match self.stream.read_buf(&mut self.buffer).await {
+        match self.stream.read(&mut self.buffer).await {
             Ok(count) => Ok(count > 0),
             // How a text sender closes with our `Welcome` unread.
             Err(error) if error.kind() == io::ErrorKind::ConnectionReset => Ok(false),
@@ -366,6 +380,7 @@ impl Session {
         let ack: &[u8] = match self.carrier {
             Some(Carrier::Tcp) if owed => &number::ACK,
             Some(Carrier::TextAck) if owed => b"<ACK>\r\n",
+            Some(Carrier::UnixStreamAck) if owed => &bare::ACK,
             _ => &[],
         };
         let reply: Bytes = match answer {
@@ -389,9 +404,9 @@ impl Session {
             let mut bytes = Vec::with_capacity(reply.len() + ack.len());
             bytes.extend_from_slice(&reply);
             bytes.extend_from_slice(ack);
-            self.stream.write_all(&bytes).await?;
+            self.stream.write_all(&[&bytes]).await?;
         } else {
-            super::io::write_all(&self.stream, &[&reply, ack]).await?;
+            self.stream.write_all(&[&reply, ack]).await?;
         }
         if matches!(self.reader, Reader::Http(_)) {
             self.stream.shutdown().await?;

@@ -162,7 +162,7 @@ async fn open(
     port: u16,
     limits: &Limits,
 ) -> Option<TcpStream> {
-    if carrier.is_connectionless() || !carrier.is_push() {
+    if carrier.is_connectionless() || carrier.is_unix() || !carrier.is_push() {
         return None;
     }
     let head = header::encode(carrier, sender, limits).ok()?;

@@ -35,6 +35,7 @@ pub(super) async fn serve(
         limits: shared.options.wire.clone(),
         handshake_timeout: shared.options.handshake_timeout,
         own_port: shared.own.port,
+        runtime_folder: None,
         counters: Arc::clone(&shared.counters),
     };
     let options = Arc::new(options);
@@ -173,7 +174,7 @@ async fn converse(mut session: Session, shared: &Arc<Shared>) -> Result<(), Sess
                     Opening::Names(_) | Opening::Http(_) => Carrier::Text,
                 };
                 let (name, text) = (session.sender().name, session.carrier_text());
-                let (stream, _) = session.into_parts();
+                let Some(stream) = session.into_tcp() else { return Ok(()) };
                 shared.readers.add(name, (carrier, text), stream, shared);
                 return Ok(());
             }

@@ -3,6 +3,8 @@
 use std::fmt;
 use std::str::FromStr;
 
+use super::Sender;
+
 /// How a connection carries messages (protocol section 2).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Carrier {
@@ -20,12 +22,24 @@ pub enum Carrier {
     Mcast,
     /// JPEG files over HTTP, which the receiver asks for.
     Mjpeg,
+    /// A unix socket between two ports of one host, nothing acknowledged.
+    UnixStream,
+    /// The same with the qualifier `ack`: every message acknowledged.
+    UnixStreamAck,
 }
 
 impl Carrier {
-    /// All of them.
-    pub const ALL: [Self; 7] =
-        [Self::Tcp, Self::FastTcp, Self::Text, Self::TextAck, Self::Udp, Self::Mcast, Self::Mjpeg];
+    /// All that have a name of their own.
+    pub const ALL: [Self; 8] = [
+        Self::Tcp,
+        Self::FastTcp,
+        Self::Text,
+        Self::TextAck,
+        Self::Udp,
+        Self::Mcast,
+        Self::Mjpeg,
+        Self::UnixStream,
+    ];
 
     /// YARP's name of it.
     #[must_use]
@@ -38,7 +52,21 @@ impl Carrier {
             Self::Udp => "udp",
             Self::Mcast => "mcast",
             Self::Mjpeg => "mjpeg",
+            Self::UnixStream | Self::UnixStreamAck => "unix_stream",
         }
+    }
+
+    /// This carrier with what the qualifiers of `sender` make of it.
+    #[must_use]
+    pub fn qualified(self, sender: &Sender) -> Self {
+        let acknowledged = sender.qualifiers.iter().any(|qualifier| qualifier.key == "ack");
+        if self == Self::UnixStream && acknowledged { Self::UnixStreamAck } else { self }
+    }
+
+    /// Whether messages go over a unix socket, after a TCP connection that only says who meets there.
+    #[must_use]
+    pub const fn is_unix(self) -> bool {
+        matches!(self, Self::UnixStream | Self::UnixStreamAck)
     }
 
     /// Whether commands and payloads are lines of text.
@@ -50,7 +78,7 @@ impl Carrier {
     /// Whether each message is answered by an acknowledgement.
     #[must_use]
     pub const fn acknowledges(self) -> bool {
-        matches!(self, Self::Tcp | Self::TextAck)
+        matches!(self, Self::Tcp | Self::TextAck | Self::UnixStreamAck)
     }
 
     /// Whether messages go in datagrams, after a TCP connection that only set this up.
@@ -75,8 +103,8 @@ impl fmt::Display for Carrier {
 /// A carrier that is not one of [`Carrier::ALL`].
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "carrier {0:?} is unknown: use tcp, fast_tcp, text, text_ack, udp, mcast or mjpeg (shmem, local \
-     and unix_stream need YARP's own process at the other end)"
+    "carrier {0:?} is unknown: use tcp, fast_tcp, text, text_ack, udp, mcast, mjpeg or unix_stream \
+     (shmem and local need YARP's own process at both ends)"
 )]
 pub struct UnknownCarrier(
     /// The name that was given.

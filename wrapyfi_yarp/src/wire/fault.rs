@@ -1,5 +1,6 @@
 //! What peers do wrong: each kind has a name under which it is counted.
 
+use std::net::IpAddr;
 use std::time::Duration;
 
 /// Why a connection was closed, or a message not taken.
@@ -32,6 +33,27 @@ pub enum Fault {
         /// The port.
         String,
     ),
+    /// Carrier `unix_stream` between two hosts.
+    #[error(
+        "carrier unix_stream is for one host, and {other} is not on the one of {own}: connect with tcp"
+    )]
+    OtherHost {
+        /// Our end.
+        own: IpAddr,
+        /// The other end.
+        other: IpAddr,
+    },
+    /// The unix socket of a connection cannot be made or reached.
+    #[error(
+        "unix socket {path} {reason}: set YARP_RUNTIME_DIR to the same folder of your own for all \
+         programs, or connect with tcp"
+    )]
+    UnixSocket {
+        /// Where the ends meet.
+        path: String,
+        /// Why they do not.
+        reason: String,
+    },
     /// The length of a sender's name is outside what YARP reads.
     #[error("a sender's name has {length} bytes, allowed are 1 to {limit} with its NUL")]
     NameLength {
@@ -116,7 +138,14 @@ impl Fault {
     /// Whether the peer did nothing wrong, and asked for what ports of ours lack.
     #[must_use]
     pub const fn is_refusal(&self) -> bool {
-        matches!(self, Self::UnsupportedCarrier(_) | Self::MissingModifier(_) | Self::NoPictures(_))
+        matches!(
+            self,
+            Self::UnsupportedCarrier(_)
+                | Self::MissingModifier(_)
+                | Self::NoPictures(_)
+                | Self::OtherHost { .. }
+                | Self::UnixSocket { .. }
+        )
     }
 
     /// The name under which it is counted.
@@ -127,6 +156,8 @@ impl Fault {
             Self::UnsupportedCarrier(_) => "unsupported_carrier",
             Self::MissingModifier(_) => "missing_modifier",
             Self::NoPictures(_) => "no_pictures",
+            Self::OtherHost { .. } => "other_host",
+            Self::UnixSocket { .. } => "unix_socket",
             Self::NameLength { .. } => "name_length",
             Self::NegativeLength(_) => "negative_length",
             Self::MessageTooLarge { .. } => "message_too_large",

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //!   tcp, fast_tcp, udp    "YA" 7777+s "RP"  i32 length  name NUL        ◀─ "YA" port "RP"
+//!   unix_stream           "UNIX_STR" | "UNIX_ACK"  i32 length  name NUL       (no answer: the socket)
 //!   mcast                 the same, then 4 bytes group, 2 bytes port, big endian
 //!   text, text_ack        "CONNECT " | "CONNACK "  name  \n             ◀─ "Welcome name\r\n"
 //!   name server           "NAME_SER"  rest of the line
@@ -77,7 +78,8 @@ impl HeaderReader {
             b"CONNACK " => self.text(buffer, Carrier::TextAck),
             b"NAME_SER" => self.names(buffer),
             b"LOCALITY" => Err(Fault::UnsupportedCarrier("local")),
-            b"UNIX_STR" => Err(Fault::UnsupportedCarrier("unix_stream")),
+            b"UNIX_STR" => self.binary(buffer, Carrier::UnixStream),
+            b"UNIX_ACK" => self.binary(buffer, Carrier::UnixStreamAck),
             b"HUMANITY" => Err(Fault::UnsupportedCarrier("human")),
             b"GET /?ws" => Err(Fault::UnsupportedCarrier("websocket")),
             _ if magic.starts_with(b"GET /") || magic == b"POST /fo" => {
@@ -190,16 +192,18 @@ pub fn encode(carrier: Carrier, sender: &Sender, limits: &Limits) -> Result<Vec<
         let length = i64::try_from(length).unwrap_or(i64::MAX);
         return Err(Fault::NameLength { length, limit: limit + 1 });
     };
-    let specifier = match carrier {
-        Carrier::Tcp => 131,
-        Carrier::FastTcp => 3,
-        Carrier::Udp => 0,
-        Carrier::Mcast => 1,
+    let magic = match carrier {
+        Carrier::Tcp => number::encode(BASE + 131),
+        Carrier::FastTcp => number::encode(BASE + 3),
+        Carrier::Udp => number::encode(BASE),
+        Carrier::Mcast => number::encode(BASE + 1),
+        Carrier::UnixStream => *b"UNIX_STR",
+        Carrier::UnixStreamAck => *b"UNIX_ACK",
         Carrier::Text => return Ok(format!("CONNECT {name}\r\n").into_bytes()),
         Carrier::TextAck => return Ok(format!("CONNACK {name}\r\n").into_bytes()),
         Carrier::Mjpeg => return Ok(Vec::new()),
     };
-    let mut bytes = number::encode(BASE + specifier).to_vec();
+    let mut bytes = magic.to_vec();
     bytes.extend(declared.to_le_bytes());
     bytes.extend(name.as_bytes());
     bytes.push(0);
@@ -220,7 +224,9 @@ pub fn answer(carrier: Carrier, sender: &Sender, port: u16) -> Vec<u8> {
     match carrier {
         Carrier::Tcp | Carrier::FastTcp | Carrier::Udp => number::encode(i32::from(port)).to_vec(),
         Carrier::Text | Carrier::TextAck => format!("Welcome {}\r\n", sender.name).into_bytes(),
-        Carrier::Mcast | Carrier::Mjpeg => Vec::new(),
+        Carrier::Mcast | Carrier::Mjpeg | Carrier::UnixStream | Carrier::UnixStreamAck => {
+            Vec::new()
+        }
     }
 }
 
@@ -235,7 +241,9 @@ pub fn read_answer(
     limits: &Limits,
 ) -> Result<Step<i32>, Fault> {
     match carrier {
-        Carrier::Mcast | Carrier::Mjpeg => Ok(Step::Event(0)),
+        Carrier::Mcast | Carrier::Mjpeg | Carrier::UnixStream | Carrier::UnixStreamAck => {
+            Ok(Step::Event(0))
+        }
         Carrier::Tcp | Carrier::FastTcp | Carrier::Udp => {
             Ok(match super::take(buffer, number::SIZE) {
                 Some(bytes) => Step::Event(number::decode(&bytes).unwrap_or(0)),

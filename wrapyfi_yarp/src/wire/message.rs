@@ -19,7 +19,7 @@ const INDEX: i32 = 10;
 /// Number and head of an index.
 const HEAD: usize = number::SIZE + 10;
 /// A command without text.
-const COMMAND: usize = 8;
+pub(super) const COMMAND: usize = 8;
 /// Longest text of a command: an envelope or a name with their key.
 pub const MAX_COMMAND_TEXT: usize = 64 * 1024;
 /// Bytes without an index after which a peer is given up.

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //!                        ┌ tcp, fast_tcp ─▶ message ─┐
+//!                        ├ unix_stream ──▶ bare ─────┤
 //!   first bytes ─ header ┼ text, text_ack ▶ text ────┼▶ Incoming: data, administration, command, quit
 //!   of a connection      ├ udp, mcast ─ datagram ────┘      each with the command's envelope
 //!                        ├ NAME_SER ─────▶ lines
@@ -14,11 +15,12 @@
 //! stays. Nothing here waits, allocates by a length that was not checked, or panics.
 //!
 //! * [`number`], [`header`], [`sender`]: the beginning of a connection.
-//! * [`command`], [`message`], [`text`], [`datagram`]: messages.
+//! * [`command`], [`message`], [`bare`], [`text`], [`datagram`]: messages.
 //! * [`admin`]: administrative requests, and the sentences of the answers.
 //! * [`http`], [`mjpeg`]: browsers, and cameras.
 
 pub mod admin;
+pub mod bare;
 pub mod command;
 pub mod datagram;
 pub mod header;

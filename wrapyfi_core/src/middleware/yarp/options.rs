@@ -30,7 +30,8 @@ pub const OPTIONS: &[&str] = &[
 ];
 
 /// Carriers that connections can be asked for, without qualifiers (`+recv.…`).
-const CARRIERS: [&str; 7] = ["tcp", "fast_tcp", "udp", "mcast", "text", "text_ack", "mjpeg"];
+const CARRIERS: [&str; 8] =
+    ["tcp", "fast_tcp", "udp", "mcast", "text", "text_ack", "mjpeg", "unix_stream"];
 
 /// How native objects lie in bottles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -5,6 +5,7 @@
 //! ```
 
 use std::io;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -26,6 +27,8 @@ pub struct SessionOptions {
     pub handshake_timeout: Duration,
     /// Number told in the answer to a binary header: the port that listens. Peers ignore it.
     pub own_port: u16,
+    /// Where carrier `unix_stream` has its sockets. None: it is refused.
+    pub runtime_folder: Option<PathBuf>,
     /// Where faults are counted.
     pub counters: Arc<Counters>,
 }
@@ -37,6 +40,7 @@ impl Default for SessionOptions {
             limits: Limits::default(),
             handshake_timeout: Duration::from_secs(5),
             own_port: 0,
+            runtime_folder: None,
             counters: Arc::default(),
         }
     }
