@@ -5,6 +5,7 @@
 # make fmt     formats the sources
 # make lint    lints only
 # make fuzz    fuzz targets, SECONDS_EACH=60 seconds each; see docs/fuzzing.md
+# make test-rmw   ROS 2 through the rmw of the ROS 2 that is sourced
 # make test-frameworks   tensors of the real PyTorch, JAX, TensorFlow, Paddle: 700 MB to download, once
 
 SHELL := /bin/bash
@@ -13,7 +14,7 @@ MAKEFLAGS += --no-print-directory
 # One after the other: every step uses all cores, and each one fails with its own message.
 .NOTPARALLEL:
 .PHONY: demo test bench doc fmt lint fuzz setup-build setup-test setup-frameworks test-fmt test-rust
-.PHONY: test-frameworks test-python test-colcon
+.PHONY: test-frameworks test-python test-colcon test-rmw
 
 DEMO_ARGS ?= --seconds 20
 BENCH_ARGS ?=
@@ -79,6 +80,14 @@ test-frameworks: setup-test setup-frameworks | target/COLCON_IGNORE
 	@WRAPYFI_REQUIRE_PEERS=1 WRAPYFI_PYTHON=$(CURDIR)/.venv-frameworks/bin/python \
 		WRAPYFI_FRAMEWORKS=1 scripts/lo-namespace.sh \
 		cargo nextest run --locked --package wrapyfi_e2e --test frameworks
+
+# Not part of `make test`: needs a ROS 2 that is sourced. RMW_IMPLEMENTATION chooses the middleware.
+RMW := --workspace --locked --features wrapyfi_bridge/rmw
+test-rmw: setup-test | target/COLCON_IGNORE
+	@$(CARGO) build $(RMW)
+	@$(CARGO) nextest run $(RMW) --no-run
+	@WRAPYFI_REQUIRE_PEERS=1 WRAPYFI_REQUIRE_ROS2=1 scripts/lo-namespace.sh cargo nextest run $(RMW) \
+		-E 'package(wrapyfi_rmw) or binary(ros2_rmw) or binary(real_ros2)' --status-level fail
 
 doc: | target/COLCON_IGNORE
 	@RUSTDOCFLAGS="-D warnings" $(CARGO) doc --workspace --no-deps --locked

@@ -13,8 +13,15 @@
 get_filename_component(WRAPYFI_WORKSPACE "${CMAKE_CURRENT_LIST_DIR}/.." ABSOLUTE)
 set(WRAPYFI_RUST_MINIMUM 1.89)
 # Libraries whose sources are installed, and the programs.
-set(WRAPYFI_LIBRARIES wrapyfi_interfaces wrapyfi_macros wrapyfi_yarp wrapyfi_core)
+set(WRAPYFI_LIBRARIES wrapyfi_interfaces wrapyfi_macros wrapyfi_yarp wrapyfi_rmw wrapyfi_core)
 set(WRAPYFI_INSTALLED_CRATES ${WRAPYFI_LIBRARIES} wrapyfi_bridge)
+
+# Speaks through the middleware of the ROS 2 that is sourced (docs/adr/003).
+option(WRAPYFI_RMW "ROS 2 through its own rmw instead of the CycloneDDS inside" OFF)
+set(WRAPYFI_FEATURES "")
+if(WRAPYFI_RMW)
+  set(WRAPYFI_FEATURES --features wrapyfi_bridge/rmw)
+endif()
 
 # The environment is read once and kept: `colcon test` runs in another shell and must find the
 # same folder.
@@ -83,11 +90,11 @@ function(wrapyfi_cargo_build)
     # The whole workspace at once, because Cargo unites the features of what it builds: the libraries
     # would be compiled a second time for the tests. Tests are compiled here and not by `colcon test`,
     # which has a time limit.
-    set(_commands COMMAND ${_build} --workspace
-      COMMAND ${_wrapyfi_cargo} test --quiet --release --locked --workspace --no-run)
+    set(_commands COMMAND ${_build} --workspace ${WRAPYFI_FEATURES}
+      COMMAND ${_wrapyfi_cargo} test --quiet --release --locked --workspace ${WRAPYFI_FEATURES} --no-run)
   else()
     list(TRANSFORM WRAPYFI_INSTALLED_CRATES PREPEND "--package=" OUTPUT_VARIABLE _packages)
-    set(_commands COMMAND ${_build} ${_packages})
+    set(_commands COMMAND ${_build} ${_packages} ${WRAPYFI_FEATURES})
   endif()
   # Cargo knows what is out of date; CMake only ever asks it.
   add_custom_target(wrapyfi_cargo ALL

@@ -117,8 +117,8 @@ for file in \
     install/wrapyfi_msgs/share/ament_index/resource_index/rosidl_interfaces/wrapyfi_msgs \
     install/wrapyfi_bridge/lib/wrapyfi_bridge/{bridge,ros1_bridge,yarp_bridge,zeromq_bridge,wrapyfi} \
     install/wrapyfi_bridge/bin/wrapyfi \
-    install/wrapyfi_core/share/ament_index/resource_index/rust_packages/{wrapyfi_core,wrapyfi_interfaces,wrapyfi_macros,wrapyfi_yarp} \
-    install/wrapyfi_core/share/{wrapyfi_core,wrapyfi_interfaces,wrapyfi_macros,wrapyfi_yarp}/rust/Cargo.toml \
+    install/wrapyfi_core/share/ament_index/resource_index/rust_packages/{wrapyfi_core,wrapyfi_interfaces,wrapyfi_macros,wrapyfi_rmw,wrapyfi_yarp} \
+    install/wrapyfi_core/share/{wrapyfi_core,wrapyfi_interfaces,wrapyfi_macros,wrapyfi_rmw,wrapyfi_yarp}/rust/Cargo.toml \
     install/wrapyfi/share/wrapyfi/launch/{bridge,all_of}.launch.py \
     install/wrapyfi/share/wrapyfi/config/example.yaml; do
     [ -e "$file" ] || fail "$file was not installed"

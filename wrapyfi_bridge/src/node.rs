@@ -68,6 +68,12 @@ impl Node {
         Self::named(DEFAULT_NAME)
     }
 
+    /// Name for security, `/` where none is given.
+    #[must_use]
+    pub fn enclave(&self) -> &str {
+        &self.args.enclave
+    }
+
     /// Name and namespace.
     #[must_use]
     pub fn name(&self) -> &NodeName {

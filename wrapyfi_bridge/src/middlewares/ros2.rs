@@ -1,11 +1,9 @@
 //! `endpoints.ros2` of a configuration, and the middleware that it makes.
 
-use std::sync::Arc;
-
 use anyhow::Context as _;
 use serde::Deserialize;
 use wrapyfi_core::engine::Available;
-use wrapyfi_core::middleware::ros2::{self, CycloneConfig, CycloneGraph, Ros2};
+use wrapyfi_core::middleware::ros2::{self, Adapter, CycloneConfig, Ros2};
 
 use crate::exit::Failure;
 use crate::node::Node;
@@ -27,6 +25,7 @@ fn check_topic(topic: &str) -> Result<(), String> {
 pub struct Ros2Section {
     pub domain_id: Option<u32>,
     pub interface: Option<String>,
+    pub graph: Option<Adapter>,
 }
 
 impl Ros2Section {
@@ -42,9 +41,10 @@ impl Ros2Section {
         config.domain_id = self.domain_id.unwrap_or(config.domain_id);
         config.interface.clone_from(&self.interface);
         config.max_message_bytes = largest_message;
-        let graph = CycloneGraph::new(&config).context("ros2")?;
+        let graph =
+            ros2::join(&config, &environment, self.graph, node.enclave()).context("ros2")?;
         let node = node.clone();
         let remap = move |topic: &str| node.resolve_topic(topic).map_err(|error| error.to_string());
-        Ok(Ros2::new(Arc::new(graph), remap))
+        Ok(Ros2::new(graph, remap))
     }
 }

@@ -180,7 +180,7 @@ mod ros2 {
     use super::queue_size;
     use crate::communicator::resolve::Side;
     use crate::communicator::source::{Planned, Source, StartError, Wanted};
-    use crate::middleware::ros2::{CycloneConfig, CycloneGraph, Ros2, environment};
+    use crate::middleware::ros2::{CycloneConfig, Ros2, environment, join};
     use crate::node::args::RosArgs;
     use crate::node::{NodeName, NodeOptions};
 
@@ -234,12 +234,13 @@ mod ros2 {
                 environment.log();
                 let mut config = CycloneConfig::from_environment(node, &environment);
                 config.max_message_bytes = config.max_message_bytes.max(max_message_bytes);
-                let graph = CycloneGraph::new(&config).map_err(StartError::refused)?;
+                let graph = join(&config, &environment, None, &args.enclave);
+                let graph = graph.map_err(StartError::refused)?;
                 // Rules for one node are those for its own name, on both sides.
                 let remap = move |topic: &str| {
                     args.resolve_topic(&own, topic).map_err(|error| error.to_string())
                 };
-                Ok(Arc::new(Ros2::new(Arc::new(graph), remap)) as _)
+                Ok(Arc::new(Ros2::new(graph, remap)) as _)
             };
             Ok(Planned { key: name, start: Box::new(start) })
         }

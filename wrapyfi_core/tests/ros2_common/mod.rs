@@ -100,7 +100,7 @@ pub struct Ends {
 }
 
 /// A writer in one node, a reader in the other, matched.
-pub fn connect(from: &CycloneGraph, to: &CycloneGraph, topic: &TopicDescription) -> Ends {
+pub fn connect(from: &dyn Graph, to: &dyn Graph, topic: &TopicDescription) -> Ends {
     let wake = Wake::new();
     let writer = from.advertise(topic, bell(&wake)).unwrap();
     let reader = to.subscribe(topic, bell(&wake)).unwrap();

@@ -5,7 +5,7 @@
 //!   ROS_LOCALHOST_ONLY ──────────────┤            domain id, Discovery,
 //!   ROS_AUTOMATIC_DISCOVERY_RANGE ───┼─ read() ─▶ Cyclone sources,
 //!   ROS_STATIC_PEERS ────────────────┤            why this DDS stack,
-//!   RMW_IMPLEMENTATION, ROS_DISTRO ──┤            mapping of services, warnings to be logged
+//!   RMW_IMPLEMENTATION, ROS_DISTRO ──┤            mapping of services, adapter, warnings to be logged
 //!   CYCLONEDDS_URI ──────────────────┘
 //! ```
 //!
@@ -51,6 +51,9 @@ pub struct Environment {
     pub cyclonedds_uri: Option<String>,
     /// What services speak: topics of all vendors understand each other, services do not.
     pub services: ServiceMapping,
+    /// Whether another middleware than CycloneDDS is meant, for which a program with the feature `rmw`
+    /// loads that of the installed ROS 2.
+    pub means_other: bool,
     /// Why, for the log at start.
     pub stack_reason: String,
     /// Lines to be logged as warnings.
@@ -58,15 +61,8 @@ pub struct Environment {
 }
 
 impl Environment {
-    /// Writes the choice, its reason and the warnings to the log.
+    /// Writes the warnings to the log.
     pub fn log(&self) {
-        tracing::info!(
-            domain = self.domain_id,
-            range = ?self.discovery.range,
-            services = self.services.rmw(),
-            reason = self.stack_reason,
-            "topics are on CycloneDDS"
-        );
         for warning in &self.warnings {
             tracing::warn!("{warning}");
         }
@@ -85,12 +81,12 @@ pub enum EnvironmentError {
     DomainOutOfRange(String),
     /// Zenoh is another network than DDS.
     #[error(
-        "RMW_IMPLEMENTATION=rmw_zenoh_cpp is not supported: nodes there are not on DDS; unset it, or set RMW_IMPLEMENTATION=rmw_cyclonedds_cpp for all nodes"
+        "RMW_IMPLEMENTATION=rmw_zenoh_cpp needs a program built in a ROS 2 that has it: `colcon build --packages-up-to wrapyfi_bridge` where that ROS 2 is sourced (feature rmw); else set RMW_IMPLEMENTATION=rmw_cyclonedds_cpp for all nodes"
     )]
     Zenoh,
     /// A middleware nobody knows.
     #[error(
-        "RMW_IMPLEMENTATION={0} is not known: set rmw_cyclonedds_cpp or rmw_fastrtps_cpp, or unset it"
+        "RMW_IMPLEMENTATION={0} is not known here: set rmw_cyclonedds_cpp or rmw_fastrtps_cpp, unset it, or build wrapyfi_bridge where a ROS 2 that has it is sourced (feature rmw)"
     )]
     UnknownRmw(String),
 }
@@ -102,12 +98,17 @@ pub enum EnvironmentError {
 pub fn read(lookup: impl Fn(&str) -> Option<String>) -> Result<Environment, EnvironmentError> {
     let set = |name: &str| lookup(name).filter(|value| !value.is_empty());
     let mut warnings = Vec::new();
-    let (services, stack_reason) =
-        services(set("RMW_IMPLEMENTATION").as_deref(), set("ROS_DISTRO").as_deref())?;
+    let rmw = set("RMW_IMPLEMENTATION");
+    let (services, stack_reason) = services(rmw.as_deref(), set("ROS_DISTRO").as_deref())?;
     Ok(Environment {
         domain_id: domain_id(set("ROS_DOMAIN_ID"))?,
         discovery: discovery(&set, &mut warnings),
         cyclonedds_uri: set("CYCLONEDDS_URI"),
+        // Where nothing is set but a ROS 2 is sourced, its default is meant.
+        means_other: match rmw.as_deref() {
+            Some(rmw) => rmw != "rmw_cyclonedds_cpp",
+            None => services == ServiceMapping::FastDds,
+        },
         services,
         stack_reason,
         warnings,
@@ -202,6 +203,10 @@ fn services(
             ServiceMapping::FastDds,
             "RMW_IMPLEMENTATION asks for Fast DDS; topics interoperate over RTPS".into(),
         ),
+        // Whether it is there, its library tells.
+        (Some(other), _) if cfg!(feature = "rmw") => {
+            (ServiceMapping::FastDds, format!("RMW_IMPLEMENTATION={other}"))
+        }
         (Some("rmw_zenoh_cpp"), _) => return Err(EnvironmentError::Zenoh),
         (Some(other), _) => return Err(EnvironmentError::UnknownRmw(other.into())),
         (None, Some(distro)) => (
@@ -306,10 +311,13 @@ mod tests {
         assert!(jazzy.stack_reason.contains("jazzy"));
         let both = [("ROS_DISTRO", "jazzy"), ("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp")];
         assert_eq!(with(&both).unwrap().services, ServiceMapping::Cyclone);
-        let zenoh = with(&[("RMW_IMPLEMENTATION", "rmw_zenoh_cpp")]).unwrap_err();
-        assert_eq!(zenoh, EnvironmentError::Zenoh);
-        assert!(zenoh.to_string().contains("rmw_cyclonedds_cpp"));
-        let unknown = with(&[("RMW_IMPLEMENTATION", "rmw_nope_cpp")]).unwrap_err();
-        assert_eq!(unknown, EnvironmentError::UnknownRmw("rmw_nope_cpp".into()));
+        #[cfg(not(feature = "rmw"))]
+        {
+            let zenoh = with(&[("RMW_IMPLEMENTATION", "rmw_zenoh_cpp")]).unwrap_err();
+            assert_eq!(zenoh, EnvironmentError::Zenoh);
+            assert!(zenoh.to_string().contains("rmw_cyclonedds_cpp"));
+            let unknown = with(&[("RMW_IMPLEMENTATION", "rmw_nope_cpp")]).unwrap_err();
+            assert_eq!(unknown, EnvironmentError::UnknownRmw("rmw_nope_cpp".into()));
+        }
     }
 }

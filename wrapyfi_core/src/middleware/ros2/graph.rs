@@ -5,7 +5,8 @@
 //!        │
 //!      Graph           this trait: one participant, one node
 //!        │
-//!      cyclone         CycloneDDS; other DDS stacks join here
+//!      cyclone         CycloneDDS, inside the program
+//!      rmw             the middleware of an installed ROS 2 (feature `rmw`)
 //! ```
 
 mod service;
@@ -100,6 +101,11 @@ pub trait Graph: Send + Sync {
         topic: &TopicDescription,
         on_data: Notify,
     ) -> Result<Box<dyn CdrReader>, GraphError>;
+
+    /// Whether the marks of bridges are seen, and left: see [`WriterTraits::mark`].
+    fn shows_marks(&self) -> bool {
+        true
+    }
 
     /// What the services of this node speak.
     fn service_mapping(&self) -> ServiceMapping;

@@ -14,6 +14,8 @@
 //!     │
 //!   cyclone             the only modules that call C
 //!
+//!   rmw_graph ───────── rmw_endpoints: the middleware of an installed ROS 2, over wrapyfi_rmw
+//!
 //!   rust_services ───── services as Fast DDS has them, on RustDDS
 //!
 //!   function: calls of Wrapyfi's functions <-> service, which carries any service type
@@ -37,6 +39,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod adapter;
 mod announcement;
 mod any;
 mod aside;
@@ -67,6 +70,10 @@ mod payload;
 mod peer_index;
 mod publisher;
 mod replays;
+#[cfg(feature = "rmw")]
+mod rmw_endpoints;
+#[cfg(feature = "rmw")]
+mod rmw_graph;
 #[cfg(feature = "ros2-fastdds")]
 mod rust_services;
 mod service;
@@ -79,6 +86,7 @@ mod wire_tests;
 
 use std::sync::Arc;
 
+pub use adapter::{Adapter, JoinError, join};
 pub use any::{AnyError, AnyListener, AnyMessage, AnyPublisher};
 pub use config::CycloneConfig;
 pub use cyclone_graph::{CycloneError, CycloneGraph};
@@ -86,6 +94,8 @@ pub use domain::DomainError;
 pub use node_endpoints::NodeEndpoints;
 pub use node_handle::NodeHandle;
 pub use parameters::{ParameterClient, ParameterClientError, RefusedParameter, RemoteParameters};
+#[cfg(feature = "rmw")]
+pub use rmw_graph::RmwGraph;
 #[cfg(feature = "ros2-fastdds")]
 pub use rust_services::{RustServices, RustServicesError, ServiceEndpoints};
 pub use service::{
@@ -225,7 +235,7 @@ impl Middleware for Ros2 {
             any_ros_type: true,
             ros_time: true,
             tells_own: true,
-            shows_marks: true,
+            shows_marks: self.graph.shows_marks(),
             subscribes_first: false,
             untyped: false,
         }
