@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   learn /imu ─▶ one of 8 at once: /imu ══▶ /wrapyfi/types:in7 ── first message ─▶ its type, disconnected
-//!                       │ nothing within 0.25 s: the next one has its turn
+//!                       │ nothing within 0.1 s: the next one has its turn
 //!                       └─▶ stays connected, for as long as it sends nothing (at most 64 ports)
 //! ```
 //!
@@ -25,8 +25,9 @@ use crate::endpoint::LearnError;
 const AT_ONCE: usize = 8;
 /// Most ports that are waited for although they send nothing.
 const SILENT_AT_ONCE: usize = 64;
-/// How long a port is taken to be one that sends often: a few messages a second are no load.
-const WINDOW: Duration = Duration::from_millis(250);
+/// How long a port is taken to be one that sends often: ten messages a second, of which one is heard, are
+/// no load.
+const WINDOW: Duration = Duration::from_millis(100);
 /// Time after which a port that could not be listened to is tried again; it doubles each time.
 const FIRST_AGAIN: Duration = Duration::from_secs(1);
 /// Longest such time.
@@ -147,18 +148,27 @@ impl FirstMessages {
 ///
 /// # Errors
 /// Why the type is not known yet.
-pub(super) fn learn(shared: &Arc<Shared>, port: &str) -> Result<&'static str, LearnError> {
+pub(super) fn learn(shared: &Arc<Shared>, port: &str) -> Result<String, LearnError> {
     let name = port.to_owned();
     let Some(entry) = shared.directory.entry(port) else {
         return Err(LearnError::Untold { middleware: NAME.to_owned() });
     };
     let (number, now) = (entry.number, Instant::now());
+    if shared.survey.is_being_asked(port) {
+        // It may promise a type, or send nothing at all.
+        return Err(LearnError::Asked { name });
+    }
+    let said = shared.survey.told(port);
+    let promised = said.as_ref().and_then(|said| said.type_name.as_deref());
+    if let Some(known) = shared.types.of(port, number, promised) {
+        return Ok(known);
+    }
     let mut ports = shared.types.heard.ports();
     let known = ports.get(port).filter(|heard| heard.number == number);
     let failures = match known {
         None => 0,
         Some(heard) => match &heard.state {
-            State::Told(told) => return Ok(*told),
+            State::Told(told) => return Ok((*told).to_owned()),
             State::Listening => return Err(LearnError::Asked { name }),
             State::Silent => {
                 let reason = "it has sent nothing yet, and its first message will tell".to_owned();

@@ -363,7 +363,7 @@ impl Middleware for Yarp {
         if found.type_name.is_some() || found.role != Role::Publisher {
             return topic_of_name(NAME, found, types);
         }
-        let told = first_message::learn(&self.shared, &found.name)?.to_owned();
+        let told = first_message::learn(&self.shared, &found.name)?;
         topic_of_name(NAME, &Discovered { type_name: Some(told), ..found.clone() }, types)
     }
 

@@ -97,6 +97,11 @@ impl Survey {
         }
     }
 
+    /// Whether the answer of a port is awaited.
+    pub(super) fn is_being_asked(&self, name: &str) -> bool {
+        self.answers().get(name).is_some_and(|answer| matches!(answer.state, State::Asked))
+    }
+
     /// Whether all of these ports have answered, or were given up for now.
     pub(super) fn is_over(&self, ports: &BTreeMap<String, Entry>) -> bool {
         let answers = self.answers();
