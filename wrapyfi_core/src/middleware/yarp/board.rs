@@ -5,6 +5,7 @@
 //!      [get] [axes]      ─▶  [is] [axes] 6 …
 //!      [get] [name] 0    ─▶  [is] [name] neck_pitch …
 //!      [get] [type] 0    ─▶  [is] [type] 1987212385 …     the vocab [atrv] turns, [atpr] slides
+//!      [get] [llim] 0    ─▶  [is] [llim] -30.0 22.0 …     of those that are moved
 //! ```
 //!
 //! Option `joints` goes before the names that are told. The ports of a board are there before it can
@@ -20,6 +21,7 @@ use wrapyfi_yarp::port::{Connected, PortOptions, RpcClient};
 use wrapyfi_yarp::{Bottle, Value};
 
 use super::Shared;
+use super::joint_limits::{JointLimits, Range};
 use super::opening::numbered;
 use super::options::{Axis, YarpOptions};
 use super::payload;
@@ -45,6 +47,8 @@ pub(super) struct Board {
     given: Arc<YarpOptions>,
     /// Of requests to the board; none where the topic is no board's.
     rpc: Option<String>,
+    /// Movements go to it: its limits count.
+    is_moved: bool,
     told: Mutex<Arc<YarpOptions>>,
     /// Messages need not wait: it has told, or took too long, or there is nobody to ask.
     settled: watch::Sender<bool>,
@@ -61,7 +65,8 @@ impl Board {
         let given = Arc::new(options.clone());
         let settled = watch::Sender::new(rpc.is_none());
         let told = Mutex::new(Arc::clone(&given));
-        Self { told, given, rpc, settled, wanted: Notify::new() }
+        let is_moved = port.ends_with(payload::COMMAND_PORT);
+        Self { told, given, rpc, is_moved, settled, wanted: Notify::new() }
     }
 
     /// The options as they are now.
@@ -110,7 +115,7 @@ impl Board {
                 self.settled.send_replace(false);
                 self.tell(Arc::clone(&self.given));
             } else if !has_told && shared.directory.knows(rpc) {
-                match ask(shared, &self.given, rpc).await {
+                match ask(shared, &self.given, rpc, self.is_moved).await {
                     Ok(joints) => {
                         has_told = true;
                         self.tell(Arc::new(joints.applied(&self.given)));
@@ -151,17 +156,19 @@ impl Board {
 }
 
 /// The joints of a board, in its order.
-#[derive(Debug, Default, PartialEq, Eq)]
+#[derive(Debug, Default, PartialEq)]
 struct Joints {
     /// None where the board has no name for one, or one name for two.
     names: Vec<String>,
     axes: Vec<Axis>,
+    limits: Vec<Option<Range>>,
 }
 
 impl Joints {
     fn applied(self, given: &YarpOptions) -> YarpOptions {
         let joints = if given.joints.is_empty() { self.names } else { given.joints.clone() };
-        YarpOptions { joints, axes: self.axes, ..given.clone() }
+        let limits = Arc::new(JointLimits::new(self.limits));
+        YarpOptions { joints, axes: self.axes, limits, ..given.clone() }
     }
 
     fn add(&mut self, name: Option<String>, axis: Axis) {
@@ -185,29 +192,40 @@ impl Joints {
     }
 }
 
-async fn ask(shared: &Shared, options: &YarpOptions, rpc: &str) -> Result<Joints, String> {
+async fn ask(
+    shared: &Shared,
+    options: &YarpOptions,
+    rpc: &str,
+    is_moved: bool,
+) -> Result<Joints, String> {
     let unregistered = PortOptions { register: false, ..PortOptions::default() };
     let client = shared.network(options).open_rpc_client(&numbered(rpc), &unregistered).await;
     let client = client.map_err(|error| error.to_string())?;
     let told = async {
         client.connect(&format!("tcp:/{rpc}")).await.map_err(|error| error.to_string())?;
-        joints(&client).await
+        joints(&client, is_moved).await
     };
     let told = timeout(ANSWERS, told).await;
     client.close().await;
     told.unwrap_or_else(|_| Err(format!("its answers took more than {ANSWERS:?}")))
 }
 
-async fn joints(client: &RpcClient) -> Result<Joints, String> {
+async fn joints(client: &RpcClient, is_moved: bool) -> Result<Joints, String> {
     let axes = get(client, "axes", None).await?;
-    let count = axes.as_ref().and_then(Value::as_i64).filter(|count| (1..=MOST).contains(count));
+    let axes = axes.get(2);
+    let count = axes.and_then(Value::as_i64).filter(|count| (1..=MOST).contains(count));
     let count = count.ok_or_else(|| format!("it said {axes:?} joints, up to {MOST} are read"))?;
     let mut joints = Joints::default();
     for joint in 0..count {
         let name = get(client, "name", Some(joint)).await?;
-        let name = name.as_ref().and_then(Value::as_str).map(str::to_owned);
+        let name = name.get(2).and_then(Value::as_str).map(str::to_owned);
         let kind = get(client, "type", Some(joint)).await?;
-        joints.add(name, kind.as_ref().map_or(Axis::Revolute, axis));
+        joints.add(name, kind.get(2).map_or(Axis::Revolute, axis));
+        if is_moved {
+            let limits = get(client, "llim", Some(joint)).await?;
+            let limit = |place| limits.get(place).and_then(Value::as_f64);
+            joints.limits.push(limit(2).zip(limit(3)));
+        }
     }
     Ok(joints.finished())
 }
@@ -221,15 +239,15 @@ fn axis(kind: &Value) -> Axis {
     if code == Some(Vocab::new("atpr")) { Axis::Prismatic } else { Axis::Revolute }
 }
 
-/// What the board says of `word`, and of a joint; nothing where it says that it cannot.
-async fn get(client: &RpcClient, word: &str, joint: Option<i64>) -> Result<Option<Value>, String> {
+/// What the board says of `word`, and of a joint, behind two words; nothing where it says that it cannot.
+async fn get(client: &RpcClient, word: &str, joint: Option<i64>) -> Result<Bottle, String> {
     let words = [Value::vocab("get"), Value::vocab(word)];
     let joint = joint.and_then(|joint| i32::try_from(joint).ok()).map(Value::Int32);
     let request = Bottle { values: words.into_iter().chain(joint).collect() };
     let reply = client.call(&request, ANSWERS).await.map_err(|error| error.to_string())?;
     let reply = reply.unwrap_or_default();
     let says = reply.get(0).is_some_and(|first| first.is_word("is"));
-    Ok(if says { reply.get(2).cloned() } else { None })
+    Ok(if says { reply } else { Bottle::new() })
 }
 
 #[cfg(test)]
