@@ -89,7 +89,7 @@ mod tests {
         let text = told("neck", 90.0, (-30.0, 22.0), true, true);
         assert!(text.contains("neck is to go to 1.571 rad (90.0°)"), "{text}");
         assert!(text.contains("-0.524 rad (-30.0°) and 0.384 rad (22.0°)"), "{text}");
-        let same = told("neck", 1.571, (-0.5236, 0.384), true, false);
+        let same = told("neck", 1.571, (-0.5, 0.384), true, false);
         assert!(same.contains("1.571 rad (90.0°)"), "{same}");
         let heave = told("heave", 0.5, (0.0, 0.1), false, true);
         assert!(heave.contains("0.500 m") && !heave.contains("rad"), "{heave}");
