@@ -14,10 +14,13 @@ impl Route {
     /// A route between two endpoints written as `middleware:/name`.
     #[must_use]
     pub fn new(from: &str, to: &str, message_type: &str) -> Self {
-        Self { pairs: Vec::new() }
-            .with("from", &quoted(from))
-            .with("to", &quoted(to))
-            .with("type", &quoted(message_type))
+        Self::untyped(from, to).with("type", &quoted(message_type))
+    }
+
+    /// A route whose type its source has to tell.
+    #[must_use]
+    pub fn untyped(from: &str, to: &str) -> Self {
+        Self { pairs: Vec::new() }.with("from", &quoted(from)).with("to", &quoted(to))
     }
 
     /// A route of a service with its server at one endpoint, offered at another.

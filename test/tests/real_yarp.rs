@@ -44,6 +44,7 @@ at_each! {
     ports_of_tools_find_each_other;
     a_bridge_carries_what_tools_write_and_read;
     a_control_board_is_commanded_and_asked;
+    an_input_that_comes_after_its_topic_finds_its_name_free;
     ours_take_no_number_that_a_robot_is_given;
 }
 
@@ -394,6 +395,25 @@ fn a_control_board_is_commanded_and_asked(world: &World) -> Result {
     let _commands = world.wrapyfi([&["pub", &endpoint], &kind[..], &["--rate", "10"]].concat())?;
     prints(&bridge, &format!("writes to the port {input}"))?;
     told(world, &["ping", &input], |said| said.contains(":out:")).map(drop)
+}
+
+/// YARP's ports do not start where their name is registered.
+fn an_input_that_comes_after_its_topic_finds_its_name_free(world: &World) -> Result {
+    let words = format!("{}/words/in", world.topic("robot"));
+    let bridge = world.executable("yarp_bridge", &["-p", "status_json:=true"])?;
+    let (topic, kind) = (ros2(&words), ["--type", "Text", "--value", "\"up you go\""]);
+    let _publisher = world.wrapyfi([&["pub", &topic], &kind[..], &["--rate", "10"]].concat())?;
+    let name = format!("{topic} -> {}", yarp(&words));
+    bridge.wait_until("the route", |output| {
+        let status = output.objects().last()?;
+        status["routes"].as_array()?.iter().find(|route| route["name"] == *name).map(drop)
+    })?;
+    let mut known = world.yarp_tool("yarp", &["name", "query", &words])?;
+    known.exit_code()?;
+    let said = known.stdout() + &known.stderr();
+    assert!(!said.contains(" port "), "nobody has the name: {said}");
+    let robot = world.yarp_tool("yarp", &["read", &words])?;
+    prints(&robot, "up you go").map_err(|error| error.context(bridge.tail()))
 }
 
 /// YARP's server, started anew, gives the same numbers away again.

@@ -118,6 +118,37 @@ fn the_extended_state_has_velocities_and_torques() -> Result {
     })
 }
 
+/// The board of the test lets its joints go from 0 to 100 degrees, or metres.
+#[test]
+fn a_joint_beyond_its_limits_is_named_once_and_the_board_decides() -> Result {
+    run("a_joint_beyond_its_limits_is_named_once_and_the_board_decides", NEEDS, |world| {
+        let _server = world.yarpserver()?;
+        let part = world.topic("limited");
+        let _board = board(world, &part)?;
+        let state = yarp(&format!("{part}/state:o"));
+        let echo = world.wrapyfi(["echo", &state, "--type", JOINTS, "--json"])?;
+        moved(&echo, [0.0; 3])?;
+        let command = format!("{part}/command/i");
+        let route = Route::new(&ros2(&command), &yarp(&command), JOINTS);
+        let bridge = world.bridge(&world.embedded().route(route))?;
+        let wanted = json!({ "name": NAMES, "position": [2.0, 0.25, 0.05] }).to_string();
+        let (topic, rate) = (ros2(&command), ["--rate", "20"]);
+        let publish = ["pub", &topic, "--type", JOINTS, "--value", &wanted];
+        let _publisher = world.wrapyfi([&publish[..], &rate].concat())?;
+        let said = "neck_pitch is to go to 2.000 rad (114.6°), beyond its limits, 0.000 rad (0.0°) and \
+                    1.745 rad (100.0°)";
+        bridge.wait_until("the joint to be named", |output| {
+            output.err.iter().any(|line| line.contains(said)).then_some(())
+        })?;
+        // It is told to the board all the same.
+        moved(&echo, [2.0, 0.25, 0.05]).map_err(|error| error.context(bridge.tail()))?;
+        bridge.wait_until("one line", |output| {
+            let lines = output.err.iter().filter(|line| line.contains("beyond its limits"));
+            (lines.count() == 1).then_some(())
+        })
+    })
+}
+
 /// What `yarp_bridge` makes of a topic of ROS: a route to the port that its name means.
 #[test]
 fn a_topic_that_means_the_command_port_moves_the_board() -> Result {

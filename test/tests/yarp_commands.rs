@@ -59,7 +59,7 @@ fn topics_named_like_an_input_port_are_written_to_it() -> Result {
     })
 }
 
-/// Also where the topic was there first and no port of the robot.
+/// Also where the topic was there first and no port of the robot: the name is left to the robot.
 #[test]
 fn a_robot_that_comes_later_is_commanded() -> Result {
     run("a_robot_that_comes_later_is_commanded", NEEDS, |world| {
@@ -68,13 +68,14 @@ fn a_robot_that_comes_later_is_commanded() -> Result {
         let (topic, port) = (format!("{head}/command/i"), format!("{head}/command:i"));
         let bridge = world.executable("yarp_bridge", &["-p", "status_json:=true"])?;
         let _words = publisher(world, &topic, "NativeObject", r#"["go", 1]"#)?;
-        // Until then its port has the topic's name, and is not taken for a robot's.
+        // Until then its port has a name that nobody has to know.
         let name = format!("ros2:{topic} -> yarp:{topic}");
         bridge.wait_until("the route to wait for a reader", |output| {
             let status = output.objects().last()?;
             let mut routes = status["routes"].as_array()?.iter();
             let route = routes.find(|route| route["name"] == *name)?;
             assert_eq!(route["counters"]["sent"], 0, "{route}");
+            assert_ne!(route["state"], "active", "{route}");
             let reason = route["reason"].as_str()?;
             reason.starts_with("a listener on").then_some(())
         })?;

@@ -3,7 +3,7 @@
 #![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
 
 use serde_json::Value;
-use wrapyfi_e2e::{Need, Process, Result, World, run, until_route, yarp};
+use wrapyfi_e2e::{Need, Process, Result, Route, World, ros2, run, until_route, yarp};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Python, Need::Executable("yarp_bridge")];
 const REAL: &[Need] = &[Need::Program, Need::Python, Need::Yarp, Need::Executable("yarp_bridge")];
@@ -128,6 +128,15 @@ fn a_real_camera_and_real_encoders_are_in_ros_2() -> Result {
         eye.messages(1).map_err(|error| error.context(bridge.tail()))?;
         let ear = world.dds_subscriber(&in_ros(&state), JOINTS, "--count 1")?;
         ear.messages(1).map_err(|error| error.context(bridge.tail()))?;
+        // Over mjpeg the same camera has files, which are passed on as they are.
+        let shown = world.topic("files");
+        let route = Route::untyped(&yarp(&cam), &ros2(&shown));
+        let config = world.embedded().route(route.with("options", "{ carrier: mjpeg }"));
+        let files = world.bridge(&config)?;
+        let kind = "sensor_msgs/msg/CompressedImage";
+        let eye = world.dds_subscriber(&shown, kind, "--count 1")?;
+        let heard = eye.messages(1).map_err(|error| error.context(files.tail()))?;
+        assert!(heard[0].to_string().contains("jpeg"), "{heard:?}");
         Ok(())
     })
 }

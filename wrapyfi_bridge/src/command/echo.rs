@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use wrapyfi_core::endpoint::{
     Context, EndpointAddress, LearnError, Overflow, Qos, QueueSpec, TopicSpec,
 };
-use wrapyfi_core::types::{MessageType, Payload};
+use wrapyfi_core::types::{Map, MessageType, Payload};
 
 use super::any;
 use crate::cli::{EchoArgs, TypeName};
@@ -21,7 +21,7 @@ use crate::shutdown::Shutdown;
 /// Exit code 3 when a message did not come in time, 2 when the endpoint is wrong.
 pub fn run(args: &EchoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     // Before anything starts.
-    args.options.of(&args.endpoint.middleware)?;
+    let options = args.options.of(&args.endpoint.middleware)?;
     match (&args.message_type, args.endpoint.middleware.as_str()) {
         (Some(TypeName::Known(message_type)), _) => {
             let middlewares = Middlewares::for_endpoint(&args.endpoint, Role::Listener)?;
@@ -35,7 +35,7 @@ pub fn run(args: &EchoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         }
         (None, _) => {
             let middlewares = Middlewares::for_endpoint(&args.endpoint, Role::Listener)?;
-            let message_type = learned(args, &middlewares, shutdown)?;
+            let message_type = learned(args, &options, &middlewares, shutdown)?;
             known(args, message_type, Qos::default(), &middlewares, shutdown)
         }
     }
@@ -44,6 +44,7 @@ pub fn run(args: &EchoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
 /// The type that the topic's publishers tell, or those who listen there.
 fn learned(
     args: &EchoArgs,
+    options: &Map,
     middlewares: &Middlewares,
     shutdown: &Shutdown,
 ) -> Result<MessageType, Failure> {
@@ -58,7 +59,7 @@ fn learned(
         shutdown.requested() || deadline.is_some_and(|deadline| Instant::now() >= deadline)
     };
     of_topic(known.as_ref(), name, &mut types, is_over, Ok)
-        .map(|learned| learned.message_type(false))
+        .map(|learned| known.received_as(learned.message_type(false), options))
         .map_err(|error| match error {
             LearnTopicError::Untold(LearnError::Untold { .. }) => Failure::Usage(format!(
                 "--type is needed for {}, whose type {middleware} does not tell: {}",

@@ -160,6 +160,12 @@ pub trait Middleware: Send + Sync {
         topic_of_name(self.name(), found, types)
     }
 
+    /// The type that a listener with these options receives where the topic has the type `learned`.
+    fn received_as(&self, learned: MessageType, options: &Map) -> MessageType {
+        _ = options;
+        learned
+    }
+
     /// The type of a service from what its server announces, as [`Middleware::learn_topic`].
     ///
     /// # Errors

@@ -16,7 +16,7 @@ use super::plan::Plan;
 use super::relay::{Relay, Step};
 use super::route::RouteStatus;
 use super::running::Running;
-use super::scout::{Change, LOOK_EVERY, Made, Scout};
+use super::scout::{Change, Made, Scout};
 use super::service_relay::ServiceRelay;
 use crate::endpoint::{Counters, Registry, Wake};
 
@@ -138,8 +138,9 @@ impl Engine {
         if self.look_at.is_none_or(|at| now >= at)
             && let Some(scout) = &mut self.scout
         {
-            self.look_at = Some(now + LOOK_EVERY);
-            for change in scout.scan(now) {
+            let changes = scout.scan(now);
+            self.look_at = Some(now + scout.look_again_in(now));
+            for change in changes {
                 match change {
                     Change::Make { id, made, counters } => {
                         self.relays.push((id, Work::made(id, made, counters, &self.registry)));

@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use super::engine::{Work, log_end};
 use super::route::RouteStatus;
-use super::scout::{Change, LOOK_EVERY, Scout};
+use super::scout::{Change, Scout};
 use super::threads::{Member, Rest, lock};
 use crate::endpoint::{Registry, Wake};
 
@@ -108,11 +108,12 @@ impl Shared {
 
     fn scout(&self, mut scout: Scout) {
         while !self.stop.load(Ordering::Relaxed) {
-            for change in scout.scan(Instant::now()) {
+            let now = Instant::now();
+            for change in scout.scan(now) {
                 self.change(&mut scout, change);
             }
             *lock(&self.found) = scout.status();
-            self.wake.wait(LOOK_EVERY);
+            self.wake.wait(scout.look_again_in(now));
         }
     }
 }

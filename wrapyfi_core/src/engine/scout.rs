@@ -27,6 +27,10 @@ use crate::endpoint::{BridgeMark, Counters, CountersSnapshot, EndpointAddress, R
 
 /// How often it looks.
 pub(crate) const LOOK_EVERY: Duration = Duration::from_millis(500);
+/// How often it looks at the start and while sources come: each step to a route waits for a look.
+const HASTY_LOOK_EVERY: Duration = Duration::from_millis(100);
+/// How long it looks so after the last source that came.
+const HASTY_FOR: Duration = Duration::from_secs(3);
 /// How long a source must have been there before its route is made.
 const SETTLE: Duration = Duration::from_millis(700);
 /// How long a source must be gone before its route ends.
@@ -81,6 +85,8 @@ pub(super) struct Scout {
     scanned_at: Option<Instant>,
     /// When nothing had changed since.
     unchanged_at: Option<Instant>,
+    /// When a source came that was not there before, or the first look was.
+    came_at: Option<Instant>,
 }
 
 pub(super) struct Pattern {
@@ -136,11 +142,19 @@ impl Scout {
             stirred_at: None,
             scanned_at: None,
             unchanged_at: None,
+            came_at: None,
         }
+    }
+
+    /// How long after a look at `now` the next one is due.
+    pub(super) fn look_again_in(&self, now: Instant) -> Duration {
+        let is_hasty = |at| now.saturating_duration_since(at) < HASTY_FOR;
+        if self.came_at.is_some_and(is_hasty) { HASTY_LOOK_EVERY } else { LOOK_EVERY }
     }
 
     /// Looks at what exists; what is to be done about it.
     pub(super) fn scan(&mut self, now: Instant) -> Vec<Change> {
+        self.came_at.get_or_insert(now);
         if self.sides.look(now) {
             self.stirred_at = Some(now);
         }
@@ -154,8 +168,12 @@ impl Scout {
             self.candidates.values_mut().for_each(|it| it.stayed(scanned, unchanged));
         }
         self.scanned_at = Some(now);
+        let before = self.candidates.len();
         for index in 0..self.patterns.len() {
             self.note(index, now);
+        }
+        if self.candidates.len() > before {
+            self.came_at = Some(now);
         }
         let mut changes = Vec::new();
         let keys: Vec<Key> = self.candidates.keys().cloned().collect();
@@ -403,6 +421,10 @@ impl Scout {
             return (None, None);
         }
         if !candidate.is_due(now, SETTLE) || !self.are_settled(&spec, now) {
+            if candidate.state == State::New {
+                // What takes time to learn is begun now, and known when it is due.
+                _ = self.told_by_sources(&spec, &candidate);
+            }
             return (Some(candidate), None);
         }
         let made = match self.make(&spec, &candidate) {

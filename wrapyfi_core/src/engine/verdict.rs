@@ -129,7 +129,12 @@ impl Scout {
                 if !typed {
                     let learned = match candidate.wished {
                         Some(wished) => wished,
-                        None => self.learn_topic(&sources, from, to, *otherwise)?,
+                        None => {
+                            let learned = self.learn_topic(&sources, from, to, *otherwise)?;
+                            let source = self.sides.get(&from.middleware);
+                            let source = source.and_then(|side| side.middleware.as_ref());
+                            source.map_or(learned, |it| it.received_as(learned, &route.options))
+                        }
                     };
                     (route.message_type, route.from_type) = (learned, learned);
                 }
@@ -331,6 +336,8 @@ fn may_be_read_as(looks: MessageType, wanted: MessageType) -> bool {
 }
 
 fn refused(error: &LearnError) -> Refusal {
-    let again = if matches!(error, LearnError::Asked { .. }) { Duration::ZERO } else { RETRY };
+    // Middlewares ask the silent again when it is time; the answer may come meanwhile.
+    let is_on_its_way = matches!(error, LearnError::Asked { .. } | LearnError::Silent { .. });
+    let again = if is_on_its_way { Duration::ZERO } else { RETRY };
     (RouteState::Waiting(error.to_string()), again)
 }

@@ -16,6 +16,7 @@ use std::time::Duration;
 
 use bytes::BytesMut;
 use tokio::io::AsyncWriteExt;
+use tokio::sync::Semaphore;
 
 use super::conf::{ConfError, Located, NameServerConf, locate};
 use super::environment::Environment;
@@ -95,6 +96,10 @@ pub struct PersistentConnection {
     pub persistence: Persistence,
 }
 
+/// Most requests at once. YARP's name server has room for five connections that wait; whoever finds none
+/// tries again after a second.
+const AT_ONCE: usize = 2;
+
 /// Asks one name server. Cheap to clone.
 #[derive(Debug, Clone)]
 pub struct NameClient(Arc<Settings>);
@@ -106,6 +111,7 @@ struct Settings {
     timeout: Duration,
     limits: Limits,
     hosts: BTreeMap<String, IpAddr>,
+    room: Arc<Semaphore>,
 }
 
 impl NameClient {
@@ -118,6 +124,7 @@ impl NameClient {
             timeout: DEFAULT_TIMEOUT,
             limits: Limits::default(),
             hosts: BTreeMap::new(),
+            room: Arc::new(Semaphore::new(AT_ONCE)),
         }))
     }
 
@@ -369,10 +376,13 @@ impl NameClient {
     /// Any command, as `yarp name` takes them, with its answer as a bottle.
     pub async fn ask(&self, request: Bottle) -> Result<Bottle, NameError> {
         let data = Command::Data { reply: true, envelope: None };
-        self.line().bottle(&data, &request).await.map_err(|source| NameError::Exchange {
-            command: shown(&request.to_text_bytes()),
-            source,
+        let line = self.line();
+        line.in_time(async {
+            let _turn = self.0.room.acquire().await;
+            line.bottle(&data, &request).await
         })
+        .await
+        .map_err(|source| NameError::Exchange { command: shown(&request.to_text_bytes()), source })
     }
 
     async fn ok<'a>(&self, words: impl IntoIterator<Item = &'a str>) -> Result<(), NameError> {
@@ -396,6 +406,7 @@ impl NameClient {
         let line = self.line();
         let request = format!("NAME_SERVER {command}{end}");
         line.in_time(async {
+            let _turn = self.0.room.acquire().await;
             let mut stream = line.open().await?;
             stream.write_all(request.as_bytes()).await.map_err(|error| line.io(error))?;
             let (mut buffer, mut reader) = (BytesMut::new(), AnswerReader::new(line.limits));

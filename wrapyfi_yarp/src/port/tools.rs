@@ -121,9 +121,36 @@ impl Network {
         let pull = bare == Carrier::Mjpeg.name();
         let (asked, other) = if pull { (destination, source) } else { (source, destination) };
         self.registered(other).await?;
-        let target = format!("{carrier}:/{other}");
-        let request = [Value::vocab("add"), Value::string(target)].into_iter().collect();
-        self.command(asked, &request).await
+        self.add_output(asked, None, &format!("{carrier}:/{other}")).await
+    }
+
+    /// Has a port connect itself to `target` (`tcp:/name`). `contact` is the port's address
+    /// (`127.0.0.1:10002`); the name server is asked for it where there is none.
+    ///
+    /// # Errors
+    /// As [`AdminError`].
+    pub async fn add_output(
+        &self,
+        name: &str,
+        contact: Option<&str>,
+        target: &str,
+    ) -> Result<(), AdminError> {
+        let request = [Value::vocab("add"), target.into()].into_iter().collect();
+        self.command(name, contact, &request).await
+    }
+
+    /// Takes a connection of a port away, as [`Network::add_output`] made it.
+    ///
+    /// # Errors
+    /// As [`AdminError`].
+    pub async fn remove_output(
+        &self,
+        name: &str,
+        contact: Option<&str>,
+        destination: &str,
+    ) -> Result<(), AdminError> {
+        let request = [Value::vocab("del"), Value::string(destination)].into_iter().collect();
+        self.command(name, contact, &request).await
     }
 
     /// Takes a connection away.
@@ -131,8 +158,7 @@ impl Network {
     /// # Errors
     /// As [`AdminError`].
     pub async fn disconnect(&self, source: &str, destination: &str) -> Result<(), AdminError> {
-        let request = [Value::vocab("del"), Value::string(destination)].into_iter().collect();
-        self.command(source, &request).await
+        self.remove_output(source, None, destination).await
     }
 
     /// The names that a port has outputs to, or inputs from.
@@ -188,8 +214,19 @@ impl Network {
     }
 
     /// A request that is answered by a number and a sentence.
-    async fn command(&self, name: &str, request: &Bottle) -> Result<(), AdminError> {
-        let answer = self.admin(name, request).await?;
+    async fn command(
+        &self,
+        name: &str,
+        contact: Option<&str>,
+        request: &Bottle,
+    ) -> Result<(), AdminError> {
+        let answer = match contact {
+            None => self.admin(name, request).await?,
+            Some(contact) => {
+                let asked = self.ask(contact, Carrier::TextAck, request).await;
+                asked.map_err(|error| AdminError::Port { name: name.to_owned(), error })?
+            }
+        };
         if answer.get(0).and_then(Value::as_i64) == Some(0) {
             return Ok(());
         }

@@ -5,6 +5,7 @@
 //!      [get] [axes]      ─▶  [is] [axes] 6 …
 //!      [get] [name] 0    ─▶  [is] [name] neck_pitch …
 //!      [get] [type] 0    ─▶  [is] [type] 1987212385 …     the vocab [atrv] turns, [atpr] slides
+//!      [get] [llim] 0    ─▶  [is] [llim] -30.0 22.0 …     of those that are moved
 //!   of YARP 4: /icub/head/nws/rpc:i
 //!      getAxesRPC        ─▶  ([ok]) 6
 //!      getAxisNameRPC 0  ─▶  ([ok]) neck_pitch
@@ -25,6 +26,7 @@ use wrapyfi_yarp::port::{Connected, PortOptions, RpcClient};
 use wrapyfi_yarp::{Bottle, Dialect, Value};
 
 use super::Shared;
+use super::joint_limits::{JointLimits, Range};
 use super::opening::numbered;
 use super::options::{Axis, YarpOptions};
 use super::payload;
@@ -52,6 +54,8 @@ pub(super) struct Board {
     given: Arc<YarpOptions>,
     /// Of requests to the board, as in [`REQUESTS`]; none where the topic is no board's.
     rpc: Option<[String; 2]>,
+    /// Movements go to it: its limits count.
+    is_moved: bool,
     told: Mutex<Arc<YarpOptions>>,
     /// Messages need not wait: it has told, or took too long, or there is nobody to ask.
     settled: watch::Sender<bool>,
@@ -70,7 +74,8 @@ impl Board {
         let given = Arc::new(options.clone());
         let settled = watch::Sender::new(rpc.is_none());
         let told = Mutex::new(Arc::clone(&given));
-        Self { told, given, rpc, settled, wanted: Notify::new() }
+        let is_moved = port.ends_with(payload::COMMAND_PORT);
+        Self { told, given, rpc, is_moved, settled, wanted: Notify::new() }
     }
 
     /// The options as they are now.
@@ -123,7 +128,7 @@ impl Board {
                 self.settled.send_replace(false);
                 self.tell(Arc::clone(&self.given));
             } else if let Some((name, dialect)) = known().filter(|_| !has_told) {
-                match ask(shared, name, dialect).await {
+                match ask(shared, name, dialect, self.is_moved).await {
                     Ok(joints) => {
                         has_told = true;
                         self.tell(Arc::new(joints.applied(&self.given, dialect)));
@@ -164,11 +169,12 @@ impl Board {
 }
 
 /// The joints of a board, in its order.
-#[derive(Debug, Default, Clone, PartialEq, Eq)]
+#[derive(Debug, Default, PartialEq)]
 struct Joints {
     /// None where the board has no name for one, or one name for two.
     names: Vec<String>,
     axes: Vec<Axis>,
+    limits: Vec<Option<Range>>,
 }
 
 impl Joints {
@@ -176,7 +182,8 @@ impl Joints {
         let joints = if given.joints.is_empty() { self.names } else { given.joints.clone() };
         // Boards of YARP 4 alone are told by their port: those of YARP 3 have what is set.
         let dialect = given.dialect.or(Some(dialect).filter(|dialect| *dialect == Dialect::V4));
-        YarpOptions { joints, axes: self.axes, dialect, ..given.clone() }
+        let limits = Arc::new(JointLimits::new(self.limits));
+        YarpOptions { joints, axes: self.axes, limits, dialect, ..given.clone() }
     }
 
     fn add(&mut self, name: Option<String>, axis: Axis) {
@@ -200,30 +207,41 @@ impl Joints {
     }
 }
 
-async fn ask(shared: &Shared, rpc: &str, dialect: Dialect) -> Result<Joints, String> {
+async fn ask(
+    shared: &Shared,
+    rpc: &str,
+    dialect: Dialect,
+    is_moved: bool,
+) -> Result<Joints, String> {
     let unregistered = PortOptions { register: false, ..PortOptions::default() };
     let client = shared.network.open_rpc_client(&numbered(rpc), &unregistered).await;
     let client = client.map_err(|error| error.to_string())?;
     let told = async {
         client.connect(&format!("tcp:/{rpc}")).await.map_err(|error| error.to_string())?;
-        joints(&client, dialect).await
+        joints(&client, dialect, is_moved).await
     };
     let told = timeout(ANSWERS, told).await;
     client.close().await;
     told.unwrap_or_else(|_| Err(format!("its answers took more than {ANSWERS:?}")))
 }
 
-async fn joints(client: &RpcClient, dialect: Dialect) -> Result<Joints, String> {
+async fn joints(client: &RpcClient, dialect: Dialect, is_moved: bool) -> Result<Joints, String> {
     let get = async |word, joint| get(client, dialect, word, joint).await;
     let axes = get(Word::Axes, None).await?;
-    let count = axes.as_ref().and_then(Value::as_i64).filter(|count| (1..=MOST).contains(count));
-    let count = count.ok_or_else(|| format!("it said {axes:?} joints, up to {MOST} are read"))?;
+    let count = axes.first().and_then(Value::as_i64).filter(|count| (1..=MOST).contains(count));
+    let count =
+        count.ok_or_else(|| format!("it said {:?} joints, up to {MOST} are read", axes.first()))?;
     let mut joints = Joints::default();
     for joint in 0..count {
         let name = get(Word::Name, Some(joint)).await?;
-        let name = name.as_ref().and_then(Value::as_str).map(str::to_owned);
+        let name = name.first().and_then(Value::as_str).map(str::to_owned);
         let kind = get(Word::Type, Some(joint)).await?;
-        joints.add(name, kind.as_ref().map_or(Axis::Revolute, axis));
+        joints.add(name, kind.first().map_or(Axis::Revolute, axis));
+        if is_moved {
+            let limits = get(Word::Limits, Some(joint)).await?;
+            let limit = |place: usize| limits.get(place).and_then(Value::as_f64);
+            joints.limits.push(limit(0).zip(limit(1)));
+        }
     }
     Ok(joints.finished())
 }
@@ -243,6 +261,7 @@ enum Word {
     Axes,
     Name,
     Type,
+    Limits,
 }
 
 impl Word {
@@ -252,6 +271,7 @@ impl Word {
             Self::Axes => ("axes", "getAxesRPC"),
             Self::Name => ("name", "getAxisNameRPC"),
             Self::Type => ("type", "getJointTypeRPC"),
+            Self::Limits => ("llim", "getPosLimitsRPC"),
         };
         match dialect {
             Dialect::V3 => vec![Value::vocab("get"), Value::vocab(word)],
@@ -260,27 +280,27 @@ impl Word {
     }
 }
 
-/// What the board says of `word`, and of a joint; nothing where it says that it cannot.
+/// The values that the board says of `word`, and of a joint; none where it says that it cannot.
 async fn get(
     client: &RpcClient,
     dialect: Dialect,
     word: Word,
     joint: Option<i64>,
-) -> Result<Option<Value>, String> {
+) -> Result<Vec<Value>, String> {
     let joint = joint.and_then(|joint| i32::try_from(joint).ok()).map(Value::Int32);
     let request = Bottle { values: word.asked(dialect).into_iter().chain(joint).collect() };
     let reply = client.call(&request, ANSWERS).await.map_err(|error| error.to_string())?;
     let reply = reply.unwrap_or_default();
-    Ok(match (dialect, reply.get(0)) {
-        (Dialect::V3, Some(first)) if first.is_word("is") => reply.get(2),
+    let head = match (dialect, reply.get(0)) {
+        (Dialect::V3, Some(first)) if first.is_word("is") => 2,
         (Dialect::V4, Some(Value::List(done)))
             if done.get(0).is_some_and(|it| it.is_word("ok")) =>
         {
-            reply.get(1)
+            1
         }
-        _ => None,
-    }
-    .cloned())
+        _ => return Ok(Vec::new()),
+    };
+    Ok(reply.values.into_iter().skip(head).collect())
 }
 
 #[cfg(test)]

@@ -80,7 +80,7 @@ fn topic_of(name: &str) -> (&str, bool) {
 }
 
 /// What a port is, by what it says and by its name: of what, and in which role.
-fn role<'n>(name: &'n str, told: Option<&Inspection>) -> (&'n str, Role) {
+pub(super) fn role<'n>(name: &'n str, told: Option<&Inspection>) -> (&'n str, Role) {
     let modes = told.and_then(|told| told.modes);
     let inputs = told.is_some_and(|told| !told.inputs.is_empty());
     let outputs = told.is_some_and(|told| !told.outputs.is_empty());

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   learn /imu ─▶ one of 8 at once: /imu ══▶ /wrapyfi/types:in7 ── first message ─▶ its type, disconnected
-//!                       │ nothing within 0.25 s: the next one has its turn
+//!                       │ nothing within 0.05 s: the next one has its turn
 //!                       └─▶ stays connected, for as long as it sends nothing (at most 64 ports)
 //! ```
 //!
@@ -17,16 +17,21 @@ use std::time::{Duration, Instant};
 use tokio::sync::{Notify, Semaphore};
 use wrapyfi_yarp::port::{Answer, PortOptions, Received, RpcServer};
 
+use super::directory::Entry;
 use super::opening::numbered;
 use super::{NAME, Shared, types};
 use crate::endpoint::LearnError;
 
 /// Most ports that are listened to at once, of those that may send often.
 const AT_ONCE: usize = 8;
+/// Most ports that are told at once to connect. Each asks the name server where we are, and YARP's has room
+/// for five who wait: the others would try again after a second.
+const TOLD_AT_ONCE: usize = 4;
 /// Most ports that are waited for although they send nothing.
 const SILENT_AT_ONCE: usize = 64;
-/// How long a port is taken to be one that sends often: a few messages a second are no load.
-const WINDOW: Duration = Duration::from_millis(250);
+/// How long a port is taken to be one that sends often: twenty messages a second, of which one is heard,
+/// are no load.
+const WINDOW: Duration = Duration::from_millis(50);
 /// Time after which a port that could not be listened to is tried again; it doubles each time.
 const FIRST_AGAIN: Duration = Duration::from_secs(1);
 /// Longest such time.
@@ -41,6 +46,7 @@ pub(super) struct FirstMessages {
     /// Counts the types that were shown.
     shown: AtomicU64,
     room: Semaphore,
+    telling: Semaphore,
     silent: Semaphore,
     /// The port that all send to, once there is something to listen to.
     ear: tokio::sync::Mutex<Option<Ear>>,
@@ -52,6 +58,7 @@ impl Default for FirstMessages {
             ports: Mutex::default(),
             shown: AtomicU64::default(),
             room: Semaphore::new(AT_ONCE),
+            telling: Semaphore::new(TOLD_AT_ONCE),
             silent: Semaphore::new(SILENT_AT_ONCE),
             ear: tokio::sync::Mutex::default(),
         }
@@ -147,18 +154,27 @@ impl FirstMessages {
 ///
 /// # Errors
 /// Why the type is not known yet.
-pub(super) fn learn(shared: &Arc<Shared>, port: &str) -> Result<&'static str, LearnError> {
+pub(super) fn learn(shared: &Arc<Shared>, port: &str) -> Result<String, LearnError> {
     let name = port.to_owned();
     let Some(entry) = shared.directory.entry(port) else {
         return Err(LearnError::Untold { middleware: NAME.to_owned() });
     };
     let (number, now) = (entry.number, Instant::now());
+    if shared.survey.is_being_asked(port) {
+        // It may promise a type, or send nothing at all.
+        return Err(LearnError::Asked { name });
+    }
+    let said = shared.survey.told(port);
+    let promised = said.as_ref().and_then(|said| said.type_name.as_deref());
+    if let Some(known) = shared.types.of(port, number, promised) {
+        return Ok(known);
+    }
     let mut ports = shared.types.heard.ports();
     let known = ports.get(port).filter(|heard| heard.number == number);
     let failures = match known {
         None => 0,
         Some(heard) => match &heard.state {
-            State::Told(told) => return Ok(*told),
+            State::Told(told) => return Ok((*told).to_owned()),
             State::Listening => return Err(LearnError::Asked { name }),
             State::Silent => {
                 let reason = "it has sent nothing yet, and its first message will tell".to_owned();
@@ -178,25 +194,31 @@ pub(super) fn learn(shared: &Arc<Shared>, port: &str) -> Result<&'static str, Le
     ports.insert(name.clone(), heard);
     drop(ports);
     let (tasks, to_listen) = (Arc::clone(shared), name.clone());
-    tasks.tasks.spawn_aside(listen(Arc::clone(shared), to_listen, number, bell));
+    tasks.tasks.spawn_aside(listen(Arc::clone(shared), to_listen, entry, bell));
     Err(LearnError::Asked { name })
 }
 
 /// Listens to a port until it has sent a message that tells its type, or is another one.
-async fn listen(shared: Arc<Shared>, port: String, number: u64, first: Arc<Notify>) {
+async fn listen(shared: Arc<Shared>, port: String, entry: Entry, first: Arc<Notify>) {
+    let Entry { number, contact } = entry;
     let heard = &shared.types.heard;
     let Ok(turn) = heard.room.acquire().await else { return };
     let ear = match ear(&shared).await {
         Ok(ear) => ear,
         Err(reason) => return heard.set(&port, number, State::Failed(reason, Instant::now())),
     };
-    if let Err(error) = shared.network.connect(&port, &ear, Some("tcp")).await {
+    let target = format!("tcp:/{ear}");
+    let told = heard.telling.acquire().await;
+    let connected = shared.network.add_output(&port, contact.as_deref(), &target).await;
+    drop(told);
+    if let Err(error) = connected {
         tracing::debug!(port, %error, "is not listened to");
         let reason = error.to_string();
         return heard.set(&port, number, State::Failed(reason, Instant::now()));
     }
-    if tokio::time::timeout(WINDOW, first.notified()).await.is_err() {
-        drop(turn);
+    let waited = tokio::time::timeout(WINDOW, first.notified()).await;
+    drop(turn);
+    if waited.is_err() {
         match heard.silent.try_acquire() {
             Ok(_place) => {
                 // Its message may have come just now.
@@ -215,7 +237,7 @@ async fn listen(shared: Arc<Shared>, port: String, number: u64, first: Arc<Notif
             }
         }
     }
-    if let Err(error) = shared.network.disconnect(&port, &ear).await {
+    if let Err(error) = shared.network.remove_output(&port, contact.as_deref(), &ear).await {
         tracing::debug!(port, %error, "stays connected until it sends again");
     }
 }

@@ -189,14 +189,17 @@ async fn keep(
         () = stopped.wait() => return,
         port = opened => port,
     };
-    let (tie, changes) = (Tie::from(&topic, port.name(), &options), port.connected());
+    let own = port.name().to_owned();
+    let (tie, changes) = (Tie::from(&topic, &own, &options), port.connected());
     *inlet.port() = Some(port);
     let counted = async {
         let mut changes = changes.clone();
         loop {
             changes.mark_unchanged();
             inlet.count_losses();
-            match inlet.sources().len() {
+            let sources = inlet.sources();
+            sources.iter().for_each(|source| shared.survey.met(source, &own, true));
+            match sources.len() {
                 0 => {}
                 senders => inlet.standing.connected(senders),
             }

@@ -17,7 +17,7 @@
 //! | `directory` | the names there are, and who waits for one |
 //! | `survey`, `discovery` | what ports say of themselves, and what that makes them |
 //! | `types`, `first_message` | what ports send |
-//! | `board` | what a control board tells of its joints |
+//! | `board`, `joint_limits` | what a control board tells of its joints |
 //! | `opening`, `tie`, `retry` | ports that open, connections that stay, whatever ends meanwhile |
 //! | `input` | input ports of other programs, and the names that mean them |
 //! | `form` | functions of Wrapyfi, told from the rpc ports of robots |
@@ -33,6 +33,7 @@ mod discovery;
 mod first_message;
 mod form;
 mod input;
+mod joint_limits;
 mod listener;
 mod losses;
 mod manner;
@@ -75,6 +76,7 @@ use crate::endpoint::{
     Middleware, OpenError, Publisher, Role, Server, ServiceSpec, TopicSpec, Traits, topic_of_name,
 };
 use crate::network::ReachedByOthers;
+use crate::types::{Map, MessageType, Value};
 
 /// Name of this middleware in addresses.
 pub const NAME: &str = "yarp";
@@ -363,8 +365,19 @@ impl Middleware for Yarp {
         if found.type_name.is_some() || found.role != Role::Publisher {
             return topic_of_name(NAME, found, types);
         }
-        let told = first_message::learn(&self.shared, &found.name)?.to_owned();
+        let told = first_message::learn(&self.shared, &found.name)?;
         topic_of_name(NAME, &Discovered { type_name: Some(told), ..found.clone() }, types)
+    }
+
+    /// Carrier mjpeg brings JPEG files: nobody has to decompress them for those who want pixels.
+    fn received_as(&self, learned: MessageType, options: &Map) -> MessageType {
+        let carrier = options.get("carrier").and_then(Value::as_str);
+        match learned {
+            MessageType::Image if carrier.is_some_and(options::brings_files) => {
+                MessageType::CompressedImage
+            }
+            other => other,
+        }
     }
 
     fn waiting_for(&self) -> Option<String> {

@@ -6,8 +6,11 @@
 //!
 //! Options that are not listed here belong to the other end of a route and are left alone.
 
+use std::sync::Arc;
+
 use wrapyfi_yarp::Dialect;
 
+use super::joint_limits::JointLimits;
 use crate::endpoint::{OpenError, ServiceSpec, TopicSpec};
 use crate::types::{Map, Value};
 
@@ -85,6 +88,8 @@ pub struct YarpOptions {
     pub joints: Vec<String>,
     /// Kinds of the joints, as the control board tells them; no option. Empty where it has not told.
     pub axes: Vec<Axis>,
+    /// Where the joints may go, as the control board tells it; no option.
+    pub limits: Arc<JointLimits>,
     /// `control`: what the numbers for a control board are: `position`, `position_direct`, `velocity` or
     /// `torque`. Unless given, what a message has: positions, else velocities, else efforts.
     pub control: Option<Control>,
@@ -122,6 +127,7 @@ impl Default for YarpOptions {
             port: None,
             joints: Vec::new(),
             axes: Vec::new(),
+            limits: Arc::default(),
             control: None,
             sensor: 0,
             degrees: true,
@@ -160,7 +166,7 @@ impl YarpOptions {
 
     /// Whether pictures go out as the files of carrier `mjpeg`.
     pub(super) fn sends_files(&self) -> bool {
-        self.carrier.split('+').next() == Some("mjpeg")
+        brings_files(&self.carrier)
     }
 
     /// The same, of messages that go out as files of carrier `mjpeg`, or do not.
@@ -226,6 +232,11 @@ impl YarpOptions {
         }
         Ok(())
     }
+}
+
+/// Whether a carrier, with its qualifiers, brings pictures as files.
+pub(super) fn brings_files(carrier: &str) -> bool {
+    carrier.split('+').next() == Some("mjpeg")
 }
 
 fn form(value: &Value) -> Option<Form> {
@@ -324,6 +335,7 @@ mod tests {
             port: Some("/bridge/head".into()),
             joints: vec!["neck".into(), "eye".into()],
             axes: Vec::new(),
+            limits: Arc::default(),
             control: Some(Control::PositionDirect),
             sensor: 2,
             degrees: false,

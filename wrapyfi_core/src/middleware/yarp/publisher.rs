@@ -11,9 +11,9 @@
 //!   /icub/head/command:i  ─▶ port /icub/head/command:i:out:417 ══▶ the robot's /icub/head/command:i
 //! ```
 //!
-//! Where the name means an input port of another program ([`input`]), that port is what is written to,
-//! and ours has a name that nobody has to know. This changes whenever such a port appears, and stays
-//! so while the robot is away.
+//! Where the name is that of an input port of another program ([`input`]), that port is what is written to,
+//! now or whenever it comes, and ours has a name that nobody has to know: whoever opens an input of that
+//! name finds the name free.
 
 use std::sync::atomic::{AtomicBool, AtomicI32, AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -97,10 +97,11 @@ impl Outlet {
         Some(written)
     }
 
-    fn has_output_to(&self, name: &str) -> bool {
+    /// Names of the ports that read.
+    fn readers(&self) -> Vec<String> {
         let port = self.port();
         let status = port.as_ref().map(OutputPort::status).unwrap_or_default();
-        status.iter().any(|one| !one.incoming && one.name == name)
+        status.into_iter().filter(|one| !one.incoming).map(|one| one.name).collect()
     }
 }
 
@@ -203,7 +204,8 @@ async fn keep(
 ) {
     // Whoever names the port, or what it is connected to, means that.
     let is_fixed = options.port.is_some() || options.out_topic_connect.is_some();
-    let mut destination = None;
+    let is_free = !is_fixed && input::is_input(&outlet.given);
+    let mut destination = is_free.then(|| outlet.given.clone());
     if !is_fixed && !input::may_mean(&outlet.given).is_empty() {
         // A port of ours that is closed again at once would only confuse.
         let known = shared.directory.was_asked_in_time();
@@ -237,17 +239,11 @@ async fn new_input(shared: &Shared, outlet: &Outlet, now: Option<&str>) -> Strin
         return std::future::pending().await;
     }
     let bell = shared.directory.watch_any(&ports);
-    let mut registered = shared.registrar.status();
     let mut opening = outlet.opening.subscribe();
     loop {
-        registered.mark_unchanged();
         // One that is being opened is opened first: its registration would stay behind.
         if !*opening.borrow_and_update() {
-            let is_ours = is_ours(shared, outlet).await;
-            let is_others = |port: &str| {
-                let ours = if port == outlet.name { is_ours } else { shared.own.contains(port) };
-                shared.directory.knows(port) && !ours
-            };
+            let is_others = |port: &str| shared.directory.knows(port) && !shared.own.contains(port);
             match input::meant(&outlet.given, is_others) {
                 Some(found) if Some(found.as_str()) != now => return found,
                 _ => {}
@@ -256,20 +252,7 @@ async fn new_input(shared: &Shared, outlet: &Outlet, now: Option<&str>) -> Strin
         tokio::select! {
             () = bell.notified() => {}
             Ok(()) = opening.changed() => {}
-            // A port that takes our name is another program's from then on.
-            _ = registered.changed() => {}
         }
-    }
-}
-
-/// Whether the publisher's own port has its name still: YARP's ports take names from others.
-async fn is_ours(shared: &Shared, outlet: &Outlet) -> bool {
-    let own = outlet.port().as_ref().map(|port| (port.name().to_owned(), port.address().port()));
-    let Some((_, number)) = own.filter(|(name, _)| *name == outlet.name) else { return false };
-    match shared.network.query(&outlet.name).await {
-        Ok(Some(found)) => found.port == number,
-        // Nobody else's, at least.
-        _ => true,
     }
 }
 
@@ -311,7 +294,7 @@ async fn serve(
     let tie = tie(&name, options, destination);
     let kept = async {
         let Some(tie) = &tie else { return std::future::pending().await };
-        let tied = || outlet.has_output_to(tie.other());
+        let tied = || outlet.readers().iter().any(|reader| reader == tie.other());
         tie.keep(shared, changes.clone(), tied, |why| {
             if destination.is_some() {
                 outlet.standing.waiting(why);
@@ -320,7 +303,7 @@ async fn serve(
         .await;
     };
     tokio::select! {
-        () = count_readers(changes.clone(), outlet, destination.is_some()) => {}
+        () = count_readers(shared, &name, changes.clone(), outlet, destination.is_some()) => {}
         () = kept => {}
         () = outlet.board.follow(shared, changes.clone(), || changes.borrow().outputs > 0) => {}
     }
@@ -351,7 +334,13 @@ async fn close(shared: &Shared, outlet: &Outlet, options: &YarpOptions) {
 }
 
 /// Tells how many read, for as long as the port lives.
-async fn count_readers(mut changes: watch::Receiver<Connected>, outlet: &Outlet, commands: bool) {
+async fn count_readers(
+    shared: &Shared,
+    own: &str,
+    mut changes: watch::Receiver<Connected>,
+    outlet: &Outlet,
+    commands: bool,
+) {
     loop {
         match changes.borrow_and_update().outputs {
             // Whoever keeps the connection knows why it is not there.
@@ -359,6 +348,7 @@ async fn count_readers(mut changes: watch::Receiver<Connected>, outlet: &Outlet,
             0 => outlet.standing.waiting(format!("a reader of {}", outlet.name)),
             readers => outlet.standing.connected(readers),
         }
+        outlet.readers().iter().for_each(|reader| shared.survey.met(reader, own, false));
         if changes.changed().await.is_err() {
             return;
         }

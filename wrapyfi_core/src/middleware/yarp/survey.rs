@@ -4,6 +4,7 @@
 //!   names that somebody wants ─ ask ─▶ at most 16 at once: Network::inspect, one connection a port
 //!        ▲                                │ told: never again until the name server enters it anew
 //!        └────── Answers ◀────────────────┴ silent: again after 1 s, 2 s, … 5 min
+//!   connected with us as what it is not ─▶ once more
 //! ```
 //!
 //! Whoever looks shares the answers; nothing is asked that nobody wants to know, and nothing in turns.
@@ -18,6 +19,8 @@ use wrapyfi_yarp::port::Inspection;
 
 use super::Shared;
 use super::directory::Entry;
+use super::discovery::role;
+use crate::endpoint::Role;
 
 /// Longest time that a port is given for its answer: those that died are still registered.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -48,8 +51,11 @@ struct Answer {
 
 #[derive(Debug, Clone)]
 enum State {
-    Asked,
+    /// With what it said before.
+    Asked(Option<Arc<Inspection>>),
     Told(Arc<Inspection>),
+    /// It is connected otherwise than it said.
+    Stale(Arc<Inspection>),
     Silent(Instant),
 }
 
@@ -73,7 +79,8 @@ impl Answer {
     fn is_due(&self, number: u64, now: Instant) -> bool {
         match self.state {
             _ if self.number != number => true,
-            State::Asked | State::Told(_) => false,
+            State::Asked(_) | State::Told(_) => false,
+            State::Stale(_) => true,
             State::Silent(at) => now.saturating_duration_since(at) >= pause(self.failures),
         }
     }
@@ -92,8 +99,27 @@ impl Survey {
     /// What a port has said, if it has.
     pub(super) fn told(&self, name: &str) -> Option<Arc<Inspection>> {
         match &self.answers().get(name)?.state {
-            State::Told(told) => Some(Arc::clone(told)),
-            State::Asked | State::Silent(_) => None,
+            State::Told(told) | State::Stale(told) => Some(Arc::clone(told)),
+            State::Asked(before) => before.clone(),
+            State::Silent(_) => None,
+        }
+    }
+
+    /// Whether the answer of a port is awaited.
+    pub(super) fn is_being_asked(&self, name: &str) -> bool {
+        self.answers().get(name).is_some_and(|answer| matches!(answer.state, State::Asked(_)))
+    }
+
+    /// Has a port asked again that is connected with `own`, a port of ours, and was taken for something
+    /// else: it writes to ours where it `sends`, else it reads.
+    pub(super) fn met(&self, name: &str, own: &str, sends: bool) {
+        let mut answers = self.answers();
+        let Some(answer) = answers.get_mut(name) else { return };
+        let State::Told(told) = &answer.state else { return };
+        let is_sender = matches!(role(name, Some(told)).1, Role::Publisher | Role::Client);
+        let known = if sends { &told.outputs } else { &told.inputs };
+        if is_sender != sends && !known.iter().any(|one| one == own) {
+            answer.state = State::Stale(Arc::clone(told));
         }
     }
 
@@ -101,7 +127,7 @@ impl Survey {
     pub(super) fn is_over(&self, ports: &BTreeMap<String, Entry>) -> bool {
         let answers = self.answers();
         ports.keys().all(|name| {
-            answers.get(name).is_some_and(|answer| !matches!(answer.state, State::Asked))
+            answers.get(name).is_some_and(|answer| !matches!(answer.state, State::Asked(_)))
         })
     }
 
@@ -121,7 +147,11 @@ impl Survey {
             let number = entry.number;
             let before = answers.get(name).filter(|answer| answer.number == number);
             let failures = before.map_or(0, |answer| answer.failures);
-            answers.insert(name.clone(), Answer { number, state: State::Asked, failures });
+            let told = before.and_then(|answer| match &answer.state {
+                State::Stale(told) => Some(Arc::clone(told)),
+                _ => None,
+            });
+            answers.insert(name.clone(), Answer { number, state: State::Asked(told), failures });
         }
         due
     }
@@ -201,5 +231,42 @@ mod tests {
         assert!(survey.told("/a").is_none(), "the answer of the one before");
         survey.forget(|_| false);
         assert_eq!(survey.due(&ports(2), now).len(), 1);
+    }
+
+    #[test]
+    fn a_port_that_is_connected_as_what_it_is_not_is_asked_again() {
+        let (survey, now) = (Survey::default(), Instant::now());
+        let is_due = |survey: &Survey| !survey.due(&ports(1), now).is_empty();
+        let role_of = |survey: &Survey| role("/a", survey.told("/a").as_deref()).1;
+        assert!(is_due(&survey));
+        survey.met("/a", "/ours", false);
+        assert!(!is_due(&survey), "it is being asked");
+        survey.enter("/a", 1, Some(Inspection::default()), now);
+        assert_eq!(role_of(&survey), Role::Publisher, "by its name");
+        survey.met("/a", "/ours", true);
+        assert!(!is_due(&survey), "publishers send");
+        survey.met("/a", "/ours", false);
+        assert!(is_due(&survey), "it reads");
+        assert_eq!(role_of(&survey), Role::Publisher, "until it has answered");
+        let inputs = vec!["/ours".to_owned()];
+        let said = Inspection { inputs, ..Inspection::default() };
+        survey.enter("/a", 1, Some(said), now);
+        assert_eq!(role_of(&survey), Role::Listener);
+        survey.met("/a", "/ours", false);
+        assert!(!is_due(&survey));
+        let outputs = vec!["/ours".to_owned()];
+        survey.met("/a", "/ours", true);
+        assert!(is_due(&survey), "a listener that sends");
+        survey.enter("/a", 1, Some(Inspection { outputs, ..Inspection::default() }), now);
+        assert_eq!(role_of(&survey), Role::Publisher);
+        // A relay reads as well: what it said is true.
+        let (inputs, outputs) = (vec!["/ours".to_owned()], vec!["/other".to_owned()]);
+        assert!(!is_due(&survey));
+        survey.met("/a", "/ours", false);
+        assert!(is_due(&survey));
+        let said = Inspection { inputs, outputs, ..Inspection::default() };
+        survey.enter("/a", 1, Some(said), now);
+        survey.met("/a", "/ours", false);
+        assert!(!is_due(&survey), "once");
     }
 }

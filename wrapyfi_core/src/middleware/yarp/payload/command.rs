@@ -11,13 +11,14 @@
 //!
 //! YARP's own `StreamingMessagesParser` is the specification. It takes a vector that is too short for one
 //! that is long enough, so nothing is written here before the number of joints is known. Limits are
-//! kept by the board itself.
+//! kept by the board itself: what is beyond them is written, and named in the log.
 
 use std::time::Duration;
 
 use wrapyfi_yarp::{Bottle, Dialect, Value as Element, sig};
 
-use super::super::options::{Control, YarpOptions};
+use super::super::joint_limits;
+use super::super::options::{Axis, Control, YarpOptions};
 use super::joints::{floats, texts};
 use super::{Bytewise, Outgoing, fault, native, ros};
 use crate::codec::EncodeError;
@@ -144,8 +145,18 @@ impl Movement {
         if control != Control::Torque {
             for (place, value) in values.iter_mut().enumerate() {
                 let joint = joints.as_ref().map_or(Some(&place), |joints| joints.get(place));
-                if joint.is_some_and(|joint| options.has_degrees(*joint)) {
+                let Some(&joint) = joint else { continue };
+                if options.has_degrees(joint) {
                     *value = value.to_degrees();
+                }
+                if control != Control::Velocity
+                    && let Some(range) = options.limits.news(joint, *value)
+                {
+                    let name = options.joints.get(joint).cloned();
+                    let name = name.unwrap_or_else(|| joint.to_string());
+                    let turns = options.axes.get(joint) != Some(&Axis::Prismatic);
+                    let text = joint_limits::told(&name, *value, range, turns, options.degrees);
+                    tracing::warn!("{port}: {text}");
                 }
             }
         }
