@@ -186,7 +186,7 @@ impl Joints {
 }
 
 async fn ask(shared: &Shared, options: &YarpOptions, rpc: &str) -> Result<Joints, String> {
-    let unregistered = PortOptions { register: false, ..PortOptions::default() };
+    let unregistered = PortOptions { register: false, ..shared.asking() };
     let client = shared.network(options).open_rpc_client(&numbered(rpc), &unregistered).await;
     let client = client.map_err(|error| error.to_string())?;
     let told = async {
