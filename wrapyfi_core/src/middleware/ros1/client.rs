@@ -203,7 +203,7 @@ impl Line {
     }
 
     /// The server at `place` did not answer.
-    fn lost(&self, place: &NodeUri, why: String) {
+    fn lost(&self, place: &NodeUri, why: &str) {
         if self.place.borrow().as_ref() == Some(place) {
             self.found(None, Some(format!("the server of {}: {why}", self.service)));
             self.seek.notify_one();
@@ -260,7 +260,7 @@ impl Line {
             let mut stream = match tcpros::connect(&place.host, place.port).await {
                 Ok(stream) => stream,
                 Err(why) => {
-                    self.lost(&place, why);
+                    self.lost(&place, &why);
                     continue;
                 }
             };
@@ -269,7 +269,7 @@ impl Line {
                     Some(error) => return Err(services::shortened(error).to_owned()),
                     None => return Ok(stream),
                 },
-                Err(error) => self.lost(&place, error.to_string()),
+                Err(error) => self.lost(&place, &error.to_string()),
             }
         }
     }

@@ -130,7 +130,7 @@ impl Core {
             }
             match (&fault, &state.fault) {
                 (Some(fault), None) => {
-                    tracing::warn!("ROS 1: waiting for {fault}; connections stay")
+                    tracing::warn!("ROS 1: waiting for {fault}; connections stay");
                 }
                 (None, Some(_)) => tracing::info!("ROS 1: the master answers again"),
                 _ => {}
