@@ -76,7 +76,7 @@ fn sigterm_ends_a_bridge_with_success() -> Result {
             world.bridge(&world.embedded().route(Route::new("zeromq:/a", "ros2:/a", "Image")))?;
         bridge.wait_until("a status report", report)?;
         bridge.terminate()?;
-        bridge.exits_with(0)
+        complains(&mut bridge, &[0], &["ends: 0 in, 0 out, 0 unread, dropped: none"])
     })
 }
 
@@ -311,6 +311,22 @@ fn arguments_are_given_alike_on_ros_1_too() -> Result {
         called_in_every_way(world, &format!("ros:{}", world.topic("set")), &typed)?;
         let mut untyped = world.wrapyfi(["serve", "ros:/x", "--echo"])?;
         complains(&mut untyped, &[2], &["ros:/x: --type is needed", "NativeObject"])
+    })
+}
+
+#[test]
+fn an_address_of_its_own_is_for_middlewares_that_tell_it() -> Result {
+    run("an_address_of_its_own_is_for_middlewares_that_tell_it", PROGRAM, |world| {
+        let ip = |endpoint: &str, ip: &str| {
+            world.wrapyfi(["echo", endpoint, "--type", "Image", "--ip", ip])
+        };
+        complains(&mut ip("yarp:/x", "10.0.0")?, &[2], &["--ip", "write it as 192.168.1.7"])?;
+        let words = ["--ip and --insecure are for yarp and ros"];
+        complains(&mut ip("ros2:/x", "192.0.2.7")?, &[2], &words)?;
+        let words = [words[0], "WRAPYFI_ZEROMQ_SOCKET_IP"];
+        complains(&mut ip("zeromq:/x", "192.0.2.7")?, &[2], &words)?;
+        let mut call = world.wrapyfi(["call", "ros2:/x", "--option", "carrier=tcp"])?;
+        complains(&mut call, &[2], &["option carrier is unknown on ros2; options here: none"])
     })
 }
 

@@ -158,6 +158,13 @@ fn is_heard(world: &World, host: &Host<'_>, publisher: &Process) -> Result {
     Ok(())
 }
 
+/// Asks a name server for a port.
+const ASK_YARP: &str = "import socket, sys\n\
+    s = socket.create_connection((sys.argv[1], int(sys.argv[2])))\n\
+    s.sendall(b'NAME_SERVER query ' + sys.argv[3].encode() + b'\\n')\n\
+    s.shutdown(socket.SHUT_WR)\n\
+    print(s.makefile().read())\n";
+
 /// What the name server says of a port, asked on its own machine.
 fn registered(robot: &Host<'_>, port: &str, name: &str) -> Result<String> {
     let script = "ask_yarp.py";
@@ -172,14 +179,7 @@ fn yarp_ports_are_reached_from_the_machine_of_the_name_server_and_from_a_third()
     run("yarp_ports_are_reached_from_the_machine_of_the_name_server", NEEDS, |world| {
         let [robot, laptop, desk] = world.hosts(["robot", "laptop", "desk"])?;
         let port = world.yarp_port().to_string();
-        world.write(
-            "ask_yarp.py",
-            "import socket, sys\n\
-             s = socket.create_connection((sys.argv[1], int(sys.argv[2])))\n\
-             s.sendall(b'NAME_SERVER query ' + sys.argv[3].encode() + b'\\n')\n\
-             s.shutdown(socket.SHUT_WR)\n\
-             print(s.makefile().read())\n",
-        )?;
+        world.write("ask_yarp.py", ASK_YARP)?;
         world.write("yarp.conf", format!("{} {port} yarp\n", robot.ip()))?;
         // Its ports would be open to others: that has to be said.
         is_refused(publish(&laptop, "yarp:/cam")?, &[laptop.ip(), "WRAPYFI_YARP_INSECURE=1"])?;
@@ -240,6 +240,98 @@ fn a_port_at_an_address_of_its_own_machine_is_named() -> Result {
         waits(&waiting, &["port /cam", hint]).map_err(|error| error.context(publisher.tail()))?;
         let calls = ["call", "yarp:/function", "--value", "1", "--timeout", "5"];
         ends_with(desk.wrapyfi(calls)?, 3, &["port /function", hint])
+    })
+}
+
+/// `wrapyfi yarpserver` on a machine, whose `yarp.conf` all machines read.
+fn names(world: &World, robot: &Host<'_>) -> Result<Process> {
+    let port = world.yarp_port().to_string();
+    world.write("yarp.conf", format!("{} {port} yarp\n", robot.ip()))?;
+    let args = ["yarpserver", "--ip", robot.ip(), "--port", &port, "--no-discovery", "--insecure"];
+    let server = robot.wrapyfi(args)?;
+    server.wait_until("the name server", |output| {
+        output.err.iter().any(|line| line.contains("name server /root on")).then_some(())
+    })?;
+    Ok(server)
+}
+
+#[test]
+fn the_address_that_others_are_told_is_said_on_the_command_line() -> Result {
+    run("the_address_that_others_are_told_is_said_on_the_command_line", NEEDS, |world| {
+        let [robot, laptop, desk] = world.hosts(["robot", "laptop", "desk"])?;
+        let _names = names(world, &robot)?;
+        // Goes before the variable, which leads nowhere from another machine.
+        let laptop = laptop.with("YARP_IP", "127.0.0.1");
+        let ip = laptop.ip().to_owned();
+        let route =
+            "routes:\n  - { from: \"zeromq:/cam\", to: \"yarp:/cam\", type: NativeObject }\n";
+        let file = world.write("bridge.yaml", route)?.display().to_string();
+        let value = ["--value", "{\"n\": 1}"];
+        let commands: [&[&str]; 4] = [
+            &["bridge", "--config", &file],
+            &["serve", "yarp:/x", "--echo"],
+            &["echo", "yarp:/x", "--type", "Image"],
+            &["pub", "yarp:/cam", "--type", "NativeObject", "--rate", "20", value[0], value[1]],
+        ];
+        for command in commands {
+            let said = [command, &["--ip", &ip]].concat();
+            is_refused(laptop.wrapyfi(said)?, &[&ip, "give --insecure"])?;
+        }
+        let own = ["--ip", &ip, "--insecure"];
+        let publisher = laptop.wrapyfi([commands[3], &own].concat())?;
+        let heard = desk.wrapyfi([
+            "echo",
+            "yarp:/cam",
+            "--type",
+            "NativeObject",
+            "--count",
+            "3",
+            "--json",
+            "--insecure",
+        ])?;
+        heard.objects(3).map_err(|error| error.context(publisher.tail()))?;
+        let port = world.yarp_port().to_string();
+        world.write("ask_yarp.py", ASK_YARP)?;
+        let told = registered(&robot, &port, "/cam")?;
+        assert!(told.contains(&format!("name /cam ip {ip} port")), "{told}");
+        Ok(())
+    })
+}
+
+#[test]
+fn what_others_do_not_connect_to_needs_no_word() -> Result {
+    run("what_others_do_not_connect_to_needs_no_word", NEEDS, |world| {
+        let [robot, laptop] = world.hosts(["robot", "laptop"])?;
+        let _names = names(world, &robot)?;
+        let server = robot.wrapyfi(["serve", "yarp:/function", "--echo", "--insecure"])?;
+        let mut call =
+            laptop.wrapyfi(["call", "yarp:/function", "--value", "\"x\"", "--timeout", "60"])?;
+        call.exits_with(0).map_err(|error| error.context(server.tail()))?;
+        assert_eq!(call.stdout().trim(), "\"x\"");
+        let mut list = laptop.wrapyfi(["list", "yarp"])?;
+        list.exits_with(0)?;
+        assert!(list.stdout().contains("/function"), "{}", list.tail());
+        // A variable that says an address is no port either.
+        let ip = laptop.ip().to_owned();
+        let named = laptop.with("YARP_IP", &ip);
+        named.wrapyfi(["list", "yarp"])?.exits_with(0)?;
+        is_refused(named.wrapyfi(["echo", "yarp:/x"])?, &["WRAPYFI_YARP_INSECURE=1"])
+    })
+}
+
+#[test]
+fn a_name_server_behind_a_dead_link_is_what_is_waited_for() -> Result {
+    run("a_name_server_behind_a_dead_link_is_what_is_waited_for", NEEDS, |world| {
+        let [robot, laptop] = world.hosts(["robot", "laptop"])?;
+        let _names = names(world, &robot)?;
+        robot.plug(false)?;
+        let echo = laptop.wrapyfi(["echo", "yarp:/cam", "--type", "Image", "--insecure"])?;
+        let first = echo.wait_until("what it waits for", |output| {
+            output.err.iter().find(|line| line.contains("waiting for")).cloned()
+        })?;
+        let server = format!("name server {}", robot.ip());
+        assert!(first.contains(&server), "{first}");
+        Ok(())
     })
 }
 

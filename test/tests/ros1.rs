@@ -42,6 +42,31 @@ fn tells(world: &World, tool: &str, args: &str, wanted: impl Fn(&str) -> bool) -
 }
 
 #[test]
+fn a_publisher_that_is_killed_is_one_line_of_the_log() -> Result {
+    run("a_publisher_that_is_killed_is_one_line_of_the_log", NEEDS, |world| {
+        let topic = world.topic("x");
+        let listener = world.wrapyfi(["echo", &ros1(&topic), "--type", "Text", "--json"])?;
+        let away = format!("waiting for master {}/ (it does not answer: ", world.ros_master_uri());
+        listener.wait_until("its complaint", |output| {
+            output.err.iter().any(|line| line.contains(&away)).then_some(())
+        })?;
+        let _roscore = world.roscore()?;
+        let mut publisher =
+            world.rospy(&format!("publish --topic {topic}"), Some(r#"{"data": "x"}"#))?;
+        listener.objects(1)?;
+        publisher.kill()?;
+        let is_told = |line: &&String| line.contains("ROS 1: publisher");
+        listener.wait_until("what came of it", |output| {
+            let mut told = output.err.iter().filter(is_told);
+            told.any(|line| line.contains("it does not answer")).then_some(())
+        })?;
+        let said = listener.stderr();
+        assert_eq!(said.matches("ROS 1: publisher").count(), 1, "{said}");
+        Ok(())
+    })
+}
+
+#[test]
 fn the_tools_of_ros_1_show_our_node() -> Result {
     run("the_tools_of_ros_1_show_our_node", NEEDS, |world| {
         let _roscore = world.roscore()?;

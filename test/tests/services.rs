@@ -99,6 +99,27 @@ fn functions_of_wrapyfi_are_services() -> Result {
 }
 
 #[test]
+fn what_a_function_returns_is_printed_in_words() -> Result {
+    run("what_a_function_returns_is_printed_in_words", NEEDS, |world| {
+        for (name, kind) in [
+            ("ours", "NativeObject"),
+            ("upstream", "wrapyfi_ros2_interfaces/srv/ROS2NativeObjectService"),
+        ] {
+            let endpoint = format!("ros2:{}", world.topic(name));
+            let words = ["serve", &endpoint, "--type", kind, "--echo", "--count", "1"];
+            let mut server = world.wrapyfi_as(CYCLONE, words)?;
+            let value = ["--args", r#"[{"name": "Jörg"}]"#];
+            let words = ["call", &endpoint, "--timeout", "60", value[0], value[1]];
+            let mut call = world.wrapyfi_as(CYCLONE, words)?;
+            call.exits_with(0)?;
+            assert_eq!(call.stdout().trim(), r#"{"name":"Jörg"}"#);
+            server.exits_with(0)?;
+        }
+        Ok(())
+    })
+}
+
+#[test]
 fn the_common_types_need_no_definitions() -> Result {
     run("the_common_types_need_no_definitions", NEEDS, |world| {
         for (name, kind) in [("set", "std_srvs/srv/SetBool"), ("object", "NativeObject")] {

@@ -8,6 +8,7 @@ use wrapyfi_core::endpoint::EndpointAddress;
 use wrapyfi_core::types::MessageType;
 
 use crate::options::EndpointOptions;
+use crate::own_address::OwnAddress;
 
 /// Wrapyfi for ROS 2: native objects, arrays, images, sound and messages of any type between ZeroMQ, YARP,
 /// ROS 1 and ROS 2.
@@ -80,6 +81,9 @@ pub struct BridgeArgs {
     /// Print the routes' status as one JSON object a second on stdout; the parameter status_json.
     #[arg(long)]
     pub json: bool,
+    /// Where others reach what the routes open.
+    #[command(flatten)]
+    pub own: OwnAddress,
 }
 
 /// Command line of a node executable, beside what is ROS's.
@@ -112,6 +116,9 @@ pub struct ListArgs {
     /// How long to look; without it until every side has told what it has, at most 3 seconds.
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub wait: Option<Duration>,
+    /// Where others reach the node that looks.
+    #[command(flatten)]
+    pub own: OwnAddress,
 }
 
 /// Arguments of `wrapyfi echo`.

@@ -32,6 +32,7 @@ pub mod node;
 pub mod options;
 pub mod output;
 pub mod overrides;
+pub mod own_address;
 pub mod shutdown;
 pub mod table;
 pub mod whole;

@@ -211,7 +211,8 @@ pub fn run(
     let mut store = node.parameters().map_err(Failure::usage)?;
     let parameters = Parameters::declare(&mut store, whole)?;
     let shutdown = Shutdown::on_signals().context("cannot catch signals")?;
-    let Parameters { configuration, options } = parameters;
+    let Parameters { configuration, mut options } = parameters;
+    options.own = args.own;
     let (mut loaded, name) = match configuration {
         Configuration::File(file) => {
             (middlewares::load_and_learn(&file)?, file.display().to_string())
@@ -337,7 +338,8 @@ impl Parameters {
             }
         };
         let lives_with = whole.map(Whole::middleware);
-        let options = Options { seconds, json: json == ParameterValue::Bool(true), lives_with };
+        let json = json == ParameterValue::Bool(true);
+        let options = Options { seconds, json, lives_with, ..Options::default() };
         Ok(Self { configuration, options })
     }
 }
@@ -387,6 +389,7 @@ mod tests {
             config: Some("a.yaml".into()),
             seconds: Some(Duration::from_millis(500)),
             json: true,
+            ..BridgeArgs::default()
         };
         let mut given = BTreeMap::new();
         enter(&args, &mut given).unwrap();

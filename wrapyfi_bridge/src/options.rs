@@ -6,10 +6,12 @@ use bytes::Bytes;
 use clap::Args;
 use wrapyfi_core::Limits;
 use wrapyfi_core::codec::json;
+use wrapyfi_core::engine::known_option;
 use wrapyfi_core::types::{Map, Value};
 
 use crate::exit::Failure;
 use crate::middlewares::option_names;
+use crate::own_address::OwnAddress;
 
 /// Settings of the endpoint, as `options` of a route.
 #[derive(Debug, Clone, Default, Args)]
@@ -18,6 +20,9 @@ pub struct EndpointOptions {
     /// than once. Values are JSON, or text as it stands.
     #[arg(long = "option", value_name = "NAME=VALUE")]
     pub options: Vec<EndpointOption>,
+    /// Where others reach it.
+    #[command(flatten)]
+    pub own: OwnAddress,
 }
 
 /// One setting.
@@ -45,15 +50,12 @@ impl EndpointOptions {
     /// As an endpoint of `middleware` takes them; the last one of a name counts.
     ///
     /// # Errors
-    /// Exit code 2 for an option that the middleware does not know.
+    /// Exit code 2 for an option that the middleware does not know, and an address that it has not.
     pub fn of(&self, middleware: &str) -> Result<Map, Failure> {
-        let known = option_names(middleware);
-        if let Some(other) = self.options.iter().find(|one| !known.contains(&one.name.as_str())) {
-            let names = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
-            return Err(Failure::Usage(format!(
-                "option {} is unknown on {middleware}; options there: {names}",
-                other.name
-            )));
+        self.own.check(middleware)?;
+        let (known, place) = (option_names(middleware), format!("on {middleware}"));
+        for option in &self.options {
+            known_option(&option.name, known, &place).map_err(Failure::Usage)?;
         }
         Ok(self.options.iter().map(|option| (option.name.as_str(), option.value.clone())).collect())
     }
@@ -70,13 +72,17 @@ mod tests {
             options: ["carrier=udp", "persistent=false", "joints=[\"a\", \"b\"]", "carrier=mcast"]
                 .map(read)
                 .to_vec(),
+            ..EndpointOptions::default()
         };
         let map = options.of("yarp").unwrap();
         assert_eq!(map.get("carrier"), Some(&"mcast".into()));
         assert_eq!(map.get("persistent"), Some(&false.into()));
         assert_eq!(map.get("joints"), Some(&Value::from_iter(["a", "b"])));
         let refused = options.of("zeromq").unwrap_err().to_string();
-        assert_eq!(refused, "option carrier is unknown on zeromq; options there: none");
+        assert_eq!(refused, "option carrier is unknown on zeromq; options here: none");
+        let slip = EndpointOptions { options: vec![read("carier=udp")], ..options };
+        let slip = slip.of("yarp").unwrap_err().to_string();
+        assert!(slip.contains("did you mean `carrier`?"), "{slip}");
         assert!("udp".parse::<EndpointOption>().unwrap_err().contains("carrier=udp"));
     }
 }

@@ -431,7 +431,13 @@ fn other_machines_do_not_reach_ports_unless_they_may() {
     let ip = Some(Ipv4Addr::UNSPECIFIED.into());
     let name_server = Some(([127, 0, 0, 1], 1).into());
     let config = YarpConfig { ip, name_server, ..YarpConfig::default() };
-    let refused = Yarp::start(&config).unwrap_err();
-    assert!(refused.to_string().contains("insecure: true"), "{refused}");
-    drop(Yarp::start(&YarpConfig { insecure: true.into(), ..config }).unwrap());
+    let opened = |config: &YarpConfig| {
+        // Who only looks or calls is not connected to.
+        let yarp = Yarp::start(config).unwrap();
+        let spec = TopicSpec::new("/x", MessageType::Image);
+        yarp.open_listener(&spec, &Context::default()).map(drop).map_err(|error| error.to_string())
+    };
+    let refused = opened(&config).unwrap_err();
+    assert!(refused.contains("insecure: true"), "{refused}");
+    opened(&YarpConfig { insecure: true.into(), ..config }).unwrap();
 }

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
+use wrapyfi_core::endpoint::CountersSnapshot;
 use wrapyfi_core::engine::{Engine, Plan};
 use wrapyfi_core::node::parameters::ParameterStore;
 use wrapyfi_core::types::MessageType;
@@ -13,6 +14,7 @@ use crate::middlewares::{self, Loaded, Middlewares};
 use crate::node::Node;
 use crate::output;
 use crate::overrides;
+use crate::own_address::OwnAddress;
 use crate::shutdown::Shutdown;
 use crate::table;
 
@@ -26,6 +28,8 @@ pub struct Options {
     pub seconds: Option<Duration>,
     /// One JSON object a second on stdout.
     pub json: bool,
+    /// Where others reach what the routes open.
+    pub own: OwnAddress,
     /// The middleware without which the node has nothing to do: when somebody ends it, the node ends
     /// with an error, so that it is started again where that is wished.
     pub lives_with: Option<&'static str>,
@@ -46,6 +50,7 @@ pub fn run(
 ) -> Result<(), Failure> {
     let Loaded { mut endpoints, mut plan, types: mut store } = loaded;
     middlewares::take_parameters(&mut endpoints, &mut parameters)?;
+    options.own.enter(&mut endpoints);
     overrides::apply(&mut plan, node, &mut parameters).map_err(Failure::usage)?;
     warn_of_unused(&parameters);
     warn_of_unheard(&plan, node);
@@ -108,8 +113,11 @@ pub fn run(
             .map(|(reason, count)| format!("{reason} {count}"))
             .collect();
         let drops = if drops.is_empty() { "none".to_owned() } else { drops.join(", ") };
-        let (received, sent) = (route.counters.received, route.counters.sent);
-        tracing::info!(route = %route.name, "ends: {received} in, {sent} out, dropped: {drops}");
+        let CountersSnapshot { received, sent, unread, .. } = route.counters;
+        tracing::info!(
+            route = %route.name,
+            "ends: {received} in, {sent} out, {unread} unread, dropped: {drops}"
+        );
     }
     failure.map_or(Ok(()), |why| Err(Failure::Failed(anyhow::Error::msg(why))))
 }

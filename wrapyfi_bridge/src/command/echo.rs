@@ -22,21 +22,20 @@ use crate::shutdown::Shutdown;
 pub fn run(args: &EchoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     // Before anything starts.
     let options = args.options.of(&args.endpoint.middleware)?;
+    let start = || Middlewares::for_endpoint(&args.endpoint, Role::Listener, args.options.own);
     match (&args.message_type, args.endpoint.middleware.as_str()) {
         (Some(TypeName::Known(message_type)), _) => {
-            let middlewares = Middlewares::for_endpoint(&args.endpoint, Role::Listener)?;
-            known(args, *message_type, Qos::default(), &middlewares, shutdown)
+            known(args, (*message_type, options), Qos::default(), &start()?, shutdown)
         }
-        (named, "ros2") => any::echo::run(args, named.as_ref(), shutdown),
+        (named, "ros2") => any::echo::run(args, named.as_ref(), options, shutdown),
         (Some(TypeName::Ros(name)), _) => {
             let message_type = any::message_type(name, &args.definitions)?;
-            let middlewares = Middlewares::for_endpoint(&args.endpoint, Role::Listener)?;
-            known(args, message_type, Qos::default(), &middlewares, shutdown)
+            known(args, (message_type, options), Qos::default(), &start()?, shutdown)
         }
         (None, _) => {
-            let middlewares = Middlewares::for_endpoint(&args.endpoint, Role::Listener)?;
+            let middlewares = start()?;
             let message_type = learned(args, &options, &middlewares, shutdown)?;
-            known(args, message_type, Qos::default(), &middlewares, shutdown)
+            known(args, (message_type, options), Qos::default(), &middlewares, shutdown)
         }
     }
 }
@@ -107,11 +106,11 @@ impl<'a> Waiting<'a> {
     }
 }
 
-/// Prints the messages of a type that routes carry. Without `--qos` the publishers' quality of
+/// Prints the messages of a type that routes carry, with the options of their endpoint. Without `--qos` the publishers' quality of
 /// service is followed, beginning with `start`.
 pub(super) fn known(
     args: &EchoArgs,
-    message_type: MessageType,
+    (message_type, options): (MessageType, Map),
     start: Qos,
     middlewares: &Middlewares,
     shutdown: &Shutdown,
@@ -121,7 +120,7 @@ pub(super) fn known(
         qos: args.qos.map_or(start, Qos::from),
         match_peers: args.qos.is_none(),
         queue: QueueSpec { depth: 100, overflow: Overflow::DropOldest },
-        options: args.options.of(&args.endpoint.middleware)?,
+        options,
         ..TopicSpec::new(&args.endpoint.name, message_type)
     };
     let middleware =

@@ -17,6 +17,7 @@ use crate::cli::ListArgs;
 use crate::exit::Failure;
 use crate::middlewares::{Middlewares, Role};
 use crate::output;
+use crate::own_address::OwnAddress;
 use crate::shutdown::Shutdown;
 
 /// Longest look where nobody says how long.
@@ -64,6 +65,9 @@ fn has_told_all(complete: Option<bool>, unchanged: Duration) -> bool {
 /// Exit code 2 for a middleware that there is not; 1 or 3 when the only one asked for, or all of
 /// them, cannot be reached.
 pub fn run(args: &ListArgs, shutdown: &Shutdown) -> Result<(), Failure> {
+    if let Some(middleware) = &args.middleware {
+        args.own.check(middleware)?;
+    }
     let all = Middlewares::names();
     let wanted: Vec<_> = match &args.middleware {
         // Nobody has said that there is a ROS 1 without this variable, or a YARP without this file.
@@ -83,7 +87,7 @@ pub fn run(args: &ListArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     };
     let (mut sides, mut failures) = (Vec::new(), Vec::new());
     for name in wanted {
-        match open(name) {
+        match open(name, args.own) {
             Ok(side) => sides.push(side),
             Err(failure) => failures.push((name, failure)),
         }
@@ -135,9 +139,9 @@ pub fn run(args: &ListArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     }
 }
 
-fn open(name: &'static str) -> Result<Side, Failure> {
+fn open(name: &'static str, own: OwnAddress) -> Result<Side, Failure> {
     let address = EndpointAddress { middleware: name.to_owned(), name: "/".to_owned() };
-    let middlewares = Middlewares::for_endpoint(&address, Role::Listener)?;
+    let middlewares = Middlewares::for_endpoint(&address, Role::Observer, own)?;
     let middleware = middlewares.registry().get(name).map_err(Failure::usage)?;
     let discovery = middleware.discover().context(name)?;
     let (found, unchanged_since) = (Vec::new(), Instant::now());

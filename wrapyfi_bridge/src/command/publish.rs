@@ -20,8 +20,7 @@ use crate::{describe, input};
 /// Exit code 3 when no listener came in time, 2 when endpoint or input is wrong.
 pub fn run(args: &PubArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let args = &with_defaults(args);
-    // Before anything starts.
-    args.options.of(&args.endpoint.middleware)?;
+    let options = args.options.of(&args.endpoint.middleware)?;
     let message_type = match (&args.message_type, args.endpoint.middleware.as_str()) {
         (TypeName::Known(message_type), _) => *message_type,
         (TypeName::Ros(name), "ros2") => return any::publish::run(args, name, shutdown),
@@ -29,7 +28,7 @@ pub fn run(args: &PubArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     };
     let spec = TopicSpec {
         qos: args.qos.into(),
-        options: args.options.of(&args.endpoint.middleware)?,
+        options,
         ..TopicSpec::new(&args.endpoint.name, message_type)
     };
     let payload = match (&args.value, &args.file) {
@@ -38,7 +37,7 @@ pub fn run(args: &PubArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         (None, None) => Err(anyhow!("give --value or --file")),
     };
     let mut payload = payload.map_err(|error| Failure::usage(format!("{error:#}")))?;
-    let middlewares = Middlewares::for_endpoint(&args.endpoint, Role::Publisher)?;
+    let middlewares = Middlewares::for_endpoint(&args.endpoint, Role::Publisher, args.options.own)?;
     let context = Context::default();
     let middleware =
         middlewares.registry().get(&args.endpoint.middleware).map_err(Failure::usage)?;

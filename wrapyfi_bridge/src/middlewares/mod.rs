@@ -47,6 +47,7 @@ use crate::cli::ServicePorts;
 use crate::exit::Failure;
 use crate::logging;
 use crate::node::Node;
+use crate::own_address::OwnAddress;
 
 /// Names under which routes and commands address the middlewares, with their rules for topics.
 fn available() -> [Available<'static>; 4] {
@@ -62,6 +63,8 @@ pub fn option_names(middleware: &str) -> &'static [&'static str] {
 /// Which end of a topic a command is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
+    /// It looks who is there, and opens nothing.
+    Observer,
     /// It listens: Wrapyfi's listeners never start a broker.
     Listener,
     /// It publishes: Wrapyfi's publishers start the broker when there is none.
@@ -105,8 +108,10 @@ impl Middlewares {
         }
         if plan.uses(yarp::NAME) {
             let hosts = hosts.clone();
-            middlewares
-                .add_or_wait(yarp::NAME, move || Ok(Arc::new(yarp.start(largest, &hosts)?)))?;
+            let listens = plan.is_reached_on(yarp::NAME);
+            middlewares.add_or_wait(yarp::NAME, move || {
+                Ok(Arc::new(yarp.start(listens, largest, &hosts)?))
+            })?;
         }
         if plan.uses(ros1::NAME) {
             middlewares.add_or_wait(ros1::NAME, move || Ok(Arc::new(ros.start(&hosts)?)))?;
@@ -152,9 +157,14 @@ impl Middlewares {
     ///
     /// # Errors
     /// As [`Middlewares::for_plan`].
-    pub fn for_endpoint(address: &EndpointAddress, role: Role) -> Result<Self, Failure> {
+    pub fn for_endpoint(
+        address: &EndpointAddress,
+        role: Role,
+        own: OwnAddress,
+    ) -> Result<Self, Failure> {
         let mut middlewares = Self::default();
-        let endpoints = Endpoints::default();
+        let mut endpoints = Endpoints::default();
+        own.enter(&mut endpoints);
         let largest = Limits::default().message_bytes;
         match address.middleware.as_str() {
             "zeromq" => {
@@ -168,7 +178,9 @@ impl Middlewares {
                 middlewares.add(Arc::new(Self::ros2_of_command()?));
             }
             yarp::NAME => {
-                middlewares.add(Arc::new(endpoints.yarp.start(largest, &endpoints.hosts)?));
+                let listens = !matches!(role, Role::Observer | Role::Client);
+                let yarp = endpoints.yarp.start(listens, largest, &endpoints.hosts)?;
+                middlewares.add(Arc::new(yarp));
             }
             ros1::NAME => middlewares.add(Arc::new(endpoints.ros.start(&endpoints.hosts)?)),
             other => {
@@ -190,13 +202,14 @@ impl Middlewares {
         address: &EndpointAddress,
         role: Role,
         ports: &ServicePorts,
+        own: OwnAddress,
     ) -> Result<Self, Failure> {
         if address.middleware != "zeromq" {
             if ports.any() {
                 let text = format!("{address}: --rep-port and --req-port are for zeromq");
                 return Err(Failure::Usage(text));
             }
-            return Self::for_endpoint(address, role);
+            return Self::for_endpoint(address, role, own);
         }
         let ServicePorts { rep_port, req_port } = *ports;
         let section = ZeroMqSection { rep_port, req_port, ..ZeroMqSection::default() };

@@ -63,7 +63,10 @@ pub fn take_parameters(
             "ros.node" => endpoints.ros.node = Some(text(&name, value)?),
             "yarp.embedded" => endpoints.yarp.embedded = switch(&name, &value)?,
             "yarp.insecure" => yarp.1 = switch(&name, &value)?,
-            "yarp.ip" => (endpoints.yarp.ip, yarp.0) = (Some(unplaced(text(&name, value)?)), true),
+            "yarp.ip" => {
+                endpoints.yarp.say_ip(text(&name, value)?);
+                yarp.0 = true;
+            }
             "yarp.name_server" => {
                 endpoints.yarp.name_server = Some(unplaced(text(&name, value)?));
             }

@@ -3,6 +3,7 @@
 use std::net::IpAddr;
 
 use serde::Deserialize;
+use serde_saphyr::Location;
 use wrapyfi_core::engine::{Available, Problem, Spanned};
 pub(super) use wrapyfi_core::middleware::yarp::NAME;
 use wrapyfi_core::middleware::yarp::{
@@ -87,11 +88,21 @@ impl YarpSection {
         self.insecure.0.check(NAME, "a port", ip).map_err(|refused| wrong(refused.to_string()))
     }
 
-    /// Starts the middleware.
+    /// Says at which address ports are reached, in no file.
+    pub fn say_ip(&mut self, ip: String) {
+        self.ip = Some(Spanned::new(ip, Location::UNKNOWN, Location::UNKNOWN));
+    }
+
+    /// Starts the middleware, where ports are opened that others connect to if it `listens`.
     ///
     /// # Errors
     /// Exit code 2 for settings that cannot work or that name nothing, 1 when it does not start.
-    pub fn start(&self, largest_message: usize, hosts: &Hosts) -> Result<Yarp, Failure> {
+    pub fn start(
+        &self,
+        listens: bool,
+        largest_message: usize,
+        hosts: &Hosts,
+    ) -> Result<Yarp, Failure> {
         let mut config = YarpConfig::from_env().map_err(Failure::usage)?;
         if let Some(written) = &self.name_server {
             config.name_server = Some(written.value.parse().map_err(Failure::usage)?);
@@ -114,12 +125,16 @@ impl YarpSection {
             None => {}
         }
         config.max_message_bytes = config.max_message_bytes.max(largest_message);
-        Yarp::start(&config).map_err(|error| match error {
+        let yarp = Yarp::start(&config).map_err(|error| match error {
             hopeless if hopeless.is_hopeless() => Failure::usage(hopeless),
             absent @ (StartError::NameServer(_) | StartError::Host { .. }) => {
                 Failure::Absent(absent.to_string())
             }
             other => Failure::Failed(anyhow::Error::new(other).context("yarp")),
-        })
+        })?;
+        if listens {
+            yarp.may_listen().map_err(Failure::usage)?;
+        }
+        Ok(yarp)
     }
 }

@@ -93,7 +93,7 @@ impl ZeroMqSection {
         }
         // What a command does not use is not started for it.
         if self.broker.is_none()
-            && matches!(role, Some(Role::Listener | Role::Client | Role::Server))
+            && matches!(role, Some(Role::Observer | Role::Listener | Role::Client | Role::Server))
         {
             config.broker = BrokerMode::Foreign;
         }

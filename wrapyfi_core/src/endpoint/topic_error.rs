@@ -3,6 +3,7 @@
 use super::DropReason;
 use crate::EncodeError;
 use crate::codec::DecodeError;
+use crate::network::ReachedByOthers;
 use crate::types::MessageType;
 
 /// Why an endpoint could not be opened.
@@ -70,6 +71,9 @@ pub enum OpenError {
         /// What is wrong with them.
         reason: String,
     },
+    /// Other machines would reach it, and nobody said that they may.
+    #[error(transparent)]
+    NotLoopback(#[from] ReachedByOthers),
     /// The transport refused; opening again later may succeed.
     #[error("{middleware} could not open {topic:?}: {reason}")]
     Transport {

@@ -68,6 +68,7 @@ pub use config_qos::{QosConfig, QosOverride};
 pub use engine::Engine;
 pub use pattern::NamePattern;
 pub use plan::{Available, Plan, RouteSpec};
+pub use plan_options::known_option;
 pub use plan_pattern::{Carried, MAX_PATTERN_ROUTES, PatternSpec, Source};
 pub use plan_service::ServiceRouteSpec;
 pub use relay::{Relay, Step};

@@ -193,6 +193,16 @@ impl Plan {
             })
     }
 
+    /// True where others connect to an end of a route on this middleware: at all but services that are only
+    /// called there.
+    #[must_use]
+    pub fn is_reached_on(&self, middleware: &str) -> bool {
+        let topics = self.routes.iter().flat_map(|route| [&route.from, &route.to]);
+        let offered = self.services.iter().map(|route| &route.offered);
+        topics.chain(offered).any(|end| end.middleware == middleware)
+            || (!self.patterns.is_empty() && self.uses(middleware))
+    }
+
     /// The largest message that a route takes, in bytes.
     #[must_use]
     pub fn largest_message(&self) -> usize {

@@ -29,14 +29,9 @@ pub(super) fn read(
     let mut options = Map::default();
     for (name, value) in written {
         let mut complain = |text| problems.push(Problem::at(value.referenced, text));
-        if !known.contains(&name.as_str()) {
-            let hint = did_you_mean(name, &known);
-            let names = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
-            complain(format!(
-                "option {name} is unknown between {} and {}; {hint}options here: {names}",
-                ends.map(|end| end.middleware.as_str())[0],
-                ends.map(|end| end.middleware.as_str())[1],
-            ));
+        let [from, to] = ends.map(|end| end.middleware.as_str());
+        if let Err(unknown) = known_option(name, &known, &format!("between {from} and {to}")) {
+            complain(unknown);
             continue;
         }
         match to_value(&value.value) {
@@ -47,6 +42,19 @@ pub(super) fn read(
         }
     }
     if problems.is_empty() { Ok(options) } else { Err(problems) }
+}
+
+/// Refuses an option whose name is not among those `known` at `place`, such as `on yarp`.
+///
+/// # Errors
+/// In words: which options there are, and which one is probably meant.
+pub fn known_option(name: &str, known: &[&str], place: &str) -> Result<(), String> {
+    if known.contains(&name) {
+        return Ok(());
+    }
+    let hint = did_you_mean(name, known);
+    let names = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
+    Err(format!("option {name} is unknown {place}; {hint}options here: {names}"))
 }
 
 /// Lists of numbers stay lists: options are written by hand and read one by one.

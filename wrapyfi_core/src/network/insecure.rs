@@ -85,7 +85,9 @@ impl Insecure {
         let variable = format!("WRAPYFI_{}_INSECURE=1", middleware.to_ascii_uppercase());
         let in_file = format!("insecure: true under endpoints.{middleware}");
         let remedy = match self.place {
-            Place::Default => format!("write {in_file}, or set {variable},"),
+            Place::Default => {
+                format!("write {in_file}, set {variable}, or give a command --insecure,")
+            }
             Place::Environment => format!("set {variable}"),
             Place::File => format!("write {in_file}"),
             Place::Parameter => format!("give -p endpoints.{middleware}.insecure:=true"),

@@ -10,7 +10,7 @@ use wrapyfi_core::endpoint::{
 };
 use wrapyfi_core::middleware::ros2::graph::GraphError;
 use wrapyfi_core::middleware::ros2::{AnyError, AnyListener, AnyMessage, Ros2};
-use wrapyfi_core::types::MessageType;
+use wrapyfi_core::types::{Map, MessageType};
 use wrapyfi_core::{Limits, Throttle};
 
 use super::{Strangers, resolve, types_of, yaml};
@@ -26,7 +26,12 @@ use crate::shutdown::Shutdown;
 ///
 /// # Errors
 /// Exit code 3 when a type or a message did not come in time, 2 when type or endpoint is wrong.
-pub fn run(args: &EchoArgs, named: Option<&TypeName>, shutdown: &Shutdown) -> Result<(), Failure> {
+pub fn run(
+    args: &EchoArgs,
+    named: Option<&TypeName>,
+    options: Map,
+    shutdown: &Shutdown,
+) -> Result<(), Failure> {
     let ros2 = Arc::new(Middlewares::ros2_of_command()?);
     let topic = ros2.resolve(&args.endpoint.name).map_err(Failure::usage)?;
     let asked = args.qos.map(Qos::from);
@@ -42,7 +47,8 @@ pub fn run(args: &EchoArgs, named: Option<&TypeName>, shutdown: &Shutdown) -> Re
     if let Ok(known) = name.parse::<MessageType>()
         && known != MessageType::StringJson
     {
-        return echo::known(args, known, qos, &Middlewares::with_ros2(ros2), shutdown);
+        let middlewares = Middlewares::with_ros2(ros2);
+        return echo::known(args, (known, options), qos, &middlewares, shutdown);
     }
     let resolved = resolve(&name, &args.definitions)?;
     let wake = Wake::new();

@@ -4,14 +4,18 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
 use wrapyfi_core::Limits;
-use wrapyfi_core::endpoint::{Middleware as _, Role, Wake};
-use wrapyfi_core::middleware::ros2::{AnyClient, CallError, Ros2, ServiceOptions, ServiceType};
+use wrapyfi_core::endpoint::{self, Middleware as _, Role, Wake};
+use wrapyfi_core::middleware::ros2::{
+    AnyClient, CallError, Ros2, ServiceOptions, ServiceType, returned,
+};
+use wrapyfi_core::types::ServiceKind;
 use wrapyfi_interfaces::dynamic::DynamicMessage;
 
 use super::native::{self, Arguments, Convention};
 use super::{function, shown};
 use crate::cli::CallArgs;
 use crate::command::{WAIT_SLICE, any};
+use crate::describe::summary;
 use crate::exit::Failure;
 use crate::middlewares::Middlewares;
 use crate::output;
@@ -22,8 +26,9 @@ use crate::shutdown::Shutdown;
 /// # Errors
 /// Exit code 3 when there was no reply in time, 2 when type, service or request is wrong.
 pub fn run(args: &CallArgs, shutdown: &Shutdown) -> Result<(), Failure> {
+    let options = args.options.of(&args.endpoint.middleware)?;
     if args.endpoint.middleware != "ros2" {
-        return function::call(args, shutdown);
+        return function::call(args, options, shutdown);
     }
     if args.ports.any() {
         let text = format!("{}: --rep-port and --req-port are for zeromq", args.endpoint);
@@ -54,9 +59,23 @@ pub fn run(args: &CallArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         };
         debug_assert_eq!(ended, ticket);
         let reply = result.map_err(|error| failed(error, args.timeout))?;
-        return output::line(&shown(&reply, args.json)?);
+        return output::line(&told(args, &name, &reply)?);
     }
     Err(anyhow!("{}: interrupted before there was a reply", args.endpoint).into())
+}
+
+/// A reply as it is printed: what a function returned in the words of `echo`, any other as a message.
+fn told(args: &CallArgs, name: &str, reply: &DynamicMessage) -> Result<String, Failure> {
+    let kind = match name.parse::<ServiceKind>() {
+        Ok(kind) if !args.json => kind,
+        _ => return shown(reply, args.json),
+    };
+    let returned = returned(kind, reply).with_context(|| format!("{}", args.endpoint))?;
+    let service = || args.endpoint.name.clone();
+    returned.map(|payload| summary(&payload)).map_err(|reason| {
+        let refused = endpoint::CallError::Refused { service: service(), reason };
+        Failure::Failed(anyhow::Error::new(refused))
+    })
 }
 
 /// The request that the command line gives: fields, or what a function is called with.

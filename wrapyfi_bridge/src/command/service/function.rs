@@ -32,7 +32,7 @@ use crate::shutdown::Shutdown;
 /// # Errors
 /// Exit code 3 when there was no reply in time, 2 when type or arguments are wrong, 1 when the server
 /// answered with an error.
-pub(super) fn call(args: &CallArgs, shutdown: &Shutdown) -> Result<(), Failure> {
+pub(super) fn call(args: &CallArgs, mut options: Map, shutdown: &Shutdown) -> Result<(), Failure> {
     let kind = match &args.service_type {
         None => ServiceKind::NativeObject,
         Some(name) => kind(name, &args.endpoint, &args.definitions)?,
@@ -45,14 +45,14 @@ pub(super) fn call(args: &CallArgs, shutdown: &Shutdown) -> Result<(), Failure> 
             kwargs: keywords("--kwargs", args.kwargs.as_deref())?,
         },
     };
-    let mut options = args.options.of(&args.endpoint.middleware)?;
     if args.endpoint.middleware == yarp::NAME && options.get("bottle").is_none() {
         // A robot's port reads bottles, a function of Wrapyfi JSON; the name server tells them apart.
         options.insert("bottle", "auto");
     }
     let spec = ServiceSpec { options, ..ServiceSpec::new(&args.endpoint.name, kind) };
     let context = Context::default();
-    let middlewares = Middlewares::for_service(&args.endpoint, Role::Client, &args.ports)?;
+    let (own, ports) = (args.options.own, &args.ports);
+    let middlewares = Middlewares::for_service(&args.endpoint, Role::Client, ports, own)?;
     let middleware =
         middlewares.registry().get(&args.endpoint.middleware).map_err(Failure::usage)?;
     let mut client = middleware.open_client(&spec, &context).map_err(Failure::usage)?;
@@ -127,17 +127,17 @@ fn value(option: &str, text: &str) -> Result<Value, Failure> {
 ///
 /// # Errors
 /// Exit code 2 when type, service or reply is wrong, 1 when the transport fails.
-pub(super) fn serve(args: &ServeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
+pub(super) fn serve(args: &ServeArgs, options: Map, shutdown: &Shutdown) -> Result<(), Failure> {
     let kind = match (&args.service_type, args.endpoint.middleware.as_str()) {
         (Some(name), _) => kind(name, &args.endpoint, &args.definitions)?,
         (None, "ros2" | ros1::NAME) => return Err(super::no_type(&args.endpoint)),
         (None, _) => ServiceKind::NativeObject,
     };
-    let options = args.options.of(&args.endpoint.middleware)?;
     let spec = ServiceSpec { options, ..ServiceSpec::new(&args.endpoint.name, kind) };
     let constant = constant(args, &spec)?;
     let context = Context::default();
-    let middlewares = Middlewares::for_service(&args.endpoint, Role::Server, &args.ports)?;
+    let (own, ports) = (args.options.own, &args.ports);
+    let middlewares = Middlewares::for_service(&args.endpoint, Role::Server, ports, own)?;
     let middleware =
         middlewares.registry().get(&args.endpoint.middleware).map_err(Failure::usage)?;
     let mut server = middleware.open_server(&spec, &context).map_err(|error| anyhow!("{error}"))?;

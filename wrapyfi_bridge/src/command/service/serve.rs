@@ -23,11 +23,12 @@ use crate::shutdown::Shutdown;
 /// # Errors
 /// Exit code 2 when type, service or reply is wrong.
 pub fn run(args: &ServeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
+    let options = args.options.of(&args.endpoint.middleware)?;
     // What a function returns is a payload, which any kind of file holds.
     let is_function = |name: &ServiceName| Convention::of(&name.0).is_some();
     let is_payload = args.file.is_some() && args.service_type.as_ref().is_some_and(is_function);
     if args.endpoint.middleware != "ros2" || is_payload || args.ports.any() {
-        return function::serve(args, shutdown);
+        return function::serve(args, options, shutdown);
     }
     let Some(ServiceName(name)) = &args.service_type else {
         return Err(no_type(&args.endpoint));

@@ -203,9 +203,9 @@ impl Line {
     }
 
     /// The server at `place` did not answer.
-    fn lost(&self, place: &NodeUri, why: String) {
+    fn lost(&self, place: &NodeUri, why: &str) {
         if self.place.borrow().as_ref() == Some(place) {
-            self.found(None, Some(why));
+            self.found(None, Some(format!("the server of {}: {why}", self.service)));
             self.seek.notify_one();
         }
     }
@@ -260,7 +260,7 @@ impl Line {
             let mut stream = match tcpros::connect(&place.host, place.port).await {
                 Ok(stream) => stream,
                 Err(why) => {
-                    self.lost(&place, why);
+                    self.lost(&place, &why);
                     continue;
                 }
             };
@@ -269,7 +269,7 @@ impl Line {
                     Some(error) => return Err(services::shortened(error).to_owned()),
                     None => return Ok(stream),
                 },
-                Err(error) => self.lost(&place, error.to_string()),
+                Err(error) => self.lost(&place, &error.to_string()),
             }
         }
     }
@@ -364,7 +364,7 @@ async fn look(line: &Line, known: Option<&NodeUri>) -> Option<Result<NodeUri, Op
             None => return Some(Err(None)),
         },
         // What was known stays so: calls need no master.
-        Err(error) => return Some(known.cloned().ok_or_else(|| Some(error.to_string()))),
+        Err(error) => return Some(known.cloned().ok_or_else(|| Some(error.awaited()))),
     };
     if is_listed && known == Some(&place) {
         return Some(Ok(place));
@@ -381,7 +381,10 @@ async fn look(line: &Line, known: Option<&NodeUri>) -> Option<Result<NodeUri, Op
     Some(match answer {
         Ok(header) => match header.get("error") {
             Some(_) if !is_listed => Err(None),
-            Some(error) => Err(Some(services::shortened(error).to_owned())),
+            Some(error) => {
+                let refusal = services::shortened(error);
+                Err(Some(format!("the server of {}, which refuses: {refusal}", line.service)))
+            }
             None => Ok(place),
         },
         Err(_) if !is_listed => Err(None),

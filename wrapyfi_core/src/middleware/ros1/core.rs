@@ -129,7 +129,9 @@ impl Core {
                 return;
             }
             match (&fault, &state.fault) {
-                (Some(fault), None) => tracing::warn!("ROS 1: {fault}; connections stay"),
+                (Some(fault), None) => {
+                    tracing::warn!("ROS 1: waiting for {fault}; connections stay");
+                }
                 (None, Some(_)) => tracing::info!("ROS 1: the master answers again"),
                 _ => {}
             }

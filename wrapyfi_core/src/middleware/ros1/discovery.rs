@@ -46,9 +46,7 @@ async fn watch(core: Weak<Core>, seen: Arc<Mutex<Seen>>) {
         let Some(core) = core.upgrade() else { return };
         let now = match look(&core, &mut presence).await {
             Ok(endpoints) => Seen { asked: true, endpoints, fault: None },
-            Err(error) => {
-                Seen { asked: true, endpoints: Vec::new(), fault: Some(error.to_string()) }
-            }
+            Err(error) => Seen { asked: true, endpoints: Vec::new(), fault: Some(error.awaited()) },
         };
         drop(core);
         *seen.lock().unwrap_or_else(PoisonError::into_inner) = now;

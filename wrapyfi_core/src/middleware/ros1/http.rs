@@ -48,6 +48,17 @@ pub(super) enum HttpError {
     Answer { uri: String, fault: XmlRpcError },
 }
 
+impl HttpError {
+    /// Who was called, and what came of it, as it follows `it`.
+    pub(super) fn parts(&self) -> (&str, String) {
+        match self {
+            Self::Refused { uri, reason } => (uri, format!("does not answer: {reason}")),
+            Self::Unreachable { uri, reason } => (uri, reason.clone()),
+            Self::Answer { uri, fault } => (uri, format!("answered: {fault}")),
+        }
+    }
+}
+
 /// Calls a method of the node at `uri`.
 pub(super) async fn call(
     uri: &NodeUri,

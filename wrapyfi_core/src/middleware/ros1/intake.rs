@@ -279,11 +279,14 @@ impl Intake {
             }
             Err(reason) => {
                 let is_news = peer.fault.as_ref() != Some(&reason);
-                if is_news && peer.listed {
+                let was_up = peer.address.take().is_some();
+                // A connection that ends is made again at once; what that comes to is worth the one line.
+                if was_up {
+                    tracing::debug!(topic = self.topic, %uri, reason, "ROS 1: disconnected");
+                } else if is_news && peer.listed {
                     tracing::warn!(topic = self.topic, "ROS 1: publisher {uri}: {reason}");
                 }
                 peer.fault = Some(reason);
-                let was_up = peer.address.take().is_some();
                 // A connection that broke is made again; a node that is gone cannot be reached.
                 if !was_up || !stays {
                     peer.depart(departed);

@@ -36,6 +36,14 @@ pub enum MasterError {
 }
 
 impl MasterError {
+    /// What is waited for.
+    pub(super) fn awaited(&self) -> String {
+        match self {
+            Self::Unreachable(_) => self.to_string(),
+            other => format!("the master to answer otherwise: {other}"),
+        }
+    }
+
     pub(super) fn is_unreachable(&self) -> bool {
         matches!(self, Self::Unreachable(_))
     }
@@ -43,7 +51,8 @@ impl MasterError {
 
 impl From<HttpError> for MasterError {
     fn from(error: HttpError) -> Self {
-        Self::Unreachable(error.to_string())
+        let (uri, what) = error.parts();
+        Self::Unreachable(format!("{uri} (it {what})"))
     }
 }
 
@@ -271,4 +280,22 @@ fn odd(method: &'static str, value: &Value) -> MasterError {
         actual.truncate(end);
     }
     MasterError::Odd { method, actual }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_waited_for_is_named_first() {
+        let uri = "http://127.0.0.1:11311".to_owned();
+        let gone = HttpError::Refused { uri: uri.clone(), reason: "refused".to_owned() };
+        let text = "master http://127.0.0.1:11311 (it does not answer: refused)";
+        assert_eq!(MasterError::from(gone).awaited(), text);
+        let slow = HttpError::Unreachable { uri, reason: "did not answer x within 5 s".to_owned() };
+        let text = "master http://127.0.0.1:11311 (it did not answer x within 5 s)";
+        assert_eq!(MasterError::from(slow).awaited(), text);
+        let no = MasterError::Refused { method: "x", reason: "no".to_owned() };
+        assert!(no.awaited().starts_with("the master to answer otherwise: "), "{}", no.awaited());
+    }
 }

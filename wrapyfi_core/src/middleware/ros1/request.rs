@@ -14,7 +14,8 @@ pub(super) async fn request_topic(
     let protocols = Value::Array(vec![Value::Array(vec![text("TCPROS")])]);
     let params = vec![text(core.name.full()), text(topic), protocols];
     let reply = http::call(uri, "requestTopic", params).await;
-    let Reply { status, text: words, value } = reply.map_err(|error| error.to_string())?;
+    let Reply { status, text: words, value } =
+        reply.map_err(|error| format!("it {}", error.parts().1))?;
     if status != SUCCESS {
         return Err(format!("it does not send the topic: {}", shortened(&words)));
     }

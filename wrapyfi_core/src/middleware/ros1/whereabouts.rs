@@ -12,6 +12,7 @@ use std::sync::{Arc, OnceLock};
 
 use super::config::NodeUri;
 use super::core::Core;
+use super::master::MasterError;
 use super::xmlrpc::Value;
 use crate::backoff::Backoff;
 use crate::network::Hosts;
@@ -88,14 +89,15 @@ pub(super) async fn meet_master(core: &Arc<Core>) {
 
 impl Core {
     /// Why the master cannot be asked, and what is probable.
-    pub(super) fn away(&self, error: &dyn std::fmt::Display) -> String {
+    pub(super) fn away(&self, error: &MasterError) -> String {
+        let awaited = error.awaited();
         match self.master.whereabouts.afar {
             Some(_) => format!(
-                "{error}; roscore has to run there, and a firewall may be between (port {} and those \
+                "{awaited}; roscore has to run there, and a firewall may be between (port {} and those \
                  of its nodes)",
                 self.master.uri().port
             ),
-            None => error.to_string(),
+            None => awaited,
         }
     }
 }

@@ -91,6 +91,7 @@ pub use any::{AnyError, AnyListener, AnyMessage, AnyPublisher};
 pub use config::CycloneConfig;
 pub use cyclone_graph::{CycloneError, CycloneGraph};
 pub use domain::DomainError;
+pub use function::returned;
 pub use node_endpoints::NodeEndpoints;
 pub use node_handle::NodeHandle;
 pub use parameters::{ParameterClient, ParameterClientError, RefusedParameter, RemoteParameters};

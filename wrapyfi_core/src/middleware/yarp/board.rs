@@ -213,7 +213,7 @@ async fn ask(
     dialect: Dialect,
     is_moved: bool,
 ) -> Result<Joints, String> {
-    let unregistered = PortOptions { register: false, ..PortOptions::default() };
+    let unregistered = PortOptions { register: false, ..shared.asking() };
     let client = shared.network.open_rpc_client(&numbered(rpc), &unregistered).await;
     let client = client.map_err(|error| error.to_string())?;
     let told = async {

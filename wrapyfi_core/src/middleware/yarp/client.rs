@@ -23,6 +23,7 @@ use wrapyfi_yarp::Dialect;
 use wrapyfi_yarp::port::{CallError as PortCallError, LinkError, PortOptions, RpcClient};
 
 use super::Shared;
+use super::directory::unless_slow;
 use super::form::{self, FoundForm};
 use super::manner;
 use super::opening::{numbered, until_open};
@@ -126,7 +127,7 @@ impl Desk {
             return Some(free);
         }
         let base = self.name.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let options = PortOptions { register: false, ..PortOptions::default() };
+        let options = PortOptions { register: false, ..shared.asking() };
         // A name of its own: a server keeps one connection of each.
         let name = format!("{base}/{}", numbered(""));
         let client = match shared.network(&self.options).open_rpc_client(&name, &options).await {
@@ -237,8 +238,8 @@ async fn keep(shared: Arc<Shared>, desk: Arc<Desk>, mut stopped: Stopped) {
     let opened = until_open(&shared, &desk.service, &desk.standing, || {
         let own = desk.options.port.clone();
         let name = own.unwrap_or_else(|| numbered(&desk.service));
-        let network = shared.network(&desk.options);
-        async move { network.open_rpc_client(&name, &PortOptions::default()).await }
+        let (network, options) = (shared.network(&desk.options), shared.asking());
+        async move { network.open_rpc_client(&name, &options).await }
     });
     let port = tokio::select! {
         () = stopped.wait() => return,
@@ -270,10 +271,15 @@ async fn stay_connected(shared: &Shared, desk: &Desk, port: &RpcClient) {
             bell.notified().await;
             continue;
         }
-        let at = shared.network.query(&desk.service).await.ok().flatten();
+        let asked = shared.network.query(&desk.service);
+        let (what, say) =
+            (format!("to tell where port {} is", desk.service), |what| desk.standing.waiting(what));
+        let at = shared.directory.answers(&what, asked, say).await.ok().flatten();
         if let Err(error) = port.connect(&desk.target()).await {
-            let hint = shared.hint(&desk.service).await;
-            desk.standing.waiting(format!("port {} to answer: {error}{hint}", desk.service));
+            let why = format!("port {} to answer: {error}", desk.service);
+            let hint = shared.hint(&desk.service);
+            let hint = unless_slow(hint, || desk.standing.waiting(why.as_str())).await;
+            desk.standing.waiting(format!("{why}{hint}"));
             tokio::select! { () = bell.notified() => {}, () = retry.wait() => {} }
             continue;
         }

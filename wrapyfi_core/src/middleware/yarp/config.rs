@@ -15,7 +15,7 @@ use wrapyfi_yarp::name::{Environment, Located, NameServerConf};
 
 use super::{Convention, StartError};
 use crate::Limits;
-use crate::network::{Hosts, Insecure, Place, facing, is_of_this_machine, is_on};
+use crate::network::{Hosts, Insecure, Place, ReachedByOthers, facing, is_of_this_machine, is_on};
 
 /// Variable of the environment that lets other machines reach our ports.
 const INSECURE: &str = "WRAPYFI_YARP_INSECURE";
@@ -87,6 +87,8 @@ pub(super) struct Listening {
     pub(super) told: Option<IpAddr>,
     /// The name server is on another machine.
     pub(super) is_afar: bool,
+    /// Why no port may be opened there that others connect to.
+    pub(super) refused: Option<ReachedByOthers>,
 }
 
 impl YarpConfig {
@@ -172,8 +174,8 @@ impl YarpConfig {
             (_, Some(told)) => told,
             (on, None) => on,
         };
-        self.insecure.check(super::NAME, "a port", reached)?;
-        Ok(Listening { on, told, is_afar })
+        let refused = self.insecure.check(super::NAME, "a port", reached).err();
+        Ok(Listening { on, told, is_afar, refused })
     }
 }
 
@@ -198,13 +200,14 @@ mod tests {
         let server = SocketAddr::new(local, 10_000);
         let (config, nothing) = (YarpConfig::default(), Environment::default());
         let listening = config.listening(server, &nothing).unwrap();
-        assert_eq!(listening, Listening { on: local, told: Some(local), is_afar: false });
+        let here = Listening { on: local, told: Some(local), is_afar: false, refused: None };
+        assert_eq!(listening, here);
         let variable = Environment::from_pairs([("YARP_IP", "192.0.2.7")]);
-        let refused = config.listening(server, &variable).unwrap_err().to_string();
+        let refused = config.listening(server, &variable).unwrap().refused.unwrap().to_string();
         assert!(refused.contains("192.0.2.7") && refused.contains(INSECURE), "{refused}");
         let open = YarpConfig { insecure: true.into(), ..config.clone() };
         let listening = open.listening(server, &variable).unwrap();
-        assert_eq!(listening.told, Some([192, 0, 2, 7].into()));
+        assert_eq!((listening.told, listening.refused), (Some([192, 0, 2, 7].into()), None));
         assert!(listening.on.is_unspecified(), "no address of this machine: others lead to it");
         // What the configuration says goes before the variable.
         let said = YarpConfig { ip: Some(local), ..config };

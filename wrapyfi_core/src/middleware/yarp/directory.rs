@@ -22,6 +22,8 @@ use super::retry::Retry;
 
 /// How long the first answer of the name server is waited for.
 const FIRST_ANSWER: Duration = Duration::from_secs(1);
+/// After how long an answer is one that is waited for: a link that is dead takes several times five seconds.
+const SLOW: Duration = Duration::from_millis(500);
 
 /// A registered port.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -139,6 +141,18 @@ impl Directory {
         Some(format!("name server {}{why}: {remedy}", self.server))
     }
 
+    /// What `asked` of the name server comes to. Where that takes long, `say` is told that it is waited for
+    /// `to` do it.
+    pub(super) async fn answers<T>(
+        &self,
+        to: &str,
+        asked: impl Future<Output = T>,
+        say: impl FnOnce(String),
+    ) -> T {
+        let server = || format!("name server {} {to}", self.server);
+        unless_slow(asked, || say(self.waiting_for().unwrap_or_else(server))).await
+    }
+
     /// Waits until the name server was asked, for a second at most.
     pub(super) async fn was_asked_in_time(&self) {
         let deadline = tokio::time::Instant::now() + FIRST_ANSWER;
@@ -218,6 +232,16 @@ impl Directory {
             self.ring_all();
         }
     }
+}
+
+/// What comes of `asked`; `say` is called where that takes long.
+pub(super) async fn unless_slow<T>(asked: impl Future<Output = T>, say: impl FnOnce()) -> T {
+    tokio::pin!(asked);
+    if let Ok(answer) = tokio::time::timeout(SLOW, &mut asked).await {
+        return answer;
+    }
+    say();
+    asked.await
 }
 
 fn ring(bell: &Notify) -> bool {

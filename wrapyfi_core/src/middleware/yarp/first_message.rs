@@ -188,6 +188,10 @@ pub(super) fn learn(shared: &Arc<Shared>, port: &str) -> Result<String, LearnErr
             State::Failed(..) => heard.failures,
         },
     };
+    // Whoever listens has to be reached.
+    if let Err(refused) = shared.may_listen() {
+        return Err(LearnError::Silent { name, reason: refused.to_string() });
+    }
     ports.retain(|name, _| shared.directory.knows(name));
     let bell = Arc::new(Notify::new());
     let heard = Heard { number, state: State::Listening, failures, bell: Arc::clone(&bell) };

@@ -50,7 +50,7 @@ mod tasks;
 mod tie;
 mod types;
 
-use std::net::{IpAddr, SocketAddr};
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -60,7 +60,7 @@ use wrapyfi_yarp::name::conf::ConfError;
 use wrapyfi_yarp::name::registrar::RegistrarOptions;
 use wrapyfi_yarp::name::{Environment, NameClient, Registrar};
 use wrapyfi_yarp::port::names::Names;
-use wrapyfi_yarp::port::{Network, Timeouts};
+use wrapyfi_yarp::port::{Network, PortOptions, Timeouts};
 use wrapyfi_yarp::server::{NameServer, NameServerError, NameServerOptions};
 
 use self::config::Listening;
@@ -111,9 +111,30 @@ struct Shared {
     environment: Environment,
     /// The name server is on another machine.
     is_afar: bool,
+    /// Why no port may be opened that others connect to.
+    refused: Option<ReachedByOthers>,
 }
 
 impl Shared {
+    /// Whether ports may be opened that others connect to: where other machines reach them, that has to be
+    /// said.
+    fn may_listen(&self) -> Result<(), ReachedByOthers> {
+        self.refused.clone().map_or(Ok(()), Err)
+    }
+
+    /// A port that only asks. Where ports may not be open to other machines, it listens on this one alone,
+    /// and nobody is told: its server answers on the connection that it is asked on.
+    fn asking(&self) -> PortOptions {
+        match self.refused {
+            None => PortOptions::default(),
+            Some(_) => PortOptions {
+                address: Some(SocketAddr::from((Ipv4Addr::LOCALHOST, 0))),
+                register: false,
+                ..PortOptions::default()
+            },
+        }
+    }
+
     /// How often names, what ports have said, types, and ports of ours have changed: what is found is the
     /// same while these are.
     fn changes(&self) -> [u64; 4] {
@@ -175,7 +196,7 @@ pub enum StartError {
         /// What is wrong with its name.
         reason: String,
     },
-    /// Other machines could reach our ports, or the name server.
+    /// Other machines could reach our name server.
     #[error(transparent)]
     NotLoopback(#[from] ReachedByOthers),
     /// The system refused.
@@ -207,14 +228,15 @@ impl Yarp {
     ///
     /// # Errors
     /// When nobody says where the name server is, or ours cannot run. A name server elsewhere that
-    /// does not answer yet is no error: it is waited for.
+    /// does not answer yet is no error: it is waited for. Nor are ports that other machines would reach:
+    /// those are refused where they are opened.
     pub fn start(config: &YarpConfig) -> Result<Self, StartError> {
         let found = config.find()?;
         let server = config.hosts.resolve(&found.server.host);
         let server = server.map_err(|reason| StartError::Host { reason })?;
         let environment = Environment::from_process();
         let server = SocketAddr::new(server, found.server.port);
-        let Listening { on, told, is_afar } = config.listening(server, &environment)?;
+        let Listening { on, told, is_afar, refused } = config.listening(server, &environment)?;
         let runtime = Builder::new_multi_thread()
             .worker_threads(THREADS)
             .thread_name("wrapyfi-yarp")
@@ -264,12 +286,21 @@ impl Yarp {
                 send_queue,
                 environment,
                 is_afar,
+                refused,
             };
             (Arc::new(shared), client)
         };
         let (directory, registrar) = (Arc::clone(&shared.directory), shared.registrar.clone());
         shared.tasks.spawn_aside(directory::follow(directory, names, registrar));
         Ok(Self { shared, server, runtime: Some(runtime), address })
+    }
+
+    /// Whether ports may be opened that others connect to: all but those that call.
+    ///
+    /// # Errors
+    /// Where other machines reach them, and nobody said that they may.
+    pub fn may_listen(&self) -> Result<(), ReachedByOthers> {
+        self.shared.may_listen()
     }
 
     /// Host and port of the name server.
@@ -321,6 +352,7 @@ impl Middleware for Yarp {
         spec: &TopicSpec,
         context: &Context,
     ) -> Result<Box<dyn Listener>, OpenError> {
+        self.may_listen()?;
         Ok(Box::new(listener::YarpListener::open(&self.shared, spec, context)?))
     }
 
@@ -329,6 +361,7 @@ impl Middleware for Yarp {
         spec: &TopicSpec,
         context: &Context,
     ) -> Result<Box<dyn Publisher>, OpenError> {
+        self.may_listen()?;
         Ok(Box::new(publisher::YarpPublisher::open(&self.shared, spec, context)?))
     }
 
@@ -345,6 +378,7 @@ impl Middleware for Yarp {
         spec: &ServiceSpec,
         context: &Context,
     ) -> Result<Box<dyn Server>, OpenError> {
+        self.may_listen()?;
         Ok(Box::new(server::YarpServer::open(&self.shared, spec, context)?))
     }
 

@@ -17,7 +17,8 @@ pub(super) async fn until_open<P, F: Future<Output = Result<P, OpenError>>>(
     let bell = shared.directory.watch(name);
     let mut retry = Retry::default();
     loop {
-        match open().await {
+        let say = |what| standing.waiting(what);
+        match shared.directory.answers("to register a port of ours", open(), say).await {
             Ok(port) => return port,
             Err(OpenError::Taken(name)) => standing.waiting(format!(
                 "the name {name}, which another program's port has: end that one, or set option \

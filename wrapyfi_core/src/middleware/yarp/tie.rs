@@ -13,6 +13,7 @@ use wrapyfi_yarp::name::client::Persistence;
 use wrapyfi_yarp::port::Connected;
 
 use super::Shared;
+use super::directory::unless_slow;
 use super::options::YarpOptions;
 use super::retry::Retry;
 
@@ -58,6 +59,11 @@ impl Tie {
         if self.own == self.source { &self.destination } else { &self.source }
     }
 
+    /// What is waited for, and `why`.
+    fn missing(&self, why: &str) -> String {
+        format!("port {} to connect{why}", self.other())
+    }
+
     fn full_destination(&self) -> String {
         format!("{}:/{}", self.carrier, self.destination)
     }
@@ -83,7 +89,9 @@ impl Tie {
             if self.persistent && subscribed != reached {
                 let to = self.full_destination();
                 let (names, open) = (shared.registrar.client(), Persistence::Open);
-                if let Err(error) = names.subscribe(&self.source, &to, open).await {
+                let asked = names.subscribe(&self.source, &to, open);
+                let what = format!("to connect port {}", self.other());
+                if let Err(error) = shared.directory.answers(&what, asked, &say).await {
                     say(format!("the name server to connect it: {error}"));
                     tokio::select! { () = bell.notified() => {}, () = retry.wait() => {} }
                     continue;
@@ -111,17 +119,16 @@ impl Tie {
             let mut failure = None;
             if !self.persistent {
                 let (from, to) = (&self.source, &self.destination);
-                let asked = shared.network.connect(from, to, Some(&self.carrier)).await;
-                failure = asked.err();
+                let asked = shared.network.connect(from, to, Some(&self.carrier));
+                failure = unless_slow(asked, || say(self.missing(""))).await.err();
             }
-            let hint = shared.hint(self.other()).await;
+            let why = failure.map_or_else(String::new, |error| format!(": {error}"));
+            let hint = shared.hint(self.other());
+            let hint = unless_slow(hint, || say(self.missing(&why))).await;
             if tied() {
                 continue;
             }
-            match failure {
-                Some(error) => say(format!("port {} to connect: {error}{hint}", self.other())),
-                None => say(format!("port {} to connect{hint}", self.other())),
-            }
+            say(self.missing(&format!("{why}{hint}")));
             tokio::select! {
                 () = bell.notified() => continue,
                 Ok(()) = changed.changed() => continue,

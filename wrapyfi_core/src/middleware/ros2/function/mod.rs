@@ -38,6 +38,19 @@ struct Function {
     messages: Messages,
 }
 
+/// What a function of Wrapyfi returned, or why it did not, in the reply of a service of this kind.
+///
+/// # Errors
+/// When the reply does not hold what such services return.
+pub fn returned(
+    kind: ServiceKind,
+    reply: &DynamicMessage,
+) -> Result<Result<Payload, String>, DecodeError> {
+    let function = Function::new(&ServiceSpec::new("", kind));
+    let function = function.map_err(|error| malformed("response", error.to_string()))?;
+    function.read_reply(reply).map(|(returned, _size)| returned)
+}
+
 /// How requests and replies are laid out.
 enum Messages {
     /// Wrapyfi's: the plans of a request's arguments, and of what is returned.
