@@ -169,7 +169,7 @@ impl Board {
 }
 
 /// The joints of a board, in its order.
-#[derive(Debug, Default, PartialEq)]
+#[derive(Debug, Default, Clone, PartialEq)]
 struct Joints {
     /// None where the board has no name for one, or one name for two.
     names: Vec<String>,
