@@ -220,7 +220,9 @@ fn pub_sends_any_type() -> Result {
         let (topic, folder) = (world.topic("cmd_vel"), definitions(world)?);
         let listener = world.dds_subscriber(&topic, TWIST, "--count 2")?;
         let graph = world.graph()?;
-        let mut publisher = publish(world, &topic, TWIST, &folder, r#"{"linear": {"x": 1.5}}"#)?;
+        // It goes on until it is ended: the graph is to see it, which takes as long as it takes.
+        let value = r#"{"linear": {"x": 1.5}}"#;
+        let mut publisher = publish_for(world, &topic, TWIST, &folder, value, "1000000")?;
         for message in listener.messages(2)? {
             let zeros = json!({"x": 0.0, "y": 0.0, "z": 0.0});
             let fields = json!({"linear": {"x": 1.5, "y": 0.0, "z": 0.0}, "angular": zeros});
@@ -233,28 +235,27 @@ fn pub_sends_any_type() -> Result {
         })?;
         let hash = ours["hash"].as_str().unwrap_or_default();
         assert!(hash.starts_with("RIHS01_9c45bf16fe0983d80e3cfe750d683584"), "{ours}");
+        publisher.terminate()?;
         publisher.exits_with(0)
     })
 }
 
 fn publish(world: &World, topic: &str, kind: &str, folder: &str, value: &str) -> Result<Process> {
+    publish_for(world, topic, kind, folder, value, "2")
+}
+
+/// Publishes so many messages.
+fn publish_for(
+    world: &World,
+    topic: &str,
+    kind: &str,
+    folder: &str,
+    value: &str,
+    count: &str,
+) -> Result<Process> {
     let endpoint = format!("ros2:{topic}");
-    world.wrapyfi([
-        "pub",
-        &endpoint,
-        "--type",
-        kind,
-        "--definitions",
-        folder,
-        "--value",
-        value,
-        "--count",
-        "2",
-        "--rate",
-        "10",
-        "--timeout",
-        "100",
-    ])
+    let what = ["pub", &endpoint, "--type", kind, "--definitions", folder, "--value", value];
+    world.wrapyfi([&what[..], &["--count", count, "--rate", "10", "--timeout", "100"]].concat())
 }
 
 #[test]
