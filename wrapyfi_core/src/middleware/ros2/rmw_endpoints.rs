@@ -89,7 +89,7 @@ impl CdrReader for RmwReader {
                 let (topic, limit) = (self.topic.clone(), self.max_bytes);
                 Err(GraphError::TooLarge { topic, actual, limit })
             }
-            Err(fault) => Err(stack("taking", &self.topic, fault)),
+            Err(fault) => Err(stack("taking", &self.topic, &fault)),
         }
     }
 
@@ -138,7 +138,7 @@ fn since(told: &Cell<QosEvents>, counts: &EventCounts) -> QosEvents {
 
 fn unsent(topic: &str, fault: SendFault) -> GraphError {
     match fault {
-        SendFault::Refused(fault) => stack("writing", topic, fault),
+        SendFault::Refused(fault) => stack("writing", topic, &fault),
         _ => GraphError::Timeout { topic: topic.to_owned(), timeout_ms: MAX_BLOCKING_MS },
     }
 }
@@ -155,7 +155,7 @@ fn described(service: &ServiceDescription) -> Service<'_> {
 }
 
 fn uncreated(service: &ServiceDescription) -> impl FnOnce(Fault) -> GraphError {
-    |fault| stack("creating a service's endpoints", &service.name, fault)
+    |fault| stack("creating a service's endpoints", &service.name, &fault)
 }
 
 /// The message of what was taken, or the error of one that was too large.
@@ -202,7 +202,7 @@ impl CdrClient for RmwClient {
 
     fn take(&mut self) -> Result<Option<CdrReply>, GraphError> {
         let taken = self.client.take(self.service.max_bytes);
-        let taken = taken.map_err(|fault| stack("taking", &self.service.name, fault))?;
+        let taken = taken.map_err(|fault| stack("taking", &self.service.name, &fault))?;
         let Some(received) = taken else { return Ok(None) };
         let (cdr, received) = within(received, &self.service)?;
         let (sequence, source_timestamp_ns) = (received.id.sequence, received.source_timestamp_ns);
@@ -253,7 +253,7 @@ impl RmwServer {
 impl CdrServer for RmwServer {
     fn take(&mut self) -> Result<Option<CdrRequest>, GraphError> {
         let taken = self.server.take(self.service.max_bytes);
-        let taken = taken.map_err(|fault| stack("taking", &self.service.name, fault))?;
+        let taken = taken.map_err(|fault| stack("taking", &self.service.name, &fault))?;
         let Some(received) = taken else { return Ok(None) };
         let (cdr, received) = within(received, &self.service)?;
         let id = RequestId { client: received.id.client, sequence: received.id.sequence };

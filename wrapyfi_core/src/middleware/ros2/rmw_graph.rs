@@ -112,7 +112,7 @@ impl Graph for RmwGraph {
         let qos = to_rmw(&topic.qos);
         let made =
             self.0.node.publisher(&topic.name, &topic.type_name, hash.as_ref(), &qos, on_match);
-        let publisher = made.map_err(|fault| stack("creating a writer", &topic.name, fault))?;
+        let publisher = made.map_err(|fault| stack("creating a writer", &topic.name, &fault))?;
         Ok(Box::new(RmwWriter::new(publisher, &topic.name)))
     }
 
@@ -125,7 +125,7 @@ impl Graph for RmwGraph {
         let qos = to_rmw(&topic.qos);
         let made =
             self.0.node.subscription(&topic.name, &topic.type_name, hash.as_ref(), &qos, &on_data);
-        let subscription = made.map_err(|fault| stack("creating a reader", &topic.name, fault))?;
+        let subscription = made.map_err(|fault| stack("creating a reader", &topic.name, &fault))?;
         Ok(Box::new(RmwReader::new(subscription, topic, Arc::clone(&self.0))))
     }
 
@@ -154,7 +154,7 @@ impl Graph for RmwGraph {
     }
 
     fn endpoints(&self) -> Result<Vec<DiscoveredEndpoint>, GraphError> {
-        let fault = |fault| stack("listing endpoints", &self.0.name.fqn(), fault);
+        let fault = |fault| stack("listing endpoints", &self.0.name.fqn(), &fault);
         let mut endpoints = Vec::new();
         for (topic, _) in self.0.node.topics().map_err(fault)? {
             for side in [Side::Publishers, Side::Subscriptions] {
@@ -306,7 +306,7 @@ impl NodeWatch for Nodes {
 }
 
 /// What a call of rmw refused.
-pub(super) fn stack(operation: &'static str, topic: &str, fault: Fault) -> GraphError {
+pub(super) fn stack(operation: &'static str, topic: &str, fault: &Fault) -> GraphError {
     let reason = format!("{fault}");
     GraphError::Stack { operation, topic: topic.to_owned(), reason }
 }
