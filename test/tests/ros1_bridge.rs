@@ -198,6 +198,10 @@ fn where_somebody_listens_the_subscription_is_there_before_a_publisher() -> Resu
         let stands = |books: &Books| has(&books.subscribers, &topic, NODE);
         books(world, "the bridge as a subscriber", stands)
             .map_err(|error| error.context(bridge.tail()))?;
+        // The bridge's end on ROS 2 has met the listener.
+        until_route(&bridge, &format!("ros:{topic} -> ros2:{topic}"), |route| {
+            route.is_some() && !waits_for_a_listener(route)
+        })?;
         let talker = world
             .rospy(&format!("publish --topic {topic} --node talker"), Some(r#"{"data": "{n}"}"#))?;
         let heard = listener.objects(3).map_err(|error| error.context(bridge.tail()))?;
