@@ -2,7 +2,7 @@
 
 #![allow(unsafe_code, reason = "rmw keeps its last error in C")]
 
-use std::ffi::CStr;
+use std::ffi::{CStr, CString};
 
 use super::sys;
 
@@ -47,6 +47,11 @@ impl Fault {
         let reason = take_error().unwrap_or_else(|| format!("return code {code}"));
         Err(Self { operation, reason })
     }
+}
+
+/// A text for C.
+pub(crate) fn c_text(operation: &'static str, text: &str) -> Result<CString, Fault> {
+    CString::new(text).map_err(|_nul| Fault::new(operation, format!("{text:?} has a zero in it")))
 }
 
 /// The text of the last error on this thread, without the place in the source that it names.

@@ -7,7 +7,7 @@
 
 #![allow(unsafe_code, reason = "lists of rmw are structs of C")]
 
-use std::ffi::{CStr, CString, c_char, c_void};
+use std::ffi::{CStr, c_char, c_void};
 use std::ptr;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, PoisonError, Weak};
@@ -16,7 +16,7 @@ use std::time::Duration;
 
 use super::endpoint::gid;
 use super::node::Node;
-use super::{Endpoint, Fault, Notify, Qos, Side, TypeHash, sys};
+use super::{Endpoint, Fault, Notify, Qos, Side, TypeHash, c_text, sys};
 
 /// How long changes are collected: an endpoint that comes changes the graph several times.
 const SETTLES: Duration = Duration::from_millis(5);
@@ -56,8 +56,7 @@ impl Node {
     /// # Errors
     /// When rmw refuses.
     pub fn endpoints(&self, topic: &str, side: Side) -> Result<Vec<Endpoint>, Fault> {
-        let name = CString::new(topic)
-            .map_err(|_nul| Fault::new("rmw_get_publishers_info_by_topic", "a zero in the name"))?;
+        let name = c_text("rmw_get_publishers_info_by_topic", topic)?;
         // SAFETY: structs of values, by value.
         let (mut allocator, mut found) = unsafe {
             (

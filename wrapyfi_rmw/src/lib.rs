@@ -35,6 +35,7 @@ use std::time::Duration;
 
 pub use endpoint::{Endpoint, Gid, Side};
 pub use event::EventCounts;
+use fault::c_text;
 pub use fault::{Fault, SendFault};
 pub use node::{DiscoveryRange, Node, NodeOptions, implementation};
 pub use publisher::Publisher;

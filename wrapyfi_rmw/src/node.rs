@@ -3,14 +3,14 @@
 #![allow(unsafe_code, reason = "contexts and nodes are structs of C")]
 
 use std::cell::UnsafeCell;
-use std::ffi::{CStr, CString};
+use std::ffi::CStr;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::dispatch::Dispatch;
 use super::graph::Waiter;
 use super::own::Own;
-use super::{Fault, Gid, Notify, sys};
+use super::{Fault, Gid, Notify, c_text, sys};
 
 /// How far a node looks for others, `ROS_AUTOMATIC_DISCOVERY_RANGE`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -92,10 +92,7 @@ impl Node {
     pub fn new(options: &NodeOptions) -> Result<Self, Fault> {
         implementation()?;
         let dispatch = Dispatch::start()?;
-        let text = |text: &str| {
-            CString::new(text)
-                .map_err(|_nul| Fault::new("rmw_create_node", "a name has a zero in it"))
-        };
+        let text = |text: &str| c_text("rmw_create_node", text);
         let (name, namespace) = (text(&options.name)?, text(&options.namespace)?);
         let context = context(options, &text(&options.enclave)?)?;
         // SAFETY: the context is initialised and stays where it is.

@@ -2,7 +2,6 @@
 
 #![allow(unsafe_code, reason = "publishers of rmw are structs of C")]
 
-use std::ffi::CString;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -11,7 +10,8 @@ use super::event::{Events, Source};
 use super::node::{Inner, Node};
 use super::own::Kind;
 use super::{
-    EventCounts, Fault, Gid, MATCH_SETTLES, Notify, Qos, SendFault, Side, TypeHash, sys, types,
+    EventCounts, Fault, Gid, MATCH_SETTLES, Notify, Qos, SendFault, Side, TypeHash, c_text, qos,
+    sys, types,
 };
 
 /// Publishes serialised messages on one topic.
@@ -47,19 +47,18 @@ impl Node {
         on_event: Notify,
     ) -> Result<Publisher, Fault> {
         let support = types::message(type_name, type_hash)?;
-        let name = CString::new(topic)
-            .map_err(|_nul| Fault::new("rmw_create_publisher", "the topic has a zero in it"))?;
+        let name = c_text("rmw_create_publisher", topic)?;
         let node = Arc::clone(&self.0);
         let making = node.making();
         // SAFETY: the node lives, the type support lives as long as the process, and rmw copies the rest.
         let raw = unsafe {
             let options = sys::rmw_get_default_publisher_options();
-            let qos = qos.to_rmw();
+            let profile = qos.to_rmw();
             sys::rmw_create_publisher(
                 node.node(),
                 support.0,
                 name.as_ptr(),
-                &raw const qos,
+                &raw const profile,
                 &raw const options,
             )
         };
@@ -170,7 +169,7 @@ const LINGERS: Duration = Duration::from_millis(500);
 impl Publisher {
     /// What subscriptions have not acknowledged is lost with the publisher.
     fn wait_for_acknowledgements(&self) {
-        let time = sys::rmw_time_t { sec: 0, nsec: u64::from(LINGERS.subsec_nanos()) };
+        let time = qos::time(Some(LINGERS));
         // SAFETY: the publisher lives.
         let code = unsafe { sys::rmw_publisher_wait_for_all_acked(self.raw, time) };
         if let Err(fault) = Fault::check("rmw_publisher_wait_for_all_acked", code) {

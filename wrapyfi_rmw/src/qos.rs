@@ -109,7 +109,7 @@ impl Qos {
 /// Seconds from which on rmw means "for ever": `RMW_DURATION_INFINITE`, and what DDS makes of it.
 const FOR_EVER_S: u64 = 0x7FFF_FFFF;
 
-fn time(duration: Option<Duration>) -> sys::rmw_time_t {
+pub(crate) fn time(duration: Option<Duration>) -> sys::rmw_time_t {
     match duration {
         Some(time) => sys::rmw_time_t { sec: time.as_secs(), nsec: u64::from(time.subsec_nanos()) },
         // Unspecified: the middleware's own default, which is none.

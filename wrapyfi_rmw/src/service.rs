@@ -15,7 +15,7 @@ use bytes::Bytes;
 
 use super::dispatch::{Callback, call};
 use super::node::{Inner, Node};
-use super::{Fault, Gid, Notify, Qos, SendFault, TypeHash, sys, types};
+use super::{Fault, Gid, Notify, Qos, SendFault, TypeHash, c_text, sys, types};
 
 /// Bytes of an encapsulation header.
 const HEADER: usize = 4;
@@ -161,8 +161,7 @@ impl Node {
     /// When rmw refuses; the reason is its own.
     pub fn client(&self, service: &Service<'_>, on_reply: Notify) -> Result<Client, Fault> {
         let support = types::service(service.type_name, &service.hashes)?;
-        let name = CString::new(service.name)
-            .map_err(|_nul| Fault::new("rmw_create_client", "the name has a zero in it"))?;
+        let name = c_text("rmw_create_client", service.name)?;
         let node = Arc::clone(&self.0);
         let making = node.making();
         let qos = service.qos.to_rmw();
@@ -190,8 +189,7 @@ impl Node {
     /// When rmw refuses; the reason is its own.
     pub fn server(&self, service: &Service<'_>, on_request: Notify) -> Result<Server, Fault> {
         let support = types::service(service.type_name, &service.hashes)?;
-        let name = CString::new(service.name)
-            .map_err(|_nul| Fault::new("rmw_create_service", "the name has a zero in it"))?;
+        let name = c_text("rmw_create_service", service.name)?;
         let node = Arc::clone(&self.0);
         let making = node.making();
         let qos = service.qos.to_rmw();

@@ -2,7 +2,6 @@
 
 #![allow(unsafe_code, reason = "subscriptions of rmw are structs of C")]
 
-use std::ffi::CString;
 use std::ptr;
 use std::sync::Arc;
 
@@ -13,7 +12,7 @@ use super::endpoint::gid;
 use super::event::{Events, Source};
 use super::node::{Inner, Node};
 use super::own::Kind;
-use super::{EventCounts, Fault, Gid, Notify, Qos, Side, TypeHash, sys, types};
+use super::{EventCounts, Fault, Gid, Notify, Qos, Side, TypeHash, c_text, sys, types};
 
 /// Takes serialised messages of one topic.
 pub struct Subscription {
@@ -94,8 +93,7 @@ impl Node {
         on_event: &Notify,
     ) -> Result<Subscription, Fault> {
         let support = types::message(type_name, type_hash)?;
-        let name = CString::new(topic)
-            .map_err(|_nul| Fault::new("rmw_create_subscription", "the topic has a zero in it"))?;
+        let name = c_text("rmw_create_subscription", topic)?;
         let node = Arc::clone(&self.0);
         let making = node.making();
         // SAFETY: the node lives, the type support lives as long as the process, and rmw copies the rest.

@@ -19,7 +19,7 @@ use serde::Deserialize;
 use super::config::CycloneConfig;
 use super::cyclone_graph::{CycloneError, CycloneGraph};
 use super::environment::Environment;
-use super::graph::Graph;
+use super::graph::{Graph, ServiceMapping};
 
 /// What carries the graph.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
@@ -61,9 +61,11 @@ pub fn join(
     wanted: Option<Adapter>,
     enclave: &str,
 ) -> Result<Arc<dyn Graph>, JoinError> {
+    // Where a ROS 2 is sourced and nothing is set, its default is meant.
+    let means_other = environment.services != ServiceMapping::Cyclone;
     match wanted {
         Some(Adapter::Rmw) => on_rmw(config, "graph: rmw", enclave),
-        None if cfg!(feature = "rmw") && environment.means_other && !loads_cyclone()? => {
+        None if cfg!(feature = "rmw") && means_other && !loads_cyclone()? => {
             on_rmw(config, &environment.stack_reason, enclave)
         }
         _ => {

@@ -51,9 +51,6 @@ pub struct Environment {
     pub cyclonedds_uri: Option<String>,
     /// What services speak: topics of all vendors understand each other, services do not.
     pub services: ServiceMapping,
-    /// Whether another middleware than CycloneDDS is meant, for which a program with the feature `rmw`
-    /// loads that of the installed ROS 2.
-    pub means_other: bool,
     /// Why, for the log at start.
     pub stack_reason: String,
     /// Lines to be logged as warnings.
@@ -104,11 +101,6 @@ pub fn read(lookup: impl Fn(&str) -> Option<String>) -> Result<Environment, Envi
         domain_id: domain_id(set("ROS_DOMAIN_ID"))?,
         discovery: discovery(&set, &mut warnings),
         cyclonedds_uri: set("CYCLONEDDS_URI"),
-        // Where nothing is set but a ROS 2 is sourced, its default is meant.
-        means_other: match rmw.as_deref() {
-            Some(rmw) => rmw != "rmw_cyclonedds_cpp",
-            None => services == ServiceMapping::FastDds,
-        },
         services,
         stack_reason,
         warnings,

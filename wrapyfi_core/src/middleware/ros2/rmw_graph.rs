@@ -9,6 +9,7 @@
 //! rmw shows no USER_DATA: marks of bridges are not seen there, and none is left.
 
 use std::collections::HashMap;
+use std::fmt::Write as _;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -154,14 +155,9 @@ impl Graph for RmwGraph {
     }
 
     fn endpoints(&self) -> Result<Vec<DiscoveredEndpoint>, GraphError> {
-        let fault = |fault| stack("listing endpoints", &self.0.name.fqn(), &fault);
-        let mut endpoints = Vec::new();
-        for (topic, _) in self.0.node.topics().map_err(fault)? {
-            for side in [Side::Publishers, Side::Subscriptions] {
-                endpoints.extend(self.0.on(&topic, side).map_err(fault)?.map(|(_, found)| found));
-            }
-        }
-        Ok(endpoints)
+        let found = self.0.all();
+        let found = found.map_err(|fault| stack("listing endpoints", &self.0.name.fqn(), &fault));
+        Ok(found?.into_iter().map(|(_, found)| found).collect())
     }
 
     fn watch(
@@ -199,6 +195,17 @@ impl Graph for RmwGraph {
 }
 
 impl Shared {
+    /// All endpoints, each with its node's name.
+    fn all(&self) -> Result<Vec<(String, DiscoveredEndpoint)>, Fault> {
+        let mut all = Vec::new();
+        for (topic, _) in self.node.topics()? {
+            for side in [Side::Publishers, Side::Subscriptions] {
+                all.extend(self.on(&topic, side)?);
+            }
+        }
+        Ok(all)
+    }
+
     /// The endpoints on one side of a DDS topic, each with its node's name.
     pub(super) fn on(
         &self,
@@ -285,17 +292,11 @@ impl NodeWatch for Nodes {
         if self.seen == changes {
             return;
         }
-        let owners = || {
-            let mut owners = HashMap::default();
-            for (topic, _) in self.shared.node.topics()? {
-                for side in [Side::Publishers, Side::Subscriptions] {
-                    owners.extend(self.shared.on(&topic, side)?.map(|(node, it)| (it.gid, node)));
-                }
+        match self.shared.all() {
+            Ok(all) => {
+                self.owners = all.into_iter().map(|(node, found)| (found.gid, node)).collect();
+                self.seen = changes;
             }
-            Ok::<_, Fault>(owners)
-        };
-        match owners() {
-            Ok(owners) => (self.owners, self.seen) = (owners, changes),
             Err(fault) => tracing::warn!(%fault, "cannot read whose endpoints there are"),
         }
     }
@@ -366,7 +367,12 @@ pub(super) fn hash_from_text(text: &str) -> Option<TypeHash> {
 }
 
 fn hash_to_text(hash: &TypeHash) -> String {
-    hash.iter().fold(HASH_BEGINS.to_owned(), |text, byte| format!("{text}{byte:02x}"))
+    let mut text = HASH_BEGINS.to_owned();
+    for byte in hash {
+        // Writing to a string does not fail.
+        _ = write!(text, "{byte:02x}");
+    }
+    text
 }
 
 #[cfg(test)]
