@@ -42,6 +42,9 @@ pub enum Command {
     Check {
         /// Configuration file.
         file: PathBuf,
+        /// File of a bridge that runs: prints what the other changes, and what needs a start.
+        #[arg(long, value_name = "OLD")]
+        against: Option<PathBuf>,
     },
     /// List the endpoints that exist now, on every side, with types and quality of service.
     List(ListArgs),

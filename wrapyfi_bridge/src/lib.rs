@@ -13,6 +13,7 @@
 //!   describe  a payload as one JSON object, with its digest
 //!   options   --option of the command line
 //!   overrides  qos_overrides of the node -> routes
+//!   reload    a configuration that changes while its bridge runs
 //!   output    lines on stdout
 //!   input     JSON, .npy, PNG, JPEG, WAV -> a payload
 //!   table     route status as a table or as JSON
@@ -33,6 +34,7 @@ pub mod options;
 pub mod output;
 pub mod overrides;
 pub mod own_address;
+pub mod reload;
 pub mod shutdown;
 pub mod table;
 pub mod whole;

@@ -36,7 +36,7 @@ fn run(cli: &Cli, ros: Vec<OsString>) -> Result<(), Failure> {
         Command::Demo(args) => command::demo::run(args, &shutdown),
         // Above: it logs as its node.
         Command::Bridge(_) => Ok(()),
-        Command::Check { file } => command::check::run(file),
+        Command::Check { file, against } => command::check::run(file, against.as_deref()),
         Command::List(args) => command::list::run(args, &shutdown),
         Command::Echo(args) => command::echo::run(args, &shutdown),
         Command::Pub(args) => command::publish::run(args, &shutdown),

@@ -113,6 +113,14 @@ impl Node {
     pub fn resolve_topic(&self, topic: &str) -> Result<String, NameError> {
         self.args.resolve_topic(&self.name, topic)
     }
+
+    /// As [`Node::resolve_topic`], of a service.
+    ///
+    /// # Errors
+    /// When the name breaks the rules of the graph.
+    pub fn resolve_service(&self, service: &str) -> Result<String, NameError> {
+        self.args.resolve_service(&self.name, service)
+    }
 }
 
 /// Runs the node executable `bridge`: reads the process's arguments, returns its exit code.

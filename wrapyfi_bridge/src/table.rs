@@ -94,6 +94,7 @@ mod tests {
             from_qos: Some(Qos::from(QosPreset::SensorData)),
             to_qos: None,
             counters: Default::default(),
+            panics: 0,
             pattern: None,
         };
         let print = |route: &RouteStatus| table(&[], std::slice::from_ref(route), Duration::ZERO);

@@ -15,6 +15,7 @@ use crate::node::Node;
 use crate::output;
 use crate::overrides;
 use crate::own_address::OwnAddress;
+use crate::reload::{Fixed, Reload, Watch};
 use crate::shutdown::Shutdown;
 use crate::table;
 
@@ -48,7 +49,7 @@ pub fn run(
     options: Options,
     shutdown: &Shutdown,
 ) -> Result<(), Failure> {
-    let Loaded { mut endpoints, mut plan, types: mut store } = loaded;
+    let Loaded { mut endpoints, mut plan, types: mut store, text, file } = loaded;
     middlewares::take_parameters(&mut endpoints, &mut parameters)?;
     options.own.enter(&mut endpoints);
     overrides::apply(&mut plan, node, &mut parameters).map_err(Failure::usage)?;
@@ -57,6 +58,7 @@ pub fn run(
     let middlewares = Middlewares::for_plan(&endpoints, &plan, node)?;
     let types = ros2_types(&plan);
     // Dropped last: what the routes say at their end is logged too.
+    let bridge_node = node;
     let node = middlewares.offer_node(node, parameters, (&mut store, &types))?;
     let routes = plan.routes.len() + plan.services.len();
     match plan.patterns.len() {
@@ -69,8 +71,17 @@ pub fn run(
     if let Some(node) = &node {
         registry.set_clock(node.handle().clock());
     }
+    let fixed = Fixed::of(&plan, &text, name).map_err(Failure::usage)?;
     let engine = Engine::new(plan, &registry).with_types(store);
     let running = engine.start().context("cannot start the routes")?;
+    let reload = file.map(|file| Reload {
+        file,
+        fixed,
+        node: bridge_node.clone(),
+        handle: node.as_ref().map(|node| node.handle().clone()),
+        routes: running.applier(),
+    });
+    let watch = reload.map(|reload| Watch::start(reload, &registry)).transpose()?;
     let end = options.seconds.map(|seconds| Instant::now() + seconds);
     let mut tick = Instant::now();
     let lives_with = options.lives_with.and_then(|name| middlewares.registry().get(name).ok());
@@ -89,6 +100,7 @@ pub fn run(
             output::line(&table::json(&running.status()).to_string())?;
         }
     }
+    drop(watch);
     let last = running.stop();
     if options.json {
         output::line(&table::json(&last).to_string())?;
@@ -123,7 +135,7 @@ pub fn run(
 }
 
 /// Warns of routes that do not hear what others of the plan publish.
-pub(super) fn warn_of_unheard(plan: &Plan, node: &Node) {
+pub(crate) fn warn_of_unheard(plan: &Plan, node: &Node) {
     for unheard in plan.unheard(|address| node.resolve(address)) {
         tracing::warn!("{unheard}");
     }
@@ -146,7 +158,7 @@ fn warn_of_unused(store: &ParameterStore) {
 }
 
 /// ROS types of the endpoints that routes have on ROS 2.
-fn ros2_types(plan: &Plan) -> BTreeSet<&'static str> {
+pub(crate) fn ros2_types(plan: &Plan) -> BTreeSet<&'static str> {
     let services = plan
         .services
         .iter()

@@ -1,12 +1,10 @@
 //! A configuration file: its section `endpoints`, its routes, their types.
 
 use std::net::IpAddr;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
-use wrapyfi_core::engine::{
-    Carried, Config, ConfigError, MAX_CONFIG_BYTES, Plan, Problem, Spanned,
-};
+use wrapyfi_core::engine::{Carried, Config, ConfigError, Plan, Problem, Spanned};
 use wrapyfi_core::network::{Hosts, Insecure, Place};
 use wrapyfi_interfaces::store::TypeStore;
 
@@ -17,6 +15,7 @@ use super::yarp::YarpSection;
 use super::zeromq::ZeroMqSection;
 use crate::command::any;
 use crate::exit::Failure;
+use crate::reload::read_file;
 
 /// The `endpoints` section of a configuration: how each middleware is reached.
 #[derive(Debug, Clone, Default, Deserialize)]
@@ -68,6 +67,10 @@ pub struct Loaded {
     pub plan: Plan,
     /// Where their types come from.
     pub types: TypeStore,
+    /// The text that was read.
+    pub text: String,
+    /// The file that it was read from, if it was.
+    pub file: Option<PathBuf>,
 }
 
 /// Reads and checks a configuration file.
@@ -91,16 +94,12 @@ fn load_with(
     learn: impl FnOnce(&Config<Endpoints>, &mut TypeStore) -> Result<(), Failure>,
 ) -> Result<Loaded, Failure> {
     let name = file.display().to_string();
-    let size =
-        std::fs::metadata(file).map_err(|error| Failure::usage(format!("{name}: {error}")))?;
-    if size.len() > MAX_CONFIG_BYTES as u64 {
-        let text = format!("{name}: {} bytes long, the limit is {MAX_CONFIG_BYTES}", size.len());
-        return Err(Failure::usage(text));
-    }
-    let text = std::fs::read_to_string(file)
-        .map_err(|error| Failure::usage(format!("{name}: {error}")))?;
+    // Read no further than a configuration may be long: what has no end is one, too.
+    let text = read_file(file).map_err(|error| Failure::usage(format!("{name}: {error}")))?;
     // As seen from the file, wherever the program was started.
-    read(&text, &name, file.parent().unwrap_or(Path::new("")), learn)
+    let beside = file.parent().unwrap_or(Path::new(""));
+    let loaded = read(text, &name, beside, learn)?;
+    Ok(Loaded { file: Some(file.to_owned()), ..loaded })
 }
 
 /// Reads and checks a configuration that is in no file; `name` stands for it in errors.
@@ -108,16 +107,16 @@ fn load_with(
 /// # Errors
 /// As [`load`].
 pub fn load_text(text: &str, name: &str) -> Result<Loaded, Failure> {
-    read(text, name, Path::new(""), |_, _| Ok(()))
+    read(text.to_owned(), name, Path::new(""), |_, _| Ok(()))
 }
 
 fn read(
-    text: &str,
+    text: String,
     name: &str,
     beside: &Path,
     learn: impl FnOnce(&Config<Endpoints>, &mut TypeStore) -> Result<(), Failure>,
 ) -> Result<Loaded, Failure> {
-    let mut config: Config<Endpoints> = Config::from_yaml(text, name).map_err(Failure::usage)?;
+    let mut config: Config<Endpoints> = Config::from_yaml(&text, name).map_err(Failure::usage)?;
     hosts(&config)
         .and_then(|hosts| {
             config.endpoints.hosts = hosts;
@@ -138,7 +137,7 @@ fn read(
     learn(&config, &mut types)?;
     let plan = Plan::new(&config, &super::available(), &mut types, name).map_err(Failure::usage)?;
     check_services(&plan).map_err(|fault| Failure::Usage(format!("{name}: {fault}")))?;
-    Ok(Loaded { endpoints: config.endpoints, plan, types })
+    Ok(Loaded { endpoints: config.endpoints, plan, types, text, file: None })
 }
 
 /// The names of machines that the configuration maps to addresses.

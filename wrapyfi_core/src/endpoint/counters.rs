@@ -67,6 +67,8 @@ drop_reasons! {
     Overloaded => "overloaded",
     /// A request that was not answered in time.
     Expired => "expired",
+    /// It waited in the route, or was on its way through it, when the route closed.
+    Closed => "closed",
 }
 
 /// What happened to an endpoint's quality of service. No message is lost by it.

@@ -10,6 +10,7 @@
 //! stop reading that one source until there is room, so that other sources go on.
 
 use std::collections::VecDeque;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -48,6 +49,7 @@ impl Default for QueueSpec {
 pub fn inbox<T>(spec: QueueSpec, counters: Arc<Counters>, wake: Wake) -> (Sender<T>, Receiver<T>) {
     let shared = Arc::new(Shared {
         queue: Mutex::new(VecDeque::with_capacity(spec.depth.min(1024))),
+        closed: AtomicBool::new(false),
         spec,
         counters,
         wake,
@@ -58,6 +60,8 @@ pub fn inbox<T>(spec: QueueSpec, counters: Arc<Counters>, wake: Wake) -> (Sender
 #[derive(Debug)]
 struct Shared<T> {
     queue: Mutex<VecDeque<T>>,
+    /// Set, under the lock of the queue, when the receiver goes.
+    closed: AtomicBool,
     spec: QueueSpec,
     counters: Arc<Counters>,
     wake: Wake,
@@ -86,6 +90,10 @@ impl<T> Sender<T> {
     pub fn push(&self, message: T) -> Result<(), T> {
         let shared = &*self.0;
         let mut queue = shared.lock();
+        if shared.closed.load(Relaxed) {
+            shared.counters.dropped(DropReason::Closed);
+            return Ok(());
+        }
         if queue.len() >= shared.spec.depth.max(1) {
             match shared.spec.overflow {
                 Overflow::DropOldest => drop(queue.pop_front()),
@@ -111,6 +119,10 @@ impl<T> Sender<T> {
     pub fn offer(&self, message: T) -> Result<(), T> {
         let shared = &*self.0;
         let mut queue = shared.lock();
+        if shared.closed.load(Relaxed) {
+            shared.counters.dropped(DropReason::Closed);
+            return Ok(());
+        }
         if queue.len() >= shared.spec.depth.max(1) {
             return Err(message);
         }
@@ -170,6 +182,18 @@ impl<T> Receiver<T> {
     }
 }
 
+/// Messages that nobody took are lost, and counted.
+impl<T> Drop for Receiver<T> {
+    fn drop(&mut self) {
+        let left = {
+            let mut queue = self.0.lock();
+            self.0.closed.store(true, Relaxed);
+            std::mem::take(&mut *queue)
+        };
+        self.0.counters.dropped_many(DropReason::Closed, left.len() as u64);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -218,6 +242,18 @@ mod tests {
         assert_eq!(counters.snapshot().dropped_for(DropReason::BlockDeadline), 1);
         drop(rx);
         assert!(tx.is_closed());
+    }
+
+    #[test]
+    fn what_nobody_took_is_counted_when_the_receiver_goes() {
+        let (tx, rx, counters) = open(4, Overflow::DropOldest);
+        (0..3).for_each(|n| tx.push(n).unwrap());
+        assert_eq!(rx.pop(), Some(0));
+        drop(rx);
+        assert_eq!(counters.snapshot().dropped_for(DropReason::Closed), 2);
+        tx.push(3).unwrap();
+        tx.offer(4).unwrap();
+        assert_eq!(counters.snapshot().dropped_for(DropReason::Closed), 4);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use super::route::RouteState;
+use super::route::{RouteKey, RouteState};
 use crate::endpoint::{EndpointAddress, Role};
 use crate::types::MessageType;
 
@@ -73,6 +73,20 @@ impl Candidate {
         }
     }
 
+    /// Ends of its route.
+    pub(super) fn key(&self, role: Role) -> RouteKey {
+        RouteKey { role, from: self.from.clone(), to: self.to.clone() }
+    }
+
+    /// Forgets what came of it with other settings; not since when it is there.
+    pub(super) fn forget(&mut self) {
+        *self = Self {
+            last_seen: self.last_seen,
+            is_ahead: self.is_ahead,
+            ..Self::new(self.from.clone(), self.to.clone(), self.first_seen)
+        };
+    }
+
     pub(super) fn seen(&mut self, now: Instant) {
         self.first_seen.get_or_insert(now);
         self.last_seen = Some(now);
@@ -117,7 +131,7 @@ impl Candidate {
         if matches!(self.state, State::Runs(_)) || self.state == State::Waits(state.clone()) {
             return;
         }
-        state.log(name, is_one_of_many);
+        state.log(name, is_one_of_many, 0);
         self.state = State::Waits(state);
     }
 }

@@ -1,10 +1,13 @@
-//! Routes: configuration, state, and the loop that moves messages.
+//! Routes: configuration, state, and what moves messages.
 //!
 //! ```text
-//!   bridge.yaml ─▶ Config ─▶ Plan ─▶ Engine ─▶ one Relay a route
-//!                  lines     names     │          │
-//!                                   status()   step(now): reconcile, propagate, judge
+//!   bridge.yaml ─▶ Config ─▶ Plan ─▶ Engine ─ look(now): reconciler, Start, Stop ─▶ one member a route
+//!                  lines     names     │                                                │
+//!                                   status()                 step(now): reconcile, propagate, judge
 //! ```
+//!
+//! One driver steps all routes: in turn where a test says what time it is, on a pool of threads in production.
+//! A plan may be replaced while they run ([`Running::apply`]).
 //!
 //! A route is data: [`RouteSpec`] says what is wanted, [`RouteStatus`] what is. A [`PatternSpec`] means
 //! many topics or services: its routes are made as they come, with the types that they announce.
@@ -32,31 +35,38 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod admission;
 mod candidate;
 mod config;
 mod config_devices;
 mod config_error;
 mod config_qos;
 mod conventions;
+mod discovered_graph;
+mod driver;
+mod end;
 #[expect(clippy::module_inception, reason = "the engine is this module's one main type")]
 mod engine;
+mod member;
 mod news;
 mod pattern;
 mod plan;
 mod plan_address;
+mod plan_diff;
 mod plan_options;
 mod plan_pattern;
 mod plan_service;
+mod pool;
+mod reconciler;
+mod reconciler_status;
 mod relay;
+mod replacement;
 mod route;
 mod running;
-mod scout;
 mod service_relay;
-mod sides;
 mod stamping;
-mod threads;
 mod unheard;
-mod verdict;
+mod work;
 
 pub use config::{
     Config, Defaults, MAX_CONFIG_BYTES, MAX_ROUTES, OverflowConfig, RouteConfig, Spanned,
@@ -68,14 +78,15 @@ pub use config_qos::{QosConfig, QosOverride};
 pub use engine::Engine;
 pub use pattern::NamePattern;
 pub use plan::{Available, Plan, RouteSpec};
+pub use plan_diff::{ApplyError, PlanDiff};
 pub use plan_options::known_option;
 pub use plan_pattern::{Carried, MAX_PATTERN_ROUTES, PatternSpec, Source};
 pub use plan_service::ServiceRouteSpec;
-pub use relay::{Relay, Step};
-pub use route::{PatternCounts, RouteState, RouteStatus};
-pub use running::Running;
 #[cfg(all(test, feature = "ros1"))]
-pub(crate) use scout::{GONE_AFTER, LOOK_EVERY};
+pub(crate) use reconciler::{GONE_AFTER, LOOK_EVERY};
+pub use relay::{Relay, Step};
+pub use route::{PatternCounts, RouteKey, RouteState, RouteStatus};
+pub use running::{Applier, Running};
 pub use service_relay::ServiceRelay;
 pub use stamping::StampSource;
 pub use unheard::Unheard;

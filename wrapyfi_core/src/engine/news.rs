@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use super::plan_pattern::PatternSpec;
-use super::scout::Change;
+use super::reconciler::Change;
 use crate::endpoint::EndpointAddress;
 
 /// Time that is told of at once.
@@ -73,15 +73,15 @@ fn summary(types: BTreeMap<&'static str, usize>) -> String {
 
 /// Lowers the voice of routes that end together, and says how many they are.
 pub(super) fn lower(changes: &mut [Change]) {
-    let count = changes.iter().filter(|change| matches!(change, Change::End { .. })).count();
+    let count = changes.iter().filter(|change| matches!(change, Change::Stop { .. })).count();
     if count <= FEW {
         return;
     }
     let mut first = None;
     for change in changes {
-        if let Change::End { why, is_one_of_many, .. } = change {
-            *is_one_of_many = true;
-            first.get_or_insert_with(|| why.clone());
+        if let Change::Stop { ending, .. } = change {
+            ending.is_one_of_many = true;
+            first.get_or_insert_with(|| ending.why.clone());
         }
     }
     tracing::info!("{count} routes ended, the first because {}", first.unwrap_or_default());
@@ -89,6 +89,7 @@ pub(super) fn lower(changes: &mut [Change]) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::member::Ending;
     use super::*;
 
     #[test]
@@ -101,9 +102,14 @@ mod tests {
 
     #[test]
     fn routes_that_end_together_are_quiet() {
-        let end = |id| Change::End { id, why: "gone".into(), is_one_of_many: false };
+        let end = |id| {
+            let ending = Ending { why: "gone".into(), is_one_of_many: false };
+            Change::Stop { id, ending }
+        };
         let quiet = |changes: &[Change]| {
-            changes.iter().all(|it| matches!(it, Change::End { is_one_of_many: true, .. }))
+            changes
+                .iter()
+                .all(|it| matches!(it, Change::Stop { ending, .. } if ending.is_one_of_many))
         };
         let mut few: Vec<_> = (0..3).map(end).collect();
         lower(&mut few);

@@ -182,15 +182,19 @@ pub struct Plan {
 }
 
 impl Plan {
+    /// Names of the middlewares on which its routes have ends, each as often as it is named.
+    pub fn middlewares(&self) -> impl Iterator<Item = &str> {
+        let topics = self.routes.iter().flat_map(|route| [&route.from, &route.to]);
+        let services = self.services.iter().flat_map(|route| [&route.offered, &route.service]);
+        let patterns = self.patterns.iter();
+        let patterns = patterns.flat_map(|it| [it.source_middleware(), it.to.middleware.as_str()]);
+        topics.chain(services).map(|end| end.middleware.as_str()).chain(patterns)
+    }
+
     /// True where an end of a route is on this middleware.
     #[must_use]
     pub fn uses(&self, middleware: &str) -> bool {
-        let topics = self.routes.iter().flat_map(|route| [&route.from, &route.to]);
-        let services = self.services.iter().flat_map(|route| [&route.offered, &route.service]);
-        topics.chain(services).any(|end| end.middleware == middleware)
-            || self.patterns.iter().any(|pattern| {
-                pattern.source_middleware() == middleware || pattern.to.middleware == middleware
-            })
+        self.middlewares().any(|name| name == middleware)
     }
 
     /// True where others connect to an end of a route on this middleware: at all but services that are only

@@ -18,13 +18,14 @@ use super::pattern::{Inverse, NamePattern, is_denied_service, is_denied_topic, i
 use super::plan::{Available, RouteSpec, route_spec};
 use super::plan_address::{address, middleware_of};
 use super::plan_service::{self, ServiceRouteSpec};
+use super::route::RouteKey;
 use crate::endpoint::{EndpointAddress, Role};
 use crate::plugin::DeviceMaps;
 use crate::types::{MessageType, ServiceKind};
 
 /// Most routes that one pattern makes, unless `max_routes` says otherwise.
 pub const MAX_PATTERN_ROUTES: usize = 1000;
-/// The most that `max_routes` may say: each route has a thread.
+/// The most that `max_routes` may say.
 const MOST_ROUTES: usize = 10_000;
 
 /// What a pattern takes.
@@ -140,6 +141,28 @@ impl PatternSpec {
             Source::One(_) => None,
             Source::Names { pattern, .. } => Inverse::new(pattern, &self.to.name),
         }
+    }
+
+    /// Ends of a route whose type is learned; none of a pattern.
+    pub(super) fn key_of_one(&self) -> Option<RouteKey> {
+        let Source::One(from) = &self.from else { return None };
+        Some(RouteKey { role: self.role(), from: from.clone(), to: self.to.clone() })
+    }
+
+    /// True where routes of both between the same ends are the same.
+    pub(super) fn makes_the_same(&self, other: &Self) -> bool {
+        // Routes of a pattern are named after their ends.
+        let named = |carried: &Carried| {
+            let mut carried = carried.clone();
+            match &mut carried {
+                Carried::Topics { template, .. } => template.name.clear(),
+                Carried::Services { template, .. } => template.name.clear(),
+            }
+            carried
+        };
+        self.is_many() == other.is_many()
+            && (self.is_many() || self.name == other.name)
+            && named(&self.carried) == named(&other.carried)
     }
 
     /// Its ends as they were written.

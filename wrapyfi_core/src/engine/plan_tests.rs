@@ -192,7 +192,7 @@ fn text_between_two_ros_stays_as_it_is() {
     assert_eq!(types(&format!("from: 'ros2:/a', to: 'ros2:/b', {string}")), text);
     let json = (MessageType::StringJson, MessageType::StringJson);
     assert_eq!(types(&format!("from: 'ros2:/a', to: 'zeromq:/b', {string}")), json);
-    // Made an object of on the way.
+    // Route an object of on the way.
     let read =
         types("from: 'ros2:/a', to: 'ros2:/b', from_type: std_msgs/msg/String, type: NativeObject");
     assert_eq!(read, (MessageType::StringJson, MessageType::NativeObject));

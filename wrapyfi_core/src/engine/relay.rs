@@ -12,15 +12,17 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use super::end::End;
 use super::plan::RouteSpec;
 use super::route::{RouteState, RouteStatus};
 use super::stamping;
+use super::work::Work;
 use crate::Throttle;
 use crate::backoff::Backoff;
 use crate::codec::convert_payload;
 use crate::endpoint::{
-    Context, Counters, DropReason, Listener, Middleware, OpenError, Publisher, Qos, QosChange,
-    Registry, Review, RosClock, RosNow, Sample, Traits, Wake,
+    Context, Counters, DropReason, Listener, Publisher, Qos, Registry, RosClock, RosNow, Sample,
+    Traits, Wake,
 };
 use crate::types::Payload;
 
@@ -50,21 +52,11 @@ pub struct Relay {
     /// Listeners of another type than the route's, in words.
     misfits: Option<String>,
     last_loss: Option<(Instant, String)>,
+    /// A message was taken, and is not counted yet.
+    in_hand: bool,
     /// Losses, and objects passed on as they came: all are counted, few are logged.
     losses: Throttle,
     unread: Throttle,
-}
-
-/// One end of a route: what opens it, and what is open.
-struct End<T: ?Sized> {
-    middleware: Option<Arc<dyn Middleware>>,
-    traits: Traits,
-    open: Option<Box<T>>,
-    retry_at: Option<Instant>,
-    /// Why it is not open.
-    trouble: Option<RouteState>,
-    /// Quality of service in use.
-    qos: Option<Qos>,
 }
 
 /// What a step did, and when the next one is due.
@@ -91,6 +83,7 @@ impl Relay {
             unwanted_since: None,
             misfits: None,
             last_loss: None,
+            in_hand: false,
             losses: Throttle::default(),
             unread: Throttle::default(),
             source,
@@ -106,21 +99,9 @@ impl Relay {
         self
     }
 
-    /// Opens the source whether somebody listens or not, from now on.
-    pub(super) fn keep_open(&mut self) {
-        self.spec.lazy = false;
-        self.context.wake.ring();
-    }
-
     /// Whether its source is closed, because nobody wants what it carries.
     pub(super) fn is_at_rest(&self) -> bool {
         self.spec.lazy && self.source.open.is_none()
-    }
-
-    /// Names listeners of another type than the route's, for as long as nobody else listens.
-    pub(super) fn name_misfits(&mut self, named: Option<String>) {
-        self.misfits = named;
-        self.context.wake.ring();
     }
 
     /// Waits for a listener, and says who does not count as one.
@@ -150,25 +131,18 @@ impl Relay {
             from_qos: self.source.qos,
             to_qos: self.sink.qos,
             counters: self.context.counters.snapshot(),
+            panics: 0,
             pattern: None,
         }
     }
 
     /// Brings the route one step on. Blocks only as long as a reliable destination does.
     pub fn step(&mut self, now: Instant) -> Step {
-        let rested = self.is_at_rest();
         self.reconcile(now);
         let review_at = self.review(now);
-        // The step that opens the source of a route at rest moves nothing: it may be on a thread that others
-        // wait for.
-        let moved = if rested { 0 } else { self.propagate(now) };
-        let state = self.judge(now);
-        if state != self.state {
-            state.log(&self.spec.name, self.spec.mark.is_some());
-            self.state = state;
-        }
-        let is_more = moved == BATCH || (rested && !self.is_at_rest());
-        let next = match (is_more, self.is_at_rest()) {
+        let moved = self.propagate(now);
+        self.state = self.judge(now);
+        let next = match (moved == BATCH, self.is_at_rest()) {
             (true, _) => now,
             (false, true) => now + REST_REVIEW_EVERY,
             (false, false) => now + REVIEW_EVERY,
@@ -234,6 +208,7 @@ impl Relay {
         let unwanted = link.peers == Some(0) && !link.keeps_last;
         let mut moved = 0;
         while moved < BATCH {
+            self.in_hand = false;
             if unwanted {
                 // No consumer, no work: the message is not even decoded.
                 let Some(lost) = listener.set_aside() else { break };
@@ -241,7 +216,10 @@ impl Relay {
                 self.context.counters.dropped_many(DropReason::NoConsumer, lost);
                 continue;
             }
-            let outcome = match listener.take() {
+            // Where taking panics, the message is gone.
+            self.in_hand = true;
+            let taken = listener.take();
+            let outcome = match taken {
                 Ok(None) => break,
                 Ok(Some(_)) if !rate_allows(self.spec.max_rate_hz, &mut self.not_before, now) => {
                     moved += 1;
@@ -278,6 +256,7 @@ impl Relay {
                 }
             }
         }
+        self.in_hand = false;
         while let Some(gone) = listener.departed() {
             publisher.forget(gone);
         }
@@ -314,67 +293,34 @@ impl Relay {
     }
 }
 
-impl<T: ?Sized> End<T> {
-    fn new(registry: &Registry, name: &str) -> Self {
-        let (middleware, trouble) = match registry.get(name) {
-            Ok(middleware) => (Some(Arc::clone(middleware)), None),
-            Err(unknown) => (None, Some(RouteState::Error(unknown.to_string()))),
-        };
-        let traits = middleware.as_ref().map(|it| it.traits()).unwrap_or_default();
-        Self { middleware, traits, open: None, retry_at: None, trouble, qos: None }
+impl Work for Relay {
+    fn step(&mut self, now: Instant) -> Step {
+        Self::step(self, now)
     }
 
-    /// Forgets what went wrong while it was tried, except what will never work.
-    fn at_rest(&mut self) {
-        if matches!(self.trouble, Some(RouteState::Waiting(_))) {
-            (self.trouble, self.retry_at) = (None, None);
-        }
+    fn state(&self) -> (&RouteState, [Option<Qos>; 2]) {
+        (&self.state, [self.source.qos, self.sink.qos])
     }
 
-    /// Keeps what a review found, and logs it.
-    fn note(&mut self, review: Review, spec: &RouteSpec) -> Option<Instant> {
-        let Review { qos, changed, warnings, next } = review;
-        let route = &spec.name;
-        match changed {
-            // One of many.
-            Some(QosChange { from, to, why }) if spec.mark.is_some() => {
-                tracing::debug!(route, %from, %to, "quality of service changed: {why}");
-            }
-            Some(QosChange { from, to, why }) => {
-                tracing::info!(route, %from, %to, "quality of service changed: {why}");
-            }
-            None => {}
-        }
-        for warning in warnings {
-            tracing::warn!(route, "{warning}");
-        }
-        self.qos = qos;
-        next
+    fn is_open(&self) -> bool {
+        self.sink.open.is_some() && (self.spec.lazy || self.source.open.is_some())
     }
 
-    fn open_with(
-        &mut self,
-        now: Instant,
-        backoff: &mut Backoff,
-        open: impl FnOnce(&dyn Middleware) -> Result<Box<T>, OpenError>,
-    ) {
-        let Some(middleware) = &self.middleware else { return };
-        let given_up = matches!(self.trouble, Some(RouteState::Error(_)));
-        if self.open.is_some() || given_up || self.retry_at.is_some_and(|at| now < at) {
-            return;
+    fn keep_open(&mut self) {
+        self.spec.lazy = false;
+    }
+
+    fn name_misfits(&mut self, named: Option<String>) {
+        self.misfits = named;
+    }
+
+    fn close(&mut self) {
+        if std::mem::take(&mut self.in_hand) {
+            self.context.counters.dropped(DropReason::Closed);
         }
-        self.retry_at = None;
-        match open(middleware.as_ref()) {
-            Ok(opened) => {
-                self.open = Some(opened);
-                self.trouble = None;
-            }
-            Err(error) if error.is_transient() => {
-                self.retry_at = Some(now + backoff.wait());
-                self.trouble = Some(RouteState::Waiting(error.to_string()));
-            }
-            Err(error) => self.trouble = Some(RouteState::Error(error.to_string())),
-        }
+        self.unwanted_since = None;
+        self.source.close();
+        self.sink.close();
     }
 }
 

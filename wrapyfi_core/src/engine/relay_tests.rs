@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use super::*;
-use crate::endpoint::{Keeping, Origin, Overflow, QueueSpec, TopicSpec};
+use crate::endpoint::{
+    Keeping, Middleware, OpenError, Origin, Overflow, QosChange, QueueSpec, Review, TopicSpec,
+};
 use crate::middleware::memory::Memory;
 use crate::types::{Map, MessageType, Payload, Properties, Stamp, Tensor, Value};
 

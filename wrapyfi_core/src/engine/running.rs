@@ -1,168 +1,94 @@
-//! Routes at work, and the thread that makes and ends those of patterns.
+//! Routes at work on threads.
+//!
+//! ```text
+//!   reconciler ── looks at what exists ──▶ starts and stops routes, waits for none of them
+//!   route-timer ─┐
+//!   route-worker ┴─ step them
+//! ```
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
-use super::engine::{Work, log_end};
+use wrapyfi_interfaces::store::TypeStore;
+
+use super::driver::Driver;
+use super::plan::Plan;
+use super::plan_diff::{ApplyError, PlanDiff};
 use super::route::RouteStatus;
-use super::scout::{Change, Scout};
-use super::threads::{Member, Rest, lock};
-use crate::endpoint::{Registry, Wake};
+
+/// How long a stop waits for steps that block, and for a look at what exists.
+const STOP_WITHIN: Duration = Duration::from_secs(1);
+/// Pause of the reconciler where there are no patterns: a new plan rings.
+const IDLE: Duration = Duration::from_secs(3600);
 
 /// Routes at work. Dropping it stops them.
 pub struct Running {
-    shared: Arc<Shared>,
-    /// Makes and ends routes by pattern, where there are patterns.
-    scout: Option<JoinHandle<()>>,
-    /// Steps the routes that nobody wants.
-    rest: Option<JoinHandle<()>>,
+    driver: Arc<Driver>,
+    stop: Arc<AtomicBool>,
+    threads: Vec<JoinHandle<()>>,
 }
 
-/// What the thread of the patterns shares with the owner.
-struct Shared {
-    registry: Registry,
-    stop: AtomicBool,
-    wake: Wake,
-    rest: Arc<Rest>,
-    routes: Mutex<Vec<Route>>,
-    /// What the patterns say of themselves.
-    found: Mutex<Vec<RouteStatus>>,
-}
+/// Turns running routes to another plan, as long as they run.
+#[derive(Clone)]
+pub struct Applier(Arc<Driver>);
 
-struct Route {
-    member: Arc<Member>,
-    status: StatusCache,
-}
-
-impl Route {
-    fn start(id: u64, work: Work, rest: &Arc<Rest>) -> std::io::Result<Self> {
-        let status = StatusCache(Mutex::new(work.status()));
-        Ok(Self { member: Member::start(id, work, rest)?, status })
-    }
-}
-
-/// The last status seen, for when the route is busy inside a blocking send.
-struct StatusCache(Mutex<RouteStatus>);
-
-impl StatusCache {
-    fn refresh(&self, work: &Mutex<Option<Work>>) -> RouteStatus {
-        let mut cached = lock(&self.0);
-        if let Ok(work) = work.try_lock()
-            && let Some(work) = &*work
-        {
-            *cached = work.status();
-        }
-        cached.clone()
-    }
-}
-
-impl Shared {
-    /// Does something with a route.
-    fn with(&self, id: u64, act: impl FnOnce(&mut Work)) {
-        let found = {
-            let routes = lock(&self.routes);
-            let found = routes.iter().find(|route| route.member.id == id);
-            found.map(|route| Arc::clone(&route.member))
-        };
-        // Outside the lock: it may be in the middle of a send.
-        let Some(member) = found else { return };
-        let mut work = lock(&member.work);
-        if let Some(work) = work.as_mut() {
-            act(work);
-        }
-    }
-
-    fn change(&self, scout: &mut Scout, change: Change) {
-        match change {
-            Change::Make { id, made, counters } => {
-                let work = Work::made(id, made, counters, &self.registry);
-                match Route::start(id, work, &self.rest) {
-                    Ok(route) => lock(&self.routes).push(route),
-                    Err(error) => scout.failed(id, &format!("the system gives no thread: {error}")),
-                }
-            }
-            Change::KeepOpen { id } => {
-                self.with(id, Work::keep_open);
-            }
-            Change::Misfits { id, named } => self.with(id, |work| work.name_misfits(named)),
-            Change::End { id, why, is_one_of_many } => {
-                let found = {
-                    let mut routes = lock(&self.routes);
-                    let place = routes.iter().position(|route| route.member.id == id);
-                    place.map(|place| routes.remove(place))
-                };
-                // Outside the lock: it may be in the middle of a send.
-                if let Some(Route { member, .. }) = found {
-                    member.tell_to_stop();
-                    member.join();
-                    let ended = lock(&member.work).take();
-                    if let Some(work) = ended {
-                        log_end(&work.status(), &why, is_one_of_many);
-                    }
-                }
-            }
-        }
-    }
-
-    fn scout(&self, mut scout: Scout) {
-        while !self.stop.load(Ordering::Relaxed) {
-            let now = Instant::now();
-            for change in scout.scan(now) {
-                self.change(&mut scout, change);
-            }
-            *lock(&self.found) = scout.status();
-            self.wake.wait(scout.look_again_in(now));
-        }
+impl Applier {
+    /// As [`Running::apply`].
+    ///
+    /// # Errors
+    /// As [`Running::apply`].
+    pub fn apply(&self, plan: Plan, types: TypeStore) -> Result<PlanDiff, ApplyError> {
+        self.0.apply(plan, types)
     }
 }
 
 impl Running {
-    pub(super) fn start(
-        registry: Registry,
-        relays: Vec<(u64, Work)>,
-        scout: Option<Scout>,
-    ) -> std::io::Result<Self> {
-        let shared = Arc::new(Shared {
-            registry,
-            stop: AtomicBool::new(false),
-            wake: Wake::new(),
-            rest: Arc::default(),
-            routes: Mutex::default(),
-            found: Mutex::new(scout.as_ref().map(Scout::status).unwrap_or_default()),
-        });
-        let mut running = Self { shared, scout: None, rest: None };
-        let rest = Arc::clone(&running.shared.rest);
-        let thread = std::thread::Builder::new().name("routes-at-rest".to_owned());
-        running.rest = Some(thread.spawn(move || rest.run())?);
-        for (id, relay) in relays {
-            let route = Route::start(id, relay, &running.shared.rest)?;
-            lock(&running.shared.routes).push(route);
-        }
-        if let Some(scout) = scout {
-            let shared = Arc::clone(&running.shared);
-            let thread = std::thread::Builder::new()
-                .name("route-patterns".to_owned())
-                .spawn(move || shared.scout(scout))?;
-            running.scout = Some(thread);
-        }
+    pub(super) fn start(driver: Arc<Driver>) -> std::io::Result<Self> {
+        let mut running = Self { driver, stop: Arc::default(), threads: Vec::new() };
+        let driver = Arc::clone(&running.driver);
+        let timer = running.driver.pool.start(move || driver.tell_blocked())?;
+        running.threads.push(timer);
+        let (driver, stop) = (Arc::clone(&running.driver), Arc::clone(&running.stop));
+        let thread = std::thread::Builder::new().name("reconciler".to_owned());
+        let reconciler = thread.spawn(move || {
+            while !stop.load(Ordering::Relaxed) {
+                let pause = driver
+                    .look(Instant::now())
+                    .map_or(IDLE, |next| next.saturating_duration_since(Instant::now()));
+                driver.wake.wait(pause);
+            }
+        })?;
+        running.threads.push(reconciler);
         Ok(running)
     }
 
-    /// The routes now, then the patterns, and what they mean that is no route yet. A route in the
-    /// middle of a step shows as it was just before.
-    #[must_use]
-    pub fn status(&self) -> Vec<RouteStatus> {
-        let mut all: Vec<RouteStatus> = lock(&self.shared.routes)
-            .iter()
-            .map(|route| route.status.refresh(&route.member.work))
-            .collect();
-        all.extend(lock(&self.shared.found).iter().cloned());
-        all
+    /// Turns to another plan: as a whole, or not at all. Routes that are the same in both go on untouched,
+    /// also those that a pattern made where the new one makes them the same. `types` has the definitions that
+    /// patterns learn. Returns the difference at once; routes begin and end soon after.
+    ///
+    /// # Errors
+    /// When the plan needs a middleware that was not started; the plan before goes on.
+    pub fn apply(&self, plan: Plan, types: TypeStore) -> Result<PlanDiff, ApplyError> {
+        self.driver.apply(plan, types)
     }
 
-    /// Stops every route and waits for its thread; the final status.
+    /// Applies plans from another thread, as [`Running::apply`].
+    #[must_use]
+    pub fn applier(&self) -> Applier {
+        Applier(Arc::clone(&self.driver))
+    }
+
+    /// The routes now, then the patterns, and what they mean that is no route yet. Waits for no route: one in
+    /// the middle of a step shows as it was before, and says so once the step takes over a second.
+    #[must_use]
+    pub fn status(&self) -> Vec<RouteStatus> {
+        self.driver.status()
+    }
+
+    /// Stops every route and closes its ends; the final status. A step that blocks is waited for, but not for
+    /// long.
     #[must_use]
     pub fn stop(mut self) -> Vec<RouteStatus> {
         self.halt();
@@ -170,24 +96,28 @@ impl Running {
     }
 
     fn halt(&mut self) {
-        self.shared.stop.store(true, Ordering::Relaxed);
-        self.shared.wake.ring();
-        // First, so that it makes no more of them.
-        if let Some(thread) = self.scout.take()
-            && thread.join().is_err()
-        {
-            tracing::error!("the thread of the patterns panicked");
+        self.stop.store(true, Ordering::Relaxed);
+        self.driver.wake.ring();
+        self.driver.pool.stop();
+        let end = Instant::now() + STOP_WITHIN;
+        let threads = std::mem::take(&mut self.threads);
+        let is_busy =
+            || self.driver.pool.workers() > 0 || threads.iter().any(|it| !it.is_finished());
+        while is_busy() && Instant::now() < end {
+            std::thread::sleep(Duration::from_millis(1));
         }
-        // Next, so that it gives none a thread.
-        self.shared.rest.tell_to_stop();
-        if let Some(thread) = self.rest.take()
-            && thread.join().is_err()
-        {
-            tracing::error!("the thread of the routes at rest panicked");
+        for thread in threads {
+            // Another one is left to itself: it is in the middle of a look that takes too long.
+            if thread.is_finished() && thread.join().is_err() {
+                tracing::error!("a thread of the routes panicked");
+            }
         }
-        let routes = lock(&self.shared.routes);
-        routes.iter().for_each(|route| route.member.tell_to_stop());
-        routes.iter().for_each(|route| route.member.join());
+        for member in self.driver.members() {
+            if !member.close() {
+                let RouteStatus { name, state, .. } = member.status();
+                tracing::warn!(route = name, "is left in the middle of a step: {state}");
+            }
+        }
     }
 }
 

@@ -12,14 +12,16 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Instant;
 
+use super::end::End;
 use super::plan_service::ServiceRouteSpec;
 use super::relay::{DEGRADED_FOR, REST_REVIEW_EVERY, REVIEW_EVERY, Step, UNWANTED_FOR};
 use super::route::{RouteState, RouteStatus};
+use super::work::Work;
 use crate::Throttle;
 use crate::backoff::Backoff;
 use crate::endpoint::{
-    CallError, Client, Context, Counters, DropReason, Middleware, OpenError, Registry, RequestId,
-    ServeError, Server, Ticket, Wake,
+    CallError, Client, Context, Counters, DropReason, Qos, Registry, RequestId, ServeError, Server,
+    Ticket, Wake,
 };
 
 /// Requests and replies moved in one step.
@@ -31,8 +33,8 @@ pub struct ServiceRelay {
     /// What is offered; its counters are the route's.
     front: Context,
     back: Context,
-    offered: Side<dyn Server>,
-    called: Side<dyn Client>,
+    offered: End<dyn Server>,
+    called: End<dyn Client>,
     backoff: Backoff,
     /// Calls under way, and the requests they are for.
     calls: HashMap<Ticket, RequestId>,
@@ -43,46 +45,6 @@ pub struct ServiceRelay {
     losses: Throttle,
 }
 
-/// One side: what opens it, and what is open.
-struct Side<T: ?Sized> {
-    middleware: Option<Arc<dyn Middleware>>,
-    open: Option<Box<T>>,
-    retry_at: Option<Instant>,
-    trouble: Option<RouteState>,
-}
-
-impl<T: ?Sized> Side<T> {
-    fn new(registry: &Registry, name: &str) -> Self {
-        let (middleware, trouble) = match registry.get(name) {
-            Ok(middleware) => (Some(Arc::clone(middleware)), None),
-            Err(unknown) => (None, Some(RouteState::Error(unknown.to_string()))),
-        };
-        Self { middleware, open: None, retry_at: None, trouble }
-    }
-
-    fn open_with(
-        &mut self,
-        now: Instant,
-        backoff: &mut Backoff,
-        open: impl FnOnce(&dyn Middleware) -> Result<Box<T>, OpenError>,
-    ) {
-        let Some(middleware) = &self.middleware else { return };
-        let given_up = matches!(self.trouble, Some(RouteState::Error(_)));
-        if self.open.is_some() || given_up || self.retry_at.is_some_and(|at| now < at) {
-            return;
-        }
-        self.retry_at = None;
-        match open(middleware.as_ref()) {
-            Ok(opened) => (self.open, self.trouble) = (Some(opened), None),
-            Err(error) if error.is_transient() => {
-                self.retry_at = Some(now + backoff.wait());
-                self.trouble = Some(RouteState::Waiting(error.to_string()));
-            }
-            Err(error) => self.trouble = Some(RouteState::Error(error.to_string())),
-        }
-    }
-}
-
 impl ServiceRelay {
     /// A route that has opened nothing yet. `seed` spreads its back-off.
     #[must_use]
@@ -91,8 +53,8 @@ impl ServiceRelay {
         // One bell for both sides.
         let back = Context { wake: front.wake.clone(), ..Context::default() };
         Self {
-            offered: Side::new(registry, &spec.offered.middleware),
-            called: Side::new(registry, &spec.service.middleware),
+            offered: End::new(registry, &spec.offered.middleware),
+            called: End::new(registry, &spec.service.middleware),
             front,
             back,
             backoff: Backoff::new(seed),
@@ -136,6 +98,7 @@ impl ServiceRelay {
             from_qos: None,
             to_qos: None,
             counters: self.front.counters.snapshot(),
+            panics: 0,
             pattern: None,
         }
     }
@@ -147,11 +110,7 @@ impl ServiceRelay {
         if moved > 0 {
             self.moved_at = Some(now);
         }
-        let state = self.judge(now);
-        if state != self.state {
-            state.log(&self.spec.name, self.spec.mark.is_some());
-            self.state = state;
-        }
+        self.state = self.judge(now);
         let next = match (moved >= BATCH, self.is_at_rest(now)) {
             (true, _) => now,
             (false, true) => now + REST_REVIEW_EVERY,
@@ -285,6 +244,27 @@ impl ServiceRelay {
             }
             _ => RouteState::Active,
         }
+    }
+}
+
+impl Work for ServiceRelay {
+    fn step(&mut self, now: Instant) -> Step {
+        Self::step(self, now)
+    }
+
+    fn state(&self) -> (&RouteState, [Option<Qos>; 2]) {
+        (&self.state, [None, None])
+    }
+
+    fn is_open(&self) -> bool {
+        self.called.open.is_some() && self.offered.open.is_some()
+    }
+
+    fn close(&mut self) {
+        let under_way = std::mem::take(&mut self.calls).len();
+        self.front.counters.dropped_many(DropReason::Closed, under_way as u64);
+        self.offered.close();
+        self.called.close();
     }
 }
 

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::*;
-use crate::endpoint::{Request, ServiceSpec};
+use crate::endpoint::{Middleware as _, Request, ServiceSpec};
 use crate::middleware::memory::Memory;
 use crate::types::{Payload, ServiceKind, Value};
 

@@ -32,7 +32,9 @@ use crate::types::Payload;
 /// assert!(listener.take()?.is_some());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-#[derive(Debug, Default)]
+///
+/// A clone is the same bus.
+#[derive(Debug, Clone, Default)]
 pub struct Memory {
     name: String,
     bus: Arc<Mutex<Bus>>,

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::super::{Available, Config, Engine};
+use super::super::{Available, Config, Engine, PatternCounts, Plan, RouteStatus};
 use super::*;
 use crate::endpoint::{Context, Listener, Middleware as _, Publisher, ServiceSpec, TopicSpec};
 use crate::middleware::memory::Memory;
@@ -124,52 +124,6 @@ fn a_calm_shortens_no_time() {
         bench.run(2 * SECOND);
         assert_eq!(bench.counts().routes, 1, "after {calm:?}");
     }
-}
-
-/// What nobody listens to needs no thread of its own.
-#[test]
-fn routes_at_rest_share_a_thread() {
-    let (a, b) = (Arc::new(Memory::new("a")), Arc::new(Memory::new("b")));
-    let names: Vec<String> = (0..100).map(|n| format!("/topic{n}")).collect();
-    let mut sources: Vec<_> =
-        names.iter().map(|name| publisher(&a, name, MessageType::NativeObject)).collect();
-    let running = engine(&a, &b, &[ALL]).start().unwrap();
-    let threads = || std::fs::read_dir("/proc/self/task").unwrap().count();
-    let of_routes = || {
-        let all = std::fs::read_dir("/proc/self/task").unwrap().flatten();
-        let names = all.filter_map(|one| std::fs::read_to_string(one.path().join("comm")).ok());
-        names.filter(|name| name.starts_with("route-") && name.trim() != "route-patterns").count()
-    };
-    let until = |what: &str, holds: &mut dyn FnMut() -> bool| {
-        let end = Instant::now() + 60 * SECOND;
-        while !holds() {
-            assert!(Instant::now() < end, "never: {what}, {} threads", threads());
-            std::thread::sleep(10 * MS);
-        }
-    };
-    let waits = |route: &RouteStatus| {
-        let wanted = route.name.replace("a:/", "a listener on b:/from_a/");
-        route.state.reason() == wanted.split(" -> ").next()
-    };
-    until("100 routes", &mut || running.status().iter().filter(|it| waits(it)).count() == 100);
-    assert_eq!(of_routes(), 0);
-    let mut sink = listener(&b, "/from_a/topic7");
-    until("the source to be opened", &mut || sources[7].link().peers == Some(1));
-    sources[7].publish(&number(7)).unwrap();
-    let mut heard = None;
-    until("the message", &mut || {
-        heard = sink.take().unwrap();
-        heard.is_some()
-    });
-    assert_eq!(heard.unwrap().payload, number(7));
-    assert_eq!(of_routes(), 1);
-    drop(sink);
-    until("the route to rest again", &mut || of_routes() == 0);
-    assert_eq!(sources[7].link().peers, Some(0));
-    // One that rests ends as any other.
-    drop(sources);
-    until("all to be gone", &mut || running.status().len() == 1);
-    drop(running);
 }
 
 /// Also where the one that has it comes behind the other in the alphabet.

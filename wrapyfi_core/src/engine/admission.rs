@@ -1,4 +1,4 @@
-//! Whether a candidate becomes a route: loops, rivals, types.
+//! Admission of candidates as routes: loops, rivals, types.
 //!
 //! ```text
 //!   left out   the configuration has a route for it; it would come back to where it is from
@@ -12,8 +12,8 @@ use std::time::Duration;
 use super::candidate::Candidate;
 use super::config_qos::QosConfig;
 use super::plan_pattern::{Carried, PatternSpec};
-use super::route::RouteState;
-use super::scout::{Made, Scout};
+use super::reconciler::Reconciler;
+use super::route::{Route, RouteState};
 use crate::endpoint::{BridgeMark, Discovered, Durability, EndpointAddress, LearnError, Role};
 use crate::types::{DataType, MessageType, ServiceKind};
 
@@ -27,7 +27,7 @@ fn waiting(what: String) -> Refusal {
     (RouteState::Waiting(what), Duration::ZERO)
 }
 
-impl Scout {
+impl Reconciler {
     /// Whether a name is none of the pattern's business, though it matches.
     pub(super) fn is_left_out(
         &self,
@@ -47,11 +47,11 @@ impl Scout {
         to: &EndpointAddress,
     ) -> bool {
         let role = spec.role();
-        self.explicit.iter().any(|(kind, source, target)| {
-            *kind == role
-                && ((source == from && target.middleware == to.middleware)
-                    || (target == from && source.middleware == to.middleware)
-                    || target == to)
+        self.explicit.iter().any(|written| {
+            written.role == role
+                && ((written.from == *from && written.to.middleware == to.middleware)
+                    || (written.to == *from && written.from.middleware == to.middleware)
+                    || written.to == *to)
         })
     }
 
@@ -62,9 +62,9 @@ impl Scout {
         from: &EndpointAddress,
         to: &'s str,
     ) -> impl Iterator<Item = &'s Discovered> {
-        let side = self.sides.get(&from.middleware);
+        let side = self.graph.get(&from.middleware);
         let tells = side.is_some_and(|side| side.traits().tells_own);
-        let is_own = !tells && self.ours.contains(&(role, from.clone()));
+        let is_own = !tells && self.ours.contains_key(&(role, from.clone()));
         let all = side.map_or(&[][..], |side| side.endpoints(role, &from.name));
         let came_back =
             |one: &&Discovered| one.mark.as_ref().is_some_and(|mark| mark.came_through(to));
@@ -74,9 +74,9 @@ impl Scout {
     /// Who else does what the candidate's route would do, in words.
     pub(super) fn rival(&self, spec: &PatternSpec, candidate: &Candidate) -> Option<String> {
         let Candidate { from, to, .. } = candidate;
-        let side = self.sides.get(&to.middleware)?;
+        let side = self.graph.get(&to.middleware)?;
         let role = spec.role();
-        if !side.traits().tells_own && self.ours.contains(&(role, to.clone())) {
+        if !side.traits().tells_own && self.ours.contains_key(&(role, to.clone())) {
             return None;
         }
         let who = |one: &Discovered| one.node.clone().unwrap_or_else(|| "another program".into());
@@ -97,7 +97,7 @@ impl Scout {
         &mut self,
         spec: &PatternSpec,
         candidate: &Candidate,
-    ) -> Result<Made, Refusal> {
+    ) -> Result<Route, Refusal> {
         let Candidate { from, to, .. } = candidate;
         let role = spec.role();
         if spec.is_many() {
@@ -131,7 +131,7 @@ impl Scout {
                         Some(wished) => wished,
                         None => {
                             let learned = self.learn_topic(&sources, from, to, *otherwise)?;
-                            let source = self.sides.get(&from.middleware);
+                            let source = self.graph.get(&from.middleware);
                             let source = source.and_then(|side| side.middleware.as_ref());
                             source.map_or(learned, |it| it.received_as(learned, &route.options))
                         }
@@ -146,7 +146,7 @@ impl Scout {
                     // What its publishers keep for those who come later is kept on the other side too.
                     qos.durability = Durability::TransientLocal;
                 }
-                Ok(Made::Topic(Box::new(route)))
+                Ok(Route::Topic(Box::new(route)))
             }
             Carried::Services { template, typed, otherwise } => {
                 let mut route = template.as_ref().clone();
@@ -155,7 +155,7 @@ impl Scout {
                 if !typed {
                     route.kind = self.learn_service(&sources, from, *otherwise)?;
                 }
-                Ok(Made::Service(Box::new(route)))
+                Ok(Route::Service(Box::new(route)))
             }
         }
     }
@@ -165,7 +165,7 @@ impl Scout {
     /// opens its source for them.
     pub(super) fn keeps_last(&self, spec: &PatternSpec, candidate: &Candidate) -> bool {
         let Candidate { from, to, .. } = candidate;
-        let side = self.sides.get(&from.middleware);
+        let side = self.graph.get(&from.middleware);
         let Some(middleware) = side.and_then(|side| side.middleware.as_ref()) else {
             return false;
         };
@@ -190,7 +190,7 @@ impl Scout {
         let sources: Vec<Discovered> =
             self.sources(spec.role(), from, &to.middleware).cloned().collect();
         let between_ros = self.are_both_ros(from, to);
-        let middleware = self.sides.get(&from.middleware)?.middleware.clone()?;
+        let middleware = self.graph.get(&from.middleware)?.middleware.clone()?;
         let mut told = sources.iter().filter_map(|one| {
             let learned = middleware.learn_topic(one, &mut self.types).ok()?;
             Some(learned.message_type(between_ros).label())
@@ -207,8 +207,8 @@ impl Scout {
             return misfits;
         };
         let between_ros = self.are_both_ros(from, to);
-        let untyped = self.sides.get(&from.middleware).is_some_and(|side| side.traits().untyped);
-        let Some(target) = self.sides.get(&to.middleware) else { return misfits };
+        let untyped = self.graph.get(&from.middleware).is_some_and(|side| side.traits().untyped);
+        let Some(target) = self.graph.get(&to.middleware) else { return misfits };
         let Some(middleware) = target.middleware.clone() else { return misfits };
         let mut served = false;
         for listener in target.endpoints(Role::Listener, &to.name) {
@@ -233,25 +233,25 @@ impl Scout {
 
     fn are_both_ros(&self, from: &EndpointAddress, to: &EndpointAddress) -> bool {
         [from, to].into_iter().all(|end| {
-            self.sides.get(&end.middleware).is_some_and(|side| side.traits().any_ros_type)
+            self.graph.get(&end.middleware).is_some_and(|side| side.traits().any_ros_type)
         })
     }
 
     /// Whether both ends have publishers of other programs, where a middleware shows no marks.
     fn is_on_both_sides(&self, role: Role, from: &EndpointAddress, to: &EndpointAddress) -> bool {
         let tells = |address: &EndpointAddress| {
-            self.sides.get(&address.middleware).is_some_and(|side| side.traits().shows_marks)
+            self.graph.get(&address.middleware).is_some_and(|side| side.traits().shows_marks)
         };
         if role != Role::Publisher || (tells(from) && tells(to)) {
             return false;
         }
-        let Some(side) = self.sides.get(&to.middleware) else { return false };
-        let is_ours = !side.traits().tells_own && self.ours.contains(&(role, to.clone()));
+        let Some(side) = self.graph.get(&to.middleware) else { return false };
+        let is_ours = !side.traits().tells_own && self.ours.contains_key(&(role, to.clone()));
         !is_ours && !side.endpoints(role, &to.name).is_empty()
     }
 
     fn without_marks<'a>(&self, from: &'a EndpointAddress, to: &'a EndpointAddress) -> &'a str {
-        let tells = self.sides.get(&from.middleware).is_some_and(|side| side.traits().shows_marks);
+        let tells = self.graph.get(&from.middleware).is_some_and(|side| side.traits().shows_marks);
         if tells { &to.middleware } else { &from.middleware }
     }
 
@@ -264,7 +264,7 @@ impl Scout {
     ) -> Result<MessageType, Refusal> {
         let between_ros = self.are_both_ros(from, to);
         let (Some(source), Some(target)) =
-            (self.sides.get(&from.middleware), self.sides.get(&to.middleware))
+            (self.graph.get(&from.middleware), self.graph.get(&to.middleware))
         else {
             return Err(waiting("its middlewares".to_owned()));
         };
@@ -306,7 +306,7 @@ impl Scout {
         from: &EndpointAddress,
         otherwise: Option<ServiceKind>,
     ) -> Result<ServiceKind, Refusal> {
-        let side = self.sides.get(&from.middleware);
+        let side = self.graph.get(&from.middleware);
         let (Some(middleware), Some(server)) =
             (side.and_then(|side| side.middleware.as_ref()), sources.first())
         else {

@@ -1,29 +1,34 @@
-//! Makes routes by pattern as what they take comes, and ends them when it is gone.
+//! Compares the routes that are wanted with those that run, and says what starts and what stops.
 //!
 //! ```text
-//!   sides ─ names, roles ─▶ note: what patterns mean ─▶ candidates
-//!                                                          │ settle, each once a round
-//!            nobody tells the type, another bridge has it ◀┼▶ Change::Make ─▶ engine: a Relay
-//!            (status: waiting, with the reason)            └▶ Change::End     when its source is gone
+//!   plan ─ written routes ────────────────────────────────▶ wanted as they stand
+//!        └ patterns ─┐
+//!   discovered graph ┴─▶ note: what patterns mean ─▶ candidates
+//!                                                        │ settle, each once a round
+//!          nobody tells the type, another bridge has it ◀┼▶ Change::Start ─▶ driver
+//!          (status: waiting, with the reason)            └▶ Change::Stop     when its source is gone
 //! ```
 //!
-//! No threads and no clock of its own, as [`super::Relay`].
+//! A plan may be replaced: what is the same in both goes on untouched, whether it is written or a pattern made
+//! it. No threads and no clock of its own, as [`super::Relay`].
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use wrapyfi_interfaces::store::TypeStore;
 
 use super::candidate::{Candidate, State};
+use super::discovered_graph::{Away, DiscoveredGraph, DiscoveredMiddleware};
+use super::member::Ending;
 use super::news::{self, News};
 use super::pattern::Inverse;
-use super::plan::{Plan, RouteSpec};
-use super::plan_pattern::{Carried, PatternSpec, Source};
-use super::plan_service::ServiceRouteSpec;
-use super::route::{PatternCounts, RouteState, RouteStatus};
-use super::sides::{Away, Side, Sides};
-use crate::endpoint::{BridgeMark, Counters, CountersSnapshot, EndpointAddress, Registry, Role};
+use super::plan_pattern::{PatternSpec, Source};
+use super::route::{Route, RouteKey, RouteState};
+use super::work::contained;
+use crate::Throttle;
+use crate::backoff::Backoff;
+use crate::endpoint::{BridgeMark, Counters, EndpointAddress, Registry, Role};
 
 /// How often it looks.
 pub(crate) const LOOK_EVERY: Duration = Duration::from_millis(500);
@@ -39,111 +44,150 @@ pub(crate) const GONE_AFTER: Duration = Duration::from_secs(5);
 const CALM_AFTER: Duration = Duration::from_secs(10);
 /// How often they are looked at then: what comes and goes is seen as soon as ever.
 const CALM_SCAN_EVERY: Duration = Duration::from_secs(4);
+/// Time after the end of a route in which its destination may still show where others' endpoints are not told
+/// from ours: a topic of ZeroMQ shows for a minute after its last message.
+const OURS_FOR: Duration = Duration::from_secs(90);
 /// Routes that ended whose counters are kept for when they come back.
 const MAX_KEPT: usize = 10_000;
 
-/// A route as it is to be run.
-#[derive(Debug)]
-pub(super) enum Made {
-    Topic(Box<RouteSpec>),
-    Service(Box<ServiceRouteSpec>),
-}
-
-/// What the engine has to do.
+/// What the driver has to do.
 #[derive(Debug)]
 pub(super) enum Change {
     /// Run a route; it counts where it counted before.
-    Make { id: u64, made: Made, counters: Arc<Counters> },
+    Start { id: u64, route: Route, counters: Arc<Counters> },
     /// Open its source, and keep it open whether somebody listens or not.
     KeepOpen { id: u64 },
     /// Name listeners that it cannot serve in its reason; none any more.
     Misfits { id: u64, named: Option<String> },
-    /// End it, and say why; in a low voice where many end at once.
-    End { id: u64, why: String, is_one_of_many: bool },
+    /// End it.
+    Stop { id: u64, ending: Ending },
+}
+
+pub(super) fn stop(id: u64, why: impl Into<String>) -> Change {
+    Change::Stop { id, ending: Ending { why: why.into(), is_one_of_many: false } }
 }
 
 /// Pattern by its place in the plan, and the name of the source.
 pub(super) type Key = (usize, String);
 
-pub(super) struct Scout {
+pub(super) struct Reconciler {
+    pub(super) registry: Registry,
+    /// Routes that the configuration names, each with its number.
+    pub(super) written: BTreeMap<RouteKey, (u64, Route)>,
     pub(super) patterns: Vec<Pattern>,
-    /// Routes that the configuration names.
-    pub(super) explicit: Vec<(Role, EndpointAddress, EndpointAddress)>,
-    pub(super) sides: Sides,
+    /// Ends that the configuration names, which patterns leave alone.
+    pub(super) explicit: Vec<RouteKey>,
+    pub(super) graph: DiscoveredGraph,
     pub(super) types: TypeStore,
     /// The mark's.
     pub(super) number: u64,
-    candidates: BTreeMap<Key, Candidate>,
-    /// Destinations that are or were ours, for middlewares that do not tell.
-    pub(super) ours: BTreeSet<(Role, EndpointAddress)>,
-    /// Of routes by pattern, by name.
-    counters: BTreeMap<String, Arc<Counters>>,
-    next_id: u64,
+    pub(super) candidates: BTreeMap<Key, Candidate>,
+    /// Destinations that are or were ours, for middlewares that do not tell; until when, once their route has
+    /// ended.
+    pub(super) ours: BTreeMap<(Role, EndpointAddress), Option<Instant>>,
+    /// Of all routes that run or ran.
+    pub(super) counters: BTreeMap<RouteKey, Arc<Counters>>,
+    pub(super) next_id: u64,
+    /// What a look panicked with, until one does not; panics until now.
+    pub(super) fault: Option<String>,
+    pub(super) panics: u64,
+    pub(super) backoff: Backoff,
+    pub(super) complaints: Throttle,
     /// When something was other than before.
-    stirred_at: Option<Instant>,
+    pub(super) stirred_at: Option<Instant>,
     /// When all candidates were looked at.
-    scanned_at: Option<Instant>,
+    pub(super) scanned_at: Option<Instant>,
     /// When nothing had changed since.
-    unchanged_at: Option<Instant>,
+    pub(super) unchanged_at: Option<Instant>,
     /// When a source came that was not there before, or the first look was.
-    came_at: Option<Instant>,
+    pub(super) came_at: Option<Instant>,
 }
 
 pub(super) struct Pattern {
     pub(super) spec: Arc<PatternSpec>,
     /// Tells the source that a listener at the destination waits for.
-    inverse: Option<Inverse>,
+    pub(super) inverse: Option<Inverse>,
     /// Names beyond the limit, at the last look.
-    over: usize,
-    told_over: bool,
-    made: u64,
-    ended: u64,
+    pub(super) over: usize,
+    pub(super) told_over: bool,
+    pub(super) made: u64,
+    pub(super) ended: u64,
+    pub(super) panics: u64,
     /// What its names become.
-    targets: BTreeMap<String, Option<EndpointAddress>>,
-    news: News,
+    pub(super) targets: BTreeMap<String, Option<EndpointAddress>>,
+    pub(super) news: News,
 }
 
-impl Scout {
-    /// Nothing is looked at yet. `first_id` is beyond the routes that the plan names.
-    pub(super) fn new(plan: &Plan, registry: &Registry, first_id: u64) -> Self {
-        let topics = plan.routes.iter().map(|it| (Role::Publisher, it.from.clone(), it.to.clone()));
-        let services =
-            plan.services.iter().map(|it| (Role::Server, it.service.clone(), it.offered.clone()));
-        let mut explicit: Vec<_> = topics.chain(services).collect();
-        let mut candidates = BTreeMap::new();
-        for (index, spec) in plan.patterns.iter().enumerate() {
-            if let Source::One(from) = &spec.from {
-                explicit.push((spec.role(), from.clone(), spec.to.clone()));
-                let candidate = Candidate::new(from.clone(), spec.to.clone(), None);
-                candidates.insert((index, from.name.clone()), candidate);
-            }
-        }
-        let specs: Vec<_> = plan.patterns.iter().map(|spec| Arc::new(spec.clone())).collect();
-        let patterns = specs.iter().map(|spec| Pattern {
-            spec: Arc::clone(spec),
+impl Pattern {
+    pub(super) fn new(spec: PatternSpec) -> Self {
+        Self {
             inverse: spec.inverse(),
+            spec: Arc::new(spec),
             over: 0,
             told_over: false,
             made: 0,
             ended: 0,
+            panics: 0,
             targets: BTreeMap::new(),
             news: News::default(),
-        });
+        }
+    }
+}
+
+impl Reconciler {
+    /// Wants nothing yet.
+    pub(super) fn new(registry: &Registry) -> Self {
         Self {
-            patterns: patterns.collect(),
-            sides: Sides::new(registry, &specs),
-            explicit,
+            registry: registry.clone(),
+            written: BTreeMap::new(),
+            patterns: Vec::new(),
+            explicit: Vec::new(),
+            graph: DiscoveredGraph::default(),
             types: TypeStore::from_environment().or_generated(),
             number: BridgeMark::number(),
-            candidates,
-            ours: BTreeSet::new(),
+            candidates: BTreeMap::new(),
+            ours: BTreeMap::new(),
             counters: BTreeMap::new(),
-            next_id: first_id,
+            next_id: 1,
+            fault: None,
+            panics: 0,
+            backoff: Backoff::new(BridgeMark::number()),
+            complaints: Throttle::default(),
             stirred_at: None,
             scanned_at: None,
             unchanged_at: None,
             came_at: None,
         }
+    }
+
+    /// Number and counters of a route that starts.
+    pub(super) fn begins(&mut self, key: &RouteKey) -> (u64, Arc<Counters>) {
+        let id = self.next_id;
+        self.next_id += 1;
+        if self.counters.len() >= MAX_KEPT {
+            self.counters.retain(|_, counters| Arc::strong_count(counters) > 1);
+        }
+        (id, Arc::clone(self.counters.entry(key.clone()).or_default()))
+    }
+
+    /// A route has ended: its destination may show for a while.
+    pub(super) fn was_ours(&mut self, key: &RouteKey, now: Instant) {
+        self.ours.insert((key.role, key.to.clone()), Some(now + OURS_FOR));
+    }
+
+    /// True where patterns have to be looked after.
+    pub(super) fn has_patterns(&self) -> bool {
+        !self.patterns.is_empty()
+    }
+
+    /// A look panicked; how long to wait before the next one.
+    pub(super) fn panicked(&mut self, panic: String, now: Instant) -> Duration {
+        self.panics += 1;
+        if let Some(unlogged_before) = self.complaints.pass(now) {
+            tracing::error!(unlogged_before, "a look at what exists panicked: {panic}");
+        }
+        self.fault = Some(panic);
+        self.backoff.wait()
     }
 
     /// How long after a look at `now` the next one is due.
@@ -155,7 +199,8 @@ impl Scout {
     /// Looks at what exists; what is to be done about it.
     pub(super) fn scan(&mut self, now: Instant) -> Vec<Change> {
         self.came_at.get_or_insert(now);
-        if self.sides.look(now) {
+        self.ours.retain(|_, until| until.is_none_or(|until| now < until));
+        if self.graph.look(now) {
             self.stirred_at = Some(now);
         }
         let since = |at: Option<Instant>| at.map(|at| now.saturating_duration_since(at));
@@ -179,12 +224,19 @@ impl Scout {
         let keys: Vec<Key> = self.candidates.keys().cloned().collect();
         for key in keys {
             // The others stay where they are: they may be in its way.
-            let Some(candidate) = self.candidates.remove(&key) else { continue };
-            let (kept, change) = self.settle(&key, candidate, now);
+            let Some(mut candidate) = self.candidates.remove(&key) else { continue };
+            let settled = contained(|| self.settle(&key, &mut candidate, now));
+            let (is_kept, change) = settled.unwrap_or_else(|panic| {
+                self.settling_panicked(&key, &mut candidate, &panic, now);
+                (true, None)
+            });
             changes.extend(change);
-            if let Some(kept) = kept {
-                self.candidates.insert(key, kept);
+            if is_kept {
+                self.candidates.insert(key, candidate);
             }
+        }
+        if self.fault.take().is_some() {
+            self.backoff.reset();
         }
         for pattern in &mut self.patterns {
             pattern.news.tell(&pattern.spec, now);
@@ -215,7 +267,7 @@ impl Scout {
         let Some(pattern) = self.patterns.get(index) else { return };
         let spec = &pattern.spec;
         let Source::Names { middleware, .. } = &spec.from else { return };
-        let Some(side) = self.sides.get(middleware).filter(|side| side.away().is_none()) else {
+        let Some(side) = self.graph.get(middleware).filter(|side| side.away().is_none()) else {
             return;
         };
         if targets.len() > MAX_KEPT {
@@ -291,7 +343,7 @@ impl Scout {
     fn apart(
         &self,
         index: usize,
-        side: &Side,
+        side: &DiscoveredMiddleware,
         name: &str,
         mut to: EndpointAddress,
     ) -> EndpointAddress {
@@ -318,8 +370,8 @@ impl Scout {
     fn awaited(&self, pattern: &Pattern) -> Vec<String> {
         let spec = &pattern.spec;
         let (Some(source), Some(target), Some(inverse)) = (
-            self.sides.get(spec.source_middleware()),
-            self.sides.get(&spec.to.middleware).filter(|side| side.away().is_none()),
+            self.graph.get(spec.source_middleware()),
+            self.graph.get(&spec.to.middleware).filter(|side| side.away().is_none()),
             &pattern.inverse,
         ) else {
             return Vec::new();
@@ -338,128 +390,158 @@ impl Scout {
         sources.filter(|name| source.endpoints(Role::Publisher, name).is_empty()).collect()
     }
 
-    fn of_pattern(&self, index: usize) -> impl Iterator<Item = &Candidate> {
+    pub(super) fn of_pattern(&self, index: usize) -> impl Iterator<Item = &Candidate> {
         self.candidates.range((index, String::new())..(index + 1, String::new())).map(|(_, c)| c)
     }
 
-    /// Brings one candidate on; what stays of it, and what is to be done.
+    /// A decision panicked: what runs goes on, what does not is tried again later.
+    fn settling_panicked(
+        &mut self,
+        key: &Key,
+        candidate: &mut Candidate,
+        panic: &str,
+        now: Instant,
+    ) {
+        let Some(pattern) = self.patterns.get_mut(key.0) else { return };
+        pattern.panics += 1;
+        let name = candidate.name(pattern.spec.role());
+        candidate.retry_at(now + self.backoff.wait());
+        if let Some(unlogged_before) = self.complaints.pass(now) {
+            tracing::error!(route = name, unlogged_before, "a decision on it panicked: {panic}");
+        }
+        candidate.waits(
+            &name,
+            RouteState::Error(format!("a decision on it panicked: {panic}")),
+            true,
+        );
+    }
+
+    /// Brings one candidate on; whether it stays, and what is to be done.
     fn settle(
         &mut self,
         key: &Key,
-        mut candidate: Candidate,
+        candidate: &mut Candidate,
         now: Instant,
-    ) -> (Option<Candidate>, Option<Change>) {
+    ) -> (bool, Option<Change>) {
         let Some(spec) = self.patterns.get(key.0).map(|pattern| Arc::clone(&pattern.spec)) else {
-            return (None, None);
+            return (false, None);
         };
         let name = candidate.name(spec.role());
         if let Some(to) = candidate.moves_to.take() {
             let state = std::mem::replace(&mut candidate.state, State::New);
+            let left = candidate.key(spec.role());
             candidate.to = to;
             if let State::Runs(id) = state {
-                if let Some(pattern) = self.patterns.get_mut(key.0) {
-                    pattern.ended += 1;
-                }
+                self.ended(key.0, &left, now);
                 let why = format!("it goes to {} now: another source has its name", candidate.to);
-                let end = Change::End { id, why, is_one_of_many: false };
-                return (Some(candidate), Some(end));
+                return (true, Some(stop(id, why)));
             }
         }
         if let Some(away) = self.away(&spec) {
             // Nothing is gone because it cannot be seen.
             candidate.seen(now);
             candidate.waits(&name, away, spec.is_many());
-            return (Some(candidate), None);
+            return (true, None);
         }
         if let State::Runs(id) = candidate.state {
-            let why = match self.rival(&spec, &candidate) {
-                _ if !spec.is_many() => return self.goes_on(&spec, candidate, id, None),
-                _ if candidate.is_gone(now, GONE_AFTER) => match candidate.is_ahead {
-                    true => "nobody waits for it any more".to_owned(),
-                    false => "its source is gone".to_owned(),
-                },
-                Some(rival) if candidate.yields(now, self.number) => {
-                    candidate.state = State::New;
-                    candidate.waits(&name, RouteState::Waiting(rival.clone()), true);
-                    rival
-                }
-                Some(_) => return (Some(candidate), None),
-                None => {
-                    candidate.has_no_rival();
-                    let guessed = candidate.guessed_type;
-                    let told = guessed.and_then(|_| self.told_by_sources(&spec, &candidate));
-                    match (guessed, told) {
-                        (Some(guessed), Some(told)) if guessed != told => {
-                            (candidate.state, candidate.guessed_type) = (State::New, None);
-                            format!("its publishers have the type {told}, not {guessed}")
-                        }
-                        (_, told) => {
-                            if told.is_some() {
-                                candidate.guessed_type = None;
-                            }
-                            let misfits = self.misfits(&spec, &candidate);
-                            let Some(instead) = misfits.instead else {
-                                return self.goes_on(&spec, candidate, id, misfits.named);
-                            };
-                            candidate.state = State::New;
-                            candidate.wished = Some(instead);
-                            misfits.named.unwrap_or_default()
-                        }
-                    }
-                }
+            let why = match self.goes_on_with(&spec, candidate, now) {
+                Ok(misfits) => return (true, self.goes_on(&spec, candidate, id, misfits)),
+                Err(why) => why,
             };
-            if let Some(pattern) = self.patterns.get_mut(key.0) {
-                pattern.ended += 1;
-            }
+            self.ended(key.0, &candidate.key(spec.role()), now);
             let stays = !matches!(candidate.state, State::Runs(_));
-            return (
-                stays.then_some(candidate),
-                Some(Change::End { id, why, is_one_of_many: false }),
-            );
+            return (stays, Some(stop(id, why)));
         }
         if spec.is_many() && candidate.is_gone(now, GONE_AFTER) {
-            return (None, None);
+            return (false, None);
         }
         if !candidate.is_due(now, SETTLE) || !self.are_settled(&spec, now) {
             if candidate.state == State::New {
                 // What takes time to learn is begun now, and known when it is due.
-                _ = self.told_by_sources(&spec, &candidate);
+                _ = self.told_by_sources(&spec, candidate);
             }
-            return (Some(candidate), None);
+            return (true, None);
         }
-        let made = match self.make(&spec, &candidate) {
-            Ok(made) => made,
+        let route = match self.make(&spec, candidate) {
+            Ok(route) => route,
             // Nobody has missed it yet.
-            Err(_) if candidate.is_ahead => return (None, None),
+            Err(_) if candidate.is_ahead => return (false, None),
             Err((state, retry)) => {
                 candidate.retry_at(now + retry);
                 candidate.waits(&name, state, spec.is_many());
-                return (Some(candidate), None);
+                return (true, None);
             }
         };
-        let id = self.next_id;
-        self.next_id += 1;
+        let key_of_route = route.key();
+        self.ours.insert((key_of_route.role, key_of_route.to.clone()), None);
+        let (id, counters) = self.begins(&key_of_route);
         candidate.state = State::Runs(id);
-        self.ours.insert((spec.role(), candidate.to.clone()));
         (candidate.misfits, candidate.carried) = (None, None);
-        let label = match &made {
-            Made::Topic(route) => {
-                candidate.rests = route.lazy;
-                candidate.carried = Some(route.message_type);
-                route.message_type.label()
-            }
-            Made::Service(route) => route.kind.ros_type(),
-        };
+        let label = route.label();
+        if let Route::Topic(route) = &route {
+            candidate.rests = route.lazy;
+            candidate.carried = Some(route.message_type);
+        }
         candidate.guessed_type = candidate.is_ahead.then_some(label);
         if let Some(pattern) = self.patterns.get_mut(key.0) {
             pattern.made += 1;
-            pattern.news.add(name.clone(), &candidate.from, label, now);
+            pattern.news.add(name, &candidate.from, label, now);
         }
-        if self.counters.len() >= MAX_KEPT {
-            self.counters.retain(|_, counters| Arc::strong_count(counters) > 1);
+        (true, Some(Change::Start { id, route, counters }))
+    }
+
+    fn ended(&mut self, index: usize, key: &RouteKey, now: Instant) {
+        if let Some(pattern) = self.patterns.get_mut(index) {
+            pattern.ended += 1;
         }
-        let counters = Arc::clone(self.counters.entry(name).or_default());
-        (Some(candidate), Some(Change::Make { id, made, counters }))
+        self.was_ours(key, now);
+    }
+
+    /// Listeners that the route of a candidate cannot serve, where it goes on.
+    ///
+    /// # Errors
+    /// Why it cannot go on as it is; the candidate's state says then whether there may be another.
+    fn goes_on_with(
+        &mut self,
+        spec: &PatternSpec,
+        candidate: &mut Candidate,
+        now: Instant,
+    ) -> Result<Option<String>, String> {
+        if !spec.is_many() {
+            return Ok(None);
+        }
+        if candidate.is_gone(now, GONE_AFTER) {
+            return Err(match candidate.is_ahead {
+                true => "nobody waits for it any more".to_owned(),
+                false => "its source is gone".to_owned(),
+            });
+        }
+        if let Some(rival) = self.rival(spec, candidate) {
+            if !candidate.yields(now, self.number) {
+                return Ok(candidate.misfits.clone());
+            }
+            candidate.state = State::New;
+            let name = candidate.name(spec.role());
+            candidate.waits(&name, RouteState::Waiting(rival.clone()), true);
+            return Err(rival);
+        }
+        candidate.has_no_rival();
+        if let Some(guessed) = candidate.guessed_type
+            && let Some(told) = self.told_by_sources(spec, candidate)
+        {
+            candidate.guessed_type = None;
+            if guessed != told {
+                candidate.state = State::New;
+                return Err(format!("its publishers have the type {told}, not {guessed}"));
+            }
+        }
+        let misfits = self.misfits(spec, candidate);
+        if let Some(instead) = misfits.instead {
+            candidate.state = State::New;
+            candidate.wished = Some(instead);
+            return Err(misfits.named.unwrap_or_default());
+        }
+        Ok(misfits.named)
     }
 
     /// A route stays; its source is opened once a publisher has come that keeps messages, and listeners
@@ -467,34 +549,34 @@ impl Scout {
     fn goes_on(
         &self,
         spec: &PatternSpec,
-        mut candidate: Candidate,
+        candidate: &mut Candidate,
         id: u64,
-        misfits: Option<String>,
-    ) -> (Option<Candidate>, Option<Change>) {
-        if candidate.misfits != misfits {
-            candidate.misfits.clone_from(&misfits);
-            return (Some(candidate), Some(Change::Misfits { id, named: misfits }));
+        named: Option<String>,
+    ) -> Option<Change> {
+        if candidate.misfits != named {
+            candidate.misfits.clone_from(&named);
+            return Some(Change::Misfits { id, named });
         }
-        let opens = candidate.rests && self.keeps_last(spec, &candidate);
+        let opens = candidate.rests && self.keeps_last(spec, candidate);
         if opens {
             candidate.rests = false;
         }
-        (Some(candidate), opens.then_some(Change::KeepOpen { id }))
+        opens.then_some(Change::KeepOpen { id })
     }
 
     /// Why nothing can be seen on one of the two sides.
-    fn away(&self, spec: &PatternSpec) -> Option<RouteState> {
+    pub(super) fn away(&self, spec: &PatternSpec) -> Option<RouteState> {
         let sides =
-            [spec.source_middleware(), &spec.to.middleware].map(|name| self.sides.get(name));
+            [spec.source_middleware(), &spec.to.middleware].map(|name| self.graph.get(name));
         sides.into_iter().flatten().find_map(|side| side.away()).map(|away| match away {
             Away::Waiting(what) => RouteState::Waiting(what.clone()),
-            Away::Unable(why) => RouteState::Error(why.clone()),
+            Away::Failed(why) | Away::Unable(why) => RouteState::Error(why.clone()),
         })
     }
 
     fn are_settled(&self, spec: &PatternSpec, now: Instant) -> bool {
         let sides =
-            [spec.source_middleware(), &spec.to.middleware].map(|name| self.sides.get(name));
+            [spec.source_middleware(), &spec.to.middleware].map(|name| self.graph.get(name));
         sides.into_iter().flatten().all(|side| side.is_settled(now))
     }
 
@@ -508,102 +590,8 @@ impl Scout {
         });
         runs.map(|(_, other)| other.from.clone())
     }
-
-    /// A route could not be started.
-    pub(super) fn failed(&mut self, id: u64, why: &str) {
-        let runs = |it: &Candidate| it.state == State::Runs(id);
-        let found = self.candidates.iter_mut().find(|(_, candidate)| runs(candidate));
-        if let Some(((index, _), candidate)) = found
-            && let Some(pattern) = self.patterns.get(*index)
-        {
-            candidate.state = State::New;
-            let name = candidate.name(pattern.spec.role());
-            candidate.waits(&name, RouteState::Error(why.to_owned()), true);
-        }
-    }
-
-    /// The patterns, and what waits.
-    pub(super) fn status(&self) -> Vec<RouteStatus> {
-        let mut all = Vec::new();
-        for (index, pattern) in self.patterns.iter().enumerate() {
-            let spec = &pattern.spec;
-            if spec.is_many() {
-                all.push(self.pattern_status(index, pattern));
-            }
-            for candidate in self.of_pattern(index) {
-                let State::Waits(state) = &candidate.state else { continue };
-                all.push(RouteStatus {
-                    name: candidate.name(spec.role()),
-                    message_type: "unknown",
-                    ..idle(&spec.carried, &candidate.from, &candidate.to, state.clone())
-                });
-            }
-        }
-        all
-    }
-
-    fn pattern_status(&self, index: usize, pattern: &Pattern) -> RouteStatus {
-        let spec = &pattern.spec;
-        let (mut routes, mut waiting) = (0, 0);
-        for candidate in self.of_pattern(index) {
-            match candidate.state {
-                State::Runs(_) => routes += 1,
-                State::New | State::Waits(_) => waiting += 1,
-            }
-        }
-        let state = self.away(spec).unwrap_or_else(|| match (pattern.over, routes + waiting) {
-            (0, 0) => RouteState::Waiting("a name that matches".to_owned()),
-            (0, _) => RouteState::Active,
-            (over, _) => RouteState::Degraded(format!(
-                "{} routes are the limit (max_routes), {over} more names match",
-                spec.max_routes
-            )),
-        });
-        let from = match &spec.from {
-            Source::One(address) => address.clone(),
-            Source::Names { middleware, pattern, .. } => {
-                EndpointAddress { middleware: middleware.clone(), name: pattern.to_string() }
-            }
-        };
-        RouteStatus {
-            name: spec.name.clone(),
-            pattern: Some(PatternCounts {
-                routes,
-                waiting,
-                over_limit: pattern.over,
-                made: pattern.made,
-                ended: pattern.ended,
-            }),
-            ..idle(&spec.carried, &from, &spec.to, state)
-        }
-    }
-}
-
-/// The status of something that carries nothing itself.
-fn idle(
-    carried: &Carried,
-    from: &EndpointAddress,
-    to: &EndpointAddress,
-    state: RouteState,
-) -> RouteStatus {
-    // Services show who is offered first, as their routes do.
-    let (from, to) = match carried {
-        Carried::Topics { .. } => (from, to),
-        Carried::Services { .. } => (to, from),
-    };
-    RouteStatus {
-        name: String::new(),
-        from: from.to_string(),
-        to: to.to_string(),
-        message_type: "by pattern",
-        state,
-        from_qos: None,
-        to_qos: None,
-        counters: CountersSnapshot::default(),
-        pattern: None,
-    }
 }
 
 #[cfg(test)]
-#[path = "scout_tests.rs"]
+#[path = "reconciler_tests.rs"]
 mod tests;

@@ -1,0 +1,95 @@
+//! One end of a route: what opens it, what is open, and why it is not.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::plan::RouteSpec;
+use super::route::RouteState;
+use super::work::contained;
+use crate::backoff::Backoff;
+use crate::endpoint::{Middleware, OpenError, Qos, QosChange, Registry, Review, Traits};
+
+/// One end of a route: what opens it, and what is open.
+pub(super) struct End<T: ?Sized> {
+    pub(super) middleware: Option<Arc<dyn Middleware>>,
+    pub(super) traits: Traits,
+    pub(super) open: Option<Box<T>>,
+    pub(super) retry_at: Option<Instant>,
+    /// Why it is not open.
+    pub(super) trouble: Option<RouteState>,
+    /// Quality of service in use.
+    pub(super) qos: Option<Qos>,
+}
+
+impl<T: ?Sized> End<T> {
+    pub(super) fn new(registry: &Registry, name: &str) -> Self {
+        let (middleware, trouble) = match registry.get(name) {
+            Ok(middleware) => (Some(Arc::clone(middleware)), None),
+            Err(unknown) => (None, Some(RouteState::Error(unknown.to_string()))),
+        };
+        let traits = middleware.as_ref().map(|it| it.traits()).unwrap_or_default();
+        Self { middleware, traits, open: None, retry_at: None, trouble, qos: None }
+    }
+
+    /// Closes what is open; a panic of it ends there.
+    pub(super) fn close(&mut self) {
+        let open = self.open.take();
+        (self.qos, self.retry_at) = (None, None);
+        if let Err(panic) = contained(|| drop(open)) {
+            tracing::error!("an end of a route panicked while it was closed: {panic}");
+        }
+    }
+
+    /// Forgets what went wrong while it was tried, except what will never work.
+    pub(super) fn at_rest(&mut self) {
+        if matches!(self.trouble, Some(RouteState::Waiting(_))) {
+            (self.trouble, self.retry_at) = (None, None);
+        }
+    }
+
+    /// Keeps what a review found, and logs it.
+    pub(super) fn note(&mut self, review: Review, spec: &RouteSpec) -> Option<Instant> {
+        let Review { qos, changed, warnings, next } = review;
+        let route = &spec.name;
+        match changed {
+            // One of many.
+            Some(QosChange { from, to, why }) if spec.mark.is_some() => {
+                tracing::debug!(route, %from, %to, "quality of service changed: {why}");
+            }
+            Some(QosChange { from, to, why }) => {
+                tracing::info!(route, %from, %to, "quality of service changed: {why}");
+            }
+            None => {}
+        }
+        for warning in warnings {
+            tracing::warn!(route, "{warning}");
+        }
+        self.qos = qos;
+        next
+    }
+
+    pub(super) fn open_with(
+        &mut self,
+        now: Instant,
+        backoff: &mut Backoff,
+        open: impl FnOnce(&dyn Middleware) -> Result<Box<T>, OpenError>,
+    ) {
+        let Some(middleware) = &self.middleware else { return };
+        let given_up = matches!(self.trouble, Some(RouteState::Error(_)));
+        if self.open.is_some() || given_up || self.retry_at.is_some_and(|at| now < at) {
+            return;
+        }
+        self.retry_at = None;
+        match open(middleware.as_ref()) {
+            Ok(opened) => {
+                self.open = Some(opened);
+                self.trouble = None;
+            }
+            Err(error) if error.is_transient() => {
+                self.retry_at = Some(now + backoff.wait());
+                self.trouble = Some(RouteState::Waiting(error.to_string()));
+            }
+            Err(error) => self.trouble = Some(RouteState::Error(error.to_string())),
+        }
+    }
+}
