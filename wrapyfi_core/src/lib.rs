@@ -32,11 +32,11 @@
 //! ```text
 //!   middleware::zeromq   I/O thread   SUB socket -> frames, shared as Bytes; topic and size checked
 //!   endpoint::inbox                   bounded queue; full: drop oldest, drop newest or block
-//!   engine::Relay        route thread take(): rate limit; nobody listens: not even decoded
+//!   engine::Relay        a worker     take(): rate limit; nobody listens: not even decoded
 //!   codec::frames, json, npy          base64 decoded once, straight into the pixels   (copy 1)
 //!   types::Image                      stamp, encoding, Bytes
 //!   codec::ros                        CDR in two pieces: fields, and the pixels as they are
-//!   middleware::ros2     route thread pieces -> serdata -> DDS writer                  (copy 2)
+//!   middleware::ros2     a worker     pieces -> serdata -> DDS writer                  (copy 2)
 //! ```
 //!
 //! The way back is the same upside down: the DDS buffer is lent, not copied, until base64 writes the

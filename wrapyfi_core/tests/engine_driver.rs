@@ -1,5 +1,7 @@
 //! Routes on the threads of the engine: blocked ones, panics, plans that change.
 
+#![allow(clippy::unwrap_used, clippy::indexing_slicing)]
+
 mod engine_common;
 
 use std::sync::Arc;

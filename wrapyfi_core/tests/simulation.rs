@@ -12,6 +12,8 @@
 //!
 //! `WRAPYFI_SEEDS=10000` runs more of them, `WRAPYFI_SEED=7` one.
 
+#![allow(clippy::unwrap_used, clippy::indexing_slicing, clippy::panic)]
+
 mod engine_common;
 
 use std::collections::BTreeMap;
@@ -24,7 +26,7 @@ use wrapyfi_core::engine::{Engine, RouteState, RouteStatus};
 use wrapyfi_core::middleware::memory::Memory;
 use wrapyfi_interfaces::store::TypeStore;
 
-/// Seeds of a run: two cores are done with them within a quarter of a minute.
+/// Seeds of a run.
 const SEEDS: u64 = 1000;
 /// Turns in which things go wrong.
 const TURNS: usize = 120;
@@ -144,10 +146,9 @@ impl Bridge {
         all.filter(|it| it.pattern.is_none() && it.message_type != "unknown").collect()
     }
 
-    fn route(&self, topic: &str) -> Option<RouteStatus> {
+    fn name_of(&self, topic: &str) -> String {
         let [from, to] = self.names;
-        let name = format!("{from}:/{topic} -> {to}:/{topic}");
-        self.routes().into_iter().find(|route| route.name == name)
+        format!("{from}:/{topic} -> {to}:/{topic}")
     }
 }
 
@@ -224,15 +225,14 @@ impl World {
         }
         let pause = [20, 50, 100, 500, 1500][self.dice.below(5)];
         self.step(Duration::from_millis(pause));
-        self.check();
     }
 
     fn listen(&mut self, topic: &'static str) {
         self.sinks.insert(topic, listener(&self.buses[2], &format!("/{topic}"), 100_000));
     }
 
-    /// What holds at any time.
-    fn check(&mut self) {
+    /// What comes to c comes in order, and once.
+    fn listen_to_all(&mut self) {
         for (topic, sink) in &mut self.sinks {
             let last = self.heard.entry(topic).or_default();
             for n in drain(sink.as_mut()) {
@@ -240,6 +240,10 @@ impl World {
                 *last = n;
             }
         }
+    }
+
+    /// What holds at any time.
+    fn check(&self) {
         for bridge in &self.bridges {
             let [source, sink] = bridge.ends.each_ref().map(|end| end.histories());
             for (topic, History { published, .. }) in &sink {
@@ -282,6 +286,7 @@ impl World {
         }
         // What was under way has come through.
         (0..20).for_each(|_| self.step(Duration::from_millis(20)));
+        self.listen_to_all();
         self.check();
         for topic in TOPICS {
             self.publish(topic);
@@ -306,8 +311,10 @@ impl World {
     fn unhealed(&self) -> Vec<String> {
         let mut found = Vec::new();
         for (index, bridge) in self.bridges.iter().enumerate() {
+            let routes = bridge.routes();
             for topic in TOPICS {
-                let route = bridge.route(topic);
+                let name = bridge.name_of(topic);
+                let route = routes.iter().find(|route| route.name == name);
                 let wants = bridge.wishes.wants(topic);
                 let before = index == 0 || self.bridges[0].wishes.wants(topic);
                 let behind = index == 1 || self.bridges[1].wishes.wants(topic);
@@ -335,8 +342,12 @@ impl World {
 
 fn run(seed: u64) {
     let mut world = World::new(seed);
-    for _ in 0..TURNS {
+    for turn in 0..TURNS {
         world.turn();
+        world.listen_to_all();
+        if turn % 10 == 9 {
+            world.check();
+        }
     }
     world.heal();
 }

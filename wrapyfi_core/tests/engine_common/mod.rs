@@ -1,6 +1,7 @@
 //! A bus in memory whose ends fail as told, and plans for tests of the engine.
 
-#![allow(dead_code, reason = "each test program uses a part")]
+// Each test program uses a part.
+#![allow(dead_code, unreachable_pub, clippy::expect_used, clippy::panic)]
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
