@@ -50,6 +50,8 @@ pub struct Relay {
     /// Listeners of another type than the route's, in words.
     misfits: Option<String>,
     last_loss: Option<(Instant, String)>,
+    /// Why the destination takes less than it is given.
+    slowed: Option<String>,
     /// Losses, and objects passed on as they came: all are counted, few are logged.
     losses: Throttle,
     unread: Throttle,
@@ -91,6 +93,7 @@ impl Relay {
             unwanted_since: None,
             misfits: None,
             last_loss: None,
+            slowed: None,
             losses: Throttle::default(),
             unread: Throttle::default(),
             source,
@@ -219,7 +222,8 @@ impl Relay {
             publisher.follow_source(listener.keeping());
         }
         let source = self.source.open.as_mut().map(|listener| listener.review(now));
-        let sink = self.sink.open.as_mut().map(|publisher| publisher.review(now));
+        let mut sink = self.sink.open.as_mut().map(|publisher| publisher.review(now));
+        self.slowed = sink.as_mut().and_then(|found| found.slowed.take());
         let source = source.and_then(|found| self.source.note(found, &self.spec));
         let sink = sink.and_then(|found| self.sink.note(found, &self.spec));
         source.into_iter().chain(sink).min()
@@ -299,6 +303,9 @@ impl Relay {
         if let Some(what) = source.waiting_for.or(sink.waiting_for) {
             return RouteState::Waiting(what);
         }
+        if let Some(why) = &self.slowed {
+            return RouteState::Degraded(why.clone());
+        }
         if let Some((at, text)) = &self.last_loss
             && now.saturating_duration_since(*at) < DEGRADED_FOR
         {
@@ -333,7 +340,7 @@ impl<T: ?Sized> End<T> {
 
     /// Keeps what a review found, and logs it.
     fn note(&mut self, review: Review, spec: &RouteSpec) -> Option<Instant> {
-        let Review { qos, changed, warnings, next } = review;
+        let Review { qos, changed, warnings, next, slowed: _ } = review;
         let route = &spec.name;
         match changed {
             // One of many.
