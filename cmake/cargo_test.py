@@ -133,11 +133,13 @@ def main():
     parser.add_argument("--package", required=True)
     parser.add_argument("--target-dir", required=True, type=pathlib.Path)
     parser.add_argument("--result", required=True, type=pathlib.Path)
+    parser.add_argument("--rmw", default="", help="prefixes of the ROS 2 that it was built with, none for none")
     parser.add_argument("--doc-tests", action="store_true", help="also those of all crates")
     options = parser.parse_args()
     crate = options.package
 
-    env = dict(os.environ, CARGO_TARGET_DIR=str(options.target_dir), CARGO_TERM_COLOR="never")
+    env = dict(os.environ, CARGO_TARGET_DIR=str(options.target_dir), CARGO_TERM_COLOR="never",
+               WRAPYFI_RMW_PREFIX_PATH=options.rmw)
     metadata = json.loads(
         subprocess.check_output(
             [options.cargo, "metadata", "--no-deps", "--format-version", "1"], env=env
@@ -148,6 +150,8 @@ def main():
     # Of the whole workspace wherever one crate can be chosen from it: for a crate alone Cargo unites
     # other features, and compiles again what `colcon build` has compiled.
     built = ["--release", "--locked", "--workspace"]
+    if options.rmw:
+        built += ["--features", "wrapyfi_bridge/rmw"]
     nextest = subprocess.run(
         [options.cargo, "nextest", "--version"], env=env, capture_output=True
     ).returncode == 0
@@ -171,6 +175,8 @@ def main():
                 cases += from_nextest(junit)
     else:
         kinds = ["--lib"] if is_library else []
+        if options.rmw and crate in ("wrapyfi_core", "wrapyfi_bridge"):
+            kinds += ["--features", "rmw"]
         status, text = run(
             [options.cargo, "test", "--release", "--locked", "--package", crate, *kinds]
             + ["--bins", "--tests", "--no-fail-fast", "--", "--show-output"]

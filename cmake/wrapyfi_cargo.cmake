@@ -16,12 +16,7 @@ set(WRAPYFI_RUST_MINIMUM 1.89)
 set(WRAPYFI_LIBRARIES wrapyfi_interfaces wrapyfi_macros wrapyfi_yarp wrapyfi_rmw wrapyfi_core)
 set(WRAPYFI_INSTALLED_CRATES ${WRAPYFI_LIBRARIES} wrapyfi_bridge)
 
-# Speaks through the middleware of the ROS 2 that is sourced (docs/adr/003).
-option(WRAPYFI_RMW "ROS 2 through its own rmw instead of the CycloneDDS inside" OFF)
-set(WRAPYFI_FEATURES "")
-if(WRAPYFI_RMW)
-  set(WRAPYFI_FEATURES --features wrapyfi_bridge/rmw)
-endif()
+include("${CMAKE_CURRENT_LIST_DIR}/wrapyfi_rmw.cmake")
 
 # The environment is read once and kept: `colcon test` runs in another shell and must find the
 # same folder.
@@ -80,7 +75,8 @@ endforeach()
 
 # Only the target folder differs from what a developer types, so nothing is built twice for a flag.
 set(_wrapyfi_cargo
-  "${CMAKE_COMMAND}" -E env "CARGO_TARGET_DIR=${WRAPYFI_CARGO_TARGET_DIR}" "${CARGO_EXECUTABLE}")
+  "${CMAKE_COMMAND}" -E env "CARGO_TARGET_DIR=${WRAPYFI_CARGO_TARGET_DIR}"
+  "WRAPYFI_RMW_PREFIX_PATH=${WRAPYFI_RMW_PREFIX_PATH}" "${CARGO_EXECUTABLE}")
 
 function(wrapyfi_cargo_build)
   # Quiet: colcon reports whatever is on standard error, and Cargo tells its progress there. Warnings
@@ -94,6 +90,10 @@ function(wrapyfi_cargo_build)
       COMMAND ${_wrapyfi_cargo} test --quiet --release --locked --workspace ${WRAPYFI_FEATURES} --no-run)
   else()
     list(TRANSFORM WRAPYFI_INSTALLED_CRATES PREPEND "--package=" OUTPUT_VARIABLE _packages)
+    # Services of Fast DDS nodes go through rmw where there is one: RustDDS is left out.
+    if(WRAPYFI_RMW)
+      list(APPEND _packages --no-default-features)
+    endif()
     set(_commands COMMAND ${_build} ${_packages} ${WRAPYFI_FEATURES})
   endif()
   # Cargo knows what is out of date; CMake only ever asks it.
@@ -144,7 +144,7 @@ function(wrapyfi_cargo_test _crate)
   ament_add_test(${_crate}
     COMMAND "${_python}" "${WRAPYFI_WORKSPACE}/cmake/cargo_test.py"
       --cargo "${CARGO_EXECUTABLE}" --target-dir "${WRAPYFI_CARGO_TARGET_DIR}"
-      --package "${_crate}" --result "${_result}" ${_doc_tests}
+      --package "${_crate}" --result "${_result}" "--rmw=${WRAPYFI_RMW_PREFIX_PATH}" ${_doc_tests}
     RESULT_FILE "${_result}"
     WORKING_DIRECTORY "${WRAPYFI_WORKSPACE}"
     TIMEOUT ${_arg_TIMEOUT})

@@ -108,6 +108,27 @@ for package in wrapyfi_core wrapyfi_bridge; do
     commands=$(grep -h 'cargo.* build ' -r "$workspace/untested/$package/CMakeFiles")
     [[ $commands == *--package=wrapyfi_bridge* && $commands != *--workspace* ]] ||
         fail "$package compiles more than it installs: $commands"
+    [[ $commands != *wrapyfi_bridge/rmw* || -n ${ROS_DISTRO:-} ]] ||
+        fail "$package is built with rmw where no ROS 2 is sourced: $commands"
+done
+
+step="what is compiled where an rmw is sourced"
+sourced=$workspace/sourced
+mkdir -p "$sourced"/{include/rmw/rmw,lib}
+touch "$sourced"/include/rmw/rmw/rmw.h "$sourced"/lib/lib{rmw_implementation,fastcdr}.so
+for choice in "" -DWRAPYFI_RMW=OFF; do
+    (
+        set +u
+        . install/local_setup.sh
+        AMENT_PREFIX_PATH=$AMENT_PREFIX_PATH:$sourced cmake -S "$tree/wrapyfi_bridge" -B "$workspace/untested/rmw$choice" \
+            -DBUILD_TESTING=OFF -DPython3_EXECUTABLE="${PYTHON3:-/usr/bin/python3}" $choice
+    ) >>"$log" 2>&1 || fail "wrapyfi_bridge does not configure where an rmw is sourced"
+    commands=$(grep -h 'cargo.* build ' -r "$workspace/untested/rmw$choice/CMakeFiles")
+    case $choice:$commands in
+    :*WRAPYFI_RMW_PREFIX_PATH=*"$sourced"*--no-default-features*wrapyfi_bridge/rmw*) ;;
+    -*wrapyfi_bridge/rmw*) fail "-DWRAPYFI_RMW=OFF is built with rmw: $commands" ;;
+    :*) fail "an rmw is sourced and not used: $commands" ;;
+    esac
 done
 
 step="installed files"

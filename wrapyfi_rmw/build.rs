@@ -1,16 +1,19 @@
 //! Finds the ROS 2 that is sourced, reads its headers and compiles the type support.
 //!
 //! ```text
-//!   AMENT_PREFIX_PATH ─▶ include/rmw/rmw/rmw.h ─▶ bindgen ─▶ $OUT_DIR/rmw.rs
-//!                        include/fastcdr       ─▶ c++     ─▶ src/type_support.cpp
-//!                        lib/                  ─▶ librmw_implementation, librmw, librcl, …
+//!   prefixes ─▶ include/rmw/rmw/rmw.h ─▶ bindgen ─▶ $OUT_DIR/rmw.rs
+//!               include/fastcdr       ─▶ c++     ─▶ src/type_support.cpp
+//!               lib/                  ─▶ librmw_implementation, librmw, librcl, …
 //! ```
+//!
+//! The prefixes are those of `WRAPYFI_RMW_PREFIX_PATH`, which CMake sets, else of `AMENT_PREFIX_PATH`: colcon adds
+//! each package to the latter that it has built, and everything would be compiled again for the next one.
 
 #![allow(clippy::print_stdout, reason = "Cargo is told on standard output")]
 #![allow(clippy::expect_used, clippy::panic, reason = "a build script ends with its message")]
 
 fn main() {
-    println!("cargo:rerun-if-env-changed=AMENT_PREFIX_PATH");
+    println!("cargo:rerun-if-env-changed=WRAPYFI_RMW_PREFIX_PATH");
     println!("cargo:rerun-if-changed=src/rmw.h");
     println!("cargo:rerun-if-changed=src/type_support.h");
     println!("cargo:rerun-if-changed=src/type_support.cpp");
@@ -24,12 +27,16 @@ mod installed {
     use std::path::{Path, PathBuf};
 
     pub(super) fn build() {
-        let path = env::var("AMENT_PREFIX_PATH").unwrap_or_default();
+        let told = env::var("WRAPYFI_RMW_PREFIX_PATH").ok().filter(|path| !path.is_empty());
+        let path = told.unwrap_or_else(|| {
+            println!("cargo:rerun-if-env-changed=AMENT_PREFIX_PATH");
+            env::var("AMENT_PREFIX_PATH").unwrap_or_default()
+        });
         let prefixes: Vec<PathBuf> = env::split_paths(&path).collect();
         let find = |file: &str| prefixes.iter().find(|prefix| prefix.join(file).is_file());
         if find("include/rmw/rmw/rmw.h").is_none() {
             panic!(
-                "no rmw/rmw.h under AMENT_PREFIX_PATH={path:?}: source a ROS 2 that has ros-base \
+                "no rmw/rmw.h under {path:?} (AMENT_PREFIX_PATH): source a ROS 2 that has ros-base \
                  (`. /opt/ros/<distribution>/setup.bash`), or build without the feature rmw"
             );
         }
@@ -48,7 +55,7 @@ mod installed {
             Some(file.file_name()?.to_str()?.to_owned())
         });
         let fast_cdr = fast_cdr.unwrap_or_else(|| {
-            panic!("no lib/libfastcdr.so under AMENT_PREFIX_PATH={path:?}: install ros-<distribution>-fastcdr")
+            panic!("no lib/libfastcdr.so under {path:?} (AMENT_PREFIX_PATH): install ros-<distribution>-fastcdr")
         });
         println!("cargo:rustc-link-lib=dylib:+verbatim={fast_cdr}");
     }

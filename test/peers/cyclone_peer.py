@@ -44,10 +44,12 @@ args = parser.parse_args()
 if args.role != "graph" and not (args.topic and args.type):
     parser.error("--topic and --type are needed")
 
+# Who loses packets loses the one in which it announces itself, too, and by default says it again 30 s later.
+AGAIN = "<SPDPInterval>500ms</SPDPInterval>" if args.lose else ""
 LOOPBACK = f"""<CycloneDDS><Domain Id="any">
   <General><Interfaces><NetworkInterface name="lo"/></Interfaces><AllowMulticast>false</AllowMulticast></General>
   <Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>
-    <Peers><Peer address="127.0.0.1"/></Peers></Discovery>
+    <Peers><Peer address="127.0.0.1"/></Peers>{AGAIN}</Discovery>
   <Internal><Test><XmitLossiness>{args.lose}</XmitLossiness></Test></Internal>
 </Domain></CycloneDDS>"""
 os.environ["CYCLONEDDS_URI"] = LOOPBACK  # read when the domain is created: always loopback

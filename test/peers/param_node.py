@@ -188,9 +188,31 @@ def fault(have, name, value):
     return ""
 
 
-def taken(reader):
-    # A client that leaves is a sample too, without content.
-    return [sample for sample in reader.take(32) if hasattr(sample, "client")]
+def client_of(endpoint):
+    """What rmw_cyclonedds_cpp puts into USER_DATA of both endpoints of a client."""
+    data = endpoint.qos[Policy.Userdata].data if endpoint and Policy.Userdata in endpoint.qos else b""
+    return next((pair for pair in data.split(b";") if pair.startswith(b"clientid=")), None)
+
+
+class Requests:
+    """Requests whose client hears the reply: its reader may be found later than its writer, and what is
+    written before that is lost. rmw_cyclonedds_cpp waits in the same way."""
+    def __init__(self, reader, writer):
+        self.reader, self.writer, self.waiting = reader, writer, []
+
+    def take(self):
+        # A client that leaves is a sample too, without content.
+        for sample in self.reader.take(32):
+            if hasattr(sample, "client"):
+                asker = self.reader.get_matched_publication_data(sample.sample_info.publication_handle)
+                self.waiting.append((client_of(asker), sample))
+        if not self.waiting:
+            return []
+        hearing = {client_of(self.writer.get_matched_subscription_data(handle))
+                   for handle in self.writer.get_matched_subscriptions()}
+        ready = [sample for client, sample in self.waiting if client is None or client in hearing]
+        self.waiting = [(client, sample) for client, sample in self.waiting if client and client not in hearing]
+        return ready
 
 
 class Node:
@@ -218,7 +240,7 @@ class Node:
         service = f"{args.node}/{name}"
         reader = DataReader(self.participant, Topic(self.participant, f"rq{service}Request", request), qos=qos)
         writer = DataWriter(self.participant, Topic(self.participant, f"rr{service}Reply", reply), qos=qos)
-        return reader, writer
+        return Requests(reader, writer), writer
 
     def tell(self, new=(), changed=(), deleted=()):
         now = time.time_ns()
@@ -238,22 +260,22 @@ class Node:
     def step(self):
         """Answers what has arrived."""
         have = self.have
-        reader, writer = self.list
-        for request in taken(reader):
+        requests, writer = self.list
+        for request in requests.take():
             groups = {name.rsplit(".", 1)[0] for name in have if "." in name}
             writer.write(ListReply(request.client, request.sequence, Listed(list(have), sorted(groups))))
-        reader, writer = self.get
-        for request in taken(reader):
+        requests, writer = self.get
+        for request in requests.take():
             known = all(name in have for name in request.names)
             values = [message(have[name]) for name in request.names] if known else []
             writer.write(GetReply(request.client, request.sequence, values))
-        reader, writer = self.types
-        for request in taken(reader):
+        requests, writer = self.types
+        for request in requests.take():
             known = all(name in have for name in request.names)
             found = [kind(have[name]) for name in request.names] if known else []
             writer.write(TypesReply(request.client, request.sequence, found))
-        reader, writer = self.set
-        for request in taken(reader):
+        requests, writer = self.set
+        for request in requests.take():
             results = []
             for parameter in request.parameters:
                 why = fault(have, parameter.name, parameter.value)

@@ -1,5 +1,5 @@
 //! What services of the Fast DDS mapping say on the graph: identities, announcement, both halves.
-#![cfg(feature = "ros2-fastdds")]
+#![cfg(feature = "fastdds-services")]
 // In helpers of tests, too, a panic is the right answer.
 #![allow(clippy::unwrap_used, clippy::indexing_slicing, clippy::panic)]
 

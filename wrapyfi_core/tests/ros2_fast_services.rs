@@ -1,5 +1,5 @@
 //! Services of the Fast DDS mapping against nodes of ros2-client, and among our own.
-#![cfg(feature = "ros2-fastdds")]
+#![cfg(feature = "fastdds-services")]
 // In helpers of tests, too, a panic is the right answer.
 #![allow(clippy::unwrap_used, clippy::indexing_slicing, clippy::panic)]
 

@@ -267,7 +267,7 @@ fn what_is_no_request_is_refused_and_the_next_one_answered() {
     assert!(raw.take().unwrap().is_none(), "nothing of it was answered");
 }
 
-#[cfg(feature = "ros2-fastdds")]
+#[cfg(feature = "fastdds-services")]
 mod fast {
     use wrapyfi_core::middleware::ros2::CycloneConfig;
     use wrapyfi_core::middleware::ros2::graph::{Graph, ServiceMapping};

@@ -259,7 +259,7 @@ fn an_endpoint_waits_for_its_node() {
     publisher.publish(&Properties::from([("rate", 5_i64)]).into()).unwrap();
 }
 
-#[cfg(feature = "ros2-fastdds")]
+#[cfg(feature = "fastdds-services")]
 mod fast_dds {
     use wrapyfi_core::middleware::ros2::CycloneConfig;
     use wrapyfi_core::middleware::ros2::graph::ServiceMapping;

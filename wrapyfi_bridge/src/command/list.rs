@@ -118,7 +118,7 @@ pub fn run(args: &ListArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         if args.json {
             lines(&mut out, side.name, &side.found)?;
         } else {
-            table(&mut out, side.name, &side.found);
+            table(&mut out, side.name, side.discovery.carried_by(), &side.found);
         }
     }
     if let Some(text) = out.strip_suffix('\n') {
@@ -164,13 +164,14 @@ fn lines(out: &mut String, middleware: &str, found: &[Discovered]) -> Result<(),
 }
 
 /// ```text
-/// ros2: 2 endpoints
+/// ros2: 2 endpoints, on CycloneDDS inside (RMW_IMPLEMENTATION and ROS_DISTRO are not set)
 ///   /chatter  publisher  std_msgs/msg/String  reliable volatile  /talker
 /// ```
-fn table(out: &mut String, middleware: &str, found: &[Discovered]) {
+fn table(out: &mut String, middleware: &str, carried_by: Option<&str>, found: &[Discovered]) {
     let plural = if found.len() == 1 { "" } else { "s" };
+    let on = carried_by.map(|carrier| format!(", on {carrier}")).unwrap_or_default();
     // Writing to a String cannot fail.
-    let _infallible = writeln!(out, "{middleware}: {} endpoint{plural}", found.len());
+    let _infallible = writeln!(out, "{middleware}: {} endpoint{plural}{on}", found.len());
     let rows: Vec<[String; 5]> = found.iter().map(row).collect();
     let mut widths = [0; 5];
     for row in &rows {
@@ -247,7 +248,7 @@ mod tests {
     #[test]
     fn columns_are_aligned() {
         let mut out = String::new();
-        table(&mut out, "zeromq", &found());
+        table(&mut out, "zeromq", None, &found());
         assert_eq!(
             out,
             "zeromq: 2 endpoints\n\

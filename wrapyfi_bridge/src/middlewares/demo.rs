@@ -5,10 +5,11 @@ use std::sync::Arc;
 
 use anyhow::Context as _;
 use wrapyfi_core::endpoint::{Middleware, Registry};
-use wrapyfi_core::middleware::ros2::{self, CycloneConfig, CycloneGraph, Ros2};
+use wrapyfi_core::middleware::ros2::{self, CycloneConfig, Ros2};
 use wrapyfi_core::middleware::yarp::{Yarp, YarpConfig};
 use wrapyfi_core::middleware::zeromq::{BrokerMode, ZeroMq, ZeroMqConfig};
 
+use super::ros2::join;
 use crate::exit::Failure;
 use crate::node::Node;
 
@@ -70,9 +71,9 @@ impl DemoMiddlewares {
             let environment = ros2::environment::read(lookup).map_err(Failure::usage)?;
             let node = Node::named(name).map_err(Failure::usage)?;
             let config = CycloneConfig::from_environment(node.name().clone(), &environment);
-            let graph = CycloneGraph::new(&config).context("ros2")?;
+            let joined = join(&config, &environment, None, node.enclave())?;
             let as_it_is = |topic: &str| Ok(topic.to_owned());
-            Ok((Ros2::new(Arc::new(graph), as_it_is), environment.domain_id))
+            Ok((Ros2::joined(joined, as_it_is), environment.domain_id))
         };
         let (ros2, domain_id) = graph("wrapyfi_demo")?;
         let (viewer, _) = graph("wrapyfi_demo_viewer")?;
@@ -113,9 +114,10 @@ impl DemoMiddlewares {
         &self.name_server
     }
 
-    /// DDS domain of the demo.
+    /// Domain of the demo, what carries it and why.
     #[must_use]
-    pub fn domain_id(&self) -> u32 {
-        self.domain_id
+    pub fn graph(&self) -> String {
+        let carrier = self.viewer.carried_by().map(|carrier| format!(" on {carrier}"));
+        format!("domain {}{}", self.domain_id, carrier.unwrap_or_default())
     }
 }

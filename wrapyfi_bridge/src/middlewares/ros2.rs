@@ -1,9 +1,9 @@
 //! `endpoints.ros2` of a configuration, and the middleware that it makes.
 
-use anyhow::Context as _;
 use serde::Deserialize;
 use wrapyfi_core::engine::Available;
-use wrapyfi_core::middleware::ros2::{self, Adapter, CycloneConfig, Ros2};
+use wrapyfi_core::middleware::ros2::environment::Environment;
+use wrapyfi_core::middleware::ros2::{self, Adapter, CycloneConfig, JoinError, Joined, Ros2};
 
 use crate::exit::Failure;
 use crate::node::Node;
@@ -41,10 +41,25 @@ impl Ros2Section {
         config.domain_id = self.domain_id.unwrap_or(config.domain_id);
         config.interface.clone_from(&self.interface);
         config.max_message_bytes = largest_message;
-        let graph =
-            ros2::join(&config, &environment, self.graph, node.enclave()).context("ros2")?;
+        let joined = join(&config, &environment, self.graph, node.enclave())?;
         let node = node.clone();
         let remap = move |topic: &str| node.resolve_topic(topic).map_err(|error| error.to_string());
-        Ok(Ros2::new(graph, remap))
+        Ok(Ros2::joined(joined, remap))
     }
+}
+
+/// Joins the graph.
+///
+/// # Errors
+/// Exit code 2 where another middleware has to be named, installed or built in; 1 when the DDS stack refuses.
+pub(super) fn join(
+    config: &CycloneConfig,
+    environment: &Environment,
+    wanted: Option<Adapter>,
+    enclave: &str,
+) -> Result<Joined, Failure> {
+    ros2::join(config, environment, wanted, enclave).map_err(|error| match error {
+        JoinError::NotBuilt(_) | JoinError::Rmw(_) => Failure::usage(format!("ros2: {error}")),
+        error => Failure::Failed(anyhow::Error::new(error).context("ros2")),
+    })
 }

@@ -234,13 +234,13 @@ mod ros2 {
                 environment.log();
                 let mut config = CycloneConfig::from_environment(node, &environment);
                 config.max_message_bytes = config.max_message_bytes.max(max_message_bytes);
-                let graph = join(&config, &environment, None, &args.enclave);
-                let graph = graph.map_err(StartError::refused)?;
+                let joined = join(&config, &environment, None, &args.enclave);
+                let joined = joined.map_err(StartError::refused)?;
                 // Rules for one node are those for its own name, on both sides.
                 let remap = move |topic: &str| {
                     args.resolve_topic(&own, topic).map_err(|error| error.to_string())
                 };
-                Ok(Arc::new(Ros2::new(graph, remap)) as _)
+                Ok(Arc::new(Ros2::joined(joined, remap)) as _)
             };
             Ok(Planned { key: name, start: Box::new(start) })
         }

@@ -42,6 +42,11 @@ pub trait Discovery: Send {
     fn is_complete(&self) -> Option<bool> {
         None
     }
+
+    /// The network under the middleware, and why it is that one; `None` where there is no choice.
+    fn carried_by(&self) -> Option<&str> {
+        None
+    }
 }
 
 /// An endpoint, or what a transport tells of several that are alike.

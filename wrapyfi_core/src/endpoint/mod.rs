@@ -319,6 +319,8 @@ pub struct Review {
     pub warnings: Vec<String>,
     /// When to look again even if nothing rings.
     pub next: Option<Instant>,
+    /// Why fewer messages go out than are given, in words; `None` where all do.
+    pub slowed: Option<String>,
 }
 
 /// An endpoint was opened again with another quality of service.

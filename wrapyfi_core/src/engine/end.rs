@@ -49,7 +49,7 @@ impl<T: ?Sized> End<T> {
 
     /// Keeps what a review found, and logs it.
     pub(super) fn note(&mut self, review: Review, spec: &RouteSpec) -> Option<Instant> {
-        let Review { qos, changed, warnings, next } = review;
+        let Review { qos, changed, warnings, next, slowed: _ } = review;
         let route = &spec.name;
         match changed {
             // One of many.

@@ -54,6 +54,8 @@ pub struct Relay {
     last_loss: Option<(Instant, String)>,
     /// A message was taken, and is not counted yet.
     in_hand: bool,
+    /// Why the destination takes less than it is given.
+    slowed: Option<String>,
     /// Losses, and objects passed on as they came: all are counted, few are logged.
     losses: Throttle,
     unread: Throttle,
@@ -84,6 +86,7 @@ impl Relay {
             misfits: None,
             last_loss: None,
             in_hand: false,
+            slowed: None,
             losses: Throttle::default(),
             unread: Throttle::default(),
             source,
@@ -193,7 +196,8 @@ impl Relay {
             publisher.follow_source(listener.keeping());
         }
         let source = self.source.open.as_mut().map(|listener| listener.review(now));
-        let sink = self.sink.open.as_mut().map(|publisher| publisher.review(now));
+        let mut sink = self.sink.open.as_mut().map(|publisher| publisher.review(now));
+        self.slowed = sink.as_mut().and_then(|found| found.slowed.take());
         let source = source.and_then(|found| self.source.note(found, &self.spec));
         let sink = sink.and_then(|found| self.sink.note(found, &self.spec));
         source.into_iter().chain(sink).min()
@@ -277,6 +281,9 @@ impl Relay {
         let (source, sink) = (listener.link(), publisher.link());
         if let Some(what) = source.waiting_for.or(sink.waiting_for) {
             return RouteState::Waiting(what);
+        }
+        if let Some(why) = &self.slowed {
+            return RouteState::Degraded(why.clone());
         }
         if let Some((at, text)) = &self.last_loss
             && now.saturating_duration_since(*at) < DEGRADED_FOR

@@ -59,11 +59,11 @@ pub fn run(args: &DemoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         let elapsed = tick.elapsed();
         tick = Instant::now();
         screen.show(&format!(
-            "{:.0} s: ZeroMQ broker on {}, YARP name server on {}, ROS 2 domain {}\n\n{}\n{}",
+            "{:.0} s: ZeroMQ broker on {}, YARP name server on {}, ROS 2 {}\n\n{}\n{}",
             start.elapsed().as_secs_f64(),
             middlewares.broker(),
             middlewares.name_server(),
-            middlewares.domain_id(),
+            middlewares.graph(),
             table::table(&before, &now, elapsed),
             viewer.table(elapsed),
         ))?;

@@ -6,9 +6,11 @@
 //!   nothing               none, no ROS 2 sourced   CycloneDDS inside          CycloneDDS inside
 //!   nothing               none, ROS 2 sourced      CycloneDDS inside          the one that ROS 2 loads
 //!   nothing               any other                CycloneDDS inside          that one
-//!   `graph: cyclone`      any                      CycloneDDS inside          CycloneDDS inside
-//!   `graph: rmw`          any                      an error                   the one that ROS 2 loads
+//!   cyclone               any                      CycloneDDS inside          CycloneDDS inside
+//!   rmw                   any                      an error                   the one that ROS 2 loads
 //! ```
+//!
+//! It is asked for by `endpoints.ros2.graph`, else by `WRAPYFI_ROS2_GRAPH`.
 //!
 //! Where the one that ROS 2 loads is `rmw_cyclonedds_cpp`, CycloneDDS inside is as good and needs nothing installed.
 
@@ -31,6 +33,14 @@ pub enum Adapter {
     Rmw,
 }
 
+/// What has to be built for a middleware other than CycloneDDS.
+macro_rules! build {
+    () => {
+        "build wrapyfi_bridge where a ROS 2 that has it is sourced: `colcon build --packages-up-to wrapyfi_bridge`, which turns the feature rmw on (-DWRAPYFI_RMW=ON)"
+    };
+}
+pub(super) use build;
+
 /// Why a node could not join the graph.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
@@ -40,14 +50,23 @@ pub enum JoinError {
     Cyclone(#[from] CycloneError),
     /// The middleware of the installed ROS 2 refused, or cannot be loaded.
     #[error(
-        "the middleware of ROS 2 could not create the node: {0}; unset RMW_IMPLEMENTATION, or install that middleware"
+        "the middleware of ROS 2 could not create the node: {0}; install the one that RMW_IMPLEMENTATION names, name another, or set WRAPYFI_ROS2_GRAPH=cyclone"
     )]
     Rmw(String),
-    /// The program was built without the feature `rmw`.
+    /// The program was built without the feature `rmw`; the text says who asked for it.
     #[error(
-        "graph: rmw needs a program built in a ROS 2: `colcon build --packages-up-to wrapyfi_bridge` where it is sourced"
+        "{0} asks for the middleware of ROS 2, which this program was built without: {build}",
+        build = build!()
     )]
-    NotBuilt,
+    NotBuilt(String),
+}
+
+/// A node on the graph.
+pub struct Joined {
+    /// The graph.
+    pub graph: Arc<dyn Graph>,
+    /// Name of what carries it, and why that was chosen.
+    pub carried_by: String,
 }
 
 /// Joins the graph as the node of `config`: through `wanted`, or what `environment` means. `enclave` is the node's
@@ -60,25 +79,43 @@ pub fn join(
     environment: &Environment,
     wanted: Option<Adapter>,
     enclave: &str,
-) -> Result<Arc<dyn Graph>, JoinError> {
+) -> Result<Joined, JoinError> {
+    let (wanted, asked_by) = match (wanted, environment.graph) {
+        (Some(wanted), _) => (Some(wanted), "endpoints.ros2.graph"),
+        (None, wanted) => (wanted, "WRAPYFI_ROS2_GRAPH"),
+    };
     // Where a ROS 2 is sourced and nothing is set, its default is meant.
     let means_other = environment.services != ServiceMapping::Cyclone;
     match wanted {
-        Some(Adapter::Rmw) => on_rmw(config, "graph: rmw", enclave),
-        None if cfg!(feature = "rmw") && means_other && !loads_cyclone()? => {
+        Some(Adapter::Rmw) => on_rmw(config, asked_by, enclave),
+        Some(Adapter::Cyclone) => on_cyclone(config, asked_by),
+        None if cfg!(feature = "rmw") && means_other => {
+            if loads_cyclone()? {
+                let config = CycloneConfig { services: ServiceMapping::Cyclone, ..config.clone() };
+                return on_cyclone(&config, "the rmw of this ROS 2 is rmw_cyclonedds_cpp");
+            }
             on_rmw(config, &environment.stack_reason, enclave)
         }
-        _ => {
-            tracing::info!(
-                domain = config.domain_id,
-                range = ?config.discovery.range,
-                services = config.services.rmw(),
-                reason = environment.stack_reason,
-                "topics are on CycloneDDS"
-            );
-            Ok(Arc::new(CycloneGraph::new(config)?))
-        }
+        None => on_cyclone(config, &environment.stack_reason),
     }
+}
+
+fn on_cyclone(config: &CycloneConfig, reason: &str) -> Result<Joined, JoinError> {
+    tracing::info!(
+        domain = config.domain_id,
+        range = ?config.discovery.range,
+        services = config.services.rmw(),
+        reason,
+        "ROS 2 is on CycloneDDS inside this program"
+    );
+    if !cfg!(feature = "rmw") && config.services != ServiceMapping::Cyclone {
+        tracing::info!(concat!(
+            "topics of CycloneDDS and Fast DDS interoperate; to speak through the middleware of ROS 2 itself, ",
+            build!()
+        ));
+    }
+    let graph = Arc::new(CycloneGraph::new(config)?);
+    Ok(Joined { graph, carried_by: format!("CycloneDDS inside ({reason})") })
 }
 
 /// Whether the middleware that ROS 2 loads is CycloneDDS's.
@@ -95,28 +132,48 @@ fn loads_cyclone() -> Result<bool, JoinError> {
 }
 
 #[cfg(feature = "rmw")]
-fn on_rmw(
-    config: &CycloneConfig,
-    reason: &str,
-    enclave: &str,
-) -> Result<Arc<dyn Graph>, JoinError> {
+fn on_rmw(config: &CycloneConfig, reason: &str, enclave: &str) -> Result<Joined, JoinError> {
     let refused = |fault: wrapyfi_rmw::Fault| JoinError::Rmw(fault.to_string());
     let rmw = wrapyfi_rmw::implementation().map_err(refused)?;
     tracing::info!(
         domain = config.domain_id,
         range = ?config.discovery.range,
         reason,
-        "topics and services are on {rmw}, through the rmw of this ROS 2"
+        "ROS 2 is on {rmw}, through the rmw of this ROS 2"
     );
     if let Some(interface) = &config.interface {
         tracing::warn!(
             "endpoints.ros2.interface: {interface} has no effect on {rmw}: set its own configuration"
         );
     }
-    Ok(Arc::new(super::rmw_graph::RmwGraph::new(config, enclave).map_err(refused)?))
+    let graph = Arc::new(super::rmw_graph::RmwGraph::new(config, enclave).map_err(refused)?);
+    Ok(Joined { graph, carried_by: format!("{rmw} ({reason})") })
 }
 
 #[cfg(not(feature = "rmw"))]
-fn on_rmw(_: &CycloneConfig, _: &str, _: &str) -> Result<Arc<dyn Graph>, JoinError> {
-    Err(JoinError::NotBuilt)
+fn on_rmw(_: &CycloneConfig, asked_by: &str, _: &str) -> Result<Joined, JoinError> {
+    Err(JoinError::NotBuilt(asked_by.to_owned()))
+}
+
+#[cfg(all(test, not(feature = "rmw")))]
+mod tests {
+    use super::*;
+    use crate::middleware::ros2::environment;
+    use crate::node::NodeName;
+
+    #[test]
+    fn who_asks_for_what_was_not_built_is_told_what_to_build() {
+        let set = |name: &str| (name == "WRAPYFI_ROS2_GRAPH").then(|| "rmw".to_owned());
+        let environment = environment::read(set).unwrap();
+        let config = CycloneConfig::loopback(NodeName::new("n", "/").unwrap(), 0);
+        for (wanted, asked_by) in
+            [(None, "WRAPYFI_ROS2_GRAPH"), (Some(Adapter::Rmw), "endpoints.ros2.graph")]
+        {
+            let error = join(&config, &environment, wanted, "/").err().unwrap();
+            assert_eq!(error, JoinError::NotBuilt(asked_by.to_owned()));
+            let said = error.to_string();
+            assert!(said.starts_with(asked_by), "{said}");
+            assert!(said.contains("colcon build --packages-up-to wrapyfi_bridge"), "{said}");
+        }
+    }
 }

@@ -10,6 +10,9 @@
 //! Key hashes are for Fast DDS, which sees nothing end without them: `ros2 topic list` of
 //! `rmw_fastrtps_cpp` would show a node's topics until its lease is over. Of topics only those with
 //! keys carry them, so that they cost nothing outside discovery.
+//! Heartbeats follow soon on what is not acknowledged: readers acknowledge, and ask for fragments again, when
+//! they hear one, and a large message to a Fast DDS node waits for that (`pacing`). With CycloneDDS's own 100 ms
+//! 84 of 210 images of 0.9 MB went out in 7 s, with 20 ms 194.
 
 use std::fmt::Write as _;
 
@@ -23,10 +26,6 @@ use super::graph::ServiceMapping;
 pub(super) const RECEIVE_BUFFER: u64 = 4 << 20;
 /// Participants on one host that unicast discovery reaches, as `rmw_cyclonedds_cpp` sets it.
 const PARTICIPANTS: u32 = 32;
-
-/// Bytes sent at once to readers with small sockets: two fragments, so that those of two messages
-/// under way fit.
-const SMALL_BURST: u32 = 120_000;
 
 /// How far over the limit a message may be to be received and counted rather than discarded.
 const SLACK: usize = 4;
@@ -85,25 +84,7 @@ impl CycloneConfig {
 
     /// The list of sources handed to Cyclone.
     pub(super) fn sources(&self) -> String {
-        self.with_extra(self.xml(std::process::id()))
-    }
-
-    /// The same for a domain beside it in this process that sends in small bursts.
-    pub(super) fn sources_for_small_bursts(&self) -> String {
         let mut sources = self.xml(std::process::id());
-        // A source of its own: elements are merged, and what comes later wins.
-        _ = write!(
-            sources,
-            ",<CycloneDDS><Domain Id=\"any\">\
-             <Discovery><ExternalDomainId>{}</ExternalDomainId></Discovery>\
-             <Internal><BurstSize><MaxRexmit>{SMALL_BURST}B</MaxRexmit>\
-             <MaxInitTransmit>1</MaxInitTransmit></BurstSize></Internal></Domain></CycloneDDS>",
-            self.domain_id
-        );
-        self.with_extra(sources)
-    }
-
-    fn with_extra(&self, mut sources: String) -> String {
         if let Some(extra) = &self.extra_uri {
             sources.push(',');
             sources.push_str(extra);
@@ -167,6 +148,7 @@ impl CycloneConfig {
              <Discovery>{discovery}</Discovery>\
              <Internal><SocketReceiveBufferSize max=\"{RECEIVE_BUFFER}B\"/>\
              <MaxSampleSize>{max_sample}B</MaxSampleSize>\
+             <HeartbeatInterval min=\"1ms\" minsched=\"5ms\">20ms</HeartbeatInterval>\
              <GenerateKeyhash>true</GenerateKeyhash></Internal>\
              </Domain></CycloneDDS>"
         )
@@ -204,6 +186,7 @@ mod tests {
         assert!(!subnet.contains("AllowMulticast"), "{subnet}");
         assert!(subnet.contains("<MaxSampleSize>4000B<"), "{subnet}");
         assert!(subnet.contains("<GenerateKeyhash>true<"), "{subnet}");
+        assert!(subnet.contains("minsched=\"5ms\">20ms</HeartbeatInterval>"), "{subnet}");
         let local = config(DiscoveryRange::Localhost, &["10.0.0.1"]).xml(1);
         assert!(local.contains("<AllowMulticast>false<"), "{local}");
         assert!(local.contains("<Peer address=\"localhost\"/><Peer address=\"10.0.0.1\"/>"));
@@ -220,18 +203,6 @@ mod tests {
         config.extra_uri = Some("file:///etc/cyclone.xml".into());
         let sources = config.sources();
         assert!(sources.ends_with("</CycloneDDS>,file:///etc/cyclone.xml"), "{sources}");
-    }
-
-    #[test]
-    fn small_bursts_are_on_the_same_domain_of_the_network() {
-        let mut config = config(DiscoveryRange::Subnet, &[]);
-        config.domain_id = 7;
-        config.extra_uri = Some("file:///etc/cyclone.xml".into());
-        let sources = config.sources_for_small_bursts();
-        assert!(sources.starts_with(&config.xml(std::process::id())), "{sources}");
-        assert!(sources.contains("<ExternalDomainId>7</ExternalDomainId>"), "{sources}");
-        assert!(sources.contains("<MaxRexmit>120000B</MaxRexmit>"), "{sources}");
-        assert!(sources.ends_with(",file:///etc/cyclone.xml"), "{sources}");
     }
 
     #[test]

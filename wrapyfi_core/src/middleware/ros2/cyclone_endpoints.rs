@@ -13,7 +13,7 @@ use super::cyclone::{Events, RawReader, RawWriter, ReturnCode, Taken, WriteFault
 use super::cyclone_graph::{MAX_BLOCKING, Node};
 use super::discovery_info::{EndpointKind, Gid};
 use super::graph::{CdrReader, CdrSample, CdrWriter, GraphError, QosEvents, TopicDescription};
-use super::small_bursts::Ways;
+use super::pacing::Pacing;
 
 /// An endpoint's entry in its node, removed on drop.
 pub(super) struct Listed {
@@ -35,29 +35,31 @@ impl Drop for Listed {
     }
 }
 
-/// Fields drop in this order: the second writer, the writer, then its entry.
+/// Fields drop in this order: the writer, then its entry.
 pub(super) struct CycloneWriter {
-    ways: Ways,
+    pacing: Pacing,
     raw: RawWriter,
     topic: String,
     _listed: Listed,
 }
 
 impl CycloneWriter {
-    pub(super) fn new(raw: RawWriter, topic: &str, ways: Ways, listed: Listed) -> Self {
-        Self { ways, raw, topic: topic.to_owned(), _listed: listed }
+    pub(super) fn new(raw: RawWriter, topic: &str, pacing: Pacing, listed: Listed) -> Self {
+        Self { pacing, raw, topic: topic.to_owned(), _listed: listed }
     }
 }
 
 impl CdrWriter for CycloneWriter {
     fn write(&mut self, parts: &[&[u8]]) -> Result<(), GraphError> {
         let bytes = parts.iter().map(|part| part.len()).sum();
-        let raw = self.ways.second(&self.raw, bytes).unwrap_or(&self.raw);
-        write(raw, &self.topic, parts)
+        if !self.pacing.admit(&self.raw, bytes) {
+            return Err(timeout(&self.topic));
+        }
+        write(&self.raw, &self.topic, parts)
     }
 
-    fn prepare(&mut self) {
-        self.ways.prepare(&self.raw);
+    fn slowed(&self) -> Option<String> {
+        self.pacing.slowed()
     }
 
     fn matched(&self) -> usize {
@@ -76,10 +78,7 @@ impl CdrWriter for CycloneWriter {
 /// Writes a message to `topic`.
 pub(super) fn write(raw: &RawWriter, topic: &str, parts: &[&[u8]]) -> Result<(), GraphError> {
     raw.write(parts).map_err(|fault| match fault {
-        WriteFault::Code(code) if code.is_timeout() => GraphError::Timeout {
-            topic: topic.to_owned(),
-            timeout_ms: u64::try_from(MAX_BLOCKING.as_millis()).unwrap_or(u64::MAX),
-        },
+        WriteFault::Code(code) if code.is_timeout() => timeout(topic),
         WriteFault::Code(code) => stack("writing", topic, code),
         WriteFault::Message(reason) => {
             GraphError::Stack { operation: "writing", topic: topic.to_owned(), reason }
@@ -87,45 +86,41 @@ pub(super) fn write(raw: &RawWriter, topic: &str, parts: &[&[u8]]) -> Result<(),
     })
 }
 
+fn timeout(topic: &str) -> GraphError {
+    let timeout_ms = u64::try_from(MAX_BLOCKING.as_millis()).unwrap_or(u64::MAX);
+    GraphError::Timeout { topic: topic.to_owned(), timeout_ms }
+}
+
 /// Fields drop in this order: the reader, then its entry.
 pub(super) struct CycloneReader {
     raw: RawReader,
     topic: String,
     max_bytes: usize,
-    listed: Listed,
+    _listed: Listed,
 }
 
 impl CycloneReader {
     pub(super) fn new(raw: RawReader, topic: &TopicDescription, listed: Listed) -> Self {
         let (topic, max_bytes) = (topic.name.clone(), topic.max_bytes);
-        Self { raw, topic, max_bytes, listed }
-    }
-
-    /// Whether a sample comes from this node's second participant: its own topics are not for it.
-    fn is_own(&self, writer: u64) -> bool {
-        let second = self.listed.node.small_bursts();
-        second.is_open() && self.raw.writer(writer).is_some_and(|peer| second.owns(&peer.guid))
+        Self { raw, topic, max_bytes, _listed: listed }
     }
 }
 
 impl CdrReader for CycloneReader {
     fn take(&mut self) -> Result<Option<CdrSample>, GraphError> {
-        loop {
-            return match self.raw.take(self.max_bytes) {
-                Ok(Taken::Nothing) => Ok(None),
-                Ok(Taken::Message(sample)) if self.is_own(sample.writer) => continue,
-                Ok(Taken::Message(sample)) => Ok(Some(CdrSample {
-                    cdr: sample.cdr,
-                    source_timestamp_ns: sample.source_timestamp_ns,
-                    publisher: sample.writer,
-                })),
-                Ok(Taken::TooLarge(actual)) => Err(GraphError::TooLarge {
-                    topic: self.topic.clone(),
-                    actual,
-                    limit: self.max_bytes,
-                }),
-                Err(code) => Err(stack("taking", &self.topic, code)),
-            };
+        match self.raw.take(self.max_bytes) {
+            Ok(Taken::Nothing) => Ok(None),
+            Ok(Taken::Message(sample)) => Ok(Some(CdrSample {
+                cdr: sample.cdr,
+                source_timestamp_ns: sample.source_timestamp_ns,
+                publisher: sample.writer,
+            })),
+            Ok(Taken::TooLarge(actual)) => Err(GraphError::TooLarge {
+                topic: self.topic.clone(),
+                actual,
+                limit: self.max_bytes,
+            }),
+            Err(code) => Err(stack("taking", &self.topic, code)),
         }
     }
 

@@ -22,9 +22,9 @@ use super::graph::{
 };
 use super::names;
 use super::owners::Owners;
+use super::pacing::Pacing;
 use super::peer_index::PeerIndex;
 use super::services::Services;
-use super::small_bursts::{SmallBursts, Ways};
 use crate::endpoint::{BridgeMark, History, Qos, Reliability};
 use crate::node::NodeName;
 
@@ -60,7 +60,6 @@ pub(super) struct Node {
     /// Clients and servers created so far, which are numbered.
     service_ends: AtomicU32,
     services: Services,
-    small_bursts: SmallBursts,
     _domain: DomainLease,
 }
 
@@ -91,7 +90,6 @@ impl CycloneGraph {
             gid,
             service_ends: AtomicU32::new(1),
             services: Services::new(config),
-            small_bursts: SmallBursts::new(config),
             _domain: domain,
         }));
         graph.0.services.announce(&graph.0);
@@ -155,8 +153,8 @@ impl CycloneGraph {
         let raw = RawWriter::new(&self.0.participant, names, &qos, events).map_err(fault)?;
         let gid = raw.guid().map_err(fault)?;
         let listed = Listed::new(&self.0, EndpointKind::Writer, gid);
-        let ways = Ways::new(&self.0, topic);
-        Ok(Box::new(CycloneWriter::new(raw, &topic.name, ways, listed)))
+        let pacing = Pacing::new(&self.0, topic);
+        Ok(Box::new(CycloneWriter::new(raw, &topic.name, pacing, listed)))
     }
 
     /// The two endpoints of a client (`clientid`) or a server (`serviceid`), the GUID of the writer,
@@ -283,7 +281,6 @@ impl Graph for CycloneGraph {
             .map(|endpoint| {
                 let mut endpoint = discovered(endpoint, &self.0.gid);
                 endpoint.is_own |= self.0.services.owns(&endpoint.gid);
-                endpoint.is_own |= self.0.small_bursts.owns(&endpoint.gid);
                 endpoint
             })
             .collect())
@@ -310,18 +307,13 @@ impl Node {
         self.info.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(super) fn small_bursts(&self) -> &SmallBursts {
-        &self.small_bursts
-    }
-
     /// What discovery has found, by topic: begun with the first one that asks.
     fn peer_index(&self) -> Result<Arc<PeerIndex>, ReturnCode> {
         let mut peers = self.peers.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(index) = &*peers {
             return Ok(Arc::clone(index));
         }
-        let second = Arc::clone(self.small_bursts.gid());
-        let index = PeerIndex::new(&self.participant, (self.gid, second))?;
+        let index = PeerIndex::new(&self.participant, self.gid)?;
         *peers = Some(Arc::clone(&index));
         Ok(index)
     }

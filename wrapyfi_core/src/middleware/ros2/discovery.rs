@@ -16,12 +16,16 @@ use crate::endpoint::{DiscoverError, Discovered, Discovery, Role};
 pub(super) struct Ros2Discovery {
     graph: Arc<dyn Graph>,
     nodes: Box<dyn NodeWatch>,
+    carried_by: Option<Arc<str>>,
 }
 
 impl Ros2Discovery {
-    pub(super) fn new(graph: &Arc<dyn Graph>) -> Result<Self, DiscoverError> {
+    pub(super) fn new(
+        graph: &Arc<dyn Graph>,
+        carried_by: Option<Arc<str>>,
+    ) -> Result<Self, DiscoverError> {
         let nodes = graph.nodes().map_err(|error| transport(&error))?;
-        Ok(Self { graph: Arc::clone(graph), nodes })
+        Ok(Self { graph: Arc::clone(graph), nodes, carried_by })
     }
 }
 
@@ -46,6 +50,10 @@ impl Discovery for Ros2Discovery {
 
     fn waiting_for(&self) -> Option<String> {
         None
+    }
+
+    fn carried_by(&self) -> Option<&str> {
+        self.carried_by.as_deref()
     }
 }
 

@@ -82,7 +82,7 @@ impl DiscoveryInfo {
         self.publish();
     }
 
-    #[cfg_attr(not(feature = "ros2-fastdds"), allow(dead_code))]
+    #[cfg_attr(not(feature = "fastdds-services"), allow(dead_code))]
     /// Replaces what the node has on another participant, and announces.
     pub(super) fn set_elsewhere(&mut self, readers: &[Gid], writers: &[Gid]) {
         if (self.elsewhere.0.as_slice(), self.elsewhere.1.as_slice()) != (readers, writers) {

@@ -6,11 +6,13 @@
 //!   ROS_AUTOMATIC_DISCOVERY_RANGE ───┼─ read() ─▶ Cyclone sources,
 //!   ROS_STATIC_PEERS ────────────────┤            why this DDS stack,
 //!   RMW_IMPLEMENTATION, ROS_DISTRO ──┤            mapping of services, adapter, warnings to be logged
+//!   WRAPYFI_ROS2_GRAPH ──────────────┤
 //!   CYCLONEDDS_URI ──────────────────┘
 //! ```
 //!
 //! [`read`] is pure: it is given a lookup and logs nothing; [`Environment::log`] does.
 
+use super::adapter::{Adapter, build};
 use super::graph::ServiceMapping;
 
 /// Highest domain id: above it the port numbers of DDS leave their range.
@@ -53,6 +55,8 @@ pub struct Environment {
     pub services: ServiceMapping,
     /// Why, for the log at start.
     pub stack_reason: String,
+    /// What shall carry the graph, `WRAPYFI_ROS2_GRAPH`, where it is set.
+    pub graph: Option<Adapter>,
     /// Lines to be logged as warnings.
     pub warnings: Vec<String>,
 }
@@ -78,14 +82,19 @@ pub enum EnvironmentError {
     DomainOutOfRange(String),
     /// Zenoh is another network than DDS.
     #[error(
-        "RMW_IMPLEMENTATION=rmw_zenoh_cpp needs a program built in a ROS 2 that has it: `colcon build --packages-up-to wrapyfi_bridge` where that ROS 2 is sourced (feature rmw); else set RMW_IMPLEMENTATION=rmw_cyclonedds_cpp for all nodes"
+        "RMW_IMPLEMENTATION=rmw_zenoh_cpp is no DDS, and this program was built without it: {build}; else set RMW_IMPLEMENTATION=rmw_cyclonedds_cpp for all nodes",
+        build = build!()
     )]
     Zenoh,
     /// A middleware nobody knows.
     #[error(
-        "RMW_IMPLEMENTATION={0} is not known here: set rmw_cyclonedds_cpp or rmw_fastrtps_cpp, unset it, or build wrapyfi_bridge where a ROS 2 that has it is sourced (feature rmw)"
+        "RMW_IMPLEMENTATION={0} is not known here: set rmw_cyclonedds_cpp or rmw_fastrtps_cpp, unset it, or {build}",
+        build = build!()
     )]
     UnknownRmw(String),
+    /// Neither of the two adapters.
+    #[error("WRAPYFI_ROS2_GRAPH={0} is neither cyclone nor rmw")]
+    UnknownGraph(String),
 }
 
 /// Reads the variables through `lookup`, for instance `|name| std::env::var(name).ok()`.
@@ -103,8 +112,17 @@ pub fn read(lookup: impl Fn(&str) -> Option<String>) -> Result<Environment, Envi
         cyclonedds_uri: set("CYCLONEDDS_URI"),
         services,
         stack_reason,
+        graph: set("WRAPYFI_ROS2_GRAPH").map(|word| graph(&word)).transpose()?,
         warnings,
     })
+}
+
+fn graph(word: &str) -> Result<Adapter, EnvironmentError> {
+    match word {
+        "cyclone" => Ok(Adapter::Cyclone),
+        "rmw" => Ok(Adapter::Rmw),
+        other => Err(EnvironmentError::UnknownGraph(other.to_owned())),
+    }
 }
 
 fn domain_id(value: Option<String>) -> Result<u32, EnvironmentError> {
@@ -187,32 +205,23 @@ fn services(
     rmw: Option<&str>,
     distro: Option<&str>,
 ) -> Result<(ServiceMapping, String), EnvironmentError> {
-    let (mapping, reason) = match (rmw, distro) {
-        (Some("rmw_cyclonedds_cpp"), _) => {
-            (ServiceMapping::Cyclone, "RMW_IMPLEMENTATION=rmw_cyclonedds_cpp".into())
+    let reason = match (rmw, distro) {
+        (None, None) => "RMW_IMPLEMENTATION and ROS_DISTRO are not set".to_owned(),
+        (None, Some(distro)) => {
+            format!("RMW_IMPLEMENTATION is not set; Fast DDS is the default of {distro}")
         }
-        (Some("rmw_fastrtps_cpp" | "rmw_fastrtps_dynamic_cpp"), _) => (
-            ServiceMapping::FastDds,
-            "RMW_IMPLEMENTATION asks for Fast DDS; topics interoperate over RTPS".into(),
-        ),
-        // Whether it is there, its library tells.
-        (Some(other), _) if cfg!(feature = "rmw") => {
-            (ServiceMapping::FastDds, format!("RMW_IMPLEMENTATION={other}"))
-        }
-        (Some("rmw_zenoh_cpp"), _) => return Err(EnvironmentError::Zenoh),
-        (Some(other), _) => return Err(EnvironmentError::UnknownRmw(other.into())),
-        (None, Some(distro)) => (
-            ServiceMapping::FastDds,
-            format!(
-                "RMW_IMPLEMENTATION is not set; Fast DDS is the default of {distro}, with which \
-                 topics interoperate over RTPS"
-            ),
-        ),
-        (None, None) => {
-            (ServiceMapping::Cyclone, "RMW_IMPLEMENTATION and ROS_DISTRO are not set".into())
-        }
+        (Some(rmw), _) => format!("RMW_IMPLEMENTATION={rmw}"),
     };
-    Ok((mapping, reason))
+    match rmw {
+        Some("rmw_cyclonedds_cpp") => return Ok((ServiceMapping::Cyclone, reason)),
+        None if distro.is_none() => return Ok((ServiceMapping::Cyclone, reason)),
+        // Whether it is there, its library tells.
+        _ if cfg!(feature = "rmw") => return Ok((ServiceMapping::FastDds, reason)),
+        None | Some("rmw_fastrtps_cpp" | "rmw_fastrtps_dynamic_cpp") => {}
+        Some("rmw_zenoh_cpp") => return Err(EnvironmentError::Zenoh),
+        Some(other) => return Err(EnvironmentError::UnknownRmw(other.into())),
+    }
+    Ok((ServiceMapping::FastDds, reason))
 }
 
 #[cfg(test)]
@@ -287,6 +296,16 @@ mod tests {
             with(&[("ROS_LOCALHOST_ONLY", "0"), ("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")]).unwrap();
         assert_eq!(off.discovery.range, DiscoveryRange::Off);
         assert!(off.warnings[1].ends_with("will be used."));
+    }
+
+    #[test]
+    fn the_graph_is_one_of_two() {
+        let graph = |word| with(&[("WRAPYFI_ROS2_GRAPH", word)]).map(|found| found.graph);
+        assert_eq!(graph(""), Ok(None));
+        assert_eq!(graph("cyclone"), Ok(Some(Adapter::Cyclone)));
+        assert_eq!(graph("rmw"), Ok(Some(Adapter::Rmw)));
+        let fault = graph("zenoh").unwrap_err();
+        assert_eq!(fault.to_string(), "WRAPYFI_ROS2_GRAPH=zenoh is neither cyclone nor rmw");
     }
 
     #[test]

@@ -255,9 +255,10 @@ pub trait CdrWriter: Send {
     /// The message was not sent: [`GraphError::Timeout`] when reliable readers did not keep up.
     fn write(&mut self, parts: &[&[u8]]) -> Result<(), GraphError>;
 
-    /// Gets ready for the readers that there are now, where that takes time. To be called when matches
-    /// have changed.
-    fn prepare(&mut self) {}
+    /// Why fewer messages go out than are given, in words; `None` where all do.
+    fn slowed(&self) -> Option<String> {
+        None
+    }
 
     /// Readers matched now.
     fn matched(&self) -> usize;

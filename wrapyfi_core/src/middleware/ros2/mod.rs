@@ -10,7 +10,7 @@
 //!     │                 discovery: topics and services of others, owners: whose they are
 //!     │
 //!   cyclone_graph ───── peer_index, discovery_info, domain, config ◀── environment
-//!     │                 small_bursts: large messages to Fast DDS nodes
+//!     │                 pacing: large messages to Fast DDS nodes
 //!     │
 //!   cyclone             the only modules that call C
 //!
@@ -65,6 +65,7 @@ mod node_endpoints;
 mod node_handle;
 mod origins;
 mod owners;
+mod pacing;
 mod parameters;
 mod payload;
 mod peer_index;
@@ -74,19 +75,18 @@ mod replays;
 mod rmw_endpoints;
 #[cfg(feature = "rmw")]
 mod rmw_graph;
-#[cfg(feature = "ros2-fastdds")]
+#[cfg(feature = "fastdds-services")]
 mod rust_services;
 mod service;
 mod service_header;
 mod services;
-mod small_bursts;
 mod vendor;
 #[cfg(test)]
 mod wire_tests;
 
 use std::sync::Arc;
 
-pub use adapter::{Adapter, JoinError, join};
+pub use adapter::{Adapter, JoinError, Joined, join};
 pub use any::{AnyError, AnyListener, AnyMessage, AnyPublisher};
 pub use config::CycloneConfig;
 pub use cyclone_graph::{CycloneError, CycloneGraph};
@@ -97,7 +97,7 @@ pub use node_handle::NodeHandle;
 pub use parameters::{ParameterClient, ParameterClientError, RefusedParameter, RemoteParameters};
 #[cfg(feature = "rmw")]
 pub use rmw_graph::RmwGraph;
-#[cfg(feature = "ros2-fastdds")]
+#[cfg(feature = "fastdds-services")]
 pub use rust_services::{RustServices, RustServicesError, ServiceEndpoints};
 pub use service::{
     AnyClient, AnyRequest, AnyServer, CallError, ServeError, ServerDrops, ServiceOptions,
@@ -128,6 +128,7 @@ pub struct Ros2 {
     graph: Arc<dyn Graph>,
     names: Arc<Names>,
     remap: Remap,
+    carried_by: Option<Arc<str>>,
 }
 
 impl Ros2 {
@@ -139,7 +140,22 @@ impl Ros2 {
         graph: Arc<dyn Graph>,
         remap: impl Fn(&str) -> Result<String, String> + Send + Sync + 'static,
     ) -> Self {
-        Self { names: Names::new(&graph), graph, remap: Arc::new(remap) }
+        Self { names: Names::new(&graph), graph, remap: Arc::new(remap), carried_by: None }
+    }
+
+    /// The middleware of a node that has joined its graph: [`Ros2::new`] that can tell what carries it.
+    #[must_use]
+    pub fn joined(
+        joined: Joined,
+        remap: impl Fn(&str) -> Result<String, String> + Send + Sync + 'static,
+    ) -> Self {
+        Self { carried_by: Some(joined.carried_by.into()), ..Self::new(joined.graph, remap) }
+    }
+
+    /// Name of what carries the graph, and why it was chosen; `None` where nothing was chosen.
+    #[must_use]
+    pub fn carried_by(&self) -> Option<&str> {
+        self.carried_by.as_deref()
     }
 
     /// The graph underneath.
@@ -228,7 +244,7 @@ impl Middleware for Ros2 {
     }
 
     fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
-        Ok(Box::new(discovery::Ros2Discovery::new(&self.graph)?))
+        Ok(Box::new(discovery::Ros2Discovery::new(&self.graph, self.carried_by.clone())?))
     }
 
     fn traits(&self) -> Traits {

@@ -95,7 +95,6 @@ impl Origins {
         let mut faults = Vec::new();
         let going = self.closing.iter_mut().map(|(own, _)| own);
         for own in self.open.values_mut().chain(going) {
-            own.writer.prepare();
             if own.opens.is_some_and(|opens| now >= opens) {
                 faults.extend(own.flush(now).err());
             }

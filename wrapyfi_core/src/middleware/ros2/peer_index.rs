@@ -10,7 +10,7 @@
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, Weak};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use super::cyclone::{BuiltinReader, EndpointFound, Entity, ReturnCode};
 use super::cyclone_graph::Node;
@@ -24,12 +24,9 @@ const MAX_ENDPOINTS: usize = 65_536;
 /// A DDS topic, and which side of it: true for writers.
 type Side = (String, bool);
 
-/// The node's participants: the first, and a second once there is one.
-type Own = (Gid, Arc<OnceLock<Gid>>);
-
 /// What discovery has found.
 pub(super) struct PeerIndex {
-    own: Own,
+    own: Gid,
     readers: Mutex<Vec<BuiltinReader>>,
     known: Mutex<Known>,
     overflowed: AtomicBool,
@@ -54,8 +51,8 @@ struct Watched {
 }
 
 impl PeerIndex {
-    /// Begins to listen; `own` are the participants' GUIDs, whose endpoints are no peers.
-    pub(super) fn new(participant: &Entity, own: Own) -> Result<Arc<Self>, ReturnCode> {
+    /// Begins to listen; `own` is the participant's GUID, whose endpoints are no peers.
+    pub(super) fn new(participant: &Entity, own: Gid) -> Result<Arc<Self>, ReturnCode> {
         let index = Arc::new(Self::empty(own));
         let mut readers = Vec::new();
         for is_writer in [true, false] {
@@ -74,7 +71,7 @@ impl PeerIndex {
         Ok(index)
     }
 
-    fn empty(own: Own) -> Self {
+    fn empty(own: Gid) -> Self {
         Self {
             own,
             readers: Mutex::default(),
@@ -138,11 +135,7 @@ impl PeerIndex {
         let Known { sides, places } = &mut *known;
         let side = match endpoint {
             Some(endpoint) => {
-                let prefix = endpoint.guid.first_chunk::<12>();
-                let (first, second) = &self.own;
-                if prefix == first.first_chunk()
-                    || second.get().is_some_and(|own| prefix == own.first_chunk())
-                {
+                if endpoint.guid.first_chunk::<12>() == self.own.first_chunk() {
                     return Vec::new();
                 }
                 if places.len() >= MAX_ENDPOINTS && !places.contains_key(&number) {
@@ -185,7 +178,7 @@ impl PeerIndex {
             None => Vec::new(),
         };
         let mut peers: Vec<_> =
-            found.into_iter().map(|endpoint| discovered(endpoint, &self.own.0)).collect();
+            found.into_iter().map(|endpoint| discovered(endpoint, &self.own)).collect();
         peers.sort_by_key(|peer| peer.gid);
         peers
     }
@@ -250,7 +243,7 @@ mod tests {
 
     #[test]
     fn only_the_side_concerned_is_told() {
-        let index = PeerIndex::empty((OWN, Arc::default()));
+        let index = PeerIndex::empty(OWN);
         let (side, watched) = watch(&index, "rt/a", true);
         assert_eq!(index.apply(1, Some(endpoint("rt/a", true, 1))).len(), 1);
         for other in [
@@ -269,7 +262,7 @@ mod tests {
 
     #[test]
     fn what_changes_is_replaced_and_what_goes_is_gone() {
-        let index = PeerIndex::empty((OWN, Arc::default()));
+        let index = PeerIndex::empty(OWN);
         let (side, watched) = watch(&index, "rt/a", false);
         index.apply(5, Some(endpoint("rt/a", false, 1)));
         let mut changed = endpoint("rt/a", false, 1);
@@ -284,7 +277,7 @@ mod tests {
 
     #[test]
     fn nothing_is_left_of_topics_that_are_over() {
-        let index = PeerIndex::empty((OWN, Arc::default()));
+        let index = PeerIndex::empty(OWN);
         let (side, watched) = watch(&index, "rt/a", true);
         index.apply(1, Some(endpoint("rt/a", true, 1)));
         index.apply(1, None);

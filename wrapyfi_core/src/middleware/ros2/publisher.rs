@@ -309,10 +309,6 @@ impl Publisher for Ros2Publisher {
 
     fn review(&mut self, now: Instant) -> Review {
         self.events.note(self.writer.qos_events(), now);
-        self.writer.prepare();
-        if let Some((new, _)) = &mut self.new {
-            new.prepare();
-        }
         self.events.note(self.origins.qos_events(), now);
         let mut look = self.follower.look(&self.topic.qos, now);
         if self.follow_again.is_none_or(|at| now >= at) {
@@ -341,6 +337,7 @@ impl Publisher for Ros2Publisher {
         let others = self.hand_over(now).into_iter().chain(origins_next);
         review.next = review.next.into_iter().chain(others).min();
         review.qos = Some(self.topic.qos);
+        review.slowed = self.writer.slowed();
         review
     }
 }

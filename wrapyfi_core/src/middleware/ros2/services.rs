@@ -11,14 +11,14 @@ use std::sync::Arc;
 use super::config::CycloneConfig;
 use super::cyclone_graph::Node;
 use super::graph::{GraphError, ServiceDescription, ServiceMapping};
-#[cfg(feature = "ros2-fastdds")]
+#[cfg(feature = "fastdds-services")]
 use super::rust_services::{RustServices, RustServicesError};
 
 /// The services of one node.
-#[cfg(feature = "ros2-fastdds")]
+#[cfg(feature = "fastdds-services")]
 pub(super) struct Services(Option<Result<RustServices, RustServicesError>>);
 
-#[cfg(feature = "ros2-fastdds")]
+#[cfg(feature = "fastdds-services")]
 impl Services {
     /// Nothing is created yet. Settings that services cannot have do not keep the node from its
     /// topics: they are the error of the first service.
@@ -66,10 +66,10 @@ impl Services {
 }
 
 /// The services of one node, in a build without RustDDS.
-#[cfg(not(feature = "ros2-fastdds"))]
+#[cfg(not(feature = "fastdds-services"))]
 pub(super) struct Services(ServiceMapping);
 
-#[cfg(not(feature = "ros2-fastdds"))]
+#[cfg(not(feature = "fastdds-services"))]
 #[allow(clippy::unused_self)]
 impl Services {
     pub(super) fn new(config: &CycloneConfig) -> Self {
@@ -88,8 +88,10 @@ impl Services {
             ServiceMapping::Cyclone => Ok(None),
             ServiceMapping::FastDds => Err(refused(
                 service,
-                "services of rmw_fastrtps_cpp need the feature ros2-fastdds, which this build \
-                 lacks; set RMW_IMPLEMENTATION=rmw_cyclonedds_cpp on both sides",
+                "CycloneDDS inside has services of rmw_fastrtps_cpp in programs built with the feature \
+                 fastdds-services, as `cargo build` builds them; colcon leaves it out where it builds with rmw, \
+                 which has these services itself: unset WRAPYFI_ROS2_GRAPH and endpoints.ros2.graph, or set \
+                 RMW_IMPLEMENTATION=rmw_cyclonedds_cpp on both sides",
             )),
         }
     }

@@ -1,7 +1,7 @@
-//! Who an endpoint is matched with: GUID and USER_DATA of each peer.
+//! Who an endpoint is matched with: GUID, reliability and USER_DATA of each peer.
 //!
 //! ```text
-//!   writer ── dds_get_matched_subscriptions ──▶ handles ── …_data ──▶ Peer { guid, user_data }
+//!   writer ── dds_get_matched_subscriptions ──▶ handles ── …_data ──▶ Peer { guid, reliability, user_data }
 //!   reader ── dds_get_matched_publications ───▶ handles ── …_data ──▶ Peer
 //! ```
 //!
@@ -10,6 +10,8 @@
 
 use super::builtin::user_data;
 use super::entity::{Entity, ReturnCode};
+use super::qos::announced;
+use crate::endpoint::Reliability;
 
 /// The other end of a match.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -18,6 +20,8 @@ pub(crate) struct Peer {
     pub(crate) guid: [u8; 16],
     /// USER_DATA.
     pub(crate) user_data: Vec<u8>,
+    /// What it announces.
+    pub(crate) reliability: Reliability,
 }
 
 /// Which side of a match an endpoint is on.
@@ -75,6 +79,8 @@ pub(super) fn peer(endpoint: &Entity, side: Side, handle: u64) -> Option<Peer> {
         guid: found.key.v,
         // SAFETY: the QoS belongs to the object.
         user_data: unsafe { user_data(found.qos) },
+        // SAFETY: as above.
+        reliability: unsafe { announced(found.qos) }.reliability,
     })?;
     // SAFETY: not null here, allocated by the call above, freed once.
     unsafe { cyclors::dds_builtintopic_free_endpoint(data) };
