@@ -13,6 +13,7 @@
 //!   describe  a payload as one JSON object, with its digest
 //!   options   --option of the command line
 //!   overrides  qos_overrides of the node -> routes
+//!   files     how many may be open
 //!   output    lines on stdout
 //!   input     JSON, .npy, PNG, JPEG, WAV -> a payload
 //!   table     route status as a table or as JSON
@@ -25,6 +26,7 @@ pub mod cli;
 pub mod command;
 pub mod describe;
 pub mod exit;
+pub mod files;
 pub mod input;
 pub mod logging;
 pub mod middlewares;
