@@ -14,6 +14,7 @@
 //!   options   --option of the command line
 //!   overrides  qos_overrides of the node -> routes
 //!   reload    a configuration that changes while its bridge runs
+//!   files     how many may be open
 //!   output    lines on stdout
 //!   input     JSON, .npy, PNG, JPEG, WAV -> a payload
 //!   table     route status as a table or as JSON
@@ -26,6 +27,7 @@ pub mod cli;
 pub mod command;
 pub mod describe;
 pub mod exit;
+pub mod files;
 pub mod input;
 pub mod logging;
 pub mod middlewares;

@@ -11,6 +11,7 @@ use wrapyfi_bridge::shutdown::Shutdown;
 use wrapyfi_bridge::{command, logging, node};
 
 fn main() -> ExitCode {
+    wrapyfi_bridge::files::raise_limit();
     let (words, ros) = node::split(std::env::args_os());
     finish(run(&Cli::parse_from(words), ros))
 }

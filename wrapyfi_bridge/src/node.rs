@@ -136,6 +136,7 @@ pub fn main_of_whole(whole: Whole) -> ExitCode {
 }
 
 fn run_executable(whole: Option<Whole>) -> Result<(), Failure> {
+    crate::files::raise_limit();
     let ros = parse(std::env::args_os().skip(1))?;
     let (name, about) = match whole {
         None => ("bridge", "Runs the routes of a configuration file, as a ROS 2 node."),

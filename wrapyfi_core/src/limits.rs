@@ -20,6 +20,8 @@ pub struct Limits {
 impl Limits {
     /// One mebibyte.
     pub const MIB: usize = 1 << 20;
+    /// Bytes that may wait in one process, unless it is told otherwise (`limits: { waiting_mib }`).
+    pub const WAITING_BYTES: usize = 1024 * Self::MIB;
     /// First wait before a lost peer or a failed opening is tried again.
     pub const RECONNECT_MIN: Duration = Duration::from_millis(100);
     /// Longest wait between two tries.

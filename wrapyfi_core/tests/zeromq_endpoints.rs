@@ -320,3 +320,29 @@ fn names_that_cannot_work_are_refused() {
     let empty = ZeroMqConfig { monitor_topic: String::new(), ..embedded() };
     assert!(matches!(ZeroMq::start(&empty), Err(StartError::MonitorTopic { .. })));
 }
+
+#[test]
+fn there_is_room_for_more_endpoints_than_a_context_has_sockets() {
+    // As the programs do at their start: one endpoint takes four files here, and a fifth at the broker.
+    let limit = rustix::process::getrlimit(rustix::process::Resource::Nofile);
+    let most = rustix::process::Rlimit { current: limit.maximum, maximum: limit.maximum };
+    rustix::process::setrlimit(rustix::process::Resource::Nofile, most).unwrap();
+    let zeromq = ZeroMq::start(&embedded()).unwrap();
+    let open = |number: usize| {
+        let context = Context::default();
+        let topic = format!("/many/{number:03}");
+        (zeromq.open_listener(&spec(&topic), &context).unwrap(), topic)
+    };
+    let mut listeners: Vec<_> = (0..400).map(open).collect();
+    wait_until("all subscriptions", || {
+        zeromq.broker_status().unwrap().subscriptions.len() == listeners.len()
+    });
+    let raw = peer(&zmq::Context::new(), zmq::XPUB, zeromq.sub_port());
+    for _ in 0..listeners.len() {
+        raw.recv_bytes(0).unwrap();
+    }
+    for (listener, topic) in &mut listeners {
+        raw.send_multipart([topic.as_str(), "3"], 0).unwrap();
+        assert_eq!(next(&mut **listener).payload, number(3), "{topic}");
+    }
+}

@@ -4,10 +4,15 @@
 
 mod zeromq_common;
 
-use wrapyfi_core::endpoint::{Context, Middleware, PublishError, Publisher, TopicSpec};
+use std::time::{Duration, Instant};
+
+use wrapyfi_core::Limits;
+use wrapyfi_core::endpoint::{
+    Context, CountersSnapshot, DropReason, Middleware, PublishError, Publisher, TopicSpec, WAITING,
+};
 use wrapyfi_core::middleware::zeromq::{Broker, BrokerConfig, ZeroMq, ZeroMqConfig};
 use wrapyfi_core::types::{MessageType, Payload, Value};
-use zeromq_common::{any_ports, foreign, peer, subscriber, wait_until};
+use zeromq_common::{any_ports, embedded, foreign, peer, subscriber, wait_until};
 
 const HWM: u16 = 4;
 
@@ -88,12 +93,12 @@ fn everything_accepted_reaches_the_broker_though_a_listener_stalls() {
     let text = Payload::from(Value::Str("x".repeat(10_000)));
     let (mut offered, mut accepted, mut refused) = (0, 0, 0);
     // Until TCP on the way to the listener holds no more.
-    wait_until("an overflow", || {
+    wait_until("a message that is missed", || {
         let (more_accepted, more_refused) = flood(&mut *publisher, 1_000, &text);
         offered += 1_000;
         accepted += more_accepted;
         refused += more_refused;
-        broker.status().overflows > 0
+        broker.status().missed.contains_key("stalled")
     });
     assert_eq!(accepted + refused, offered);
     wait_until("all accepted", || broker.status().messages >= accepted);
@@ -116,4 +121,120 @@ fn what_the_broker_would_not_accept_is_refused() {
     let error = publisher.publish(&large).unwrap_err();
     assert!(matches!(error, PublishError::Encode(_)), "{error}");
     assert!(error.to_string().contains("1000"), "{error}");
+}
+
+/// A publisher with an embedded broker, as a route has one, and what it counted.
+struct Route {
+    zeromq: ZeroMq,
+    publisher: Box<dyn Publisher>,
+    context: Context,
+}
+
+impl Route {
+    fn new() -> Self {
+        let zeromq = ZeroMq::start(&ZeroMqConfig { send_hwm: 100, ..embedded() }).unwrap();
+        let context = Context::default();
+        let spec = TopicSpec::new("/a", MessageType::NativeObject);
+        let publisher = zeromq.open_publisher(&spec, &context).unwrap();
+        Self { zeromq, publisher, context }
+    }
+
+    /// A listener that stands still: it is connected and does not read.
+    fn stalled(&self) -> zmq::Socket {
+        let stalled = zmq::Context::new().socket(zmq::SUB).unwrap();
+        stalled.set_rcvhwm(1).unwrap();
+        stalled.set_rcvtimeo(30_000).unwrap();
+        stalled.set_linger(0).unwrap();
+        stalled.set_subscribe(b"/a").unwrap();
+        stalled.connect(&format!("tcp://127.0.0.1:{}", self.zeromq.pub_port())).unwrap();
+        wait_until("a listener", || self.publisher.link().peers > Some(0));
+        stalled
+    }
+
+    /// Publishes `text` until one message more was missed for `reason`, as a route would: each one that comes is
+    /// received, and sent or dropped.
+    fn publish_until_missed(&mut self, text: &Payload, reason: &str) {
+        let broker = |zeromq: &ZeroMq| zeromq.broker_status().unwrap();
+        wait_until("a message that is missed", || {
+            for _ in 0..50 {
+                self.publish(text);
+            }
+            broker(&self.zeromq).missed.contains_key(reason)
+        });
+    }
+
+    fn publish(&mut self, payload: &Payload) {
+        self.context.counters.received(1);
+        match self.publisher.publish(payload) {
+            Ok(bytes) => self.context.counters.sent(bytes, Duration::ZERO),
+            Err(error) => self.context.counters.dropped(error.drop_reason()),
+        }
+    }
+
+    /// The counters, once everything that was published has passed the broker.
+    fn at_rest(&self) -> CountersSnapshot {
+        let mut last = None;
+        wait_until("rest", || {
+            let counted = self.context.counters.snapshot();
+            let refused = counted.dropped_for(DropReason::SendQueueFull);
+            let passed = self.zeromq.broker_status().unwrap().messages;
+            let is_whole = counted.received == counted.sent + counted.dropped();
+            last = Some(counted);
+            is_whole && passed + refused == last.as_ref().unwrap().received
+        });
+        last.unwrap()
+    }
+}
+
+fn numbered(bytes: usize) -> Payload {
+    Payload::from(Value::Str("x".repeat(bytes)))
+}
+
+#[test]
+fn what_a_slow_listener_misses_is_counted_where_it_was_published() {
+    let mut route = Route::new();
+    let stalled = route.stalled();
+    route.publish_until_missed(&numbered(10_000), "stalled");
+    let counted = route.at_rest();
+    assert!(counted.dropped_for(DropReason::Stalled) > 0);
+    // What is counted as sent is what it gets, no more and no less.
+    for _ in 0..counted.sent {
+        assert_eq!(stalled.recv_multipart(0).unwrap().len(), 2);
+    }
+    route.publish(&Payload::from(Value::Int(7)));
+    assert_eq!(stalled.recv_multipart(0).unwrap(), [b"/a".to_vec(), b"7".to_vec()]);
+}
+
+#[test]
+fn what_waits_for_a_listener_that_leaves_is_counted() {
+    let mut route = Route::new();
+    let stalled = route.stalled();
+    route.publish_until_missed(&numbered(10_000), "stalled");
+    let before = route.at_rest();
+    drop(stalled);
+    let lost = || route.context.counters.snapshot().dropped_for(DropReason::ConnectionLost);
+    wait_until("its queue to be counted", || lost() == 100);
+    assert_eq!(before.dropped_for(DropReason::ConnectionLost), 0);
+    route.at_rest();
+}
+
+#[test]
+fn a_listener_that_stands_still_costs_a_quarter_of_what_may_wait() {
+    // Each test is a process of its own.
+    WAITING.set_limit(32 * Limits::MIB);
+    let mut route = Route::new();
+    let stalled = route.stalled();
+    route.publish_until_missed(&numbered(Limits::MIB), "over_budget");
+    assert!(route.at_rest().dropped_for(DropReason::OverBudget) > 0);
+    assert!(WAITING.used() <= 8 * Limits::MIB, "{} bytes wait", WAITING.used());
+    // Who reads is not held up by who does not.
+    let other = subscriber(&zmq::Context::new(), route.zeromq.pub_port(), "/a");
+    wait_until("a second listener", || {
+        route.zeromq.broker_status().unwrap().subscriptions.get("/a") == Some(&2)
+    });
+    let started = Instant::now();
+    route.publish(&numbered(Limits::MIB));
+    assert_eq!(other.recv_multipart(0).unwrap().len(), 2, "after {:?}", started.elapsed());
+    drop(stalled);
+    wait_until("the room to be given back", || WAITING.used() == 0);
 }

@@ -69,6 +69,12 @@ drop_reasons! {
     Expired => "expired",
     /// It waited in the route, or was on its way through it, when the route closed.
     Closed => "closed",
+    /// A peer read more slowly than was sent to it: its queue was full.
+    Stalled => "stalled",
+    /// The connection was lost with the message in its queue.
+    ConnectionLost => "connection_lost",
+    /// As much waits in this process as may (`limits: { waiting_mib }`), and this peer or queue holds most.
+    OverBudget => "over_budget",
 }
 
 /// What happened to an endpoint's quality of service. No message is lost by it.
@@ -151,6 +157,15 @@ impl Counters {
         self.latency.record(added);
     }
 
+    /// Counts a message that was handed over, and then not delivered to everybody who was to have it. It is no
+    /// longer counted as sent.
+    pub fn undelivered(&self, reason: DropReason, bytes: usize) {
+        // A transport may find out before the message is counted as sent: these wrap, and are whole again then.
+        self.sent.fetch_sub(1, Relaxed);
+        self.sent_bytes.fetch_sub(bytes as u64, Relaxed);
+        self.dropped(reason);
+    }
+
     /// Counts one object that was passed on unread, because its plug-in refused it.
     pub fn unread(&self) {
         self.unread.fetch_add(1, Relaxed);
@@ -181,8 +196,8 @@ impl Counters {
         CountersSnapshot {
             received: self.received.load(Relaxed),
             received_bytes: self.received_bytes.load(Relaxed),
-            sent: self.sent.load(Relaxed),
-            sent_bytes: self.sent_bytes.load(Relaxed),
+            sent: at_least_none(self.sent.load(Relaxed)),
+            sent_bytes: at_least_none(self.sent_bytes.load(Relaxed)),
             unread: self.unread.load(Relaxed),
             drops: DropReason::ALL
                 .iter()
@@ -223,6 +238,11 @@ pub struct CountersSnapshot {
     pub qos_events: Vec<(QosEvent, u64)>,
     /// Time from arrival here to hand-over.
     pub latency: LatencySummary,
+}
+
+/// A counter that something may have been taken from before it was added.
+fn at_least_none(counter: u64) -> u64 {
+    if counter > u64::MAX / 2 { 0 } else { counter }
 }
 
 impl CountersSnapshot {

@@ -16,6 +16,7 @@
 
 mod address;
 pub(crate) mod book;
+mod budget;
 pub(crate) mod calls;
 mod clock;
 mod counters;
@@ -39,6 +40,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 pub use address::{EndpointAddress, ParseAddressError};
+pub use budget::{Budget, Share, WAITING};
 pub use calls::Ticket;
 pub use clock::{RosClock, RosNow};
 pub use counters::{Counters, CountersSnapshot, DropReason, QosEvent};

@@ -10,21 +10,24 @@
 //! It lives in a thread of its owner: it cannot outlive the process and keep the ports.
 
 use std::collections::BTreeMap;
+use std::io::ErrorKind;
 use std::net::IpAddr;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
-use std::time::Instant;
 
 use serde::Serialize;
 
 use super::config::{ZeroMqConfig, allowed, resolve};
+use super::front::Front;
 use super::keeper::{Side, Stand};
+use super::ledger::Ledger;
 use super::monitor::Monitor;
 use super::options::{self, Bell};
 use super::proxy::Proxy;
-use super::sockopt;
 use super::traffic::{TopicTraffic, Traffic};
+use crate::Throttle;
+use crate::endpoint::{Counters, DropReason};
 use crate::network::{Insecure, ReachedByOthers};
 
 /// Settings of a [`Broker`]; the fields mean what they mean in [`ZeroMqConfig`].
@@ -114,16 +117,15 @@ pub struct BrokerStatus {
     pub forged: u64,
     /// Frames from listeners dropped because they were no subscription.
     pub ignored: u64,
-    /// How often a listener's queue was found full. From then until it has read half of its
-    /// queue, that listener misses messages; how many, libzmq does not tell.
-    pub overflows: u64,
+    /// Messages that listeners missed, by reason: one that two listeners miss counts twice.
+    pub missed: BTreeMap<&'static str, u64>,
     /// Listeners by topic.
     pub subscriptions: BTreeMap<String, u64>,
     /// What passed, by topic; as old as `subscriptions`.
     pub topics: BTreeMap<String, TopicTraffic>,
     /// Messages of topics that are not listed: beyond 4096 of them, or named by no text.
     pub unlisted: u64,
-    /// Why the broker no longer works.
+    /// Why the broker does not work now; it goes on trying.
     pub failure: Option<String>,
 }
 
@@ -133,14 +135,21 @@ impl Broker {
     /// # Errors
     /// When a port cannot be bound or must not be; both are free again then.
     pub fn start(config: &BrokerConfig) -> Result<Self, BrokerError> {
+        Self::start_with(config, Arc::default())
+    }
+
+    /// As [`Self::start`], of an instance whose publishers are told what the broker loses of theirs.
+    fn start_with(config: &BrokerConfig, ledger: Arc<Ledger>) -> Result<Self, BrokerError> {
         let ip = loopback(&config.ip, config.insecure)?;
         if config.pub_port == config.sub_port && config.pub_port != 0 {
             let names = ("pub_port", "sub_port");
             return Err(BrokerError::SamePort { port: config.pub_port, names });
         }
         let context = zmq::Context::new();
-        let (front, back) = sockets(&context, ip, config).map_err(failed_to("open its sockets"))?;
-        let pub_port = bind(&front, ip, config.pub_port)?;
+        let front = Front::bind(ip, config.pub_port, config.hwm)
+            .map_err(|error| refused(ip, config.pub_port, &error))?;
+        let pub_port = front.port().map_err(failed_to("learn its port"))?;
+        let back = socket(&context, ip, config).map_err(failed_to("open its sockets"))?;
         let sub_port = bind(&back, ip, config.sub_port)?;
         let (bell, stop) = Bell::new(&context).map_err(failed_to("open its control socket"))?;
         let shared = Arc::new(Shared::default());
@@ -151,7 +160,9 @@ impl Broker {
             monitor: Monitor::new(config.monitor_topic.as_deref()),
             traffic: Traffic::default(),
             shared: Arc::clone(&shared),
-            warn_at: Instant::now(),
+            ledger,
+            slow: Throttle::default(),
+            faults: Throttle::default(),
         };
         let thread = std::thread::Builder::new()
             .name("zeromq-broker".to_owned())
@@ -209,7 +220,7 @@ impl std::fmt::Debug for Broker {
 }
 
 impl Stand for Broker {
-    type Config = BrokerConfig;
+    type Config = (BrokerConfig, Arc<Ledger>);
 
     const FRONT: Side = Side { ours: "SUB", expected: "XPUB" };
     const BACK: Side = Side { ours: "PUB", expected: "XSUB" };
@@ -218,35 +229,22 @@ impl Stand for Broker {
     const SETTINGS: &'static str = "pub_port, sub_port";
 
     fn start(config: &Self::Config) -> Result<Self, BrokerError> {
-        Self::start(config)
+        Self::start_with(&config.0, Arc::clone(&config.1))
     }
 
-    fn ports(config: &Self::Config) -> (u16, u16) {
+    fn ports((config, _): &Self::Config) -> (u16, u16) {
         (config.pub_port, config.sub_port)
     }
 }
 
-/// Subscriptions are topic names: nothing longer is read.
-const MAX_SUBSCRIPTION_BYTES: usize = 64 * 1024;
-
-fn sockets(
-    context: &zmq::Context,
-    ip: IpAddr,
-    config: &BrokerConfig,
-) -> zmq::Result<(zmq::Socket, zmq::Socket)> {
-    let mut front = context.socket(zmq::XPUB)?;
-    options::set_common(&front, ip)?;
-    sockopt::set_xpub_verboser(&mut front, true)?; // see Monitor for the counts
-    sockopt::set_xpub_nodrop(&mut front, true)?; // see Proxy for what is done then
-    front.set_sndhwm(i32::from(config.hwm))?;
-    front.set_maxmsgsize(options::frame_limit(MAX_SUBSCRIPTION_BYTES))?;
+fn socket(context: &zmq::Context, ip: IpAddr, config: &BrokerConfig) -> zmq::Result<zmq::Socket> {
     let back = context.socket(zmq::XSUB)?;
     options::set_common(&back, ip)?;
     back.set_rcvhwm(i32::from(config.hwm))?;
     // What goes out here are subscriptions, and a lost one would starve its listener.
     back.set_sndhwm(0)?;
     back.set_maxmsgsize(options::frame_limit(config.max_frame_bytes))?;
-    Ok((front, back))
+    Ok(back)
 }
 
 /// The address of `host`, which others may reach only where that is allowed.
@@ -254,6 +252,15 @@ pub(super) fn loopback(host: &str, insecure: Insecure) -> Result<IpAddr, BrokerE
     let ip = resolve(host).map_err(|reason| BrokerError::Host { reason })?;
     allowed(ip, insecure)?;
     Ok(ip)
+}
+
+/// Why a port of ours could not be bound.
+fn refused(ip: IpAddr, port: u16, error: &std::io::Error) -> BrokerError {
+    match error.kind() {
+        ErrorKind::AddrInUse => BrokerError::PortTaken { ip, port },
+        ErrorKind::AddrNotAvailable => BrokerError::NotHere { ip },
+        _ => failed_to(&format!("bind {}", options::endpoint(ip, port)))(error),
+    }
 }
 
 /// Binds `socket` and tells to which port.
@@ -290,7 +297,7 @@ pub(super) struct Shared {
     bytes: AtomicU64,
     forged: AtomicU64,
     ignored: AtomicU64,
-    overflows: AtomicU64,
+    missed: Counters,
     told: Mutex<Told>,
 }
 
@@ -315,8 +322,8 @@ impl Shared {
         self.ignored.fetch_add(1, Relaxed);
     }
 
-    pub(super) fn count_overflow(&self) {
-        self.overflows.fetch_add(1, Relaxed);
+    pub(super) fn count_missed(&self, reason: DropReason) {
+        self.missed.dropped(reason);
     }
 
     pub(super) fn set_subscriptions<'a>(&self, counts: impl Iterator<Item = (&'a str, u64)>) {
@@ -328,18 +335,20 @@ impl Shared {
         self.told.lock().unwrap_or_else(PoisonError::into_inner).traffic = traffic;
     }
 
-    pub(super) fn failed(&self, error: zmq::Error) {
-        self.told.lock().unwrap_or_else(PoisonError::into_inner).failure = Some(error.to_string());
+    /// Why the broker does not work now; none when it does again.
+    pub(super) fn failed(&self, why: Option<String>) {
+        self.told.lock().unwrap_or_else(PoisonError::into_inner).failure = why;
     }
 
     fn status(&self) -> BrokerStatus {
+        let drops = self.missed.snapshot().drops.into_iter();
         let told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
         BrokerStatus {
             messages: self.messages.load(Relaxed),
             bytes: self.bytes.load(Relaxed),
             forged: self.forged.load(Relaxed),
             ignored: self.ignored.load(Relaxed),
-            overflows: self.overflows.load(Relaxed),
+            missed: drops.map(|(reason, count)| (reason.as_str(), count)).collect(),
             subscriptions: told.subscriptions.clone(),
             topics: told.traffic.topics.clone(),
             unlisted: told.traffic.unlisted,

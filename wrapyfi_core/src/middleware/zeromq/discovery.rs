@@ -54,8 +54,10 @@ pub(super) struct ZeroMqDiscovery {
 impl ZeroMqDiscovery {
     pub(super) fn new(shared: &Shared, monitor_topic: &str) -> Result<Self, DiscoverError> {
         let link = BrokerLink::new(&shared.pub_endpoint);
-        let (socket, watch) =
-            open(shared, &link, monitor_topic).map_err(|error| transport(&error))?;
+        let (socket, watch) = shared
+            .contexts
+            .open(|context| open(context, shared, &link, monitor_topic))
+            .map_err(|error| transport(&error))?;
         Ok(Self {
             monitor_topic: monitor_topic.to_owned(),
             socket: Some(socket),
@@ -156,18 +158,19 @@ fn transport(error: &zmq::Error) -> DiscoverError {
 }
 
 fn open(
+    context: &zmq::Context,
     shared: &Shared,
     link: &Arc<BrokerLink>,
     monitor_topic: &str,
 ) -> zmq::Result<(zmq::Socket, Watch)> {
-    let socket = shared.context.socket(zmq::SUB)?;
+    let socket = context.socket(zmq::SUB)?;
     options::set_common(&socket, shared.ip)?;
     socket.set_maxmsgsize(options::frame_limit(shared.max_frame_bytes))?;
     let probe = format!("{PROBE}{}", std::process::id());
     for topic in [monitor_topic, TRAFFIC_TOPIC, &probe] {
         socket.set_subscribe(topic.as_bytes())?;
     }
-    link::connect(&shared.context, socket, link)
+    link::connect(context, socket, link)
 }
 
 impl Discovery for ZeroMqDiscovery {

@@ -2,38 +2,55 @@
 //!
 //! ```text
 //!   open, close ── commands ──┐
-//!   bell ─────────────────────┤
-//!   listeners' SUB ───────────┼─▶ zmq::poll ──▶ Reception: inbox
-//!   publishers' subscriptions ┤             ──▶ Outlet: who listens
-//!   clients', servers' DEALER ┤             ──▶ Line: requests, replies
-//!   connection events ────────┘             ──▶ BrokerLink, wake
+//!   listeners' SUB ───────────┤          ┌─▶ Reception: inbox
+//!   publishers' subscriptions ┼─▶ epoll ─┼─▶ Outlet: who listens
+//!   clients', servers' DEALER ┤          ├─▶ Line: requests, replies
+//!   connection events ────────┘          └─▶ BrokerLink, wake
 //! ```
 //!
 //! Publishing itself happens on the caller's thread: see `Outlet`.
+//!
+//! A socket's descriptor says once that something happened. So an endpoint that is looked at is read until it has
+//! no more, or stays among those to be looked at without waiting. Only what moved is looked at: a thousand endpoints
+//! at rest cost nothing.
 
+use std::collections::{BTreeMap, BTreeSet};
+use std::os::fd::RawFd;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, mpsc};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use mio::unix::SourceFd;
+use mio::{Events, Interest, Poll, Token, Waker};
+
 use super::line::Line;
 use super::link::Watch;
-use super::options::{Bell, silence};
 use super::publisher::Outlet;
 use super::reception::Reception;
+use crate::backoff::Backoff;
+use crate::{Limits, Throttle};
 
 /// What endpoints ask of the I/O thread.
 pub(super) enum Command {
     Listen(Reception),
     Publish(Arc<Outlet>, Watch),
     Line(Line),
+    /// There is room in an inbox again, or something to send.
+    Look(u64),
     Close(u64),
 }
+
+/// The token of the commands; endpoints are counted from 0.
+const COMMANDS: Token = Token(usize::MAX);
+/// Events taken at once.
+const EVENTS: usize = 256;
 
 /// How endpoints reach the I/O thread. They may outlive it.
 pub(super) struct Handle {
     commands: mpsc::Sender<Command>,
-    bell: Bell,
+    waker: Waker,
     stop: AtomicBool,
     next_id: AtomicU64,
 }
@@ -42,12 +59,14 @@ impl Handle {
     pub(super) fn send(&self, command: Command) {
         // A thread that has ended has closed everything already.
         if self.commands.send(command).is_ok() {
-            self.bell.ring();
+            self.ring();
         }
     }
 
-    pub(super) fn ring(&self) {
-        self.bell.ring();
+    fn ring(&self) {
+        if let Err(error) = self.waker.wake() {
+            tracing::error!(%error, "the ZeroMQ I/O thread cannot be woken");
+        }
     }
 
     pub(super) fn next_id(&self) -> u64 {
@@ -62,23 +81,23 @@ pub(super) struct Io {
 }
 
 impl Io {
-    pub(super) fn start(context: &zmq::Context) -> std::io::Result<Self> {
-        let (bell, ears) = Bell::new(context)?;
+    pub(super) fn start() -> std::io::Result<Self> {
+        let poll = Poll::new()?;
         let (commands, inbox) = mpsc::channel();
         let handle = Arc::new(Handle {
             commands,
-            bell,
+            waker: Waker::new(poll.registry(), COMMANDS)?,
             stop: AtomicBool::new(false),
             next_id: AtomicU64::new(0),
         });
         let worker = Worker {
             handle: Arc::clone(&handle),
             commands: inbox,
-            ears,
-            receptions: Vec::new(),
-            outlets: Vec::new(),
-            lines: Vec::new(),
-            closing: Vec::new(),
+            poll,
+            ends: BTreeMap::new(),
+            ready: BTreeSet::new(),
+            timed: BTreeMap::new(),
+            faults: Throttle::default(),
         };
         let thread =
             std::thread::Builder::new().name("zeromq-io".to_owned()).spawn(|| worker.run())?;
@@ -93,131 +112,252 @@ impl Io {
 impl Drop for Io {
     fn drop(&mut self) {
         self.handle.stop.store(true, Relaxed);
-        self.handle.bell.ring();
+        self.handle.ring();
         if let Some(thread) = self.thread.take()
             && thread.join().is_err()
         {
             tracing::error!("the ZeroMQ I/O thread panicked");
         }
-        self.handle.bell.close();
     }
+}
+
+/// What belongs to one endpoint here.
+enum End {
+    Reception(Reception),
+    Outlet(Arc<Outlet>, Watch),
+    Line(Line),
+    /// Its socket is being closed.
+    Closing(u64, Watch),
+}
+
+/// What a look at an endpoint left.
+#[derive(Default)]
+struct Look {
+    /// There is more to read.
+    more: bool,
+    /// Time until it must be looked at although nothing happens.
+    patience: Option<Duration>,
+    /// It is gone.
+    over: bool,
 }
 
 struct Worker {
     handle: Arc<Handle>,
     commands: mpsc::Receiver<Command>,
-    ears: zmq::Socket,
-    receptions: Vec<Reception>,
-    outlets: Vec<(Arc<Outlet>, Watch)>,
-    lines: Vec<Line>,
-    /// Of sockets that are being closed.
-    closing: Vec<Watch>,
+    poll: Poll,
+    ends: BTreeMap<u64, End>,
+    /// Endpoints to be looked at without waiting.
+    ready: BTreeSet<u64>,
+    /// When endpoints must be looked at although nothing happens to them.
+    timed: BTreeMap<u64, Instant>,
+    faults: Throttle,
 }
 
 impl Worker {
+    /// Runs until it is told to stop.
     fn run(mut self) {
+        let mut backoff = Backoff::of_process(0);
         while !self.handle.stop.load(Relaxed) {
-            self.obey();
-            match self.turn() {
-                Ok(()) | Err(zmq::Error::EINTR | zmq::Error::EAGAIN) => {}
-                Err(error) => {
-                    tracing::error!(%error, "the ZeroMQ I/O thread stopped");
-                    break;
-                }
+            if catch_unwind(AssertUnwindSafe(|| self.turns(&mut backoff))).is_err() {
+                tracing::error!("the ZeroMQ I/O thread panicked: it goes on after a pause");
+                std::thread::sleep(backoff.wait());
+                self.ready.extend(self.ends.keys());
             }
         }
         self.obey();
         // Endpoints may live on; their sockets must not, or the context never ends.
-        self.close(|_| true);
-        Watch::see_out(self.closing);
+        let ends = std::mem::take(&mut self.ends).into_values();
+        Watch::see_out(ends.map(End::close).collect());
+    }
+
+    fn turns(&mut self, backoff: &mut Backoff) {
+        let mut events = Events::with_capacity(EVENTS);
+        while !self.handle.stop.load(Relaxed) {
+            let next = self.timed.values().min();
+            let left = next.map(|at| at.saturating_duration_since(Instant::now()));
+            let wait = if self.ready.is_empty() { left } else { Some(Duration::ZERO) };
+            if let Err(error) = self.poll.poll(&mut events, wait)
+                && error.kind() != std::io::ErrorKind::Interrupted
+            {
+                tracing::error!(%error, "the ZeroMQ I/O thread cannot wait for its sockets");
+                std::thread::sleep(backoff.wait());
+            }
+            for event in &events {
+                match event.token() {
+                    COMMANDS => self.obey(),
+                    Token(id) => _ = self.ready.insert(id as u64),
+                }
+            }
+            self.look();
+        }
     }
 
     fn obey(&mut self) {
         while let Ok(command) = self.commands.try_recv() {
             match command {
-                Command::Listen(reception) => self.receptions.push(reception),
-                Command::Publish(outlet, watch) => self.outlets.push((outlet, watch)),
-                Command::Line(line) => self.lines.push(line),
-                Command::Close(id) => self.close(|other| other == id),
+                Command::Listen(reception) => self.add(reception.id, End::Reception(reception)),
+                Command::Publish(outlet, watch) => {
+                    self.add(outlet.id(), End::Outlet(outlet, watch));
+                }
+                Command::Line(line) => self.add(line.id(), End::Line(line)),
+                Command::Look(id) => _ = self.ready.insert(id),
+                Command::Close(id) => {
+                    if let Some(end) = self.ends.remove(&id) {
+                        self.watch(&end, false);
+                        self.add(id, End::Closing(id, end.close()));
+                    }
+                }
             }
         }
     }
 
-    /// Closes the sockets of the endpoints that are `meant`, and keeps their watches.
-    fn close(&mut self, meant: impl Fn(u64) -> bool) {
-        let receptions = self.receptions.extract_if(.., |reception| meant(reception.id));
-        self.closing.extend(receptions.map(Reception::close));
-        let lines = self.lines.extract_if(.., |line| meant(line.id()));
-        self.closing.extend(lines.map(Line::close));
-        for (outlet, watch) in self.outlets.extract_if(.., |(outlet, _)| meant(outlet.id())) {
-            outlet.close();
-            self.closing.push(watch);
+    fn add(&mut self, id: u64, end: End) {
+        self.ends.insert(id, end);
+        if let Some(end) = self.ends.get(&id) {
+            self.watch(end, true);
+        }
+        self.ready.insert(id);
+    }
+
+    /// Has the system tell when something happens to the sockets of an endpoint, or no more.
+    fn watch(&self, end: &End, on: bool) {
+        let (id, descriptors) = end.descriptors();
+        for fd in descriptors {
+            let registry = self.poll.registry();
+            let result = match on {
+                true => registry.register(&mut SourceFd(&fd), id, Interest::READABLE),
+                false => registry.deregister(&mut SourceFd(&fd)),
+            };
+            if let Err(error) = result {
+                tracing::error!(%error, on, "the ZeroMQ I/O thread cannot watch a socket");
+            }
         }
     }
 
-    /// Waits for something to happen, and handles it.
-    fn turn(&mut self) -> zmq::Result<()> {
+    /// Looks at every endpoint to which something happened, or whose time has come. What one of them does wrong
+    /// here is no concern of the others.
+    fn look(&mut self) {
         let now = Instant::now();
-        let receptions = self.receptions.iter_mut().flat_map(|r| [r.retry(now), r.revive(now)]);
-        let outlets = self.outlets.iter_mut().map(|(outlet, watch)| outlet.revive(watch, now));
-        let lines = self.lines.iter_mut().map(|line| line.revive(now));
-        let patience = receptions.chain(outlets).chain(lines).flatten().min();
-        let ready = self.poll(patience)?;
-        let mut ready = ready.into_iter();
-        let mut next = || ready.next().unwrap_or(false);
-        if next() {
-            silence(&self.ears);
-        }
-        for reception in &mut self.receptions {
-            if next() && reception.watch.take() {
-                reception.wake.ring();
+        let mut due = std::mem::take(&mut self.ready);
+        due.extend(self.timed.iter().filter(|(_, at)| **at <= now).map(|(id, _)| *id));
+        for id in due {
+            let Some(end) = self.ends.get_mut(&id) else { continue };
+            let look = match catch_unwind(AssertUnwindSafe(|| end.look(now))) {
+                Ok(Ok(look)) => look,
+                Ok(Err(zmq::Error::EINTR | zmq::Error::EAGAIN)) => Look::again(),
+                Ok(Err(error)) => self.fault(now, &error),
+                Err(_) => self.fault(now, &"a panic"),
+            };
+            if look.over
+                && let Some(end) = self.ends.remove(&id)
+            {
+                self.watch(&end, false);
+                continue;
             }
-            if next() {
-                reception.read()?;
+            if look.more {
+                self.ready.insert(id);
             }
-        }
-        for (outlet, watch) in &mut self.outlets {
-            let moved = next() && watch.take();
-            let changed = next() && outlet.hear();
-            if moved || changed {
-                outlet.wake().ring();
-            }
-        }
-        for line in &mut self.lines {
-            if next() && line.watch.take() {
-                line.ring();
-            }
-            if next() {
-                line.write()?;
-                line.read()?;
+            match look.patience {
+                Some(time) => _ = self.timed.insert(id, now + time),
+                None => _ = self.timed.remove(&id),
             }
         }
-        self.closing.retain_mut(|watch| {
-            watch.take();
-            !watch.is_over()
-        });
-        Ok(())
     }
 
-    /// Which sockets have something to do: bell, then two of each listener, then two of each publisher,
-    /// two of each line, then the closing ones.
-    fn poll(&self, patience: Option<Duration>) -> zmq::Result<Vec<bool>> {
-        let mut items = vec![self.ears.as_poll_item(zmq::POLLIN)];
-        for reception in &self.receptions {
-            items.extend([reception.watch.poll_item(), reception.poll_item()]);
+    /// Says what went wrong at an endpoint, which is looked at again after a pause.
+    fn fault(&mut self, now: Instant, what: &dyn std::fmt::Display) -> Look {
+        if let Some(unlogged_before) = self.faults.pass(now) {
+            tracing::error!(
+                unlogged_before,
+                "{what} in the ZeroMQ I/O thread, at one endpoint: it goes on"
+            );
         }
-        for (outlet, watch) in &self.outlets {
-            items.extend([watch.poll_item(), outlet.poll_item()]);
+        Look { patience: Some(Limits::RECONNECT_MIN), ..Look::default() }
+    }
+}
+
+impl Look {
+    fn again() -> Self {
+        Self { more: true, ..Self::default() }
+    }
+}
+
+impl End {
+    /// The endpoint's descriptors, and what they say when something happened.
+    fn descriptors(&self) -> (Token, Vec<RawFd>) {
+        let (id, socket, watch) = match self {
+            Self::Reception(reception) => {
+                (reception.id, reception.socket.get_fd().ok(), &reception.watch)
+            }
+            Self::Outlet(outlet, watch) => (outlet.id(), Some(outlet.fd()), watch),
+            Self::Line(line) => (line.id(), line.socket.get_fd().ok(), &line.watch),
+            Self::Closing(id, watch) => (*id, None, watch),
+        };
+        let descriptors = socket.into_iter().chain(watch.fd()).collect();
+        (Token(usize::try_from(id).unwrap_or(usize::MAX - 1)), descriptors)
+    }
+
+    fn look(&mut self, now: Instant) -> zmq::Result<Look> {
+        // Connecting again may take the signal of what waits to be read.
+        let mut look = Look { more: self.is_lost(now), ..Look::default() };
+        look.patience = match self {
+            Self::Reception(reception) => {
+                if reception.watch.take() {
+                    reception.wake.ring();
+                }
+                let mut held = reception.retry(now);
+                if held.is_none() {
+                    look.more |= reception.read()?;
+                    let stopped = reception.held.is_some();
+                    // Room that was made before the listener could know that it is waited for.
+                    held = reception.retry(now);
+                    look.more |= stopped && held.is_none();
+                }
+                held.into_iter().chain(reception.revive(now)).min()
+            }
+            Self::Outlet(outlet, watch) => {
+                if watch.take() | outlet.hear() {
+                    outlet.wake().ring();
+                }
+                outlet.revive(watch, now)
+            }
+            Self::Line(line) => {
+                if line.watch.take() {
+                    line.ring();
+                }
+                line.write()?;
+                // Last: what is left unread may have had its signal.
+                look.more |= line.read()?;
+                line.revive(now)
+            }
+            Self::Closing(_, watch) => {
+                watch.take();
+                look.over = watch.is_over();
+                None
+            }
+        };
+        Ok(look)
+    }
+
+    /// Whether its socket will be connected again by this look.
+    fn is_lost(&self, now: Instant) -> bool {
+        let (Self::Reception(Reception { watch, .. })
+        | Self::Outlet(_, watch)
+        | Self::Line(Line { watch, .. })
+        | Self::Closing(_, watch)) = self;
+        watch.patience(now) == Some(Duration::ZERO)
+    }
+
+    /// Closes the socket; the watch must be kept until it is over.
+    fn close(self) -> Watch {
+        match self {
+            Self::Reception(reception) => reception.close(),
+            Self::Outlet(outlet, watch) => {
+                outlet.close();
+                watch
+            }
+            Self::Line(line) => line.close(),
+            Self::Closing(_, watch) => watch,
         }
-        for line in &self.lines {
-            items.extend([line.watch.poll_item(), line.poll_item()]);
-        }
-        items.extend(self.closing.iter().map(Watch::poll_item));
-        // Rounded up, so that a deadline is not polled for many times in its last millisecond.
-        let wait = patience.map_or(-1, |time| {
-            i64::try_from(time.as_millis()).unwrap_or(i64::MAX).saturating_add(1)
-        });
-        zmq::poll(&mut items, wait)?;
-        Ok(items.iter().map(|item| item.is_readable() || item.is_writable()).collect())
     }
 }

@@ -78,7 +78,7 @@ impl Post {
     /// Sends as soon as there is a way; not after `until`.
     pub(super) fn send(&self, parcel: Parcel, until: Option<Instant>) {
         lock(&self.outgoing).push_back((parcel, until));
-        self.io.ring();
+        self.io.send(super::io::Command::Look(self.id));
     }
 
     pub(super) fn take(&self) -> Option<Delivery> {
@@ -107,7 +107,7 @@ fn lock<T>(queue: &Mutex<T>) -> MutexGuard<'_, T> {
 /// The socket and what it feeds.
 pub(super) struct Line {
     post: Arc<Post>,
-    socket: zmq::Socket,
+    pub(super) socket: zmq::Socket,
     pub(super) watch: Watch,
     message_bytes: usize,
 }
@@ -122,17 +122,19 @@ impl Line {
         context: &Context,
     ) -> zmq::Result<Arc<Post>> {
         let link = BrokerLink::new(endpoint);
-        let socket = shared.context.socket(zmq::DEALER)?;
-        options::set_common(&socket, shared.ip)?;
-        let depth = i32::try_from(spec.pending.clamp(1, 1000)).unwrap_or(1000);
-        socket.set_rcvhwm(depth)?;
-        socket.set_sndhwm(depth)?;
-        // What a lost broker had been given is lost with it; what it had not goes to the next one.
-        socket.set_immediate(true)?;
-        // Beyond this libzmq cuts the connection: as for listeners.
-        let guard = spec.limits.message_bytes.saturating_mul(2).saturating_add(FRAME_SLACK);
-        socket.set_maxmsgsize(options::frame_limit(guard))?;
-        let (socket, watch) = link::connect(&shared.context, socket, &link)?;
+        let (socket, watch) = shared.contexts.open(|context| {
+            let socket = context.socket(zmq::DEALER)?;
+            options::set_common(&socket, shared.ip)?;
+            let depth = i32::try_from(spec.pending.clamp(1, 1000)).unwrap_or(1000);
+            socket.set_rcvhwm(depth)?;
+            socket.set_sndhwm(depth)?;
+            // What a lost broker had been given is lost with it; what it had not goes to the next one.
+            socket.set_immediate(true)?;
+            // Beyond this libzmq cuts the connection: as for listeners.
+            let guard = spec.limits.message_bytes.saturating_mul(2).saturating_add(FRAME_SLACK);
+            socket.set_maxmsgsize(options::frame_limit(guard))?;
+            link::connect(context, socket, &link)
+        })?;
         let io = Arc::clone(shared.io.handle());
         let post = Arc::new(Post {
             id: io.next_id(),
@@ -157,13 +159,6 @@ impl Line {
 
     pub(super) fn id(&self) -> u64 {
         self.post.id
-    }
-
-    /// What to poll the socket for.
-    pub(super) fn poll_item(&self) -> zmq::PollItem<'_> {
-        let waiting = !lock(&self.post.outgoing).is_empty();
-        let events = if waiting { zmq::POLLIN | zmq::POLLOUT } else { zmq::POLLIN };
-        self.socket.as_poll_item(events)
     }
 
     pub(super) fn ring(&self) {
@@ -209,11 +204,11 @@ impl Line {
         Ok(())
     }
 
-    /// Reads what the socket has, one batch at most.
-    pub(super) fn read(&self) -> zmq::Result<()> {
+    /// Reads what the socket has, one batch at most; true when there may be more.
+    pub(super) fn read(&self) -> zmq::Result<bool> {
         for _ in 0..BATCH {
             let Some((parcel, size)) = envelope::receive(&self.socket, self.message_bytes)? else {
-                break;
+                return Ok(false);
             };
             let counters = &self.post.context.counters;
             if self.post.end == End::Server {
@@ -232,15 +227,16 @@ impl Line {
                 }
             };
             if self.post.is_full() {
+                // To be written, at the next look.
                 self.refuse(envelope, size);
-                continue;
+                return Ok(true);
             }
             let received_at = Instant::now();
             let delivery = Delivery { envelope, body, wire_bytes: size, received_at };
             lock(&self.post.incoming).push_back(delivery);
             self.ring();
         }
-        Ok(())
+        Ok(true)
     }
 
     /// Drops a message that there is no room for, and says so to a client that waits for it.

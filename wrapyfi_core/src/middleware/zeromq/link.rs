@@ -13,6 +13,7 @@
 //! it only fails to report a next try. [`Watch::revive`] connects again then.
 
 use std::net::SocketAddr;
+use std::os::fd::RawFd;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
 use std::time::{Duration, Instant};
@@ -148,6 +149,11 @@ pub(super) fn connect(
 }
 
 impl Watch {
+    /// Descriptor that says that an event waits.
+    pub(super) fn fd(&self) -> Option<RawFd> {
+        self.events.get_fd().ok()
+    }
+
     pub(super) fn poll_item(&self) -> zmq::PollItem<'_> {
         self.events.as_poll_item(zmq::POLLIN)
     }

@@ -46,8 +46,10 @@ impl ZeroMqListener {
         context: &Context,
     ) -> Result<Self, OpenError> {
         let link = BrokerLink::new(&shared.pub_endpoint);
-        let (socket, watch) =
-            open_socket(shared, spec, &link).map_err(|e| transport(&spec.topic, e))?;
+        let (socket, watch) = shared
+            .contexts
+            .open(|context| open_socket(context, shared, spec, &link))
+            .map_err(|e| transport(&spec.topic, e))?;
         let id = shared.io.handle().next_id();
         let (sender, receiver) =
             inbox(spec.queue, Arc::clone(&context.counters), context.wake.clone());
@@ -71,11 +73,12 @@ impl ZeroMqListener {
 }
 
 fn open_socket(
+    context: &zmq::Context,
     shared: &Shared,
     spec: &TopicSpec,
     link: &Arc<BrokerLink>,
 ) -> zmq::Result<(zmq::Socket, Watch)> {
-    let socket = shared.context.socket(zmq::SUB)?;
+    let socket = context.socket(zmq::SUB)?;
     options::set_common(&socket, shared.ip)?;
     socket.set_rcvhwm(socket_depth(spec.queue))?;
     // Beyond this libzmq cuts the connection: it guards memory only, far enough above the limit
@@ -83,14 +86,14 @@ fn open_socket(
     let guard = spec.limits.message_bytes.saturating_mul(2).saturating_add(FRAME_SLACK);
     socket.set_maxmsgsize(options::frame_limit(guard))?;
     socket.set_subscribe(spec.topic.as_bytes())?;
-    link::connect(&shared.context, socket, link)
+    link::connect(context, socket, link)
 }
 
 impl ZeroMqListener {
     fn pop(&self) -> Option<Arrival> {
         let arrival = self.inbox.pop()?;
         if self.stalled.swap(false, SeqCst) {
-            self.io.ring();
+            self.io.send(Command::Look(self.id));
         }
         Some(arrival)
     }

@@ -15,6 +15,7 @@
 //! | `config` | settings and environment |
 //! | `keeper` | there is a broker: ours, or a foreign one until it dies |
 //! | `broker`, `proxy`, `monitor`, `traffic` | the broker, its thread, its counts |
+//! | `front`, `zmtp`, `ledger` | its side for listeners, the protocol there, whose messages it lost |
 //! | `discovery` | which topics a broker has |
 //! | `probe` | what has a port |
 //! | `service_broker`, `service_proxy` | the broker of requests and replies, its thread |
@@ -22,17 +23,20 @@
 //! | `listener`, `publisher`, `client`, `server` | the endpoints |
 //! | `envelope` | what is around a request and a reply |
 //! | `echo` | our own messages are not received |
-//! | `options`, `sockopt` | what all sockets share; options that `zmq` lacks |
+//! | `options`, `sockopt`, `contexts` | what all sockets share; options that `zmq` lacks; room for sockets |
 
 mod broker;
 mod client;
 mod config;
+mod contexts;
 mod deadline;
 mod discovery;
 mod echo;
 mod envelope;
+mod front;
 mod io;
 mod keeper;
+mod ledger;
 mod line;
 mod link;
 mod listener;
@@ -48,9 +52,10 @@ mod service_proxy;
 #[allow(unsafe_code)] // see the contract at its head
 mod sockopt;
 mod traffic;
+mod zmtp;
 
 use std::net::IpAddr;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 pub use broker::{Broker, BrokerConfig, BrokerError, BrokerStatus};
 pub use config::{BrokerMode, ConfigError, ZeroMqConfig};
@@ -92,8 +97,9 @@ struct Shared {
     send_hwm: u16,
     max_frame_bytes: usize,
     echoes: echo::Echoes,
+    ledger: Arc<ledger::Ledger>,
     io: io::Io,
-    context: zmq::Context,
+    contexts: contexts::Contexts,
 }
 
 /// Why ZeroMQ could not be started.
@@ -174,7 +180,12 @@ impl ZeroMq {
         }
         let ip = config::resolve(&config.hosts.or_same(&config.ip))
             .map_err(|reason| BrokerError::Host { reason })?;
-        let keeper = keeper::Keeper::<Broker>::start(&config.broker_config(), config.broker, ip)?;
+        let ledger = Arc::<ledger::Ledger>::default();
+        let keeper = keeper::Keeper::<Broker>::start(
+            &(config.broker_config(), Arc::clone(&ledger)),
+            config.broker,
+            ip,
+        )?;
         let (pub_port, sub_port) = keeper
             .own(|broker| (broker.pub_port(), broker.sub_port()))
             .unwrap_or((config.pub_port, config.sub_port));
@@ -183,9 +194,8 @@ impl ZeroMq {
                 return Err(StartError::NoPort { field });
             }
         }
-        let context = zmq::Context::new();
-        let io = io::Io::start(&context)
-            .map_err(|error| StartError::Transport { reason: error.to_string() })?;
+        let io =
+            io::Io::start().map_err(|error| StartError::Transport { reason: error.to_string() })?;
         let ip = config::reachable(ip);
         let shared = Shared {
             ip,
@@ -194,8 +204,9 @@ impl ZeroMq {
             send_hwm: config.send_hwm,
             max_frame_bytes: config.max_frame_bytes,
             echoes: echo::Echoes::default(),
+            ledger,
             io,
-            context,
+            contexts: contexts::Contexts::default(),
         };
         Ok(Self {
             monitor_topic: config.monitor_topic.clone(),
@@ -382,5 +393,9 @@ fn name_fault(topic: &str) -> Option<String> {
 }
 
 fn transport(topic: &str, error: zmq::Error) -> OpenError {
-    OpenError::Transport { middleware: NAME, topic: topic.to_owned(), reason: error.to_string() }
+    OpenError::Transport {
+        middleware: NAME,
+        topic: topic.to_owned(),
+        reason: contexts::reason(error),
+    }
 }

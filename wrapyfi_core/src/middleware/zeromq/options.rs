@@ -1,19 +1,21 @@
 //! Options that all sockets share, and the doorbell between threads.
 
-use std::net::IpAddr;
+use std::net::{IpAddr, TcpStream};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
+use socket2::{SockRef, TcpKeepalive};
+
 use crate::Limits;
 
 /// How long a closed socket may still send what it holds.
-const LINGER: Duration = Duration::from_millis(500);
+pub(super) const LINGER: Duration = Duration::from_millis(500);
 /// Silence after which a peer is asked whether it lives, and time it has to answer.
-const HEARTBEAT: Duration = Duration::from_secs(2);
-const HEARTBEAT_TIMEOUT: Duration = Duration::from_secs(5);
+pub(super) const HEARTBEAT: Duration = Duration::from_secs(2);
+pub(super) const HEARTBEAT_TIMEOUT: Duration = Duration::from_secs(5);
 /// Time a peer has to greet.
-const HANDSHAKE: Duration = Duration::from_secs(5);
+pub(super) const HANDSHAKE: Duration = Duration::from_secs(5);
 /// Silence after which TCP asks, for peers too old for heartbeats.
 const KEEPALIVE_IDLE: i32 = 10;
 const KEEPALIVE_INTERVAL: i32 = 2;
@@ -43,6 +45,18 @@ pub(super) fn set_common(socket: &zmq::Socket, ip: IpAddr) -> zmq::Result<()> {
     socket.set_tcp_keepalive_cnt(KEEPALIVE_COUNT)
 }
 
+/// The same for a connection that is not libzmq's.
+pub(super) fn set_stream(stream: &TcpStream) -> std::io::Result<()> {
+    stream.set_nonblocking(true)?;
+    stream.set_nodelay(true)?;
+    let seconds = |seconds: i32| Duration::from_secs(u64::try_from(seconds).unwrap_or(0));
+    let keepalive = TcpKeepalive::new()
+        .with_time(seconds(KEEPALIVE_IDLE))
+        .with_interval(seconds(KEEPALIVE_INTERVAL))
+        .with_retries(u32::try_from(KEEPALIVE_COUNT).unwrap_or(0));
+    SockRef::from(stream).set_tcp_keepalive(&keepalive)
+}
+
 /// `tcp://ip:port`, as sockets bind and connect.
 pub(super) fn endpoint(ip: IpAddr, port: u16) -> String {
     format!("tcp://{}", std::net::SocketAddr::new(ip, port))
@@ -55,7 +69,7 @@ pub(super) fn inproc_name(what: &str) -> String {
 }
 
 /// Wakes a thread that polls sockets.
-pub(super) struct Bell(Mutex<Option<zmq::Socket>>);
+pub(super) struct Bell(Mutex<zmq::Socket>);
 
 impl Bell {
     /// A bell, and the socket that becomes readable when it rings.
@@ -67,27 +81,16 @@ impl Bell {
         let button = context.socket(zmq::PAIR)?;
         button.set_linger(0)?;
         button.connect(&name)?;
-        Ok((Self(Mutex::new(Some(button))), ears))
+        Ok((Self(Mutex::new(button)), ears))
     }
 
     /// Never blocks: a bell with a thousand unanswered rings needs no more.
     pub(super) fn ring(&self) {
         let button = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let Some(button) = &*button else { return };
         if let Err(error) = button.send("", zmq::DONTWAIT)
             && error != zmq::Error::EAGAIN
         {
             tracing::debug!(%error, "the thread to wake is gone");
         }
     }
-
-    /// Takes the bell off, so that its context can end although somebody still holds it.
-    pub(super) fn close(&self) {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).take();
-    }
-}
-
-/// Takes all rings from `ears`.
-pub(super) fn silence(ears: &zmq::Socket) {
-    while ears.recv_msg(zmq::DONTWAIT).is_ok() {}
 }

@@ -12,10 +12,11 @@ use std::io::{ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::time::{Duration, Instant};
 
+use super::zmtp::{GREETING, greeting, ready, short_text, socket_type, split_command};
+
 /// Time for the whole conversation.
 pub(super) const TIMEOUT: Duration = Duration::from_secs(1);
 
-const GREETING: usize = 64;
 /// A READY command is a few properties; nobody is believed who announces more.
 const MAX_COMMAND: u64 = 4096;
 const FLAG_LONG: u8 = 0x02;
@@ -118,53 +119,20 @@ fn read_ready(stream: &mut impl Read) -> std::io::Result<Answer> {
 
 /// Reads the body of a READY or ERROR command.
 fn understand(body: &[u8]) -> Option<Answer> {
-    let (name, mut rest) = short_text(body)?;
+    let (name, properties) = split_command(body)?;
     if name == b"ERROR" {
-        let (reason, _) = short_text(rest)?;
+        let (reason, _) = short_text(properties)?;
         return Some(Answer::Refused(printable(reason)));
     }
     if name != b"READY" {
         return None;
     }
-    while !rest.is_empty() {
-        let (name, after) = short_text(rest)?;
-        let (length, after) = after.split_first_chunk::<4>()?;
-        let length = usize::try_from(u32::from_be_bytes(*length)).ok()?;
-        let (value, after) = after.split_at_checked(length)?;
-        if name.eq_ignore_ascii_case(b"Socket-Type") {
-            return Some(Answer::Socket(printable(value)));
-        }
-        rest = after;
-    }
-    None
-}
-
-/// Splits off a text with its length in the first byte.
-fn short_text(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
-    let (&length, rest) = bytes.split_first()?;
-    rest.split_at_checked(usize::from(length))
+    socket_type(properties).map(|kind| Answer::Socket(printable(kind)))
 }
 
 /// Foreign bytes, fit for a line of log.
 fn printable(bytes: &[u8]) -> String {
     bytes.escape_ascii().to_string().chars().take(64).collect()
-}
-
-fn greeting() -> Vec<u8> {
-    let mut greeting = vec![0xff, 0, 0, 0, 0, 0, 0, 0, 1, 0x7f, 3, 0];
-    greeting.extend_from_slice(b"NULL");
-    greeting.resize(GREETING, 0);
-    greeting
-}
-
-fn ready(socket_type: &str) -> Vec<u8> {
-    let mut body = b"\x05READY\x0bSocket-Type\0\0\0".to_vec();
-    // Socket types are words of a few letters.
-    body.push(u8::try_from(socket_type.len()).unwrap_or(u8::MAX));
-    body.extend_from_slice(socket_type.as_bytes());
-    let mut frame = vec![FLAG_COMMAND, u8::try_from(body.len()).unwrap_or(u8::MAX)];
-    frame.append(&mut body);
-    frame
 }
 
 /// A stream with one deadline for everything.

@@ -1,78 +1,101 @@
 //! The broker's thread: messages one way, subscriptions the other, counts every half second.
 //!
 //! ```text
-//!   publishers ──▶ XSUB (back) ── messages ──────────▶ XPUB (front) ──▶ listeners
-//!   publishers ◀── XSUB ◀── first, last subscription ── XPUB ◀────────── listeners
+//!   publishers ──▶ XSUB (back) ── messages ──────────▶ Front ──▶ listeners
+//!   publishers ◀── XSUB ◀── first, last subscription ── Front ◀── listeners
 //!                                  │                      ▲
 //!                                  └─ Monitor ── counts ──┘
 //! ```
 //!
-//! Frames are moved, and only the first of a message is copied. The monitor sees subscriptions
-//! only: messages, however many, cannot delay the counts by more than one batch.
+//! Frames are moved, not copied, where they are large. The monitor sees subscriptions only: messages, however many,
+//! cannot delay the counts by more than one batch.
 //!
-//! A listener that reads slower than is published misses what exceeds its queue of `hwm` messages
-//! here, and nobody else is slowed down. That its queue is full shows once, at the first message
-//! it misses: libzmq then leaves it out without a word until it has read half of the queue. So
-//! these moments are counted and warned about, not the messages.
+//! A listener that reads more slowly than is published misses what exceeds its queue here, and nobody else is slowed
+//! down. Each message that it misses is counted, here and where it was published in this process.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::broker::Shared;
+use super::front::{Front, Heard, Loss};
+use super::ledger::Ledger;
 use super::monitor::Monitor;
-use super::sockopt;
+use super::options;
 use super::traffic::{Look, TRAFFIC_TOPIC, Traffic};
+use crate::Throttle;
+use crate::backoff::Backoff;
 
 /// How often counts are repeated, for publishers that connect later than the listener.
 const REPEAT: Duration = Duration::from_millis(500);
 /// Messages passed on before the other side and the clock are looked at.
 const BATCH: usize = 128;
 
-/// Shortest time between two warnings about slow listeners.
-const WARN_PAUSE: Duration = Duration::from_secs(10);
-
 const SUBSCRIBE: u8 = 1;
 const UNSUBSCRIBE: u8 = 0;
 
 pub(super) struct Proxy {
-    pub(super) front: zmq::Socket,
+    pub(super) front: Front,
     pub(super) back: zmq::Socket,
     pub(super) stop: zmq::Socket,
     pub(super) monitor: Monitor,
     pub(super) traffic: Traffic,
     pub(super) shared: Arc<Shared>,
-    /// When the next warning about slow listeners may come.
-    pub(super) warn_at: Instant,
+    pub(super) ledger: Arc<Ledger>,
+    pub(super) slow: Throttle,
+    pub(super) faults: Throttle,
 }
 
 impl Proxy {
-    /// Runs until the stop socket is rung.
+    /// Runs until the stop socket is rung. What goes wrong is said, and it goes on after a pause.
     pub(super) fn run(mut self) {
         let mut repeat_at = Instant::now() + REPEAT;
+        let mut backoff = Backoff::of_process(1);
         loop {
-            match self.turn(repeat_at) {
-                Ok(true) => {}
-                Ok(false) | Err(zmq::Error::ETERM) => break,
-                Err(zmq::Error::EINTR | zmq::Error::EAGAIN) => continue,
-                Err(error) => {
-                    tracing::error!(%error, "the ZeroMQ broker stopped");
-                    self.shared.failed(error);
-                    break;
-                }
+            let fault = match catch_unwind(AssertUnwindSafe(|| self.turn(&mut repeat_at))) {
+                Ok(Ok(true)) => continue,
+                Ok(Ok(false) | Err(zmq::Error::ETERM)) => break,
+                Ok(Err(zmq::Error::EINTR | zmq::Error::EAGAIN)) => continue,
+                Ok(Err(error)) => error.to_string(),
+                Err(_) => "a panic".to_owned(),
+            };
+            if let Some(unlogged_before) = self.faults.pass(Instant::now()) {
+                tracing::error!(
+                    unlogged_before,
+                    "{fault} in the ZeroMQ broker: it goes on after a pause"
+                );
             }
-            let now = Instant::now();
-            if self.monitor.take_changed() || now >= repeat_at {
-                self.tell(now);
-                repeat_at = now + REPEAT;
+            self.shared.failed(Some(fault));
+            // Not asleep: it may be told to end.
+            let pause = i64::try_from(backoff.wait().as_millis()).unwrap_or(0);
+            if !matches!(self.stop.poll(zmq::POLLIN, pause), Ok(0)) {
+                break;
             }
+            self.shared.failed(None);
         }
+        self.end();
     }
 
-    /// Waits for one event or `until`, and handles it; false when it is time to stop.
-    fn turn(&mut self, until: Instant) -> zmq::Result<bool> {
-        let wait = until.saturating_duration_since(Instant::now()).as_millis() + 1;
+    /// Passes on what has come, and what waits.
+    fn end(&mut self) {
+        let deadline = Instant::now() + options::LINGER;
+        while let Ok(true) = self.pass_messages() {
+            if Instant::now() >= deadline {
+                break;
+            }
+        }
+        self.front.close(deadline);
+        self.settle();
+    }
+
+    /// Waits for one event or for the time of the next counts, and handles it; false when it is time to stop.
+    fn turn(&mut self, repeat_at: &mut Instant) -> zmq::Result<bool> {
+        let wait = match self.front.is_unread() {
+            true => 0,
+            false => repeat_at.saturating_duration_since(Instant::now()).as_millis() + 1,
+        };
         let mut items = [
-            self.front.as_poll_item(zmq::POLLIN),
+            zmq::PollItem::from_fd(self.front.fd(), zmq::POLLIN),
             self.back.as_poll_item(zmq::POLLIN),
             self.stop.as_poll_item(zmq::POLLIN),
         ];
@@ -81,110 +104,118 @@ impl Proxy {
         if stop {
             return Ok(false);
         }
-        if front {
-            self.pass_subscriptions()?;
+        let mut now = Instant::now();
+        if front || self.front.is_unread() {
+            if let Err(error) = self.front.turn(now) {
+                tracing::error!(%error, "the ZeroMQ broker cannot wait for its listeners");
+            }
+            self.pass_subscriptions(now)?;
         }
         if back {
             self.pass_messages()?;
+            now = Instant::now();
         }
+        if now >= *repeat_at {
+            self.front.tick(now);
+            self.pass_subscriptions(now)?;
+        }
+        if self.monitor.take_changed() || now >= *repeat_at {
+            self.tell(now);
+            *repeat_at = now + REPEAT;
+        }
+        self.settle();
         Ok(true)
     }
 
-    fn pass_subscriptions(&mut self) -> zmq::Result<()> {
-        let now = Instant::now();
-        for _ in 0..BATCH {
-            let Some(frame) = receive(&self.front)? else { break };
-            if frame.get_more() {
-                // Listeners have nothing to say but subscriptions.
-                while self.front.recv_msg(0)?.get_more() {}
-                self.shared.count_ignored();
-                continue;
-            }
-            let pass_on = match frame.split_first() {
-                Some((&SUBSCRIBE, topic)) if topic == TRAFFIC_TOPIC.as_bytes() => {
+    fn pass_subscriptions(&mut self, now: Instant) -> zmq::Result<()> {
+        for heard in self.front.heard() {
+            let (word, topic) = match &heard {
+                Heard::Subscribed(topic) => (SUBSCRIBE, topic),
+                Heard::Unsubscribed(topic) => (UNSUBSCRIBE, topic),
+                Heard::Ignored => {
+                    self.shared.count_ignored();
+                    continue;
+                }
+            };
+            let pass_on = match word {
+                SUBSCRIBE if topic == TRAFFIC_TOPIC.as_bytes() => {
                     self.traffic.watched();
                     self.tell_traffic();
                     false
                 }
-                Some((&UNSUBSCRIBE, topic)) if topic == TRAFFIC_TOPIC.as_bytes() => {
+                _ if topic == TRAFFIC_TOPIC.as_bytes() => {
                     self.traffic.unwatched();
                     false
                 }
-                Some((&SUBSCRIBE, topic)) => self.monitor.subscribed(topic, now),
-                Some((&UNSUBSCRIBE, topic)) => self.monitor.unsubscribed(topic, now),
-                _ => {
-                    self.shared.count_ignored();
-                    false
-                }
+                SUBSCRIBE => self.monitor.subscribed(topic, now),
+                _ => self.monitor.unsubscribed(topic, now),
             };
             if pass_on {
-                self.back.send(frame, 0)?;
+                self.back.send([&[word][..], &topic[..]].concat(), 0)?;
             }
         }
         Ok(())
     }
 
-    fn pass_messages(&mut self) -> zmq::Result<()> {
+    /// Passes on what has come, one batch at most; true when there may be more.
+    fn pass_messages(&mut self) -> zmq::Result<bool> {
+        let mut more = true;
         for _ in 0..BATCH {
-            let Some(first) = receive(&self.back)? else { break };
+            let Some(first) = receive(&self.back)? else {
+                more = false;
+                break;
+            };
             let forged =
                 self.monitor.is_forged(&first) || first.starts_with(TRAFFIC_TOPIC.as_bytes());
-            let (mut frames, mut look) = (1, None);
-            let mut bytes = first.len();
-            let mut more = first.get_more();
-            if !forged {
-                self.begin(&first, more_flag(more))?;
-            }
-            while more {
+            let (mut count, mut bytes) = (1, first.len());
+            let mut frames = vec![first];
+            while frames.last().is_some_and(zmq::Message::get_more) {
+                // Frames of one message arrive together: this does not wait.
                 let frame = self.back.recv_msg(0)?;
                 bytes += frame.len();
-                frames += 1;
-                more = frame.get_more();
-                if !more {
-                    look = Look::guess(frames, &frame);
-                }
-                if !forged {
-                    self.front.send(frame, more_flag(more) | zmq::DONTWAIT)?;
+                count += 1;
+                match forged {
+                    true => frames = vec![frame],
+                    false => frames.push(frame),
                 }
             }
             if forged {
                 self.shared.count_forged();
-            } else {
-                self.shared.count_message(bytes);
-                self.traffic.count(&first, bytes, look);
+                continue;
             }
+            if let [topic, .., last] = &frames[..] {
+                self.traffic.count(topic, bytes, Look::guess(count, last));
+            } else if let [topic] = &frames[..] {
+                self.traffic.count(topic, bytes, None);
+            }
+            self.front.publish(frames, Some(bytes));
+            // Before it is counted: who sees a message in the counts sees its losses too.
+            self.settle();
+            self.shared.count_message(bytes);
         }
-        Ok(())
+        self.front.flush();
+        Ok(more)
     }
 
-    /// Sends the first frame of a message, which decides who receives it: all that are subscribed
-    /// and have room.
-    fn begin(&mut self, first: &[u8], flag: i32) -> zmq::Result<()> {
-        match self.front.send(first, flag | zmq::DONTWAIT) {
-            Err(zmq::Error::EAGAIN) => {}
-            other => return other,
+    /// Counts what listeners missed.
+    fn settle(&mut self) {
+        for Loss { reason, listener, first } in self.front.losses() {
+            self.shared.count_missed(reason);
+            let topic = first.as_ref().map(|(topic, _)| String::from_utf8_lossy(topic));
+            if let Some(unlogged_before) = self.slow.pass(Instant::now()) {
+                let topic = topic.as_deref().unwrap_or_default();
+                tracing::warn!(%listener, topic, unlogged_before, "a listener missed a message ({reason})");
+            }
+            if let Some((topic, bytes)) = &first {
+                self.ledger.undelivered(topic, reason, *bytes);
+            }
         }
-        self.shared.count_overflow();
-        let now = Instant::now();
-        if now >= self.warn_at {
-            self.warn_at = now + WARN_PAUSE;
-            let topic = String::from_utf8_lossy(first);
-            tracing::warn!(%topic, "a listener is slower than its topic and misses messages");
-        }
-        sockopt::set_xpub_nodrop(&mut self.front, false)?;
-        let sent = self.front.send(first, flag | zmq::DONTWAIT);
-        sockopt::set_xpub_nodrop(&mut self.front, true)?;
-        sent
     }
 
     /// Publishes the table of topics to those who asked for it.
     fn tell_traffic(&mut self) {
-        let Some(table) = self.traffic.message() else { return };
-        let sent = self
-            .begin(TRAFFIC_TOPIC.as_bytes(), zmq::SNDMORE)
-            .and_then(|()| self.front.send(table, zmq::DONTWAIT));
-        if let Err(error) = sent {
-            tracing::warn!(%error, "the ZeroMQ broker could not publish its table of topics");
+        if let Some(table) = self.traffic.message() {
+            self.front.publish(vec![TRAFFIC_TOPIC.into(), table.into()], None);
         }
     }
 
@@ -194,19 +225,11 @@ impl Proxy {
         self.shared.set_subscriptions(self.monitor.listed());
         self.shared.set_traffic(self.traffic.told());
         self.tell_traffic();
-        let Some(json) = message else { return };
-        let Some(topic) = self.monitor.own_topic().map(<[u8]>::to_vec) else { return };
-        let sent = self
-            .begin(&topic, zmq::SNDMORE)
-            .and_then(|()| self.front.send(json.as_bytes(), zmq::DONTWAIT));
-        if let Err(error) = sent {
-            tracing::warn!(%error, "the ZeroMQ broker could not publish its counts");
+        if let (Some(json), Some(topic)) = (message, self.monitor.own_topic()) {
+            self.front.publish(vec![topic.into(), json.into_bytes().into()], None);
         }
+        self.front.flush();
     }
-}
-
-fn more_flag(more: bool) -> i32 {
-    if more { zmq::SNDMORE } else { 0 }
 }
 
 /// The next frame, if one waits.

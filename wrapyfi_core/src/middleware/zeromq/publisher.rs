@@ -46,7 +46,10 @@ impl ZeroMqPublisher {
         spec.limits.message_bytes = spec.limits.message_bytes.min(shared.max_frame_bytes);
         let io = Arc::clone(shared.io.handle());
         let link = BrokerLink::new(&shared.sub_endpoint);
-        let (socket, watch) = open_socket(shared, &link).map_err(|e| transport(&spec.topic, e))?;
+        let (socket, watch) = shared
+            .contexts
+            .open(|context| open_socket(context, shared, &link))
+            .map_err(|e| transport(&spec.topic, e))?;
         let outlet = Arc::new(Outlet {
             id: io.next_id(),
             topic: spec.topic.as_bytes().to_vec(),
@@ -56,6 +59,7 @@ impl ZeroMqPublisher {
             state: Mutex::new(State { socket: Some(socket), prefixes: BTreeSet::new() }),
         });
         io.send(Command::Publish(Arc::clone(&outlet), watch));
+        shared.ledger.enter(spec.topic.as_bytes(), &context.counters);
         let echo = shared.echoes.of(&spec.topic);
         let depth = usize::from(shared.send_hwm);
         Ok(Self { outlet, spec, depth, echo, io, told_order: false })
@@ -80,8 +84,12 @@ impl ZeroMqPublisher {
     }
 }
 
-fn open_socket(shared: &Shared, link: &Arc<BrokerLink>) -> zmq::Result<(zmq::Socket, Watch)> {
-    let mut socket = shared.context.socket(zmq::XPUB)?;
+fn open_socket(
+    context: &zmq::Context,
+    shared: &Shared,
+    link: &Arc<BrokerLink>,
+) -> zmq::Result<(zmq::Socket, Watch)> {
+    let mut socket = context.socket(zmq::XPUB)?;
     options::set_common(&socket, shared.ip)?;
     socket.set_sndhwm(i32::from(shared.send_hwm))?;
     sockopt::set_xpub_nodrop(&mut socket, true)?;
@@ -89,7 +97,7 @@ fn open_socket(shared: &Shared, link: &Arc<BrokerLink>) -> zmq::Result<(zmq::Soc
     // A lost broker takes its subscriptions and the messages queued for it along: the next one
     // starts with what is new, and until then nobody listens.
     socket.set_immediate(true)?;
-    link::connect(&shared.context, socket, link)
+    link::connect(context, socket, link)
 }
 
 impl Publisher for ZeroMqPublisher {
@@ -168,8 +176,8 @@ impl Outlet {
         &self.wake
     }
 
-    pub(super) fn poll_item(&self) -> zmq::PollItem<'static> {
-        zmq::PollItem::from_fd(self.fd, zmq::POLLIN)
+    pub(super) fn fd(&self) -> RawFd {
+        self.fd
     }
 
     /// Distinct subscriptions that match the topic, as far as the broker told.

@@ -62,13 +62,6 @@ impl AsRef<[u8]> for Frame {
 }
 
 impl Reception {
-    /// What to poll the message socket for: nothing while a message is held.
-    pub(super) fn poll_item(&self) -> zmq::PollItem<'_> {
-        let events =
-            if self.held.is_some() { zmq::PollEvents::empty() } else { zmq::PollEvents::POLLIN };
-        self.socket.as_poll_item(events)
-    }
-
     /// Connects again if libzmq has given up on the broker. The time until it may have is
     /// returned.
     pub(super) fn revive(&mut self, now: Instant) -> Option<Duration> {
@@ -107,19 +100,19 @@ impl Reception {
         self.watch
     }
 
-    /// Reads what the socket has, one batch at most.
-    pub(super) fn read(&mut self) -> zmq::Result<()> {
+    /// Reads what the socket has, one batch at most; true when there may be more.
+    pub(super) fn read(&mut self) -> zmq::Result<bool> {
         for _ in 0..BATCH {
             if self.held.is_some() {
-                break;
+                return Ok(false);
             }
             match self.socket.recv_msg(zmq::DONTWAIT) {
                 Ok(first) => self.receive(first)?,
-                Err(zmq::Error::EAGAIN) => break,
+                Err(zmq::Error::EAGAIN) => return Ok(false),
                 Err(error) => return Err(error),
             }
         }
-        Ok(())
+        Ok(true)
     }
 
     fn receive(&mut self, first: zmq::Message) -> zmq::Result<()> {

@@ -1,4 +1,4 @@
-//! Two options of XPUB sockets for which the crate `zmq` has no call.
+//! An option of XPUB sockets for which the crate `zmq` has no call.
 //!
 //! Contract of the unsafe code here: `zmq_setsockopt` gets a socket that is open, that no other
 //! thread uses during the call, and a pointer to one C `int` with its size. A `&mut zmq::Socket`
@@ -10,17 +10,9 @@ use std::ffi::{c_int, c_void};
 /// With `on`, a message for which one of its receivers has no room is refused with `EAGAIN` as a
 /// whole; otherwise that receiver misses it, and nobody is told.
 pub(super) fn set_xpub_nodrop(socket: &mut zmq::Socket, on: bool) -> zmq::Result<()> {
-    set(socket, zmq_sys::ZMQ_XPUB_NODROP, on)
-}
-
-/// With `on`, every subscription and every unsubscription is reported, not only the first and the
-/// last of a topic.
-pub(super) fn set_xpub_verboser(socket: &mut zmq::Socket, on: bool) -> zmq::Result<()> {
-    set(socket, zmq_sys::ZMQ_XPUB_VERBOSER, on)
-}
-
-fn set(socket: &mut zmq::Socket, option: u32, on: bool) -> zmq::Result<()> {
-    let Ok(option) = c_int::try_from(option) else { return Err(zmq::Error::EINVAL) };
+    let Ok(option) = c_int::try_from(zmq_sys::ZMQ_XPUB_NODROP) else {
+        return Err(zmq::Error::EINVAL);
+    };
     let value = c_int::from(on);
     let pointer: *const c_void = std::ptr::from_ref(&value).cast();
     // SAFETY: the socket is open and ours alone (see the contract above); `pointer` is valid for
@@ -40,14 +32,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_xpub_has_these_options() {
+    fn only_xpub_has_this_option() {
         let context = zmq::Context::new();
         let mut xpub = context.socket(zmq::XPUB).unwrap();
         let mut sub = context.socket(zmq::SUB).unwrap();
-        for set in [set_xpub_nodrop, set_xpub_verboser] {
-            assert_eq!(set(&mut xpub, true), Ok(()));
-            assert_eq!(set(&mut xpub, false), Ok(()));
-            assert_eq!(set(&mut sub, true), Err(zmq::Error::EINVAL));
-        }
+        assert_eq!(set_xpub_nodrop(&mut xpub, true), Ok(()));
+        assert_eq!(set_xpub_nodrop(&mut xpub, false), Ok(()));
+        assert_eq!(set_xpub_nodrop(&mut sub, true), Err(zmq::Error::EINVAL));
     }
 }

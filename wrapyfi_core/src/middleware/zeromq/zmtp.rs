@@ -1,0 +1,216 @@
+//! ZMTP 3, the protocol between ZeroMQ sockets, as far as the broker's side for listeners and the probe need it.
+//!
+//! ```text
+//!   greeting (64 bytes)   signature, version, mechanism
+//!   command READY         Socket-Type
+//!   frames                flags, length (1 or 8 bytes), body
+//! ```
+//!
+//! Version 3.0 is announced: to that libzmq sends subscriptions as messages. Those that come as commands of 3.1 are
+//! understood too.
+
+use std::fmt;
+
+use bytes::Bytes;
+
+/// Size of a greeting.
+pub(super) const GREETING: usize = 64;
+
+const FLAG_MORE: u8 = 0x01;
+const FLAG_LONG: u8 = 0x02;
+const FLAG_COMMAND: u8 = 0x04;
+/// Largest frame that is copied behind its header instead of being sent from where it lies.
+const COPIED: usize = 4096;
+
+/// A frame from a peer.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct Frame<'a> {
+    pub(super) is_command: bool,
+    pub(super) more: bool,
+    pub(super) body: &'a [u8],
+}
+
+/// A peer that does not keep to the protocol.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Breach;
+
+/// Our greeting, with mechanism NULL.
+pub(super) fn greeting() -> Vec<u8> {
+    let mut greeting = vec![0xff, 0, 0, 0, 0, 0, 0, 0, 1, 0x7f, 3, 0];
+    greeting.extend_from_slice(b"NULL");
+    greeting.resize(GREETING, 0);
+    greeting
+}
+
+/// Checks that a greeting is of ZMTP 3 with mechanism NULL.
+pub(super) fn check_greeting(greeting: &[u8; GREETING]) -> Result<(), Breach> {
+    let [0xff, _, _, _, _, _, _, _, _, 0x7f, 3..=255, _, mechanism @ ..] = greeting else {
+        return Err(Breach);
+    };
+    match mechanism.strip_prefix(b"NULL") {
+        Some([0, ..]) => Ok(()),
+        _ => Err(Breach),
+    }
+}
+
+/// The command READY of a socket of this type.
+pub(super) fn ready(socket_type: &str) -> Vec<u8> {
+    let mut body = b"\x05READY\x0bSocket-Type\0\0\0".to_vec();
+    // Socket types are words of a few letters.
+    body.push(u8::try_from(socket_type.len()).unwrap_or(u8::MAX));
+    body.extend_from_slice(socket_type.as_bytes());
+    command(&body)
+}
+
+/// A command with this body, which is at most 255 bytes long.
+pub(super) fn command(body: &[u8]) -> Vec<u8> {
+    let mut frame = vec![FLAG_COMMAND, u8::try_from(body.len()).unwrap_or(u8::MAX)];
+    frame.extend(body.iter().take(usize::from(u8::MAX)));
+    frame
+}
+
+/// Name and rest of a command.
+pub(super) fn split_command(body: &[u8]) -> Option<(&[u8], &[u8])> {
+    short_text(body)
+}
+
+/// Socket type in the properties of a command READY.
+pub(super) fn socket_type(mut properties: &[u8]) -> Option<&[u8]> {
+    while !properties.is_empty() {
+        let (name, after) = short_text(properties)?;
+        let (length, after) = after.split_first_chunk::<4>()?;
+        let length = usize::try_from(u32::from_be_bytes(*length)).ok()?;
+        let (value, after) = after.split_at_checked(length)?;
+        if name.eq_ignore_ascii_case(b"Socket-Type") {
+            return Some(value);
+        }
+        properties = after;
+    }
+    None
+}
+
+/// Splits off a text with its length in the first byte.
+pub(super) fn short_text(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
+    let (&length, rest) = bytes.split_first()?;
+    rest.split_at_checked(usize::from(length))
+}
+
+/// The first frame in `bytes` and the size of all of it; `None` while it is incomplete.
+///
+/// # Errors
+/// When it announces more than `limit` bytes.
+pub(super) fn split_frame(
+    bytes: &[u8],
+    limit: usize,
+) -> Result<Option<(Frame<'_>, usize)>, Breach> {
+    let Some((&flags, rest)) = bytes.split_first() else { return Ok(None) };
+    let (length, rest, header) = if flags & FLAG_LONG == 0 {
+        let Some((&length, rest)) = rest.split_first() else { return Ok(None) };
+        (u64::from(length), rest, 2)
+    } else {
+        let Some((length, rest)) = rest.split_first_chunk::<8>() else { return Ok(None) };
+        (u64::from_be_bytes(*length), rest, 9)
+    };
+    let length = usize::try_from(length).ok().filter(|length| *length <= limit).ok_or(Breach)?;
+    let Some(body) = rest.get(..length) else { return Ok(None) };
+    let is_command = flags & FLAG_COMMAND != 0;
+    Ok(Some((Frame { is_command, more: flags & FLAG_MORE != 0, body }, header + length)))
+}
+
+/// A message as its frames go on the wire: small ones one behind the other, large ones from where they lie.
+pub(super) fn encode(frames: Vec<zmq::Message>) -> Vec<Bytes> {
+    let (mut parts, mut head) = (Vec::new(), Vec::new());
+    let count = frames.len();
+    for (index, frame) in frames.into_iter().enumerate() {
+        let more = if index + 1 < count { FLAG_MORE } else { 0 };
+        match u8::try_from(frame.len()) {
+            Ok(length) => head.extend([more, length]),
+            Err(_) => {
+                head.push(more | FLAG_LONG);
+                head.extend((frame.len() as u64).to_be_bytes());
+            }
+        }
+        if frame.len() <= COPIED {
+            head.extend_from_slice(&frame);
+        } else {
+            parts.push(std::mem::take(&mut head).into());
+            parts.push(Bytes::from_owner(Owned(frame)));
+        }
+    }
+    if !head.is_empty() {
+        parts.push(head.into());
+    }
+    parts
+}
+
+/// A zmq message as bytes: no copy.
+struct Owned(zmq::Message);
+
+impl AsRef<[u8]> for Owned {
+    fn as_ref(&self) -> &[u8] {
+        &self.0
+    }
+}
+
+impl fmt::Display for Breach {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("it does not speak ZMTP 3 without security as a subscriber does")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn frame(is_command: bool, more: bool, body: &[u8]) -> Frame<'_> {
+        Frame { is_command, more, body }
+    }
+
+    #[test]
+    fn frames_are_split_wherever_they_are_cut() {
+        let mut bytes = ready("XPUB");
+        bytes.extend(b"\x01\x02ab\x02\0\0\0\0\0\0\0\x03abc");
+        let whole = bytes.clone();
+        for end in 0..whole.len() {
+            let mut rest = &whole[..end];
+            while let Some((_, size)) = split_frame(rest, 100).unwrap() {
+                rest = &rest[size..];
+            }
+            assert!(rest.len() <= end);
+        }
+        let (first, size) = split_frame(&bytes, 100).unwrap().unwrap();
+        let (name, properties) = split_command(first.body).unwrap();
+        assert_eq!((name, socket_type(properties)), (&b"READY"[..], Some(&b"XPUB"[..])));
+        let rest = &bytes[size..];
+        assert_eq!(split_frame(rest, 100), Ok(Some((frame(false, true, b"ab"), 4))));
+        assert_eq!(split_frame(&rest[4..], 100), Ok(Some((frame(false, false, b"abc"), 12))));
+        assert_eq!(split_frame(&rest[4..], 2), Err(Breach));
+        assert_eq!(split_frame(b"\x02\xff\xff\xff\xff\xff\xff\xff\xff", 100), Err(Breach));
+    }
+
+    #[test]
+    fn messages_are_encoded_as_they_are_split() {
+        let sizes = [0, 255, 256, COPIED, COPIED + 1, 3];
+        let parts = encode(sizes.iter().map(|&size| vec![7; size].into()).collect());
+        assert_eq!(parts.len(), 3, "one is sent from where it lies");
+        let bytes = parts.concat();
+        let mut rest = &bytes[..];
+        for (index, &expected) in sizes.iter().enumerate() {
+            let (frame, size) = split_frame(rest, 1 << 20).unwrap().unwrap();
+            assert_eq!((frame.body.len(), frame.more), (expected, index + 1 < sizes.len()));
+            rest = &rest[size..];
+        }
+        assert!(rest.is_empty());
+    }
+
+    #[test]
+    fn other_greetings_are_refused() {
+        let ours: [u8; GREETING] = greeting().try_into().unwrap();
+        assert_eq!(check_greeting(&ours), Ok(()));
+        for (at, byte) in [(0, 0), (9, 0), (10, 2), (12, b'C'), (16, b'X')] {
+            let mut other = ours;
+            other[at] = byte;
+            assert_eq!(check_greeting(&other), Err(Breach), "{at}");
+        }
+    }
+}
