@@ -21,16 +21,24 @@ const ELEMENT: usize = 320;
 const UNPACKED: usize = 8 * LIMITS.message_bytes;
 
 const NOW: Stamp = Stamp { sec: 1, nanosec: 2 };
-const ROS: [&str; 6] = [
+const ROS: [&str; 9] = [
     "std_msgs/msg/Float64MultiArray",
     "sensor_msgs/msg/JointState",
     "std_msgs/msg/Header",
     "sensor_msgs/msg/Imu",
     "geometry_msgs/msg/WrenchStamped",
     "tf2_msgs/msg/TFMessage",
+    "sensor_msgs/msg/LaserScan",
+    "sensor_msgs/msg/CameraInfo",
+    "nav_msgs/msg/Odometry",
 ];
 /// Types with angles.
-const TURNED: [&str; 2] = ["sensor_msgs/msg/JointState", "sensor_msgs/msg/Imu"];
+const TURNED: [&str; 4] = [
+    "sensor_msgs/msg/JointState",
+    "sensor_msgs/msg/Imu",
+    "sensor_msgs/msg/LaserScan",
+    "nav_msgs/msg/Odometry",
+];
 
 /// A message of a topic, or of a service where bit 7 of the first byte is set; its other bits choose
 /// the type. The second byte chooses the options and the dialect.

@@ -3,12 +3,14 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use std::net::{Ipv4Addr, SocketAddr};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
 use tokio::runtime::Runtime;
 use wrapyfi_core::endpoint::{
-    Context, Link, Listener, Middleware, PublishError, Publisher, Request, Role, ServiceSpec,
-    TopicSpec,
+    Context, Discovered, Link, Listener, Middleware, PublishError, Publisher, Request, Role,
+    ServiceSpec, TopicSpec,
 };
 use wrapyfi_core::middleware::yarp::{Yarp, YarpConfig};
 use wrapyfi_core::types::{Map, MessageType, Payload, RosMessage, ServiceKind, Tensor, Value};
@@ -16,10 +18,12 @@ use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_yarp::bottle::Vocab;
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
 use wrapyfi_yarp::port::{
-    Acknowledge, Answer, InputOptions, Network, OutputOptions, PortOptions, Reading, Received,
+    Acknowledge, Answer, InputOptions, Message, Network, OutputOptions, Payload as PortPayload,
+    PortOptions, Reading, Received,
 };
 use wrapyfi_yarp::server::{NameServer, NameServerOptions};
-use wrapyfi_yarp::{Bottle, Dialect, Value as Element};
+use wrapyfi_yarp::sig::{Image, PixelCode, Stamp};
+use wrapyfi_yarp::{Bottle, Dialect, Limits, Value as Element};
 
 const PATIENCE: Duration = Duration::from_secs(30);
 
@@ -423,6 +427,74 @@ fn a_control_board_names_its_joints_and_is_moved() {
         rpc.close().await;
         state.close().await;
         command.close().await;
+    });
+}
+
+/// A camera is asked once for each time that its pictures are connected, and each of them has what it tells.
+#[test]
+fn a_camera_tells_its_calibration_once() {
+    const CALIBRATION: &str = "sensor_msgs/msg/CameraInfo";
+    let world = World::new();
+    let (yarp, network, here) = (world.yarp(), world.network(), Context::default());
+    let asked = Arc::new(AtomicUsize::new(0));
+    let count = Arc::clone(&asked);
+    let camera = move |received: Received, _: bool| {
+        count.fetch_add(1, Relaxed);
+        let question = received.bottle().unwrap_or_default().to_text();
+        assert_eq!(question, "[visr] [get] [intp]");
+        let told = "[visr] [intp] [is] ((focalLengthX 512) (focalLengthY 510.5) (principalPointX 235) \
+                    (principalPointY 231) (distortionModel plumb_bob) (k1 0.5))";
+        let told = Bottle::from_text(told.as_bytes(), &Limits::default()).unwrap();
+        std::future::ready(Answer::Bottle(told))
+    };
+    let open_eye = || {
+        let wanted = OutputOptions::default();
+        let eye = network.open_output("/robot/rgbImage:o", &wanted);
+        world.runtime.block_on(eye).unwrap()
+    };
+    let rpc = network.serve("/robot/rpc:i", &PortOptions::default(), camera);
+    let rpc = world.runtime.block_on(rpc).unwrap();
+    let mut eye = open_eye();
+    let name = "/robot/rgbImage:camera_info";
+    let mut look = yarp.discover().unwrap();
+    until(&here, "a calibration beside the pictures", || {
+        let found = look.endpoints().unwrap();
+        let is =
+            |one: &Discovered| one.name == name && one.type_name.as_deref() == Some(CALIBRATION);
+        found.iter().any(is)
+    });
+    let kind = MessageType::resolve(CALIBRATION, &mut TypeStore::generated()).unwrap();
+    let mut sink = yarp.open_listener(&TopicSpec::new(name, kind), &here).unwrap();
+    for connections in 1..=2 {
+        open_way(&here, || sink.link());
+        world.runtime.block_on(eye.wait_for_outputs(1));
+        for time_s in [12.0, 13.0] {
+            let picture = Image::from_packed(PixelCode::Rgb, 4, 2, vec![7; 24].into()).unwrap();
+            let picture = Message::new(PortPayload::object(picture.encode().unwrap()));
+            eye.write_object(picture.stamped(Stamp { count: 1, time_s }));
+            let mut came = None;
+            until(&here, "a calibration", || {
+                came = sink.take().unwrap();
+                came.is_some()
+            });
+            let Payload::RosMessage(info) = came.unwrap().payload else { panic!("no message") };
+            let info = info.to_value(1 << 20).unwrap();
+            let k = info.get("k").unwrap().as_tensor().unwrap().to_vec::<f64>().unwrap();
+            assert_eq!(k, [512.0, 0.0, 235.0, 0.0, 510.5, 231.0, 0.0, 0.0, 1.0]);
+            let number = |value: &Value, name| value.get(name).and_then(Value::as_f64);
+            assert_eq!((number(&info, "width"), number(&info, "height")), (Some(4.0), Some(2.0)));
+            let stamp = info.get("header").unwrap().get("stamp").unwrap();
+            assert_eq!(number(stamp, "sec"), Some(time_s), "the picture's");
+        }
+        assert_eq!(asked.load(Relaxed), connections);
+        world.runtime.block_on(eye.close());
+        until(&here, "the pictures to end", || sink.link().waiting_for.is_some());
+        eye = open_eye();
+    }
+    drop(sink);
+    world.runtime.block_on(async {
+        rpc.close().await;
+        eye.close().await;
     });
 }
 

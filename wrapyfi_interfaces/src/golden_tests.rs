@@ -240,6 +240,13 @@ fn names_and_hashes_are_those_of_ros() {
     check::<golden::std_msgs::msg::Empty>(&hashes, "std_msgs::msg::dds_::Empty_");
     check::<sensor_msgs::msg::Image>(&hashes, "sensor_msgs::msg::dds_::Image_");
     check::<sensor_msgs::msg::CompressedImage>(&hashes, "sensor_msgs::msg::dds_::CompressedImage_");
+    check::<sensor_msgs::msg::CameraInfo>(&hashes, "sensor_msgs::msg::dds_::CameraInfo_");
+    check::<sensor_msgs::msg::LaserScan>(&hashes, "sensor_msgs::msg::dds_::LaserScan_");
+    check::<golden::nav_msgs::msg::Odometry>(&hashes, "nav_msgs::msg::dds_::Odometry_");
+    check::<golden::geometry_msgs::msg::TwistStamped>(
+        &hashes,
+        "geometry_msgs::msg::dds_::TwistStamped_",
+    );
     check::<rmw_dds_common::msg::Gid>(&hashes, "rmw_dds_common::msg::dds_::Gid_");
     check::<rmw_dds_common::msg::NodeEntitiesInfo>(
         &hashes,

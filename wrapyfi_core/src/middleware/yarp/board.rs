@@ -1,4 +1,4 @@
-//! What a control board tells of its joints: asked once, whenever it is connected.
+//! What a control board tells of its joints ([`super::device`] asks it).
 //!
 //! ```text
 //!   /icub/head/state:o, stateExt:o, command:i ─▶ /icub/head/rpc:i
@@ -13,25 +13,18 @@
 //!
 //! Which of the two ports a board has also tells how it reads floats.
 //!
-//! Option `joints` goes before the names that are told. The ports of a board are there before it can
-//! answer, so it is asked again for a while. One that never does leaves joints without names.
+//! Option `joints` goes before the names that are told. A board that never tells leaves joints without names.
 
-use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
+use std::sync::Arc;
 
-use tokio::sync::{Notify, watch};
-use tokio::time::timeout;
 use wrapyfi_yarp::bottle::Vocab;
-use wrapyfi_yarp::port::{Connected, PortOptions, RpcClient};
+use wrapyfi_yarp::port::RpcClient;
 use wrapyfi_yarp::{Bottle, Dialect, Value};
 
-use super::Shared;
+use super::device::ANSWERS;
 use super::joint_limits::{JointLimits, Range};
-use super::opening::numbered;
 use super::options::{Axis, YarpOptions};
 use super::payload;
-use super::retry::Retry;
-use crate::types::MessageType;
 
 /// How ports of a control board end that have a port for requests beside them.
 const PORTS: [&str; 3] = ["/state:o", "/stateExt:o", payload::COMMAND_PORT];
@@ -39,138 +32,16 @@ const PORTS: [&str; 3] = ["/state:o", "/stateExt:o", payload::COMMAND_PORT];
 const REQUESTS: [(&str, Dialect); 2] = [("/rpc:i", Dialect::V3), ("/nws/rpc:i", Dialect::V4)];
 /// Most joints of a board.
 const MOST: i64 = 256;
-/// How long a board may take for all its answers.
-const ANSWERS: Duration = Duration::from_secs(2);
-/// Time to the second try.
-const FIRST: Duration = Duration::from_millis(100);
-/// Tries before a board is asked only when somebody needs it.
-const TRIES: u32 = 8;
-/// How long the first messages wait for the names of their joints.
-const PATIENCE: Duration = Duration::from_secs(1);
 
-/// The options of a topic, with what the control board behind it tells.
-#[derive(Debug)]
-pub(super) struct Board {
-    given: Arc<YarpOptions>,
-    /// Of requests to the board, as in [`REQUESTS`]; none where the topic is no board's.
-    rpc: Option<[String; 2]>,
-    /// Movements go to it: its limits count.
-    is_moved: bool,
-    told: Mutex<Arc<YarpOptions>>,
-    /// Messages need not wait: it has told, or took too long, or there is nobody to ask.
-    settled: watch::Sender<bool>,
-    /// Rung by messages that would wait.
-    wanted: Notify,
-}
-
-impl Board {
-    /// The board that messages of this type come from, or go to, at `port`.
-    pub(super) fn new(message_type: MessageType, options: &YarpOptions, port: &str) -> Self {
-        let is_of_joints = payload::is_of_joints(message_type) && options.bottle.is_none();
-        let prefix = PORTS.iter().find_map(|end| port.strip_suffix(end));
-        let rpc = prefix
-            .filter(|_| is_of_joints)
-            .map(|prefix| REQUESTS.map(|(end, _)| format!("{prefix}{end}")));
-        let given = Arc::new(options.clone());
-        let settled = watch::Sender::new(rpc.is_none());
-        let told = Mutex::new(Arc::clone(&given));
-        let is_moved = port.ends_with(payload::COMMAND_PORT);
-        Self { told, given, rpc, is_moved, settled, wanted: Notify::new() }
-    }
-
-    /// The options as they are now.
-    pub(super) fn options(&self) -> Arc<YarpOptions> {
-        let options = Arc::clone(&self.told.lock().unwrap_or_else(PoisonError::into_inner));
-        if self.rpc.is_some() && options.axes.is_empty() {
-            self.wanted.notify_one();
-        }
-        options
-    }
-
-    fn tell(&self, options: Arc<YarpOptions>) {
-        *self.told.lock().unwrap_or_else(PoisonError::into_inner) = options;
-    }
-
-    /// Waits, for a short while, until the board has told.
-    pub(super) async fn wait(&self) {
-        if *self.settled.borrow() {
-            return;
-        }
-        self.wanted.notify_one();
-        let mut settled = self.settled.subscribe();
-        if timeout(PATIENCE, settled.wait_for(|settled| *settled)).await.is_err() {
-            // Once is enough.
-            self.settled.send_replace(true);
-        }
-    }
-
-    /// Asks the board whenever it gets connected, for as long as it is run, and again while it cannot
-    /// tell: its ports are there before it is. `changes` tells when to look at `connected`.
-    pub(super) async fn follow(
-        &self,
-        shared: &Shared,
-        mut changes: watch::Receiver<Connected>,
-        connected: impl Fn() -> bool,
-    ) {
-        let Some(rpc) = &self.rpc else { return std::future::pending().await };
-        let bell = shared.directory.watch_any(rpc);
-        let known = || {
-            let named = rpc.iter().zip(REQUESTS).find(|(name, _)| shared.directory.knows(name));
-            named.map(|(name, (_, dialect))| (name, dialect))
-        };
-        let (mut retry, mut tries, mut has_told) = (Retry::new(FIRST), 0, false);
-        loop {
-            // Seen before the look, so that no change is missed.
-            changes.mark_unchanged();
-            if !connected() {
-                retry.reset();
-                (tries, has_told) = (0, false);
-                self.settled.send_replace(false);
-                self.tell(Arc::clone(&self.given));
-            } else if let Some((name, dialect)) = known().filter(|_| !has_told) {
-                match ask(shared, name, dialect, self.is_moved).await {
-                    Ok(joints) => {
-                        has_told = true;
-                        self.tell(Arc::new(joints.applied(&self.given, dialect)));
-                        self.settled.send_replace(true);
-                    }
-                    Err(why) => {
-                        tries += 1;
-                        if tries == TRIES {
-                            tracing::warn!(
-                                "{name} did not tell the names of its joints: {why}; option joints \
-                                 may name them"
-                            );
-                        }
-                    }
-                }
-            }
-            let again = async {
-                if tries == 0 || has_told {
-                    return std::future::pending().await;
-                }
-                if tries >= TRIES {
-                    // Not before somebody needs it.
-                    self.wanted.notified().await;
-                }
-                retry.wait().await;
-            };
-            tokio::select! {
-                () = bell.notified() => {}
-                () = again => {}
-                changed = changes.changed() => {
-                    if changed.is_err() {
-                        return std::future::pending().await;
-                    }
-                }
-            }
-        }
-    }
+/// The ports for requests that the board of a port may have, and what it speaks there.
+pub(super) fn requests(port: &str) -> Option<[(String, Dialect); 2]> {
+    let prefix = PORTS.iter().find_map(|end| port.strip_suffix(end))?;
+    Some(REQUESTS.map(|(end, dialect)| (format!("{prefix}{end}"), dialect)))
 }
 
 /// The joints of a board, in its order.
 #[derive(Debug, Default, Clone, PartialEq)]
-struct Joints {
+pub(super) struct Joints {
     /// None where the board has no name for one, or one name for two.
     names: Vec<String>,
     axes: Vec<Axis>,
@@ -178,7 +49,7 @@ struct Joints {
 }
 
 impl Joints {
-    fn applied(self, given: &YarpOptions, dialect: Dialect) -> YarpOptions {
+    pub(super) fn applied(self, given: &YarpOptions, dialect: Dialect) -> YarpOptions {
         let joints = if given.joints.is_empty() { self.names } else { given.joints.clone() };
         // Boards of YARP 4 alone are told by their port: those of YARP 3 have what is set.
         let dialect = given.dialect.or(Some(dialect).filter(|dialect| *dialect == Dialect::V4));
@@ -207,25 +78,12 @@ impl Joints {
     }
 }
 
-async fn ask(
-    shared: &Shared,
-    rpc: &str,
+/// Asks a board for its joints, and for the limits of those that are moved.
+pub(super) async fn joints(
+    client: &RpcClient,
     dialect: Dialect,
     is_moved: bool,
 ) -> Result<Joints, String> {
-    let unregistered = PortOptions { register: false, ..shared.asking() };
-    let client = shared.network.open_rpc_client(&numbered(rpc), &unregistered).await;
-    let client = client.map_err(|error| error.to_string())?;
-    let told = async {
-        client.connect(&format!("tcp:/{rpc}")).await.map_err(|error| error.to_string())?;
-        joints(&client, dialect, is_moved).await
-    };
-    let told = timeout(ANSWERS, told).await;
-    client.close().await;
-    told.unwrap_or_else(|_| Err(format!("its answers took more than {ANSWERS:?}")))
-}
-
-async fn joints(client: &RpcClient, dialect: Dialect, is_moved: bool) -> Result<Joints, String> {
     let get = async |word, joint| get(client, dialect, word, joint).await;
     let axes = get(Word::Axes, None).await?;
     let count = axes.first().and_then(Value::as_i64).filter(|count| (1..=MOST).contains(count));
@@ -305,13 +163,7 @@ async fn get(
 
 #[cfg(test)]
 mod tests {
-    use wrapyfi_interfaces::store::TypeStore;
-
     use super::*;
-
-    fn joint_state() -> MessageType {
-        MessageType::resolve("sensor_msgs/msg/JointState", &mut TypeStore::generated()).unwrap()
-    }
 
     #[test]
     fn names_are_all_or_none_and_kinds_are_kept() {
@@ -336,19 +188,5 @@ mod tests {
         let applied = named.applied(&given, Dialect::V4);
         assert!(applied.has_degrees(0) && !applied.has_degrees(1));
         assert_eq!(applied.dialect, Some(Dialect::V4));
-    }
-
-    #[test]
-    fn only_joints_of_a_board_have_one() {
-        let joints = joint_state();
-        let rpc = |port: &str, options: &YarpOptions| Board::new(joints, options, port).rpc;
-        let usual = YarpOptions::default();
-        for port in ["/icub/head/state:o", "/icub/head/stateExt:o", "/icub/head/command:i"] {
-            assert_eq!(rpc(port, &usual).unwrap(), ["/icub/head/rpc:i", "/icub/head/nws/rpc:i"]);
-        }
-        assert_eq!(rpc("/icub/head/encoders:o", &usual), None);
-        let other = YarpOptions { bottle: Some(Default::default()), ..usual.clone() };
-        assert_eq!(rpc("/icub/head/state:o", &other), None);
-        assert_eq!(Board::new(MessageType::Image, &usual, "/icub/head/state:o").rpc, None);
     }
 }

@@ -3,6 +3,7 @@
 //! ```text
 //!   /cam         publisher /cam          /head/state:o   publisher        /head/rpc:i   server
 //!   /cam:in417   listener of /cam        /head/cmd:i     listener         /head/rpc     server
+//!   /cam, /cam/rpc: publisher /cam:camera_info, the calibration of the camera
 //! ```
 //!
 //! A name server knows names only: neither types nor what a port does. So the ports themselves are asked
@@ -20,7 +21,7 @@ use std::sync::Arc;
 use wrapyfi_yarp::port::{Inspection, Modes};
 
 use super::directory::Entry;
-use super::{Shared, input, survey};
+use super::{Shared, input, intrinsics, survey};
 use crate::endpoint::{DiscoverError, Discovered, Discovery, NameFilter, Role};
 
 /// Looks at one name server.
@@ -149,7 +150,19 @@ impl Discovery for YarpDiscovery {
                 one.type_name = shared.types.of(port, entry.number, promised);
             }
         }
-        self.found = found.into_values().collect();
+        // The calibration of a camera is a topic beside its pictures.
+        let pictures = found
+            .values()
+            .filter(|one| one.role == Role::Publisher && one.type_name.as_deref() == Some("Image"));
+        let calibrations: Vec<Discovered> = pictures
+            .filter(|picture| shared.directory.knows(&intrinsics::requests(&picture.name)))
+            .filter_map(|picture| intrinsics::topic_of(&picture.name))
+            .map(|topic| Discovered {
+                type_name: Some(intrinsics::CAMERA_INFO.to_owned()),
+                ..Discovered::new(topic, Role::Publisher)
+            })
+            .collect();
+        self.found = found.into_values().chain(calibrations).collect();
         (self.known, self.ports) = (Some(now), ports);
         Ok(self.found.clone())
     }

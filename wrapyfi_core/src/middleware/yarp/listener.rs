@@ -13,7 +13,8 @@ use wrapyfi_yarp::Dialect;
 use wrapyfi_yarp::port::{Answer, PortOptions, Received, RpcServer};
 
 use super::Shared;
-use super::board::Board;
+use super::device::Device;
+use super::intrinsics;
 use super::losses::Losses;
 use super::opening::{numbered, until_open};
 use super::options::YarpOptions;
@@ -47,7 +48,7 @@ struct Arrival {
 struct Inlet {
     /// A port that answers nothing: its function runs on the connection's own task.
     port: Mutex<Option<RpcServer>>,
-    board: Board,
+    device: Device,
     standing: Arc<Standing>,
     inbox: Sender<Arrival>,
     limit: usize,
@@ -87,7 +88,7 @@ impl Inlet {
         if bytes > self.limit {
             return counters.dropped(DropReason::Oversize);
         }
-        self.board.wait().await;
+        self.device.wait().await;
         let received_at = Instant::now();
         let arrival = Arrival { received, received_at, stamp: Stamp::now() };
         let Err(mut held) = self.inbox.push(arrival) else { return };
@@ -127,10 +128,14 @@ impl YarpListener {
         }
         let (sender, receiver) =
             inbox(spec.queue, Arc::clone(&context.counters), context.wake.clone());
-        let waiting = format!("port {} to send", spec.topic);
+        // Calibrations belong to pictures.
+        let is_calibration = payload::is_of_camera(spec.message_type);
+        let picture = intrinsics::picture_of(&spec.topic).filter(|_| is_calibration);
+        let topic = picture.unwrap_or_else(|| spec.topic.clone());
+        let waiting = format!("port {topic} to send");
         let inlet = Arc::new(Inlet {
             port: Mutex::default(),
-            board: Board::new(spec.message_type, &options, &spec.topic),
+            device: Device::new(spec.message_type, &options, &topic),
             standing: Arc::new(Standing::new(context.wake.clone(), waiting)),
             inbox: sender,
             limit: spec.limits.message_bytes,
@@ -138,7 +143,7 @@ impl YarpListener {
             losses: Losses::default(),
         });
         let (stop, stopped) = shared.tasks.stop();
-        let (topic, wanted) = (spec.topic.clone(), options.clone());
+        let wanted = options.clone();
         let pictures = spec.message_type.data_type() == DataType::Image;
         let kept = (Arc::clone(shared), Arc::clone(&inlet));
         shared.tasks.spawn(keep(kept, topic, wanted, pictures, stopped));
@@ -219,7 +224,7 @@ async fn keep(
         () = stopped.wait() => {}
         () = counted => {}
         () = tie.keep(&shared, changes.clone(), tied, say) => {}
-        () = inlet.board.follow(&shared, changes.clone(), || !inlet.sources().is_empty()) => {}
+        () = inlet.device.follow(&shared, changes.clone(), || !inlet.sources().is_empty()) => {}
     }
     tie.forget(&shared).await;
     let port = inlet.port().take();
@@ -232,7 +237,7 @@ async fn keep(
 impl Listener for YarpListener {
     fn take(&mut self) -> Result<Option<Sample>, TakeError> {
         let Some(Arrival { received, received_at, stamp }) = self.pop() else { return Ok(None) };
-        let (spec, options) = (&self.spec, self.inlet.board.options());
+        let (spec, options) = (&self.spec, self.inlet.device.options());
         let sent_at = received.stamp();
         let payload =
             payload::decode(&received.payload, sent_at, spec, &options, self.dialect, stamp)?;

@@ -17,7 +17,7 @@
 //! | `directory` | the names there are, and who waits for one |
 //! | `survey`, `discovery` | what ports say of themselves, and what that makes them |
 //! | `types`, `first_message` | what ports send |
-//! | `board`, `joint_limits` | what a control board tells of its joints |
+//! | `device` | what devices tell of themselves: `board`, `joint_limits` of joints, `intrinsics` of cameras |
 //! | `opening`, `tie`, `retry` | ports that open, connections that stay, whatever ends meanwhile |
 //! | `input` | input ports of other programs, and the names that mean them |
 //! | `form` | functions of Wrapyfi, told from the rpc ports of robots |
@@ -28,11 +28,13 @@
 mod board;
 mod client;
 mod config;
+mod device;
 mod directory;
 mod discovery;
 mod first_message;
 mod form;
 mod input;
+mod intrinsics;
 mod joint_limits;
 mod listener;
 mod losses;

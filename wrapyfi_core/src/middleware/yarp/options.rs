@@ -10,14 +10,17 @@ use std::sync::Arc;
 
 use wrapyfi_yarp::Dialect;
 
+use super::intrinsics::Intrinsics;
 use super::joint_limits::JointLimits;
 use crate::endpoint::{OpenError, ServiceSpec, TopicSpec};
 use crate::types::{Map, Value};
 
 /// Names of the options that are read here: what a configuration may write.
 pub const OPTIONS: &[&str] = &[
+    "base",
     "bottle",
     "carrier",
+    "child_frame_id",
     "command",
     "control",
     "degrees",
@@ -61,6 +64,15 @@ pub enum Control {
     Torque,
 }
 
+/// How a mobile base takes velocities.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum BaseCommand {
+    /// As three numbers, along x and y and about z: `MobileBaseVelocity`.
+    Velocity,
+    /// As the ports of baseControl read them: `3 x y θ 100.0`.
+    Control,
+}
+
 /// How a joint moves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Axis {
@@ -93,6 +105,11 @@ pub struct YarpOptions {
     /// `control`: what the numbers for a control board are: `position`, `position_direct`, `velocity` or
     /// `torque`. Unless given, what a message has: positions, else velocities, else efforts.
     pub control: Option<Control>,
+    /// What the camera told of its calibration; no option.
+    pub intrinsics: Option<Intrinsics>,
+    /// `base`: how the mobile base takes velocities, `velocity` or `control`. Unless given, a `Twist` is pairs of
+    /// field and value, as any message.
+    pub base: Option<BaseCommand>,
     /// `sensor`: which sensor of each list of `measures:o` is meant, counted from 0 (0).
     pub sensor: usize,
     /// `degrees`: whether angles are in degrees on YARP's side (true); they are radians in ROS.
@@ -116,6 +133,8 @@ pub struct YarpOptions {
     pub command: Option<String>,
     /// `frame_id`: coordinate frame of what is received: YARP names none.
     pub frame_id: String,
+    /// `child_frame_id`: coordinate frame of the base that an odometry is of.
+    pub child_frame_id: String,
 }
 
 impl Default for YarpOptions {
@@ -129,6 +148,8 @@ impl Default for YarpOptions {
             axes: Vec::new(),
             limits: Arc::default(),
             control: None,
+            intrinsics: None,
+            base: None,
             sensor: 0,
             degrees: true,
             dialect: None,
@@ -138,6 +159,7 @@ impl Default for YarpOptions {
             finds_form: false,
             command: None,
             frame_id: String::new(),
+            child_frame_id: String::new(),
         }
     }
 }
@@ -196,6 +218,10 @@ impl YarpOptions {
         const SWITCH: &str = "true or false";
         const PORT: &str = "the name of a port, which begins with / and has no blanks";
         match key {
+            "base" => {
+                let word = value.as_str().and_then(base);
+                self.base = Some(word.ok_or("velocity or control")?);
+            }
             "bottle" if value.as_str() == Some("auto") => self.finds_form = true,
             "bottle" => self.bottle = Some(form(value).ok_or("true, false, property or auto")?),
             "carrier" => {
@@ -203,6 +229,9 @@ impl YarpOptions {
                 carrier
                     .ok_or("tcp, fast_tcp, udp, mcast, text, text_ack or mjpeg")?
                     .clone_into(&mut self.carrier);
+            }
+            "child_frame_id" => {
+                value.as_str().ok_or("a text")?.clone_into(&mut self.child_frame_id);
             }
             "command" => {
                 let text = value.as_str().filter(|text| !text.trim().is_empty());
@@ -254,6 +283,14 @@ fn control(word: &str) -> Option<Control> {
         "position_direct" => Some(Control::PositionDirect),
         "velocity" => Some(Control::Velocity),
         "torque" => Some(Control::Torque),
+        _ => None,
+    }
+}
+
+fn base(word: &str) -> Option<BaseCommand> {
+    match word {
+        "velocity" => Some(BaseCommand::Velocity),
+        "control" => Some(BaseCommand::Control),
         _ => None,
     }
 }
@@ -325,6 +362,8 @@ mod tests {
             ("control", "position_direct".into()),
             ("sensor", 2.into()),
             ("frame_id", "head".into()),
+            ("base", "control".into()),
+            ("child_frame_id", "base".into()),
         ]);
         assert_eq!(options.len(), OPTIONS.len());
         assert!(OPTIONS.iter().all(|name| options.get(name).is_some()));
@@ -337,6 +376,8 @@ mod tests {
             axes: Vec::new(),
             limits: Arc::default(),
             control: Some(Control::PositionDirect),
+            intrinsics: None,
+            base: Some(BaseCommand::Control),
             sensor: 2,
             degrees: false,
             dialect: Some(Dialect::V4),
@@ -346,6 +387,7 @@ mod tests {
             finds_form: false,
             command: Some("[set] [pos]".into()),
             frame_id: "head".into(),
+            child_frame_id: "base".into(),
         };
         assert_eq!(read(options.clone()).unwrap(), wanted);
         let spec = ServiceSpec { options, ..ServiceSpec::new("/s", ServiceKind::NativeObject) };
@@ -368,6 +410,8 @@ mod tests {
             ("bottle", 3.into(), "must be true, false, property or auto"),
             ("command", " ".into(), "must be words as text"),
             ("control", "speed".into(), "must be position, position_direct, velocity or torque"),
+            ("base", "fast".into(), "must be velocity or control"),
+            ("child_frame_id", 3.into(), "must be a text"),
             ("sensor", (-1).into(), "must be the number of a sensor"),
             ("frame_id", 3.into(), "must be a text"),
         ] {

@@ -26,7 +26,7 @@ use wrapyfi_yarp::port::{
     Connected, Message, OutputOptions, OutputPort, Overflow, PayloadKind, PortOptions, Written,
 };
 
-use super::board::Board;
+use super::device::Device;
 use super::opening::{number, until_open};
 use super::options::{Form, YarpOptions};
 use super::payload::{self, Outgoing};
@@ -63,7 +63,7 @@ struct Outlet {
     commands: AtomicBool,
     /// A port is being opened: its name may be known already, and is not another program's.
     opening: watch::Sender<bool>,
-    board: Board,
+    device: Device,
     standing: Arc<Standing>,
     /// Number of the next message with a time.
     count: AtomicI32,
@@ -128,7 +128,7 @@ impl YarpPublisher {
             port: Mutex::default(),
             commands: AtomicBool::new(false),
             opening: watch::Sender::new(false),
-            board: Board::new(spec.message_type, &options, destination),
+            device: Device::new(spec.message_type, &options, destination),
             standing,
             count: AtomicI32::new(0),
             messages: AtomicU64::new(0),
@@ -305,7 +305,7 @@ async fn serve(
     tokio::select! {
         () = count_readers(shared, &name, changes.clone(), outlet, destination.is_some()) => {}
         () = kept => {}
-        () = outlet.board.follow(shared, changes.clone(), || changes.borrow().outputs > 0) => {}
+        () = outlet.device.follow(shared, changes.clone(), || changes.borrow().outputs > 0) => {}
     }
 }
 
@@ -367,7 +367,7 @@ impl Publisher for YarpPublisher {
         if objects + pictures == 0 {
             return Err(self.nobody());
         }
-        let mut options = self.outlet.board.options();
+        let mut options = self.outlet.device.options();
         let dialect = options.dialect.unwrap_or(self.dialect);
         let commands = self.outlet.commands.load(Relaxed);
         let spec = self.command_spec.as_ref().filter(|_| commands).unwrap_or(&self.spec);

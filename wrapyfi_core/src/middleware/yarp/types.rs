@@ -8,13 +8,15 @@
 
 use wrapyfi_yarp::port::{Payload as Bytewise, PayloadKind};
 use wrapyfi_yarp::sig::{ImageHeader, Sound, Vector};
-use wrapyfi_yarp::{Dialect, Limits};
+use wrapyfi_yarp::{Bottle, Dialect, Limits};
 
 use super::first_message::FirstMessages;
+use super::payload;
 use crate::engine::NamePattern;
 
 /// Type of a vector of which nothing more is known.
 const NUMBERS: &str = "std_msgs/msg/Float64MultiArray";
+const SCAN: &str = "sensor_msgs/msg/LaserScan";
 
 /// Ports whose names tell what they send.
 #[derive(Debug, Clone, PartialEq)]
@@ -42,6 +44,8 @@ impl Convention {
             ("(.*/)?inertial(:o)?", "sensor_msgs/msg/Imu"),
             ("(.*/)?FT:o", "geometry_msgs/msg/WrenchStamped"),
             ("(.*/)?tf:o", "tf2_msgs/msg/TFMessage"),
+            ("(.*/)?\\w*[lL]aser\\w*:o", SCAN),
+            ("(.*/)?odometry:o", "nav_msgs/msg/Odometry"),
             ("(.*/)?cams?/[^:]*(:o)?", "Image"),
             ("(.*/)?\\w*([iI]mage|[iI]mg):o", "Image"),
         ];
@@ -96,12 +100,21 @@ pub(super) fn of_message(message: &Bytewise, limits: &Limits) -> Option<&'static
         let read = Vector::<f64>::decode(bytes, *dialect, limits);
         read.is_ok_and(|numbers| numbers.0.len() * 8 == elements)
     });
-    Some(if is_vector { NUMBERS } else { "NativeObject" })
+    let is_scan = || {
+        dialects.iter().any(|dialect| {
+            let read = Bottle::decode_whole(bytes, *dialect, limits);
+            read.is_ok_and(|bottle| payload::is_scan(&bottle))
+        })
+    };
+    Some(match is_vector {
+        true => NUMBERS,
+        false if is_scan() => SCAN,
+        false => "NativeObject",
+    })
 }
 
 #[cfg(test)]
 mod tests {
-    use wrapyfi_yarp::Bottle;
     use wrapyfi_yarp::sig::{Image, PixelCode};
 
     use super::*;
@@ -127,6 +140,14 @@ mod tests {
             assert_eq!(type_of(vector), Some(NUMBERS), "{dialect:?}");
             let words = Bottle::from(vec!["x".into(), 1.5.into()]).encode(dialect).unwrap();
             assert_eq!(type_of(words), Some("NativeObject"), "{dialect:?}");
+            let scan = |text: &str| {
+                let bottle = Bottle::from_text(text.as_bytes(), &Limits::default()).unwrap();
+                bottle.encode(dialect).unwrap()
+            };
+            assert_eq!(type_of(scan("0.0 360.0 0.1 8.0 (1.5 2.5) 0")), Some(SCAN), "{dialect:?}");
+            for other in ["0.0 360.0 0.1 8.0 (1.5 x) 0", "0 360 0.1 8.0 (1.5) 0", "0.0 (1.5) 0"] {
+                assert_eq!(type_of(scan(other)), Some("NativeObject"), "{other}");
+            }
             let nothing = Bottle::new().encode(dialect).unwrap();
             assert_eq!(type_of(nothing), None, "{dialect:?}");
         }
@@ -151,6 +172,10 @@ mod tests {
             ("/icub/inertial/raw", None, None),
             ("/icub/left_arm/FT:o", None, Some("geometry_msgs/msg/WrenchStamped")),
             ("/server/tf:o", None, Some("tf2_msgs/msg/TFMessage")),
+            ("/laser:o", None, Some(SCAN)),
+            ("/cer/laserFront:o", None, Some(SCAN)),
+            ("/baseControl/odometry:o", None, Some("nav_msgs/msg/Odometry")),
+            ("/baseControl/odometer:o", None, None),
             ("/estate:o", None, None),
             ("/camera/info:o", None, None),
         ] {

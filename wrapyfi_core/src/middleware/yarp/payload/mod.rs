@@ -5,19 +5,22 @@
 //!   Text         │ bottle of one string                                      ◀──▶ Str
 //!   Image        │ header and rows; a bottle of base64 of .npy of JPEG       ◀──▶ Image
 //!   AudioChunk   │ Sound: planar, 16 bits                                    ◀──▶ AudioChunk
-//!   Ros          │ Vector, Matrix, joints, sensors, pairs of field and value ◀──▶ RosMessage
+//!   Ros          │ Vector, Matrix, joints, sensors, bases, pairs of field and value ◀──▶ RosMessage
 //!   envelope     │ "42 1700000000.5"                                         ◀──▶ stamp
 //! ```
 //!
 //! The table with examples: `docs/wire/yarp.md`. Nothing here has sockets or a clock. Pixels and the
 //! samples of one channel are those of the message, not copies.
 
+mod base;
+mod camera;
 mod command;
 mod element;
 mod fault;
 mod frames;
 mod image;
 mod joints;
+mod laser;
 mod native;
 mod numbers;
 mod positional;
@@ -33,6 +36,7 @@ use bytes::Bytes;
 use wrapyfi_yarp::port::{Payload as Bytewise, PayloadKind};
 use wrapyfi_yarp::{Dialect, sig};
 
+use super::intrinsics::CAMERA_INFO;
 use super::options::{Form, YarpOptions};
 use crate::codec::{ConvertError, DecodeError, EncodeError, convert_payload};
 use crate::endpoint::TopicSpec;
@@ -40,6 +44,7 @@ use crate::types::{DataType, MessageType, NativeObject, Payload, Stamp};
 use element::Writer;
 
 pub(super) use command::{COMMAND_PORT, trajectory};
+pub(super) use laser::is_scan;
 pub use requests::{
     decode_reply, decode_request, encode_error, encode_reply, encode_request, is_json,
 };
@@ -108,6 +113,11 @@ pub fn encode(
     };
     fault::check_size(bytes.len(), spec.limits.message_bytes)?;
     Ok(Outgoing { payload: Bytewise::object(bytes), stamp: envelope(stamp) })
+}
+
+/// Whether messages of this type are calibrations of a camera.
+pub(super) fn is_of_camera(message_type: MessageType) -> bool {
+    matches!(message_type, MessageType::Ros(ros_type) if ros_type.name() == CAMERA_INFO)
 }
 
 /// Whether messages of this type are about the joints of a control board.

@@ -5,6 +5,9 @@
 //!   sensor_msgs/msg/JointState                        ◀──▶  positions; to `…/command:i` a movement
 //!   sensor_msgs/msg/Imu, geometry_msgs/msg/WrenchStamped  ◀──▶  vectors of sensors
 //!   tf2_msgs/msg/TFMessage                            ◀──▶  transforms
+//!   sensor_msgs/msg/LaserScan, nav_msgs/msg/Odometry  ◀──▶  scans, odometries
+//!   geometry_msgs/msg/Twist, TwistStamped             ──▶   velocities of a base (option base)
+//!   sensor_msgs/msg/CameraInfo                        ◀──   pictures
 //!   any other  ◀──▶  (linear ((x 0.1) …)) (angular …)   or JSON (bottle: false)
 //!   header.stamp                    ◀──▶  envelope
 //! ```
@@ -13,10 +16,11 @@ use bytes::Bytes;
 use wrapyfi_interfaces::dynamic::{DynamicMessage, DynamicValue};
 use wrapyfi_yarp::{Dialect, Value as Element};
 
+use super::super::intrinsics::CAMERA_INFO;
 use super::super::options::{Form, YarpOptions};
 use super::element::Writer;
 use super::numbers::Width;
-use super::{command, fault, frames, joints, native, numbers, sensors};
+use super::{base, camera, command, fault, frames, joints, laser, native, numbers, sensors};
 use crate::codec::{DecodeError, EncodeError, json};
 use crate::endpoint::TopicSpec;
 use crate::types::{Header, Map, RosMessage, RosType, Stamp, Value};
@@ -28,6 +32,10 @@ pub(crate) const TRAJECTORY: &str = "trajectory_msgs/msg/JointTrajectory";
 const IMU: &str = "sensor_msgs/msg/Imu";
 const WRENCH: &str = "geometry_msgs/msg/WrenchStamped";
 const FRAMES: &str = "tf2_msgs/msg/TFMessage";
+const SCAN: &str = "sensor_msgs/msg/LaserScan";
+const ODOMETRY: &str = "nav_msgs/msg/Odometry";
+const TWIST: &str = "geometry_msgs/msg/Twist";
+const TWIST_STAMPED: &str = "geometry_msgs/msg/TwistStamped";
 
 /// Writes a message; its bytes, and the time of its header.
 pub(super) fn encode(
@@ -49,6 +57,12 @@ pub(super) fn encode(
         (IMU, _, None) => sensors::write_imu(&fields, options, dialect)?,
         (WRENCH, _, None) => sensors::write_wrench(&fields, dialect)?,
         (FRAMES, _, None) => return frames::write(&fields, dialect),
+        (SCAN, _, None) => laser::write(&fields, options, dialect)?,
+        (ODOMETRY, _, None) => base::write_odometry(&fields, options, dialect)?,
+        (TWIST | TWIST_STAMPED, _, None) if let Some(base) = options.base => {
+            let twist = fields.get("twist").unwrap_or(&fields);
+            base::write_velocity(twist, base, options, dialect)?
+        }
         (_, Some(width), None) => {
             numbers::write(numbers::of_fields(&fields, width)?, width, dialect)?
         }
@@ -81,6 +95,11 @@ pub(super) fn decode(
         (IMU, _, None) => sensors::read_imu(bytes, options, dialect, limits)?,
         (WRENCH, _, None) => sensors::read_wrench(bytes, options, dialect, limits)?,
         (FRAMES, _, None) => frames::read(bytes, dialect, limits, stamp)?,
+        (SCAN, _, None) => laser::read(bytes, options, dialect, limits)?,
+        (ODOMETRY, _, None) => base::read_odometry(bytes, options, dialect, limits, stamp)?,
+        (CAMERA_INFO, _, None) if let Some(size) = camera::size(bytes, limits) => {
+            camera::info(size, options)?
+        }
         (_, Some(width), None) => {
             numbers::to_fields(numbers::read(bytes, dialect, limits)?, width)?
         }

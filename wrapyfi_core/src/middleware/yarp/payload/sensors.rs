@@ -177,7 +177,7 @@ pub(super) fn of_quaternion(fields: Option<&Value>) -> [f64; 4] {
 }
 
 /// The orientation of these angles, which YARP turns about z, then y, then x.
-fn quaternion(angles: Vector3) -> Value {
+pub(super) fn quaternion(angles: Vector3) -> Value {
     let [(sr, cr), (sp, cp), (sy, cy)] = angles.map(|angle| (angle / 2.0).sin_cos());
     Map::from([
         ("x", sr * cp * cy - cr * sp * sy),
@@ -188,7 +188,7 @@ fn quaternion(angles: Vector3) -> Value {
     .into()
 }
 
-fn roll_pitch_yaw(orientation: Option<&Value>) -> Vector3 {
+pub(super) fn roll_pitch_yaw(orientation: Option<&Value>) -> Vector3 {
     let [x, y, z, w] = of_quaternion(orientation);
     let roll = (2.0 * (w * x + y * z)).atan2(1.0 - 2.0 * (x * x + y * y));
     let pitch = (2.0 * (w * y - z * x)).clamp(-1.0, 1.0).asin();

@@ -14,6 +14,9 @@ fn topics() -> Vec<TopicSpec> {
         "sensor_msgs/msg/Imu",
         "geometry_msgs/msg/WrenchStamped",
         "tf2_msgs/msg/TFMessage",
+        "sensor_msgs/msg/LaserScan",
+        "sensor_msgs/msg/CameraInfo",
+        "nav_msgs/msg/Odometry",
     ];
     let types = MessageType::ALL.into_iter().chain(named.map(|name| MessageType::Ros(ros(name))));
     types

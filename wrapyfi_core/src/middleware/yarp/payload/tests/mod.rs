@@ -1,5 +1,6 @@
 //! The mapping, line by line, and what real YARP and real Wrapyfi sent.
 
+mod base;
 mod dialects;
 mod golden;
 mod hostile;

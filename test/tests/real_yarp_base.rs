@@ -1,0 +1,180 @@
+//! A mobile base of YARP in ROS 2: its laser, its odometry, its camera with depth, and velocities to it. Each is
+//! `yarpdev` with a server of YARP's around one of its fake devices, at our name server.
+
+#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
+
+use serde_json::{Value, json};
+use wrapyfi_e2e::{Need, Process, Result, Route, World, ros2, run, yarp};
+
+/// What a test needs that runs this server of YARP around this device.
+macro_rules! needs {
+    ($wrapper:literal, $device:literal) => {
+        &[
+            Need::Program,
+            Need::Yarp,
+            Need::Executable("yarp_bridge"),
+            Need::YarpDevice("deviceBundler"),
+            Need::YarpDevice($wrapper),
+            Need::YarpDevice($device),
+        ]
+    };
+}
+
+const SCAN: &str = "sensor_msgs/msg/LaserScan";
+const ODOMETRY: &str = "nav_msgs/msg/Odometry";
+const TWIST: &str = "geometry_msgs/msg/Twist";
+const INFO: &str = "sensor_msgs/msg/CameraInfo";
+/// Tries of what another program has to be asked for.
+const TRIES: usize = 100;
+
+fn device(world: &World, wrapper: &str, device: &str, more: &[&str]) -> Result<Process> {
+    let bundle = ["--device", "deviceBundler", "--wrapper_device", wrapper];
+    let args = [&bundle[..], &["--attached_device", device], more].concat();
+    Ok(world.yarp_tool("yarpdev", &args)?.pillar())
+}
+
+/// The first message of a port of YARP, read as a type.
+fn first(world: &World, port: &str, kind: &str) -> Result<Value> {
+    let echo = world.wrapyfi(["echo", &yarp(port), "--type", kind, "--json"])?;
+    Ok(echo.objects(1)?.remove(0))
+}
+
+fn number(value: &Value, path: &str) -> f64 {
+    let found = value.pointer(path).and_then(Value::as_f64);
+    found.unwrap_or_else(|| panic!("no number {path} in {value}"))
+}
+
+#[test]
+fn a_laser_of_yarp_is_a_laser_of_ros() -> Result {
+    let needs = needs!("rangefinder2D_nws_yarp", "fakeLaser");
+    run("a_laser_of_yarp_is_a_laser_of_ros", needs, |world| {
+        let _server = world.yarpserver()?;
+        let port = world.topic("laser:o");
+        let range = ["--SENSOR::min_angle", "-90", "--SENSOR::max_angle", "90"];
+        let rays = ["--SENSOR::resolution", "0.5", "--test", "use_constant"];
+        let wall = ["--CONSTANT_MODE::const_distance", "1.25", "--name", &port];
+        let args = [range, rays, wall].concat();
+        let _laser = device(&world, "rangefinder2D_nws_yarp", "fakeLaser", &args)?;
+        let heard = first(&world, &port, SCAN)?;
+        let scan = &heard["value"];
+        let half = std::f64::consts::FRAC_PI_2;
+        let step = 0.5_f64.to_radians();
+        for (path, wanted) in [
+            ("/angle_min", -half),
+            ("/angle_max", half - step),
+            ("/angle_increment", step),
+            ("/ranges/0", 1.25),
+            ("/ranges/359", 1.25),
+        ] {
+            assert!((number(scan, path) - wanted).abs() < 1e-5, "{path}: {heard}");
+        }
+        assert_eq!(scan["ranges"].as_array().map(Vec::len), Some(360), "{heard}");
+        assert!(number(scan, "/header/stamp/sec") > 1.7e9, "the envelope's time: {heard}");
+        Ok(())
+    })
+}
+
+#[test]
+fn an_odometry_of_yarp_is_one_of_ros() -> Result {
+    let needs = needs!("odometry2D_nws_yarp", "fakeOdometry2D");
+    run("an_odometry_of_yarp_is_one_of_ros", needs, |world| {
+        let _server = world.yarpserver()?;
+        let base = world.topic("base");
+        let _base = device(&world, "odometry2D_nws_yarp", "fakeOdometry2D", &["--name", &base])?;
+        let heard = first(&world, &format!("{base}/odometry:o"), ODOMETRY)?;
+        let odometry = &heard["value"];
+        assert_eq!(odometry["header"]["frame_id"], "odom", "{heard}");
+        assert_eq!(odometry["child_frame_id"], "base_link", "{heard}");
+        // The device moves at random, up to 5 m/s and 5 degrees a second.
+        let turn = number(odometry, "/twist/twist/angular/z");
+        assert!((0.0..=5_f64.to_radians()).contains(&turn), "{heard}");
+        let [z, w] =
+            ["z", "w"].map(|part| number(odometry, &format!("/pose/pose/orientation/{part}")));
+        assert!((z.hypot(w) - 1.0).abs() < 1e-9, "{heard}");
+        assert!(number(odometry, "/header/stamp/sec") > 1.7e9, "{heard}");
+        Ok(())
+    })
+}
+
+#[test]
+fn a_twist_of_ros_moves_a_base_of_yarp() -> Result {
+    let needs = needs!("mobileBaseVelocityControl_nws_yarp", "fakeNavigation");
+    run("a_twist_of_ros_moves_a_base_of_yarp", needs, |world| {
+        let _server = world.yarpserver()?;
+        let base = world.topic("base");
+        let args = ["--local", &base];
+        let wrapper = "mobileBaseVelocityControl_nws_yarp";
+        let _base = device(&world, wrapper, "fakeNavigation", &args)?;
+        let velocity = ros2(&world.topic("cmd_vel"));
+        let to_base = format!("{{ base: velocity, out_topic_connect: \"{base}/data:i\" }}");
+        let ours = yarp(&world.topic("bridge/velocity:o"));
+        let route = Route::new(&velocity, &ours, TWIST).with("options", &to_base);
+        let bridge = world.bridge(&world.embedded().route(route))?;
+        let wanted = json!({ "linear": { "x": 0.5, "y": -0.25 }, "angular": { "z": 0.125 } });
+        let wanted = wanted.to_string();
+        let publish = ["pub", &velocity, "--type", TWIST, "--value", &wanted, "--rate", "20"];
+        let _publisher = world.wrapyfi(publish)?;
+        let rpc = yarp(&format!("{base}/rpc:i"));
+        let ask =
+            ["call", &rpc, "--option", "bottle=true", "--args", "[\"getLastVelocityCommandRPC\"]"];
+        let mut answer = String::new();
+        for _ in 0..TRIES {
+            let mut call = world.wrapyfi(ask)?;
+            call.exits_with(0)?;
+            answer = call.stdout();
+            let told: Value = serde_json::from_str(answer.trim()).unwrap_or_default();
+            let told: Vec<f64> =
+                told.as_array().into_iter().flatten().filter_map(Value::as_f64).collect();
+            if told.ends_with(&[0.5, -0.25, 0.125_f64.to_degrees()]) {
+                return Ok(());
+            }
+        }
+        anyhow::bail!("the base was told {answer}; {}", bridge.tail())
+    })
+}
+
+/// The stamp of each message of an echo.
+fn stamps(echo: &[Value]) -> Vec<(i64, i64)> {
+    let part = |value: &Value, name: &str| value["value"]["header"]["stamp"][name].as_i64();
+    echo.iter().filter_map(|value| part(value, "sec").zip(part(value, "nanosec"))).collect()
+}
+
+#[test]
+fn a_camera_with_depth_has_its_calibration_beside_each_picture() -> Result {
+    let needs = needs!("rgbdSensor_nws_yarp", "fakeDepthCamera");
+    run("a_camera_with_depth_has_its_calibration_beside_each_picture", needs, |world| {
+        let _server = world.yarpserver()?;
+        let camera = world.topic("depthCamera");
+        let args = ["--name", &camera, "--period", "0.05"];
+        let _camera = device(&world, "rgbdSensor_nws_yarp", "fakeDepthCamera", &args)?;
+        let bridge = world.executable("yarp_bridge", &[])?;
+        let echo = |topic: &str, kind: &str| {
+            let topic = ros2(&format!("{camera}/{topic}"));
+            world.wrapyfi(["echo", &topic, "--type", kind, "--json"])
+        };
+        for eye in ["rgbImage", "depthImage"] {
+            let infos = echo(&format!("{eye}/camera_info"), INFO)?;
+            let heard = infos.objects(1).map_err(|error| error.context(bridge.tail()))?.remove(0);
+            let info = &heard["value"];
+            assert_eq!((info["width"].as_i64(), info["height"].as_i64()), (Some(320), Some(240)));
+            assert_eq!(info["distortion_model"], "plumb_bob", "{heard}");
+            let k = [512.0, 0.0, 235.0, 0.0, 512.0, 231.0, 0.0, 0.0, 1.0];
+            assert_eq!(info["k"], json!(k), "{heard}");
+            assert_eq!(info["p"][2], json!(235.0), "{heard}");
+            // Pictures and calibrations come on two connections: one that both have is enough.
+            let kind = "sensor_msgs/msg/Image";
+            let pictures = echo(&format!("{eye}/o"), kind)?;
+            let seen = pictures.objects(1).map_err(|error| error.context(bridge.tail()))?.remove(0);
+            println!("{}", seen.to_string().chars().take(400).collect::<String>());
+            pictures.wait_until("a picture with the stamp of a calibration", |output| {
+                let pictures = stamps(&output.objects().collect::<Vec<_>>());
+                let infos = infos.wait_until("all of them", |output| {
+                    Some(stamps(&output.objects().collect::<Vec<_>>()))
+                });
+                let infos = infos.ok()?;
+                pictures.iter().any(|stamp| infos.contains(stamp)).then_some(())
+            })?;
+        }
+        Ok(())
+    })
+}
