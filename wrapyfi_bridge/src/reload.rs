@@ -153,7 +153,7 @@ impl Reload {
         if !meta.is_file() {
             return Err(Failure::Usage(format!("{name} is no file: only a file is read again")));
         }
-        let Loaded { mut plan, types, text, .. } = middlewares::load_and_learn(&self.file)?;
+        let Loaded { mut plan, mut types, text, .. } = middlewares::load_and_learn(&self.file)?;
         let fixed = Fixed::of(&plan, &text, &name).map_err(Failure::usage)?;
         let refusals = self.fixed.refusals(&fixed);
         if !refusals.is_empty() {
@@ -169,7 +169,6 @@ impl Reload {
         };
         overridden.map_err(Failure::usage)?;
         if let Some(handle) = &self.handle {
-            let mut types = types.clone();
             handle.types(|described| {
                 for name in ros2_types(&plan) {
                     if let Err(error) = described.add_named(&mut types, name) {
