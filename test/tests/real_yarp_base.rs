@@ -54,7 +54,7 @@ fn a_laser_of_yarp_is_a_laser_of_ros() -> Result {
         let rays = ["--SENSOR::resolution", "0.5", "--test", "use_constant"];
         let wall = ["--CONSTANT_MODE::const_distance", "1.25", "--name", &port];
         let args = [range, rays, wall].concat();
-        let _laser = device(&world, "rangefinder2D_nws_yarp", "fakeLaser", &args)?;
+        let _laser = device(world, "rangefinder2D_nws_yarp", "fakeLaser", &args)?;
         let heard = first(&world, &port, SCAN)?;
         let scan = &heard["value"];
         let half = std::f64::consts::FRAC_PI_2;
@@ -80,7 +80,7 @@ fn an_odometry_of_yarp_is_one_of_ros() -> Result {
     run("an_odometry_of_yarp_is_one_of_ros", needs, |world| {
         let _server = world.yarpserver()?;
         let base = world.topic("base");
-        let _base = device(&world, "odometry2D_nws_yarp", "fakeOdometry2D", &["--name", &base])?;
+        let _base = device(world, "odometry2D_nws_yarp", "fakeOdometry2D", &["--name", &base])?;
         let heard = first(&world, &format!("{base}/odometry:o"), ODOMETRY)?;
         let odometry = &heard["value"];
         assert_eq!(odometry["header"]["frame_id"], "odom", "{heard}");
@@ -104,7 +104,7 @@ fn a_twist_of_ros_moves_a_base_of_yarp() -> Result {
         let base = world.topic("base");
         let args = ["--local", &base];
         let wrapper = "mobileBaseVelocityControl_nws_yarp";
-        let _base = device(&world, wrapper, "fakeNavigation", &args)?;
+        let _base = device(world, wrapper, "fakeNavigation", &args)?;
         let velocity = ros2(&world.topic("cmd_vel"));
         let to_base = format!("{{ base: velocity, out_topic_connect: \"{base}/data:i\" }}");
         let ours = yarp(&world.topic("bridge/velocity:o"));
@@ -133,10 +133,10 @@ fn a_twist_of_ros_moves_a_base_of_yarp() -> Result {
     })
 }
 
-/// The stamp of each message of an echo.
-fn stamps(echo: &[Value]) -> Vec<(i64, i64)> {
-    let part = |value: &Value, name: &str| value["value"]["header"]["stamp"][name].as_i64();
-    echo.iter().filter_map(|value| part(value, "sec").zip(part(value, "nanosec"))).collect()
+/// The stamps of the pictures that an echo has shown, in seconds.
+fn stamps(echo: &Process) -> Result<Vec<f64>> {
+    let stamp = |picture: Value| picture["stamp"].as_f64();
+    echo.wait_until("its pictures", |output| Some(output.objects().filter_map(stamp).collect()))
 }
 
 #[test]
@@ -146,13 +146,14 @@ fn a_camera_with_depth_has_its_calibration_beside_each_picture() -> Result {
         let _server = world.yarpserver()?;
         let camera = world.topic("depthCamera");
         let args = ["--name", &camera, "--period", "0.05"];
-        let _camera = device(&world, "rgbdSensor_nws_yarp", "fakeDepthCamera", &args)?;
+        let _camera = device(world, "rgbdSensor_nws_yarp", "fakeDepthCamera", &args)?;
         let bridge = world.executable("yarp_bridge", &[])?;
         let echo = |topic: &str, kind: &str| {
             let topic = ros2(&format!("{camera}/{topic}"));
             world.wrapyfi(["echo", &topic, "--type", kind, "--json"])
         };
-        for eye in ["rgbImage", "depthImage"] {
+        let size = [json!(240), json!(320)];
+        for (eye, encoding) in [("rgbImage", "rgb8"), ("depthImage", "32FC1")] {
             let infos = echo(&format!("{eye}/camera_info"), INFO)?;
             let heard = infos.objects(1).map_err(|error| error.context(bridge.tail()))?.remove(0);
             let info = &heard["value"];
@@ -161,18 +162,23 @@ fn a_camera_with_depth_has_its_calibration_beside_each_picture() -> Result {
             let k = [512.0, 0.0, 235.0, 0.0, 512.0, 231.0, 0.0, 0.0, 1.0];
             assert_eq!(info["k"], json!(k), "{heard}");
             assert_eq!(info["p"][2], json!(235.0), "{heard}");
-            // Pictures and calibrations come on two connections: one that both have is enough.
-            let kind = "sensor_msgs/msg/Image";
-            let pictures = echo(&format!("{eye}/o"), kind)?;
+            // They come on two connections: one picture whose calibration came is enough.
+            let pictures = echo(&format!("{eye}/o"), "sensor_msgs/msg/Image")?;
             let seen = pictures.objects(1).map_err(|error| error.context(bridge.tail()))?.remove(0);
-            println!("{}", seen.to_string().chars().take(400).collect::<String>());
-            pictures.wait_until("a picture with the stamp of a calibration", |output| {
-                let pictures = stamps(&output.objects().collect::<Vec<_>>());
-                let infos = infos.wait_until("all of them", |output| {
-                    Some(stamps(&output.objects().collect::<Vec<_>>()))
-                });
-                let infos = infos.ok()?;
-                pictures.iter().any(|stamp| infos.contains(stamp)).then_some(())
+            assert_eq!(seen["encoding"], encoding, "{seen}");
+            assert_eq!(
+                seen["shape"].as_array().map(|shape| &shape[..2]),
+                Some(&size[..]),
+                "{seen}"
+            );
+            infos.wait_until("a calibration with the stamp of a picture", |output| {
+                let shown = |info: &Value| {
+                    let stamp = info.pointer("/value/header/stamp")?;
+                    Some(stamp["sec"].as_f64()? + stamp["nanosec"].as_f64()? * 1e-9)
+                };
+                let pictures = stamps(&pictures).ok()?;
+                let same = |stamp: f64| pictures.iter().any(|one| (one - stamp).abs() < 1e-5);
+                output.objects().filter_map(|info| shown(&info)).any(same).then_some(())
             })?;
         }
         Ok(())

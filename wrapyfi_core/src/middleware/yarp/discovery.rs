@@ -163,6 +163,7 @@ impl Discovery for YarpDiscovery {
             })
             .collect();
         self.found = found.into_values().chain(calibrations).collect();
+        self.found.sort_by(|one, other| one.name.cmp(&other.name));
         (self.known, self.ports) = (Some(now), ports);
         Ok(self.found.clone())
     }

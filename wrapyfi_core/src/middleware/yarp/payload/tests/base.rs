@@ -27,6 +27,11 @@ fn number(fields: &Value, path: &str) -> f64 {
     found.as_f64().unwrap()
 }
 
+fn bottle(bytes: impl Into<Bytes>) -> Bottle {
+    let limits = wrapyfi_yarp::Limits::default();
+    Bottle::decode_whole(&bytes.into(), Dialect::V3, &limits).unwrap()
+}
+
 fn near(found: f64, wanted: f64) {
     assert!((found - wanted).abs() < 1e-6, "{found}, not {wanted}");
 }
@@ -50,12 +55,10 @@ fn a_scan_of_yarp_is_one_of_ros() {
     assert_eq!(ranges.to_vec::<f32>().unwrap(), [1.5, f32::INFINITY, 0.25, 8.0]);
     assert_eq!(fields.get("header").unwrap().get("frame_id"), Some(&"laser".into()));
     // And back: YARP's last angle is the end of the last ray's share.
-    let back = bytes_of(&payload, &spec);
-    let limits = wrapyfi_yarp::Limits::default();
-    let back = Bottle::decode_whole(&back, Dialect::V3, &limits).unwrap();
-    let real = Bottle::decode_whole(&hex(SCAN), Dialect::V3, &limits).unwrap();
+    let back = bottle(bytes_of(&payload, &spec));
+    let real = bottle(hex(SCAN));
     assert_eq!((back.len(), back.get(4)), (6, real.get(4)));
-    for (ours, theirs) in back.into_iter().zip(&real).take(4) {
+    for (ours, theirs) in back.values.iter().zip(&real.values).take(4) {
         near(ours.as_f64().unwrap(), theirs.as_f64().unwrap());
     }
     let none = value(&read(typed("0.0 360.0 0.1 8.0 () 3"), &spec).unwrap());
@@ -99,11 +102,10 @@ fn an_odometry_of_yarp_is_one_of_ros() {
     let own = value(&read(hex(ODOMETRY), &topic(kind, named)).unwrap());
     assert_eq!(frames(&own), ("world".to_owned(), "base".to_owned()));
     // And back, with the velocity in the world, which the robot's is turned into.
-    let limits = wrapyfi_yarp::Limits::default();
-    let back = Bottle::decode_whole(&bytes_of(&payload, &spec), Dialect::V3, &limits).unwrap();
-    let real = Bottle::decode_whole(&hex(ODOMETRY), Dialect::V3, &limits).unwrap();
+    let back = bottle(bytes_of(&payload, &spec));
+    let real = bottle(hex(ODOMETRY));
     assert_eq!(back.len(), real.len());
-    for (ours, theirs) in back.into_iter().zip(&real) {
+    for (ours, theirs) in back.values.iter().zip(&real.values) {
         near(ours.as_f64().unwrap(), theirs.as_f64().unwrap());
     }
     for text in ["1.0 2.0 3.0", "1.0 2.0 3.0 4.0 5.0 6.0 7.0 8.0 9.0 10.0"] {
@@ -129,8 +131,7 @@ fn a_twist_is_the_velocity_of_a_base() {
         (plain, message(ros(plain), &asked)),
         (stamped, message(ros(stamped), &Map::from([("twist", asked)]).into())),
     ];
-    let limits = wrapyfi_yarp::Limits::default();
-    let real = Bottle::decode_whole(&hex(VELOCITY), Dialect::V3, &limits).unwrap();
+    let real = bottle(hex(VELOCITY));
     for (name, payload) in &messages {
         let of_base = |base: &str| topic(of(name), [("base", base.into())]);
         assert_eq!(shown(&bytes_of(payload, &of_base("velocity"))), real.to_text(), "{name}");
