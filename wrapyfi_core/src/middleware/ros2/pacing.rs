@@ -161,12 +161,9 @@ impl Pacing {
         for peer in raw.readers().unwrap_or_default() {
             if vendor::mapping_of(&peer.guid) == Some(ServiceMapping::FastDds) {
                 let both = [peer.reliability, self.topic.qos.reliability];
-                match both {
-                    [Reliability::Reliable, Reliability::Reliable] => {
-                        found.reliable = Some(peer.guid)
-                    }
-                    _ => found.best_effort = Some(peer.guid),
-                }
+                let is_reliable = both == [Reliability::Reliable; 2];
+                let kind = if is_reliable { &mut found.reliable } else { &mut found.best_effort };
+                *kind = Some(peer.guid);
             }
         }
         self.seen = Some((changes, found));
