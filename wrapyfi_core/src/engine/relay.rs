@@ -50,6 +50,8 @@ pub struct Relay {
     /// Listeners of another type than the route's, in words.
     misfits: Option<String>,
     last_loss: Option<(Instant, String)>,
+    /// Messages that the destination took and did not deliver, as far as they are in `last_loss`.
+    undelivered: u64,
     /// Losses, and objects passed on as they came: all are counted, few are logged.
     losses: Throttle,
     unread: Throttle,
@@ -91,6 +93,7 @@ impl Relay {
             unwanted_since: None,
             misfits: None,
             last_loss: None,
+            undelivered: 0,
             losses: Throttle::default(),
             unread: Throttle::default(),
             source,
@@ -162,6 +165,16 @@ impl Relay {
         // The step that opens the source of a route at rest moves nothing: it may be on a thread that others
         // wait for.
         let moved = if rested { 0 } else { self.propagate(now) };
+        let undelivered = self.context.counters.undelivered_messages();
+        if undelivered > self.undelivered {
+            let text = format!(
+                "{} messages did not reach everybody who listens on {}",
+                undelivered - self.undelivered,
+                self.spec.to
+            );
+            self.undelivered = undelivered;
+            self.last_loss = Some((now, text));
+        }
         let state = self.judge(now);
         if state != self.state {
             state.log(&self.spec.name, self.spec.mark.is_some());
