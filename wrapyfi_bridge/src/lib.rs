@@ -14,6 +14,7 @@
 //!   options   --option of the command line
 //!   overrides  qos_overrides of the node -> routes
 //!   files     how many may be open
+//!   lines     lines that a thread of their own writes
 //!   output    lines on stdout
 //!   input     JSON, .npy, PNG, JPEG, WAV -> a payload
 //!   table     route status as a table or as JSON
@@ -28,6 +29,7 @@ pub mod describe;
 pub mod exit;
 pub mod files;
 pub mod input;
+pub mod lines;
 pub mod logging;
 pub mod middlewares;
 pub mod node;

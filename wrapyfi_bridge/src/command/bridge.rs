@@ -10,9 +10,9 @@ use wrapyfi_core::node::parameters::ParameterStore;
 use wrapyfi_core::types::MessageType;
 
 use crate::exit::Failure;
+use crate::lines::Lines;
 use crate::middlewares::{self, Loaded, Middlewares};
 use crate::node::Node;
-use crate::output;
 use crate::overrides;
 use crate::own_address::OwnAddress;
 use crate::shutdown::Shutdown;
@@ -20,6 +20,11 @@ use crate::table;
 
 /// Most routes without a message that get a line of their own at the end.
 const FEW_IDLE: usize = 10;
+
+/// Lines of status that may wait for their reader.
+const MAX_LINES: usize = 8;
+/// How long the last of them may take.
+const LAST_LINE: Duration = Duration::from_millis(500);
 
 /// How long a bridge runs and what it prints.
 #[derive(Debug, Clone, Copy, Default)]
@@ -71,6 +76,9 @@ pub fn run(
     }
     let engine = Engine::new(plan, &registry).with_types(store);
     let running = engine.start().context("cannot start the routes")?;
+    // A reader that stands still, or went, is no concern of the routes.
+    let status = || Lines::start("status", std::io::stdout(), MAX_LINES, |_| String::new());
+    let json = options.json.then(status).transpose().context("cannot print the status")?;
     let end = options.seconds.map(|seconds| Instant::now() + seconds);
     let mut tick = Instant::now();
     let lives_with = options.lives_with.and_then(|name| middlewares.registry().get(name).ok());
@@ -85,13 +93,14 @@ pub fn run(
         if failure.is_some() {
             break;
         }
-        if options.json {
-            output::line(&table::json(&running.status()).to_string())?;
+        if let Some(json) = &json {
+            json.write(table::json_line(&running.status()));
         }
     }
     let last = running.stop();
-    if options.json {
-        output::line(&table::json(&last).to_string())?;
+    if let Some(json) = &json {
+        json.write(table::json_line(&last));
+        json.finish(LAST_LINE);
     }
     // A pattern carries nothing itself, and many routes of patterns nothing either.
     let routes = last.iter().filter(|route| route.pattern.is_none());
