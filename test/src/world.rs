@@ -160,7 +160,23 @@ impl World {
     /// # Errors
     /// Where it cannot be started.
     pub fn wrapyfi_unread(&self, args: &[&str]) -> Result<Process> {
-        let script = "exec 3> >(true); wait $!; exec \"$@\" >&3";
+        self.wrapyfi_by("exec 3> >(true); wait $!; exec \"$@\" >&3", args)
+    }
+
+    /// Starts `wrapyfi` with a full pipe, whose reader stands still, for stream 1 or 2.
+    ///
+    /// # Errors
+    /// Where it cannot be started.
+    pub fn wrapyfi_stalled(&self, stream: u8, args: &[&str]) -> Result<Process> {
+        let full = "exec 3> >(exec sleep 600 >/dev/null 2>&1); head -c 65536 /dev/zero >&3";
+        self.wrapyfi_by(&format!("{full}; exec \"$@\" {stream}>&3"), args)
+    }
+
+    /// Starts `wrapyfi` by a script of bash, whose `$@` is the command.
+    ///
+    /// # Errors
+    /// Where it cannot be started.
+    pub fn wrapyfi_by(&self, script: &str, args: &[&str]) -> Result<Process> {
         let program = needs::program()?.into_os_string();
         let args = args.iter().map(Into::into);
         let all = ["-c".into(), script.into(), "bash".into(), program].into_iter().chain(args);

@@ -1,6 +1,12 @@
 //! How a command ends: the exit codes, and one clear line on stderr.
 
 use std::process::ExitCode;
+use std::time::Duration;
+
+use crate::logging;
+
+/// How long what was logged may take to be read at the end.
+const LAST_WORDS: Duration = Duration::from_millis(500);
 
 /// Why a command did not succeed, which decides its exit code.
 #[derive(Debug, thiserror::Error)]
@@ -44,12 +50,14 @@ impl Failure {
 
 /// Prints the failure, if any, and turns it into the process's exit code.
 #[must_use]
-#[expect(clippy::print_stderr, reason = "the last word of a command, with or without logging")]
 pub fn finish(outcome: Result<(), Failure>) -> ExitCode {
     match outcome {
-        Ok(()) | Err(Failure::Unread) => ExitCode::SUCCESS,
+        Ok(()) | Err(Failure::Unread) => {
+            logging::finish(LAST_WORDS);
+            ExitCode::SUCCESS
+        }
         Err(failure) => {
-            eprintln!("wrapyfi: {failure}");
+            logging::last_word(&format!("wrapyfi: {failure}"));
             ExitCode::from(failure.code())
         }
     }

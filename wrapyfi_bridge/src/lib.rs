@@ -15,6 +15,7 @@
 //!   overrides  qos_overrides of the node -> routes
 //!   reload    a configuration that changes while its bridge runs
 //!   files     how many may be open
+//!   lines     lines that a thread of their own writes
 //!   output    lines on stdout
 //!   input     JSON, .npy, PNG, JPEG, WAV -> a payload
 //!   table     route status as a table or as JSON
@@ -29,6 +30,7 @@ pub mod describe;
 pub mod exit;
 pub mod files;
 pub mod input;
+pub mod lines;
 pub mod logging;
 pub mod middlewares;
 pub mod node;

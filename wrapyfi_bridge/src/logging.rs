@@ -9,8 +9,9 @@
 //! the route: `wrapyfi_bridge.camera`.
 
 use std::fmt;
+use std::io::Write;
 use std::sync::{Arc, OnceLock, PoisonError, RwLock};
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use tracing::{Event, Level, Subscriber, field};
 use tracing_subscriber::filter::LevelFilter;
@@ -25,6 +26,8 @@ use wrapyfi_core::node::args::LogLevels;
 use wrapyfi_core::node::logger_services::Loggers;
 use wrapyfi_core::node::{LogLevel, LogLine};
 
+use crate::lines::Lines;
+
 /// Most loggers that may have a level of their own.
 const MAX_LOGGERS: usize = 4096;
 /// Longest name of a logger whose level is set, in bytes.
@@ -32,6 +35,12 @@ const MAX_NAME_BYTES: usize = 1024;
 
 /// The node on whose `/rosout` lines go.
 static NODE: OnceLock<RwLock<Option<NodeHandle>>> = OnceLock::new();
+/// Most lines that wait for who reads stderr.
+const MAX_LINES: usize = 4096;
+/// How long the last line may take.
+const LAST_WORD: Duration = Duration::from_millis(500);
+/// Lines to stderr; none where the system refused a thread.
+static LINES: OnceLock<Option<Lines>> = OnceLock::new();
 /// Levels in force, once logging has started.
 static LEVELS: OnceLock<Arc<Levels>> = OnceLock::new();
 
@@ -73,7 +82,7 @@ pub fn start_as(logger: &str, level: LevelFilter, levels: &LogLevels, stdout: bo
     levels.apply();
     let format = RosFormat { logger: logger.to_owned() };
     let printed = tracing_subscriber::fmt::layer()
-        .with_writer(std::io::stderr)
+        .with_writer(|| Printed)
         .event_format(format)
         .with_filter(if stdout { LevelFilter::TRACE } else { LevelFilter::OFF });
     let by_logger = ByLogger { logger: logger.to_owned(), levels: Arc::clone(&levels) };
@@ -86,6 +95,41 @@ pub fn start_as(logger: &str, level: LevelFilter, levels: &LogLevels, stdout: bo
         .try_init();
     if set.is_ok() {
         _ = LEVELS.set(levels);
+        std::panic::set_hook(Box::new(|panic| tracing::error!("{panic}")));
+    }
+}
+
+/// Prints a line to stderr, after those that were logged before, and waits until it is read, for a moment.
+pub fn last_word(text: &str) {
+    _ = Printed.write_all(format!("{text}\n").as_bytes());
+    finish(LAST_WORD);
+}
+
+/// Waits until all that was logged is printed, at most `limit`.
+pub fn finish(limit: Duration) {
+    if let Some(Some(lines)) = LINES.get() {
+        lines.finish(limit);
+    }
+}
+
+/// Lines to stderr, without waiting for who reads them.
+struct Printed;
+
+impl Write for Printed {
+    fn write(&mut self, line: &[u8]) -> std::io::Result<usize> {
+        let gap = |lost: u64| format!("[WARN] {lost} lines are left out: nobody read them\n");
+        let lines =
+            LINES.get_or_init(|| Lines::start("log", std::io::stderr(), MAX_LINES, gap).ok());
+        match lines {
+            Some(lines) => lines.write(line.to_vec()),
+            // Who does not read it is not told.
+            None => _ = std::io::stderr().write_all(line),
+        }
+        Ok(line.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
     }
 }
 

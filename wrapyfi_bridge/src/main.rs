@@ -43,8 +43,8 @@ fn run(cli: &Cli, ros: Vec<OsString>) -> Result<(), Failure> {
         Command::Pub(args) => command::publish::run(args, &shutdown),
         Command::Call(args) => command::service::call::run(args, &shutdown),
         Command::Serve(args) => command::service::serve::run(args, &shutdown),
-        Command::Broker(args) => command::broker::run(args, &shutdown),
-        Command::Yarpserver(args) => command::yarpserver::run(args, &shutdown),
+        Command::Broker(args) => shutdown.outcome(command::broker::run(args, &shutdown)),
+        Command::Yarpserver(args) => shutdown.outcome(command::yarpserver::run(args, &shutdown)),
         Command::Detect(args) => command::detect::run(args),
     }
 }

@@ -209,6 +209,8 @@ pub fn run(
     level: LevelFilter,
 ) -> Result<(), Failure> {
     let default_name = whole.map_or(DEFAULT_NAME, Whole::node);
+    // First: what follows may take its time.
+    let shutdown = Shutdown::on_signals().context("cannot catch signals")?;
     let options = NodeOptions::resolve(default_name, "/", &ros).map_err(Failure::usage)?;
     logging::start_as(&options.name.logger_name(), level, ros.log_levels(), ros.stdout_logs);
     for warning in &ros.warnings {
@@ -219,7 +221,6 @@ pub fn run(
     let node = Node { name: options.name, args: Arc::new(ros), overrides };
     let mut store = node.parameters().map_err(Failure::usage)?;
     let parameters = Parameters::declare(&mut store, whole)?;
-    let shutdown = Shutdown::on_signals().context("cannot catch signals")?;
     let Parameters { configuration, mut options } = parameters;
     options.own = args.own;
     let (mut loaded, name) = match configuration {
@@ -233,7 +234,7 @@ pub fn run(
         let own = || node.name.fqn();
         loaded.endpoints.ros.node.get_or_insert_with(own);
     }
-    bridge::run(loaded, &name, &node, store, options, &shutdown)
+    shutdown.outcome(bridge::run(loaded, &name, &node, store, options, &shutdown))
 }
 
 /// The parameters of the bridge node.

@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use serde_json::Value as Json;
 use signal_hook::consts::SIGHUP;
-use wrapyfi_core::endpoint::{Context, Registry, Server, ServiceSpec};
+use wrapyfi_core::endpoint::{Context, Registry, Server, ServiceSpec, WAITING};
 use wrapyfi_core::engine::{Applier, Config, ConfigError, MAX_CONFIG_BYTES, Plan, PlanDiff};
 use wrapyfi_core::middleware::ros2::NodeHandle;
 use wrapyfi_core::types::{Map, Payload, ServiceKind, Value};
@@ -153,7 +153,8 @@ impl Reload {
         if !meta.is_file() {
             return Err(Failure::Usage(format!("{name} is no file: only a file is read again")));
         }
-        let Loaded { mut plan, mut types, text, .. } = middlewares::load_and_learn(&self.file)?;
+        let Loaded { mut plan, mut types, waiting_bytes, text, .. } =
+            middlewares::load_and_learn(&self.file)?;
         let fixed = Fixed::of(&plan, &text, &name).map_err(Failure::usage)?;
         let refusals = self.fixed.refusals(&fixed);
         if !refusals.is_empty() {
@@ -179,6 +180,7 @@ impl Reload {
         }
         warn_of_unheard(&plan, &self.node);
         let diff = self.routes.apply(plan, types).map_err(Failure::usage)?;
+        WAITING.set_limit(waiting_bytes);
         Ok((text, diff))
     }
 

@@ -6,6 +6,10 @@ use std::time::{Duration, Instant};
 
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
+use wrapyfi_core::Limits;
+
+use crate::exit::Failure;
+use crate::logging;
 
 /// Set once the process is asked to end.
 #[derive(Debug, Clone, Default)]
@@ -13,11 +17,28 @@ pub struct Shutdown(Arc<AtomicBool>);
 
 /// How long after the first signal others mean the same.
 const SAME_WISH: Duration = Duration::from_secs(1);
+/// How long ending in good order may take; the last word fits into the two seconds that are promised.
+const TIME_TO_END: Duration = Limits::SHUTDOWN.saturating_sub(Duration::from_millis(200));
+const LAST_WORD: Duration = Duration::from_millis(50);
 /// How often a waiting command looks at the flag.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 
+/// Ends the process with exit code 0 if it has not ended by itself when its time is over.
+fn end_in_time() {
+    let watch = std::thread::Builder::new().name("shutdown".to_owned()).spawn(|| {
+        std::thread::sleep(TIME_TO_END);
+        tracing::warn!("ends now: something did not end in time");
+        logging::finish(LAST_WORD);
+        signal_hook::low_level::exit(0);
+    });
+    if let Err(error) = watch {
+        tracing::warn!(%error, "nobody watches that the process ends in time");
+    }
+}
+
 impl Shutdown {
-    /// Catches SIGINT and SIGTERM. One that comes a second after the first, or later, ends the process at once
+    /// Catches SIGINT and SIGTERM. Where what the process does cannot be interrupted, such as to wait for a name
+    /// server that does not answer, it ends all the same in time, with exit code 0. One that comes a second after the first, or later, ends the process at once
     /// with exit code 1; one that comes earlier is the same wish: a supervisor signals the group of processes,
     /// and `ros2 launch` in it passes the signal on.
     ///
@@ -28,15 +49,37 @@ impl Shutdown {
         let flag = Arc::clone(&shutdown.0);
         let mut signals = Signals::new([SIGINT, SIGTERM])?;
         std::thread::Builder::new().name("signals".to_owned()).spawn(move || {
-            let mut first = None;
+            let mut first: Option<Instant> = None;
             for _signal in signals.forever() {
-                if first.get_or_insert_with(Instant::now).elapsed() >= SAME_WISH {
-                    signal_hook::low_level::exit(1);
-                }
                 flag.store(true, Ordering::Relaxed);
+                match first {
+                    None => {
+                        first = Some(Instant::now());
+                        end_in_time();
+                    }
+                    Some(first) if first.elapsed() >= SAME_WISH => {
+                        signal_hook::low_level::exit(1);
+                    }
+                    Some(_) => {}
+                }
             }
         })?;
         Ok(shutdown)
+    }
+
+    /// What a program that runs until it is asked to end comes to: where it was asked to while it started, what went
+    /// wrong then is no failure.
+    ///
+    /// # Errors
+    /// As `outcome`, where the process was not asked to end, or the settings are wrong.
+    pub fn outcome(&self, outcome: Result<(), Failure>) -> Result<(), Failure> {
+        match outcome {
+            Err(failure @ (Failure::Absent(_) | Failure::Failed(_))) if self.requested() => {
+                tracing::info!("ends while it starts: {failure}");
+                Ok(())
+            }
+            other => other,
+        }
     }
 
     /// True once the process should end.

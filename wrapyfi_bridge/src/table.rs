@@ -76,6 +76,12 @@ pub fn json(now: &[RouteStatus]) -> Value {
     json!({ "routes": now })
 }
 
+/// The same as a line.
+#[must_use]
+pub fn json_line(now: &[RouteStatus]) -> Vec<u8> {
+    format!("{}\n", json(now)).into_bytes()
+}
+
 #[cfg(test)]
 mod tests {
     use wrapyfi_core::endpoint::{Qos, QosPreset};

@@ -282,7 +282,7 @@ fn a_slow_subscriber_stalls_nobody() {
     let master = Master::start();
     let (near, far) = (node(&master, "near"), node(&master, "far"));
     let mut source = Source::open(&near, &plain("/x"));
-    let (_silent, _header) = greet(&data_port(&near, "/x"), &subscriber("/x", "*"));
+    let (silent, _header) = greet(&data_port(&near, "/x"), &subscriber("/x", "*"));
     let mut sink = Sink::open(&far, &plain("/x"));
     source.wait_for("both", |link| link.peers == Some(2));
     let large = "x".repeat(1 << 20);
@@ -291,6 +291,12 @@ fn a_slow_subscriber_stalls_nobody() {
         source.send(&said(&n.to_string()));
         assert_eq!(sink.receive_many(2), [said(&large), said(&n.to_string())]);
     }
-    assert!(source.context.counters.snapshot().dropped_for(DropReason::SendQueueFull) > 0);
+    let dropped = |reason| source.context.counters.snapshot().dropped_for(reason);
+    assert!(dropped(DropReason::SendQueueFull) > 0);
     assert_eq!(sink.counters().dropped(), 0);
+    // What waits for it when it leaves is lost, and counted.
+    assert_eq!(dropped(DropReason::ConnectionLost), 0);
+    drop(silent);
+    source.wait_for("one", |link| link.peers == Some(1));
+    assert!(dropped(DropReason::ConnectionLost) > 0);
 }

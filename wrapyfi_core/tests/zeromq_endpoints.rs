@@ -346,3 +346,27 @@ fn there_is_room_for_more_endpoints_than_a_context_has_sockets() {
         assert_eq!(next(&mut **listener).payload, number(3), "{topic}");
     }
 }
+
+#[test]
+fn a_panic_at_one_endpoint_ends_neither_the_others_nor_itself() {
+    struct Panics;
+    impl std::task::Wake for Panics {
+        fn wake(self: Arc<Self>) {
+            panic!("on purpose, on the thread that rings");
+        }
+    }
+    let zeromq = ZeroMq::start(&embedded()).unwrap();
+    let (mut good, _context, raw) = listener_and_raw(&zeromq, &spec("/good"));
+    let context = Context::default();
+    let mut bad = zeromq.open_listener(&spec("/bad"), &context).unwrap();
+    while raw.recv_bytes(0).unwrap() != b"\x01/bad" {}
+    // Rung when the connection is there, too: so that the message is what rings.
+    wait_until("the connection", || bad.link().waiting_for.is_none());
+    context.wake.notify(&Arc::new(Panics).into());
+    for (topic, text) in [("/bad", "1"), ("/good", "2"), ("/bad", "3")] {
+        raw.send_multipart([topic, text], 0).unwrap();
+    }
+    assert_eq!(next(&mut *good).payload, number(2));
+    assert_eq!(next(&mut *bad).payload, number(1));
+    assert_eq!(next(&mut *bad).payload, number(3));
+}

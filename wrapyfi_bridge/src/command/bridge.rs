@@ -4,15 +4,15 @@ use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use wrapyfi_core::endpoint::CountersSnapshot;
+use wrapyfi_core::endpoint::{CountersSnapshot, WAITING};
 use wrapyfi_core::engine::{Engine, Plan};
 use wrapyfi_core::node::parameters::ParameterStore;
 use wrapyfi_core::types::MessageType;
 
 use crate::exit::Failure;
+use crate::lines::Lines;
 use crate::middlewares::{self, Loaded, Middlewares};
 use crate::node::Node;
-use crate::output;
 use crate::overrides;
 use crate::own_address::OwnAddress;
 use crate::reload::{Fixed, Reload, Watch};
@@ -21,6 +21,11 @@ use crate::table;
 
 /// Most routes without a message that get a line of their own at the end.
 const FEW_IDLE: usize = 10;
+
+/// Lines of status that may wait for their reader.
+const MAX_LINES: usize = 8;
+/// How long the last of them may take.
+const LAST_LINE: Duration = Duration::from_millis(500);
 
 /// How long a bridge runs and what it prints.
 #[derive(Debug, Clone, Copy, Default)]
@@ -49,7 +54,8 @@ pub fn run(
     options: Options,
     shutdown: &Shutdown,
 ) -> Result<(), Failure> {
-    let Loaded { mut endpoints, mut plan, types: mut store, text, file } = loaded;
+    let Loaded { mut endpoints, mut plan, types: mut store, waiting_bytes, text, file } = loaded;
+    WAITING.set_limit(waiting_bytes);
     middlewares::take_parameters(&mut endpoints, &mut parameters)?;
     options.own.enter(&mut endpoints);
     overrides::apply(&mut plan, node, &mut parameters).map_err(Failure::usage)?;
@@ -82,6 +88,9 @@ pub fn run(
         routes: running.applier(),
     });
     let watch = reload.map(|reload| Watch::start(reload, &registry)).transpose()?;
+    // A reader that stands still, or went, is no concern of the routes.
+    let status = || Lines::start("status", std::io::stdout(), MAX_LINES, |_| String::new());
+    let json = options.json.then(status).transpose().context("cannot print the status")?;
     let end = options.seconds.map(|seconds| Instant::now() + seconds);
     let mut tick = Instant::now();
     let lives_with = options.lives_with.and_then(|name| middlewares.registry().get(name).ok());
@@ -96,14 +105,15 @@ pub fn run(
         if failure.is_some() {
             break;
         }
-        if options.json {
-            output::line(&table::json(&running.status()).to_string())?;
+        if let Some(json) = &json {
+            json.write(table::json_line(&running.status()));
         }
     }
     drop(watch);
     let last = running.stop();
-    if options.json {
-        output::line(&table::json(&last).to_string())?;
+    if let Some(json) = &json {
+        json.write(table::json_line(&last));
+        json.finish(LAST_LINE);
     }
     // A pattern carries nothing itself, and many routes of patterns nothing either.
     let routes = last.iter().filter(|route| route.pattern.is_none());

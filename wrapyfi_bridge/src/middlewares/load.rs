@@ -4,6 +4,7 @@ use std::net::IpAddr;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
+use wrapyfi_core::Limits;
 use wrapyfi_core::engine::{Carried, Config, ConfigError, Plan, Problem, Spanned};
 use wrapyfi_core::network::{Hosts, Insecure, Place};
 use wrapyfi_interfaces::store::TypeStore;
@@ -67,6 +68,8 @@ pub struct Loaded {
     pub plan: Plan,
     /// Where their types come from.
     pub types: TypeStore,
+    /// Bytes that may wait in the queues of the process.
+    pub waiting_bytes: usize,
     /// The text that was read.
     pub text: String,
     /// The file that it was read from, if it was.
@@ -117,10 +120,11 @@ fn read(
     learn: impl FnOnce(&Config<Endpoints>, &mut TypeStore) -> Result<(), Failure>,
 ) -> Result<Loaded, Failure> {
     let mut config: Config<Endpoints> = Config::from_yaml(&text, name).map_err(Failure::usage)?;
-    hosts(&config)
+    let waiting_bytes = hosts(&config)
         .and_then(|hosts| {
             config.endpoints.hosts = hosts;
-            check(&mut config.endpoints, beside)
+            check(&mut config.endpoints, beside)?;
+            waiting_bytes(&config)
         })
         .map_err(|problem| ConfigError { file: name.to_owned(), problems: vec![problem] })
         .map_err(Failure::usage)?;
@@ -137,7 +141,16 @@ fn read(
     learn(&config, &mut types)?;
     let plan = Plan::new(&config, &super::available(), &mut types, name).map_err(Failure::usage)?;
     check_services(&plan).map_err(|fault| Failure::Usage(format!("{name}: {fault}")))?;
-    Ok(Loaded { endpoints: config.endpoints, plan, types, text, file: None })
+    Ok(Loaded { endpoints: config.endpoints, plan, types, waiting_bytes, text, file: None })
+}
+
+/// Bytes that may wait in the queues of this process.
+fn waiting_bytes(config: &Config<Endpoints>) -> Result<usize, Problem> {
+    let Some(mib) = &config.limits.waiting_mib else { return Ok(Limits::WAITING_BYTES) };
+    mib.value.checked_mul(Limits::MIB).filter(|bytes| *bytes > 0).ok_or_else(|| {
+        let text = format!("waiting_mib is {}, it must be at least 1", mib.value);
+        Problem::at(mib.referenced, text)
+    })
 }
 
 /// The names of machines that the configuration maps to addresses.
@@ -188,6 +201,14 @@ mod tests {
         let path = folder.join(name);
         std::fs::write(&path, text).unwrap();
         path
+    }
+
+    #[test]
+    fn what_may_wait_is_bounded_by_the_file() {
+        let text = |mib| format!("limits: {{ waiting_mib: {mib} }}\nroutes: []\n");
+        load_text(&text(1), "bridge.yaml").unwrap();
+        let error = load_text(&text(0), "bridge.yaml").unwrap_err().to_string();
+        assert!(error.contains("waiting_mib is 0, it must be at least 1"), "{error}");
     }
 
     #[test]

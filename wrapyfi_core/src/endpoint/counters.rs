@@ -137,6 +137,7 @@ pub struct Counters {
     sent: AtomicU64,
     sent_bytes: AtomicU64,
     unread: AtomicU64,
+    undelivered: AtomicU64,
     drops: [AtomicU64; DropReason::ALL.len()],
     qos_events: [AtomicU64; QosEvent::ALL.len()],
     latency: Latency,
@@ -164,6 +165,12 @@ impl Counters {
         self.sent.fetch_sub(1, Relaxed);
         self.sent_bytes.fetch_sub(bytes as u64, Relaxed);
         self.dropped(reason);
+        self.undelivered.fetch_add(1, Relaxed);
+    }
+
+    /// Messages that [`Self::undelivered`] counted.
+    pub(crate) fn undelivered_messages(&self) -> u64 {
+        self.undelivered.load(Relaxed)
     }
 
     /// Counts one object that was passed on unread, because its plug-in refused it.
@@ -294,6 +301,20 @@ mod tests {
         assert_eq!(now.dropped_for(DropReason::Oversize), 0);
         let json = serde_json::to_value(&now).unwrap();
         assert_eq!(json["drops"]["malformed"], 1);
+    }
+
+    #[test]
+    fn what_is_not_delivered_is_not_sent_whichever_is_counted_first() {
+        let counters = Counters::default();
+        counters.sent(10, Duration::ZERO);
+        counters.undelivered(DropReason::Stalled, 10);
+        counters.undelivered(DropReason::Stalled, 5);
+        let now = counters.snapshot();
+        assert_eq!((now.sent, now.sent_bytes, now.dropped()), (0, 0, 2));
+        counters.sent(5, Duration::ZERO);
+        counters.sent(7, Duration::ZERO);
+        let now = counters.snapshot();
+        assert_eq!((now.sent, now.sent_bytes, now.dropped()), (1, 7, 2));
     }
 
     #[test]

@@ -6,6 +6,8 @@
 //!                 └─ full: drop oldest │ drop newest │ hand back (block)
 //! ```
 //!
+//! What waits counts against the budget of the process, in bytes: see `budget`.
+//!
 //! The I/O thread never blocks here: under policy `block` it is handed its message back and must
 //! stop reading that one source until there is room, so that other sources go on.
 
@@ -14,6 +16,7 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use super::budget::Share;
 use super::counters::{Counters, DropReason};
 use super::wake::Wake;
 
@@ -44,10 +47,21 @@ impl Default for QueueSpec {
     }
 }
 
+/// What may wait in a queue.
+pub trait Waits {
+    /// Bytes that it holds.
+    fn bytes(&self) -> usize;
+}
+
 /// Opens a queue. `wake` is rung for every message accepted, drops are counted in `counters`.
 #[must_use]
-pub fn inbox<T>(spec: QueueSpec, counters: Arc<Counters>, wake: Wake) -> (Sender<T>, Receiver<T>) {
+pub fn inbox<T: Waits>(
+    spec: QueueSpec,
+    counters: Arc<Counters>,
+    wake: Wake,
+) -> (Sender<T>, Receiver<T>) {
     let shared = Arc::new(Shared {
+        share: Share::default(),
         queue: Mutex::new(VecDeque::with_capacity(spec.depth.min(1024))),
         closed: AtomicBool::new(false),
         spec,
@@ -59,12 +73,22 @@ pub fn inbox<T>(spec: QueueSpec, counters: Arc<Counters>, wake: Wake) -> (Sender
 
 #[derive(Debug)]
 struct Shared<T> {
+    share: Share,
     queue: Mutex<VecDeque<T>>,
     /// Set, under the lock of the queue, when the receiver goes.
     closed: AtomicBool,
     spec: QueueSpec,
     counters: Arc<Counters>,
     wake: Wake,
+}
+
+impl<T: Waits> Shared<T> {
+    /// A message waits no more.
+    fn leaves(&self, message: Option<&T>) {
+        if let Some(message) = message {
+            self.share.give(message.bytes());
+        }
+    }
 }
 
 impl<T> Shared<T> {
@@ -79,13 +103,13 @@ pub struct Sender<T>(Arc<Shared<T>>);
 
 /// Empties an inbox.
 #[derive(Debug)]
-pub struct Receiver<T>(Arc<Shared<T>>);
+pub struct Receiver<T: Waits>(Arc<Shared<T>>);
 
-impl<T> Sender<T> {
-    /// Queues `message`.
+impl<T: Waits> Sender<T> {
+    /// Queues `message`. It is dropped where the process holds as many bytes as it may.
     ///
     /// # Errors
-    /// Hands the message back when the queue is full under [`Overflow::Block`]: stop reading the
+    /// Hands the message back when there is no room under [`Overflow::Block`]: stop reading the
     /// source until [`Sender::has_room`], or give up with [`Sender::give_up`] after the deadline.
     pub fn push(&self, message: T) -> Result<(), T> {
         let shared = &*self.0;
@@ -96,7 +120,7 @@ impl<T> Sender<T> {
         }
         if queue.len() >= shared.spec.depth.max(1) {
             match shared.spec.overflow {
-                Overflow::DropOldest => drop(queue.pop_front()),
+                Overflow::DropOldest => shared.leaves(queue.pop_front().as_ref()),
                 Overflow::DropNewest => {
                     drop(queue);
                     shared.counters.dropped(DropReason::QueueFull);
@@ -105,6 +129,13 @@ impl<T> Sender<T> {
                 Overflow::Block(_) => return Err(message),
             }
             shared.counters.dropped(DropReason::QueueFull);
+        }
+        if !shared.share.take(message.bytes()) {
+            if matches!(shared.spec.overflow, Overflow::Block(_)) {
+                return Err(message);
+            }
+            shared.counters.dropped(DropReason::OverBudget);
+            return Ok(());
         }
         queue.push_back(message);
         drop(queue);
@@ -123,7 +154,7 @@ impl<T> Sender<T> {
             shared.counters.dropped(DropReason::Closed);
             return Ok(());
         }
-        if queue.len() >= shared.spec.depth.max(1) {
+        if queue.len() >= shared.spec.depth.max(1) || !shared.share.take(message.bytes()) {
             return Err(message);
         }
         queue.push_back(message);
@@ -163,10 +194,12 @@ impl<T> Sender<T> {
     }
 }
 
-impl<T> Receiver<T> {
+impl<T: Waits> Receiver<T> {
     /// The oldest message, if any.
     pub fn pop(&self) -> Option<T> {
-        self.0.lock().pop_front()
+        let message = self.0.lock().pop_front();
+        self.0.leaves(message.as_ref());
+        message
     }
 
     /// Messages waiting.
@@ -183,13 +216,14 @@ impl<T> Receiver<T> {
 }
 
 /// Messages that nobody took are lost, and counted.
-impl<T> Drop for Receiver<T> {
+impl<T: Waits> Drop for Receiver<T> {
     fn drop(&mut self) {
         let left = {
             let mut queue = self.0.lock();
             self.0.closed.store(true, Relaxed);
             std::mem::take(&mut *queue)
         };
+        left.iter().for_each(|message| self.0.leaves(Some(message)));
         self.0.counters.dropped_many(DropReason::Closed, left.len() as u64);
     }
 }
@@ -197,6 +231,12 @@ impl<T> Drop for Receiver<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    impl Waits for u32 {
+        fn bytes(&self) -> usize {
+            4
+        }
+    }
 
     fn open(depth: usize, overflow: Overflow) -> (Sender<u32>, Receiver<u32>, Arc<Counters>) {
         let counters = Arc::new(Counters::default());
@@ -257,11 +297,42 @@ mod tests {
     }
 
     #[test]
+    fn what_waits_holds_bytes_until_it_is_taken_or_lost() {
+        let (tx, rx, _) = open(8, Overflow::DropOldest);
+        (0..9).for_each(|n| tx.push(n).unwrap());
+        assert_eq!(rx.0.share.used(), 32);
+        assert_eq!(rx.pop(), Some(1));
+        assert_eq!(rx.0.share.used(), 28);
+        drop(rx);
+        assert_eq!(tx.0.share.used(), 0);
+    }
+
+    #[test]
+    fn what_is_over_the_budget_is_dropped_or_handed_back() {
+        struct Large;
+        impl Waits for Large {
+            fn bytes(&self) -> usize {
+                crate::Limits::WAITING_BYTES / 5
+            }
+        }
+        for (overflow, dropped) in [(Overflow::DropOldest, 1), (Overflow::Block(Duration::ZERO), 0)]
+        {
+            let counters = Arc::new(Counters::default());
+            let spec = QueueSpec { depth: 9, overflow };
+            let (tx, rx) = inbox(spec, Arc::clone(&counters), Wake::new());
+            assert!(tx.push(Large).is_ok());
+            assert_eq!(tx.push(Large).is_err(), dropped == 0);
+            assert_eq!(counters.snapshot().dropped_for(DropReason::OverBudget), dropped);
+            assert_eq!(rx.len(), 1);
+        }
+    }
+
+    #[test]
     fn a_push_rings() {
         let counters = Arc::new(Counters::default());
         let wake = Wake::new();
         let (tx, _rx) = inbox(QueueSpec::default(), counters, wake.clone());
-        tx.push(()).unwrap();
+        tx.push(7).unwrap();
         assert!(wake.wait(Duration::from_secs(60)));
     }
 }

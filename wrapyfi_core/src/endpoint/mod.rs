@@ -48,7 +48,7 @@ pub use discovery::{
     AnnouncedDurability, AnnouncedQos, DiscoverError, Discovered, Discovery, NameFilter, Role,
     Traffic,
 };
-pub use inbox::{Overflow, QueueSpec, Receiver, Sender, inbox};
+pub use inbox::{Overflow, QueueSpec, Receiver, Sender, Waits, inbox};
 pub use late::{Late, StartFault};
 pub use latency::{Latency, LatencySummary};
 pub use learn::{LearnError, Learned};
@@ -347,6 +347,12 @@ pub struct Sample {
     pub received_at: Instant,
     /// Whose it is, where the listener can tell.
     pub origin: Option<Origin>,
+}
+
+impl Waits for Sample {
+    fn bytes(&self) -> usize {
+        self.wire_bytes
+    }
 }
 
 /// State of an endpoint's connection, for status tables and for waiting.

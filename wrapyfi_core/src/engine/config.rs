@@ -40,12 +40,23 @@ pub struct Config<E> {
     /// Values for routes that do not set their own.
     #[serde(default)]
     pub defaults: Defaults,
+    /// What the process may take.
+    #[serde(default)]
+    pub limits: ProcessLimits,
     /// Folders with definitions of ROS types that are installed nowhere: `package/msg/Type.msg` below.
     #[serde(default)]
     pub definitions: Vec<Spanned<String>>,
     /// What goes where: [`MAX_ROUTES`] entries at most.
     #[serde(deserialize_with = "routes")]
     pub routes: Vec<Spanned<RouteConfig>>,
+}
+
+/// What the process may take.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ProcessLimits {
+    /// MiB that may wait in all queues together (default 1024).
+    pub waiting_mib: Option<Spanned<usize>>,
 }
 
 /// Values for routes that do not set their own.

@@ -69,7 +69,8 @@ mod unheard;
 mod work;
 
 pub use config::{
-    Config, Defaults, MAX_CONFIG_BYTES, MAX_ROUTES, OverflowConfig, RouteConfig, Spanned,
+    Config, Defaults, MAX_CONFIG_BYTES, MAX_ROUTES, OverflowConfig, ProcessLimits, RouteConfig,
+    Spanned,
 };
 pub use config_devices::{DeviceWord, DevicesConfig};
 pub(crate) use config_error::did_you_mean;

@@ -56,6 +56,8 @@ pub struct Relay {
     in_hand: bool,
     /// Why the destination takes less than it is given.
     slowed: Option<String>,
+    /// Messages that the destination took and did not deliver, as far as they are in `last_loss`.
+    undelivered: u64,
     /// Losses, and objects passed on as they came: all are counted, few are logged.
     losses: Throttle,
     unread: Throttle,
@@ -87,6 +89,7 @@ impl Relay {
             last_loss: None,
             in_hand: false,
             slowed: None,
+            undelivered: 0,
             losses: Throttle::default(),
             unread: Throttle::default(),
             source,
@@ -144,6 +147,16 @@ impl Relay {
         self.reconcile(now);
         let review_at = self.review(now);
         let moved = self.propagate(now);
+        let undelivered = self.context.counters.undelivered_messages();
+        if undelivered > self.undelivered {
+            let text = format!(
+                "{} messages did not reach everybody who listens on {}",
+                undelivered - self.undelivered,
+                self.spec.to
+            );
+            self.undelivered = undelivered;
+            self.last_loss = Some((now, text));
+        }
         self.state = self.judge(now);
         let next = match (moved == BATCH, self.is_at_rest()) {
             (true, _) => now,

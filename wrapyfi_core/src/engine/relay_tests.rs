@@ -213,6 +213,26 @@ fn a_dict_arrives_as_properties_and_what_is_none_is_counted() {
     assert!(matches!(&status.state, RouteState::Degraded(text) if text.contains(words)));
 }
 
+/// A transport may find out after it took a message.
+#[test]
+fn what_the_destination_took_and_lost_degrades_the_route() {
+    let mut bench = Bench::new(|_| {});
+    bench.step_after(MS);
+    let _sink = bench.bus.open_listener(&spec("/out"), &Context::default()).unwrap();
+    let _source = bench.source();
+    bench.step_after(MS);
+    assert_eq!(bench.relay.status().state, RouteState::Active);
+    bench.relay.context.counters.undelivered(DropReason::Stalled, 1);
+    bench.step_after(MS);
+    let state = bench.relay.status().state;
+    assert!(
+        matches!(&state, RouteState::Degraded(text) if text.starts_with("1 messages")),
+        "{state}"
+    );
+    bench.step_after(DEGRADED_FOR);
+    assert_eq!(bench.relay.status().state, RouteState::Active);
+}
+
 /// What a plug-in refused is no loss, but it is said.
 #[test]
 fn objects_that_stay_unread_are_counted_and_carried() {

@@ -32,7 +32,7 @@ use super::splitter::{Piece, Splitter};
 use super::tcpros;
 use crate::backoff::Backoff;
 use crate::codec::ros1::Ros1Type;
-use crate::endpoint::{BridgeMark, Counters, DropReason, Keeping, Overflow, Sender, Wake};
+use crate::endpoint::{BridgeMark, Counters, DropReason, Keeping, Overflow, Sender, Waits, Wake};
 use crate::types::MessageType;
 
 /// Field of a connection header: the mark of a bridge that publishes a topic by pattern.
@@ -55,6 +55,12 @@ pub(super) struct Arrival {
     pub(super) latched: bool,
     /// How it is read, where its type has no codec of its own.
     pub(super) plan: Option<Plan>,
+}
+
+impl Waits for Arrival {
+    fn bytes(&self) -> usize {
+        self.message.len()
+    }
 }
 
 /// What is received.

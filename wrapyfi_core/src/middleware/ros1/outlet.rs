@@ -10,6 +10,7 @@
 
 use std::collections::VecDeque;
 use std::io::{self, IoSlice};
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -20,7 +21,7 @@ use tokio::sync::Notify;
 use tokio::time::timeout;
 
 use super::slave_info::BusLink;
-use crate::endpoint::{Counters, DropReason};
+use crate::endpoint::{Counters, DropReason, Share};
 
 /// Longest time that the last messages have after their publisher went.
 const LINGER: Duration = Duration::from_secs(1);
@@ -29,7 +30,14 @@ const CHATTER: usize = 64 * 1024;
 
 /// A message as it goes on the wire: its size, and its pieces.
 #[derive(Debug, Clone)]
-pub(super) struct Frame(Arc<[Bytes]>);
+pub(super) struct Frame(Arc<Content>);
+
+#[derive(Debug)]
+struct Content {
+    pieces: Box<[Bytes]>,
+    /// A subscriber did not get it, and that is counted.
+    missed: AtomicBool,
+}
 
 impl Frame {
     /// `None` for what no size can say.
@@ -37,12 +45,20 @@ impl Frame {
         let size: usize = pieces.iter().map(Bytes::len).sum();
         let size = u32::try_from(size).ok()?;
         let size = Bytes::copy_from_slice(&size.to_le_bytes());
-        Some(Self(std::iter::once(size).chain(pieces).collect()))
+        let pieces = std::iter::once(size).chain(pieces).collect();
+        Some(Self(Arc::new(Content { pieces, missed: AtomicBool::new(false) })))
+    }
+
+    /// Counts that a subscriber did not get it: once, however many.
+    fn missed(&self, reason: DropReason, counters: &Counters) {
+        if !self.0.missed.swap(true, Relaxed) {
+            counters.undelivered(reason, self.len());
+        }
     }
 
     /// Bytes, the size included.
     pub(super) fn len(&self) -> usize {
-        self.0.iter().map(Bytes::len).sum()
+        self.0.pieces.iter().map(Bytes::len).sum()
     }
 }
 
@@ -57,7 +73,9 @@ pub(super) struct Outlet {
 
 #[derive(Default)]
 struct Queue {
-    frames: VecDeque<Frame>,
+    /// Messages, and where they are counted.
+    frames: VecDeque<(Frame, Arc<Counters>)>,
+    share: Share,
     /// Bytes of the first frame that are on their way.
     written: usize,
     messages: u64,
@@ -85,21 +103,24 @@ impl Outlet {
     }
 
     /// Sends a message, now or when the subscriber has read; of more than `depth` the oldest goes.
-    pub(super) fn push(&self, frame: &Frame, depth: usize, counters: &Counters) {
+    pub(super) fn push(&self, frame: &Frame, depth: usize, counters: &Arc<Counters>) {
         let mut queue = self.queue();
         if queue.broken || queue.finishing {
-            return;
+            return frame.missed(queue.end(), counters);
         }
         if queue.frames.len() >= depth.max(1) {
             // A message that has begun must end.
             let begun = usize::from(queue.written > 0);
-            let goes = queue.frames.remove(begun).is_some();
-            counters.dropped(DropReason::SendQueueFull);
-            if !goes {
-                return;
-            }
+            let Some((oldest, of)) = queue.frames.remove(begun) else {
+                return frame.missed(DropReason::SendQueueFull, counters);
+            };
+            queue.share.give(oldest.len());
+            oldest.missed(DropReason::SendQueueFull, &of);
         }
-        queue.frames.push_back(frame.clone());
+        if !queue.share.take(frame.len()) {
+            return frame.missed(DropReason::OverBudget, counters);
+        }
+        queue.frames.push_back((frame.clone(), Arc::clone(counters)));
         if queue.frames.len() == 1 {
             queue.flush(&self.stream);
         }
@@ -126,8 +147,19 @@ impl Outlet {
         }
     }
 
-    /// Writes what the publisher's thread could not, until either end closes.
+    /// Writes what the publisher's thread could not, until either end closes. What waits then is lost.
     pub(super) async fn run(&self) {
+        self.write().await;
+        let mut queue = self.queue();
+        queue.broken = true;
+        let reason = queue.end();
+        for (frame, counters) in std::mem::take(&mut queue.frames) {
+            queue.share.give(frame.len());
+            frame.missed(reason, &counters);
+        }
+    }
+
+    async fn write(&self) {
         let mut heard = 0_usize;
         loop {
             let (pending, finishing) = {
@@ -141,7 +173,6 @@ impl Outlet {
                 if pending {
                     _ = timeout(LINGER, self.drain()).await;
                 }
-                self.queue().broken = true;
                 return;
             }
             let interest =
@@ -159,7 +190,6 @@ impl Outlet {
                 }
             }
         }
-        self.queue().broken = true;
     }
 
     async fn drain(&self) {
@@ -190,12 +220,17 @@ impl Outlet {
 }
 
 impl Queue {
+    /// Why what waits is lost when it ends.
+    fn end(&self) -> DropReason {
+        if self.finishing { DropReason::Closed } else { DropReason::ConnectionLost }
+    }
+
     /// Writes until the socket takes no more.
     fn flush(&mut self, stream: &TcpStream) {
-        while let Some(frame) = self.frames.front() {
+        while let Some((frame, _)) = self.frames.front() {
             let mut skip = self.written;
-            let mut slices = Vec::with_capacity(frame.0.len());
-            for piece in frame.0.iter() {
+            let mut slices = Vec::with_capacity(frame.0.pieces.len());
+            for piece in &frame.0.pieces {
                 let rest = piece.get(skip..).unwrap_or_default();
                 skip = skip.saturating_sub(piece.len());
                 if !rest.is_empty() {
@@ -210,11 +245,12 @@ impl Queue {
                 Err(error) if error.kind() == io::ErrorKind::WouldBlock => return,
                 Err(_) => {
                     self.broken = true;
-                    self.frames.clear();
                     return;
                 }
             }
-            if self.written >= frame.len() {
+            let size = frame.len();
+            if self.written >= size {
+                self.share.give(size);
                 self.frames.pop_front();
                 self.written = 0;
                 self.messages += 1;

@@ -25,7 +25,7 @@ use super::graph::{CdrReader, GraphError};
 use super::replays::{Replays, Through};
 use crate::Throttle;
 use crate::endpoint::{
-    Context, Counters, DropReason, Overflow, QueueSpec, Receiver, Sender, Wake, inbox,
+    Context, Counters, DropReason, Overflow, QueueSpec, Receiver, Sender, Waits, Wake, inbox,
 };
 
 /// How long the first message of a publisher waits for room.
@@ -42,6 +42,12 @@ pub(super) struct Arrived {
     pub(super) at: Instant,
     /// As [`CdrSample::publisher`](super::graph::CdrSample::publisher).
     pub(super) publisher: u64,
+}
+
+impl Waits for Arrived {
+    fn bytes(&self) -> usize {
+        self.cdr.len()
+    }
 }
 
 /// The reader and what it flows into; shared with the callback.

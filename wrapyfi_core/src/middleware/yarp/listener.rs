@@ -24,7 +24,7 @@ use super::tasks::{Stop, Stopped};
 use super::tie::Tie;
 use crate::endpoint::{
     Context, DropReason, Link, Listener, OpenError, Overflow, Receiver, Sample, Sender, TakeError,
-    TopicSpec, inbox,
+    TopicSpec, Waits, inbox,
 };
 use crate::types::{DataType, Stamp};
 
@@ -42,6 +42,12 @@ struct Arrival {
     received: Received,
     received_at: Instant,
     stamp: Stamp,
+}
+
+impl Waits for Arrival {
+    fn bytes(&self) -> usize {
+        self.received.payload.bytes.len()
+    }
 }
 
 /// What the listener shares with its port.

@@ -154,26 +154,25 @@ impl YarpPublisher {
         PublishError::NoConsumer { topic: self.spec.topic.clone() }
     }
 
-    /// Writes a message, and counts who missed it.
-    fn write(&self, forms: impl IntoIterator<Item = Outgoing>) -> Result<(), PublishError> {
+    /// Writes a message; true when a reader missed it.
+    fn write(&self, forms: impl IntoIterator<Item = Outgoing>) -> Result<bool, PublishError> {
         let written = self.outlet.write(forms).filter(|written| written.targets > 0);
         let written = written.ok_or_else(|| self.nobody())?;
         if written.dropped == written.targets {
             let (topic, depth) = (self.spec.topic.clone(), self.depth);
             return Err(PublishError::QueueFull { topic, depth });
         }
-        (0..written.dropped).for_each(|_| self.counters.dropped(DropReason::SendQueueFull));
-        Ok(())
+        Ok(written.dropped > 0)
     }
 
     /// Writes movements at their times, those of now at once; their bytes.
     fn run(&self, movements: Vec<(Duration, Outgoing)>, own: u64) -> Result<usize, PublishError> {
         let begin = Instant::now();
         let bytes = movements.iter().map(|(_, movement)| movement.payload.bytes.len()).sum();
-        let mut later = Vec::new();
+        let (mut later, mut missed) = (Vec::new(), false);
         for (due, movement) in movements {
             if due.is_zero() {
-                self.write([movement])?;
+                missed |= self.write([movement])?;
             } else {
                 later.push((due, movement));
             }
@@ -181,13 +180,16 @@ impl YarpPublisher {
         let (outlet, counters) = (Arc::clone(&self.outlet), Arc::clone(&self.counters));
         self.shared.tasks.spawn_aside(async move {
             for (due, movement) in later {
-                let Some(time) = begin.checked_add(due) else { return };
+                let Some(time) = begin.checked_add(due) else { break };
                 tokio::time::sleep_until(time).await;
                 if outlet.messages.load(Relaxed) != own {
-                    return;
+                    break;
                 }
-                let Some(written) = outlet.write([movement]) else { return };
-                (0..written.dropped).for_each(|_| counters.dropped(DropReason::SendQueueFull));
+                let Some(written) = outlet.write([movement]) else { break };
+                missed |= written.dropped > 0;
+            }
+            if missed {
+                counters.undelivered(DropReason::SendQueueFull, bytes);
             }
         });
         Ok(bytes)
@@ -394,7 +396,9 @@ impl Publisher for YarpPublisher {
         }
         let bytes = forms.iter().map(|form| form.payload.bytes.len()).max().unwrap_or(0);
         next();
-        self.write(forms)?;
+        if self.write(forms)? {
+            self.counters.undelivered(DropReason::SendQueueFull, bytes);
+        }
         Ok(bytes)
     }
 

@@ -15,6 +15,7 @@ use std::net::IpAddr;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
+use std::time::Instant;
 
 use serde::Serialize;
 
@@ -162,7 +163,7 @@ impl Broker {
             shared: Arc::clone(&shared),
             ledger,
             slow: Throttle::default(),
-            faults: Throttle::default(),
+            repeat_at: Instant::now(),
         };
         let thread = std::thread::Builder::new()
             .name("zeromq-broker".to_owned())

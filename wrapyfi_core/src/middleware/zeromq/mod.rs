@@ -14,7 +14,7 @@
 //! | --- | --- |
 //! | `config` | settings and environment |
 //! | `keeper` | there is a broker: ours, or a foreign one until it dies |
-//! | `broker`, `proxy`, `monitor`, `traffic` | the broker, its thread, its counts |
+//! | `broker`, `proxy`, `turns`, `monitor`, `traffic` | the broker, its thread, its counts |
 //! | `front`, `zmtp`, `ledger` | its side for listeners, the protocol there, whose messages it lost |
 //! | `discovery` | which topics a broker has |
 //! | `probe` | what has a port |
@@ -52,6 +52,7 @@ mod service_proxy;
 #[allow(unsafe_code)] // see the contract at its head
 mod sockopt;
 mod traffic;
+mod turns;
 mod zmtp;
 
 use std::net::IpAddr;

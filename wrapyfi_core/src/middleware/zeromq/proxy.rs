@@ -13,7 +13,6 @@
 //! A listener that reads more slowly than is published misses what exceeds its queue here, and nobody else is slowed
 //! down. Each message that it misses is counted, here and where it was published in this process.
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -23,8 +22,8 @@ use super::ledger::Ledger;
 use super::monitor::Monitor;
 use super::options;
 use super::traffic::{Look, TRAFFIC_TOPIC, Traffic};
+use super::turns::{self, Turns};
 use crate::Throttle;
-use crate::backoff::Backoff;
 
 /// How often counts are repeated, for publishers that connect later than the listener.
 const REPEAT: Duration = Duration::from_millis(500);
@@ -43,36 +42,14 @@ pub(super) struct Proxy {
     pub(super) shared: Arc<Shared>,
     pub(super) ledger: Arc<Ledger>,
     pub(super) slow: Throttle,
-    pub(super) faults: Throttle,
+    /// When the counts are told again.
+    pub(super) repeat_at: Instant,
 }
 
 impl Proxy {
-    /// Runs until the stop socket is rung. What goes wrong is said, and it goes on after a pause.
+    /// Runs until the stop socket is rung.
     pub(super) fn run(mut self) {
-        let mut repeat_at = Instant::now() + REPEAT;
-        let mut backoff = Backoff::of_process(1);
-        loop {
-            let fault = match catch_unwind(AssertUnwindSafe(|| self.turn(&mut repeat_at))) {
-                Ok(Ok(true)) => continue,
-                Ok(Ok(false) | Err(zmq::Error::ETERM)) => break,
-                Ok(Err(zmq::Error::EINTR | zmq::Error::EAGAIN)) => continue,
-                Ok(Err(error)) => error.to_string(),
-                Err(_) => "a panic".to_owned(),
-            };
-            if let Some(unlogged_before) = self.faults.pass(Instant::now()) {
-                tracing::error!(
-                    unlogged_before,
-                    "{fault} in the ZeroMQ broker: it goes on after a pause"
-                );
-            }
-            self.shared.failed(Some(fault));
-            // Not asleep: it may be told to end.
-            let pause = i64::try_from(backoff.wait().as_millis()).unwrap_or(0);
-            if !matches!(self.stop.poll(zmq::POLLIN, pause), Ok(0)) {
-                break;
-            }
-            self.shared.failed(None);
-        }
+        turns::run(&mut self);
         self.end();
     }
 
@@ -86,45 +63,6 @@ impl Proxy {
         }
         self.front.close(deadline);
         self.settle();
-    }
-
-    /// Waits for one event or for the time of the next counts, and handles it; false when it is time to stop.
-    fn turn(&mut self, repeat_at: &mut Instant) -> zmq::Result<bool> {
-        let wait = match self.front.is_unread() {
-            true => 0,
-            false => repeat_at.saturating_duration_since(Instant::now()).as_millis() + 1,
-        };
-        let mut items = [
-            zmq::PollItem::from_fd(self.front.fd(), zmq::POLLIN),
-            self.back.as_poll_item(zmq::POLLIN),
-            self.stop.as_poll_item(zmq::POLLIN),
-        ];
-        zmq::poll(&mut items, i64::try_from(wait).unwrap_or(1))?;
-        let [front, back, stop] = items.map(|item| item.is_readable());
-        if stop {
-            return Ok(false);
-        }
-        let mut now = Instant::now();
-        if front || self.front.is_unread() {
-            if let Err(error) = self.front.turn(now) {
-                tracing::error!(%error, "the ZeroMQ broker cannot wait for its listeners");
-            }
-            self.pass_subscriptions(now)?;
-        }
-        if back {
-            self.pass_messages()?;
-            now = Instant::now();
-        }
-        if now >= *repeat_at {
-            self.front.tick(now);
-            self.pass_subscriptions(now)?;
-        }
-        if self.monitor.take_changed() || now >= *repeat_at {
-            self.tell(now);
-            *repeat_at = now + REPEAT;
-        }
-        self.settle();
-        Ok(true)
     }
 
     fn pass_subscriptions(&mut self, now: Instant) -> zmq::Result<()> {
@@ -229,6 +167,57 @@ impl Proxy {
             self.front.publish(vec![topic.into(), json.into_bytes().into()], None);
         }
         self.front.flush();
+    }
+}
+
+impl Turns for Proxy {
+    const NAME: &'static str = "the ZeroMQ broker";
+
+    /// Waits for one event or for the time of the next counts.
+    fn turn(&mut self) -> zmq::Result<bool> {
+        let wait = match self.front.is_unread() {
+            true => 0,
+            false => self.repeat_at.saturating_duration_since(Instant::now()).as_millis() + 1,
+        };
+        let mut items = [
+            zmq::PollItem::from_fd(self.front.fd(), zmq::POLLIN),
+            self.back.as_poll_item(zmq::POLLIN),
+            self.stop.as_poll_item(zmq::POLLIN),
+        ];
+        zmq::poll(&mut items, i64::try_from(wait).unwrap_or(1))?;
+        let [front, back, stop] = items.map(|item| item.is_readable());
+        if stop {
+            return Ok(false);
+        }
+        let mut now = Instant::now();
+        if front || self.front.is_unread() {
+            if let Err(error) = self.front.turn(now) {
+                tracing::error!(%error, "the ZeroMQ broker cannot wait for its listeners");
+            }
+            self.pass_subscriptions(now)?;
+        }
+        if back {
+            self.pass_messages()?;
+            now = Instant::now();
+        }
+        if now >= self.repeat_at {
+            self.front.tick(now);
+            self.pass_subscriptions(now)?;
+        }
+        if self.monitor.take_changed() || now >= self.repeat_at {
+            self.tell(now);
+            self.repeat_at = now + REPEAT;
+        }
+        self.settle();
+        Ok(true)
+    }
+
+    fn stop(&self) -> &zmq::Socket {
+        &self.stop
+    }
+
+    fn failed(&self, why: Option<String>) {
+        self.shared.failed(why);
     }
 }
 

@@ -22,7 +22,7 @@ use bytes::Bytes;
 
 use super::echo::Listening;
 use super::link::Watch;
-use crate::endpoint::{DropReason, Overflow, Sender, Wake};
+use crate::endpoint::{DropReason, Overflow, Sender, Waits, Wake};
 use crate::types::Stamp;
 
 /// Frames of the longest known message (three), with room for what may come.
@@ -36,6 +36,12 @@ pub(super) struct Arrival {
     pub(super) wire_bytes: usize,
     pub(super) received_at: Instant,
     pub(super) stamp: Stamp,
+}
+
+impl Waits for Arrival {
+    fn bytes(&self) -> usize {
+        self.wire_bytes
+    }
 }
 
 pub(super) struct Reception {
@@ -96,6 +102,9 @@ impl Reception {
     /// Closes the socket; the watch must be kept until it is over.
     pub(super) fn close(self) -> Watch {
         self.watch.link().end();
+        if self.held.is_some() {
+            self.inbox.counters().dropped(DropReason::Closed);
+        }
         drop(self.socket);
         self.watch
     }

@@ -76,7 +76,7 @@ pub struct ServiceBrokerStatus {
     pub malformed: u64,
     /// Replies dropped because their clients were gone, or did not read.
     pub unheard: u64,
-    /// Why the broker no longer works.
+    /// Why the broker does not work now; it goes on trying.
     pub failure: Option<String>,
 }
 
@@ -209,8 +209,8 @@ pub(super) struct Tally {
 }
 
 impl Tally {
-    pub(super) fn failed(&self, error: zmq::Error) {
-        *self.failure.lock().unwrap_or_else(PoisonError::into_inner) = Some(error.to_string());
+    pub(super) fn failed(&self, why: Option<String>) {
+        *self.failure.lock().unwrap_or_else(PoisonError::into_inner) = why;
     }
 
     fn status(&self) -> ServiceBrokerStatus {

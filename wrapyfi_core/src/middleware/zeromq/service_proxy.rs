@@ -18,6 +18,7 @@ use std::time::{Duration, Instant};
 use super::deadline;
 use super::envelope::{self, Misfit, Parcel};
 use super::service_broker::Tally;
+use super::turns::{self, Turns};
 
 /// Messages passed on before the other side and the clock are looked at.
 const BATCH: usize = 128;
@@ -53,41 +54,7 @@ impl ServiceProxy {
 
     /// Runs until the stop socket is rung.
     pub(super) fn run(mut self) {
-        loop {
-            match self.turn() {
-                Ok(true) | Err(zmq::Error::EINTR | zmq::Error::EAGAIN) => {}
-                Ok(false) | Err(zmq::Error::ETERM) => break,
-                Err(error) => {
-                    tracing::error!(%error, "the ZeroMQ broker of requests and replies stopped");
-                    self.tally.failed(error);
-                    break;
-                }
-            }
-        }
-    }
-
-    /// Waits for something to happen, and handles it; false when it is time to stop.
-    fn turn(&mut self) -> zmq::Result<bool> {
-        let back = if self.held.is_empty() { zmq::POLLIN } else { zmq::POLLIN | zmq::POLLOUT };
-        let mut items = [
-            self.front.as_poll_item(zmq::POLLIN),
-            self.back.as_poll_item(back),
-            self.stop.as_poll_item(zmq::POLLIN),
-        ];
-        zmq::poll(&mut items, self.patience())?;
-        let [front, back, stop] = items.map(|item| item.is_readable());
-        if stop {
-            self.last_replies()?;
-            return Ok(false);
-        }
-        if back {
-            self.pass_replies()?;
-        }
-        if front {
-            self.take_requests()?;
-        }
-        self.pass_requests()?;
-        Ok(true)
+        turns::run(&mut self);
     }
 
     /// Passes on the replies that are on their way: a server that ends with its broker has just
@@ -200,6 +167,41 @@ impl ServiceProxy {
             Err(zmq::Error::EHOSTUNREACH) => Ok(false),
             other => other,
         }
+    }
+}
+
+impl Turns for ServiceProxy {
+    const NAME: &'static str = "the ZeroMQ broker of requests and replies";
+
+    fn turn(&mut self) -> zmq::Result<bool> {
+        let back = if self.held.is_empty() { zmq::POLLIN } else { zmq::POLLIN | zmq::POLLOUT };
+        let mut items = [
+            self.front.as_poll_item(zmq::POLLIN),
+            self.back.as_poll_item(back),
+            self.stop.as_poll_item(zmq::POLLIN),
+        ];
+        zmq::poll(&mut items, self.patience())?;
+        let [front, back, stop] = items.map(|item| item.is_readable());
+        if stop {
+            self.last_replies()?;
+            return Ok(false);
+        }
+        if back {
+            self.pass_replies()?;
+        }
+        if front {
+            self.take_requests()?;
+        }
+        self.pass_requests()?;
+        Ok(true)
+    }
+
+    fn stop(&self) -> &zmq::Socket {
+        &self.stop
+    }
+
+    fn failed(&self, why: Option<String>) {
+        self.tally.failed(why);
     }
 }
 

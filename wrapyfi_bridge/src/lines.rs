@@ -1,0 +1,134 @@
+//! Lines that a thread of their own writes: a reader that stands still stops nobody else, and one that went ends
+//! nothing.
+
+use std::io::Write;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
+use std::time::{Duration, Instant};
+
+/// How often the end of a line is looked for.
+const LOOK_EVERY: Duration = Duration::from_millis(2);
+
+/// A place to write lines to, without waiting.
+#[derive(Debug)]
+pub struct Lines {
+    queue: SyncSender<Vec<u8>>,
+    counts: Arc<Counts>,
+}
+
+#[derive(Debug, Default)]
+struct Counts {
+    /// Lines that wait, or are being written.
+    waiting: AtomicU64,
+    /// Lines for which there was no room, since the last one that was written.
+    lost: AtomicU64,
+}
+
+impl Lines {
+    /// Starts the thread, which is called `name`. `room` lines may wait for the reader; what is beyond is left out,
+    /// and `gap` says so where the reader goes on.
+    ///
+    /// # Errors
+    /// When the system refuses a thread.
+    pub fn start(
+        name: &str,
+        mut out: impl Write + Send + 'static,
+        room: usize,
+        gap: fn(u64) -> String,
+    ) -> std::io::Result<Self> {
+        let (queue, lines) = sync_channel::<Vec<u8>>(room);
+        let counts = Arc::new(Counts::default());
+        let shared = Arc::clone(&counts);
+        std::thread::Builder::new().name(name.to_owned()).spawn(move || {
+            for line in lines {
+                // Nobody can be told that nobody reads.
+                _ = out.write_all(&line).and_then(|()| out.flush());
+                shared.waiting.fetch_sub(1, Relaxed);
+                let lost = shared.lost.swap(0, Relaxed);
+                if lost > 0 {
+                    _ = out.write_all(gap(lost).as_bytes());
+                }
+            }
+        })?;
+        Ok(Self { queue, counts })
+    }
+
+    /// Has a line written, with the break at its end.
+    pub fn write(&self, line: Vec<u8>) {
+        self.counts.waiting.fetch_add(1, Relaxed);
+        if let Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) =
+            self.queue.try_send(line)
+        {
+            self.counts.waiting.fetch_sub(1, Relaxed);
+            self.counts.lost.fetch_add(1, Relaxed);
+        }
+    }
+
+    /// Waits until everything is written, at most `limit`.
+    pub fn finish(&self, limit: Duration) {
+        let end = Instant::now() + limit;
+        while self.counts.waiting.load(Relaxed) > 0 && Instant::now() < end {
+            std::thread::sleep(LOOK_EVERY);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc::{Receiver, Sender, channel};
+
+    use super::*;
+
+    /// A reader that takes one line each time that it is told to.
+    struct Slow(Receiver<()>, Sender<String>);
+
+    impl Write for Slow {
+        fn write(&mut self, line: &[u8]) -> std::io::Result<usize> {
+            self.0.recv().map_err(std::io::Error::other)?;
+            self.1
+                .send(String::from_utf8_lossy(line).into_owned())
+                .map_err(std::io::Error::other)?;
+            Ok(line.len())
+        }
+
+        fn flush(&mut self) -> std::io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_reader_that_stands_still_holds_nobody_up_and_is_told_what_it_missed() {
+        let (go, told_to) = channel();
+        let (out, read) = channel();
+        let gap = |lost: u64| format!("{lost} left out\n");
+        let lines = Lines::start("lines", Slow(told_to, out), 2, gap).unwrap();
+        // One may be with the writer already, so that three or two find room.
+        for number in 0..10 {
+            lines.write(format!("{number}\n").into_bytes());
+        }
+        let mut got = Vec::new();
+        while !got.last().is_some_and(|line: &String| line.ends_with("left out\n")) {
+            go.send(()).unwrap();
+            got.push(read.recv().unwrap());
+        }
+        let left_out: usize = got.last().unwrap().split(' ').next().unwrap().parse().unwrap();
+        for _ in 0..10 - left_out - (got.len() - 1) {
+            go.send(()).unwrap();
+            got.push(read.recv().unwrap());
+        }
+        lines.finish(Duration::from_secs(60));
+        assert_eq!(got.len() - 1 + left_out, 10, "{got:?}");
+    }
+
+    #[test]
+    fn a_reader_that_went_ends_nothing() {
+        let (_, told_to) = channel();
+        let (out, _) = channel();
+        let lines = Lines::start("lines", Slow(told_to, out), 2, |_| String::new()).unwrap();
+        for _ in 0..10 {
+            lines.write(b"x\n".to_vec());
+            lines.finish(Duration::from_secs(60));
+        }
+    }
+}
