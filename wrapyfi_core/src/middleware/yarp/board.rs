@@ -20,7 +20,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use tokio::sync::{Notify, watch};
-use tokio::time::timeout;
+use tokio::time::{Instant, timeout};
 use wrapyfi_yarp::bottle::Vocab;
 use wrapyfi_yarp::port::{Connected, PortOptions, RpcClient};
 use wrapyfi_yarp::{Bottle, Dialect, Value};
@@ -47,6 +47,8 @@ const FIRST: Duration = Duration::from_millis(100);
 const TRIES: u32 = 8;
 /// How long the first messages wait for the names of their joints.
 const PATIENCE: Duration = Duration::from_secs(1);
+/// The same for movements, which cannot be written without: a board that has just started takes longer.
+const MOVE_PATIENCE: Duration = Duration::from_secs(5);
 
 /// The options of a topic, with what the control board behind it tells.
 #[derive(Debug)]
@@ -104,6 +106,12 @@ impl Board {
         }
     }
 
+    /// What movements wait for, if they do: the board is connected and has not told.
+    pub(super) fn awaited(&self) -> Option<String> {
+        let [rpc, _] = self.rpc.as_ref().filter(|_| !*self.settled.borrow())?;
+        Some(format!("{rpc} to tell the joints of its board"))
+    }
+
     /// Asks the board whenever it gets connected, for as long as it is run, and again while it cannot
     /// tell: its ports are there before it is. `changes` tells when to look at `connected`.
     pub(super) async fn follow(
@@ -119,12 +127,13 @@ impl Board {
             named.map(|(name, (_, dialect))| (name, dialect))
         };
         let (mut retry, mut tries, mut has_told) = (Retry::new(FIRST), 0, false);
+        let mut connected_at = None;
         loop {
             // Seen before the look, so that no change is missed.
             changes.mark_unchanged();
             if !connected() {
                 retry.reset();
-                (tries, has_told) = (0, false);
+                (tries, has_told, connected_at) = (0, false, None);
                 self.settled.send_replace(false);
                 self.tell(Arc::clone(&self.given));
             } else if let Some((name, dialect)) = known().filter(|_| !has_told) {
@@ -155,9 +164,23 @@ impl Board {
                 }
                 retry.wait().await;
             };
+            if connected() {
+                connected_at.get_or_insert_with(Instant::now);
+            }
+            let patience = if known().is_some() { MOVE_PATIENCE } else { PATIENCE };
+            let over = connected_at.filter(|_| !*self.settled.borrow());
+            let over = async {
+                match over {
+                    Some(at) => tokio::time::sleep_until(at + patience).await,
+                    None => std::future::pending().await,
+                }
+            };
             tokio::select! {
                 () = bell.notified() => {}
                 () = again => {}
+                () = over => {
+                    self.settled.send_replace(true);
+                }
                 changed = changes.changed() => {
                     if changed.is_err() {
                         return std::future::pending().await;
