@@ -2,7 +2,8 @@
 //!
 //! ```text
 //!   tracing event ─ filter ─ level of its logger ─┬─▶ stderr: [INFO] [stamp] [logger]: text
-//!                                                 └─▶ the node, once there is one ─▶ /rosout
+//!                                                 ├─▶ the node, once there is one ─▶ /rosout
+//!                                                 └─▶ the log port of YARP, where one is asked for
 //! ```
 //!
 //! The logger of a line is the program's; of a line about a route it is a child of that, called after
@@ -14,7 +15,7 @@ use std::sync::{Arc, OnceLock, PoisonError, RwLock};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use tracing::{Event, Level, Subscriber, field};
-use tracing_subscriber::filter::LevelFilter;
+use tracing_subscriber::filter::{FilterFn, LevelFilter};
 use tracing_subscriber::fmt::format::Writer;
 use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields};
 use tracing_subscriber::layer::{Context, Layer, SubscriberExt as _};
@@ -22,6 +23,7 @@ use tracing_subscriber::registry::LookupSpan;
 use tracing_subscriber::util::SubscriberInitExt as _;
 use tracing_subscriber::{EnvFilter, reload};
 use wrapyfi_core::middleware::ros2::NodeHandle;
+use wrapyfi_core::middleware::yarp::LogPort;
 use wrapyfi_core::node::args::LogLevels;
 use wrapyfi_core::node::logger_services::Loggers;
 use wrapyfi_core::node::{LogLevel, LogLine};
@@ -41,6 +43,8 @@ const MAX_LINES: usize = 4096;
 const LAST_WORD: Duration = Duration::from_millis(500);
 /// Lines to stderr; none where the system refused a thread.
 static LINES: OnceLock<Option<Lines>> = OnceLock::new();
+/// The port of YARP that has the lines, too.
+static LOG_PORT: RwLock<Option<LogPort>> = RwLock::new(None);
 /// Levels in force, once logging has started.
 static LEVELS: OnceLock<Arc<Levels>> = OnceLock::new();
 
@@ -87,12 +91,17 @@ pub fn start_as(logger: &str, level: LevelFilter, levels: &LogLevels, stdout: bo
         .with_filter(if stdout { LevelFilter::TRACE } else { LevelFilter::OFF });
     let by_logger = ByLogger { logger: logger.to_owned(), levels: Arc::clone(&levels) };
     // Fails only where a subscriber is set already: then its owner decides, as it should.
-    let set = tracing_subscriber::registry()
-        .with(by_target)
-        .with(by_logger)
-        .with(printed)
-        .with(Rosout { logger: logger.to_owned() })
-        .try_init();
+    let set =
+        tracing_subscriber::registry()
+            .with(by_target)
+            .with(by_logger)
+            .with(printed)
+            .with(Rosout { logger: logger.to_owned() })
+            // What ports do with a line is no line for them.
+            .with(YarpLog { logger: logger.to_owned() }.with_filter(FilterFn::new(|metadata| {
+                !metadata.target().starts_with("wrapyfi_yarp")
+            })))
+            .try_init();
     if set.is_ok() {
         _ = LEVELS.set(levels);
         std::panic::set_hook(Box::new(|panic| tracing::error!("{panic}")));
@@ -237,6 +246,32 @@ impl<S: Subscriber> Layer<S> for ByLogger {
 pub fn publish_to(node: Option<NodeHandle>) {
     let place = NODE.get_or_init(RwLock::default);
     *place.write().unwrap_or_else(PoisonError::into_inner) = node;
+}
+
+/// Sends lines to a port of YARP from now on.
+pub fn write_to(port: LogPort) {
+    *LOG_PORT.write().unwrap_or_else(PoisonError::into_inner) = Some(port);
+}
+
+/// Lines to a port of YARP.
+struct YarpLog {
+    logger: String,
+}
+
+impl<S: Subscriber> Layer<S> for YarpLog {
+    fn on_event(&self, event: &Event<'_>, _: Context<'_, S>) {
+        let port = LOG_PORT.read().unwrap_or_else(PoisonError::into_inner);
+        let Some(port) = port.as_ref() else { return };
+        let level = match *event.metadata().level() {
+            Level::ERROR => "ERROR",
+            Level::WARN => "WARNING",
+            Level::INFO => "INFO",
+            Level::DEBUG | Level::TRACE => "DEBUG",
+        };
+        let mut line = Line::default();
+        event.record(&mut line);
+        port.write(level, &line.logger(&self.logger), &format!("{}{}", line.message, line.fields));
+    }
 }
 
 /// Lines to `/rosout`.

@@ -13,10 +13,11 @@ use std::time::{Duration, Instant};
 use serde::Deserialize;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::runtime::Runtime;
-use wrapyfi_core::endpoint::Registry;
+use wrapyfi_core::endpoint::{Context, Middleware, Registry, TopicSpec};
 use wrapyfi_core::engine::{Available, Config, Engine, Plan};
 use wrapyfi_core::middleware::memory::Memory;
 use wrapyfi_core::middleware::yarp::{Yarp, YarpConfig};
+use wrapyfi_core::types::{self, MessageType};
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
 use wrapyfi_yarp::port::names::NameRequest;
@@ -288,4 +289,53 @@ fn the_first_message_shows_the_type() {
         type_of(&engine, "/silent") == Some("std_msgs/msg/Float64MultiArray")
     });
     until("that nobody listens to it either", || silent.status().is_empty());
+}
+
+/// A name server knows who serves files over HTTP: they are shown as such, and read over that carrier,
+/// whenever the name comes.
+#[test]
+fn a_port_under_carrier_mjpeg_has_files() {
+    let world = World::new();
+    let jpeg = [&[0xff_u8, 0xd8], &b"a picture"[..], &[0xff, 0xd9]].concat();
+    let pictures = PortOptions { pictures: true, ..unregistered() };
+    let options = OutputOptions { port: pictures, ..OutputOptions::default() };
+    let network = world.network();
+    let cam = world.runtime.block_on(network.open_output("/served", &options)).unwrap();
+    let register = |name: &str| {
+        let request = NameRequest {
+            name: name.to_owned(),
+            carrier: Some("mjpeg".to_owned()),
+            host: Some(cam.address().ip().to_string()),
+            port: Some(cam.address().port()),
+            ..NameRequest::default()
+        };
+        world.runtime.block_on(world.names().register(&request)).unwrap();
+    };
+    register("/web/early");
+    let yarp = Arc::new(world.yarp());
+    let (mut engine, _bus) = engine(&yarp, &["from: 'yarp:/(web/.*)', to: 'b:/$1'"]);
+    let mut rounds = Rounds(Instant::now());
+    for name in ["/web/early", "/web/late"] {
+        until("its type", || {
+            rounds.step(&mut engine, 1);
+            type_of(&engine, name) == Some("sensor_msgs/msg/CompressedImage")
+        });
+        if name == "/web/early" {
+            register("/web/late");
+        }
+    }
+    assert_eq!(cam.status().len(), 0, "nobody has asked it anything");
+    for name in ["/web/early", "/web/late"] {
+        let context = Context::default();
+        let options = types::Map::from([("persistent", false)]);
+        let image = MessageType::CompressedImage;
+        let spec = TopicSpec { options, ..TopicSpec::new(name, image) };
+        let mut sink = yarp.open_listener(&spec, &context).unwrap();
+        until("a file", || {
+            send(&cam, &Message::new(Payload::raw(jpeg.clone())));
+            let Some(sample) = sink.take().unwrap() else { return false };
+            let types::Payload::Image(image) = sample.payload else { panic!("no picture") };
+            matches!(image.pixels, types::Pixels::Compressed { data, .. } if *data == jpeg[..])
+        });
+    }
 }

@@ -354,8 +354,17 @@ fn a_control_board_names_its_joints_and_is_moved() {
         reading: Reading::Strict { queue: 16, acknowledge: Acknowledge::Queued },
         ..InputOptions::default()
     };
+    let tells = tokio::sync::watch::Sender::new(true);
+    let gate = tells.clone();
+    let answer = move |received, wants| {
+        let mut tells = gate.subscribe();
+        async move {
+            tells.wait_for(|tells| *tells).await.unwrap();
+            board(received, wants).await
+        }
+    };
     let (rpc, state, command) = world.runtime.block_on(async {
-        let rpc = network.serve("/robot/rpc:i", &PortOptions::default(), board).await.unwrap();
+        let rpc = network.serve("/robot/rpc:i", &PortOptions::default(), answer).await.unwrap();
         let wanted = OutputOptions::default();
         let state = network.open_output("/robot/state:o", &wanted).await.unwrap();
         let command = network.open_input("/robot/command:i", &strict).await.unwrap();
@@ -388,15 +397,20 @@ fn a_control_board_names_its_joints_and_is_moved() {
     let source = |name: &str, message_type| {
         let options = [("port", name), ("out_topic_connect", "/robot/command:i")];
         let spec = TopicSpec { options: Map::from(options), ..TopicSpec::new(name, message_type) };
-        let source = yarp.open_publisher(&spec, &there).unwrap();
-        open_way(&there, || source.link());
-        source
+        yarp.open_publisher(&spec, &there).unwrap()
     };
     let names = || ["heave", "neck"].into_iter().collect::<Value>();
+    // It is known what is waited for, and the first movement afterwards is one.
+    tells.send_replace(false);
     let mut mover = source("/bridge/state", joints);
+    until(&there, "the board is waited for", || {
+        let waits = mover.link().waiting_for.unwrap_or_default();
+        waits.contains("/robot/rpc:i to tell the joints")
+    });
+    tells.send_replace(true);
+    open_way(&there, || mover.link());
     let wanted = Map::from([("name", names()), ("position", numbers(&[0.5, 0.0]))]);
-    let wanted = message(joints, wanted);
-    until(&there, "the board has told its joints", || mover.publish(&wanted).is_ok());
+    mover.publish(&message(joints, wanted)).unwrap();
     assert_eq!(heard(), "([poss]) (0.0 0.5)");
     let unknown =
         Map::from([("name", ["elbow"].into_iter().collect()), ("position", numbers(&[1.0]))]);
@@ -415,8 +429,8 @@ fn a_control_board_names_its_joints_and_is_moved() {
         let points = Value::List(points.map(point).to_vec());
         message(trajectories, Map::from([("joint_names", names()), ("points", points)]))
     };
-    let first = trajectory([(0.125, 0), (0.25, 3)]);
-    until(&there, "the board has told its joints", || mover.publish(&first).is_ok());
+    open_way(&there, || mover.link());
+    mover.publish(&trajectory([(0.125, 0), (0.25, 3)])).unwrap();
     // The second one replaces what is left of the first.
     mover.publish(&trajectory([(0.375, 0), (0.75, 4)])).unwrap();
     for heave in ["0.125", "0.375", "0.75"] {

@@ -121,19 +121,53 @@ pub(crate) fn of_topic<T>(
         found
             .retain(|one| one.name == name && matches!(one.role, Role::Publisher | Role::Listener));
         found.sort_by_key(|one| one.role);
+        let mut errors = Vec::new();
         for one in &found {
             match middleware.learn_topic(one, types).and_then(&accept) {
                 Ok(learned) => return Ok(learned),
-                Err(error) => why = error.into(),
+                Err(error) => errors.push((one.role, error)),
             }
         }
-        let is_never_told = matches!(why, LearnTopicError::Untold(LearnError::Untold { .. }))
-            && found.iter().any(|one| one.role == Role::Publisher);
+        let is_never_told = is_never_told(&errors);
+        if let Some(error) = most_telling(errors) {
+            why = error.into();
+        }
         if last || is_never_told {
             return Err(why);
         }
         // It looks once more when the time is over.
         last = is_over(&why);
         std::thread::sleep(if last { Duration::ZERO } else { LOOK });
+    }
+}
+
+/// Whether no later look brings a type: a publisher is there, and nobody will tell.
+fn is_never_told(errors: &[(Role, LearnError)]) -> bool {
+    errors.iter().any(|(role, _)| *role == Role::Publisher)
+        && errors.iter().all(|(_, error)| matches!(error, LearnError::Untold { .. }))
+}
+
+/// The error of whoever may tell yet, else the first one.
+fn most_telling(mut errors: Vec<(Role, LearnError)>) -> Option<LearnError> {
+    let tells_yet = |(_, error): &(Role, LearnError)| !matches!(error, LearnError::Untold { .. });
+    let place = errors.iter().position(tells_yet).unwrap_or(0);
+    (place < errors.len()).then(|| errors.swap_remove(place).1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A port of YARP that is being asked, and a bridge that reads it and tells nothing.
+    #[test]
+    fn listeners_that_tell_nothing_end_no_wait_for_a_publisher() {
+        let untold = || LearnError::Untold { middleware: "yarp".into() };
+        let asked = || LearnError::Asked { name: "/cam".into() };
+        let errors = || vec![(Role::Publisher, asked()), (Role::Listener, untold())];
+        assert!(!is_never_told(&errors()));
+        assert!(matches!(most_telling(errors()), Some(LearnError::Asked { .. })));
+        assert!(is_never_told(&[(Role::Publisher, untold()), (Role::Listener, untold())]));
+        assert!(!is_never_told(&[(Role::Listener, untold())]), "a publisher may come");
+        assert!(most_telling(Vec::new()).is_none());
     }
 }

@@ -14,6 +14,7 @@ use wrapyfi_core::types::MessageType;
 
 use super::load::Word;
 use crate::exit::Failure;
+use crate::logging;
 
 /// The middleware as routes and commands address it, with its rules for topics.
 pub(super) const AVAILABLE: Available<'static> =
@@ -134,6 +135,9 @@ impl YarpSection {
         })?;
         if listens {
             yarp.may_listen().map_err(Failure::usage)?;
+        }
+        if let Some(port) = yarp.log_port() {
+            logging::write_to(port);
         }
         Ok(yarp)
     }

@@ -38,6 +38,8 @@ impl News {
         label: &'static str,
         now: Instant,
     ) {
+        // When, to the millisecond: what is told below waits for others.
+        tracing::trace!(route, "made");
         self.since.get_or_insert(now);
         self.made.push((route, format!("route made for {from}: {label}")));
         *self.types.entry(label).or_default() += 1;

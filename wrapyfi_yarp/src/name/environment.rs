@@ -85,6 +85,12 @@ impl Environment {
         self.variables.get(name)?.to_str().filter(|value| !value.is_empty())
     }
 
+    /// Whether a variable is a switch that is on: `1` or `true`.
+    #[must_use]
+    pub fn is_on(&self, name: &str) -> bool {
+        self.text(name).is_some_and(|value| matches!(value.trim(), "1" | "true"))
+    }
+
     /// The folder of YARP's configuration files: `$YARP_CONFIG_HOME`, else `yarp` in
     /// `$XDG_CONFIG_HOME`, else `.config/yarp` in `$HOME` (`Library/Preferences/yarp` on macOS,
     /// `%APPDATA%\yarp\config` on Windows). None without any of them.

@@ -145,6 +145,7 @@ impl Entered {
             payload,
             envelope,
             from: Arc::clone(&self.name),
+            connection: self.id,
             is_text,
             dialect: self.core.network.dialect(),
             limits: Arc::clone(&self.core.limits),

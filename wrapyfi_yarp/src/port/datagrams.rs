@@ -21,6 +21,7 @@ use super::message::Payload;
 use super::names::NameRequest;
 use super::outbox::Outbox;
 use super::outputs::Kind;
+use super::pace::Pace;
 use super::session::Session;
 use super::target::{self, Way};
 use crate::wire::datagram::Assembler;
@@ -88,7 +89,7 @@ impl Core {
         let largest = self.network.0.max_datagram;
         let core = Arc::clone(self);
         tokio::spawn(async move {
-            let way = Way::Datagrams { socket, largest };
+            let way = Way::Datagrams { socket, largest, pace: Pace::new() };
             if let Err(error) = target::run(way, &outbox).await {
                 let name = &core.name;
                 tracing::warn!(target: "wrapyfi_yarp::port", name, %error, "group ended");

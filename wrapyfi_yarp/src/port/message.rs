@@ -103,6 +103,9 @@ pub struct Received {
     pub envelope: Option<Bytes>,
     /// The name of the sender, as it said.
     pub from: Arc<str>,
+    /// Number of its connection among those of this port: several senders may have one name, unless that
+    /// begins with a slash.
+    pub connection: u64,
     /// Whether it came as text: its bytes are of the network's dialect, whatever the sender speaks.
     pub is_text: bool,
     /// Encoding of bottles.

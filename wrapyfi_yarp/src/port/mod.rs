@@ -43,6 +43,7 @@ mod network;
 mod open;
 mod outbox;
 mod outputs;
+mod pace;
 mod pictures;
 mod ports;
 mod rpc_client;

@@ -17,6 +17,7 @@ use super::datagrams::{self, Group};
 use super::link::{Link, LinkError};
 use super::message::Message;
 use super::outbox::Outbox;
+use super::pace::Pace;
 use super::rpc_client::RpcLink;
 use super::target::{self, Way};
 use crate::wire::{Carrier, Fault, Sender, UnknownCarrier, admin, header};
@@ -175,7 +176,7 @@ impl Core {
                 let socket = udp_to(local, peer, number).await?;
                 let largest = self.network.0.max_datagram;
                 let copy = copy_of(&socket);
-                (Way::Datagrams { socket, largest }, copy)
+                (Way::Datagrams { socket, largest, pace: Pace::new() }, copy)
             }
             _ => {
                 let copy = copy_of(link.stream());

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   Outbox ─▶ stream:   write, wait for the ack where there is one, notice when the reader closes
-//!          ─▶ udp:      datagrams to one receiver
+//!          ─▶ udp:      datagrams to one receiver, one after the other
 //!          ─▶ mcast:    datagrams to the group, once for all targets of this port
 //!          ─▶ mjpeg:    JPEG files to whoever asked over HTTP
 //! ```
@@ -16,6 +16,7 @@ use tokio::net::UdpSocket;
 use super::link::{Link, LinkError};
 use super::message::{Message, PayloadKind};
 use super::outbox::Outbox;
+use super::pace::Pace;
 use crate::wire::{Carrier, Command, datagram, message, mjpeg};
 
 /// Where a target's messages go.
@@ -32,6 +33,7 @@ pub(super) enum Way {
         socket: UdpSocket,
         /// Largest datagram.
         largest: usize,
+        pace: Pace,
     },
 }
 
@@ -92,9 +94,10 @@ async fn send(way: &mut Way, message: &Arc<Message>) -> Result<(), LinkError> {
             let head = mjpeg::part_head(picture.len());
             link.write_raw(&[&head, &picture, mjpeg::PART_END]).await
         }
-        Way::Datagrams { socket, largest } => {
+        Way::Datagrams { socket, largest, pace } => {
             let head = message::head(&command, &[payload.bytes.len()])?;
             for datagram in datagram::split(&head, &payload.bytes, *largest) {
+                pace.turn(datagram.len()).await;
                 socket.send(&datagram).await?;
             }
             Ok(())

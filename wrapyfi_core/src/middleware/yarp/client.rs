@@ -56,8 +56,8 @@ enum Body {
     Unwritten(Request),
 }
 
-/// A request in the dialect that is set, and in the other one where its floats differ and the server
-/// may have that.
+/// A request in the dialect that is set or that the server has told, and in the other one where its floats
+/// differ and the server may have that.
 struct Written(Bytes, Option<Bytes>);
 
 /// Calls one service.
@@ -113,7 +113,7 @@ impl Desk {
     }
 
     fn target(&self) -> String {
-        format!("{}:/{}", self.options.carrier, self.service)
+        format!("{}:/{}", self.options.carrier(), self.service)
     }
 
     /// A connection to the server as it is now; `None` when it is lost.
@@ -151,11 +151,13 @@ impl Desk {
         self.form.options(&self.options)
     }
 
-    fn write(&self, request: &Request) -> Result<Written, EncodeError> {
+    /// A request in the dialect that the server has `told`, where it has.
+    fn write(&self, request: &Request, told: Option<Dialect>) -> Result<Written, EncodeError> {
         let options = self.options();
         let write = |dialect| payload::encode_request(request, &self.spec, options, dialect);
-        let usual = write(self.dialect)?;
-        if options.dialect.is_some() || payload::is_json(&self.spec, options) {
+        let usual = write(told.unwrap_or(self.dialect))?;
+        let is_known = told.or(options.dialect).is_some();
+        if is_known || payload::is_json(&self.spec, options) {
             return Ok(Written(usual, None));
         }
         let other = write(self.dialect.other()).ok().filter(|other| *other != usual);
@@ -195,13 +197,16 @@ impl Desk {
                 }
                 let body = match body {
                     Body::Written(body) => body,
-                    Body::Unwritten(request) => match self.write(request) {
-                        Ok(body) => written.insert(body),
-                        Err(fault) => {
-                            self.idle().push((time, client));
-                            return Some(Outcome::Unwritable(fault));
+                    Body::Unwritten(request) => {
+                        let told = *self.told();
+                        match self.write(request, told) {
+                            Ok(body) => written.insert(body),
+                            Err(fault) => {
+                                self.idle().push((time, client));
+                                return Some(Outcome::Unwritable(fault));
+                            }
                         }
-                    },
+                    }
                 };
                 let body = self.readable(shared, body).await;
                 match client.call_bytes(body, left() + LATE).await {
@@ -426,7 +431,8 @@ impl Client for YarpClient {
             Body::Unwritten(request.clone())
         } else {
             let service = || self.spec.service.clone();
-            let written = self.desk.write(request);
+            // Another server may be there by the time that it is sent.
+            let written = self.desk.write(request, None);
             Body::Written(
                 written.map_err(|fault| CallError::Request { service: service(), fault })?,
             )

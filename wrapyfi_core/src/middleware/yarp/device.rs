@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use tokio::sync::{Notify, watch};
-use tokio::time::timeout;
+use tokio::time::{Instant, timeout};
 use wrapyfi_yarp::Dialect;
 use wrapyfi_yarp::port::{Connected, PortOptions, RpcClient};
 
@@ -30,6 +30,8 @@ const FIRST: Duration = Duration::from_millis(100);
 const TRIES: u32 = 8;
 /// How long the first messages wait for what the device tells.
 const PATIENCE: Duration = Duration::from_secs(1);
+/// The same for movements, which cannot be written without: a board that has just started takes longer.
+const MOVE_PATIENCE: Duration = Duration::from_secs(5);
 
 /// What a device is asked for.
 #[derive(Debug)]
@@ -107,6 +109,17 @@ impl Device {
         }
     }
 
+    /// Name of the port whose answer movements wait for, and what for, while the board is connected and has not told.
+    pub(super) fn awaited(&self) -> Option<String> {
+        let Some(Subject::Joints { .. }) =
+            self.subject.as_ref().filter(|_| !*self.settled.borrow())
+        else {
+            return None;
+        };
+        let (rpc, _) = self.rpc.first()?;
+        Some(format!("{rpc} to tell the joints of its board"))
+    }
+
     /// Asks the device whenever it gets connected, for as long as it is run, and again while it cannot
     /// tell: its ports are there before it is. `changes` tells when to look at `connected`.
     pub(super) async fn follow(
@@ -120,12 +133,13 @@ impl Device {
         let bell = shared.directory.watch_any(&names);
         let known = || self.rpc.iter().find(|(name, _)| shared.directory.knows(name));
         let (mut retry, mut tries, mut has_told) = (Retry::new(FIRST), 0, false);
+        let mut connected_at = None;
         loop {
             // Seen before the look, so that no change is missed.
             changes.mark_unchanged();
             if !connected() {
                 retry.reset();
-                (tries, has_told) = (0, false);
+                (tries, has_told, connected_at) = (0, false, None);
                 self.settled.send_replace(false);
                 self.tell(Arc::clone(&self.given));
             } else if let Some((name, dialect)) = known().filter(|_| !has_told) {
@@ -154,9 +168,23 @@ impl Device {
                 }
                 retry.wait().await;
             };
+            if connected() {
+                connected_at.get_or_insert_with(Instant::now);
+            }
+            let patience = if known().is_some() { MOVE_PATIENCE } else { PATIENCE };
+            let over = connected_at.filter(|_| !*self.settled.borrow());
+            let over = async {
+                match over {
+                    Some(at) => tokio::time::sleep_until(at + patience).await,
+                    None => std::future::pending().await,
+                }
+            };
             tokio::select! {
                 () = bell.notified() => {}
                 () = again => {}
+                () = over => {
+                    self.settled.send_replace(true);
+                }
                 changed = changes.changed() => {
                     if changed.is_err() {
                         return std::future::pending().await;

@@ -18,6 +18,7 @@ use wrapyfi_yarp::name::events::NameEvents;
 use wrapyfi_yarp::name::{NameClient, NameEvent, Registrar};
 use wrapyfi_yarp::port::names::Registration;
 
+use super::options::brings_files;
 use super::retry::Retry;
 
 /// How long the first answer of the name server is waited for.
@@ -31,8 +32,16 @@ pub(super) struct Entry {
     /// Differs from that of whatever had the name before: what was known of that port is not known of
     /// this one.
     pub(super) number: u64,
-    /// Its address, where it was told with the name.
+    /// Its address, where it is known: events do not tell it.
     pub(super) contact: Option<String>,
+    /// It is registered under carrier mjpeg: files are asked of it, and it may be no port of YARP at all.
+    pub(super) has_files: bool,
+}
+
+impl Entry {
+    fn located(number: u64, port: &Registration) -> Self {
+        Self { number, contact: Some(port.contact()), has_files: brings_files(&port.carrier) }
+    }
 }
 
 /// What the name server has told.
@@ -67,17 +76,18 @@ impl Inner {
         let mut before = std::mem::take(&mut self.names);
         let mut changed = false;
         for port in ports.into_iter().filter(|port| port.carrier != "mcast") {
-            let contact = Some(port.contact());
             let known = before.remove(&port.name);
             changed |= known.is_none();
-            let number = match known {
-                Some(known) if known.contact.is_none() || known.contact == contact => known.number,
+            let mut entry = Entry::located(0, &port);
+            entry.number = match known {
+                Some(known) if known.contact.is_none() => known.number,
+                Some(known) if entry == (Entry { number: 0, ..known.clone() }) => known.number,
                 _ => {
                     self.entered += 1;
                     self.entered
                 }
             };
-            self.names.insert(port.name, Entry { number, contact });
+            self.names.insert(port.name, entry);
         }
         changed || !before.is_empty()
     }
@@ -113,6 +123,16 @@ impl Directory {
     /// The port of this name.
     pub(super) fn entry(&self, name: &str) -> Option<Entry> {
         self.inner().names.get(name).cloned()
+    }
+
+    /// Enters where the name server has found the port of an entry; the entry.
+    pub(super) fn locate(&self, name: &str, number: u64, found: &Registration) -> Entry {
+        let located = Entry::located(number, found);
+        let mut inner = self.inner();
+        if let Some(entry) = inner.names.get_mut(name).filter(|entry| entry.number == number) {
+            entry.clone_from(&located);
+        }
+        located
     }
 
     /// How often names have changed.
@@ -192,7 +212,7 @@ impl Directory {
         let name = match event {
             NameEvent::Added(name) => {
                 inner.entered += 1;
-                let entry = Entry { number: inner.entered, contact: None };
+                let entry = Entry { number: inner.entered, contact: None, has_files: false };
                 inner.names.insert(name.clone(), entry);
                 name
             }

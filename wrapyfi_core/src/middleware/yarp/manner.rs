@@ -50,12 +50,13 @@ impl Clients {
         if received.is_text {
             return Some(self.network.dialect());
         }
+        let client = client(&received.from, received.connection);
         let shown = shown(&received.payload.bytes, self.network.limits());
         if let Some(dialect) = shown {
-            self.learn(&received.from, dialect);
+            self.learn(&client, dialect);
             return shown;
         }
-        self.known(|known| known.get(&received.from).copied())
+        self.known(|known| known.get(&client).copied())
     }
 
     /// The dialect of clients that show none: what is set, else that of YARP's name server.
@@ -66,9 +67,15 @@ impl Clients {
 
     /// A reply with floats goes to a client that has shown no dialect. Its port is asked behind that, for the
     /// next time: YARP's ports tell nothing while they wait for a reply.
-    pub(super) fn written(self: &Arc<Self>, name: &Arc<str>, dialect: Dialect) {
-        self.learn(name, dialect);
-        let (clients, name) = (Arc::clone(self), Arc::clone(name));
+    pub(super) fn written(self: &Arc<Self>, received: &Received, dialect: Dialect) {
+        let name = Arc::clone(&received.from);
+        let client = client(&name, received.connection);
+        self.learn(&client, dialect);
+        // The others of this name have been told of with the first one: nobody can be asked.
+        if client != name && !self.learn(&name, dialect) {
+            return;
+        }
+        let clients = Arc::clone(self);
         tokio::spawn(async move {
             let (told, has_told) = ask(&clients.network, &name).await;
             if has_told && told == dialect {
@@ -84,18 +91,24 @@ impl Clients {
         });
     }
 
-    fn learn(&self, name: &Arc<str>, dialect: Dialect) {
+    /// Whether it was not known at all.
+    fn learn(&self, client: &Arc<str>, dialect: Dialect) -> bool {
         self.known(|known| {
-            if known.len() >= MOST && !known.contains_key(name) {
+            if known.len() >= MOST && !known.contains_key(client) {
                 known.clear();
             }
-            known.insert(Arc::clone(name), dialect);
-        });
+            known.insert(Arc::clone(client), dialect).is_none()
+        })
     }
 
     fn known<T>(&self, look: impl FnOnce(&mut HashMap<Arc<str>, Dialect>) -> T) -> T {
         look(&mut self.known.lock().unwrap_or_else(PoisonError::into_inner))
     }
+}
+
+/// Who sent a request: all of YARP's tools have the name `anon_rpc`, and each a connection of its own.
+fn client(name: &Arc<str>, connection: u64) -> Arc<str> {
+    if name.starts_with('/') { Arc::clone(name) } else { format!("{name} {connection}").into() }
 }
 
 /// Asks a port for its dialect; that of the network where it does not tell. Whether it has told.
@@ -148,6 +161,16 @@ mod tests {
         for text in ["[get] [enc] 0", "", "word"] {
             assert_eq!(shown(&bytes(text, Dialect::V3), &limits), None, "{text}");
         }
+    }
+
+    #[test]
+    fn tools_of_one_name_are_several_clients() {
+        let (tool, port): (Arc<str>, Arc<str>) = ("anon_rpc".into(), "/asker".into());
+        let clients = Clients::new(Network::builder().build(), "/root", &YarpOptions::default());
+        assert!(clients.learn(&client(&tool, 1), Dialect::V4));
+        assert!(clients.learn(&client(&tool, 2), Dialect::V3), "another one");
+        assert!(clients.learn(&client(&port, 3), Dialect::V4));
+        assert!(!clients.learn(&client(&port, 4), Dialect::V4), "it has connected again");
     }
 
     #[test]

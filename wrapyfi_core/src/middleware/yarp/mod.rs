@@ -23,6 +23,7 @@
 //! | `form` | functions of Wrapyfi, told from the rpc ports of robots |
 //! | `manner` | how a request was written, and so its answer |
 //! | `publisher`, `listener`, `client`, `server` | the endpoints |
+//! | `log_port` | the log, where `yarplogger` reads it |
 //! | `standing`, `losses`, `tasks`, `own` | what an endpoint says of itself; where its task runs |
 
 mod board;
@@ -37,6 +38,7 @@ mod input;
 mod intrinsics;
 mod joint_limits;
 mod listener;
+mod log_port;
 mod losses;
 mod manner;
 mod opening;
@@ -67,6 +69,7 @@ use wrapyfi_yarp::server::{NameServer, NameServerError, NameServerOptions};
 
 use self::config::Listening;
 pub use config::YarpConfig;
+pub use log_port::LogPort;
 pub use options::OPTIONS;
 pub use types::Convention;
 pub use wrapyfi_yarp::Dialect;
@@ -150,15 +153,25 @@ impl Shared {
         naming.map_or_else(|_| name.to_owned(), |naming| naming.name)
     }
 
+    /// The port of this name and its address, for which the name server is asked where it is not known.
+    async fn located(&self, name: &str) -> Option<directory::Entry> {
+        let entry = self.directory.entry(name)?;
+        if entry.contact.is_some() {
+            return Some(entry);
+        }
+        let found = self.network.query(name).await.ok().flatten()?;
+        Some(self.directory.locate(name, entry.number, &found))
+    }
+
     /// What is probable where a port of another program does not answer, else nothing. A name server
     /// on this machine is not asked: loopback is the usual address there.
     async fn hint(&self, name: &str) -> &'static str {
         if !self.is_afar {
             return "";
         }
-        let at = self.network.query(name).await.ok().flatten();
-        let ip = at.and_then(|at| at.host.parse::<IpAddr>().ok());
-        if ip.is_some_and(|ip| ip.is_loopback()) {
+        let contact = self.located(name).await.and_then(|entry| entry.contact);
+        let at = contact.and_then(|contact| contact.parse::<SocketAddr>().ok());
+        if at.is_some_and(|at| at.ip().is_loopback()) {
             "; it is registered at an address of its own machine alone: set YARP_IP there"
         } else {
             ""
@@ -303,6 +316,13 @@ impl Yarp {
     /// Where other machines reach them, and nobody said that they may.
     pub fn may_listen(&self) -> Result<(), ReachedByOthers> {
         self.shared.may_listen()
+    }
+
+    /// The port for the log of this program, opened where `YARP_FORWARD_LOG_ENABLE` is set to 1 and ports may
+    /// be opened that others connect to.
+    #[must_use]
+    pub fn log_port(&self) -> Option<LogPort> {
+        self.may_listen().ok().and_then(|()| LogPort::open(&self.shared))
     }
 
     /// Host and port of the name server.

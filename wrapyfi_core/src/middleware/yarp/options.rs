@@ -87,7 +87,7 @@ pub enum Axis {
 pub struct YarpOptions {
     /// `carrier`: of connections that we ask for; Wrapyfi's default is `tcp`. Qualifiers may follow
     /// (`tcp+recv.priority`).
-    pub carrier: String,
+    pub carrier: Option<String>,
     /// `persistent`: whether the name server keeps the connection (true, as Wrapyfi); otherwise we
     /// connect and connect again ourselves.
     pub persistent: bool,
@@ -140,7 +140,7 @@ pub struct YarpOptions {
 impl Default for YarpOptions {
     fn default() -> Self {
         Self {
-            carrier: "tcp".to_owned(),
+            carrier: None,
             persistent: true,
             out_topic_connect: None,
             port: None,
@@ -188,13 +188,18 @@ impl YarpOptions {
 
     /// Whether pictures go out as the files of carrier `mjpeg`.
     pub(super) fn sends_files(&self) -> bool {
-        brings_files(&self.carrier)
+        brings_files(self.carrier())
+    }
+
+    /// The carrier, where nothing is known of the other end.
+    pub(super) fn carrier(&self) -> &str {
+        self.carrier.as_deref().unwrap_or("tcp")
     }
 
     /// The same, of messages that go out as files of carrier `mjpeg`, or do not.
     pub(super) fn sending_files(&self, files: bool) -> Self {
         let carrier = if files { "mjpeg" } else { "tcp" };
-        Self { carrier: carrier.to_owned(), ..self.clone() }
+        Self { carrier: Some(carrier.to_owned()), ..self.clone() }
     }
 
     /// Reads `options` of the topic or service `name`.
@@ -226,9 +231,8 @@ impl YarpOptions {
             "bottle" => self.bottle = Some(form(value).ok_or("true, false, property or auto")?),
             "carrier" => {
                 let carrier = value.as_str().filter(|text| is_carrier(text));
-                carrier
-                    .ok_or("tcp, fast_tcp, udp, mcast, text, text_ack or mjpeg")?
-                    .clone_into(&mut self.carrier);
+                let wanted = "tcp, fast_tcp, udp, mcast, text, text_ack, mjpeg or unix_stream";
+                self.carrier = Some(carrier.ok_or(wanted)?.to_owned());
             }
             "child_frame_id" => {
                 value.as_str().ok_or("a text")?.clone_into(&mut self.child_frame_id);
@@ -368,7 +372,7 @@ mod tests {
         assert_eq!(options.len(), OPTIONS.len());
         assert!(OPTIONS.iter().all(|name| options.get(name).is_some()));
         let wanted = YarpOptions {
-            carrier: "fast_tcp+recv.priority".into(),
+            carrier: Some("fast_tcp+recv.priority".into()),
             persistent: false,
             out_topic_connect: Some("/viewer".into()),
             port: Some("/bridge/head".into()),

@@ -404,7 +404,11 @@ impl Publisher for YarpPublisher {
 
     fn link(&self) -> Link {
         let link = self.outlet.standing.link();
-        match self.shared.taken(&self.outlet.name) {
+        let why = self.shared.taken(&self.outlet.name).or_else(|| {
+            let is_connected = link.waiting_for.is_none();
+            self.outlet.device.awaited().filter(|_| is_connected)
+        });
+        match why {
             Some(why) => Link { waiting_for: Some(why), ..link },
             None => link,
         }

@@ -147,7 +147,7 @@ impl Desk {
     /// Takes a request in and waits for its answer.
     async fn ask(&self, received: Received, wants_reply: bool) -> Answer {
         let dialect = self.clients.dialect(&received);
-        let body = received.payload.bytes;
+        let body = received.payload.bytes.clone();
         let manner = Manner { dialect, form: manner::form(&body) };
         self.context.counters.received(body.len());
         let (reply, answered) = oneshot::channel();
@@ -178,7 +178,7 @@ impl Desk {
             Ok(Reply::Known(body)) => body,
             Ok(Reply::Either(body, other)) => {
                 let dialect = self.clients.usual().await;
-                self.clients.written(&received.from, dialect);
+                self.clients.written(&received, dialect);
                 if dialect == self.dialect { body } else { other }
             }
             Err(_dropped) => self.error(&format!("{:?} has ended", self.spec.service), manner),

@@ -15,11 +15,12 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use tokio::sync::Semaphore;
-use wrapyfi_yarp::port::Inspection;
+use wrapyfi_yarp::port::{AdminError, Inspection, Modes};
 
 use super::Shared;
 use super::directory::Entry;
 use super::discovery::role;
+use super::types::FILES;
 use crate::endpoint::Role;
 
 /// Longest time that a port is given for its answer: those that died are still registered.
@@ -180,7 +181,7 @@ pub(super) fn ask(shared: &Arc<Shared>, ports: &BTreeMap<String, Entry>) {
         let tasks = Arc::clone(&shared);
         tasks.tasks.spawn_aside(async move {
             let Ok(_permit) = room.acquire_owned().await else { return };
-            let asked = shared.network.inspect(&name, entry.contact.as_deref());
+            let asked = interview(&shared, &name);
             let told = match tokio::time::timeout(PATIENCE, asked).await {
                 Ok(Ok(told)) => Some(told),
                 Ok(Err(error)) => {
@@ -197,12 +198,25 @@ pub(super) fn ask(shared: &Arc<Shared>, ports: &BTreeMap<String, Entry>) {
     }
 }
 
+/// What a port says of itself.
+async fn interview(shared: &Shared, name: &str) -> Result<Inspection, AdminError> {
+    match shared.located(name).await {
+        None => Err(AdminError::Unknown(name.to_owned())),
+        // Who serves files over HTTP may understand nothing else.
+        Some(entry) if entry.has_files => {
+            let modes = Some(Modes { input: false, output: true, rpc: false });
+            Ok(Inspection { modes, type_name: Some(FILES.into()), ..Inspection::default() })
+        }
+        Some(entry) => shared.network.inspect(name, entry.contact.as_deref()).await,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn ports(number: u64) -> BTreeMap<String, Entry> {
-        BTreeMap::from([("/a".to_owned(), Entry { number, contact: None })])
+        BTreeMap::from([("/a".to_owned(), Entry { number, contact: None, has_files: false })])
     }
 
     #[test]

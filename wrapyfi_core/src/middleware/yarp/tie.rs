@@ -27,7 +27,8 @@ const FAREWELL: Duration = Duration::from_millis(500);
 pub(super) struct Tie {
     source: String,
     destination: String,
-    carrier: String,
+    /// None where it depends on what the other one is.
+    carrier: Option<String>,
     persistent: bool,
     /// The one that is ours.
     own: String,
@@ -64,8 +65,16 @@ impl Tie {
         format!("port {} to connect{why}", self.other())
     }
 
-    fn full_destination(&self) -> String {
-        format!("{}:/{}", self.carrier, self.destination)
+    /// The carrier of a connection with the other one as it is now: files come from who has nothing else.
+    async fn carrier(&self, shared: &Shared) -> &str {
+        match &self.carrier {
+            Some(carrier) => carrier.as_str(),
+            None if self.own == self.source => "tcp",
+            None => {
+                let other = shared.located(self.other()).await;
+                if other.is_some_and(|other| other.has_files) { "mjpeg" } else { "tcp" }
+            }
+        }
     }
 
     /// Sees to it, for as long as it is run. `tied` says whether it is there, `changed` when to look
@@ -86,8 +95,10 @@ impl Tie {
                 bell.notified().await;
                 continue;
             }
-            if self.persistent && subscribed != reached {
-                let to = self.full_destination();
+            let carrier = self.carrier(shared).await;
+            let wish = reached.map(|reached| (reached, carrier));
+            if self.persistent && subscribed != wish {
+                let to = format!("{carrier}:/{}", self.destination);
                 let (names, open) = (shared.registrar.client(), Persistence::Open);
                 let asked = names.subscribe(&self.source, &to, open);
                 let what = format!("to connect port {}", self.other());
@@ -96,7 +107,7 @@ impl Tie {
                     tokio::select! { () = bell.notified() => {}, () = retry.wait() => {} }
                     continue;
                 }
-                subscribed = reached;
+                subscribed = wish;
             }
             // Seen before the look, so that no change is missed.
             changed.mark_unchanged();
@@ -119,7 +130,7 @@ impl Tie {
             let mut failure = None;
             if !self.persistent {
                 let (from, to) = (&self.source, &self.destination);
-                let asked = shared.network.connect(from, to, Some(&self.carrier));
+                let asked = shared.network.connect(from, to, Some(carrier));
                 failure = unless_slow(asked, || say(self.missing(""))).await.err();
             }
             let why = failure.map_or_else(String::new, |error| format!(": {error}"));

@@ -1,7 +1,8 @@
 //! The types of what ports send, which YARP does not announce.
 //!
 //! ```text
-//!   promised   the port says yarp/image (frameGrabber)     ─┐
+//!   promised   the port says yarp/image (frameGrabber),    ─┐
+//!              or is registered under carrier mjpeg         │
 //!   by name    …/state:o, …/cam/…, …Image:o (conventions)   ├─▶ Discovered::type_name
 //!   heard      its first message (first_message)           ─┘
 //! ```
@@ -14,6 +15,8 @@ use super::first_message::FirstMessages;
 use super::payload;
 use crate::engine::NamePattern;
 
+/// What ports promise that are registered under carrier mjpeg.
+pub(super) const FILES: &str = "image/jpeg";
 /// Type of a vector of which nothing more is known.
 const NUMBERS: &str = "std_msgs/msg/Float64MultiArray";
 const SCAN: &str = "sensor_msgs/msg/LaserScan";
@@ -75,6 +78,7 @@ impl Types {
         match promised {
             Some("yarp/image") => Some("Image".to_owned()),
             Some("yarp/sound") => Some("AudioChunk".to_owned()),
+            Some(FILES) => Some("CompressedImage".to_owned()),
             Some("yarp/vector") => by_name().or_else(|| Some(NUMBERS.to_owned())),
             _ => by_name().or_else(|| self.heard.told(port, number).map(str::to_owned)),
         }
@@ -168,6 +172,7 @@ mod tests {
             ("/grabber", Some("yarp/image"), Some("Image")),
             ("/grabber", Some("yarp/vector"), Some(NUMBERS)),
             ("/grabber", Some("yarp/bottle"), None),
+            ("/icub/cam/left", Some(FILES), Some("CompressedImage")),
             ("/icub/inertial", None, Some("sensor_msgs/msg/Imu")),
             ("/icub/inertial/raw", None, None),
             ("/icub/left_arm/FT:o", None, Some("geometry_msgs/msg/WrenchStamped")),
