@@ -296,7 +296,7 @@ fn the_first_message_shows_the_type() {
 #[test]
 fn a_port_under_carrier_mjpeg_has_files() {
     let world = World::new();
-    let jpeg = [&[0xff_u8, 0xd8], &b"a picture"[..], &[0xff, 0xd9]].concat();
+    let jpeg = [&[0xff_u8, 0xd8, 0xff, 0xe0], &b"a picture"[..], &[0xff, 0xd9]].concat();
     let pictures = PortOptions { pictures: true, ..unregistered() };
     let options = OutputOptions { port: pictures, ..OutputOptions::default() };
     let network = world.network();
@@ -327,9 +327,7 @@ fn a_port_under_carrier_mjpeg_has_files() {
     assert_eq!(cam.status().len(), 0, "nobody has asked it anything");
     for name in ["/web/early", "/web/late"] {
         let context = Context::default();
-        let options = types::Map::from([("persistent", false)]);
-        let image = MessageType::CompressedImage;
-        let spec = TopicSpec { options, ..TopicSpec::new(name, image) };
+        let spec = TopicSpec::new(name, MessageType::CompressedImage);
         let mut sink = yarp.open_listener(&spec, &context).unwrap();
         until("a file", || {
             send(&cam, &Message::new(Payload::raw(jpeg.clone())));

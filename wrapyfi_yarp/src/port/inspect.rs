@@ -50,6 +50,28 @@ impl Network {
         name: &str,
         contact: Option<&str>,
     ) -> Result<Inspection, AdminError> {
+        self.inspected(name, contact, true).await
+    }
+
+    /// As [`Network::inspect`], of its connections alone: a port of YARP starts `lsb_release` before it says what
+    /// it is.
+    ///
+    /// # Errors
+    /// As [`AdminError`].
+    pub async fn inspect_connections(
+        &self,
+        name: &str,
+        contact: Option<&str>,
+    ) -> Result<Inspection, AdminError> {
+        self.inspected(name, contact, false).await
+    }
+
+    async fn inspected(
+        &self,
+        name: &str,
+        contact: Option<&str>,
+        whole: bool,
+    ) -> Result<Inspection, AdminError> {
         let looked_up;
         let contact = match contact {
             Some(contact) => contact,
@@ -59,12 +81,17 @@ impl Network {
             }
         };
         let limit = self.0.timeouts.admin;
-        let asked = timeout(limit, self.interview(name, contact)).await;
+        let asked = timeout(limit, self.interview(name, contact, whole)).await;
         let asked = asked.unwrap_or(Err(LinkError::Timeout(limit)));
         asked.map_err(|error| AdminError::Port { name: name.to_owned(), error })
     }
 
-    async fn interview(&self, name: &str, contact: &str) -> Result<Inspection, LinkError> {
+    async fn interview(
+        &self,
+        name: &str,
+        contact: &str,
+        whole: bool,
+    ) -> Result<Inspection, LinkError> {
         let options = self.link_options();
         let sender = Sender::new(ADMIN);
         let (mut link, _) = Link::open(contact, Carrier::TextAck, &sender, &[], &options).await?;
@@ -85,7 +112,7 @@ impl Network {
         let words = |words: [&str; 2]| words.map(Value::vocab);
         let mut itself: Bottle = words(["prop", "get"]).into_iter().collect();
         itself.push(name);
-        let itself = ask(itself).await?;
+        let itself = if whole { ask(itself).await? } else { Bottle::new() };
         let outputs = ask(words(["list", "out"]).into_iter().collect()).await?;
         let inputs = ask(words(["list", "in"]).into_iter().collect()).await?;
         // Whether it heard the goodbye changes nothing of what it said.
@@ -159,6 +186,8 @@ mod tests {
                 assert_eq!(network.inspect(name, contact).await.unwrap(), wanted, "{name}");
             }
         }
+        let wanted = Inspection { outputs: vec!["/reader".to_owned()], ..Inspection::default() };
+        assert_eq!(network.inspect_connections("/writer", None).await.unwrap(), wanted);
         drop((reader, writer, client, server));
         assert!(network.inspect("/nobody", None).await.is_err());
     }

@@ -65,16 +65,10 @@ impl Tie {
         format!("port {} to connect{why}", self.other())
     }
 
-    /// The carrier of a connection with the other one as it is now: files come from who has nothing else.
-    async fn carrier(&self, shared: &Shared) -> &str {
-        match &self.carrier {
-            Some(carrier) => carrier.as_str(),
-            None if self.own == self.source => "tcp",
-            None => {
-                let other = shared.located(self.other()).await;
-                if other.is_some_and(|other| other.has_files) { "mjpeg" } else { "tcp" }
-            }
-        }
+    /// Whether the other one, as it is now, is a source of files that may be no port of YARP.
+    async fn reads_files(&self, shared: &Shared) -> bool {
+        let is_source = self.own == self.destination;
+        is_source && shared.located(self.other()).await.is_some_and(|other| other.has_files)
     }
 
     /// Sees to it, for as long as it is run. `tied` says whether it is there, `changed` when to look
@@ -95,9 +89,13 @@ impl Tie {
                 bell.notified().await;
                 continue;
             }
-            let carrier = self.carrier(shared).await;
+            let has_files = self.reads_files(shared).await;
+            let usual = if has_files { "mjpeg" } else { "tcp" };
+            let carrier = self.carrier.as_deref().unwrap_or(usual);
+            // A name server connects those that have announced themselves, and who is no port never does.
+            let persistent = self.persistent && !has_files;
             let wish = reached.map(|reached| (reached, carrier));
-            if self.persistent && subscribed != wish {
+            if persistent && subscribed != wish {
                 let to = format!("{carrier}:/{}", self.destination);
                 let (names, open) = (shared.registrar.client(), Persistence::Open);
                 let asked = names.subscribe(&self.source, &to, open);
@@ -128,7 +126,7 @@ impl Tie {
                 continue;
             }
             let mut failure = None;
-            if !self.persistent {
+            if !persistent {
                 let (from, to) = (&self.source, &self.destination);
                 let asked = shared.network.connect(from, to, Some(carrier));
                 failure = unless_slow(asked, || say(self.missing(""))).await.err();
@@ -145,7 +143,7 @@ impl Tie {
                 Ok(()) = changed.changed() => continue,
                 () = retry.wait() => {}
             }
-            if self.persistent && !tied() {
+            if persistent && !tied() {
                 // An announcement makes the name server look at what should be connected.
                 if let Err(error) = shared.registrar.client().announce(&self.own, true).await {
                     tracing::debug!(own = self.own, %error, "the name server was not reminded");
