@@ -194,6 +194,14 @@ impl Pool {
             if is_behind {
                 state.at_behind -= 1;
             }
+            if state.stop {
+                state.workers -= 1;
+                drop(state);
+                // Nobody else closes a route that was left in the middle of its step. Without the lock: its ends
+                // ring when they close.
+                member.close();
+                return;
+            }
             self.put_back(&mut state, member, step);
         }
         state.workers -= 1;
