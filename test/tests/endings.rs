@@ -41,7 +41,7 @@ fn a_reader_of_the_status_that_stands_still_stops_nothing() -> Result {
 #[test]
 fn a_reader_of_the_status_that_went_ends_nothing() -> Result {
     let test = "a_reader_of_the_status_that_went_ends_nothing";
-    carries(test, |world, args| world.wrapyfi_unread(args))
+    carries(test, World::wrapyfi_unread)
 }
 
 /// Asks a bridge to end while it waits for the answer of something that takes connections and says nothing.

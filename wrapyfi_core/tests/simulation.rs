@@ -200,7 +200,7 @@ impl World {
         match self.dice.below(12) {
             0 => _ = self.sources.remove(topic),
             1 | 2 => {
-                _ = self.sources.insert(topic, publisher(&self.buses[0], &format!("/{topic}")))
+                _ = self.sources.insert(topic, publisher(&self.buses[0], &format!("/{topic}")));
             }
             3 => _ = self.sinks.remove(topic),
             4 | 5 => self.listen(topic),

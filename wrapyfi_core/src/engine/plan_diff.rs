@@ -42,7 +42,7 @@ pub enum ApplyError {
 #[derive(PartialEq)]
 enum Entry {
     Route(Route),
-    Pattern(PatternSpec),
+    Pattern(Box<PatternSpec>),
 }
 
 impl fmt::Display for Entry {
@@ -80,7 +80,8 @@ impl Plan {
             let key = route.key();
             (format!("{} {} -> {}", key.role, key.from, key.to), Entry::Route(route))
         });
-        let patterns = self.patterns.iter().map(|spec| (spec.ends(), Entry::Pattern(spec.clone())));
+        let pattern = |spec: &PatternSpec| (spec.ends(), Entry::Pattern(Box::new(spec.clone())));
+        let patterns = self.patterns.iter().map(pattern);
         routes.chain(patterns).collect()
     }
 }

@@ -149,9 +149,9 @@ impl Pool {
         }
         let is_behind = member.begins_or_ends();
         if is_behind {
-            state.behind.push_back(member)
+            state.behind.push_back(member);
         } else {
-            state.ready.push_back(member)
+            state.ready.push_back(member);
         }
         if state.idle > 0 {
             self.work.notify_one();

@@ -246,7 +246,8 @@ async fn calibration(client: &RpcClient, picture: &str) -> Result<Intrinsics, St
     };
     match ask(Dialect::V3).await {
         Ok(told) => Ok(told),
-        Err(why) => ask(Dialect::V4).await.map_err(|_| why),
+        // Where neither is known, what the usual one was answered tells more.
+        Err(why) => ask(Dialect::V4).await.or(Err(why)),
     }
 }
 
