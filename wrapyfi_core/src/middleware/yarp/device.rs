@@ -165,6 +165,9 @@ impl Device {
                 if tries >= TRIES {
                     // Not before somebody needs it.
                     self.wanted.notified().await;
+                } else if matches!(subject, Subject::Calibration { .. }) {
+                    // A camera that sends can tell: its first picture waits for that.
+                    tokio::select! { () = self.wanted.notified() => return, () = retry.wait() => return }
                 }
                 retry.wait().await;
             };
