@@ -33,10 +33,17 @@ fn device(world: &World, wrapper: &str, device: &str, more: &[&str]) -> Result<P
     Ok(world.yarp_tool("yarpdev", &args)?.pillar())
 }
 
-/// The first message of a port of YARP, read as a type.
-fn first(world: &World, port: &str, kind: &str) -> Result<Value> {
+/// The first message of a port of YARP that `is_wanted`, read as a type. Devices send before they have measured.
+fn first(
+    world: &World,
+    port: &str,
+    kind: &str,
+    is_wanted: impl Fn(&Value) -> bool,
+) -> Result<Value> {
     let echo = world.wrapyfi(["echo", &yarp(port), "--type", kind, "--json"])?;
-    Ok(echo.objects(1)?.remove(0))
+    echo.wait_until(&format!("a {kind}"), |output| {
+        output.objects().find(|heard| is_wanted(&heard["value"]))
+    })
 }
 
 fn number(value: &Value, path: &str) -> f64 {
@@ -55,7 +62,7 @@ fn a_laser_of_yarp_is_a_laser_of_ros() -> Result {
         let wall = ["--CONSTANT_MODE::const_distance", "1.25", "--name", &port];
         let args = [range, rays, wall].concat();
         let _laser = device(world, "rangefinder2D_nws_yarp", "fakeLaser", &args)?;
-        let heard = first(&world, &port, SCAN)?;
+        let heard = first(world, &port, SCAN, |scan| scan["ranges"][0] == 1.25)?;
         let scan = &heard["value"];
         let half = std::f64::consts::FRAC_PI_2;
         let step = 0.5_f64.to_radians();
@@ -81,7 +88,7 @@ fn an_odometry_of_yarp_is_one_of_ros() -> Result {
         let _server = world.yarpserver()?;
         let base = world.topic("base");
         let _base = device(world, "odometry2D_nws_yarp", "fakeOdometry2D", &["--name", &base])?;
-        let heard = first(&world, &format!("{base}/odometry:o"), ODOMETRY)?;
+        let heard = first(world, &format!("{base}/odometry:o"), ODOMETRY, Value::is_object)?;
         let odometry = &heard["value"];
         assert_eq!(odometry["header"]["frame_id"], "odom", "{heard}");
         assert_eq!(odometry["child_frame_id"], "base_link", "{heard}");
