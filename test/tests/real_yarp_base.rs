@@ -1,7 +1,7 @@
 //! A mobile base of YARP in ROS 2: its laser, its odometry, its camera with depth, and velocities to it. Each is
 //! `yarpdev` with a server of YARP's around one of its fake devices, at our name server.
 
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
+#![allow(clippy::indexing_slicing, clippy::panic, reason = "in a test a panic is the right answer")]
 
 use serde_json::{Value, json};
 use wrapyfi_e2e::{Need, Process, Result, Route, World, ros2, run, yarp};
