@@ -238,7 +238,7 @@ fn a_reader_that_went_is_no_complaint() -> Result {
         let echo = ["echo", "zeromq:/a", "--type", "NativeObject"];
         for args in [
             &["check", &file][..],
-            &["bridge", "--config", &file, "--json"],
+            &["bridge", "--config", &file, "--json", "--seconds", "2"],
             &["demo", "--seconds", "2"],
             &["list", "--json"],
             &["--help"],

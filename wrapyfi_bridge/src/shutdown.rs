@@ -38,9 +38,9 @@ fn end_in_time() {
 
 impl Shutdown {
     /// Catches SIGINT and SIGTERM. Where what the process does cannot be interrupted, such as to wait for a name
-    /// server that does not answer, it ends all the same in time, with exit code 0. One that comes a second after the first, or later, ends the process at once
-    /// with exit code 1; one that comes earlier is the same wish: a supervisor signals the group of processes,
-    /// and `ros2 launch` in it passes the signal on.
+    /// server that does not answer, it ends all the same in time, with exit code 0. A signal that comes a second
+    /// after the first, or later, ends the process at once with exit code 1; one that comes earlier is the same
+    /// wish: a supervisor signals the group of processes, and `ros2 launch` in it passes the signal on.
     ///
     /// # Errors
     /// When the system refuses a handler or a thread.

@@ -205,8 +205,11 @@ mod tests {
 
     #[test]
     fn what_may_wait_is_bounded_by_the_file() {
-        let text = |mib| format!("limits: {{ waiting_mib: {mib} }}\nroutes: []\n");
-        load_text(&text(1), "bridge.yaml").unwrap();
+        let text = |mib| {
+            let route = "{ from: 'zeromq:/a', to: 'ros2:/a', type: Text }";
+            format!("limits: {{ waiting_mib: {mib} }}\nroutes: [{route}]\n")
+        };
+        assert_eq!(load_text(&text(1), "bridge.yaml").unwrap().waiting_bytes, Limits::MIB);
         let error = load_text(&text(0), "bridge.yaml").unwrap_err().to_string();
         assert!(error.contains("waiting_mib is 0, it must be at least 1"), "{error}");
     }

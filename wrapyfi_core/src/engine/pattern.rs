@@ -43,11 +43,15 @@ const NOT_SERVICES: [&str; 11] = [
     "set_logger_levels",
 ];
 
-/// Whether a topic is left out unless `default_deny: false` says otherwise: hidden ones, whose names have
+/// Ports of YARP's logs begin so; a number follows, with which no name of ROS may begin.
+const LOGS_OF_YARP: &str = "log/";
+
+/// Tells topics that are left out unless `default_deny: false` says otherwise: hidden ones, whose names have
 /// a part that begins with `_`, those of the logs, of time, and of parameters.
-pub(super) fn is_denied_topic(name: &str) -> bool {
+pub(super) fn is_denied_topic(middleware: &str, name: &str) -> bool {
     let bare = bare(name);
-    is_hidden(bare) || NOT_TOPICS.contains(&bare)
+    let is_log = middleware == "yarp" && bare.starts_with(LOGS_OF_YARP);
+    is_hidden(bare) || is_log || NOT_TOPICS.contains(&bare)
 }
 
 /// As [`is_denied_topic`], for services of a middleware: hidden ones, and what every node there offers
@@ -382,11 +386,13 @@ mod tests {
     fn some_are_left_out_by_default() {
         for name in ["/rosout", "/rosout_agg", "/clock", "/parameter_events", "/_x", "/a/_action/b"]
         {
-            assert!(is_denied_topic(name), "{name}");
+            assert!(is_denied_topic("ros", name), "{name}");
         }
         for name in ["/tf", "/tf2", "/robot/clock", "/a_b", "/rosout2"] {
-            assert!(!is_denied_topic(name), "{name}");
+            assert!(!is_denied_topic("ros", name), "{name}");
         }
+        let log = "/log/robot/yarpdev/4711";
+        assert!(is_denied_topic("yarp", log) && !is_denied_topic("ros2", log));
         for name in ["/talker/get_parameters", "/rosout/set_logger_level", "/x/_action/send_goal"] {
             assert!(is_denied_service("ros2", name), "{name}");
         }

@@ -118,7 +118,7 @@ impl PatternSpec {
             Source::One(address) => (address.name == name).then(|| self.to.name.clone()),
             Source::Names { middleware, pattern, allow, deny, default_deny } => {
                 let denied = match self.carried {
-                    Carried::Topics { .. } => is_denied_topic(name),
+                    Carried::Topics { .. } => is_denied_topic(middleware, name),
                     Carried::Services { .. } => is_denied_service(middleware, name),
                 };
                 let allowed = allow.is_empty() || allow.iter().any(|one| one.matches(name));

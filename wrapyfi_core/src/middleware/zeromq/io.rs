@@ -326,8 +326,9 @@ impl End {
                     line.ring();
                 }
                 line.write()?;
-                // Last: what is left unread may have had its signal.
-                look.more |= line.read()?;
+                line.read()?;
+                // Last: reading or writing may have taken the signal of what the other could not do before.
+                look.more |= line.has_more()?;
                 line.revive(now)
             }
             Self::Closing(_, watch) => {

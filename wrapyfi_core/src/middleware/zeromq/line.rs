@@ -204,11 +204,18 @@ impl Line {
         Ok(())
     }
 
-    /// Reads what the socket has, one batch at most; true when there may be more.
-    pub(super) fn read(&self) -> zmq::Result<bool> {
+    /// True when there is something to read, or room for what waits to be sent.
+    pub(super) fn has_more(&self) -> zmq::Result<bool> {
+        let events = self.socket.get_events()?;
+        let waits = || !lock(&self.post.outgoing).is_empty();
+        Ok(events.contains(zmq::POLLIN) || (events.contains(zmq::POLLOUT) && waits()))
+    }
+
+    /// Reads what the socket has, one batch at most.
+    pub(super) fn read(&self) -> zmq::Result<()> {
         for _ in 0..BATCH {
             let Some((parcel, size)) = envelope::receive(&self.socket, self.message_bytes)? else {
-                return Ok(false);
+                break;
             };
             let counters = &self.post.context.counters;
             if self.post.end == End::Server {
@@ -227,16 +234,15 @@ impl Line {
                 }
             };
             if self.post.is_full() {
-                // To be written, at the next look.
                 self.refuse(envelope, size);
-                return Ok(true);
+                continue;
             }
             let received_at = Instant::now();
             let delivery = Delivery { envelope, body, wire_bytes: size, received_at };
             lock(&self.post.incoming).push_back(delivery);
             self.ring();
         }
-        Ok(true)
+        Ok(())
     }
 
     /// Drops a message that there is no room for, and says so to a client that waits for it.

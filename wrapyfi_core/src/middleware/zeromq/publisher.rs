@@ -205,15 +205,16 @@ impl Outlet {
         let mut state = self.lock();
         let Some(socket) = &state.socket else { return Err(zmq::Error::ETERM) };
         let mut rest = frames.into_iter().peekable();
-        while let Some(frame) = rest.next() {
+        let mut sent = Ok(());
+        while let (Ok(()), Some(frame)) = (&sent, rest.next()) {
             let more = if rest.peek().is_some() { zmq::SNDMORE } else { 0 };
-            socket.send(frame, more | zmq::DONTWAIT)?;
+            sent = socket.send(frame, more | zmq::DONTWAIT);
         }
-        // Sending may have taken the signal the I/O thread waits for.
+        // Sending may have taken the signal the I/O thread waits for, also where there was no room.
         if state.hear(&self.topic) {
             self.wake.ring();
         }
-        Ok(())
+        sent
     }
 
     /// Closes the socket, even if the publisher lives on.
