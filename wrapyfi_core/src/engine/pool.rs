@@ -195,12 +195,12 @@ impl Pool {
                 state.at_behind -= 1;
             }
             if state.stop {
-                state.workers -= 1;
                 drop(state);
                 // Nobody else closes a route that was left in the middle of its step. Without the lock: its ends
-                // ring when they close.
+                // ring when they close. The program waits for it: it has to sign off where it is registered.
                 member.close();
-                return;
+                state = lock(&self.state);
+                break;
             }
             self.put_back(&mut state, member, step);
         }
