@@ -14,12 +14,15 @@ use std::time::{Duration, Instant};
 use wrapyfi_interfaces::store::TypeStore;
 
 use super::driver::Driver;
+use super::member::Member;
 use super::plan::Plan;
 use super::plan_diff::{ApplyError, PlanDiff};
 use super::route::RouteStatus;
 
 /// How long a stop waits for steps that block, and for a look at what exists.
 const STOP_WITHIN: Duration = Duration::from_secs(1);
+/// Most routes that close at once.
+const CLOSE_AT_ONCE: usize = 16;
 /// Pause of the reconciler where there are no patterns: a new plan rings.
 const IDLE: Duration = Duration::from_secs(3600);
 
@@ -112,12 +115,24 @@ impl Running {
                 tracing::error!("a thread of the routes panicked");
             }
         }
-        for member in self.driver.members() {
-            if !member.close() {
-                let RouteStatus { name, state, .. } = member.status();
-                tracing::warn!(route = name, "is left in the middle of a step: {state}");
+        let members = self.driver.members();
+        let close = |members: &[Arc<Member>]| {
+            for member in members {
+                if !member.close() {
+                    let RouteStatus { name, state, .. } = member.status();
+                    tracing::warn!(route = name, "is left in the middle of a step: {state}");
+                }
             }
-        }
+        };
+        // Side by side: a reliable writer of DDS waits a second for a reader that was killed.
+        std::thread::scope(|scope| {
+            for some in members.chunks(members.len().div_ceil(CLOSE_AT_ONCE).max(1)) {
+                let thread = std::thread::Builder::new().name("route-close".to_owned());
+                if thread.spawn_scoped(scope, move || close(some)).is_err() {
+                    close(some);
+                }
+            }
+        });
     }
 }
 
