@@ -1,11 +1,13 @@
 # make demo    all programs, and the main job on a bare machine: ZeroMQ in, ROS 2 out, a live table
+# make check   for daily work: format, lints, tests without real peers
 # make test    everything: format, lints, tests against real peers, documentation, colcon
+# make nightly what takes hours: fuzz targets, more seeds, every feature alone, licences and sources of dependencies
 # make bench   raw transports, bridge and Python Wrapyfi measured by turns: bench/RESULTS.md
-# make doc     API documentation of the workspace, in target/doc
+# make doc     API documentation of the workspace, in target/doc; links of the pages
 # make fmt     formats the sources
 # make lint    lints only
-# make fuzz    fuzz targets, SECONDS_EACH=60 seconds each; see docs/fuzzing.md
-# make test-rmw   ROS 2 through the rmw of the ROS 2 that is sourced
+# make fuzz    fuzz targets, SECONDS_EACH=60 seconds each; see fuzz/README.md
+# make test-rmw   ROS 2 a second time, through each rmw of an installed ROS 2; a part of make test
 # make test-frameworks   tensors of the real PyTorch, JAX, TensorFlow, Paddle: 700 MB to download, once
 
 SHELL := /bin/bash
@@ -13,8 +15,8 @@ SHELL := /bin/bash
 MAKEFLAGS += --no-print-directory
 # One after the other: every step uses all cores, and each one fails with its own message.
 .NOTPARALLEL:
-.PHONY: demo test bench doc fmt lint fuzz setup-build setup-test setup-frameworks test-fmt test-rust
-.PHONY: test-frameworks test-python test-colcon test-rmw
+.PHONY: demo check test nightly bench doc fmt lint fuzz setup-build setup-test setup-frameworks test-fmt test-rust
+.PHONY: test-frameworks test-python test-colcon test-rmw test-seeds test-features deny
 
 DEMO_ARGS ?= --seconds 20
 BENCH_ARGS ?=
@@ -28,8 +30,16 @@ demo: setup-build
 	cargo build --release --locked --package wrapyfi_bridge
 	@$(CARGO) run --release --locked --package wrapyfi_bridge --bin wrapyfi -- demo $(DEMO_ARGS)
 
-test: setup-test test-fmt lint test-rust test-python doc test-colcon
+# The same selection of the workspace as everywhere, so that nothing is compiled twice.
+check: test-fmt lint
+	@$(CARGO) nextest run --workspace --locked --no-run
+	@scripts/lo-namespace.sh cargo nextest run --workspace --locked --status-level fail --final-status-level slow \
+		-E 'not (package(wrapyfi_e2e) or test(/^simulation::/))'
+
+test: setup-test test-fmt lint test-rust test-rmw test-python doc test-colcon
 	@echo "make test: all passed"
+
+nightly: deny test-features test-seeds fuzz
 
 setup-build:
 	@scripts/setup.sh build
@@ -51,6 +61,22 @@ CAMERAS := --features wrapyfi_communicator_examples/v4l2
 
 lint: | target/COLCON_IGNORE
 	@$(CARGO) clippy --workspace --all-targets --locked $(CAMERAS) -- -D warnings
+
+	@scripts/dependencies.sh
+
+# Licences, doubled crates, sources: what needs no list of advisories from outside.
+deny:
+	@command -v cargo-deny >/dev/null || cargo install --locked cargo-deny --target-dir target/cargo-deny
+	@cargo deny --offline --log-level error check licenses bans sources
+
+# Each feature alone, which no other build compiles: one must not need another.
+test-features: | target/COLCON_IGNORE
+	@scripts/features.sh
+
+# Bridges under an invented clock: ten times the seeds of `make test`.
+test-seeds: export WRAPYFI_SEEDS ?= 100000
+test-seeds: | target/COLCON_IGNORE
+	@cargo nextest run --workspace --locked --profile nightly -E 'test(/^simulation::/)'
 
 fuzz: export SECONDS_EACH ?= 60
 fuzz: | target/COLCON_IGNORE
@@ -74,22 +100,19 @@ test-python:
 # Not part of `make test`: the libraries take 3 GB of disk.
 test-frameworks: setup-test setup-frameworks | target/COLCON_IGNORE
 	@$(CARGO) build --locked --package wrapyfi_bridge
-	@$(CARGO) nextest run --locked --package wrapyfi_e2e --test frameworks --no-run
-	@$(CARGO) nextest run --locked --package wrapyfi_core --no-default-features --features candle \
-		--test tensor_candle
+	@$(CARGO) nextest run --locked --package wrapyfi_e2e --no-run
+	@$(CARGO) nextest run --locked --package wrapyfi_data --features candle \
+		tensor_candle::
 	@WRAPYFI_REQUIRE_PEERS=1 WRAPYFI_PYTHON=$(CURDIR)/.venv-frameworks/bin/python \
 		WRAPYFI_FRAMEWORKS=1 scripts/lo-namespace.sh \
-		cargo nextest run --locked --package wrapyfi_e2e --test frameworks
+		cargo nextest run --locked --package wrapyfi_e2e frameworks::
 
-# Not part of `make test`: needs a ROS 2 that is sourced. RMW_IMPLEMENTATION chooses the middleware.
-RMW := --workspace --locked --features wrapyfi_bridge/rmw
+# Of the ROS 2 that is sourced, else of the newest in /opt/ros; a counted skip where there is none.
 test-rmw: setup-test | target/COLCON_IGNORE
-	@$(CARGO) build $(RMW)
-	@$(CARGO) nextest run $(RMW) --no-run
-	@WRAPYFI_REQUIRE_PEERS=1 WRAPYFI_REQUIRE_ROS2=1 scripts/lo-namespace.sh cargo nextest run $(RMW) \
-		-E 'package(wrapyfi_rmw) or binary(ros2_rmw) or binary(real_ros2)' --status-level fail
+	@scripts/test-rmw.sh
 
 doc: | target/COLCON_IGNORE
+	@$(PYTHON3) scripts/links.py
 	@RUSTDOCFLAGS="-D warnings" $(CARGO) doc --workspace --no-deps --locked
 
 test-colcon:

@@ -175,8 +175,11 @@ def main():
                 cases += from_nextest(junit)
     else:
         kinds = ["--lib"] if is_library else []
+        features = ["full"] if crate == "wrapyfi_core" else []
         if options.rmw and crate in ("wrapyfi_core", "wrapyfi_bridge"):
-            kinds += ["--features", "rmw"]
+            features.append("rmw")
+        if features:
+            kinds += ["--features", ",".join(features)]
         status, text = run(
             [options.cargo, "test", "--release", "--locked", "--package", crate, *kinds]
             + ["--bins", "--tests", "--no-fail-fast", "--", "--show-output"]

@@ -138,8 +138,8 @@ for file in \
     install/wrapyfi_msgs/share/ament_index/resource_index/rosidl_interfaces/wrapyfi_msgs \
     install/wrapyfi_bridge/lib/wrapyfi_bridge/{bridge,ros1_bridge,yarp_bridge,zeromq_bridge,wrapyfi} \
     install/wrapyfi_bridge/bin/wrapyfi \
-    install/wrapyfi_core/share/ament_index/resource_index/rust_packages/{wrapyfi_core,wrapyfi_interfaces,wrapyfi_macros,wrapyfi_rmw,wrapyfi_yarp} \
-    install/wrapyfi_core/share/{wrapyfi_core,wrapyfi_interfaces,wrapyfi_macros,wrapyfi_rmw,wrapyfi_yarp}/rust/Cargo.toml \
+    install/wrapyfi_core/share/ament_index/resource_index/rust_packages/wrapyfi_{core,data,endpoint,engine,interfaces,macros,node,retry,rmw,ros1,ros2,yarp,yarp_endpoint,zeromq} \
+    install/wrapyfi_core/share/wrapyfi_{core,data,endpoint,engine,interfaces,macros,node,retry,rmw,ros1,ros2,yarp,yarp_endpoint,zeromq}/rust/Cargo.toml \
     install/wrapyfi/share/wrapyfi/launch/{bridge,all_of}.launch.py \
     install/wrapyfi/share/wrapyfi/config/example.yaml; do
     [ -e "$file" ] || fail "$file was not installed"
@@ -175,7 +175,7 @@ version = "0.0.0"
 edition = "2024"
 
 [dependencies]
-wrapyfi_core = { path = "$core/wrapyfi_core/rust" }
+wrapyfi_core = { path = "$core/wrapyfi_core/rust", features = ["zeromq"] }
 wrapyfi_interfaces = { path = "$core/wrapyfi_interfaces/rust" }
 
 # As in the workspace, so that the crates compiled there serve here.

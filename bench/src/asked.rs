@@ -29,10 +29,10 @@ use crate::worker::{Order, Report, micros, say};
 const PIXELS: usize = 640 * 480 * 3;
 /// Calls that are made before anything is measured.
 const WARM: u32 = 2;
-/// How long to look for the server.
+/// Longest time to look for the server, in nanoseconds.
 const OPENING: u64 = 20_000_000_000;
 
-/// Who asks whom.
+/// Pair of client and server.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Asked {
     Ours,
@@ -43,15 +43,15 @@ pub(crate) enum Asked {
 /// Ports of a broker of requests.
 #[derive(Debug, Clone, Copy, clap::Args)]
 pub(crate) struct Place {
-    /// Where clients connect.
+    /// Port that clients connect to.
     #[arg(long)]
     rep_port: u16,
-    /// Where servers connect.
+    /// Port that servers connect to.
     #[arg(long)]
     req_port: u16,
 }
 
-/// What one turn found.
+/// Figures of one turn.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Answers {
     pub(crate) report: Report,
@@ -71,7 +71,7 @@ impl Asked {
         }
     }
 
-    /// For people.
+    /// Title of the pair, for people.
     pub(crate) fn title(self) -> &'static str {
         match self {
             Self::Ours => "our client, our server",

@@ -1,4 +1,4 @@
-//! What is measured: the ways, and the payloads on each.
+//! Cases of the benchmark: the ways, and the payloads on each.
 
 use crate::payload::Kind::{self, Audio, F32Mib, FullHdRgb, Small, U8Rgb200, VgaJpeg, VgaRgb};
 use crate::worker::Order;
@@ -59,7 +59,7 @@ impl Way {
         }
     }
 
-    /// For people.
+    /// Title of the way, for people.
     pub(crate) fn title(self) -> &'static str {
         match self {
             Self::RawZmq => "raw ZeroMQ hop (PUB, broker, SUB)",
@@ -80,7 +80,7 @@ impl Way {
         matches!(self, Self::PythonHop | Self::PythonForward)
     }
 
-    /// What it is measured with.
+    /// Payloads that the way is measured with.
     fn payloads(self) -> &'static [Kind] {
         match self {
             Self::RawZmq | Self::RawDds | Self::ZmqToRos | Self::RosToZmq => {

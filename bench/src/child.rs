@@ -10,8 +10,8 @@ use std::time::{Duration, Instant};
 use anyhow::{Context as _, Result, bail};
 use serde::de::DeserializeOwned;
 
-/// How long an answer may take.
-const PATIENCE: Duration = Duration::from_secs(120);
+/// Longest time that an answer may take.
+const TIMEOUT: Duration = Duration::from_secs(120);
 
 /// A running program; dropping it ends it.
 pub(crate) struct Child {
@@ -40,7 +40,7 @@ impl Child {
         Ok(Self { name: name.to_owned(), process, lines, log })
     }
 
-    /// Its process id.
+    /// Id of the process.
     pub(crate) fn id(&self) -> u32 {
         self.process.id()
     }
@@ -54,7 +54,7 @@ impl Child {
 
     /// The next JSON object it prints; other lines are passed over.
     pub(crate) fn answer<T: DeserializeOwned>(&mut self) -> Result<T> {
-        let deadline = Instant::now() + PATIENCE;
+        let deadline = Instant::now() + TIMEOUT;
         loop {
             let left = deadline.saturating_duration_since(Instant::now());
             match self.lines.recv_timeout(left) {
@@ -73,7 +73,7 @@ impl Child {
         }
     }
 
-    /// Whether it still runs.
+    /// True while the process runs.
     pub(crate) fn runs(&mut self) -> bool {
         matches!(self.process.try_wait(), Ok(None))
     }

@@ -48,7 +48,7 @@ const LARGE: usize = 100 << 18;
 /// `max_message_mib: 256`.
 const LIMITS: usize = 256 * Limits::MIB;
 
-/// What is timed: its name, the times so far, the work itself.
+/// Work that is timed: its name, the times so far, the work itself.
 type Work<'a> = (&'static str, Vec<f64>, &'a mut dyn FnMut());
 
 /// The message of 1 MiB in its two forms, and what base64 alone is given.
@@ -115,7 +115,7 @@ impl Native {
     }
 }
 
-/// What the process that codes the large array does.
+/// Task of the process that codes the large array.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum Large {
     /// Makes the array, encodes it, and leaves the text in the file.
@@ -124,12 +124,12 @@ pub(crate) enum Large {
     Decode,
 }
 
-/// What that process tells.
+/// Figures of that process.
 #[derive(Debug, Serialize, Deserialize)]
 struct Told {
     /// Bytes of the text.
     text: usize,
-    /// How far resident memory rose over what the process began with, in KiB, at its peak.
+    /// Growth of resident memory over that at the beginning, in KiB, at its peak.
     grown_kib: f64,
 }
 

@@ -30,15 +30,15 @@ use crate::worker::{Order, say};
 
 /// Writers, and as many readers.
 const EACH: usize = 250;
-/// How long discovery may take.
-const PATIENCE: Duration = Duration::from_secs(60);
-/// Between discovery and what is measured, and before the rest without a crowd.
+/// Longest time that discovery may take.
+const TIMEOUT: Duration = Duration::from_secs(60);
+/// Pause between discovery and the measurement, and before the rest without a crowd.
 const SETTLE: Duration = Duration::from_secs(3);
 
-/// What was found. Shares are of one core, in percent.
+/// Figures of the bridge among foreign endpoints. Shares are of one core, in percent.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Rest {
-    /// How long each share was measured.
+    /// Time for which each share was measured.
     pub(crate) seconds: u32,
     /// Foreign endpoints.
     pub(crate) endpoints: usize,
@@ -123,6 +123,6 @@ pub(crate) fn onlooker(domain: u32) -> Result<()> {
         let found = graph.endpoints().unwrap_or_default();
         found.iter().filter(|found| found.topic.starts_with("/crowd/")).count()
     };
-    wait_until(&Wake::new(), PATIENCE, || count() >= 2 * EACH);
+    wait_until(&Wake::new(), TIMEOUT, || count() >= 2 * EACH);
     say(&serde_json::to_value(Told { endpoints: count() })?)
 }

@@ -1,4 +1,4 @@
-//! What messages of a type known only at run time cost: `sensor_msgs/msg/JointState` of an arm.
+//! Cost of messages of a type known only at run time: `sensor_msgs/msg/JointState` of an arm.
 
 use std::hint::black_box;
 

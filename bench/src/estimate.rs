@@ -50,14 +50,14 @@ impl<const N: usize> Estimate<N> {
     }
 }
 
-/// What was promised of a figure.
+/// Promise about a figure.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Limit {
     AtMost(f64),
     AtLeast(f64),
 }
 
-/// Whether a promise holds.
+/// Outcome of a promise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Verdict {
     /// The whole interval keeps it.
@@ -69,7 +69,7 @@ pub(crate) enum Verdict {
 }
 
 impl Limit {
-    /// What an interval says of this.
+    /// Compares the promise with an interval.
     pub(crate) fn judge(self, interval: Option<(f64, f64)>) -> Verdict {
         let Some((low, high)) = interval else { return Verdict::Undecided };
         let (kept, broken) = match self {

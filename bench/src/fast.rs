@@ -30,16 +30,16 @@ const SETTLE: u32 = 75;
 const PROBE: &str = "#include <fastdds/dds/domain/DomainParticipant.hpp>\n\
                      #include <fastrtps/utils/IPLocator.h>\n";
 
-/// What the stream found.
+/// Figures of the stream.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Stream {
-    /// How long it ran, in seconds.
+    /// Duration of the stream in seconds.
     pub(crate) seconds: u32,
     /// The source's account.
     pub(crate) report: Report,
     /// Datagrams that no socket had room for, of all processes.
     pub(crate) dropped: u64,
-    /// What the kernel gives a socket that asks for nothing, in bytes.
+    /// Receive buffer of a socket that asks for nothing, in bytes.
     pub(crate) rmem_default: u64,
 }
 
@@ -60,9 +60,6 @@ struct Said {
 }
 
 /// Compiles the peer.
-///
-/// # Errors
-/// Where the system has no Fast DDS 2.
 fn peer(folder: &Path) -> Result<PathBuf> {
     let repository = Path::new(env!("CARGO_MANIFEST_DIR")).parent().context("no repository")?;
     let compiler = || Command::new(std::env::var_os("CXX").unwrap_or_else(|| "c++".into()));
@@ -84,16 +81,13 @@ fn peer(folder: &Path) -> Result<PathBuf> {
 }
 
 /// Runs it.
-///
-/// # Errors
-/// Where the system has no Fast DDS 2, or a process fails.
 pub(crate) fn run(bench: &Bench, seconds: u32) -> Result<Stream> {
     let kind = Kind::VgaRgb;
     let program = peer(&bench.folder)?;
     let mut line = bench.line_to(Case { way: Way::ZmqToRos, payload: kind }, |domain| {
         let mut command = bench.command(&program);
         command.args(["subscribe", "--topic", "/out", "--type", "sensor_msgs/msg/Image"]);
-        // What ROS 2 has for sensors.
+        // ROS 2's depth for sensors.
         command.args(["--depth", "5"]).env("ROS_DOMAIN_ID", domain.to_string());
         command
     })?;

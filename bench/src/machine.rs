@@ -15,7 +15,7 @@ fn field(path: &str, name: &str) -> String {
     found.map_or_else(|| "unknown".to_owned(), |(_, value)| value.trim().to_owned())
 }
 
-/// What is known about it: names and values.
+/// Description of the machine: names and values.
 pub(crate) fn describe() -> Vec<(&'static str, String)> {
     let date = DateTime::<Utc>::from(std::time::SystemTime::now());
     let governor = line("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor");

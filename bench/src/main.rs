@@ -1,6 +1,7 @@
 //! `make bench`: raw transports, our bridge and Python Wrapyfi measured by turns in one run.
 //!
-//! How: `README.md` beside this. What came out last: `RESULTS.md`, `results.csv`, `plot.svg`.
+//! `README.md` beside this describes the method; `RESULTS.md`, `results.csv` and `plot.svg` hold
+//! the last figures.
 
 mod asked;
 mod case;
@@ -12,6 +13,7 @@ mod dynamic;
 mod estimate;
 mod fast;
 mod machine;
+mod many;
 mod micro;
 mod payload;
 mod plot;
@@ -80,7 +82,7 @@ struct Cli {
     role: Option<Role>,
 }
 
-/// What a process that the benchmark started is.
+/// Task of a process that the benchmark started.
 #[derive(Debug, Subcommand)]
 enum Role {
     /// Sends.
@@ -397,6 +399,12 @@ fn run(cli: &Cli) -> Result<()> {
         match crowd::run(&bench, if cli.quick { 5 } else { 15 }) {
             Ok(rest) => results.rest(rest),
             Err(error) => results.failures.push(format!("foreign endpoints: {error:#}")),
+        }
+    }
+    if cli.only.as_deref().is_none_or(|only| only == "many") {
+        match many::run(&bench, if cli.quick { 5 } else { 15 }) {
+            Ok(many) => results.many(many),
+            Err(error) => results.failures.push(format!("a thousand routes: {error:#}")),
         }
     }
     if cli.only.as_deref().is_none_or(|only| only == "yarp") {

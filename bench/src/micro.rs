@@ -1,4 +1,4 @@
-//! What the machine can do, and what coding costs, in one thread of this process.
+//! Speed of the machine, and cost of coding, in one thread of this process.
 
 use std::hint::black_box;
 use std::io::{Read as _, Write as _};
@@ -39,7 +39,7 @@ pub(crate) fn time(mut work: impl FnMut()) -> f64 {
     median(&times).unwrap_or_default()
 }
 
-/// What is coded again and again.
+/// Payloads that are coded again and again.
 pub(crate) struct Bodies {
     vga: Vec<u8>,
     mib: Vec<u8>,

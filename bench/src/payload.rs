@@ -1,12 +1,12 @@
-//! What is sent: the payloads, and their bytes on each wire with a number in them.
+//! Payloads of the benchmark, and their bytes on each wire with a number in them.
 //!
 //! ```text
 //!   Image, AudioChunk   the number is the stamp's seconds above BASE: header frame, CDR bytes 4..8
 //!   NativeObject        the number is the member `seq`, ten digits: in JSON text on both wires
 //! ```
 //!
-//! So a message that was encoded once can be numbered in place, and a sink finds the number in the
-//! bytes that arrive without decoding them.
+//! A message that was encoded once can thus be numbered in place, and a sink finds the number in
+//! the bytes that arrive without decoding them.
 
 use anyhow::{Context as _, Result, bail};
 use bytes::Bytes;
@@ -59,7 +59,7 @@ impl Kind {
         }
     }
 
-    /// For people.
+    /// Title of the payload, for people.
     pub(crate) fn title(self) -> &'static str {
         match self {
             Self::Small => "small dict",
@@ -72,7 +72,7 @@ impl Kind {
         }
     }
 
-    /// What a route that carries it is configured with.
+    /// Type that a route for the payload is configured with.
     pub(crate) fn message_type(self) -> MessageType {
         match self {
             Self::Small | Self::U8Rgb200 | Self::F32Mib => MessageType::NativeObject,
@@ -195,7 +195,7 @@ impl Maker {
         TopicSpec::new(topic, self.kind.message_type())
     }
 
-    /// Where the ten digits stand in JSON.
+    /// Offset of the ten digits in JSON.
     fn number_at(&self, body: &[u8]) -> Result<usize> {
         if self.kind.is_stamped() {
             return Ok(0);

@@ -59,7 +59,7 @@ fn label(way: Way) -> &'static str {
     }
 }
 
-/// Where a latency lies on the axis.
+/// Position of a latency on the axis.
 fn x(micros: f64) -> f64 {
     LEFT + (micros.max(1.0).log10().clamp(FIRST, LAST) - FIRST) / (LAST - FIRST) * PLOT
 }

@@ -1,4 +1,4 @@
-//! What a registered method costs above the method and above the raw endpoint.
+//! Cost of a registered method above the method and above the raw endpoint.
 //!
 //! ```text
 //!   call      the method itself ─ mode none ─ publish, nobody listens         by turns

@@ -22,7 +22,7 @@ const ARRAY_HEADER: usize = 128;
 /// Characters of base64 that hold only header: 126 bytes.
 const WHOLE: usize = 168;
 
-/// Where things are in the two forms of the picture.
+/// Layout of the picture in its two forms.
 struct Form {
     kind: Kind,
     frames: Numbered,

@@ -8,6 +8,7 @@ use crate::case::{Case, Way};
 use crate::crowd::Rest;
 use crate::estimate::Series;
 use crate::fast;
+use crate::many::Many;
 use crate::micro::Figure;
 use crate::payload::Kind;
 use crate::python::Coding;
@@ -23,15 +24,16 @@ use crate::yarp::{Ports, Ride};
 #[derive(Default)]
 pub(crate) struct Results {
     pub(crate) rounds: u32,
-    /// By round: a turn that failed is missing.
+    /// Turns of each case by round: a turn that failed is missing.
     turns: BTreeMap<Case, BTreeMap<u32, Turn>>,
-    /// In the order in which they were first measured.
+    /// Figures of single threads, in the order in which they were first measured.
     micro: Vec<(String, Series)>,
     coding: BTreeMap<Kind, BTreeMap<u32, Coding>>,
     trips: BTreeMap<Trip, BTreeMap<u32, Leg>>,
     asked: BTreeMap<Asked, BTreeMap<u32, Answers>>,
     pub(crate) soak: Option<Soak>,
     pub(crate) rest: Option<Rest>,
+    pub(crate) many: Option<Many>,
     pub(crate) fast: Option<fast::Stream>,
     rides: BTreeMap<Ride, BTreeMap<u32, Leg>>,
     pub(crate) ports: Option<Ports>,
@@ -39,7 +41,7 @@ pub(crate) struct Results {
     streams: BTreeMap<tcpros::Way, Streams>,
     /// Turns that failed, with the reason.
     pub(crate) failures: Vec<String>,
-    /// Why there are no figures of Python Wrapyfi.
+    /// Reason why there are no figures of Python Wrapyfi.
     pub(crate) no_python: Option<String>,
     /// Load average at the start of every round.
     pub(crate) loads: Vec<f64>,
@@ -53,7 +55,7 @@ pub(crate) struct Summary {
     pub(crate) p50: f64,
     /// Lowest and highest median of a round.
     pub(crate) p50_range: (f64, f64),
-    /// Of all messages of all rounds together.
+    /// 99th percentile of all messages of all rounds together.
     pub(crate) p99: f64,
     /// Rounds in which it was measured.
     pub(crate) rounds: usize,
@@ -76,7 +78,7 @@ fn lost(report: &Report) -> u32 {
 }
 
 impl Results {
-    /// Nothing yet.
+    /// Results of a run of `rounds` rounds, empty so far.
     pub(crate) fn new(rounds: u32) -> Self {
         Self { rounds, ..Self::default() }
     }
@@ -164,6 +166,22 @@ impl Results {
         Some((all.iter().filter_map(half).collect(), used))
     }
 
+    /// Adds what a bridge of many routes takes.
+    #[allow(clippy::cast_precision_loss)]
+    pub(crate) fn many(&mut self, many: Many) {
+        for (measure, value) in [
+            ("opening_ms", many.opening_ms),
+            ("threads", many.threads as f64),
+            ("rss_mib", many.rss_mib),
+            ("percent_of_core", many.share),
+            ("reload_ms", many.reload_ms),
+            ("lost", many.lost as f64),
+        ] {
+            self.row(0, "many", "rest", measure, value);
+        }
+        self.many = Some(many);
+    }
+
     /// Adds what a bridge at rest takes.
     pub(crate) fn rest(&mut self, rest: Rest) {
         for (measure, value) in [
@@ -210,7 +228,7 @@ impl Results {
         self.rides.get(&ride)
     }
 
-    /// Its median in each round.
+    /// Median of the ride in each round.
     pub(crate) fn ride_halves(&self, ride: Ride) -> Option<Series> {
         let half =
             |(round, leg): (&u32, &Leg)| Some((*round, median(&leg.calls.report.latency_us)?));

@@ -1,4 +1,4 @@
-//! What it costs to carry messages between ROS 1 and CDR, beside memcpy of the same bytes.
+//! Cost of carrying messages between ROS 1 and CDR, beside memcpy of the same bytes.
 //!
 //! ```text
 //!   memcpy of the ROS 1 bytes ─▶ to CDR ─▶ to ROS 1 ┐
@@ -23,7 +23,7 @@ pub(crate) const CASES: [(&str, Option<f64>); 5] = [
     ("TFMessage, 20 transforms", None),
     ("JointState, 12 joints", None),
 ];
-/// What is timed.
+/// Name of the baseline, and of the timed directions.
 pub(crate) const MEMCPY: &str = "memcpy";
 pub(crate) const DIRECTIONS: [&str; 2] = ["to CDR", "from CDR"];
 

@@ -11,16 +11,16 @@ use crate::stats;
 use crate::turn::Bench;
 use crate::worker::{Order, Report};
 
-/// What the soak found.
+/// Figures of the soak.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Soak {
-    /// How long it ran, in seconds.
+    /// Duration of the soak in seconds.
     pub(crate) seconds: u32,
     /// The first seconds are not looked at for growth.
     pub(crate) settle: u32,
     /// The source's account.
     pub(crate) report: Report,
-    /// For each process: its name, memory at the end in MiB, growth in MiB a minute.
+    /// Memory of each process: its name, memory at the end in MiB, growth in MiB a minute.
     pub(crate) memory: Vec<(&'static str, f64, f64)>,
 }
 

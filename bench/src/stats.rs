@@ -1,11 +1,11 @@
 //! Quantiles, medians, slopes, and how sure a figure is.
 
-/// How often the rounds are drawn again for an interval.
+/// Number of times that the rounds are drawn again for an interval.
 pub(crate) const RESAMPLES: usize = 10_000;
 /// Fewest rounds that an interval is given for: with six, the lowest and the highest hold the
 /// median between them with a probability of 1 - 2 / 2^6 = 97 %, with five only 94 %.
 pub(crate) const FEWEST: usize = 6;
-/// Where the draws start: always the same, so that the same figures give the same interval.
+/// Seed of the draws: always the same, so that the same figures give the same interval.
 const SEED: u64 = 0x5EED;
 
 /// The value below which `fraction` of `values` lie, by the nearest rank.

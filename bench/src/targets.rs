@@ -1,8 +1,9 @@
-//! What was promised, and whether it holds in this run.
+//! Promises, and whether they hold in this run.
 //!
 //! Every ratio has a bootstrap interval over the rounds, and the interval decides: a limit inside
-//! it is neither met nor missed. Beside what was promised for a bridged way stands what nobody
-//! promised and what explains it: the minimal relay, which is the least that two hops in one chain
+//! Each ratio has a bootstrap interval over the rounds, and the interval decides: a limit inside it
+//! is neither met nor missed. Beside the promise for a bridged way stands a figure that nobody
+//! promised and that explains it: the minimal relay, which is the least that two hops in one chain
 //! can take.
 
 mod ros1;
@@ -18,12 +19,13 @@ use crate::coding::{
 use crate::crowd::Rest;
 use crate::dynamic;
 use crate::estimate::{Estimate, Limit, Series, Verdict};
+use crate::many::Many;
 use crate::payload::Kind::{self, F32Mib, U8Rgb200, VgaJpeg, VgaRgb};
 use crate::registered;
 use crate::results::Results;
 use crate::trip::{Load, Trip, Way as TripWay};
 
-/// What became of a promise.
+/// Outcome of a promise in this run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Outcome {
     Judged(Verdict),
@@ -37,11 +39,11 @@ pub(crate) enum Outcome {
 #[derive(Debug, Clone)]
 pub(crate) struct Target {
     pub(crate) what: String,
-    /// What was promised; empty where nothing was.
+    /// Promise in words; empty where there is none.
     pub(crate) promised: String,
-    /// What was found, with its parts.
+    /// Figure that was found, with its parts.
     pub(crate) found: String,
-    /// Where the ratio lies with a probability of 95 %.
+    /// Interval that holds the ratio with a probability of 95 %.
     pub(crate) interval: Option<(f64, f64)>,
     pub(crate) outcome: Outcome,
 }
@@ -136,6 +138,7 @@ pub(crate) fn check(results: &Results) -> Vec<Target> {
     stream(results, &mut targets);
     to_fast_dds(results, &mut targets);
     rest(results, &mut targets);
+    many(results, &mut targets);
     yarp::check(results, &mut targets);
     targets
 }
@@ -347,6 +350,32 @@ fn rest(results: &Results, targets: &mut Vec<Target>) {
             (found, among < 5.0)
         }),
     ));
+}
+
+/// A bridge of a thousand routes.
+fn many(results: &Results, targets: &mut Vec<Target>) {
+    let mut target = |what: &str, limit: &str, judge: fn(Many) -> (String, bool)| {
+        let name = format!("1000 idle routes, ZeroMQ to ROS 2: {what}");
+        targets.push(Target::counted(&name, limit, results.many.map(judge)));
+    };
+    target("all open, from the start of the program", "within 3 s", |many| {
+        (format!("{:.0} ms", many.opening_ms), many.opening_ms <= 3000.0)
+    });
+    target("share of a core", "less than 3 %", |many| {
+        (format!("{:.2} % over {} s", many.share, many.seconds), many.share < 3.0)
+    });
+    target("threads and memory", "at most 64, less than 200 MiB", |many| {
+        let Many { threads, rss_mib, .. } = many;
+        (format!("{threads}, {rss_mib:.0} MiB"), threads <= 64 && rss_mib < 200.0)
+    });
+    target(
+        "reload of one, until it is open again",
+        "less than 100 ms, none lost on others",
+        |many| {
+            let Many { reload_ms, sent, lost, .. } = many;
+            (format!("{reload_ms:.0} ms, {lost} of {sent} lost"), reload_ms < 100.0 && lost == 0)
+        },
+    );
 }
 
 /// Frames into a reader on Fast DDS.

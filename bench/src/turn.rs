@@ -14,7 +14,7 @@ use crate::proc;
 use crate::wire::Wire;
 use crate::worker::{Order, Report};
 
-/// What one phase of a turn found.
+/// Figures of one phase of a turn.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Phase {
     /// The source's account.
@@ -25,7 +25,7 @@ pub(crate) struct Phase {
     pub(crate) middle_us: f64,
 }
 
-/// What one turn found.
+/// Figures of one turn.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Turn {
     pub(crate) warm: Report,
@@ -38,7 +38,7 @@ pub(crate) struct Turn {
 
 /// Programs and folders of a run.
 pub(crate) struct Bench {
-    /// This program.
+    /// Path of this program.
     pub(crate) own: PathBuf,
     /// The `wrapyfi` program.
     pub(crate) wrapyfi: PathBuf,

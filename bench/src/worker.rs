@@ -23,16 +23,16 @@ use crate::wire::{Incoming, Outgoing, Place, Wire, incoming, outgoing};
 
 /// Messages at the start of a process that are reported but not counted.
 const WARM: u32 = 8;
-/// How long the way may stay silent before what is missing counts as lost.
+/// Time for which the way may stay silent before missing messages count as lost.
 const SILENCE: Duration = Duration::from_secs(2);
-/// How long to look for the way to open.
+/// Longest time that the way may take to open, in nanoseconds.
 const OPENING: u64 = 20_000_000_000;
 /// Messages at a fixed rate after which the source looks what it was told.
 const HEAR_EVERY: u32 = 100;
 /// Bytes of an acknowledgement: number and time.
 const ACK: usize = 16;
 
-/// What a source is told.
+/// Order to a source.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(tag = "do", rename_all = "kebab-case")]
 pub(crate) enum Order {
@@ -44,7 +44,7 @@ pub(crate) enum Order {
     Window { count: u32, inflight: u32 },
 }
 
-/// What a source answers.
+/// Report of a source.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub(crate) struct Report {
     /// Messages handed to the transport.
@@ -132,7 +132,7 @@ struct Source {
     next: u32,
 }
 
-/// When messages were due, and when they arrived.
+/// Times at which messages were due, and at which they arrived.
 #[derive(Default)]
 struct Ledger {
     due: HashMap<u32, (u64, u64)>,
@@ -174,7 +174,7 @@ impl Source {
         }
         let opening_ns = ledger.last_arrival.saturating_sub(start);
         anyhow::ensure!(ledger.report.received > 0, "nothing arrived within 20 s");
-        // What is still under way must not be taken for what comes now.
+        // Messages still under way must not be taken for those that come now.
         std::thread::sleep(Duration::from_millis(60));
         self.hear(&mut ledger, Duration::from_millis(1))?;
         let warm = self.paced(WARM, 40.0)?;
@@ -187,7 +187,7 @@ impl Source {
         let start = clock::now() + 2_000_000;
         for index in 0..count {
             if index % HEAR_EVERY == HEAR_EVERY - 1 {
-                // What was told is taken in between, or a long stream would hold the sink up.
+                // Acknowledgements are taken in between, or a long stream would hold the sink up.
                 self.acks.set_nonblocking(true)?;
                 self.hear(&mut ledger, Duration::from_millis(1))?;
                 self.acks.set_nonblocking(false)?;

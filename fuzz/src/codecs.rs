@@ -24,7 +24,7 @@ fn text_of(data: &[u8]) -> usize {
     data.len() + if packed { 4 * LIMITS.message_bytes / TEXT } else { 0 }
 }
 
-/// For reading back: what was read may be longer when written, by spaces, escapes and wider floats.
+/// Limits for reading back: a written message may be longer, by spaces, escapes and wider floats.
 const WIDE: Limits = Limits { message_bytes: 16 * LIMITS.message_bytes, ..LIMITS };
 
 /// Wrapyfi's JSON, arrays in it included.
@@ -59,7 +59,6 @@ pub fn npy(data: &[u8]) {
     let written = match &array {
         NpyArray::Tensor(tensor) => file::write(tensor),
         NpyArray::Array(other) => file::write_array(other),
-        _ => return,
     };
     let again = file::read(&written.into()).expect("what was written is read");
     assert!(array == again, "changed by writing and reading");

@@ -7,17 +7,17 @@ use wrapyfi_interfaces::store::ResolvedType;
 
 use crate::{LIMITS, bounded, measure};
 
-/// Between the definition and the message.
+/// Text between the definition and the message.
 const THEN: &[u8] = b"\n----\n";
 /// Memory for each byte of a definition: a line of few characters becomes a field with its names,
 /// in the definition, its description and the plan.
 const LINES: usize = 256;
-/// What the types take that a definition may name without defining them.
+/// Memory of the types that a definition may name without defining them.
 const COMMON: usize = 1 << 20;
 /// Memory for each byte of a message: a plan allows up to sixteen values around one byte, each with
 /// its place in a vector that grows by doubling.
 const VALUES: usize = 4096;
-/// For reading back: what was read may be longer when written, by wider texts and default values.
+/// Limit for reading back: a written message may be longer, by wider texts and default values.
 const WIDE: usize = 64 * LIMITS.message_bytes;
 
 /// A definition text, a line `----`, then a message: JSON where it begins with `{`, else CDR with

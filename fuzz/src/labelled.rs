@@ -14,7 +14,7 @@ use crate::{LIMITS, bounded};
 const LIMIT: usize = 256 << 10;
 /// Room for what a WebP decoder takes whatever the picture is.
 const WEBP_LIMIT: usize = 17 << 20;
-/// For reading back what was written, which may be longer.
+/// Limits for reading back a written value, which may be longer.
 const WIDE: Limits = Limits { message_bytes: 64 * LIMIT, ..LIMITS };
 
 /// The value of an object with these parts, written and read again; `None` where it was refused.
@@ -67,7 +67,7 @@ pub fn plugin_picture(data: &[u8]) {
     };
     let Some(value) = object(&parts) else { return };
     let picture = value.as_picture().expect("a picture");
-    // What a route to sensor_msgs/Image does with it.
+    // A route to sensor_msgs/Image does this with it.
     let limits = Limits { message_bytes: LIMIT, ..LIMITS };
     // JPEG has a target of its own.
     if let Pixels::Compressed { format: CompressedFormat::Png, data } = &picture.image.pixels {

@@ -1,4 +1,4 @@
-//! What must hold whatever bytes arrive, one function a target.
+//! Properties that must hold whatever bytes arrive, one function a target.
 //!
 //! ```text
 //!   targets/fuzz_targets/json.rs   libFuzzer, endless ──┐
@@ -10,7 +10,7 @@
 //! again; memory stays within a multiple of the input ([`bounded`]), so that nobody can make the
 //! process hold more than the message limit allows.
 //!
-//! `docs/fuzzing.md` says how to run them.
+//! `fuzz/README.md` says how to run them.
 
 // These functions are assertions: a panic is how they say that something does not hold.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::missing_panics_doc)]

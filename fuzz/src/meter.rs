@@ -1,4 +1,4 @@
-//! How much memory a piece of work takes: an allocator that counts what each thread holds.
+//! Memory that a piece of work takes: an allocator that counts what each thread holds.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;

@@ -11,7 +11,7 @@ use crate::{LIMITS, bounded};
 /// Memory for each byte of a pickle: 64, and vectors grow by doubling.
 const OPCODES: usize = 200;
 
-/// For reading back: an older protocol writes more.
+/// Limits for reading back: an older protocol writes more.
 const WIDE: Limits = Limits { message_bytes: 64 * LIMITS.message_bytes, ..LIMITS };
 
 /// A pickle, with four buffers beside it. The first byte chooses the list and the protocol in which

@@ -29,7 +29,7 @@ pub fn zeromq_requests(data: &[u8]) {
     }
 }
 
-/// For reading back: what was read may be longer when written.
+/// Service with wider limits, for reading back: a written message may be longer.
 fn wide(spec: &ServiceSpec) -> ServiceSpec {
     let limits = Limits { message_bytes: 16 * LIMITS.message_bytes, ..LIMITS };
     ServiceSpec { limits, ..spec.clone() }
@@ -47,7 +47,8 @@ fn request(body: &[u8], spec: &ServiceSpec) {
     let again = requests::decode_request(&written.clone().into(), &wide).expect("its own text");
     let rewritten = requests::encode_request(&again, &wide).expect("what was read can be written");
     assert!(written == rewritten, "changed by writing and reading");
-    let through = requests::from_value(requests::to_value(&request)).expect("its own value");
+    let through = requests::from_value(requests::to_value(&request.call().expect("a call")))
+        .expect("its own value");
     let rewritten = requests::encode_request(&through, &wide).expect("what was read");
     assert!(written == rewritten, "changed by the form of ROS 2");
 }

@@ -6,12 +6,12 @@ use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
 
 use crate::{bounded, measure};
 
-/// Between the parts of an input.
+/// Text between the parts of an input.
 const THEN: &str = "\n----\n";
 /// Memory for each byte of a definition: a line of few characters becomes a field with its names,
 /// in the definition, its description, its text and two plans.
 const LINES: usize = 1024;
-/// What the standard types take, and those that a definition may name without defining them.
+/// Memory of the standard types, and of those that a definition may name without defining them.
 const COMMON: usize = 8 << 20;
 /// Memory for each byte of a message: an empty string of ROS 1 doubles, a buffer doubles to grow.
 const GROWTH: usize = 8;
@@ -83,7 +83,7 @@ pub fn ros1_messages(data: &[u8]) {
     let written = out.split_off(6);
     let Ok(_) = carried else { return assert!(written.is_empty(), "nothing of a refused message") };
     assert!(written.len() <= OPTIONS.message_bytes + 4);
-    // What was written is read, and from then on nothing changes any more.
+    // The written message is read, and from then on nothing changes any more.
     let wide = Options { message_bytes: usize::MAX, elements: usize::MAX, ..options };
     let (mut there, mut back, mut again) = (Vec::new(), Vec::new(), Vec::new());
     if choice % 2 == 0 {

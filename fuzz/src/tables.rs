@@ -34,7 +34,8 @@ pub fn plugin_table(data: &[u8]) {
         assert_eq!(text::encode(&value).expect("carried"), message);
         return;
     }
-    // What pandas cannot have, such as two columns of one label, is an error that says so.
+    // A table that pandas cannot have, such as one with two columns of one label, is an error that
+    // says so.
     let Ok(written) = text::encode(&value) else { return };
     let again = text::decode(&written.clone().into(), &WIDE).expect("what was written is read");
     assert_eq!(again.refusals().map(|(_, reason)| reason).next(), None);

@@ -10,7 +10,7 @@ use crate::{LIMITS, bounded};
 /// A tensor's file: the zip of `torch.save`, a pickle of Paddle or Trax, or a `.npy`. The first byte
 /// chooses whose.
 pub fn plugin_tensor(data: &[u8]) {
-    // What is unpacked may be longer than its file, but not than a message.
+    // The unpacked array may be longer than its file, but not than a message.
     const LIMIT: usize = 256 << 10;
     const WIDE: Limits = Limits { message_bytes: 16 * LIMIT, ..LIMITS };
     let limits = Limits { message_bytes: LIMIT, ..LIMITS };

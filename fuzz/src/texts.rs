@@ -95,8 +95,11 @@ pub fn config(data: &[u8]) {
         Ok((plan, routes)) => {
             assert_eq!(plan.routes.len(), routes);
             for route in &plan.routes {
-                assert!(route.queue.depth > 0 && route.limits.message_bytes > 0, "{route}");
-                assert!(route.max_rate_hz.is_none_or(|hz| hz > 0.0), "{route}");
+                assert!(
+                    route.policy.queue.depth > 0 && route.policy.limits.message_bytes > 0,
+                    "{route}"
+                );
+                assert!(route.policy.max_rate_hz.is_none_or(|hz| hz > 0.0), "{route}");
             }
         }
         Err(error) => assert!(error.to_string().starts_with("fuzz.yaml"), "{error}"),

@@ -71,7 +71,7 @@ fn topic(bytes: &Bytes, choice: usize, raw: bool, options: &YarpOptions, dialect
     let read =
         |sent: &Payload, spec: &TopicSpec| payload::decode(sent, None, spec, options, dialect, NOW);
     let Ok(first) = bounded(size, ELEMENT, || read(&sent, &spec)) else { return };
-    // What was read may be longer when written.
+    // A message that was read may be longer when written.
     let mut wide = spec.clone();
     wide.limits.message_bytes *= 16;
     let written = match payload::encode(&first, &wide, options, dialect) {

@@ -122,7 +122,7 @@ fn connection(bytes: &[u8], piece: usize) {
     }
 }
 
-/// What was read can be written, and reads the same again.
+/// Asserts that a message that was read can be written, and reads the same again.
 fn again(incoming: &Incoming) {
     let Incoming { command, body } = incoming;
     match body {

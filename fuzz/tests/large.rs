@@ -11,7 +11,7 @@ const SIZE: usize = 1_000_000;
 /// Most units of each input: a decoder limits how many values it makes, too.
 const UNITS: usize = 40_000;
 /// Ten times what the slowest of them takes without optimisation, a tenth of what a square takes.
-const PATIENCE: Duration = Duration::from_secs(4);
+const TIMEOUT: Duration = Duration::from_secs(4);
 
 fn run(target: &str, shapes: &[(&str, &str, &str)]) {
     for (start, unit, end) in shapes {
@@ -26,7 +26,7 @@ fn check(target: &str, unit: &str, data: &str) {
     let ((), peak) = measure(|| body(data.as_bytes()));
     let (factor, took) = (peak / data.len(), begun.elapsed());
     eprintln!("{target}: {unit:?} holds {factor} times its size, takes {took:?}");
-    assert!(took < PATIENCE, "{target} takes {took:?} for {} bytes of {unit:?}", data.len());
+    assert!(took < TIMEOUT, "{target} takes {took:?} for {} bytes of {unit:?}", data.len());
 }
 
 /// Units that all differ.

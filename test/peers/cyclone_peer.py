@@ -332,7 +332,8 @@ def subscribe(participant):
     say("ready", role="subscribe")
     index, matched = 0, 0
     while not leaving.is_set() and (args.count == 0 or index < args.count):
-        now = len(reader.get_matched_publications())
+        # Not the list of handles: it fails where a publication is matched while it is made.
+        now = reader.get_subscription_matched_status().current_count
         if now != matched:
             matched = now
             say("matched", count=now)
@@ -353,9 +354,9 @@ def publish(participant):
     writer = DataWriter(participant, topic, qos=how)
     announcer = announce_as_humble(participant, writer) if args.humble_node else None  # kept while publishing
     say("ready", role="publish")
-    while not leaving.is_set() and not writer.get_matched_subscriptions():
+    while not leaving.is_set() and not writer.get_publication_matched_status().current_count:
         leaving.wait(0.02)
-    say("matched", count=len(writer.get_matched_subscriptions()))
+    say("matched", count=writer.get_publication_matched_status().current_count)
     index = 0
     while not leaving.is_set() and (args.count == 0 or index < args.count):
         message, hashes = make(index)

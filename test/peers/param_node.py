@@ -208,8 +208,11 @@ class Requests:
                 self.waiting.append((client_of(asker), sample))
         if not self.waiting:
             return []
-        hearing = {client_of(self.writer.get_matched_subscription_data(handle))
-                   for handle in self.writer.get_matched_subscriptions()}
+        try:
+            readers = self.writer.get_matched_subscriptions()
+        except IndexError:  # one was matched while the list was made: the next step asks again
+            return []
+        hearing = {client_of(self.writer.get_matched_subscription_data(handle)) for handle in readers}
         ready = [sample for client, sample in self.waiting if client is None or client in hearing]
         self.waiting = [(client, sample) for client, sample in self.waiting if client and client not in hearing]
         return ready
@@ -300,7 +303,7 @@ def main():
     heard = 0
     while not leaving.is_set():
         node.step()
-        readers = len(node.events.get_matched_subscriptions())
+        readers = node.events.get_publication_matched_status().current_count
         if readers != heard:
             heard = readers
             say("heard", readers=readers)

@@ -78,7 +78,8 @@ def ask(participant):
     writer = DataWriter(participant, Topic(participant, f"rq{service}Request", Request), qos=qos)
     say("ready")
     give_up = time.monotonic() + GIVE_UP_S
-    while not (writer.get_matched_subscriptions() and reader.get_matched_publications()):
+    while not (writer.get_publication_matched_status().current_count
+               and reader.get_subscription_matched_status().current_count):
         if leaving.wait(0.01) or time.monotonic() > give_up:
             raise SystemExit(f"nobody serves {service}")
     sequence = 0

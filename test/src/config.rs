@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use crate::World;
+use crate::TestEnv;
 
 /// One route of a [`Config`].
 #[derive(Debug, Clone)]
@@ -75,17 +75,17 @@ impl Config {
         Self { broker: "foreign", ..Self::embedded(pub_port, sub_port) }
     }
 
-    /// Routes services on this world's ports of requests and replies too.
+    /// Routes services on this test's ports of requests and replies too.
     #[must_use]
-    pub fn requests(mut self, world: &World) -> Self {
-        self.requests = Some((world.rep_port(), world.req_port()));
+    pub fn requests(mut self, env: &TestEnv) -> Self {
+        self.requests = Some((env.rep_port(), env.req_port()));
         self
     }
 
-    /// YARP with a name server in the bridge, on this world's port.
+    /// YARP with a name server in the bridge, on this test's port.
     #[must_use]
-    pub fn yarp(mut self, world: &World) -> Self {
-        let address = format!("127.0.0.1:{}", world.yarp_port());
+    pub fn yarp(mut self, env: &TestEnv) -> Self {
+        let address = format!("127.0.0.1:{}", env.yarp_port());
         self.endpoints.push(format!("  yarp: {{ name_server: \"{address}\", embedded: true }}\n"));
         self
     }

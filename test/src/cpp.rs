@@ -13,12 +13,12 @@ use anyhow::{Context as _, bail};
 
 use crate::{Result, repository, sha256};
 
-/// Why there is no such program.
+/// Reason why a compiled peer is missing.
 #[derive(Debug, Clone)]
 pub(crate) enum Absent {
-    /// This system has no library to compile it with.
+    /// Missing library: this system has none to compile the peer with.
     Library(String),
-    /// It should be there and is not.
+    /// Missing program: it should be there and is not.
     Program(String),
 }
 
@@ -26,14 +26,14 @@ type Found = std::result::Result<PathBuf, Absent>;
 
 /// A peer that is compiled.
 pub(crate) struct Peer {
-    /// Its folder in `test/peers`, and its name in messages.
+    /// Folder of the peer in `test/peers`, and its name in messages.
     name: &'static str,
     /// All of its source.
     files: &'static [&'static str],
     /// Lines that compile where the library is there, in the version that is wanted.
     probe: &'static str,
     libraries: &'static [&'static str],
-    /// What is missing elsewhere, and its remedy.
+    /// Library or program that is missing elsewhere, and its remedy.
     missing: &'static str,
     found: OnceLock<Found>,
 }
@@ -81,9 +81,6 @@ impl Peer {
     }
 
     /// The program, or in words why there is none.
-    ///
-    /// # Errors
-    /// Where there is none.
     pub(crate) fn or_why_not(&self) -> Result<PathBuf> {
         self.program().map_err(|absent| match absent {
             Absent::Library(reason) | Absent::Program(reason) => anyhow::Error::msg(reason),

@@ -17,16 +17,16 @@ use std::sync::Arc;
 
 use anyhow::{Context as _, bail};
 
-use crate::{Process, Result, World, needs};
+use crate::{Process, Result, TestEnv, needs};
 
 /// One machine.
 #[derive(Debug)]
 pub struct Host<'w> {
-    world: &'w World,
+    env: &'w TestEnv,
     holder: Holder,
     ip: String,
     environment: Vec<(String, String)>,
-    /// What joins it to the others, and its socket there.
+    /// Network bridge that joins the machine to the others, and the machine's socket there.
     switch: Arc<Holder>,
     socket: String,
 }
@@ -87,7 +87,7 @@ impl Drop for Holder {
     }
 }
 
-/// Whether machines can be made here.
+/// Checks that machines can be made here.
 pub(crate) fn or_why_not() -> Result {
     let made = Holder::new(
         "ip link add name br0 type bridge && ip link add name v0 type veth peer name v1",
@@ -95,11 +95,8 @@ pub(crate) fn or_why_not() -> Result {
     made.map(drop)
 }
 
-impl World {
+impl TestEnv {
     /// Machines of these names, which reach one another.
-    ///
-    /// # Errors
-    /// Where the system refuses.
     pub fn hosts<const N: usize>(&self, names: [&str; N]) -> Result<[Host<'_>; N]> {
         let switch = Holder::new("ip link add name br0 type bridge && ip link set br0 up")?;
         let switch = Arc::new(switch);
@@ -121,23 +118,20 @@ impl World {
             holder.run("ip", "link set eth0 up")?;
             let (environment, switch) = (Vec::new(), Arc::clone(&switch));
             let socket = format!("v{index}");
-            hosts.push(Host { world: self, holder, ip, environment, switch, socket });
+            hosts.push(Host { env: self, holder, ip, environment, switch, socket });
         }
         hosts.try_into().map_err(|_hosts| anyhow::anyhow!("not {N} machines"))
     }
 }
 
 impl Host<'_> {
-    /// Its address.
+    /// Address of the machine.
     #[must_use]
     pub fn ip(&self) -> &str {
         &self.ip
     }
 
     /// Puts its cable into the switch, or takes it out: the other machines notice nothing by themselves.
-    ///
-    /// # Errors
-    /// Where the system refuses.
     pub fn plug(&self, plugged: bool) -> Result {
         let state = if plugged { "up" } else { "down" };
         self.switch.run("ip", &format!("link set {} {state}", self.socket))
@@ -151,51 +145,33 @@ impl Host<'_> {
     }
 
     /// Starts `wrapyfi` here.
-    ///
-    /// # Errors
-    /// Where it cannot be started.
     pub fn wrapyfi<A: AsRef<OsStr>>(&self, args: impl IntoIterator<Item = A>) -> Result<Process> {
-        self.start("wrapyfi", &self.world.command(&needs::program()?, args))
+        self.start("wrapyfi", &self.env.command(&needs::program()?, args))
     }
 
     /// Starts a Python peer from `test/peers` here; `args` are split at blanks.
-    ///
-    /// # Errors
-    /// Where it cannot be started.
     pub fn peer(&self, script: &str, args: &str) -> Result<Process> {
-        self.start(script, &self.world.peer_command(script, args)?)
+        self.start(script, &self.env.peer_command(script, args)?)
     }
 
     /// Starts a program of `examples/communicator` here; `args` are split at blanks.
-    ///
-    /// # Errors
-    /// Where it cannot be started.
     pub fn example(&self, name: &str, args: &str) -> Result<Process> {
-        self.start(name, &self.world.command(&needs::example(name)?, args.split_whitespace()))
+        self.start(name, &self.env.command(&needs::example(name)?, args.split_whitespace()))
     }
 
     /// Starts a peer on rospy here; `args` are split at blanks.
-    ///
-    /// # Errors
-    /// Where it cannot be started.
     pub fn rospy(&self, args: &str) -> Result<Process> {
-        self.start("rospy_peer.py", &self.world.rospy_command(args, None))
+        self.start("rospy_peer.py", &self.env.rospy_command(args, None))
     }
 
     /// Starts a program of YARP's own here.
-    ///
-    /// # Errors
-    /// Where there is none, or it cannot be started.
     pub fn yarp_tool(&self, tool: &str, args: &[&str]) -> Result<Process> {
-        self.start(tool, &self.world.yarp_command(tool, args)?)
+        self.start(tool, &self.env.yarp_command(tool, args)?)
     }
 
     /// Starts any program here; `args` are split at blanks.
-    ///
-    /// # Errors
-    /// Where it cannot be started.
     pub fn program(&self, program: &str, args: &str) -> Result<Process> {
-        self.start(program, &self.world.command(program.as_ref(), args.split_whitespace()))
+        self.start(program, &self.env.command(program.as_ref(), args.split_whitespace()))
     }
 
     fn start(&self, name: &str, command: &Command) -> Result<Process> {
@@ -214,6 +190,6 @@ impl Host<'_> {
                 value => inside.env(key, value),
             };
         }
-        self.world.start(name, inside)
+        self.env.start(name, inside)
     }
 }

@@ -1,9 +1,9 @@
 //! Shared harness of the end-to-end tests.
 //!
-//! A test asks for a [`World`] by [`run`]: a DDS domain, two ZeroMQ ports, topic names and a folder
+//! A test asks for a [`TestEnv`] by [`run`]: a DDS domain, two ZeroMQ ports, topic names and a folder
 //! that no other test has. In it, it starts the program under test and real peers as [`Process`]es,
 //! which end with the test, and waits for what they print. Nothing sleeps for a fixed time, and no
-//! verdict depends on how long something took: [`PATIENCE`] only ends a test that would hang.
+//! verdict depends on how long something took: [`TIMEOUT`] only ends a test that would hang.
 //!
 //! | environment | meaning |
 //! | --- | --- |
@@ -30,7 +30,7 @@ mod ros_node;
 mod ros_service;
 mod route_state;
 mod scenes;
-mod world;
+mod test_env;
 
 use std::time::Duration;
 
@@ -45,12 +45,12 @@ pub use ros_service::{Adder, Asker};
 pub use ros2_client::ServiceMapping;
 pub use route_state::{route_status, until_route};
 pub use scenes::Scenes;
-pub use world::World;
+pub use test_env::TestEnv;
 
-/// How long anything may take before a test gives up: far beyond what a loaded machine needs.
-pub const PATIENCE: Duration = Duration::from_secs(120);
+/// Time that anything may take before a test gives up: far beyond what a loaded machine needs.
+pub const TIMEOUT: Duration = Duration::from_secs(120);
 
-/// What tests return.
+/// Result of a test.
 pub type Result<T = ()> = anyhow::Result<T>;
 
 /// The endpoint of a topic or a node on ROS 2.

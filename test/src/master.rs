@@ -1,4 +1,4 @@
-//! What a ROS 1 master has in its books, asked over a plain socket: a tool would take a second to start.
+//! State of a ROS 1 master, asked over a plain socket: a tool would take a second to start.
 
 use std::io::{Read as _, Write as _};
 use std::net::TcpStream;
@@ -6,12 +6,12 @@ use std::time::Duration;
 
 use anyhow::Context as _;
 
-use crate::{PATIENCE, Result};
+use crate::{Result, TIMEOUT};
 
 /// One list of the state of a master: names, and the nodes that have them.
 pub type Owners = Vec<(String, Vec<String>)>;
 
-/// What nodes have registered.
+/// Registrations at a ROS 1 master.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Books {
     /// Topics and who publishes them.
@@ -24,12 +24,9 @@ pub struct Books {
 
 impl Books {
     /// Asks the master at this port.
-    ///
-    /// # Errors
-    /// Where it does not answer, or not as a master.
     pub(crate) fn ask(port: u16) -> Result<Self> {
         let mut stream = TcpStream::connect(("127.0.0.1", port))?;
-        stream.set_read_timeout(Some(Duration::min(PATIENCE, Duration::from_secs(10))))?;
+        stream.set_read_timeout(Some(Duration::min(TIMEOUT, Duration::from_secs(10))))?;
         let body = "<?xml version='1.0'?><methodCall><methodName>getSystemState</methodName>\
                     <params><param><value><string>/test</string></value></param></params></methodCall>";
         let length = body.len();
@@ -72,7 +69,7 @@ impl Books {
         Some(Self { publishers, subscribers, services })
     }
 
-    /// How often `node` stands there in all.
+    /// Number of entries of `node`, of all three kinds.
     #[must_use]
     pub fn entries_of(&self, node: &str) -> usize {
         let all = [&self.publishers, &self.subscribers, &self.services];

@@ -1,4 +1,4 @@
-//! What a test cannot do without, and what happens where it is missing.
+//! Needs of a test, and the consequence where one is missing.
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use std::sync::OnceLock;
 use anyhow::{Context as _, bail};
 
 use crate::real::{self, Installation};
-use crate::{Result, World, cpp, hosts};
+use crate::{Result, TestEnv, cpp, hosts};
 
 /// Something a test cannot do without.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -41,6 +41,8 @@ pub enum Need {
     Roscpp,
     /// ROS 2 as it is installed: its tools and rclpy.
     Ros2,
+    /// Programs of ours that speak through the rmw of that ROS 2: `scripts/test-rmw.sh` has them.
+    Rmw,
     /// This package of that installation, for instance a middleware. Those that are not installed are
     /// skipped, whatever is required.
     Ros2Package(&'static str),
@@ -62,11 +64,11 @@ pub fn repository() -> PathBuf {
     here.parent().unwrap_or(here).to_owned()
 }
 
-/// Runs a test in a world of its own, or skips it with the reason where something it needs is missing.
+/// Runs a test in an environment of its own, or skips it with the reason where something it needs is missing.
 ///
 /// # Errors
 /// The test's own; and a missing need where `WRAPYFI_REQUIRE_PEERS` is `1`.
-pub fn run(test: &str, needs: &[Need], body: impl FnOnce(&World) -> Result) -> Result {
+pub fn run(test: &str, needs: &[Need], body: impl FnOnce(&TestEnv) -> Result) -> Result {
     for need in needs {
         if let Err(reason) = check(*need) {
             let is_required = match need {
@@ -74,7 +76,9 @@ pub fn run(test: &str, needs: &[Need], body: impl FnOnce(&World) -> Result) -> R
                 Need::Hosts => false,
                 Need::Ros1 => has_package("python3-rospy"),
                 Need::Roscpp => !cpp::ROSCPP.lacks_library() || has_package("libroscpp-dev"),
-                Need::Ros2Package(_) | Need::WrapyfiOnRos2 | Need::YarpDevice(_) => false,
+                Need::Rmw | Need::Ros2Package(_) | Need::WrapyfiOnRos2 | Need::YarpDevice(_) => {
+                    false
+                }
                 _ => true,
             };
             let variable = match need {
@@ -90,7 +94,7 @@ pub fn run(test: &str, needs: &[Need], body: impl FnOnce(&World) -> Result) -> R
             return Ok(());
         }
     }
-    body(&World::new(test)?)
+    body(&TestEnv::new(test)?)
 }
 
 fn check(need: Need) -> Result {
@@ -107,6 +111,8 @@ fn check(need: Need) -> Result {
         Need::FastDds => cpp::FAST_DDS.or_why_not().map(drop),
         Need::Roscpp => cpp::ROSCPP.or_why_not().map(drop),
         Need::Ros2 => Installation::find().map(drop),
+        Need::Rmw if std::env::var_os("WRAPYFI_TEST_RMW").is_some() => Ok(()),
+        Need::Rmw => bail!("our programs have no rmw: scripts/test-rmw.sh runs them with one"),
         Need::Ros2Package(name) if Installation::find()?.has(name) => Ok(()),
         Need::Ros2Package(name) => bail!("this ROS 2 has no package {name}"),
         Need::WrapyfiOnRos2 => Installation::find()?.imports(&python()?),
@@ -175,7 +181,7 @@ fn package(name: &str) -> Result {
     Ok(())
 }
 
-/// Whether the distribution has such a package, installed or not.
+/// True when the distribution has such a package, installed or not.
 fn has_package(name: &str) -> bool {
     let shown = Command::new("apt-cache").args(["show", name]).output();
     shown.is_ok_and(|shown| shown.status.success() && !shown.stdout.is_empty())

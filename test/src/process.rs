@@ -11,7 +11,7 @@ use anyhow::{Context as _, bail};
 use rustix::process::Signal;
 use serde_json::Value;
 
-use crate::{PATIENCE, Result};
+use crate::{Result, TIMEOUT};
 
 /// Everything a process printed so far.
 #[derive(Debug, Default)]
@@ -69,18 +69,15 @@ pub struct Process {
     stdin: Option<ChildStdin>,
     shared: Arc<Shared>,
     pillars: Pillars,
-    /// What asks it to end.
+    /// Signal that asks the process to end.
     end: Signal,
 }
 
 impl Process {
     /// Starts `command` and reads along.
-    ///
-    /// # Errors
-    /// Where the program cannot be started.
     pub(crate) fn start(name: &str, mut command: Command, pillars: &Pillars) -> Result<Self> {
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        // What it starts is ended with it: Wrapyfi's scripts leave their brokers behind.
+        // Programs that it starts are ended with it: Wrapyfi's scripts leave their brokers behind.
         command.process_group(0);
         let mut child = command.spawn().with_context(|| format!("starting {name}: {command:?}"))?;
         let shared = Arc::new(Shared {
@@ -115,9 +112,6 @@ impl Process {
     }
 
     /// Writes one line to its stdin.
-    ///
-    /// # Errors
-    /// Where it no longer reads.
     pub fn tell(&mut self, line: &str) -> Result {
         let name = &self.name;
         let stdin = self.stdin.as_mut().with_context(|| format!("stdin of {name} is closed"))?;
@@ -132,13 +126,13 @@ impl Process {
     /// Waits until `found` finds what it looks for in the output.
     ///
     /// # Errors
-    /// With the end of its output, where the process ends or [`PATIENCE`] does.
+    /// With the end of its output, where the process ends or [`TIMEOUT`] does.
     pub fn wait_until<T>(
         &self,
         what: &str,
         mut found: impl FnMut(&Output) -> Option<T>,
     ) -> Result<T> {
-        let deadline = Instant::now() + PATIENCE;
+        let deadline = Instant::now() + TIMEOUT;
         let mut output = self.shared.lock();
         loop {
             if let Some(result) = found(&output) {
@@ -179,7 +173,7 @@ impl Process {
         Some(fallen.name.clone())
     }
 
-    /// What the pillars said last, for messages.
+    /// Last output of the pillars, for messages.
     fn others(&self) -> String {
         let pillars = lock(&self.pillars);
         let others = pillars.iter().filter(|p| !Arc::ptr_eq(p, &self.shared));
@@ -223,9 +217,6 @@ impl Process {
 
     /// Asserts that this publisher sent `received` one after the other, nothing missing in between.
     /// `key` names the hash in its messages.
-    ///
-    /// # Errors
-    /// Where the run of messages was never sent.
     pub fn sent_in_a_row(&self, key: &str, received: &[String]) -> Result {
         self.compare(key, received, |sent, received| {
             sent.windows(received.len()).any(|run| run == received)
@@ -233,9 +224,6 @@ impl Process {
     }
 
     /// Asserts that this publisher sent `received` in this order, perhaps with others in between.
-    ///
-    /// # Errors
-    /// Where it did not.
     pub fn sent_in_order(&self, key: &str, received: &[String]) -> Result {
         self.compare(key, received, |sent, received| {
             let mut sent = sent.iter();
@@ -267,9 +255,6 @@ impl Process {
     }
 
     /// Sends the signal that asks it to end, SIGTERM.
-    ///
-    /// # Errors
-    /// Where the process cannot be signalled.
     pub fn terminate(&self) -> Result {
         self.shared.should_run.store(false, Relaxed);
         let pid = rustix::process::Pid::from_child(&self.child);
@@ -278,19 +263,18 @@ impl Process {
     }
 
     /// Lets it stand still, with its connections open; [`Process::resume`] lets it go on.
-    ///
-    /// # Errors
-    /// Where the process cannot be signalled.
     pub fn pause(&self) -> Result {
         self.send(Signal::STOP)
     }
 
     /// Lets it go on after [`Process::pause`].
-    ///
-    /// # Errors
-    /// Where the process cannot be signalled.
     pub fn resume(&self) -> Result {
         self.send(Signal::CONT)
+    }
+
+    /// Sends SIGHUP: it reads its configuration again.
+    pub fn hang_up(&self) -> Result {
+        self.send(Signal::HUP)
     }
 
     fn send(&self, signal: Signal) -> Result {
@@ -300,9 +284,6 @@ impl Process {
     }
 
     /// Sends SIGKILL and waits for the end: the process tells nobody.
-    ///
-    /// # Errors
-    /// Where it cannot be signalled, or does not end.
     pub fn kill(&mut self) -> Result {
         self.shared.should_run.store(false, Relaxed);
         self.child.kill().with_context(|| format!("killing {}", self.name))?;
@@ -314,15 +295,12 @@ impl Process {
     }
 
     /// Waits for its end and returns the exit code.
-    ///
-    /// # Errors
-    /// Where it does not end, or was ended by a signal.
     pub fn exit_code(&mut self) -> Result<i32> {
         self.shared.should_run.store(false, Relaxed);
-        if !self.ended_within(PATIENCE)? {
+        if !self.ended_within(TIMEOUT)? {
             bail!("{} does not end\n{}", self.name, tail(&self.shared.lock()));
         }
-        // What it printed last may still be on its way.
+        // The last output may still be on its way.
         self.wait_until("the end of its output", |output| (output.open == 0).then_some(()))?;
         let status = self.child.wait()?;
         status.code().with_context(|| {
@@ -331,9 +309,6 @@ impl Process {
     }
 
     /// Waits for its end and asserts the exit code.
-    ///
-    /// # Errors
-    /// Where the code is another.
     pub fn exits_with(&mut self, expected: i32) -> Result {
         let code = self.exit_code()?;
         if code != expected {

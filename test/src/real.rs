@@ -3,7 +3,7 @@
 //! ```text
 //!   sourced: ros2 on the PATH ────────┐
 //!   /opt/ros/*/setup.bash ─ bash, env ┴─▶ environment ─▶ RealRos2: ros2 …, rclpy, our programs in it
-//!   WRAPYFI_YARP_PREFIX, PATH ──────────▶ folder with yarp and yarpserver ─▶ World::yarp
+//!   WRAPYFI_YARP_PREFIX, PATH ──────────▶ folder with yarp and yarpserver ─▶ TestEnv::yarp
 //! ```
 
 use std::collections::BTreeMap;
@@ -15,12 +15,12 @@ use std::sync::OnceLock;
 
 use anyhow::{Context as _, bail};
 
-use crate::{Process, Result, World, needs, repository};
+use crate::{Process, Result, TestEnv, needs, repository};
 
 /// An installation of ROS 2.
 #[derive(Debug, Clone)]
 pub(crate) struct Installation {
-    /// What its setup file sets.
+    /// Variables that the setup file of the installation sets.
     environment: BTreeMap<OsString, OsString>,
     /// The script `ros2`.
     tool: PathBuf,
@@ -32,9 +32,6 @@ pub(crate) struct Installation {
 
 impl Installation {
     /// The installation that is sourced, else the newest in `/opt/ros`.
-    ///
-    /// # Errors
-    /// Where there is none, or its setup file fails.
     pub(crate) fn find() -> Result<&'static Self> {
         static FOUND: OnceLock<std::result::Result<Installation, String>> = OnceLock::new();
         let found = FOUND.get_or_init(|| Self::look().map_err(|error| format!("{error:#}")));
@@ -91,13 +88,13 @@ impl Installation {
         Ok(Self { environment, tool, python, prefixes })
     }
 
-    /// Whether a package is installed, by the ament index.
+    /// True when a package is installed, by the ament index.
     pub(crate) fn has(&self, package: &str) -> bool {
         let entry = Path::new("share/ament_index/resource_index/packages").join(package);
         self.prefixes.iter().any(|prefix| prefix.join(&entry).exists())
     }
 
-    /// Whether rclpy works in another interpreter than its own, which has Wrapyfi.
+    /// Checks that rclpy works in another interpreter than its own, which has Wrapyfi.
     pub(crate) fn imports(&self, python: &Path) -> Result {
         let ran = Command::new(python)
             .args(["-c", "import wrapyfi, rclpy.node, std_msgs.msg, sensor_msgs.msg"])
@@ -117,15 +114,12 @@ impl Installation {
     }
 }
 
-/// Where `name` is on a `PATH`.
+/// File `name` on a `PATH`.
 fn on_path(name: &str, path: Option<OsString>) -> Option<PathBuf> {
     std::env::split_paths(&path?).map(|folder| folder.join(name)).find(|file| file.is_file())
 }
 
 /// The folder of YARP's tools: below `WRAPYFI_YARP_PREFIX`, else on the `PATH`.
-///
-/// # Errors
-/// Where they are not.
 pub(crate) fn yarp_tools() -> Result<PathBuf> {
     let place = match std::env::var_os("WRAPYFI_YARP_PREFIX") {
         Some(prefix) => PathBuf::from(prefix).join("bin"),
@@ -141,10 +135,7 @@ pub(crate) fn yarp_tools() -> Result<PathBuf> {
     Ok(place)
 }
 
-/// Where YARP's programs find what else belongs to them: as said, else beside the tools.
-///
-/// # Errors
-/// Where there are no tools.
+/// Folder in which YARP's programs find their data: as set, else beside the tools.
 pub(crate) fn yarp_data() -> Result<PathBuf> {
     match std::env::var_os("YARP_DATA_DIRS") {
         Some(folders) if !folders.is_empty() => Ok(folders.into()),
@@ -152,10 +143,7 @@ pub(crate) fn yarp_data() -> Result<PathBuf> {
     }
 }
 
-/// Whether `yarpdev` has this device.
-///
-/// # Errors
-/// Where it has not.
+/// Checks that `yarpdev` has this device.
 pub(crate) fn yarp_device(name: &str) -> Result {
     let plugin = yarp_data()?.join(format!("plugins/{name}.ini"));
     if yarp_tools()?.join("yarpdev").is_file() && plugin.is_file() {
@@ -168,38 +156,29 @@ pub(crate) fn yarp_device(name: &str) -> Result {
 /// they were installed, too.
 #[derive(Debug)]
 pub struct RealRos2<'w> {
-    world: &'w World,
+    env: &'w TestEnv,
     rmw: &'static str,
     installation: &'static Installation,
 }
 
 impl<'w> RealRos2<'w> {
     /// The installation, for nodes on the middleware `rmw`.
-    ///
-    /// # Errors
-    /// Where there is none, or its overlay cannot be written.
-    pub fn new(world: &'w World, rmw: &'static str) -> Result<Self> {
+    pub fn new(env: &'w TestEnv, rmw: &'static str) -> Result<Self> {
         let installation = Installation::find()?;
-        overlay(world)?;
-        Ok(Self { world, rmw, installation })
+        overlay(env)?;
+        Ok(Self { env, rmw, installation })
     }
 
     /// Starts `ros2` with these arguments.
-    ///
-    /// # Errors
-    /// Where it cannot be started.
     pub fn ros2(&self, args: &[&str]) -> Result<Process> {
         let tool = self.installation.tool.as_os_str();
         let mut command = self.command(&self.installation.python, std::iter::once(tool))?;
         command.args(args);
-        Ok(self.world.start("ros2", command)?.ends_at_interrupt())
+        Ok(self.env.start("ros2", command)?.ends_at_interrupt())
     }
 
-    /// What `ros2` says, once it is what is wanted. Commands that look at the graph look for two seconds,
-    /// without a daemon that would outlive the test.
-    ///
-    /// # Errors
-    /// Where it never is.
+    /// Output of `ros2`, once it is as wanted. Commands that look at the graph look for two
+    /// seconds, without a daemon that would outlive the test.
     pub fn told(&self, args: &[&str], wanted: impl Fn(&str) -> bool) -> Result<String> {
         let mut said = String::new();
         for _ in 0..20 {
@@ -224,43 +203,45 @@ impl<'w> RealRos2<'w> {
 
     /// Starts a node of rclpy from `test/peers/rclpy_peer.py`; `args` are split at blanks, `value` is its
     /// `--value` as it is.
-    ///
-    /// # Errors
-    /// Where it cannot be started.
     pub fn rclpy(&self, args: &str, value: Option<&str>) -> Result<Process> {
         let file = repository().join("test/peers/rclpy_peer.py").into_os_string();
         let split = args.split_whitespace().map(OsString::from);
         let value = value.into_iter().flat_map(|value| ["--value".into(), value.into()]);
         let all = std::iter::once(file).chain(split).chain(value);
         let command = self.command(&self.installation.python, all)?;
-        self.world.start("rclpy_peer.py", command)
+        self.env.start("rclpy_peer.py", command)
     }
 
     /// Starts `wrapyfi` where this ROS 2 is sourced.
-    ///
-    /// # Errors
-    /// Where it cannot be started.
     pub fn wrapyfi<A: AsRef<OsStr>>(&self, args: impl IntoIterator<Item = A>) -> Result<Process> {
-        self.world.start("wrapyfi", self.command(&needs::program()?, args)?)
+        self.env.start("wrapyfi", self.command(&needs::program()?, args)?)
     }
 
     /// Starts a node executable of ours where this ROS 2 is sourced, by its name. Not by `ros2 run`, whose
     /// end leaves the node alone.
-    ///
-    /// # Errors
-    /// Where it cannot be started.
     pub fn node(&self, name: &str, ros_args: &[&str]) -> Result<Process> {
-        let program = self.world.path("overlay/lib/wrapyfi_bridge").join(name);
+        let program = self.env.path("overlay/lib/wrapyfi_bridge").join(name);
         let args = ["--ros-args"].iter().chain(ros_args);
-        Ok(self.world.start(name, self.command(&program, args)?)?.pillar())
+        Ok(self.env.start(name, self.command(&program, args)?)?.pillar())
     }
 
     /// Starts a script with the interpreter that has Wrapyfi, where this ROS 2 is sourced.
-    ///
-    /// # Errors
-    /// Where it cannot be started.
     pub fn python(&self, args: &[&str]) -> Result<Process> {
-        self.world.start("python", self.command(&needs::python()?, args)?)
+        self.env.start("python", self.command(&needs::python()?, args)?)
+    }
+
+    /// Copies a library of the installation under another name, which programs find from now on.
+    pub fn copy(&self, library: &str, name: &str) -> Result {
+        let prefixes = self.installation.prefixes.iter();
+        let mut found = prefixes.map(|prefix| prefix.join("lib").join(library));
+        let found = found.find(|at| at.is_file());
+        let folder = self.env.path("libraries");
+        std::fs::create_dir_all(&folder)?;
+        std::fs::copy(found.with_context(|| format!("no {library}"))?, folder.join(name))?;
+        let others = self.installation.variable("LD_LIBRARY_PATH");
+        let all = std::iter::once(folder).chain(std::env::split_paths(&others));
+        self.env.set_variable("LD_LIBRARY_PATH", std::env::join_paths(all)?);
+        Ok(())
     }
 
     fn command<A: AsRef<OsStr>>(
@@ -268,7 +249,7 @@ impl<'w> RealRos2<'w> {
         program: &Path,
         args: impl IntoIterator<Item = A>,
     ) -> Result<Command> {
-        let mut command = self.world.command(program, args);
+        let mut command = self.env.command(program, args);
         command.envs(&self.installation.environment);
         for (name, value) in [
             ("RMW_IMPLEMENTATION", self.rmw),
@@ -283,15 +264,17 @@ impl<'w> RealRos2<'w> {
         }
         let found = self.installation.variable("AMENT_PREFIX_PATH");
         let prefixes =
-            std::iter::once(self.world.path("overlay")).chain(std::env::split_paths(&found));
+            std::iter::once(self.env.path("overlay")).chain(std::env::split_paths(&found));
         command.env("AMENT_PREFIX_PATH", std::env::join_paths(prefixes)?);
+        command.env("PYTHONPATH", self.installation.variable("PYTHONPATH"));
+        command.envs(&*self.env.variables());
         Ok(command)
     }
 }
 
 /// Lays our programs, launch files and configurations where `ros2 run` and `ros2 launch` find them.
-fn overlay(world: &World) -> Result {
-    let prefix = world.path("overlay");
+fn overlay(env: &TestEnv) -> Result {
+    let prefix = env.path("overlay");
     if prefix.exists() {
         return Ok(());
     }

@@ -15,14 +15,14 @@ use ros2_client::{
 use rustdds::{DomainParticipantBuilder, Topic};
 use serde::{Deserialize, Serialize};
 
-use crate::{Adder, Asker, PATIENCE, Result};
+use crate::{Adder, Asker, Result, TIMEOUT};
 
 /// `std_msgs/msg/Header`, written by hand from its definition.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct RosHeader {
-    /// When.
+    /// Time of the measurement.
     pub stamp: builtin_interfaces::Time,
-    /// Where.
+    /// Name of the coordinate frame.
     pub frame_id: String,
 }
 
@@ -68,9 +68,6 @@ pub struct RosNode {
 
 impl RosNode {
     /// Starts `/name` in a domain.
-    ///
-    /// # Errors
-    /// Where DDS refuses it.
     pub fn new(domain: u16, name: &str) -> Result<Self> {
         let participant = DomainParticipantBuilder::new(domain)
             .with_only_networks([Ipv4Addr::LOCALHOST])
@@ -88,9 +85,6 @@ impl RosNode {
     }
 
     /// Subscribes to a topic, reliably.
-    ///
-    /// # Errors
-    /// Where DDS refuses it.
     pub fn subscribe<M: Message + 'static>(
         &mut self,
         topic: &str,
@@ -100,9 +94,6 @@ impl RosNode {
     }
 
     /// Subscribes to a topic, reliably, and asks for what was sent before.
-    ///
-    /// # Errors
-    /// Where DDS refuses it.
     pub fn subscribe_kept<M: Message + 'static>(
         &mut self,
         topic: &str,
@@ -126,9 +117,6 @@ impl RosNode {
     }
 
     /// Publishes what `make` makes of 0, 1, 2, … at 20 Hz until the result is dropped.
-    ///
-    /// # Errors
-    /// Where DDS refuses it.
     pub fn publish<M: Message + Send + 'static>(
         &mut self,
         topic: &str,
@@ -154,17 +142,11 @@ impl RosNode {
     }
 
     /// Serves `example_interfaces/srv/AddTwoInts` until the result is dropped.
-    ///
-    /// # Errors
-    /// Where DDS refuses it.
     pub fn serve_sums(&mut self, service: &str, mapping: ServiceMapping) -> Result<Adder> {
         Adder::new(&mut self.node, service, mapping)
     }
 
     /// A client of such a service.
-    ///
-    /// # Errors
-    /// Where DDS refuses it.
     pub fn ask_for_sums(&mut self, service: &str, mapping: ServiceMapping) -> Result<Asker> {
         Asker::new(&mut self.node, service, mapping)
     }
@@ -185,18 +167,15 @@ impl RosNode {
     }
 }
 
-/// What a [`RosNode`] hears on a topic.
+/// Subscription of a [`RosNode`].
 pub struct Heard<M: 'static> {
     subscription: Subscription<M>,
 }
 
 impl<M: Message + 'static> Heard<M> {
     /// Waits for the next message.
-    ///
-    /// # Errors
-    /// Where none comes, or one does not decode.
     pub fn next(&self) -> Result<M> {
-        let deadline = Instant::now() + PATIENCE;
+        let deadline = Instant::now() + TIMEOUT;
         loop {
             match self.subscription.take() {
                 Ok(Some((message, _info))) => return Ok(message),

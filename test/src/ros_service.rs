@@ -10,7 +10,7 @@ use ros2_client::qos::{Durability, History, WhenFull};
 use ros2_client::{Client, Message, Name, Node, QosProfile, ServiceMapping, ServiceTypeName};
 use serde::{Deserialize, Serialize};
 
-use crate::{PATIENCE, Result};
+use crate::{Result, TIMEOUT};
 
 #[derive(Debug, Clone, Serialize, Deserialize)]
 struct Request {
@@ -27,7 +27,7 @@ struct Response {
 
 impl Message for Response {}
 
-/// How often an end that is not told of arrivals looks.
+/// Time between two looks of an end that is not notified of arrivals.
 const LOOK_EVERY: Duration = Duration::from_millis(5);
 
 fn qos() -> QosProfile {
@@ -99,11 +99,8 @@ impl Asker {
     }
 
     /// Asks until there is an answer: RustDDS may lose what it sends right after a match.
-    ///
-    /// # Errors
-    /// Where there is none.
     pub fn first(&self, a: i64, b: i64) -> Result<i64> {
-        let deadline = Instant::now() + PATIENCE;
+        let deadline = Instant::now() + TIMEOUT;
         while Instant::now() < deadline {
             if let Some(sum) = self.ask(a, b, Duration::from_millis(500))? {
                 return Ok(sum);
@@ -113,11 +110,8 @@ impl Asker {
     }
 
     /// Asks once.
-    ///
-    /// # Errors
-    /// Where there is no answer, or RustDDS refuses.
     pub fn next(&self, a: i64, b: i64) -> Result<i64> {
-        match self.ask(a, b, PATIENCE)? {
+        match self.ask(a, b, TIMEOUT)? {
             Some(sum) => Ok(sum),
             None => bail!("{a} + {b} was not answered"),
         }

@@ -1,4 +1,4 @@
-//! What a bridge that prints its status says of one of its routes.
+//! State of one route, in the status that a bridge prints.
 
 use serde_json::Value;
 
@@ -13,9 +13,6 @@ pub fn route_status(output: &Output, name: &str) -> Option<Value> {
 }
 
 /// Waits until a route is as wanted; `None` stands for one that is not there.
-///
-/// # Errors
-/// Where it never is.
 pub fn until_route(
     bridge: &Process,
     name: &str,

@@ -1,13 +1,13 @@
-//! What the sensor examples see and hear.
+//! Pictures and sound for the sensor examples.
 
 use std::path::PathBuf;
 
-use crate::{Result, World};
+use crate::{Result, TestEnv};
 
 /// Files that cameras and microphones of examples take.
 #[derive(Debug)]
 pub struct Scenes {
-    /// Has the folders `frames`, `sad`, `happy` and `corner`, and `voice.wav`.
+    /// Folder with the folders `frames`, `sad`, `happy` and `corner`, and `voice.wav`.
     pub folder: PathBuf,
     /// Hash of the pixels of each file in `frames`.
     pub frames: Vec<String>,
@@ -15,11 +15,8 @@ pub struct Scenes {
     pub voice: String,
 }
 
-impl World {
+impl TestEnv {
     /// Pictures and sound in a folder of the test.
-    ///
-    /// # Errors
-    /// Where they cannot be made.
     pub fn scenes(&self) -> Result<Scenes> {
         let folder = self.path("scenes");
         std::fs::create_dir(&folder)?;

@@ -1,9 +1,7 @@
 //! Whole bridges: the real Wrapyfi on ZeroMQ on one side, independent ROS 2 programs on the other.
 
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
-
 use serde_json::Value;
-use wrapyfi_e2e::{Need, Result, RosImage, Route, World, ros2, run, sha256, texts, zeromq};
+use wrapyfi_e2e::{Need, Result, RosImage, Route, TestEnv, ros2, run, sha256, texts, zeromq};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Python];
 
@@ -25,15 +23,15 @@ fn to_ros(
     key: &str,
     fields: &[(&str, Value)],
 ) -> Result {
-    run(test, NEEDS, |world| {
-        let (from, to) = (world.topic("from"), world.topic("to"));
-        let bridge = world.bridge(&world.embedded().route(Route::new(
+    run(test, NEEDS, |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
+        let bridge = env.bridge(&env.embedded().route(Route::new(
             &zeromq(&from),
             &ros2(&to),
             message_type,
         )))?;
-        let subscriber = world.dds_subscriber(&to, ros_type, "--count 3")?;
-        let publisher = world.wrapyfi_publisher(&from, &format!("{peer} --no-broker"))?;
+        let subscriber = env.dds_subscriber(&to, ros_type, "--count 3")?;
+        let publisher = env.wrapyfi_publisher(&from, &format!("{peer} --no-broker"))?;
         let heard = subscriber.messages(3).map_err(|e| e.context(bridge.tail()))?;
         for message in &heard {
             assert!(message["undecodable"].is_null(), "{message}");
@@ -82,16 +80,12 @@ to_ros! {
 
 #[test]
 fn red_from_opencv_is_red_in_ros() -> Result {
-    run("red_from_opencv_is_red_in_ros", NEEDS, |world| {
-        let (from, to) = (world.topic("from"), world.topic("to"));
-        let _bridge = world.bridge(&world.embedded().route(Route::new(
-            &zeromq(&from),
-            &ros2(&to),
-            "Image",
-        )))?;
-        let subscriber = world.dds_subscriber(&to, "sensor_msgs/msg/Image", "--count 1")?;
-        let _publisher =
-            world.wrapyfi_publisher(&from, "--type Image --flavour red --no-broker")?;
+    run("red_from_opencv_is_red_in_ros", NEEDS, |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
+        let _bridge =
+            env.bridge(&env.embedded().route(Route::new(&zeromq(&from), &ros2(&to), "Image")))?;
+        let subscriber = env.dds_subscriber(&to, "sensor_msgs/msg/Image", "--count 1")?;
+        let _publisher = env.wrapyfi_publisher(&from, "--type Image --flavour red --no-broker")?;
         let heard = subscriber.messages(1)?;
         assert_fields(&heard[0], &[("encoding", "bgr8".into())]);
         assert_eq!(
@@ -105,13 +99,13 @@ fn red_from_opencv_is_red_in_ros() -> Result {
 
 #[test]
 fn a_route_may_say_that_wrapyfi_sends_rgb() -> Result {
-    run("a_route_may_say_that_wrapyfi_sends_rgb", NEEDS, |world| {
-        let (from, to) = (world.topic("from"), world.topic("to"));
+    run("a_route_may_say_that_wrapyfi_sends_rgb", NEEDS, |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
         let route = Route::new(&zeromq(&from), &ros2(&to), "Image").with("encoding", "rgb8");
-        let _bridge = world.bridge(&world.embedded().route(route))?;
-        let subscriber = world.dds_subscriber(&to, "sensor_msgs/msg/Image", "--count 1")?;
+        let _bridge = env.bridge(&env.embedded().route(route))?;
+        let subscriber = env.dds_subscriber(&to, "sensor_msgs/msg/Image", "--count 1")?;
         let publisher =
-            world.wrapyfi_publisher(&from, "--type Image --flavour colour --no-broker")?;
+            env.wrapyfi_publisher(&from, "--type Image --flavour colour --no-broker")?;
         let heard = subscriber.messages(1)?;
         assert_fields(&heard[0], &[("encoding", "rgb8".into())]);
         publisher.sent_in_a_row("sha256", &texts(&heard, "sha256"))
@@ -120,28 +114,25 @@ fn a_route_may_say_that_wrapyfi_sends_rgb() -> Result {
 
 #[test]
 fn a_bridge_uses_wrapyfis_own_broker() -> Result {
-    run("a_bridge_uses_wrapyfis_own_broker", NEEDS, |world| {
-        let (from, to) = (world.topic("from"), world.topic("to"));
-        let _bridge = world.bridge(&world.foreign().route(Route::new(
-            &zeromq(&from),
-            &ros2(&to),
-            "Image",
-        )))?;
-        let subscriber = world.dds_subscriber(&to, "sensor_msgs/msg/Image", "--count 3")?;
-        let publisher = world.wrapyfi_publisher(&from, "--type Image --flavour colour")?;
+    run("a_bridge_uses_wrapyfis_own_broker", NEEDS, |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
+        let _bridge =
+            env.bridge(&env.foreign().route(Route::new(&zeromq(&from), &ros2(&to), "Image")))?;
+        let subscriber = env.dds_subscriber(&to, "sensor_msgs/msg/Image", "--count 3")?;
+        let publisher = env.wrapyfi_publisher(&from, "--type Image --flavour colour")?;
         publisher.sent_in_a_row("sha256", &texts(&subscriber.messages(3)?, "sha256"))
     })
 }
 
 #[test]
 fn a_bridge_may_be_the_last_to_start() -> Result {
-    run("a_bridge_may_be_the_last_to_start", NEEDS, |world| {
-        let (from, to) = (world.topic("from"), world.topic("to"));
-        let publisher = world.wrapyfi_publisher(&from, "--no-broker")?;
-        let subscriber = world.dds_subscriber(&to, "std_msgs/msg/String", "--count 3")?;
+    run("a_bridge_may_be_the_last_to_start", NEEDS, |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
+        let publisher = env.wrapyfi_publisher(&from, "--no-broker")?;
+        let subscriber = env.dds_subscriber(&to, "std_msgs/msg/String", "--count 3")?;
         publisher.event("ready")?;
         subscriber.event("ready")?;
-        let _bridge = world.bridge(&world.embedded().route(Route::new(
+        let _bridge = env.bridge(&env.embedded().route(Route::new(
             &zeromq(&from),
             &ros2(&to),
             "std_msgs/msg/String",
@@ -152,19 +143,19 @@ fn a_bridge_may_be_the_last_to_start() -> Result {
 
 #[test]
 fn a_bridge_goes_on_when_wrapyfi_starts_again() -> Result {
-    run("a_bridge_goes_on_when_wrapyfi_starts_again", NEEDS, |world| {
-        let (from, to) = (world.topic("from"), world.topic("to"));
-        let _bridge = world.bridge(&world.foreign().route(Route::new(
+    run("a_bridge_goes_on_when_wrapyfi_starts_again", NEEDS, |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
+        let _bridge = env.bridge(&env.foreign().route(Route::new(
             &zeromq(&from),
             &ros2(&to),
             "std_msgs/msg/String",
         )))?;
-        let first = world.dds_subscriber(&to, "std_msgs/msg/String", "--count 1")?;
-        let publisher = world.wrapyfi_publisher(&from, "")?;
+        let first = env.dds_subscriber(&to, "std_msgs/msg/String", "--count 1")?;
+        let publisher = env.wrapyfi_publisher(&from, "")?;
         first.messages(1)?;
         drop(publisher); // and with it the broker
-        let publisher = world.wrapyfi_publisher(&from, "--flavour array")?;
-        let second = world.dds_subscriber(&to, "std_msgs/msg/String", "")?;
+        let publisher = env.wrapyfi_publisher(&from, "--flavour array")?;
+        let second = env.dds_subscriber(&to, "std_msgs/msg/String", "")?;
         let heard = second.wait_until("a message of the second publisher", |output| {
             output.events("message").into_iter().find(|m| m["value"]["ramp"].is_object())
         })?;
@@ -174,16 +165,16 @@ fn a_bridge_goes_on_when_wrapyfi_starts_again() -> Result {
 
 #[test]
 fn a_ros_node_of_another_make_reads_json() -> Result {
-    run("a_ros_node_of_another_make_reads_json", NEEDS, |world| {
-        let (from, to) = (world.topic("from"), world.topic("to"));
-        let _bridge = world.bridge(&world.embedded().route(Route::new(
+    run("a_ros_node_of_another_make_reads_json", NEEDS, |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
+        let _bridge = env.bridge(&env.embedded().route(Route::new(
             &zeromq(&from),
             &ros2(&to),
             "std_msgs/msg/String",
         )))?;
-        let mut node = world.ros_node("reader")?;
+        let mut node = env.ros_node("reader")?;
         let heard = node.subscribe::<String>(&to, "std_msgs/msg/String")?;
-        let _publisher = world.wrapyfi_publisher(&from, "--flavour small --no-broker")?;
+        let _publisher = env.wrapyfi_publisher(&from, "--flavour small --no-broker")?;
         let object: Value = serde_json::from_str(&heard.next()?)?;
         assert_eq!(object["greeting"], "hello");
         assert_eq!(object["list"], serde_json::json!([1, -2, 3.5, "four"]));
@@ -193,17 +184,14 @@ fn a_ros_node_of_another_make_reads_json() -> Result {
 
 #[test]
 fn a_ros_node_of_another_make_reads_an_image() -> Result {
-    run("a_ros_node_of_another_make_reads_an_image", NEEDS, |world| {
-        let (from, to) = (world.topic("from"), world.topic("to"));
-        let _bridge = world.bridge(&world.embedded().route(Route::new(
-            &zeromq(&from),
-            &ros2(&to),
-            "Image",
-        )))?;
-        let mut node = world.ros_node("reader")?;
+    run("a_ros_node_of_another_make_reads_an_image", NEEDS, |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
+        let _bridge =
+            env.bridge(&env.embedded().route(Route::new(&zeromq(&from), &ros2(&to), "Image")))?;
+        let mut node = env.ros_node("reader")?;
         let heard = node.subscribe::<RosImage>(&to, "sensor_msgs/msg/Image")?;
         let publisher =
-            world.wrapyfi_publisher(&from, "--type Image --flavour colour --no-broker")?;
+            env.wrapyfi_publisher(&from, "--type Image --flavour colour --no-broker")?;
         let frame = heard.next()?;
         assert_eq!(
             (frame.width, frame.height, frame.step, frame.encoding.as_str()),
@@ -225,15 +213,15 @@ fn from_ros(
     peer: &str,
     key: &str,
 ) -> Result {
-    run(test, NEEDS, |world| {
-        let (from, to) = (world.topic("from"), world.topic("to"));
-        let bridge = world.bridge(&world.embedded().route(Route::new(
+    run(test, NEEDS, |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
+        let bridge = env.bridge(&env.embedded().route(Route::new(
             &ros2(&from),
             &zeromq(&to),
             message_type,
         )))?;
-        let listener = world.wrapyfi_listener(&to, &format!("{peer} --count 3"))?;
-        let publisher = world.dds_publisher(&from, ros_type, sender)?;
+        let listener = env.wrapyfi_listener(&to, &format!("{peer} --count 3"))?;
+        let publisher = env.dds_publisher(&from, ros_type, sender)?;
         let heard = listener.messages(3).map_err(|e| e.context(bridge.tail()))?;
         publisher.sent_in_a_row(key, &texts(&heard, "sha256"))
     })
@@ -272,15 +260,15 @@ from_ros! {
 
 #[test]
 fn json_of_a_ros_node_of_another_make_reaches_wrapyfi() -> Result {
-    run("json_of_a_ros_node_of_another_make_reaches_wrapyfi", NEEDS, |world| {
-        let (from, to) = (world.topic("from"), world.topic("to"));
-        let _bridge = world.bridge(&world.embedded().route(Route::new(
+    run("json_of_a_ros_node_of_another_make_reaches_wrapyfi", NEEDS, |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
+        let _bridge = env.bridge(&env.embedded().route(Route::new(
             &ros2(&from),
             &zeromq(&to),
             "std_msgs/msg/String",
         )))?;
-        let listener = world.wrapyfi_listener(&to, "--count 2")?;
-        let mut node = world.ros_node("writer")?;
+        let listener = env.wrapyfi_listener(&to, "--count 2")?;
+        let mut node = env.ros_node("writer")?;
         let _spoken = node.publish(&from, "std_msgs/msg/String", |seq| {
             format!("{{\"seq\": {seq}, \"from\": \"ros\"}}")
         })?;
@@ -294,17 +282,17 @@ fn json_of_a_ros_node_of_another_make_reaches_wrapyfi() -> Result {
 
 #[test]
 fn plain_text_of_a_ros_node_reaches_wrapyfi_and_comes_back() -> Result {
-    run("plain_text_of_a_ros_node_reaches_wrapyfi_and_comes_back", NEEDS, |world| {
-        let (from, there) = (world.topic("from"), world.topic("there"));
-        let (back, plain, json) = (world.topic("back"), world.topic("plain"), world.topic("json"));
-        let config = world
+    run("plain_text_of_a_ros_node_reaches_wrapyfi_and_comes_back", NEEDS, |env| {
+        let (from, there) = (env.topic("from"), env.topic("there"));
+        let (back, plain, json) = (env.topic("back"), env.topic("plain"), env.topic("json"));
+        let config = env
             .embedded()
             .route(Route::new(&ros2(&from), &zeromq(&there), "std_msgs/msg/String"))
             .route(Route::new(&zeromq(&back), &ros2(&plain), "Text"))
             .route(Route::new(&zeromq(&back), &ros2(&json), "std_msgs/msg/String"));
-        let _bridge = world.bridge(&config)?;
-        let listener = world.wrapyfi_listener(&there, "--count 2")?;
-        let mut node = world.ros_node("talker")?;
+        let _bridge = env.bridge(&config)?;
+        let listener = env.wrapyfi_listener(&there, "--count 2")?;
+        let mut node = env.ros_node("talker")?;
         let as_text = node.subscribe::<String>(&plain, "std_msgs/msg/String")?;
         let as_json = node.subscribe::<String>(&json, "std_msgs/msg/String")?;
         let _spoken =
@@ -315,7 +303,7 @@ fn plain_text_of_a_ros_node_reaches_wrapyfi_and_comes_back() -> Result {
         }
         let endpoint = zeromq(&back);
         let text = ["--type", "NativeObject", "--value", r#""Hello World""#, "--rate", "20"];
-        let _publisher = world.wrapyfi([&["pub", &endpoint][..], &text].concat())?;
+        let _publisher = env.wrapyfi([&["pub", &endpoint][..], &text].concat())?;
         assert_eq!(as_text.next()?, "Hello World");
         assert_eq!(as_json.next()?, "\"Hello World\"", "as Python Wrapyfi reads it");
         Ok(())
@@ -324,16 +312,13 @@ fn plain_text_of_a_ros_node_reaches_wrapyfi_and_comes_back() -> Result {
 
 #[test]
 fn red_of_a_ros_node_of_another_make_is_red_in_opencv() -> Result {
-    run("red_of_a_ros_node_of_another_make_is_red_in_opencv", NEEDS, |world| {
-        let (from, to) = (world.topic("from"), world.topic("to"));
-        let _bridge = world.bridge(&world.embedded().route(Route::new(
-            &ros2(&from),
-            &zeromq(&to),
-            "Image",
-        )))?;
-        let listener = world.wrapyfi_listener(&to, "--type Image --flavour colour --count 1")?;
+    run("red_of_a_ros_node_of_another_make_is_red_in_opencv", NEEDS, |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
+        let _bridge =
+            env.bridge(&env.embedded().route(Route::new(&ros2(&from), &zeromq(&to), "Image")))?;
+        let listener = env.wrapyfi_listener(&to, "--type Image --flavour colour --count 1")?;
         let frame = RosImage::plain(64, 48, "rgb8", [255, 0, 0]);
-        let mut node = world.ros_node("writer")?;
+        let mut node = env.ros_node("writer")?;
         let _spoken = node.publish(&from, "sensor_msgs/msg/Image", move |_| frame.clone())?;
         let heard = listener.messages(1)?;
         assert_eq!(
@@ -349,15 +334,15 @@ fn red_of_a_ros_node_of_another_make_is_red_in_opencv() -> Result {
 
 #[test]
 fn routes_in_both_directions_do_not_loop() -> Result {
-    run("routes_in_both_directions_do_not_loop", NEEDS, |world: &World| {
-        let (left, right) = (world.topic("left"), world.topic("right"));
-        let config = world
+    run("routes_in_both_directions_do_not_loop", NEEDS, |env: &TestEnv| {
+        let (left, right) = (env.topic("left"), env.topic("right"));
+        let config = env
             .embedded()
             .route(Route::new(&zeromq(&left), &ros2(&right), "std_msgs/msg/String"))
             .route(Route::new(&ros2(&right), &zeromq(&left), "std_msgs/msg/String"));
-        let bridge = world.bridge(&config)?;
-        let subscriber = world.dds_subscriber(&right, "std_msgs/msg/String", "")?;
-        let publisher = world.wrapyfi_publisher(&left, "--no-broker")?;
+        let bridge = env.bridge(&config)?;
+        let subscriber = env.dds_subscriber(&right, "std_msgs/msg/String", "")?;
+        let publisher = env.wrapyfi_publisher(&left, "--no-broker")?;
         subscriber.messages(5)?;
         // Three more status reports are time enough for an echo; none may be counted as carried.
         let reports = |output: &wrapyfi_e2e::Output| {

@@ -1,6 +1,4 @@
-//! What a bridge shows on the ROS 2 graph: its node, its types, its CDR.
-
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
+//! Appearance of a bridge on the ROS 2 graph: its node, its types, its CDR.
 
 use serde_json::Value;
 use wrapyfi_e2e::{Need, Process, Result, Route, ros2, run, texts, zeromq};
@@ -45,25 +43,24 @@ fn endpoint_and_node(graph: &Process, role: &str, topic: &str) -> Result<(Value,
 
 #[test]
 fn the_graph_shows_the_node_and_the_types() -> Result {
-    run("the_graph_shows_the_node_and_the_types", NEEDS, |world| {
-        let mut config = world.embedded();
+    run("the_graph_shows_the_node_and_the_types", NEEDS, |env| {
+        let mut config = env.embedded();
         for (index, (ros_type, _)) in GOLDEN_HASHES.iter().enumerate() {
-            let (from, to) =
-                (world.topic(&format!("from{index}")), world.topic(&format!("to{index}")));
+            let (from, to) = (env.topic(&format!("from{index}")), env.topic(&format!("to{index}")));
             config = config.route(Route::new(&zeromq(&from), &ros2(&to), ros_type));
         }
-        let back = world.topic("back");
+        let back = env.topic("back");
         config = config.route(Route::new(
             &ros2(&back),
-            &zeromq(&world.topic("object")),
+            &zeromq(&env.topic("object")),
             "std_msgs/msg/String",
         ));
-        let graph = world.graph()?;
-        let bridge = world.bridge(&config)?;
+        let graph = env.graph()?;
+        let bridge = env.bridge(&config)?;
         let mut names = Vec::new();
         for (index, (ros_type, hash)) in GOLDEN_HASHES.iter().enumerate() {
             let (endpoint, node) =
-                endpoint_and_node(&graph, "writer", &world.topic(&format!("to{index}")))
+                endpoint_and_node(&graph, "writer", &env.topic(&format!("to{index}")))
                     .map_err(|e| e.context(bridge.tail()))?;
             assert_eq!(endpoint["type"], ros_type.replace("/msg/", "::msg::dds_::") + "_");
             assert_eq!(endpoint["hash"], *hash, "{endpoint}");
@@ -81,21 +78,20 @@ fn the_graph_shows_the_node_and_the_types() -> Result {
 
 #[test]
 fn our_own_types_have_the_hash_that_others_compute() -> Result {
-    run("our_own_types_have_the_hash_that_others_compute", NEEDS, |world| {
+    run("our_own_types_have_the_hash_that_others_compute", NEEDS, |env| {
         let types = ["wrapyfi_msgs/msg/NativeObject", "wrapyfi_msgs/msg/AudioChunk"];
-        let hashes = world.peer("rosbags_decode.py", &format!("hash {}", types.join(" ")))?;
+        let hashes = env.peer("rosbags_decode.py", &format!("hash {}", types.join(" ")))?;
         let hashes = texts(&hashes.objects(types.len())?, "hash");
-        let mut config = world.embedded();
+        let mut config = env.embedded();
         for (index, ros_type) in types.iter().enumerate() {
-            let (from, to) =
-                (world.topic(&format!("from{index}")), world.topic(&format!("to{index}")));
+            let (from, to) = (env.topic(&format!("from{index}")), env.topic(&format!("to{index}")));
             config = config.route(Route::new(&zeromq(&from), &ros2(&to), ros_type));
         }
-        let graph = world.graph()?;
-        let _bridge = world.bridge(&config)?;
+        let graph = env.graph()?;
+        let _bridge = env.bridge(&config)?;
         for (index, hash) in hashes.iter().enumerate() {
             let (endpoint, _) =
-                endpoint_and_node(&graph, "writer", &world.topic(&format!("to{index}")))?;
+                endpoint_and_node(&graph, "writer", &env.topic(&format!("to{index}")))?;
             assert_eq!(endpoint["hash"], **hash, "{endpoint}");
         }
         Ok(())
@@ -104,14 +100,11 @@ fn our_own_types_have_the_hash_that_others_compute() -> Result {
 
 #[test]
 fn a_bridge_that_ends_leaves_the_graph() -> Result {
-    run("a_bridge_that_ends_leaves_the_graph", NEEDS, |world| {
-        let to = world.topic("to");
-        let graph = world.graph()?;
-        let mut bridge = world.bridge(&world.embedded().route(Route::new(
-            "zeromq:/from",
-            &ros2(&to),
-            "Image",
-        )))?;
+    run("a_bridge_that_ends_leaves_the_graph", NEEDS, |env| {
+        let to = env.topic("to");
+        let graph = env.graph()?;
+        let mut bridge =
+            env.bridge(&env.embedded().route(Route::new("zeromq:/from", &ros2(&to), "Image")))?;
         let (endpoint, _) = endpoint_and_node(&graph, "writer", &to)?;
         bridge.terminate()?;
         bridge.exits_with(0)?;
@@ -126,17 +119,17 @@ fn a_bridge_that_ends_leaves_the_graph() -> Result {
 
 /// rosbags decodes what is on the wire, finds the right fields, and would have written the same bytes.
 fn rosbags_reads(test: &str, peer: &str, message_type: &str, ros_type: &str) -> Result {
-    run(test, NEEDS, |world| {
-        let (from, to) = (world.topic("from"), world.topic("to"));
-        let _bridge = world.bridge(&world.embedded().route(Route::new(
+    run(test, NEEDS, |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
+        let _bridge = env.bridge(&env.embedded().route(Route::new(
             &zeromq(&from),
             &ros2(&to),
             message_type,
         )))?;
-        let subscriber = world.dds_subscriber(&to, ros_type, "--count 2 --cdr")?;
-        let _publisher = world.wrapyfi_publisher(&from, &format!("{peer} --no-broker"))?;
+        let subscriber = env.dds_subscriber(&to, ros_type, "--count 2 --cdr")?;
+        let _publisher = env.wrapyfi_publisher(&from, &format!("{peer} --no-broker"))?;
         let heard = subscriber.messages(2)?;
-        let mut decoder = world.peer("rosbags_decode.py", "")?;
+        let mut decoder = env.peer("rosbags_decode.py", "")?;
         for message in &heard {
             assert!(
                 message["cdr"].as_str().is_some_and(|cdr| cdr.starts_with("00010000")),

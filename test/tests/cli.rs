@@ -1,12 +1,10 @@
 //! The command line: exit codes, one clear line for each failure, and ends in good order.
 
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
-
 use std::net::TcpListener;
 use std::path::Path;
 
 use serde_json::{Value, json};
-use wrapyfi_e2e::{Need, Output, Process, Result, Route, World, run};
+use wrapyfi_e2e::{Need, Output, Process, Result, Route, TestEnv, run};
 
 const PROGRAM: &[Need] = &[Need::Program];
 
@@ -40,10 +38,10 @@ fn hold(port: u16) -> Result<TcpListener> {
 
 #[test]
 fn a_broker_names_the_port_that_is_taken() -> Result {
-    run("a_broker_names_the_port_that_is_taken", PROGRAM, |world| {
-        for port in [world.pub_port(), world.sub_port()] {
+    run("a_broker_names_the_port_that_is_taken", PROGRAM, |env| {
+        for port in [env.pub_port(), env.sub_port()] {
             let _held = hold(port)?;
-            let mut broker = world.broker_that_may_fail()?;
+            let mut broker = env.broker_that_may_fail()?;
             complains(&mut broker, &[1, 2], &[&port.to_string()])?;
             let lines = broker.stderr().lines().filter(|l| l.contains(&port.to_string())).count();
             assert_eq!(lines, 1, "one line names the port:\n{}", broker.stderr());
@@ -54,12 +52,12 @@ fn a_broker_names_the_port_that_is_taken() -> Result {
 
 #[test]
 fn a_bridge_names_the_port_that_is_taken() -> Result {
-    run("a_bridge_names_the_port_that_is_taken", PROGRAM, |world| {
-        let _held = hold(world.pub_port())?;
-        let config = world.embedded().route(Route::new("zeromq:/a", "ros2:/a", "Image"));
-        let bridge = world.bridge(&config)?;
+    run("a_bridge_names_the_port_that_is_taken", PROGRAM, |env| {
+        let _held = hold(env.pub_port())?;
+        let config = env.embedded().route(Route::new("zeromq:/a", "ros2:/a", "Image"));
+        let bridge = env.bridge(&config)?;
         // Its routes on the other middlewares run meanwhile.
-        let words = format!("port {} on 127.0.0.1 is taken", world.pub_port());
+        let words = format!("port {} on 127.0.0.1 is taken", env.pub_port());
         bridge.wait_until("the port that is taken", |output| {
             let waits = |line: &String| line.contains("routes wait") && line.contains(&words);
             output.err.iter().any(waits).then_some(())
@@ -71,9 +69,9 @@ fn a_bridge_names_the_port_that_is_taken() -> Result {
 
 #[test]
 fn sigterm_ends_a_bridge_with_success() -> Result {
-    run("sigterm_ends_a_bridge_with_success", PROGRAM, |world| {
+    run("sigterm_ends_a_bridge_with_success", PROGRAM, |env| {
         let mut bridge =
-            world.bridge(&world.embedded().route(Route::new("zeromq:/a", "ros2:/a", "Image")))?;
+            env.bridge(&env.embedded().route(Route::new("zeromq:/a", "ros2:/a", "Image")))?;
         bridge.wait_until("a status report", report)?;
         bridge.terminate()?;
         complains(&mut bridge, &[0], &["ends: 0 in, 0 out, 0 unread, dropped: none"])
@@ -82,11 +80,11 @@ fn sigterm_ends_a_bridge_with_success() -> Result {
 
 #[test]
 fn sigterm_ends_a_broker_with_success() -> Result {
-    run("sigterm_ends_a_broker_with_success", &[Need::Program, Need::Python], |world| {
-        let mut broker = world.broker()?;
+    run("sigterm_ends_a_broker_with_success", &[Need::Program, Need::Python], |env| {
+        let mut broker = env.broker()?;
         // It serves: a publisher that insists on a listener sends.
-        let publisher = world.wrapyfi_publisher(&world.topic("x"), "--no-broker")?;
-        let _listener = world.wrapyfi_listener(&world.topic("x"), "")?;
+        let publisher = env.wrapyfi_publisher(&env.topic("x"), "--no-broker")?;
+        let _listener = env.wrapyfi_listener(&env.topic("x"), "")?;
         publisher.messages(1)?;
         broker.terminate()?;
         broker.exits_with(0)
@@ -95,9 +93,9 @@ fn sigterm_ends_a_broker_with_success() -> Result {
 
 #[test]
 fn sigterm_ends_a_bridge_that_still_waits_for_a_broker() -> Result {
-    run("sigterm_ends_a_bridge_that_still_waits_for_a_broker", PROGRAM, |world| {
+    run("sigterm_ends_a_bridge_that_still_waits_for_a_broker", PROGRAM, |env| {
         let mut bridge =
-            world.bridge(&world.foreign().route(Route::new("zeromq:/a", "ros2:/a", "Image")))?;
+            env.bridge(&env.foreign().route(Route::new("zeromq:/a", "ros2:/a", "Image")))?;
         let waiting = bridge.wait_until("a status report", report)?;
         assert_eq!(waiting["routes"][0]["state"], "waiting", "{waiting}");
         assert!(
@@ -111,12 +109,11 @@ fn sigterm_ends_a_bridge_that_still_waits_for_a_broker() -> Result {
 
 #[test]
 fn a_bridge_ends_by_itself_after_its_seconds() -> Result {
-    run("a_bridge_ends_by_itself_after_its_seconds", PROGRAM, |world| {
-        let config = world.embedded().route(Route::new("zeromq:/a", "ros2:/a", "Image"));
-        let file = world.write("bridge.yaml", config.yaml())?;
+    run("a_bridge_ends_by_itself_after_its_seconds", PROGRAM, |env| {
+        let config = env.embedded().route(Route::new("zeromq:/a", "ros2:/a", "Image"));
+        let file = env.write("bridge.yaml", config.yaml())?;
         let file = file.display().to_string();
-        let mut bridge =
-            world.wrapyfi(["bridge", "--config", &file, "--seconds", "1", "--json"])?;
+        let mut bridge = env.wrapyfi(["bridge", "--config", &file, "--seconds", "1", "--json"])?;
         bridge.exits_with(0)?;
         let last = bridge.wait_until("the last report", report)?;
         assert_eq!(last["routes"].as_array().map(Vec::len), Some(1), "{last}");
@@ -137,11 +134,11 @@ fn demo_received(table: &str) -> Vec<(String, u64)> {
 
 #[test]
 fn the_demo_delivers_on_every_route() -> Result {
-    run("the_demo_delivers_on_every_route", PROGRAM, |world| {
+    run("the_demo_delivers_on_every_route", PROGRAM, |env| {
         // A YARP network of the user's that is away: the demo neither needs nor changes it.
         let conf = "127.0.0.1 1 yarp\n";
-        world.write("yarp.conf", conf)?;
-        let mut demo = world.wrapyfi(["demo", "--seconds", "5"])?;
+        env.write("yarp.conf", conf)?;
+        let mut demo = env.wrapyfi(["demo", "--seconds", "5"])?;
         demo.exits_with(0)?;
         let told = demo.stdout();
         let received = demo_received(&told);
@@ -160,7 +157,7 @@ fn the_demo_delivers_on_every_route() -> Result {
         assert!(received.iter().all(|(_, count)| *count > 0), "{told}");
         assert!(told.contains("YARP name server on 127.0.0.1:"), "{told}");
         assert!(!told.contains("YARP name server on 127.0.0.1:1,"), "{told}");
-        assert_eq!(std::fs::read_to_string(world.path("yarp.conf"))?, conf);
+        assert_eq!(std::fs::read_to_string(env.path("yarp.conf"))?, conf);
         Ok(())
     })
 }
@@ -169,9 +166,9 @@ fn the_demo_delivers_on_every_route() -> Result {
 
 #[test]
 fn echo_without_a_message_ends_by_time_out() -> Result {
-    run("echo_without_a_message_ends_by_time_out", PROGRAM, |world| {
+    run("echo_without_a_message_ends_by_time_out", PROGRAM, |env| {
         for endpoint in ["zeromq:/nothing", "ros2:/nothing"] {
-            let mut echo = world.wrapyfi([
+            let mut echo = env.wrapyfi([
                 "echo",
                 endpoint,
                 "--type",
@@ -191,7 +188,7 @@ fn echo_without_a_message_ends_by_time_out() -> Result {
 
 #[test]
 fn bad_usage_is_two() -> Result {
-    run("bad_usage_is_two", PROGRAM, |world| {
+    run("bad_usage_is_two", PROGRAM, |env| {
         let cases: &[(&[&str], &[&str])] = &[
             (&["eko"], &["echo"]),
             (&["echo"], &["ENDPOINT"]),
@@ -205,36 +202,36 @@ fn bad_usage_is_two() -> Result {
             (&["check", "no_such_file.yaml"], &["no_such_file.yaml"]),
         ];
         for (args, words) in cases {
-            complains(&mut world.wrapyfi(*args)?, &[2], words)?;
+            complains(&mut env.wrapyfi(*args)?, &[2], words)?;
         }
         let missing = ["pub", "zeromq:/a", "--type", "Image", "--file", "no_such_file.png"];
-        complains(&mut world.wrapyfi(missing)?, &[1, 2], &["no_such_file.png"])
+        complains(&mut env.wrapyfi(missing)?, &[1, 2], &["no_such_file.png"])
     })
 }
 
 /// `wrapyfi … | head`: whoever has seen enough is no fault of the command.
 #[test]
 fn a_reader_that_went_is_no_complaint() -> Result {
-    run("a_reader_that_went_is_no_complaint", PROGRAM, |world| {
-        let _broker = world.broker()?;
-        let config = world.foreign().route(Route::new("zeromq:/a", "ros2:/a", "NativeObject"));
-        let file = world.write("bridge.yaml", config.yaml())?.display().to_string();
-        let rep = world.rep_port().to_string();
-        let req = world.req_port().to_string();
+    run("a_reader_that_went_is_no_complaint", PROGRAM, |env| {
+        let _broker = env.broker()?;
+        let config = env.foreign().route(Route::new("zeromq:/a", "ros2:/a", "NativeObject"));
+        let file = env.write("bridge.yaml", config.yaml())?.display().to_string();
+        let rep = env.rep_port().to_string();
+        let req = env.req_port().to_string();
         let ports = ["--rep-port", rep.as_str(), "--req-port", req.as_str()];
         let serve = [&["serve", "zeromq:/f", "--echo"], &ports[..]].concat();
-        let server = world.wrapyfi(&serve)?;
+        let server = env.wrapyfi(&serve)?;
         server.wait_until("the server", |output| {
             output.err.iter().any(|line| line.contains("serving")).then_some(())
         })?;
         let call = ["call", "zeromq:/f", "--rep-port", &rep, "--value", "1", "--timeout", "100"];
         let set_bool = ["--type", "std_srvs/srv/SetBool"];
-        let of_ros = world.topic("set");
+        let of_ros = env.topic("set");
         let of_ros = format!("ros2:{of_ros}");
-        let _ros = world.wrapyfi([&["serve", &of_ros, "--echo"], &set_bool[..]].concat())?;
+        let _ros = env.wrapyfi([&["serve", &of_ros, "--echo"], &set_bool[..]].concat())?;
         let publish =
             ["pub", "zeromq:/a", "--type", "NativeObject", "--value", "1", "--rate", "20"];
-        let _publisher = world.wrapyfi(publish)?;
+        let _publisher = env.wrapyfi(publish)?;
         let echo = ["echo", "zeromq:/a", "--type", "NativeObject"];
         for args in [
             &["check", &file][..],
@@ -246,7 +243,7 @@ fn a_reader_that_went_is_no_complaint() -> Result {
             &call,
             &["call", &of_ros, "--value", "{}", "--timeout", "100"],
         ] {
-            let mut unread = world.wrapyfi_unread(args)?;
+            let mut unread = env.wrapyfi_unread(args)?;
             unread.exits_with(0)?;
             let said = unread.stderr();
             assert!(!said.contains("pipe") && !said.contains("wrapyfi:"), "{args:?}: {said}");
@@ -255,9 +252,9 @@ fn a_reader_that_went_is_no_complaint() -> Result {
     })
 }
 
-/// What is served at `endpoint` is called in every way, which mean the same.
-fn called_in_every_way(world: &World, endpoint: &str, serve: &[&str]) -> Result {
-    let server = world.wrapyfi([&["serve", endpoint, "--count", "4", "--json"], serve].concat())?;
+/// Calls the server at `endpoint` in every way, all of which mean the same.
+fn called_in_every_way(env: &TestEnv, endpoint: &str, serve: &[&str]) -> Result {
+    let server = env.wrapyfi([&["serve", endpoint, "--count", "4", "--json"], serve].concat())?;
     server.wait_until("the server", |output| {
         output.err.iter().any(|line| line.contains("serving")).then_some(())
     })?;
@@ -268,11 +265,11 @@ fn called_in_every_way(world: &World, endpoint: &str, serve: &[&str]) -> Result 
         &["--args", "[true]"],
         &["--kwargs", r#"{"data": true}"#],
     ] {
-        let rep = world.rep_port().to_string();
+        let rep = env.rep_port().to_string();
         let ports: &[&str] =
             if endpoint.starts_with("zeromq") { &["--rep-port", &rep] } else { &[] };
         let call = ["call", endpoint, "--timeout", "100", "--json"];
-        let mut call = world.wrapyfi([&call, given, kind, ports].concat())?;
+        let mut call = env.wrapyfi([&call, given, kind, ports].concat())?;
         let told = call.objects(1)?.remove(0)["value"].clone();
         call.exits_with(0)?;
         assert_eq!(told, json!({"success": true, "message": "on"}), "{endpoint} {given:?}");
@@ -291,65 +288,65 @@ const ON: [&str; 2] = ["--value", r#"{"success": true, "message": "on"}"#];
 
 #[test]
 fn arguments_are_given_alike_on_every_side() -> Result {
-    run("arguments_are_given_alike_on_every_side", PROGRAM, |world| {
-        let _names = world.yarpserver()?;
+    run("arguments_are_given_alike_on_every_side", PROGRAM, |env| {
+        let _names = env.yarpserver()?;
         let typed = [SET_BOOL, ON].concat();
-        called_in_every_way(world, &format!("ros2:{}", world.topic("set")), &typed)?;
-        called_in_every_way(world, &format!("yarp:{}", world.topic("set")), &typed)?;
-        called_in_every_way(world, &format!("yarp:{}", world.topic("function")), &ON)?;
+        called_in_every_way(env, &format!("ros2:{}", env.topic("set")), &typed)?;
+        called_in_every_way(env, &format!("yarp:{}", env.topic("set")), &typed)?;
+        called_in_every_way(env, &format!("yarp:{}", env.topic("function")), &ON)?;
         let native = [["--type", "NativeObject"], ON].concat();
-        called_in_every_way(world, "zeromq:/set", &native)?;
-        called_in_every_way(world, "zeromq:/set", &ON)
+        called_in_every_way(env, "zeromq:/set", &native)?;
+        called_in_every_way(env, "zeromq:/set", &ON)
     })
 }
 
 #[test]
 fn arguments_are_given_alike_on_ros_1_too() -> Result {
-    run("arguments_are_given_alike_on_ros_1_too", &[Need::Program, Need::Ros1], |world| {
-        let _roscore = world.roscore()?;
+    run("arguments_are_given_alike_on_ros_1_too", &[Need::Program, Need::Ros1], |env| {
+        let _roscore = env.roscore()?;
         let typed = [SET_BOOL, ON].concat();
-        called_in_every_way(world, &format!("ros:{}", world.topic("set")), &typed)?;
-        let mut untyped = world.wrapyfi(["serve", "ros:/x", "--echo"])?;
+        called_in_every_way(env, &format!("ros:{}", env.topic("set")), &typed)?;
+        let mut untyped = env.wrapyfi(["serve", "ros:/x", "--echo"])?;
         complains(&mut untyped, &[2], &["ros:/x: --type is needed", "NativeObject"])
     })
 }
 
 #[test]
 fn an_address_of_its_own_is_for_middlewares_that_tell_it() -> Result {
-    run("an_address_of_its_own_is_for_middlewares_that_tell_it", PROGRAM, |world| {
+    run("an_address_of_its_own_is_for_middlewares_that_tell_it", PROGRAM, |env| {
         let ip = |endpoint: &str, ip: &str| {
-            world.wrapyfi(["echo", endpoint, "--type", "Image", "--ip", ip])
+            env.wrapyfi(["echo", endpoint, "--type", "Image", "--ip", ip])
         };
         complains(&mut ip("yarp:/x", "10.0.0")?, &[2], &["--ip", "write it as 192.168.1.7"])?;
         let words = ["--ip and --insecure are for yarp and ros"];
         complains(&mut ip("ros2:/x", "192.0.2.7")?, &[2], &words)?;
         let words = [words[0], "WRAPYFI_ZEROMQ_SOCKET_IP"];
         complains(&mut ip("zeromq:/x", "192.0.2.7")?, &[2], &words)?;
-        let mut call = world.wrapyfi(["call", "ros2:/x", "--option", "carrier=tcp"])?;
+        let mut call = env.wrapyfi(["call", "ros2:/x", "--option", "carrier=tcp"])?;
         complains(&mut call, &[2], &["option carrier is unknown on ros2; options here: none"])
     })
 }
 
 #[test]
 fn ros_arguments_are_for_the_bridge_alone() -> Result {
-    run("ros_arguments_are_for_the_bridge_alone", PROGRAM, |world| {
-        let mut echo = world.wrapyfi(["echo", "ros2:/x", "--ros-args", "-r", "__ns:=/lab"])?;
+    run("ros_arguments_are_for_the_bridge_alone", PROGRAM, |env| {
+        let mut echo = env.wrapyfi(["echo", "ros2:/x", "--ros-args", "-r", "__ns:=/lab"])?;
         complains(&mut echo, &[2], &["--ros-args is for the nodes"])?;
-        let mut bridge = world.wrapyfi(["bridge", "--ros-args", "--loud"])?;
+        let mut bridge = env.wrapyfi(["bridge", "--ros-args", "--loud"])?;
         complains(&mut bridge, &[2], &["--loud"])
     })
 }
 
 #[test]
 fn help_and_version_are_success() -> Result {
-    run("help_and_version_are_success", PROGRAM, |world| {
-        let mut help = world.wrapyfi(["--help"])?;
+    run("help_and_version_are_success", PROGRAM, |env| {
+        let mut help = env.wrapyfi(["--help"])?;
         help.exits_with(0)?;
         for word in ["demo", "bridge", "check", "echo", "pub", "broker", "ZeroMQ", "YARP", "ROS 1"]
         {
             assert!(help.stdout().contains(word), "help does not mention {word}");
         }
-        world.wrapyfi(["--version"])?.exits_with(0)
+        env.wrapyfi(["--version"])?.exits_with(0)
     })
 }
 
@@ -357,12 +354,12 @@ fn help_and_version_are_success() -> Result {
 
 #[test]
 fn every_configuration_that_comes_with_it_is_valid() -> Result {
-    run("every_configuration_that_comes_with_it_is_valid", PROGRAM, |world| {
+    run("every_configuration_that_comes_with_it_is_valid", PROGRAM, |env| {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../config");
         let mut count = 0;
         for entry in std::fs::read_dir(folder)? {
             let file = entry?.path();
-            let mut check = world.wrapyfi(["check", &file.display().to_string()])?;
+            let mut check = env.wrapyfi(["check", &file.display().to_string()])?;
             check.exits_with(0)?;
             assert!(check.stdout().contains(" -> "), "{}: {}", file.display(), check.stdout());
             count += 1;
@@ -385,8 +382,8 @@ fn bad(text: &str, what: &str, words: &'static [&'static str]) -> Bad {
     Bad { text: text.to_owned(), line, words }
 }
 
-fn bad_configurations(world: &World) -> Vec<Bad> {
-    let good = world.embedded().route(Route::new("zeromq:/a", "ros2:/a", "Image")).yaml();
+fn bad_configurations(env: &TestEnv) -> Vec<Bad> {
+    let good = env.embedded().route(Route::new("zeromq:/a", "ros2:/a", "Image")).yaml();
     let changed = |from: &str, to: &str, words| bad(&good.replace(from, to), to, words);
     vec![
         changed("    type:", "    typ:", &["typ", "type"]),
@@ -398,7 +395,7 @@ fn bad_configurations(world: &World) -> Vec<Bad> {
         changed("zeromq:/a", "zeromqq:/a", &["zeromqq", "zeromq"]),
         changed("zeromq:/a", "nothing", &["nothing"]),
         changed("ros2:/a", "ros2:/a b", &["/a b"]),
-        changed(&format!("pub_port: {}", world.pub_port()), "pub_port: 70000", &["70000"]),
+        changed(&format!("pub_port: {}", env.pub_port()), "pub_port: 70000", &["70000"]),
         changed("    type:", "    queue_dept: 3\n    type:", &["queue_depth"]).at("queue_dept:"),
         changed("    type:", "    queue_depth: many\n    type:", &["queue_depth"])
             .at("queue_depth:"),
@@ -415,10 +412,10 @@ impl Bad {
 
 #[test]
 fn bad_configurations_are_refused_with_line_and_suggestion() -> Result {
-    run("bad_configurations_are_refused_with_line_and_suggestion", PROGRAM, |world| {
-        for Bad { text, line, words } in bad_configurations(world) {
-            let file = world.write("bad.yaml", &text)?.display().to_string();
-            let mut check = world.wrapyfi(["check", &file])?;
+    run("bad_configurations_are_refused_with_line_and_suggestion", PROGRAM, |env| {
+        for Bad { text, line, words } in bad_configurations(env) {
+            let file = env.write("bad.yaml", &text)?.display().to_string();
+            let mut check = env.wrapyfi(["check", &file])?;
             complains(&mut check, &[2], words).map_err(|e| e.context(text.clone()))?;
             let said = check.stderr();
             let names_line =
@@ -432,10 +429,10 @@ fn bad_configurations_are_refused_with_line_and_suggestion() -> Result {
 
 #[test]
 fn a_bridge_refuses_what_check_refuses() -> Result {
-    run("a_bridge_refuses_what_check_refuses", PROGRAM, |world| {
-        for Bad { text, words, .. } in bad_configurations(world).into_iter().take(3) {
-            let file = world.write("bad.yaml", &text)?.display().to_string();
-            complains(&mut world.wrapyfi(["bridge", "--config", &file])?, &[2], words)?;
+    run("a_bridge_refuses_what_check_refuses", PROGRAM, |env| {
+        for Bad { text, words, .. } in bad_configurations(env).into_iter().take(3) {
+            let file = env.write("bad.yaml", &text)?.display().to_string();
+            complains(&mut env.wrapyfi(["bridge", "--config", &file])?, &[2], words)?;
         }
         Ok(())
     })
@@ -443,12 +440,12 @@ fn a_bridge_refuses_what_check_refuses() -> Result {
 
 #[test]
 fn text_that_is_no_yaml_is_refused() -> Result {
-    run("text_that_is_no_yaml_is_refused", PROGRAM, |world| {
+    run("text_that_is_no_yaml_is_refused", PROGRAM, |env| {
         for text in
             ["routes: [", "- just\n- a list\n", "routes: {}\n", "\u{0}\u{1}", "a: &a [*a]\n"]
         {
-            let file = world.write("bad.yaml", text)?.display().to_string();
-            complains(&mut world.wrapyfi(["check", &file])?, &[2], &["bad.yaml"])?;
+            let file = env.write("bad.yaml", text)?.display().to_string();
+            complains(&mut env.wrapyfi(["check", &file])?, &[2], &["bad.yaml"])?;
         }
         Ok(())
     })
@@ -456,13 +453,13 @@ fn text_that_is_no_yaml_is_refused() -> Result {
 
 #[test]
 fn check_prints_the_plan() -> Result {
-    run("check_prints_the_plan", PROGRAM, |world| {
-        let config = world
+    run("check_prints_the_plan", PROGRAM, |env| {
+        let config = env
             .embedded()
             .route(Route::new("zeromq:/camera/left", "ros2:/left/image_raw", "Image"))
             .route(Route::new("ros2:/chatter", "zeromq:/words", "std_msgs/msg/String"));
-        let file = world.write("good.yaml", config.yaml())?.display().to_string();
-        let mut check = world.wrapyfi(["check", &file])?;
+        let file = env.write("good.yaml", config.yaml())?.display().to_string();
+        let mut check = env.wrapyfi(["check", &file])?;
         check.exits_with(0)?;
         let plan = check.stdout();
         for endpoint in
@@ -471,23 +468,52 @@ fn check_prints_the_plan() -> Result {
             assert!(plan.contains(endpoint), "the plan does not name {endpoint}:\n{plan}");
         }
         // It runs nothing: the broker's ports are free all the time.
-        let _free = (hold(world.pub_port())?, hold(world.sub_port())?);
-        world.wrapyfi(["check", &file])?.exits_with(0)
+        let _free = (hold(env.pub_port())?, hold(env.sub_port())?);
+        env.wrapyfi(["check", &file])?.exits_with(0)
+    })
+}
+
+#[test]
+fn configurations_that_the_pages_show_are_valid() -> Result {
+    run("configurations_that_the_pages_show_are_valid", PROGRAM, |env| {
+        let mut count = 0;
+        for folder in ["", "docs", "docs/reference"] {
+            for entry in std::fs::read_dir(wrapyfi_e2e::repository().join(folder))? {
+                let page = entry?.path();
+                if page.extension().is_none_or(|kind| kind != "md") {
+                    continue;
+                }
+                let text = std::fs::read_to_string(&page)?;
+                for block in
+                    text.split("```yaml\n").skip(1).filter_map(|rest| rest.split("```").next())
+                {
+                    if block.starts_with("routes:") {
+                        let file = env.write("shown.yaml", block)?.display().to_string();
+                        let mut check = env.wrapyfi(["check", &file])?;
+                        let code = check.exit_code()?;
+                        assert_eq!(code, 0, "{}:\n{block}\n{}", page.display(), check.stderr());
+                        count += 1;
+                    }
+                }
+            }
+        }
+        assert!(count >= 5, "{count} configurations in the pages");
+        Ok(())
     })
 }
 
 #[test]
 fn check_warns_of_routes_that_do_not_hear_each_other() -> Result {
-    run("check_warns_of_routes_that_do_not_hear_each_other", PROGRAM, |world| {
-        let config = world
+    run("check_warns_of_routes_that_do_not_hear_each_other", PROGRAM, |env| {
+        let config = env
             .embedded()
             .route(Route::new("zeromq:/a", "ros2:middle", "Text"))
             .route(Route::new("ros2:/middle", "zeromq:/b", "Text"));
-        let file = world.write("chain.yaml", config.yaml())?.display().to_string();
+        let file = env.write("chain.yaml", config.yaml())?.display().to_string();
         let words = "does not hear what route \"zeromq:/a -> ros2:middle\" publishes on ros2:/middle: \
                      a bridge ignores its own publications; write a route from zeromq:/a to zeromq:/b";
-        complains(&mut world.wrapyfi(["check", &file])?, &[0], &[words])?;
-        let bridge = world.bridge(&config)?;
+        complains(&mut env.wrapyfi(["check", &file])?, &[0], &[words])?;
+        let bridge = env.bridge(&config)?;
         bridge.wait_until("the warning", |output| {
             output.err.iter().any(|line| line.contains(words)).then_some(())
         })
@@ -498,14 +524,14 @@ fn check_warns_of_routes_that_do_not_hear_each_other() -> Result {
 
 #[test]
 fn echo_and_pub_speak_ros() -> Result {
-    run("echo_and_pub_speak_ros", PROGRAM, |world| {
-        let topic = format!("ros2:{}", world.topic("x"));
+    run("echo_and_pub_speak_ros", PROGRAM, |env| {
+        let topic = format!("ros2:{}", env.topic("x"));
         let common = ["--type", "std_msgs/msg/String", "--count", "1"];
         // The publisher waits for the listener; the listener may start last.
-        let mut publisher = world
-            .wrapyfi([&["pub", &topic, "--value", "{\"a\": [1, 2]}"][..], &common].concat())?;
-        let mut echo = world
-            .wrapyfi([&["echo", &topic, "--json", "--timeout", "100"][..], &common].concat())?;
+        let mut publisher =
+            env.wrapyfi([&["pub", &topic, "--value", "{\"a\": [1, 2]}"][..], &common].concat())?;
+        let mut echo =
+            env.wrapyfi([&["echo", &topic, "--json", "--timeout", "100"][..], &common].concat())?;
         assert_eq!(echo.objects(1)?[0]["value"], serde_json::json!({"a": [1, 2]}));
         echo.exits_with(0)?;
         publisher.exits_with(0)
@@ -516,18 +542,18 @@ fn echo_and_pub_speak_ros() -> Result {
 
 #[test]
 fn a_name_server_is_detected_and_written_down() -> Result {
-    run("a_name_server_is_detected_and_written_down", PROGRAM, |world| {
-        let port = world.yarp_port().to_string();
+    run("a_name_server_is_detected_and_written_down", PROGRAM, |env| {
+        let port = env.yarp_port().to_string();
         // The group is asked at the base port of the network.
-        world.set_variable("YARP_PORT_RANGE", &port);
-        let detect = |more: &[&str]| world.wrapyfi([&["detect"], more].concat());
+        env.set_variable("YARP_PORT_RANGE", &port);
+        let detect = |more: &[&str]| env.wrapyfi([&["detect"], more].concat());
         detect(&["--timeout", "0.1"])?.exits_with(3)?;
-        let _server = world.wrapyfi(["yarpserver", "--port", &port])?.pillar();
+        let _server = env.wrapyfi(["yarpserver", "--port", &port])?.pillar();
         let mut detect = detect(&["--write", "--timeout", "30"])?;
         detect.exits_with(0)?;
         assert_eq!(detect.stdout().trim(), format!("/root 127.0.0.1 {port}"));
         // Everybody finds it now.
-        world.wrapyfi(["list", "yarp"])?.exits_with(0)
+        env.wrapyfi(["list", "yarp"])?.exits_with(0)
     })
 }
 
@@ -535,8 +561,8 @@ fn a_name_server_is_detected_and_written_down() -> Result {
 fn a_yarpserver_says_where_it_is_and_ends_in_good_order() -> Result {
     use std::io::{Read as _, Write as _};
 
-    run("a_yarpserver_says_where_it_is_and_ends_in_good_order", PROGRAM, |world| {
-        let mut server = world.wrapyfi(["yarpserver", "--port", "0", "--no-discovery"])?;
+    run("a_yarpserver_says_where_it_is_and_ends_in_good_order", PROGRAM, |env| {
+        let mut server = env.wrapyfi(["yarpserver", "--port", "0", "--no-discovery"])?;
         let port = server.wait_until("its address", |output| {
             let said = output.err.iter().find(|line| line.contains("name server /root on"))?;
             said.split_once("http://127.0.0.1:")?.1.split('/').next()?.parse::<u16>().ok()
@@ -553,9 +579,9 @@ fn a_yarpserver_says_where_it_is_and_ends_in_good_order() -> Result {
         // A second one names the port.
         let port = port.to_string();
         let args = ["yarpserver", "--port", &port, "--no-discovery", "--silent"];
-        complains(&mut world.wrapyfi(args)?, &[1], &[&port, "is taken"])?;
+        complains(&mut env.wrapyfi(args)?, &[1], &[&port, "is taken"])?;
         let args = ["yarpserver", "--ip", "0.0.0.0", "--port", "0", "--no-discovery"];
-        complains(&mut world.wrapyfi(args)?, &[2], &["insecure"])?;
+        complains(&mut env.wrapyfi(args)?, &[2], &["insecure"])?;
         server.terminate()?;
         server.exits_with(0)
     })

@@ -1,11 +1,9 @@
 //! Programs with registered methods and real Python Wrapyfi scripts: every data type both ways, the
 //! schemes, ROS 2.
 
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
-
 use std::time::{Duration, Instant};
 
-use wrapyfi_e2e::{Need, PATIENCE, Process, Result, World, run, texts};
+use wrapyfi_e2e::{Need, Process, Result, TIMEOUT, TestEnv, run, texts};
 
 const HELLO: &[Need] = &[Need::Program, Need::Python, Need::Example("hello_world")];
 const EXCHANGE: &[Need] = &[Need::Program, Need::Python, Need::Example("exchange")];
@@ -30,18 +28,18 @@ fn results(words: &[&str]) -> Vec<String> {
         .collect()
 }
 
-/// What is typed in one program is returned in all others.
+/// Words typed in one program are returned in all others.
 fn hello(test: &str, is_rust: bool, mware: &str) -> Result {
-    run(test, HELLO, |world| {
-        let _broker = world.broker()?;
+    run(test, HELLO, |env| {
+        let _broker = env.broker()?;
         let mut typed = if is_rust {
-            world.example("hello_world", &format!("--mode publish --mware {mware}"))?
+            env.example("hello_world", &format!("--mode publish --mware {mware}"))?
         } else {
-            world.peer("hello_world.py", "--mode publish")?
+            env.peer("hello_world.py", "--mode publish")?
         };
-        let mut rust = world.example("hello_world", &format!("--mode listen --mware {mware}"))?;
+        let mut rust = env.example("hello_world", &format!("--mode listen --mware {mware}"))?;
         let python = match mware {
-            "zeromq" => Some(world.peer("hello_world.py", "--mode listen")?),
+            "zeromq" => Some(env.peer("hello_world.py", "--mode listen")?),
             _ => None,
         };
         // A publisher waits for its first listener, not for all.
@@ -49,7 +47,7 @@ fn hello(test: &str, is_rust: bool, mware: &str) -> Result {
         let started = Instant::now();
         while mirrors().any(|mirror| !mirror.stdout().contains("Method result")) {
             anyhow::ensure!(
-                started.elapsed() < PATIENCE,
+                started.elapsed() < TIMEOUT,
                 "a mirror heard nothing:\n{}",
                 rust.tail()
             );
@@ -90,19 +88,23 @@ fn what_is_typed_is_returned_over_ros2() -> Result {
 
 #[test]
 fn a_publisher_brings_its_own_broker() -> Result {
-    run("a_publisher_brings_its_own_broker", HELLO, |world| {
-        let listener = world.peer("hello_world.py", "--mode listen")?;
-        let mut typed = world.example("hello_world", "--mode publish")?;
+    run("a_publisher_brings_its_own_broker", HELLO, |env| {
+        let listener = env.peer("hello_world.py", "--mode listen")?;
+        let mut typed = env.example("hello_world", "--mode publish")?;
         typed.tell("one")?;
         says(&listener, &results(&["one"]))
     })
 }
 
-/// What is typed in the server is the reply to each request.
-fn asked(test: &str, mware: &str, start: fn(&World, &str, &str) -> Result<[Process; 2]>) -> Result {
-    run(test, HELLO, |world| {
-        let _broker = world.broker()?;
-        let [mut server, mut client] = start(world, "--mode reply", mware)?;
+/// Words typed in the server are the reply to each request.
+fn asked(
+    test: &str,
+    mware: &str,
+    start: fn(&TestEnv, &str, &str) -> Result<[Process; 2]>,
+) -> Result {
+    run(test, HELLO, |env| {
+        let _broker = env.broker()?;
+        let [mut server, mut client] = start(env, "--mode reply", mware)?;
         for word in ["one", "two words", "exit"] {
             server.tell(word)?;
         }
@@ -115,45 +117,45 @@ fn asked(test: &str, mware: &str, start: fn(&World, &str, &str) -> Result<[Proce
 
 #[test]
 fn rust_asks_rust() -> Result {
-    asked("rust_asks_rust", "zeromq", |world, reply, _| {
-        let server = world.example("hello_world", reply)?;
-        Ok([server, world.example("hello_world", "--mode request")?])
+    asked("rust_asks_rust", "zeromq", |env, reply, _| {
+        let server = env.example("hello_world", reply)?;
+        Ok([server, env.example("hello_world", "--mode request")?])
     })
 }
 
 #[test]
 fn rust_asks_rust_over_ros2() -> Result {
-    asked("rust_asks_rust_over_ros2", "ros2", |world, reply, mware| {
-        let server = world.example("hello_world", &format!("{reply} --mware {mware}"))?;
-        let client = world.example("hello_world", &format!("--mode request --mware {mware}"))?;
+    asked("rust_asks_rust_over_ros2", "ros2", |env, reply, mware| {
+        let server = env.example("hello_world", &format!("{reply} --mware {mware}"))?;
+        let client = env.example("hello_world", &format!("--mode request --mware {mware}"))?;
         Ok([server, client])
     })
 }
 
 #[test]
 fn rust_asks_python() -> Result {
-    asked("rust_asks_python", "zeromq", |world, reply, _| {
-        let server = world.peer("hello_world.py", reply)?;
-        Ok([server, world.example("hello_world", "--mode request")?])
+    asked("rust_asks_python", "zeromq", |env, reply, _| {
+        let server = env.peer("hello_world.py", reply)?;
+        Ok([server, env.example("hello_world", "--mode request")?])
     })
 }
 
 #[test]
 fn python_asks_rust() -> Result {
-    asked("python_asks_rust", "zeromq", |world, reply, _| {
-        let server = world.example("hello_world", reply)?;
-        Ok([server, world.peer("hello_world.py", "--mode request")?])
+    asked("python_asks_rust", "zeromq", |env, reply, _| {
+        let server = env.example("hello_world", reply)?;
+        Ok([server, env.peer("hello_world.py", "--mode request")?])
     })
 }
 
 /// Rust listens to a Python publisher.
 fn from_python(test: &str, data_type: &str, flavour: &str, ours: &str, key: &str) -> Result {
-    run(test, EXCHANGE, |world| {
-        let topic = world.topic("x");
+    run(test, EXCHANGE, |env| {
+        let topic = env.topic("x");
         let args = format!("--type {data_type} --flavour {flavour}");
-        let publisher = world.wrapyfi_publisher(&topic, &args)?;
+        let publisher = env.wrapyfi_publisher(&topic, &args)?;
         let args = format!("--type {data_type} --mode listen --topic {topic} {ours}");
-        let listener = world.example("exchange", &args)?;
+        let listener = env.example("exchange", &args)?;
         let heard = listener.messages(3)?;
         if data_type == "NativeObject" {
             assert!(heard.iter().all(|one| one["greeting"] == "hello"), "{heard:?}");
@@ -166,13 +168,13 @@ fn from_python(test: &str, data_type: &str, flavour: &str, ours: &str, key: &str
 
 /// Python listens to a Rust publisher.
 fn to_python(test: &str, data_type: &str, flavour: &str) -> Result {
-    run(test, EXCHANGE, |world| {
-        let topic = world.topic("x");
-        let _broker = world.broker()?;
+    run(test, EXCHANGE, |env| {
+        let topic = env.topic("x");
+        let _broker = env.broker()?;
         let args = format!("--type {data_type} --mode publish --topic {topic}");
-        let publisher = world.example("exchange", &args)?;
+        let publisher = env.example("exchange", &args)?;
         let args = format!("--type {data_type} --flavour {flavour} --count 3");
-        let mut listener = world.wrapyfi_listener(&topic, &args)?;
+        let mut listener = env.wrapyfi_listener(&topic, &args)?;
         let heard = listener.messages(3)?;
         listener.exits_with(0)?;
         if data_type == "NativeObject" {
@@ -204,19 +206,19 @@ fn a_jpeg_comes_from_python() -> Result {
 }
 
 /// Bytes of a JPEG file that a publisher with this quality sends, as an independent listener has them.
-fn jpeg_bytes(world: &World, is_rust: bool, quality: Option<u8>) -> Result<u64> {
-    let topic = world.topic(&format!("{is_rust}_{}", quality.unwrap_or_default()));
+fn jpeg_bytes(env: &TestEnv, is_rust: bool, quality: Option<u8>) -> Result<u64> {
+    let topic = env.topic(&format!("{is_rust}_{}", quality.unwrap_or_default()));
     let quality = quality.map(|quality| format!("--quality {quality}")).unwrap_or_default();
     let _publisher = if is_rust {
         let args = format!("--type Image --mode publish --topic {topic} --jpg {quality}");
-        world.example("exchange", &args)?
+        env.example("exchange", &args)?
     } else {
         let args = format!("--type Image --flavour jpg --no-broker {quality}");
-        world.wrapyfi_publisher(&topic, &args)?
+        env.wrapyfi_publisher(&topic, &args)?
     };
     let endpoint = format!("zeromq:{topic}");
     let args = ["echo", &endpoint, "--type", "CompressedImage", "--count", "1", "--json"];
-    let mut echo = world.wrapyfi(args.into_iter().chain(["--timeout", "100"]))?;
+    let mut echo = env.wrapyfi(args.into_iter().chain(["--timeout", "100"]))?;
     let heard = echo.objects(1)?.remove(0);
     echo.exits_with(0)?;
     assert_eq!(heard["format"], "jpeg", "{heard}");
@@ -225,11 +227,11 @@ fn jpeg_bytes(world: &World, is_rust: bool, quality: Option<u8>) -> Result<u64> 
 
 #[test]
 fn the_quality_of_jpegs_is_followed_in_both_languages() -> Result {
-    run("the_quality_of_jpegs_is_followed_in_both_languages", EXCHANGE, |world| {
-        let _broker = world.broker()?;
+    run("the_quality_of_jpegs_is_followed_in_both_languages", EXCHANGE, |env| {
+        let _broker = env.broker()?;
         for is_rust in [false, true] {
             let qualities = [Some(5), Some(50), Some(80), None, Some(100)];
-            let sizes = qualities.map(|quality| jpeg_bytes(world, is_rust, quality));
+            let sizes = qualities.map(|quality| jpeg_bytes(env, is_rust, quality));
             let sizes = sizes.into_iter().collect::<Result<Vec<_>>>()?;
             // Without one it is 95.
             assert!(sizes.is_sorted_by(|one, next| one < next), "Rust {is_rust}: {sizes:?}");
@@ -260,12 +262,12 @@ fn sound_goes_to_python() -> Result {
 
 /// Between two Rust programs.
 fn between_rust(test: &str, data_type: &str, mware: &str) -> Result {
-    run(test, EXCHANGE, |world| {
-        let _broker = world.broker()?;
-        let topic = world.topic("x");
+    run(test, EXCHANGE, |env| {
+        let _broker = env.broker()?;
+        let topic = env.topic("x");
         let start = |mode: &str| {
             let args = format!("--type {data_type} --mode {mode} --topic {topic} --mware {mware}");
-            world.example("exchange", &args)
+            env.example("exchange", &args)
         };
         let (listener, publisher) = (start("listen")?, start("publish")?);
         let heard = listener.messages(3)?;
@@ -301,11 +303,11 @@ between_rust! {
 
 #[test]
 fn an_image_is_an_ordinary_one_to_ros2() -> Result {
-    run("an_image_is_an_ordinary_one_to_ros2", EXCHANGE, |world| {
-        let topic = world.topic("x");
+    run("an_image_is_an_ordinary_one_to_ros2", EXCHANGE, |env| {
+        let topic = env.topic("x");
         let args = format!("--type Image --mode publish --topic {topic} --mware ros2");
-        let publisher = world.example("exchange", &args)?;
-        let subscriber = world.dds_subscriber(&topic, "sensor_msgs/msg/Image", "--count 3")?;
+        let publisher = env.example("exchange", &args)?;
+        let subscriber = env.dds_subscriber(&topic, "sensor_msgs/msg/Image", "--count 3")?;
         let heard = subscriber.messages(3)?;
         publisher.sent_in_a_row("sha256", &texts(&heard, "sha256"))
     })
@@ -313,14 +315,14 @@ fn an_image_is_an_ordinary_one_to_ros2() -> Result {
 
 /// A chain over two middlewares; `source` and `sink` are started by the test.
 fn chain(test: &str, (source, sink): (&str, &str), (mware_a, mware_b): (&str, &str)) -> Result {
-    run(test, FORWARDING, |world| {
-        let _broker = world.broker()?;
+    run(test, FORWARDING, |env| {
+        let _broker = env.broker()?;
         let start = |language: &str, role: &str| {
             if language == "python" {
-                return world.peer("forwarding.py", &format!("--role {role}"));
+                return env.peer("forwarding.py", &format!("--role {role}"));
             }
             let args = format!("--role {role} --mware-a {mware_a} --mware-b {mware_b}");
-            world.example("forwarding", &args)
+            env.example("forwarding", &args)
         };
         let (last, _middle) = (start(sink, "sink")?, start("rust", "forward")?);
         let first = start(source, "source")?;
@@ -345,11 +347,11 @@ fn a_chain_from_ros2_to_python() -> Result {
 
 #[test]
 fn a_rust_receiver_takes_the_channels_it_has() -> Result {
-    run("a_rust_receiver_takes_the_channels_it_has", CHANNELING, |world| {
-        let _broker = world.broker()?;
-        let _publisher = world.example("channeling", "--mode publish")?;
-        let all = world.example("channeling", "--mode listen")?;
-        let deaf = world.example("channeling", "--mode listen --image-mware none")?;
+    run("a_rust_receiver_takes_the_channels_it_has", CHANNELING, |env| {
+        let _broker = env.broker()?;
+        let _publisher = env.example("channeling", "--mode publish")?;
+        let all = env.example("channeling", "--mode listen")?;
+        let deaf = env.example("channeling", "--mode listen --image-mware none")?;
         let shape = |value: &serde_json::Value| value["shape"].clone();
         let has_both = all.wait_until("an image and sound", |output| {
             let events = output.events("message");
@@ -372,10 +374,10 @@ fn a_rust_receiver_takes_the_channels_it_has() -> Result {
 
 #[test]
 fn a_python_receiver_takes_the_channel_it_has() -> Result {
-    run("a_python_receiver_takes_the_channel_it_has", CHANNELING, |world| {
-        let _broker = world.broker()?;
-        let publisher = world.example("channeling", "--mode publish")?;
-        let listener = world.peer("channeling.py", "--mode listen")?;
+    run("a_python_receiver_takes_the_channel_it_has", CHANNELING, |env| {
+        let _broker = env.broker()?;
+        let publisher = env.example("channeling", "--mode publish")?;
+        let listener = env.peer("channeling.py", "--mode listen")?;
         let heard = listener.messages(2)?;
         for event in &heard {
             assert_eq!((&event["object"], &event["image"]), (&false.into(), &false.into()));
@@ -391,10 +393,10 @@ fn a_python_receiver_takes_the_channel_it_has() -> Result {
 
 #[test]
 fn a_rust_receiver_hears_a_python_channel() -> Result {
-    run("a_rust_receiver_hears_a_python_channel", CHANNELING, |world| {
-        let _broker = world.broker()?;
-        let listener = world.example("channeling", "--mode listen")?;
-        let publisher = world.peer("channeling.py", "--mode publish")?;
+    run("a_rust_receiver_hears_a_python_channel", CHANNELING, |env| {
+        let _broker = env.broker()?;
+        let listener = env.example("channeling", "--mode listen")?;
+        let publisher = env.peer("channeling.py", "--mode publish")?;
         let heard = listener.messages(1)?;
         assert_eq!(heard[0]["sound"]["shape"], serde_json::json!([8820, 1]));
         publisher.event("message").map(drop)

@@ -1,8 +1,6 @@
 //! The examples of sensors: pictures and sound from files arrive unchanged on the other side, which
 //! displays and plays them.
 
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
-
 use wrapyfi_e2e::{Need, Process, Result, run, sha256, texts};
 
 const CAMERA: &[Need] = &[Need::Program, Need::Python, Need::Example("camera")];
@@ -10,13 +8,13 @@ const MICROPHONE: &[Need] = &[Need::Program, Need::Python, Need::Example("microp
 
 /// A camera of PNG files, `camera`, and a display, `display`: frames arrive and are saved unchanged.
 fn displayed(test: &str, camera: &str, display: &str) -> Result {
-    run(test, CAMERA, |world| {
-        let _broker = world.broker()?;
-        let scenes = world.scenes()?;
-        let (frames, saved) = (scenes.folder.join("frames"), world.path("saved"));
+    run(test, CAMERA, |env| {
+        let _broker = env.broker()?;
+        let scenes = env.scenes()?;
+        let (frames, saved) = (scenes.folder.join("frames"), env.path("saved"));
         let start = |program: &str, args: &str| match program {
-            "python" => world.peer("camera.py", args),
-            mware => world.example("camera", &format!("{args} --mware {mware}")),
+            "python" => env.peer("camera.py", args),
+            mware => env.example("camera", &format!("{args} --mware {mware}")),
         };
         let display = start(display, &format!("--mode listen --save {}", saved.display()))?;
         // Once: a queue has room for all of them, however slow the display is.
@@ -24,8 +22,8 @@ fn displayed(test: &str, camera: &str, display: &str) -> Result {
         let mut camera = start(camera, &args)?;
         assert_eq!(texts(&display.messages(5)?, "sha256"), scenes.frames);
         camera.exits_with(0)?;
-        // What was saved is what a camera takes from there.
-        let again = world.peer("camera.py", &format!("--once --source {}", saved.display()))?;
+        // A camera takes the saved pictures from there.
+        let again = env.peer("camera.py", &format!("--once --source {}", saved.display()))?;
         assert_eq!(texts(&again.messages(5)?, "sha256"), scenes.frames);
         Ok(())
     })
@@ -48,10 +46,10 @@ fn rust_shows_what_rust_sees_over_ros2() -> Result {
 
 #[test]
 fn a_display_sketches() -> Result {
-    run("a_display_sketches", CAMERA, |world| {
-        let frames = world.scenes()?.folder.join("corner");
+    run("a_display_sketches", CAMERA, |env| {
+        let frames = env.scenes()?.folder.join("corner");
         let args = format!("--once --sketch 11 --source {}", frames.display());
-        let mut camera = world.example("camera", &args)?;
+        let mut camera = env.example("camera", &args)?;
         camera.exits_with(0)?;
         // 200 of 256 is the eighth of ten letters; four lines, because letters are high.
         let sketch = camera.stdout().lines().take(4).map(str::to_owned).collect::<Vec<_>>();
@@ -63,19 +61,19 @@ fn a_display_sketches() -> Result {
 
 /// JPEG files are decoded on the other side.
 fn compressed(test: &str, camera: &str, display: &str) -> Result {
-    run(test, CAMERA, |world| {
-        let _broker = world.broker()?;
-        let frames = world.scenes()?.folder.join("sad");
-        let saved = world.path("saved");
+    run(test, CAMERA, |env| {
+        let _broker = env.broker()?;
+        let frames = env.scenes()?.folder.join("sad");
+        let saved = env.path("saved");
         let start = |program: &str, args: &str| match program {
-            "python" => world.peer("camera.py", &format!("{args} --jpg")),
-            mware => world.example("camera", &format!("{args} --mware {mware} --jpg")),
+            "python" => env.peer("camera.py", &format!("{args} --jpg")),
+            mware => env.example("camera", &format!("{args} --mware {mware} --jpg")),
         };
         let display = start(display, &format!("--mode listen --save {}", saved.display()))?;
         let _camera = start(camera, &format!("--mode publish --source {}", frames.display()))?;
         display.messages(2)?;
         // One shade survives JPEG exactly.
-        let again = world.peer("camera.py", &format!("--source {}", saved.display()))?;
+        let again = env.peer("camera.py", &format!("--source {}", saved.display()))?;
         let grey = sha256(&[140; 24 * 32 * 3]);
         assert_eq!(texts(&again.messages(2)?, "sha256"), [grey.clone(), grey]);
         Ok(())
@@ -99,19 +97,15 @@ fn jpeg_goes_over_ros2() -> Result {
 
 /// A file spoken once is what the other side has played in the end.
 fn played(test: &str, microphone: &str, loudspeaker: &str) -> Result {
-    run(test, MICROPHONE, |world| {
-        let _broker = world.broker()?;
-        let scenes = world.scenes()?;
-        let (voice, heard) = (scenes.folder.join("voice.wav"), world.path("heard.wav"));
+    run(test, MICROPHONE, |env| {
+        let _broker = env.broker()?;
+        let scenes = env.scenes()?;
+        let (voice, heard) = (scenes.folder.join("voice.wav"), env.path("heard.wav"));
         // 2000 frames are five chunks.
         let start = |program: &str, args: &str| -> Result<Process> {
             match program {
-                "python" => {
-                    world.peer("microphone.py", &format!("{args} --chunk 400 --channels 2"))
-                }
-                mware => {
-                    world.example("microphone", &format!("{args} --chunk 400 --mware {mware}"))
-                }
+                "python" => env.peer("microphone.py", &format!("{args} --chunk 400 --channels 2")),
+                mware => env.example("microphone", &format!("{args} --chunk 400 --mware {mware}")),
             }
         };
         let loudspeaker = start(loudspeaker, &format!("--mode listen --play {}", heard.display()))?;
@@ -124,7 +118,7 @@ fn played(test: &str, microphone: &str, loudspeaker: &str) -> Result {
         assert_eq!(texts(&chunks, "sha256"), sent);
         // The whole file as one chunk: the same samples.
         let whole = format!("--once --chunk 2000 --source {}", heard.display());
-        let whole = world.example("microphone", &whole)?;
+        let whole = env.example("microphone", &whole)?;
         assert_eq!(texts(&whole.messages(1)?, "sha256"), [scenes.voice]);
         Ok(())
     })

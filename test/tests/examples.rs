@@ -1,14 +1,12 @@
 //! The examples do what their texts say, with real Python Wrapyfi on the other side. Those that show
 //! nothing but one scheme are in `communicator.rs`.
 
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
-
 use std::collections::BTreeSet;
 
 use serde_json::{Value, json};
-use wrapyfi_e2e::{Need, Process, Result, World, run, sha256, texts};
+use wrapyfi_e2e::{Need, Process, Result, TestEnv, run, sha256, texts};
 
-/// What an example needs whose twin takes part.
+/// Needs of a test in which the Python twin of an example takes part.
 macro_rules! needs {
     ($name:literal) => {
         &[Need::Program, Need::Python, Need::Example($name)]
@@ -23,21 +21,21 @@ enum In {
 }
 
 /// Starts the example, or its twin, whose options have underscores.
-fn start(world: &World, language: In, name: &str, args: &str) -> Result<Process> {
+fn start(env: &TestEnv, language: In, name: &str, args: &str) -> Result<Process> {
     match language {
-        In::Rust => world.example(name, args),
-        In::Python => world.peer(&format!("{name}.py"), args),
+        In::Rust => env.example(name, args),
+        In::Python => env.peer(&format!("{name}.py"), args),
     }
 }
 
 /// A plug-in of a crate outside the core, and its Python twin: poses there and mirrored poses back.
 #[test]
 fn poses_go_through_a_plugin_of_the_users_own() -> Result {
-    run("poses", &[Need::Program, Need::PoseMirror, Need::Python], |world| {
-        let (there, back) = (world.topic("poses"), world.topic("mirrored"));
-        let _broker = world.broker()?;
-        let mirror = world.pose_mirror(&there, &back)?;
-        let script = world.poses(&there, &back)?;
+    run("poses", &[Need::Program, Need::PoseMirror, Need::Python], |env| {
+        let (there, back) = (env.topic("poses"), env.topic("mirrored"));
+        let _broker = env.broker()?;
+        let mirror = env.pose_mirror(&there, &back)?;
+        let script = env.poses(&there, &back)?;
         let heard = script.wait_until("three mirrored poses", |output| {
             let poses = output.out.iter().filter(|line| line.starts_with("Pose Pose("));
             let poses: Vec<_> = poses.cloned().collect();
@@ -58,14 +56,14 @@ fn poses_go_through_a_plugin_of_the_users_own() -> Result {
 
 /// Three programs go through one pipeline; each step is done by one of them, and all get the same.
 fn mirrors(test: &str, mware: &str, [senses, thinks, watches]: [In; 3]) -> Result {
-    run(test, needs!("mirroring"), |world| {
-        let _broker = world.broker()?;
-        let config = world.write("modes.yaml", "Pipeline: { sense: listen, think: listen }\n")?;
+    run(test, needs!("mirroring"), |env| {
+        let _broker = env.broker()?;
+        let config = env.write("modes.yaml", "Pipeline: { sense: listen, think: listen }\n")?;
         let mware = |args: &str| format!("{args} --mware {mware}");
         let watcher = mware(&format!("--config {}", config.display()));
-        let watcher = start(world, watches, "mirroring", &watcher)?;
-        let thinker = start(world, thinks, "mirroring", &mware("--here think"))?;
-        let senser = start(world, senses, "mirroring", &mware("--here sense"))?;
+        let watcher = start(env, watches, "mirroring", &watcher)?;
+        let thinker = start(env, thinks, "mirroring", &mware("--here think"))?;
+        let senser = start(env, senses, "mirroring", &mware("--here sense"))?;
         let thought = |process: &Process| process.objects(3);
         for mirror in [&senser, &watcher] {
             let results = thought(mirror)?;
@@ -105,12 +103,11 @@ fn python_senses_and_watches_a_pipeline() -> Result {
 
 /// A client is told what its arguments ask for.
 fn asked(test: &str, mware: &str, server: In, client: In) -> Result {
-    run(test, needs!("request_reply"), |world| {
-        let _broker = world.broker()?;
-        let server =
-            start(world, server, "request_reply", &format!("--mode reply --mware {mware}"))?;
+    run(test, needs!("request_reply"), |env| {
+        let _broker = env.broker()?;
+        let server = start(env, server, "request_reply", &format!("--mode reply --mware {mware}"))?;
         let args = format!("--mode request --mware {mware} --scale 2 1 2 6");
-        let mut client = start(world, client, "request_reply", &args)?;
+        let mut client = start(env, client, "request_reply", &args)?;
         let told: Vec<Value> =
             client.messages(3)?.into_iter().map(|message| message["value"].clone()).collect();
         let expected = [(1, 2.0), (2, 3.0), (3, 6.0)];
@@ -137,11 +134,11 @@ fn rust_describes_for_rust_over_ros2() -> Result {
 
 /// A client asks for pictures, which differ by its arguments.
 fn pictured(test: &str, mware: &str, server: In, client: In) -> Result {
-    run(test, needs!("request_reply"), |world| {
-        let _broker = world.broker()?;
+    run(test, needs!("request_reply"), |env| {
+        let _broker = env.broker()?;
         let args = format!("--picture --mware {mware}");
-        let _server = start(world, server, "request_reply", &format!("--mode reply {args}"))?;
-        let client = start(world, client, "request_reply", &format!("--mode request {args}"))?;
+        let _server = start(env, server, "request_reply", &format!("--mode reply {args}"))?;
+        let client = start(env, client, "request_reply", &format!("--mode request {args}"))?;
         for (number, message) in (1_u8..).zip(client.messages(3)?) {
             let expected: Vec<u8> = (0..24 * 32 * 3_u32)
                 .map(|place| u8::try_from(place % 251).unwrap_or_default().wrapping_add(number))
@@ -168,14 +165,13 @@ fn rust_draws_for_rust_over_ros2() -> Result {
     pictured("rust_draws_for_rust_over_ros2", "ros2", In::Rust, In::Rust)
 }
 
-/// What one says comes back as the other's answer; both see the same answers.
+/// Words of one program come back as the other's answer; both see the same answers.
 fn both_ways(test: &str, mware: &str, transceives: In, reemits: In) -> Result {
-    run(test, needs!("transceive_reemit"), |world| {
-        let _broker = world.broker()?;
+    run(test, needs!("transceive_reemit"), |env| {
+        let _broker = env.broker()?;
         let name = "transceive_reemit";
-        let answerer = start(world, reemits, name, &format!("--mode reemit --mware {mware}"))?;
-        let speaker =
-            start(world, transceives, name, &format!("--mode transceive --mware {mware}"))?;
+        let answerer = start(env, reemits, name, &format!("--mode reemit --mware {mware}"))?;
+        let speaker = start(env, transceives, name, &format!("--mode transceive --mware {mware}"))?;
         let back: Vec<Value> =
             speaker.messages(3)?.into_iter().map(|message| message["note"].clone()).collect();
         for pair in back.windows(2) {
@@ -215,9 +211,9 @@ fn rust_answers_python() -> Result {
 /// Chain of the first use case: each robot shows what the recogniser calls its own frames, and nothing of
 /// the other's.
 fn imitated(test: &str, pepper_mware: &str, [pepper, icub, recogniser]: [In; 3]) -> Result {
-    run(test, needs!("facial_expression"), |world| {
-        let _broker = world.broker()?;
-        let scenes = world.scenes()?;
+    run(test, needs!("facial_expression"), |env| {
+        let _broker = env.broker()?;
+        let scenes = env.scenes()?;
         let name = "facial_expression";
         let role = |language: In, role: &str, source: &str| {
             // Without ROS 2 in Python both robots are on ZeroMQ there.
@@ -227,7 +223,7 @@ fn imitated(test: &str, pepper_mware: &str, [pepper, icub, recogniser]: [In; 3])
                 folder => format!("--source {}", scenes.folder.join(folder).display()),
             };
             let args = format!("--role {role} --{option} {pepper_mware} {source}");
-            start(world, language, name, &args)
+            start(env, language, name, &args)
         };
         let recogniser = role(recogniser, "recogniser", "")?;
         let robots = [role(pepper, "pepper", "sad")?, role(icub, "icub", "happy")?];
@@ -274,18 +270,18 @@ fn python_recognises_expressions() -> Result {
 
 /// The robot of the second use case follows the source it selects, and none else.
 fn followed(test: &str, seen_mware: &str, sensors: In, robot: In, source: &str) -> Result {
-    run(test, needs!("head_orientation"), |world| {
-        let _broker = world.broker()?;
-        let frames = world.scenes()?.folder.join("corner");
+    run(test, needs!("head_orientation"), |env| {
+        let _broker = env.broker()?;
+        let frames = env.scenes()?.folder.join("corner");
         let name = "head_orientation";
         let mware = |language| match language {
             In::Rust => format!("--seen-mware {seen_mware}"),
             In::Python => format!("--seen_mware {seen_mware}"),
         };
         let args = format!("--role sensors --frames {} {}", frames.display(), mware(sensors));
-        let sensors = start(world, sensors, name, &args)?;
+        let sensors = start(env, sensors, name, &args)?;
         let args = format!("--role robot --source {source} {}", mware(robot));
-        let robot = start(world, robot, name, &args)?;
+        let robot = start(env, robot, name, &args)?;
         let heard = robot.messages(3)?;
         for message in &heard {
             let (orientation, head) = (&message["orientation"], &message["head"]);

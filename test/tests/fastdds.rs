@@ -1,14 +1,12 @@
 //! Our programs with a real Fast DDS at the other end: topics, services, the graph.
 
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
-
 use std::fmt::Write as _;
 use std::time::{Duration, Instant};
 
 use anyhow::bail;
 use serde_json::{Value, json};
 use wrapyfi_e2e::{
-    Need, Output, PATIENCE, Process, Result, Route, World, ros2, run, sha256, texts, zeromq,
+    Need, Output, Process, Result, Route, TIMEOUT, TestEnv, ros2, run, sha256, texts, zeromq,
 };
 
 const NEEDS: &[Need] = &[Need::Program, Need::FastDds];
@@ -80,7 +78,7 @@ fn told_until<T>(
     heard: impl Fn(&Output) -> Option<T>,
 ) -> Result<T> {
     let sent = |output: &Output| Some(output.events("sent").len());
-    let patience = Instant::now() + PATIENCE;
+    let patience = Instant::now() + TIMEOUT;
     loop {
         let before = publisher.wait_until("a number", sent)?;
         publisher.tell(&message.hex())?;
@@ -122,15 +120,15 @@ const DEFINITIONS: &[(&str, &str)] = &[
 
 #[test]
 fn fast_dds_hears_what_we_publish() -> Result {
-    run("fast_dds_hears_what_we_publish", NEEDS, |world| {
-        let topic = world.topic("text");
-        let subscriber = world.fast_peer(&format!(
+    run("fast_dds_hears_what_we_publish", NEEDS, |env| {
+        let topic = env.topic("text");
+        let subscriber = env.fast_peer(&format!(
             "subscribe --topic {topic} --type demo/msg/Pair --cdr --count 3"
         ))?;
-        let folder = world.definitions(DEFINITIONS)?;
+        let folder = env.definitions(DEFINITIONS)?;
         let words = ["pub", &ros2(&topic), "--type", "demo/msg/Pair", "--definitions", &folder];
         let value = ["--value", r#"{"a": -1.25, "b": "grüß"}"#, "--rate", "20"];
-        let publisher = world.wrapyfi([&words[..], &value].concat())?;
+        let publisher = env.wrapyfi([&words[..], &value].concat())?;
         let expected = Cdr::new().put(&(-1.25_f64).to_le_bytes()).text("grüß").hex();
         let heard = subscriber.messages(3).map_err(|e| e.context(publisher.tail()))?;
         // Cyclone fills the last word with zeros.
@@ -143,11 +141,11 @@ fn fast_dds_hears_what_we_publish() -> Result {
 
 #[test]
 fn we_hear_what_fast_dds_publishes() -> Result {
-    run("we_hear_what_fast_dds_publishes", NEEDS, |world| {
-        let topic = world.topic("text");
+    run("we_hear_what_fast_dds_publishes", NEEDS, |env| {
+        let topic = env.topic("text");
         let words = ["echo", &ros2(&topic), "--type", STRING, "--json"];
-        let echo = world.wrapyfi(words)?;
-        let mut publisher = world
+        let echo = env.wrapyfi(words)?;
+        let mut publisher = env
             .fast_peer(&format!("publish --topic {topic} --type {STRING} --hash {STRING_HASH}"))?;
         publisher.event("matched").map_err(|e| e.context(echo.tail()))?;
         // Text that is JSON, as Wrapyfi's is.
@@ -166,10 +164,10 @@ fn we_hear_what_fast_dds_publishes() -> Result {
 
 #[test]
 fn a_late_node_on_fast_dds_gets_the_history_of_another() -> Result {
-    run("a_late_node_on_fast_dds_gets_the_history_of_another", NEEDS, |world| {
-        let (from, to) = (world.topic("from"), world.topic("to"));
+    run("a_late_node_on_fast_dds_gets_the_history_of_another", NEEDS, |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
         let kind = format!("--type {STRING} --hash {STRING_HASH} --transient-local");
-        let mut publisher = world.fast_peer(&format!("publish --topic {from} {kind}"))?;
+        let mut publisher = env.fast_peer(&format!("publish --topic {from} {kind}"))?;
         let messages = ["one", "two", "three"].map(|text| Cdr::new().text(text).hex());
         for message in &messages {
             publisher.tell(message)?;
@@ -178,12 +176,12 @@ fn a_late_node_on_fast_dds_gets_the_history_of_another() -> Result {
             (output.events("sent").len() == 3).then_some(())
         })?;
         let bridge =
-            world.bridge(&world.embedded().route(Route::new(&ros2(&from), &ros2(&to), "Text")))?;
+            env.bridge(&env.embedded().route(Route::new(&ros2(&from), &ros2(&to), "Text")))?;
         bridge.wait_until("the route to have carried all", |output| {
             let report = output.objects().rev().find(|it| it["routes"].is_array())?;
             (report["routes"][0]["counters"]["sent"] == 3).then_some(())
         })?;
-        let late = world.fast_peer(&format!("subscribe --topic {to} {kind} --cdr --count 3"))?;
+        let late = env.fast_peer(&format!("subscribe --topic {to} {kind} --cdr --count 3"))?;
         let heard = late.messages(3).map_err(|e| e.context(bridge.tail()))?;
         for (found, message) in texts(&heard, "cdr").iter().zip(&messages) {
             // Cyclone fills the last word with zeros.
@@ -196,17 +194,14 @@ fn a_late_node_on_fast_dds_gets_the_history_of_another() -> Result {
 #[test]
 fn images_of_wrapyfi_reach_fast_dds_through_the_bridge() -> Result {
     let needs = [NEEDS, &[Need::Python]].concat();
-    run("images_of_wrapyfi_reach_fast_dds_through_the_bridge", &needs, |world| {
-        let (from, to) = (world.topic("from"), world.topic("to"));
-        let bridge = world.bridge(&world.embedded().route(Route::new(
-            &zeromq(&from),
-            &ros2(&to),
-            "Image",
-        )))?;
+    run("images_of_wrapyfi_reach_fast_dds_through_the_bridge", &needs, |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
+        let bridge =
+            env.bridge(&env.embedded().route(Route::new(&zeromq(&from), &ros2(&to), "Image")))?;
         let subscriber =
-            world.fast_peer(&format!("subscribe --topic {to} --type {IMAGE} --cdr --count 2"))?;
+            env.fast_peer(&format!("subscribe --topic {to} --type {IMAGE} --cdr --count 2"))?;
         let publisher =
-            world.wrapyfi_publisher(&from, "--type Image --flavour colour --no-broker")?;
+            env.wrapyfi_publisher(&from, "--type Image --flavour colour --no-broker")?;
         let heard = subscriber.messages(2).map_err(|e| e.context(bridge.tail()))?;
         // The pixels are the last bytes.
         let pixels = |message: &Value| {
@@ -220,15 +215,12 @@ fn images_of_wrapyfi_reach_fast_dds_through_the_bridge() -> Result {
 #[test]
 fn images_of_fast_dds_reach_wrapyfi_through_the_bridge() -> Result {
     let needs = [NEEDS, &[Need::Python]].concat();
-    run("images_of_fast_dds_reach_wrapyfi_through_the_bridge", &needs, |world| {
-        let (from, to) = (world.topic("from"), world.topic("to"));
-        let bridge = world.bridge(&world.embedded().route(Route::new(
-            &ros2(&from),
-            &zeromq(&to),
-            "Image",
-        )))?;
-        let listener = world.wrapyfi_listener(&to, "--type Image --flavour red --count 1")?;
-        let mut publisher = world.fast_peer(&format!("publish --topic {from} --type {IMAGE}"))?;
+    run("images_of_fast_dds_reach_wrapyfi_through_the_bridge", &needs, |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
+        let bridge =
+            env.bridge(&env.embedded().route(Route::new(&ros2(&from), &zeromq(&to), "Image")))?;
+        let listener = env.wrapyfi_listener(&to, "--type Image --flavour red --count 1")?;
+        let mut publisher = env.fast_peer(&format!("publish --topic {from} --type {IMAGE}"))?;
         publisher.event("matched").map_err(|e| e.context(bridge.tail()))?;
         let heard = told_until(&mut publisher, &red("rgb8"), Some(&listener), |output| {
             output.events("message").into_iter().next()
@@ -242,22 +234,22 @@ fn images_of_fast_dds_reach_wrapyfi_through_the_bridge() -> Result {
 // Services --------------------------------------------------------------------------------------
 
 /// `wrapyfi COMMAND ros2:SERVICE` as a program of this RMW would run it.
-fn start(world: &World, rmw: &str, command: &str, service: &str, more: &[&str]) -> Result<Process> {
-    let (endpoint, folder) = (ros2(service), world.definitions(DEFINITIONS)?);
+fn start(env: &TestEnv, rmw: &str, command: &str, service: &str, more: &[&str]) -> Result<Process> {
+    let (endpoint, folder) = (ros2(service), env.definitions(DEFINITIONS)?);
     let words = [command, &endpoint, "--type", ADD, "--definitions", &folder, "--json"];
-    world.wrapyfi_as(rmw, [&words[..], more].concat())
+    env.wrapyfi_as(rmw, [&words[..], more].concat())
 }
 
 #[test]
 fn a_server_on_fast_dds_answers_the_first_call_of_ours() -> Result {
-    run("a_server_on_fast_dds_answers_the_first_call_of_ours", NEEDS, |world| {
-        let service = world.topic("sums");
-        let server = world.fast_peer(&format!("server --topic {service} --type {ADD}"))?;
+    run("a_server_on_fast_dds_answers_the_first_call_of_ours", NEEDS, |env| {
+        let service = env.topic("sums");
+        let server = env.fast_peer(&format!("server --topic {service} --type {ADD}"))?;
         server.event("ready")?;
         for a in 0..4 {
             let value = format!(r#"{{"a": {a}, "b": 1099511627776}}"#);
             let more = ["--value", &value, "--timeout", "60"];
-            let mut call = start(world, FAST, "call", &service, &more)?;
+            let mut call = start(env, FAST, "call", &service, &more)?;
             call.exits_with(0).map_err(|e| e.context(server.tail()))?;
             let sum = call.objects(1)?[0]["value"]["sum"].clone();
             assert_eq!(sum, json!(a + 1_099_511_627_776_i64));
@@ -277,10 +269,10 @@ fn a_server_on_fast_dds_answers_the_first_call_of_ours() -> Result {
 
 #[test]
 fn our_server_answers_the_first_call_of_a_client_on_fast_dds() -> Result {
-    run("our_server_answers_the_first_call_of_a_client_on_fast_dds", NEEDS, |world| {
-        let service = world.topic("sums");
-        let server = start(world, FAST, "serve", &service, &["--value", r#"{"sum": 42}"#])?;
-        let mut client = world.fast_peer(&format!("client --topic {service} --type {ADD}"))?;
+    run("our_server_answers_the_first_call_of_a_client_on_fast_dds", NEEDS, |env| {
+        let service = env.topic("sums");
+        let server = start(env, FAST, "serve", &service, &["--value", r#"{"sum": 42}"#])?;
+        let mut client = env.fast_peer(&format!("client --topic {service} --type {ADD}"))?;
         // As `wait_for_service`: both endpoints.
         client.wait_until("both matches", |output| {
             let mut with = texts(&output.events("matched"), "with");
@@ -310,11 +302,11 @@ fn our_server_answers_the_first_call_of_a_client_on_fast_dds() -> Result {
 
 #[test]
 fn a_call_in_the_wrong_mapping_says_what_to_set() -> Result {
-    run("a_call_in_the_wrong_mapping_says_what_to_set", NEEDS, |world| {
-        let service = world.topic("sums");
-        let server = world.fast_peer(&format!("server --topic {service} --type {ADD}"))?;
+    run("a_call_in_the_wrong_mapping_says_what_to_set", NEEDS, |env| {
+        let service = env.topic("sums");
+        let server = env.fast_peer(&format!("server --topic {service} --type {ADD}"))?;
         server.event("ready")?;
-        let mut call = start(world, CYCLONE, "call", &service, &["--timeout", "10"])?;
+        let mut call = start(env, CYCLONE, "call", &service, &["--timeout", "10"])?;
         call.exits_with(3)?;
         let told = call.stderr();
         let words = "the other end runs rmw_fastrtps_cpp, whose services do not understand those \
@@ -327,15 +319,15 @@ fn a_call_in_the_wrong_mapping_says_what_to_set() -> Result {
 #[test]
 fn a_client_on_fast_dds_reads_the_parameters_of_the_node() -> Result {
     let needs = [NEEDS, &[Need::Node]].concat();
-    run("a_client_on_fast_dds_reads_the_parameters_of_the_node", &needs, |world| {
-        let namespace = world.topic("lab");
+    run("a_client_on_fast_dds_reads_the_parameters_of_the_node", &needs, |env| {
+        let namespace = env.topic("lab");
         let route = Route::new("zeromq:/a", "ros2:cam", "Image");
-        let file = world.write("bridge.yaml", world.embedded().route(route).yaml())?;
+        let file = env.write("bridge.yaml", env.embedded().route(route).yaml())?;
         let (parameter, ns) =
             (format!("config_file:={}", file.display()), format!("__ns:={namespace}"));
         let args = ["--ros-args", "-p", &parameter, "-r", &ns, "-r", "__node:=eye"];
-        let node = world.node_as(FAST, args)?;
-        let mut client = world.fast_peer(&format!(
+        let node = env.node_as(FAST, args)?;
+        let mut client = env.fast_peer(&format!(
             "client --topic {namespace}/eye/get_parameters --type rcl_interfaces/srv/GetParameters"
         ))?;
         client
@@ -361,15 +353,15 @@ fn a_client_on_fast_dds_reads_the_parameters_of_the_node() -> Result {
 
 #[test]
 fn fast_dds_sees_our_node_its_types_and_its_end() -> Result {
-    run("fast_dds_sees_our_node_its_types_and_its_end", NEEDS, |world| {
-        let (there, back) = (world.topic("there"), world.topic("back"));
-        let graph = world.fast_peer("graph")?;
+    run("fast_dds_sees_our_node_its_types_and_its_end", NEEDS, |env| {
+        let (there, back) = (env.topic("there"), env.topic("back"));
+        let graph = env.fast_peer("graph")?;
         graph.event("ready")?;
-        let config = world
+        let config = env
             .embedded()
             .route(Route::new("zeromq:/a", &ros2(&there), "Image"))
             .route(Route::new(&ros2(&back), "zeromq:/b", STRING));
-        let mut bridge = world.bridge(&config)?;
+        let mut bridge = env.bridge(&config)?;
         let mut guids = Vec::new();
         for (role, list, topic, kind, hash) in [
             ("writer", "writers", &there, "sensor_msgs::msg::dds_::Image_", IMAGE_HASH),
@@ -402,8 +394,8 @@ fn fast_dds_sees_our_node_its_types_and_its_end() -> Result {
         assert_eq!(participant["user_data"], "enclave=/;");
         bridge.terminate()?;
         bridge.exits_with(0)?;
-        // What goes is gone, because it says so: a lease would end 10 s later. And the last word of
-        // its process names no node.
+        // A node that goes is gone at once, because it says so: a lease would end 10 s later. And
+        // the last word of its process names no node.
         graph.wait_until("the end of both", |output| {
             let gone = output.events("gone");
             let all = guids.iter().all(|guid| gone.iter().any(|one| one["guid"] == *guid));
@@ -414,10 +406,10 @@ fn fast_dds_sees_our_node_its_types_and_its_end() -> Result {
 }
 
 /// Lists until `wanted` is satisfied: discovery takes as long as it takes.
-fn list(world: &World, wanted: impl Fn(&[Value]) -> bool) -> Result<Vec<Value>> {
+fn list(env: &TestEnv, wanted: impl Fn(&[Value]) -> bool) -> Result<Vec<Value>> {
     let mut last = Vec::new();
     for _ in 0..20 {
-        let mut list = world.wrapyfi(["list", "ros2", "--json", "--wait", "3"])?;
+        let mut list = env.wrapyfi(["list", "ros2", "--json", "--wait", "3"])?;
         list.exits_with(0)?;
         last = list.wait_until("its output", |output| Some(output.objects().collect()))?;
         if wanted(&last) {
@@ -429,36 +421,36 @@ fn list(world: &World, wanted: impl Fn(&[Value]) -> bool) -> Result<Vec<Value>> 
 
 #[test]
 fn list_shows_a_node_on_fast_dds_until_it_goes() -> Result {
-    run("list_shows_a_node_on_fast_dds_until_it_goes", NEEDS, |world| {
-        let topic = world.topic("cam");
-        let mut peer = world.fast_peer(&format!(
+    run("list_shows_a_node_on_fast_dds_until_it_goes", NEEDS, |env| {
+        let topic = env.topic("cam");
+        let mut peer = env.fast_peer(&format!(
             "subscribe --topic {topic} --type {IMAGE} --hash {IMAGE_HASH} --best-effort \
              --node /lab/viewer"
         ))?;
         peer.event("ready")?;
         let find = |found: &[Value]| found.iter().find(|one| one["name"] == *topic).cloned();
         let named = |found: &[Value]| find(found).is_some_and(|one| one["node"] == "/lab/viewer");
-        let found = find(&list(world, named)?).unwrap_or_default();
+        let found = find(&list(env, named)?).unwrap_or_default();
         assert_eq!((&found["role"], &found["type"]), (&json!("listener"), &json!(IMAGE)));
         assert_eq!(found["type_hash"], IMAGE_HASH);
         assert_eq!(found["qos"]["reliability"], "best_effort");
         assert_eq!(found["qos"]["durability"], "volatile");
         peer.close_stdin();
         peer.exits_with(0)?;
-        list(world, |found| find(found).is_none()).map(drop)
+        list(env, |found| find(found).is_none()).map(drop)
     })
 }
 
 // Large messages --------------------------------------------------------------------------------
 
 /// Starts `wrapyfi pub` of a message of `bytes` on a topic, `rate` times a second.
-fn publish_large(world: &World, topic: &str, bytes: usize, rate: &str) -> Result<Process> {
+fn publish_large(env: &TestEnv, topic: &str, bytes: usize, rate: &str) -> Result<Process> {
     let value = json!({"a": 1.0, "b": "x".repeat(bytes)}).to_string();
     let name = format!("{bytes}.json");
-    let (file, folder) = (world.write(&name, value)?, world.definitions(DEFINITIONS)?);
+    let (file, folder) = (env.write(&name, value)?, env.definitions(DEFINITIONS)?);
     let words = ["pub", &ros2(topic), "--type", "demo/msg/Pair", "--definitions", &folder];
     let more = ["--file", &file.display().to_string(), "--rate", rate];
-    world.wrapyfi([&words[..], &more].concat())
+    env.wrapyfi([&words[..], &more].concat())
 }
 
 /// Waits for a line of the log that has all these words.
@@ -473,13 +465,13 @@ fn warns(program: &Process, words: &[&str]) -> Result {
 /// three: the next one is not begun before the reader has all of them.
 #[test]
 fn large_messages_reach_fast_dds_without_a_gap() -> Result {
-    run("large_messages_reach_fast_dds_without_a_gap", NEEDS, |world| {
+    run("large_messages_reach_fast_dds_without_a_gap", NEEDS, |env| {
         for (bytes, messages) in [(921_600, 30), (6_220_800, 6)] {
-            let topic = world.topic(&format!("big_{bytes}"));
+            let topic = env.topic(&format!("big_{bytes}"));
             // A reader on a busy machine may come late to take what has arrived.
             let subscribe = format!("subscribe --topic {topic} --type demo/msg/Pair --depth 50");
-            let subscriber = world.fast_peer(&format!("{subscribe} --node /lab/viewer"))?;
-            let publisher = publish_large(world, &topic, bytes, "30")?;
+            let subscriber = env.fast_peer(&format!("{subscribe} --node /lab/viewer"))?;
+            let publisher = publish_large(env, &topic, bytes, "30")?;
             let heard = subscriber
                 .wait_until("its messages", |output| {
                     let all = output.events("message");
@@ -498,11 +490,11 @@ fn large_messages_reach_fast_dds_without_a_gap() -> Result {
 
 #[test]
 fn a_best_effort_reader_on_fast_dds_is_named() -> Result {
-    run("a_best_effort_reader_on_fast_dds_is_named", NEEDS, |world| {
-        let topic = world.topic("big");
+    run("a_best_effort_reader_on_fast_dds_is_named", NEEDS, |env| {
+        let topic = env.topic("big");
         let subscribe = format!("subscribe --topic {topic} --type demo/msg/Pair --best-effort");
-        let _subscriber = world.fast_peer(&format!("{subscribe} --node /lab/viewer"))?;
-        let publisher = publish_large(world, &topic, 921_600, "10")?;
+        let _subscriber = env.fast_peer(&format!("{subscribe} --node /lab/viewer"))?;
+        let publisher = publish_large(env, &topic, 921_600, "10")?;
         warns(&publisher, &["/lab/viewer on ", "most of them are lost", "net.core.rmem_default="])
     })
 }
@@ -513,16 +505,16 @@ fn a_best_effort_reader_on_fast_dds_is_named() -> Result {
 fn a_reader_on_fast_dds_that_stands_still_is_named_and_what_it_costs_is_counted() -> Result {
     let needs = [NEEDS, &[Need::Python]].concat();
     let name = "a_reader_on_fast_dds_that_stands_still_is_named_and_what_it_costs_is_counted";
-    run(name, &needs, |world| {
-        let (from, topic) = (world.topic("from"), world.topic("big"));
+    run(name, &needs, |env| {
+        let (from, topic) = (env.topic("from"), env.topic("big"));
         let route = Route::new(&zeromq(&from), &ros2(&topic), STRING);
-        let bridge = world.bridge(&world.embedded().route(route))?;
+        let bridge = env.bridge(&env.embedded().route(route))?;
         let subscribe = format!("subscribe --topic {topic} --type {STRING} --node /lab/viewer");
-        let viewer = world.fast_peer(&subscribe)?;
-        let other = world.dds_subscriber(&topic, STRING, "--plain")?;
-        let file = world.write("big.json", json!("x".repeat(400_000)).to_string())?;
+        let viewer = env.fast_peer(&subscribe)?;
+        let other = env.dds_subscriber(&topic, STRING, "--plain")?;
+        let file = env.write("big.json", json!("x".repeat(400_000)).to_string())?;
         let words = ["pub", &zeromq(&from), "--type", "NativeObject", "--rate", "5", "--file"];
-        let _source = world.wrapyfi([&words[..], &[&file.display().to_string()]].concat())?;
+        let _source = env.wrapyfi([&words[..], &[&file.display().to_string()]].concat())?;
         let first = |output: &Output| output.events("message").into_iter().next();
         viewer.wait_until("a message", first).map_err(|e| e.context(bridge.tail()))?;
         other.wait_until("a message", first).map_err(|e| e.context(bridge.tail()))?;
@@ -558,14 +550,14 @@ fn a_reader_on_fast_dds_that_stands_still_is_named_and_what_it_costs_is_counted(
 #[test]
 fn large_messages_to_cyclonedds_are_not_held_up() -> Result {
     let needs = [NEEDS, &[Need::Python]].concat();
-    run("large_messages_to_cyclonedds_are_not_held_up", &needs, |world| {
-        let (topic, other) = (world.topic("big"), world.topic("other"));
-        let elsewhere = world.fast_peer(&format!("subscribe --topic {other} --type {STRING}"))?;
+    run("large_messages_to_cyclonedds_are_not_held_up", &needs, |env| {
+        let (topic, other) = (env.topic("big"), env.topic("other"));
+        let elsewhere = env.fast_peer(&format!("subscribe --topic {other} --type {STRING}"))?;
         elsewhere.event("ready")?;
-        let file = world.write("big.json", json!("x".repeat(400_000)).to_string())?;
+        let file = env.write("big.json", json!("x".repeat(400_000)).to_string())?;
         let words = ["pub", &ros2(&topic), "--type", STRING, "--rate", "20", "--file"];
-        let publisher = world.wrapyfi([&words[..], &[&file.display().to_string()]].concat())?;
-        let subscriber = world.dds_subscriber(&topic, STRING, "--count 40")?;
+        let publisher = env.wrapyfi([&words[..], &[&file.display().to_string()]].concat())?;
+        let subscriber = env.dds_subscriber(&topic, STRING, "--count 40")?;
         subscriber.messages(40).map_err(|e| e.context(publisher.tail()))?;
         assert!(!publisher.stderr().contains("Fast DDS"), "{}", publisher.stderr());
         Ok(())

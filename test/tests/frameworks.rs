@@ -9,14 +9,16 @@
 //! Not part of `make test`: the libraries take 3 GB. `make test-frameworks` installs and runs all;
 //! without `WRAPYFI_FRAMEWORKS=1` every test here is skipped.
 
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
-
 use std::io::Write as _;
 
-use wrapyfi_e2e::{Need, Result, Route, World, run, texts};
+use wrapyfi_e2e::{Need, Result, Route, TestEnv, run, texts};
 
 /// Runs a test where the libraries are, and says so where they are not.
-fn with_library(test: &str, package: &'static str, body: impl FnOnce(&World) -> Result) -> Result {
+fn with_library(
+    test: &str,
+    package: &'static str,
+    body: impl FnOnce(&TestEnv) -> Result,
+) -> Result {
     if !std::env::var("WRAPYFI_FRAMEWORKS").is_ok_and(|value| value == "1") {
         writeln!(std::io::stderr(), "SKIPPED {test}: run `make test-frameworks`")?;
         return Ok(());
@@ -27,20 +29,19 @@ fn with_library(test: &str, package: &'static str, body: impl FnOnce(&World) -> 
 /// `case` of `test/peers/frameworks.py` arrives as it was sent, and nothing of it crosses the graph
 /// as a plug-in object that a ROS program could not read.
 fn travels(test: &str, package: &'static str, case: &str) -> Result {
-    with_library(test, package, |world| {
-        let (from, to, graph) = (world.topic("from"), world.topic("to"), world.topic("graph"));
+    with_library(test, package, |env| {
+        let (from, to, graph) = (env.topic("from"), env.topic("to"), env.topic("graph"));
         let (ros, object) = (format!("ros2:{graph}"), "NativeObject");
-        let into = world.embedded().route(Route::new(&format!("zeromq:{from}"), &ros, object));
-        let out_of = world.foreign().route(Route::new(&ros, &format!("zeromq:{to}"), object));
-        let bridge = world.bridge(&into)?;
+        let into = env.embedded().route(Route::new(&format!("zeromq:{from}"), &ros, object));
+        let out_of = env.foreign().route(Route::new(&ros, &format!("zeromq:{to}"), object));
+        let bridge = env.bridge(&into)?;
         // A bridge does not hear what it said itself, so the way back is another one's.
-        let file = world.write("back.yaml", out_of.yaml())?.display().to_string();
-        let back = world.wrapyfi(["bridge", "--config", &file])?;
-        let observer =
-            world.dds_subscriber(&graph, "wrapyfi_msgs/msg/NativeObject", "--count 2")?;
+        let file = env.write("back.yaml", out_of.yaml())?.display().to_string();
+        let back = env.wrapyfi(["bridge", "--config", &file])?;
+        let observer = env.dds_subscriber(&graph, "wrapyfi_msgs/msg/NativeObject", "--count 2")?;
         let options = format!("--cases frameworks --case {case}");
-        let listener = world.wrapyfi_listener(&to, &format!("{options} --count 2"))?;
-        let publisher = world.wrapyfi_publisher(&from, &format!("{options} --no-broker"))?;
+        let listener = env.wrapyfi_listener(&to, &format!("{options} --count 2"))?;
+        let publisher = env.wrapyfi_publisher(&from, &format!("{options} --no-broker"))?;
 
         let heard = listener.messages(2).map_err(|e| e.context(back.tail()))?;
         publisher.sent_in_order("sha256", &texts(&heard, "sha256"))?;
@@ -78,15 +79,14 @@ travels! {
 /// `devices` of a route: what the script has on its CPU is labelled for a GPU in the graph.
 #[test]
 fn a_route_says_where_tensors_go() -> Result {
-    with_library("a_route_says_where_tensors_go", "torch", |world| {
-        let (from, graph) = (world.topic("from"), world.topic("graph"));
+    with_library("a_route_says_where_tensors_go", "torch", |env| {
+        let (from, graph) = (env.topic("from"), env.topic("graph"));
         let route = Route::new(&format!("zeromq:{from}"), &format!("ros2:{graph}"), "NativeObject");
         let devices = "{ map_torch_devices: { cpu: 'cuda:7' }, load_torch_device: 'cuda:1' }";
-        let bridge = world.bridge(&world.embedded().route(route.with("devices", devices)))?;
-        let observer =
-            world.dds_subscriber(&graph, "wrapyfi_msgs/msg/NativeObject", "--count 1")?;
+        let bridge = env.bridge(&env.embedded().route(route.with("devices", devices)))?;
+        let observer = env.dds_subscriber(&graph, "wrapyfi_msgs/msg/NativeObject", "--count 1")?;
         let options = "--cases frameworks --case torch --no-broker";
-        let _publisher = world.wrapyfi_publisher(&from, options)?;
+        let _publisher = env.wrapyfi_publisher(&from, options)?;
         let heard = observer.messages(1).map_err(|e| e.context(bridge.tail()))?;
         let tensors = heard[0]["fields"]["tensors"].as_array().map_or(&[][..], Vec::as_slice);
         assert!(tensors.len() > 10, "{} tensors", tensors.len());

@@ -1,39 +1,37 @@
 //! Coordinate frames and times on their way: with ROS 2 nodes, the real Wrapyfi, and simulated time.
 
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
-
 use serde_json::json;
-use wrapyfi_e2e::{Need, Result, RosImage, Route, World, ros2, run, zeromq};
+use wrapyfi_e2e::{Need, Result, RosImage, Route, TestEnv, ros2, run, zeromq};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Python];
 
-/// What `wrapyfi echo` shows of the first message on a topic of ZeroMQ.
-fn first(world: &World, topic: &str, message_type: &str) -> Result<serde_json::Value> {
+/// First message on a topic of ZeroMQ, as `wrapyfi echo` shows it.
+fn first(env: &TestEnv, topic: &str, message_type: &str) -> Result<serde_json::Value> {
     let endpoint = zeromq(topic);
     let args = ["echo", &endpoint, "--type", message_type, "--json", "--count", "1"];
-    Ok(world.wrapyfi(args)?.objects(1)?.remove(0))
+    Ok(env.wrapyfi(args)?.objects(1)?.remove(0))
 }
 
 #[test]
 fn frames_reach_zeromq_beside_what_wrapyfi_reads() -> Result {
-    run("frames_reach_zeromq_beside_what_wrapyfi_reads", NEEDS, |world| {
-        let (from, there, kept) = (world.topic("from"), world.topic("there"), world.topic("kept"));
+    run("frames_reach_zeromq_beside_what_wrapyfi_reads", NEEDS, |env| {
+        let (from, there, kept) = (env.topic("from"), env.topic("there"), env.topic("kept"));
         let image = |to: &str| Route::new(&ros2(&from), &zeromq(to), "Image");
-        let config = world
+        let config = env
             .embedded()
             .route(image(&there))
             .route(image(&kept).with("encoding", "rgb8").with("frame_id", "left_eye"));
-        let _bridge = world.bridge(&config)?;
-        let listener = world.wrapyfi_listener(&there, "--type Image --flavour colour --count 1")?;
-        let mut node = world.ros_node("camera")?;
+        let _bridge = env.bridge(&config)?;
+        let listener = env.wrapyfi_listener(&there, "--type Image --flavour colour --count 1")?;
+        let mut node = env.ros_node("camera")?;
         let frame = RosImage::plain(64, 48, "rgb8", [255, 0, 0]);
         let _spoken = node.publish(&from, "sensor_msgs/msg/Image", move |_| frame.clone())?;
         // Blue, green, red, as OpenCV has it.
         let heard = listener.messages(1)?;
         assert_eq!(heard[0]["channel_means"], json!([0.0, 0.0, 255.0]), "{heard:?}");
-        let seen = first(world, &there, "Image")?;
+        let seen = first(env, &there, "Image")?;
         assert_eq!((&seen["frame_id"], &seen["encoding"]), (&json!("camera"), &json!("bgr8")));
-        let seen = first(world, &kept, "Image")?;
+        let seen = first(env, &kept, "Image")?;
         assert_eq!((&seen["frame_id"], &seen["encoding"]), (&json!("left_eye"), &json!("rgb8")));
         Ok(())
     })
@@ -41,14 +39,14 @@ fn frames_reach_zeromq_beside_what_wrapyfi_reads() -> Result {
 
 #[test]
 fn objects_with_a_header_are_read_by_wrapyfi() -> Result {
-    run("objects_with_a_header_are_read_by_wrapyfi", NEEDS, |world| {
-        let (from, to) = (world.topic("from"), world.topic("to"));
+    run("objects_with_a_header_are_read_by_wrapyfi", NEEDS, |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
         let route = Route::new(&ros2(&from), &zeromq(&to), "NativeObject");
-        let config = world.embedded().route(route.with("frame_id", "map").with("stamp", "arrival"));
-        let _bridge = world.bridge(&config)?;
-        let listener = world.wrapyfi_listener(&to, "--flavour rich --count 2")?;
+        let config = env.embedded().route(route.with("frame_id", "map").with("stamp", "arrival"));
+        let _bridge = env.bridge(&config)?;
+        let listener = env.wrapyfi_listener(&to, "--flavour rich --count 2")?;
         let sender = "--flavour rich --frame-id odom";
-        let _publisher = world.dds_publisher(&from, "wrapyfi_msgs/msg/NativeObject", sender)?;
+        let _publisher = env.dds_publisher(&from, "wrapyfi_msgs/msg/NativeObject", sender)?;
         for message in listener.messages(2)? {
             assert!(message["sha256"].is_string() && message["seq"].is_u64(), "{message}");
         }
@@ -58,19 +56,19 @@ fn objects_with_a_header_are_read_by_wrapyfi() -> Result {
 
 #[test]
 fn simulated_time_is_that_of_images_from_outside() -> Result {
-    run("simulated_time_is_that_of_images_from_outside", NEEDS, |world| {
-        let (from, to) = (world.topic("from"), world.topic("to"));
-        let wall = world.topic("wall");
+    run("simulated_time_is_that_of_images_from_outside", NEEDS, |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
+        let wall = env.topic("wall");
         let image = |to: &str| Route::new(&zeromq(&from), &ros2(to), "Image");
         let routes =
             vec![image(&to).with("frame_id", "left"), image(&wall).with("stamp", "source")];
-        let _bridge = world.node_with(routes, &["-p", "use_sim_time:=true"])?;
+        let _bridge = env.node_with(routes, &["-p", "use_sim_time:=true"])?;
         let clock = r#"--fields {"clock":{"sec":77,"nanosec":500000000}}"#;
-        let _clock = world.dds_publisher("/clock", "rosgraph_msgs/msg/Clock", clock)?;
-        let simulated = world.dds_subscriber(&to, "sensor_msgs/msg/Image", "")?;
-        let as_sent = world.dds_subscriber(&wall, "sensor_msgs/msg/Image", "--count 1")?;
+        let _clock = env.dds_publisher("/clock", "rosgraph_msgs/msg/Clock", clock)?;
+        let simulated = env.dds_subscriber(&to, "sensor_msgs/msg/Image", "")?;
+        let as_sent = env.dds_subscriber(&wall, "sensor_msgs/msg/Image", "--count 1")?;
         let args = "--type Image --flavour colour --no-broker";
-        let _publisher = world.wrapyfi_publisher(&from, args)?;
+        let _publisher = env.wrapyfi_publisher(&from, args)?;
         let seen = simulated.wait_until("an image in simulated time", |output| {
             let mut messages = output.events("message").into_iter();
             messages.find(|message| message["stamp"].as_f64() == Some(77.5))

@@ -1,9 +1,7 @@
 //! Bad input while a bridge runs: what is malformed is dropped and counted, everything else goes on.
 
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
-
 use serde_json::Value;
-use wrapyfi_e2e::{Need, Process, Result, Route, World, run, texts};
+use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, run, texts};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Python];
 
@@ -67,20 +65,20 @@ fn dropped(report: &Value, route: usize) -> u64 {
 }
 
 /// Sends cases on a topic and waits until they are out.
-fn send(world: &World, topic: &str, cases: &str) -> Result<Process> {
-    let port = world.sub_port();
+fn send(env: &TestEnv, topic: &str, cases: &str) -> Result<Process> {
+    let port = env.sub_port();
     let peer =
-        world.peer("zmq_peer.py", &format!("--topic {topic} --sub-port {port} --cases {cases}"))?;
+        env.peer("zmq_peer.py", &format!("--topic {topic} --sub-port {port} --cases {cases}"))?;
     peer.event("done")?;
     Ok(peer)
 }
 
 /// One route gets every bad message of its type; a second route carries good ones all the time.
 fn survives(test: &str, message_type: &str, ros_type: &str, cases: &[&str], good: &str) -> Result {
-    run(test, NEEDS, |world| {
-        let (bad_from, bad_to) = (world.topic("bad"), world.topic("bad_out"));
-        let (good_from, good_to) = (world.topic("good"), world.topic("good_out"));
-        let config = world
+    run(test, NEEDS, |env| {
+        let (bad_from, bad_to) = (env.topic("bad"), env.topic("bad_out"));
+        let (good_from, good_to) = (env.topic("good"), env.topic("good_out"));
+        let config = env
             .embedded()
             .route(Route::new(
                 &format!("zeromq:{bad_from}"),
@@ -92,14 +90,14 @@ fn survives(test: &str, message_type: &str, ros_type: &str, cases: &[&str], good
                 &format!("ros2:{good_to}"),
                 "std_msgs/msg/String",
             ));
-        let mut bridge = world.bridge(&config)?;
-        let hit = world.dds_subscriber(&bad_to, ros_type, "")?;
-        let mut node = world.ros_node("reader")?;
+        let mut bridge = env.bridge(&config)?;
+        let hit = env.dds_subscriber(&bad_to, ros_type, "")?;
+        let mut node = env.ros_node("reader")?;
         let heard = node.subscribe::<String>(&good_to, "std_msgs/msg/String")?;
-        let _good_publisher = world.wrapyfi_publisher(&good_from, "--no-broker")?;
+        let _good_publisher = env.wrapyfi_publisher(&good_from, "--no-broker")?;
         heard.next()?;
 
-        let _bad_publisher = send(world, &bad_from, &cases.join(","))?;
+        let _bad_publisher = send(env, &bad_from, &cases.join(","))?;
         let expected = cases.len() as u64;
         let report = status(&bridge, &format!("{expected} drops on the first route"), |r| {
             dropped(r, 0) >= expected
@@ -112,11 +110,11 @@ fn survives(test: &str, message_type: &str, ros_type: &str, cases: &[&str], good
         for _ in 0..3 {
             heard.next()?;
         }
-        let publisher = world.wrapyfi_publisher(&bad_from, &format!("{good} --no-broker"))?;
+        let publisher = env.wrapyfi_publisher(&bad_from, &format!("{good} --no-broker"))?;
         let key = if good.contains("jpg") { "file_sha256" } else { "sha256" };
         publisher.sent_in_a_row(key, &texts(&hit.messages(2)?, "sha256"))?;
 
-        let _doubtful = send(world, &bad_from, DOUBTFUL)?;
+        let _doubtful = send(env, &bad_from, DOUBTFUL)?;
         for _ in 0..3 {
             heard.next()?;
         }
@@ -173,15 +171,15 @@ fn hostile_sounds_are_dropped_and_counted() -> Result {
 
 #[test]
 fn malformed_and_foreign_topics_are_told_apart() -> Result {
-    run("malformed_and_foreign_topics_are_told_apart", NEEDS, |world| {
-        let (from, to) = (world.topic("from"), world.topic("to"));
+    run("malformed_and_foreign_topics_are_told_apart", NEEDS, |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
         let route =
             Route::new(&format!("zeromq:{from}"), &format!("ros2:{to}"), "std_msgs/msg/String");
-        let bridge = world.bridge(&world.embedded().route(route))?;
-        let _subscriber = world.dds_subscriber(&to, "std_msgs/msg/String", "")?;
+        let bridge = env.bridge(&env.embedded().route(route))?;
+        let _subscriber = env.dds_subscriber(&to, "std_msgs/msg/String", "")?;
         // Without a consumer nothing would be decoded, and so nothing found malformed.
         status(&bridge, "an active route", |r| r["routes"][0]["state"] == "active")?;
-        let _sender = send(world, &from, "native_truncated,native_empty,other_topic_by_prefix")?;
+        let _sender = send(env, &from, "native_truncated,native_empty,other_topic_by_prefix")?;
         let report = status(&bridge, "three drops", |r| dropped(r, 0) >= 3)?;
         assert_eq!(
             report["routes"][0]["counters"]["drops"],
@@ -194,13 +192,13 @@ fn malformed_and_foreign_topics_are_told_apart() -> Result {
 
 #[test]
 fn nesting_beyond_the_limit_has_a_count_of_its_own() -> Result {
-    run("nesting_beyond_the_limit_has_a_count_of_its_own", NEEDS, |world| {
-        let (from, to) = (world.topic("from"), world.topic("to"));
+    run("nesting_beyond_the_limit_has_a_count_of_its_own", NEEDS, |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
         let route = Route::new(&format!("zeromq:{from}"), &format!("ros2:{to}"), "NativeObject");
-        let bridge = world.bridge(&world.embedded().route(route))?;
-        let _subscriber = world.dds_subscriber(&to, "wrapyfi_msgs/msg/NativeObject", "")?;
+        let bridge = env.bridge(&env.embedded().route(route))?;
+        let _subscriber = env.dds_subscriber(&to, "wrapyfi_msgs/msg/NativeObject", "")?;
         status(&bridge, "an active route", |r| r["routes"][0]["state"] == "active")?;
-        let _sender = send(world, &from, "native_deep,native_truncated,native_deep_tags")?;
+        let _sender = send(env, &from, "native_deep,native_truncated,native_deep_tags")?;
         let report = status(&bridge, "three drops", |r| dropped(r, 0) >= 3)?;
         let counted = serde_json::json!({"malformed": 1, "nesting": 2});
         assert_eq!(report["routes"][0]["counters"]["drops"], counted, "{report}");
@@ -210,13 +208,13 @@ fn nesting_beyond_the_limit_has_a_count_of_its_own() -> Result {
 
 #[test]
 fn objects_from_ros_that_are_none_are_dropped() -> Result {
-    run("objects_from_ros_that_are_none_are_dropped", NEEDS, |world| {
-        let (from, to) = (world.topic("from"), world.topic("to"));
+    run("objects_from_ros_that_are_none_are_dropped", NEEDS, |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
         let route =
             Route::new(&format!("ros2:{from}"), &format!("zeromq:{to}"), "std_msgs/msg/String");
-        let bridge = world.bridge(&world.embedded().route(route))?;
-        let listener = world.wrapyfi_listener(&to, "--count 2")?;
-        let mut node = world.ros_node("writer")?;
+        let bridge = env.bridge(&env.embedded().route(route))?;
+        let listener = env.wrapyfi_listener(&to, "--count 2")?;
+        let mut node = env.ros_node("writer")?;
         let _spoken = node.publish(&from, "std_msgs/msg/String", |seq| {
             if seq % 2 == 0 {
                 format!("{{\"seq\": {seq}}}")

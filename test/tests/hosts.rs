@@ -1,15 +1,13 @@
 //! Two and three machines, in network namespaces that are joined: who is reached where, who may listen,
 //! and what a route says that waits.
 
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
-
-use wrapyfi_e2e::{Host, Need, Process, Result, World, run, texts};
+use wrapyfi_e2e::{Host, Need, Process, Result, TestEnv, run, texts};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Hosts];
 const WITH_PYTHON: &[Need] = &[Need::Program, Need::Hosts, Need::Python];
 const WITH_ROS: &[Need] = &[Need::Program, Need::Hosts, Need::Ros1];
 
-/// What publishers of ROS 1 send.
+/// Message of the ROS 1 publishers.
 const HELLO: &str = "--value {\"data\":\"hello\"}";
 
 /// Receives three messages.
@@ -25,8 +23,8 @@ fn publish(host: &Host<'_>, endpoint: &str) -> Result<Process> {
 }
 
 /// Runs routes on a machine.
-fn bridge(world: &World, host: &Host<'_>, yaml: &str) -> Result<Process> {
-    let file = world.write("bridge.yaml", yaml)?.display().to_string();
+fn bridge(env: &TestEnv, host: &Host<'_>, yaml: &str) -> Result<Process> {
+    let file = env.write("bridge.yaml", yaml)?.display().to_string();
     host.wrapyfi(["bridge", "--config", &file, "--json"])
 }
 
@@ -56,11 +54,11 @@ fn ends_with(mut process: Process, code: i32, words: &[&str]) -> Result {
 
 #[test]
 fn three_machines_meet_at_a_zeromq_broker() -> Result {
-    run("three_machines_meet_at_a_zeromq_broker", WITH_PYTHON, |world| {
-        let [robot, laptop, desk] = world.hosts(["robot", "laptop", "desk"])?;
-        let (pub_port, sub_port) = (world.pub_port().to_string(), world.sub_port().to_string());
+    run("three_machines_meet_at_a_zeromq_broker", WITH_PYTHON, |env| {
+        let [robot, laptop, desk] = env.hosts(["robot", "laptop", "desk"])?;
+        let (pub_port, sub_port) = (env.pub_port().to_string(), env.sub_port().to_string());
         let ports = ["--pub-port", &pub_port, "--sub-port", &sub_port];
-        let topic = world.topic("x");
+        let topic = env.topic("x");
         // A broker that is not there: the route says what is probable.
         let route = format!(
             "hosts: {{ robot: {} }}\nendpoints:\n  zeromq: {{ ip: robot, pub_port: {pub_port}, sub_port: \
@@ -68,7 +66,7 @@ fn three_machines_meet_at_a_zeromq_broker() -> Result {
              \"ros2:{topic}\", type: NativeObject }}\n",
             robot.ip()
         );
-        let bridge = bridge(world, &desk, &route)?;
+        let bridge = bridge(env, &desk, &route)?;
         waits(&bridge, &[robot.ip(), "unless WRAPYFI_ZEROMQ_SOCKET_IP is set there"])?;
 
         let args = ["broker", "--ip", robot.ip(), "--insecure"].into_iter().chain(ports);
@@ -93,8 +91,8 @@ fn three_machines_meet_at_a_zeromq_broker() -> Result {
 
 #[test]
 fn an_address_that_others_reach_needs_the_word_of_its_place() -> Result {
-    run("an_address_that_others_reach_needs_the_word_of_its_place", NEEDS, |world| {
-        let [robot, other] = world.hosts(["robot", "other"])?;
+    run("an_address_that_others_reach_needs_the_word_of_its_place", NEEDS, |env| {
+        let [robot, other] = env.hosts(["robot", "other"])?;
         let ip = robot.ip().to_owned();
         is_refused(robot.wrapyfi(["broker", "--ip", &ip])?, &["--insecure", &ip])?;
         is_refused(robot.wrapyfi(["yarpserver", "--ip", &ip])?, &["--insecure", &ip])?;
@@ -102,7 +100,7 @@ fn an_address_that_others_reach_needs_the_word_of_its_place() -> Result {
             let yaml = format!(
                 "endpoints:\n{endpoints}routes:\n  - {{ from: \"zeromq:/a\", to: \"ros2:/a\", type: Image }}\n"
             );
-            let file = world.write(name, yaml)?.display().to_string();
+            let file = env.write(name, yaml)?.display().to_string();
             robot.wrapyfi(["check", &file])
         };
         let in_file = ["insecure: true under endpoints.", &ip];
@@ -128,30 +126,30 @@ fn an_address_that_others_reach_needs_the_word_of_its_place() -> Result {
 #[test]
 fn a_communicator_owns_the_broker_of_several_machines() -> Result {
     let needs = &[WITH_PYTHON, &[Need::Example("exchange")]].concat();
-    run("a_communicator_owns_the_broker_of_several_machines", needs, |world| {
-        let [robot, laptop] = world.hosts(["robot", "laptop"])?;
+    run("a_communicator_owns_the_broker_of_several_machines", needs, |env| {
+        let [robot, laptop] = env.hosts(["robot", "laptop"])?;
         let ip = robot.ip().to_owned();
         let laptop = laptop.with("WRAPYFI_ZEROMQ_SOCKET_IP", &ip);
         // The address, and the word that belongs to it: as options of the method, then as variables.
-        let said = |more: &str| format!("--mode publish --topic {} {more}", world.topic("x"));
+        let said = |more: &str| format!("--mode publish --topic {} {more}", env.topic("x"));
         let by_options = robot.example("exchange", &said(&format!("--socket-ip {ip}")))?;
         ends_with(by_options, 1, &[&ip, "insecure=true"])?;
         let by_options = said(&format!("--socket-ip {ip} --insecure"));
-        is_heard(world, &laptop, &robot.example("exchange", &by_options)?)?;
+        is_heard(env, &laptop, &robot.example("exchange", &by_options)?)?;
 
         let robot = robot.with("WRAPYFI_ZEROMQ_SOCKET_IP", &ip);
         let by_variables = robot.example("exchange", &said(""))?;
         ends_with(by_variables, 1, &[&ip, "WRAPYFI_ZEROMQ_INSECURE=1"])?;
         let robot = robot.with("WRAPYFI_ZEROMQ_INSECURE", "1");
-        is_heard(world, &laptop, &robot.example("exchange", &said(""))?)
+        is_heard(env, &laptop, &robot.example("exchange", &said(""))?)
     })
 }
 
 /// Waits until Wrapyfi and `wrapyfi echo` hear `publisher` on a machine.
-fn is_heard(world: &World, host: &Host<'_>, publisher: &Process) -> Result {
-    let topic = world.topic("x");
+fn is_heard(env: &TestEnv, host: &Host<'_>, publisher: &Process) -> Result {
+    let topic = env.topic("x");
     let ours = echo(host, &format!("zeromq:{topic}"), "NativeObject")?;
-    let args = format!("listen --topic {topic} --pub-port {} --count 3", world.pub_port());
+    let args = format!("listen --topic {topic} --pub-port {} --count 3", env.pub_port());
     let theirs = host.peer("wrapyfi_peer.py", &args)?;
     ours.objects(3).map_err(|error| error.context(publisher.tail()))?;
     theirs.messages(3).map_err(|error| error.context(publisher.tail()))?;
@@ -165,7 +163,7 @@ const ASK_YARP: &str = "import socket, sys\n\
     s.shutdown(socket.SHUT_WR)\n\
     print(s.makefile().read())\n";
 
-/// What the name server says of a port, asked on its own machine.
+/// Entry of a port at the name server, asked on the server's own machine.
 fn registered(robot: &Host<'_>, port: &str, name: &str) -> Result<String> {
     let script = "ask_yarp.py";
     let mut asked =
@@ -176,18 +174,18 @@ fn registered(robot: &Host<'_>, port: &str, name: &str) -> Result<String> {
 
 #[test]
 fn yarp_ports_are_reached_from_the_machine_of_the_name_server_and_from_a_third() -> Result {
-    run("yarp_ports_are_reached_from_the_machine_of_the_name_server", NEEDS, |world| {
-        let [robot, laptop, desk] = world.hosts(["robot", "laptop", "desk"])?;
-        let port = world.yarp_port().to_string();
-        world.write("ask_yarp.py", ASK_YARP)?;
-        world.write("yarp.conf", format!("{} {port} yarp\n", robot.ip()))?;
+    run("yarp_ports_are_reached_from_the_machine_of_the_name_server", NEEDS, |env| {
+        let [robot, laptop, desk] = env.hosts(["robot", "laptop", "desk"])?;
+        let port = env.yarp_port().to_string();
+        env.write("ask_yarp.py", ASK_YARP)?;
+        env.write("yarp.conf", format!("{} {port} yarp\n", robot.ip()))?;
         // Its ports would be open to others: that has to be said.
         is_refused(publish(&laptop, "yarp:/cam")?, &[laptop.ip(), "WRAPYFI_YARP_INSECURE=1"])?;
         let laptop = laptop.with("WRAPYFI_YARP_INSECURE", "1");
         let desk = desk.with("WRAPYFI_YARP_INSECURE", "1");
         let route = "endpoints:\n  yarp: { insecure: true }\nroutes:\n  - { from: \"yarp:/cam\", to: \
                      \"ros2:/cam\", type: NativeObject }\n";
-        let waiting = bridge(world, &desk, route)?;
+        let waiting = bridge(env, &desk, route)?;
         waits(&waiting, &["name server", robot.ip(), "has to run there"])?;
         drop(waiting);
 
@@ -204,7 +202,7 @@ fn yarp_ports_are_reached_from_the_machine_of_the_name_server_and_from_a_third()
         assert!(told.contains(&format!("name /cam ip {} port", laptop.ip())), "{told}");
         drop(publisher);
 
-        // What YARP's programs read of the environment.
+        // YARP's programs read these from the environment.
         let renamed = laptop.with("YARP_PORT_PREFIX", "/left").with("YARP_RENAME_cam", "/eye");
         let renamed = renamed.with("YARP_IP", "10.77.");
         let publisher = publish(&renamed, "yarp:/cam")?;
@@ -218,10 +216,10 @@ fn yarp_ports_are_reached_from_the_machine_of_the_name_server_and_from_a_third()
 
 #[test]
 fn a_port_at_an_address_of_its_own_machine_is_named() -> Result {
-    run("a_port_at_an_address_of_its_own_machine_is_named", NEEDS, |world| {
-        let [robot, laptop, desk] = world.hosts(["robot", "laptop", "desk"])?;
-        let port = world.yarp_port().to_string();
-        world.write("yarp.conf", format!("{} {port} yarp\n", robot.ip()))?;
+    run("a_port_at_an_address_of_its_own_machine_is_named", NEEDS, |env| {
+        let [robot, laptop, desk] = env.hosts(["robot", "laptop", "desk"])?;
+        let port = env.yarp_port().to_string();
+        env.write("yarp.conf", format!("{} {port} yarp\n", robot.ip()))?;
         let args =
             ["yarpserver", "--ip", robot.ip(), "--port", &port, "--no-discovery", "--insecure"];
         let _server = robot.wrapyfi(args)?;
@@ -236,7 +234,7 @@ fn a_port_at_an_address_of_its_own_machine_is_named() -> Result {
         let route = "endpoints:\n  yarp: { insecure: true }\nroutes:\n  - { from: \"yarp:/cam\", to: \
                      \"ros2:/cam\", type: NativeObject }\n";
         let hint = "registered at an address of its own machine alone: set YARP_IP there";
-        let waiting = bridge(world, &desk, route)?;
+        let waiting = bridge(env, &desk, route)?;
         waits(&waiting, &["port /cam", hint]).map_err(|error| error.context(publisher.tail()))?;
         let calls = ["call", "yarp:/function", "--value", "1", "--timeout", "5"];
         ends_with(desk.wrapyfi(calls)?, 3, &["port /function", hint])
@@ -244,9 +242,9 @@ fn a_port_at_an_address_of_its_own_machine_is_named() -> Result {
 }
 
 /// `wrapyfi yarpserver` on a machine, whose `yarp.conf` all machines read.
-fn names(world: &World, robot: &Host<'_>) -> Result<Process> {
-    let port = world.yarp_port().to_string();
-    world.write("yarp.conf", format!("{} {port} yarp\n", robot.ip()))?;
+fn names(env: &TestEnv, robot: &Host<'_>) -> Result<Process> {
+    let port = env.yarp_port().to_string();
+    env.write("yarp.conf", format!("{} {port} yarp\n", robot.ip()))?;
     let args = ["yarpserver", "--ip", robot.ip(), "--port", &port, "--no-discovery", "--insecure"];
     let server = robot.wrapyfi(args)?;
     server.wait_until("the name server", |output| {
@@ -257,15 +255,15 @@ fn names(world: &World, robot: &Host<'_>) -> Result<Process> {
 
 #[test]
 fn the_address_that_others_are_told_is_said_on_the_command_line() -> Result {
-    run("the_address_that_others_are_told_is_said_on_the_command_line", NEEDS, |world| {
-        let [robot, laptop, desk] = world.hosts(["robot", "laptop", "desk"])?;
-        let _names = names(world, &robot)?;
+    run("the_address_that_others_are_told_is_said_on_the_command_line", NEEDS, |env| {
+        let [robot, laptop, desk] = env.hosts(["robot", "laptop", "desk"])?;
+        let _names = names(env, &robot)?;
         // Goes before the variable, which leads nowhere from another machine.
         let laptop = laptop.with("YARP_IP", "127.0.0.1");
         let ip = laptop.ip().to_owned();
         let route =
             "routes:\n  - { from: \"zeromq:/cam\", to: \"yarp:/cam\", type: NativeObject }\n";
-        let file = world.write("bridge.yaml", route)?.display().to_string();
+        let file = env.write("bridge.yaml", route)?.display().to_string();
         let value = ["--value", "{\"n\": 1}"];
         let commands: [&[&str]; 4] = [
             &["bridge", "--config", &file],
@@ -290,8 +288,8 @@ fn the_address_that_others_are_told_is_said_on_the_command_line() -> Result {
             "--insecure",
         ])?;
         heard.objects(3).map_err(|error| error.context(publisher.tail()))?;
-        let port = world.yarp_port().to_string();
-        world.write("ask_yarp.py", ASK_YARP)?;
+        let port = env.yarp_port().to_string();
+        env.write("ask_yarp.py", ASK_YARP)?;
         let told = registered(&robot, &port, "/cam")?;
         assert!(told.contains(&format!("name /cam ip {ip} port")), "{told}");
         Ok(())
@@ -300,9 +298,9 @@ fn the_address_that_others_are_told_is_said_on_the_command_line() -> Result {
 
 #[test]
 fn what_others_do_not_connect_to_needs_no_word() -> Result {
-    run("what_others_do_not_connect_to_needs_no_word", NEEDS, |world| {
-        let [robot, laptop] = world.hosts(["robot", "laptop"])?;
-        let _names = names(world, &robot)?;
+    run("what_others_do_not_connect_to_needs_no_word", NEEDS, |env| {
+        let [robot, laptop] = env.hosts(["robot", "laptop"])?;
+        let _names = names(env, &robot)?;
         let server = robot.wrapyfi(["serve", "yarp:/function", "--echo", "--insecure"])?;
         let mut call =
             laptop.wrapyfi(["call", "yarp:/function", "--value", "\"x\"", "--timeout", "60"])?;
@@ -321,9 +319,9 @@ fn what_others_do_not_connect_to_needs_no_word() -> Result {
 
 #[test]
 fn a_name_server_behind_a_dead_link_is_what_is_waited_for() -> Result {
-    run("a_name_server_behind_a_dead_link_is_what_is_waited_for", NEEDS, |world| {
-        let [robot, laptop] = world.hosts(["robot", "laptop"])?;
-        let _names = names(world, &robot)?;
+    run("a_name_server_behind_a_dead_link_is_what_is_waited_for", NEEDS, |env| {
+        let [robot, laptop] = env.hosts(["robot", "laptop"])?;
+        let _names = names(env, &robot)?;
         robot.plug(false)?;
         let echo = laptop.wrapyfi(["echo", "yarp:/cam", "--type", "Image", "--insecure"])?;
         let first = echo.wait_until("what it waits for", |output| {
@@ -338,9 +336,9 @@ fn a_name_server_behind_a_dead_link_is_what_is_waited_for() -> Result {
 #[test]
 fn programs_of_yarp_meet_ours_between_machines() -> Result {
     let needs = &[Need::Program, Need::Hosts, Need::Yarp];
-    run("programs_of_yarp_meet_ours_between_machines", needs, |world| {
-        let [robot, laptop] = world.hosts(["robot", "laptop"])?;
-        let port = world.yarp_port().to_string();
+    run("programs_of_yarp_meet_ours_between_machines", needs, |env| {
+        let [robot, laptop] = env.hosts(["robot", "laptop"])?;
+        let port = env.yarp_port().to_string();
         let server = robot.yarp_tool("yarpserver", &["--socket", &port, "--write"])?;
         server.wait_until("its address", |output| {
             let mut lines = output.out.iter().chain(&output.err);
@@ -371,9 +369,9 @@ fn programs_of_yarp_meet_ours_between_machines() -> Result {
 
 #[test]
 fn nodes_of_ros_1_are_found_by_the_names_of_their_machines() -> Result {
-    run("nodes_of_ros_1_are_found_by_the_names_of_their_machines", WITH_ROS, |world| {
-        let [robot, laptop, arm] = world.hosts(["robot", "laptop", "arm"])?;
-        let port = world.ros_port();
+    run("nodes_of_ros_1_are_found_by_the_names_of_their_machines", WITH_ROS, |env| {
+        let [robot, laptop, arm] = env.hosts(["robot", "laptop", "arm"])?;
+        let port = env.ros_port();
         let uri = format!("http://{}:{port}", robot.ip());
         let arm_ip = arm.ip().to_owned();
         let [robot, arm] = [(robot, "robot"), (arm, "arm")].map(|(host, name)| {
@@ -392,7 +390,7 @@ fn nodes_of_ros_1_are_found_by_the_names_of_their_machines() -> Result {
             )
         };
         // Also while nobody listens, a route says that there is no master.
-        let waiting = bridge(world, &laptop, &yaml("", &topic))?;
+        let waiting = bridge(env, &laptop, &yaml("", &topic))?;
         waits(&waiting, &[robot.ip(), "roscore has to run there"])?;
         drop(waiting);
 
@@ -410,11 +408,10 @@ fn nodes_of_ros_1_are_found_by_the_names_of_their_machines() -> Result {
         let _publisher = arm.rospy(&format!("publish --topic {topic} {HELLO}"))?;
         let eager =
             |hosts: &str, topic: &str| yaml(hosts, topic).replace("lazy: true", "lazy: false");
-        let lost = bridge(world, &laptop, &eager("", topic))?;
+        let lost = bridge(env, &laptop, &eager("", topic))?;
         waits(&lost, &["\"arm\"", "does not resolve", "hosts:"])?;
         drop(lost);
-        let found =
-            bridge(world, &laptop, &eager(&format!("hosts: {{ arm: {arm_ip} }}\n"), topic))?;
+        let found = bridge(env, &laptop, &eager(&format!("hosts: {{ arm: {arm_ip} }}\n"), topic))?;
         found.wait_until("messages of the arm", |output| {
             output.objects().find(|status| {
                 status["routes"][0]["counters"]["received"].as_u64().unwrap_or(0) > 2
@@ -426,7 +423,7 @@ fn nodes_of_ros_1_are_found_by_the_names_of_their_machines() -> Result {
         let topic = "/far/z";
         let local = arm.with("ROS_HOSTNAME", "").with("ROS_IP", "127.0.0.1");
         let _publisher = local.rospy(&format!("publish --topic {topic} {HELLO}"))?;
-        let lost = bridge(world, &laptop, &eager("", topic))?;
+        let lost = bridge(env, &laptop, &eager("", topic))?;
         waits(&lost, &["127.0.0.1", "set ROS_IP where it runs"])
     })
 }
@@ -434,40 +431,40 @@ fn nodes_of_ros_1_are_found_by_the_names_of_their_machines() -> Result {
 #[test]
 fn a_middleware_that_is_not_there_makes_its_own_routes_wait() -> Result {
     let needs = &[Need::Program, Need::Node];
-    run("a_middleware_that_is_not_there_makes_its_own_routes_wait", needs, |world| {
+    run("a_middleware_that_is_not_there_makes_its_own_routes_wait", needs, |env| {
         // There is no yarp.conf.
-        let (from, there) = (world.topic("from"), world.topic("there"));
+        let (from, there) = (env.topic("from"), env.topic("there"));
         let yaml = format!(
             "endpoints:\n  zeromq: {{ pub_port: {}, sub_port: {} }}\nroutes:\n  - {{ from: \"yarp:{from}\", \
              to: \"ros2:{from}\", type: NativeObject }}\n  - {{ from: \"zeromq:{there}\", to: \
              \"ros2:{there}\", type: NativeObject }}\n",
-            world.pub_port(),
-            world.sub_port()
+            env.pub_port(),
+            env.sub_port()
         );
-        let file = world.write("bridge.yaml", yaml)?.display().to_string();
+        let file = env.write("bridge.yaml", yaml)?.display().to_string();
         let args = ["--config", &file, "--ros-args", "-p", "status_json:=true", "-p", "rate:=10"];
-        let bridge = world.node(args)?;
+        let bridge = env.node(args)?;
         waits(&bridge, &["yarp to start", "yarp.conf does not exist"])?;
         let states = bridge.objects(1)?;
         let routes = states[0]["routes"].as_array().cloned().unwrap_or_default();
         assert_eq!(texts(&routes, "state").len(), 2);
         assert!(!routes[1]["reason"].to_string().contains("yarp"), "{routes:?}");
         // Now there is one, and the route goes on.
-        world.yarp_conf()?;
+        env.yarp_conf()?;
         waits(&bridge, &["name server 127.0.0.1", "start one with `wrapyfi yarpserver`"])?;
-        let port = world.yarp_port().to_string();
-        let _server = world.wrapyfi(["yarpserver", "--port", &port, "--no-discovery"])?;
+        let port = env.yarp_port().to_string();
+        let _server = env.wrapyfi(["yarpserver", "--port", &port, "--no-discovery"])?;
         waits(&bridge, &[&format!("port {from}, which no program has opened")])
     })
 }
 
 #[test]
 fn the_example_runs_where_nothing_else_does() -> Result {
-    run("the_example_runs_where_nothing_else_does", &[Need::Node], |world| {
+    run("the_example_runs_where_nothing_else_does", &[Need::Node], |env| {
         let example = wrapyfi_e2e::repository().join("config/example.yaml").display().to_string();
         let args =
             ["--config", &example, "--ros-args", "-p", "seconds:=2", "-p", "status_json:=true"];
-        let mut bridge = world.node(args)?;
+        let mut bridge = env.node(args)?;
         bridge.exits_with(0)?;
         assert!(bridge.stdout().contains("yarp.conf does not exist"), "{}", bridge.stdout());
         Ok(())

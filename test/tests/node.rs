@@ -1,9 +1,7 @@
 //! The node executable as `ros2 run` starts it: ROS arguments decide name, namespace, topics and parameters.
 
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
-
 use serde_json::Value;
-use wrapyfi_e2e::{Need, Output, Result, Route, World, run, texts};
+use wrapyfi_e2e::{Need, Output, Result, Route, TestEnv, run, texts};
 
 const NEEDS: &[Need] = &[Need::Node, Need::Python];
 const NEEDS_ALL: &[Need] = &[Need::Node, Need::Program, Need::Python];
@@ -16,10 +14,10 @@ fn node_named(output: &Output, name: &str) -> Option<Value> {
 
 #[test]
 fn name_and_namespace_come_from_the_command_line() -> Result {
-    run("name_and_namespace_come_from_the_command_line", NEEDS, |world| {
-        let graph = world.graph()?;
-        let route = Route::new("zeromq:/a", &format!("ros2:{}", world.topic("to")), "Image");
-        let mut node = world.node_with(
+    run("name_and_namespace_come_from_the_command_line", NEEDS, |env| {
+        let graph = env.graph()?;
+        let route = Route::new("zeromq:/a", &format!("ros2:{}", env.topic("to")), "Image");
+        let mut node = env.node_with(
             vec![route],
             &["-r", "__node:=other", "-r", "__ns:=/lab", "--log-level", "debug"],
         )?;
@@ -36,13 +34,13 @@ fn name_and_namespace_come_from_the_command_line() -> Result {
 
 #[test]
 fn topics_are_remapped() -> Result {
-    run("topics_are_remapped", NEEDS, |world| {
-        let (from, cam, front) = (world.topic("from"), world.topic("cam"), world.topic("front"));
+    run("topics_are_remapped", NEEDS, |env| {
+        let (from, cam, front) = (env.topic("from"), env.topic("cam"), env.topic("front"));
         let route = Route::new(&format!("zeromq:{from}"), &format!("ros2:{cam}"), "Image");
-        let node = world.node_with(vec![route], &["-r", &format!("{cam}:={front}")])?;
-        let subscriber = world.dds_subscriber(&front, "sensor_msgs/msg/Image", "--count 2")?;
+        let node = env.node_with(vec![route], &["-r", &format!("{cam}:={front}")])?;
+        let subscriber = env.dds_subscriber(&front, "sensor_msgs/msg/Image", "--count 2")?;
         let publisher =
-            world.wrapyfi_publisher(&from, "--type Image --flavour colour --no-broker")?;
+            env.wrapyfi_publisher(&from, "--type Image --flavour colour --no-broker")?;
         let heard = subscriber.messages(2).map_err(|e| e.context(node.tail()))?;
         publisher.sent_in_a_row("sha256", &texts(&heard, "sha256"))
     })
@@ -50,42 +48,39 @@ fn topics_are_remapped() -> Result {
 
 #[test]
 fn relative_topics_are_in_the_nodes_namespace() -> Result {
-    run("relative_topics_are_in_the_nodes_namespace", NEEDS, |world| {
-        let (from, namespace) = (world.topic("from"), world.topic("lab"));
+    run("relative_topics_are_in_the_nodes_namespace", NEEDS, |env| {
+        let (from, namespace) = (env.topic("from"), env.topic("lab"));
         let route = Route::new(&format!("zeromq:{from}"), "ros2:cam", "Image");
-        let node = world.node_with(vec![route], &["-r", &format!("__ns:={namespace}")])?;
-        let subscriber = world.dds_subscriber(
-            &format!("{namespace}/cam"),
-            "sensor_msgs/msg/Image",
-            "--count 1",
-        )?;
+        let node = env.node_with(vec![route], &["-r", &format!("__ns:={namespace}")])?;
+        let subscriber =
+            env.dds_subscriber(&format!("{namespace}/cam"), "sensor_msgs/msg/Image", "--count 1")?;
         let publisher =
-            world.wrapyfi_publisher(&from, "--type Image --flavour colour --no-broker")?;
+            env.wrapyfi_publisher(&from, "--type Image --flavour colour --no-broker")?;
         let heard = subscriber.messages(1).map_err(|e| e.context(node.tail()))?;
         publisher.sent_in_a_row("sha256", &texts(&heard, "sha256"))
     })
 }
 
 /// The value of the reply to a call of one of the node's own services.
-fn asked(world: &World, service: &str, kind: &str, request: &str) -> Result<Value> {
+fn asked(env: &TestEnv, service: &str, kind: &str, request: &str) -> Result<Value> {
     let endpoint = format!("ros2:{service}");
     let words = ["call", &endpoint, "--type", kind, "--value", request, "--json"];
-    let mut call = world.wrapyfi([&words[..], &["--timeout", "60"]].concat())?;
+    let mut call = env.wrapyfi([&words[..], &["--timeout", "60"]].concat())?;
     call.exits_with(0)?;
     Ok(call.objects(1)?[0]["value"].clone())
 }
 
 #[test]
 fn parameters_types_and_log_are_on_the_graph() -> Result {
-    run("parameters_types_and_log_are_on_the_graph", &[Need::Node, Need::Program], |world| {
-        let namespace = world.topic("lab");
+    run("parameters_types_and_log_are_on_the_graph", &[Need::Node, Need::Program], |env| {
+        let namespace = env.topic("lab");
         let route = Route::new("zeromq:/a", "ros2:cam", "Image");
         let ns = format!("__ns:={namespace}");
-        let mut node = world.node_with(vec![route], &["-r", &ns, "-r", "__node:=eye"])?;
+        let mut node = env.node_with(vec![route], &["-r", &ns, "-r", "__node:=eye"])?;
         let own = |service: &str| format!("{namespace}/eye/{service}");
         let request = r#"{"names": ["status_json", "config_file"]}"#;
         let kind = "rcl_interfaces/srv/GetParameters";
-        let got = asked(world, &own("get_parameters"), kind, request)
+        let got = asked(env, &own("get_parameters"), kind, request)
             .map_err(|e| e.context(node.tail()))?;
         assert_eq!(got["values"][0]["bool_value"], false);
         let file = got["values"][1]["string_value"].as_str().unwrap_or_default();
@@ -93,18 +88,18 @@ fn parameters_types_and_log_are_on_the_graph() -> Result {
 
         let request = r#"{"parameters": [{"name": "config_file", "value": {"type": 4}}]}"#;
         let kind = "rcl_interfaces/srv/SetParameters";
-        let set = asked(world, &own("set_parameters"), kind, request)?;
+        let set = asked(env, &own("set_parameters"), kind, request)?;
         let refused = "Trying to set a read-only parameter: config_file.";
         assert_eq!(set["results"][0]["reason"], refused);
 
         let hash = "RIHS01_d31d41a9a4c4bc8eae9be757b0beed306564f7526c88ea6a4588fb9582527d47";
         let request = format!(r#"{{"type_name": "sensor_msgs/msg/Image", "type_hash": "{hash}"}}"#);
         let kind = "type_description_interfaces/srv/GetTypeDescription";
-        let described = asked(world, &own("get_type_description"), kind, &request)?;
+        let described = asked(env, &own("get_type_description"), kind, &request)?;
         assert_eq!(described["successful"], true, "{described}");
 
         // Said before anybody listened.
-        let mut log = world.wrapyfi(["echo", "ros2:/rosout", "--count", "1", "--json"])?;
+        let mut log = env.wrapyfi(["echo", "ros2:/rosout", "--count", "1", "--json"])?;
         log.exits_with(0)?;
         let line = log.objects(1)?[0]["value"].clone();
         let logger = format!("{}.eye", namespace.trim_start_matches('/').replace('/', "."));
@@ -117,12 +112,12 @@ fn parameters_types_and_log_are_on_the_graph() -> Result {
 
 #[test]
 fn only_what_a_node_has_is_among_its_parameters() -> Result {
-    run("only_what_a_node_has_is_among_its_parameters", &[Need::Node, Need::Program], |world| {
+    run("only_what_a_node_has_is_among_its_parameters", &[Need::Node, Need::Program], |env| {
         let routes = (0..4).map(|n| Route::new("zeromq:/a", &format!("ros2:/cam{n}"), "Image"));
         let depth = "qos_overrides./cam2.publisher.depth:=3";
-        let _node = world.node_with(routes.collect(), &["-p", depth])?;
+        let _node = env.node_with(routes.collect(), &["-p", depth])?;
         let kind = "rcl_interfaces/srv/ListParameters";
-        let listed = asked(world, "/wrapyfi_bridge/list_parameters", kind, "{}")?;
+        let listed = asked(env, "/wrapyfi_bridge/list_parameters", kind, "{}")?;
         let names = listed["result"]["names"].as_array().into_iter().flatten();
         let names: Vec<&str> = names.filter_map(Value::as_str).collect();
         let (of_topics, own): (Vec<&str>, Vec<&str>) =
@@ -144,8 +139,8 @@ fn only_what_a_node_has_is_among_its_parameters() -> Result {
 
 #[test]
 fn levels_of_loggers_are_read_and_set() -> Result {
-    run("levels_of_loggers_are_read_and_set", NEEDS_ALL, |world| {
-        let namespace = world.topic("lab");
+    run("levels_of_loggers_are_read_and_set", NEEDS_ALL, |env| {
+        let namespace = env.topic("lab");
         let route = |name: &str, from: &str| {
             Route::new(&format!("zeromq:/{from}"), "ros2:cam", "Image")
                 .with("name", name)
@@ -154,11 +149,11 @@ fn levels_of_loggers_are_read_and_set() -> Result {
         let ns = format!("__ns:={namespace}");
         let node = format!("{}.eye", namespace.trim_start_matches('/').replace('/', "."));
         let quiet = format!("{node}.right_eye:=error");
-        let eye = world.node_with(
+        let eye = env.node_with(
             vec![route("\"left: eye\"", "a"), route("right eye", "b")],
             &["-r", &ns, "-r", "__node:=eye", "--log-level", &quiet],
         )?;
-        // What is logged about a route is its logger's, in a name that tools can write.
+        // Lines about a route are of the route's logger, in a name that tools can write.
         let left = format!("{node}.left_eye");
         eye.wait_until("a line of the first route", |output| {
             output.err.iter().any(|line| line.contains(&format!("[{left}]: "))).then_some(())
@@ -170,7 +165,7 @@ fn levels_of_loggers_are_read_and_set() -> Result {
             let levels = got["levels"].as_array().into_iter().flatten();
             levels.filter_map(|one| one["level"].as_u64()).collect()
         };
-        let got = asked(world, &own("get_logger_levels"), get, &names)?;
+        let got = asked(env, &own("get_logger_levels"), get, &names)?;
         assert_eq!(levels(&got), [0, 40, 0], "{got}");
         assert!(!eye.stderr().contains(&format!("[{node}.right_eye]: ")), "{}", eye.stderr());
         assert!(!eye.stderr().contains("[DEBUG]"), "{}", eye.stderr());
@@ -180,15 +175,16 @@ fn levels_of_loggers_are_read_and_set() -> Result {
         let right = format!("{node}.right_eye");
         let wanted = [level(&node, 10), level(&right, 20), level(&node, 11)].join(", ");
         let done =
-            asked(world, &own("set_logger_levels"), set, &format!(r#"{{"levels": [{wanted}]}}"#))?;
+            asked(env, &own("set_logger_levels"), set, &format!(r#"{{"levels": [{wanted}]}}"#))?;
         let done = done["results"].as_array().into_iter().flatten();
         let done: Vec<bool> = done.filter_map(|one| one["successful"].as_bool()).collect();
         assert_eq!(done, [true, true, false]);
-        let got = asked(world, &own("get_logger_levels"), get, &names)?;
+        let got = asked(env, &own("get_logger_levels"), get, &names)?;
         assert_eq!(levels(&got), [10, 20, 0], "{got}");
-        // Asks for more than is offered at first, which is a line for debugging; then both routes have it.
+        // The change of a level is a line for debugging; a subscriber that asks for more than is offered
+        // at first changes the quality of service of both routes.
         let cam = format!("{namespace}/cam");
-        let _late = world.dds_subscriber(&cam, "sensor_msgs/msg/Image", "--transient-local")?;
+        let _late = env.dds_subscriber(&cam, "sensor_msgs/msg/Image", "--transient-local")?;
         for start in ["[DEBUG]", "[INFO]"] {
             eye.wait_until(&format!("a line that begins with {start}"), |output| {
                 let logger = if start == "[DEBUG]" { &node } else { &right };
@@ -203,23 +199,23 @@ fn levels_of_loggers_are_read_and_set() -> Result {
 
 #[test]
 fn node_executables_know_help_and_config() -> Result {
-    run("node_executables_know_help_and_config", NEEDS_ALL, |world| {
+    run("node_executables_know_help_and_config", NEEDS_ALL, |env| {
         for name in ["bridge", "ros1_bridge", "yarp_bridge", "zeromq_bridge"] {
-            let mut help = world.executable(name, &["--", "--help"])?;
+            let mut help = env.executable(name, &["--", "--help"])?;
             help.exits_with(0)?;
             let said = help.stdout();
             for word in [name, "--config", "--ros-args"] {
                 assert!(said.contains(word), "{name} --help does not say {word}:\n{said}");
             }
         }
-        let graph = world.graph()?;
-        let config = world.embedded().route(Route::new("zeromq:/a", "ros2:cam", "Image"));
-        let file = world.write("routes.yaml", config.yaml())?.display().to_string();
+        let graph = env.graph()?;
+        let config = env.embedded().route(Route::new("zeromq:/a", "ros2:cam", "Image"));
+        let file = env.write("routes.yaml", config.yaml())?.display().to_string();
         let remaps = ["-r", "__ns:=/lab", "-r", "__node:=eye"];
         let as_node = [&["--config", &file, "--ros-args"][..], &remaps].concat();
         // The same with the command: it is a node and logs as one.
         for (n, mut node) in
-            [world.node(&as_node)?, world.wrapyfi([&["bridge"][..], &as_node].concat())?.pillar()]
+            [env.node(&as_node)?, env.wrapyfi([&["bridge"][..], &as_node].concat())?.pillar()]
                 .into_iter()
                 .enumerate()
         {
@@ -231,7 +227,7 @@ fn node_executables_know_help_and_config() -> Result {
             node.terminate()?;
             node.exits_with(0)?;
         }
-        let mut both = world.node([&as_node[..], &["-p", "config_file:=other.yaml"]].concat())?;
+        let mut both = env.node([&as_node[..], &["-p", "config_file:=other.yaml"]].concat())?;
         both.exits_with(2)?;
         assert!(both.stderr().contains("--config says"), "{}", both.stderr());
         Ok(())
@@ -240,12 +236,12 @@ fn node_executables_know_help_and_config() -> Result {
 
 #[test]
 fn bad_ros_arguments_are_refused() -> Result {
-    run("bad_ros_arguments_are_refused", &[Need::Node], |world| {
+    run("bad_ros_arguments_are_refused", &[Need::Node], |env| {
         for args in [
             &["--ros-args", "-r", "nonsense"][..],
             &["--ros-args", "-p", "config_file:=no_such_file.yaml"],
         ] {
-            let mut node = world.node(args)?;
+            let mut node = env.node(args)?;
             let code = node.exit_code()?;
             assert!([1, 2].contains(&code), "exit code {code}\n{}", node.tail());
             let said = node.stderr();

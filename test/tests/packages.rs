@@ -1,4 +1,4 @@
-//! What the packages say of themselves.
+//! Manifests of the packages.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ fn read(file: &Path) -> Result<String> {
     std::fs::read_to_string(file).with_context(|| file.display().to_string())
 }
 
-/// What stands between `<tag …>` and its end.
+/// Text between `<tag …>` and its end.
 fn element<'a>(text: &'a str, tag: &str) -> Option<&'a str> {
     let (_, rest) = text.split_once(&format!("<{tag}"))?;
     let (_, rest) = rest.split_once('>')?;

@@ -14,10 +14,8 @@
 //! the first of the two modes. Without an installation of ROS 2, Python's Wrapyfi speaks ZeroMQ and, with
 //! Debian's rospy, ROS 1. Its services of ROS 1 have no `jpg`.
 
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
-
 use serde_json::{Value, json};
-use wrapyfi_e2e::{Need, Output, Process, Result, World, run};
+use wrapyfi_e2e::{Need, Output, Process, Result, TestEnv, run};
 
 /// Messages of each kind that must arrive.
 const COUNT: usize = 3;
@@ -31,7 +29,7 @@ use Language::{Python, Rust};
 
 /// One end of a pair.
 fn start(
-    world: &World,
+    env: &TestEnv,
     language: Language,
     mware: &str,
     mode: &str,
@@ -40,13 +38,13 @@ fn start(
 ) -> Result<Process> {
     let args = format!("--mode {mode} --kinds {kinds} --way-in {way_in} --way-out {way_out}");
     let process = match language {
-        Rust => world.example("pairs", &format!("{args} --mware {mware}")),
-        Python => world.peer("pairs.py", &format!("{args} --mware {mware}")),
+        Rust => env.example("pairs", &format!("{args} --mware {mware}")),
+        Python => env.peer("pairs.py", &format!("{args} --mware {mware}")),
     };
     Ok(process?.pillar())
 }
 
-/// What a peer sent or received of one kind.
+/// Facts about the messages of one kind that a peer sent or received.
 fn told(output: &Output, kind: &str, what: &str) -> Vec<Value> {
     let messages = output.events("message").into_iter().filter(|one| one["kind"] == kind);
     messages.map(|one| one[what].clone()).filter(|facts| !facts.is_null()).collect()
@@ -64,7 +62,7 @@ fn are_equal(one: &Value, other: &Value) -> bool {
     one["shape"] == other["shape"] && means.len() == 3 && means.iter().zip(others).all(is_near)
 }
 
-/// What `to` received of a kind first was sent by `from`, in this order.
+/// Asserts that the first messages of a kind that `to` received were sent by `from`, in this order.
 fn passes(from: &Process, to: &Process, kind: &str) -> Result {
     let received = to.wait_until(&format!("{COUNT} of kind {kind}"), |output| {
         let received = told(output, kind, "received");
@@ -97,14 +95,14 @@ fn pair(
     if mware == "ros" {
         needs.push(Need::Ros1);
     }
-    run(test, &needs, |world| {
-        let _roscore = (mware == "ros").then(|| world.roscore()).transpose()?;
-        let _broker = (mware == "zeromq").then(|| world.broker()).transpose()?;
-        let (there, back) = (world.topic("there"), world.topic("back"));
+    run(test, &needs, |env| {
+        let _roscore = (mware == "ros").then(|| env.roscore()).transpose()?;
+        let _broker = (mware == "zeromq").then(|| env.broker()).transpose()?;
+        let (there, back) = (env.topic("there"), env.topic("back"));
         // A service has one name.
         let back = if first == "request" { &there } else { &back };
-        let to = start(world, to, mware, second, kinds, (&there, back))?;
-        let from = start(world, from, mware, first, kinds, (back, &there))?;
+        let to = start(env, to, mware, second, kinds, (&there, back))?;
+        let from = start(env, from, mware, first, kinds, (back, &there))?;
         for kind in kinds.split(',') {
             passes(&from, &to, kind)?;
             if matches!(first, "transceive" | "request") {
@@ -201,15 +199,15 @@ pairs! {
 #[test]
 fn parameters_are_set_and_watched() -> Result {
     const NEEDS: &[Need] = &[Need::Program, Need::Example("pairs"), Need::Python];
-    run("parameters_are_set_and_watched", NEEDS, |world| {
-        let node = world.topic("camera");
-        let camera = world.peer("param_node.py", &format!("--node {node} {{\"gain\":0.25}}"))?;
+    run("parameters_are_set_and_watched", NEEDS, |env| {
+        let node = env.topic("camera");
+        let camera = env.peer("param_node.py", &format!("--node {node} {{\"gain\":0.25}}"))?;
         camera.event("ready")?;
         let ways = (node.as_str(), node.as_str());
-        let listener = start(world, Rust, "ros2", "listen", "properties", ways)?;
+        let listener = start(env, Rust, "ros2", "listen", "properties", ways)?;
         let all = listener.event("message")?;
         assert_eq!(all["received"]["value"], json!({"gain": 0.25}));
-        let publisher = start(world, Rust, "ros2", "publish", "properties", ways)?;
+        let publisher = start(env, Rust, "ros2", "publish", "properties", ways)?;
         let set = publisher.event("message")?["sent"]["value"].clone();
         assert!(set["gain"].as_f64() > Some(1.0), "{set}");
         listener.wait_until("what was set", |output| {
@@ -223,16 +221,16 @@ fn parameters_are_set_and_watched() -> Result {
 #[test]
 fn a_node_is_remapped() -> Result {
     const NEEDS: &[Need] = &[Need::Program, Need::Example("pairs"), Need::Python];
-    run("a_node_is_remapped", NEEDS, |world| {
+    run("a_node_is_remapped", NEEDS, |env| {
         let ros_args = "-- --ros-args -r __ns:=/lab -r __node:=driver -r x/text:=seen/text";
         let talks = "--mode publish --kinds text --mware ros2 --way-in y --way-out x";
         let hears = "--mode listen --kinds text --mware ros2 --way-in x --way-out y";
-        let publisher = world.example("pairs", &format!("{talks} {ros_args}"))?.pillar();
-        let listener = world.example("pairs", &format!("{hears} {ros_args}"))?.pillar();
+        let publisher = env.example("pairs", &format!("{talks} {ros_args}"))?.pillar();
+        let listener = env.example("pairs", &format!("{hears} {ros_args}"))?.pillar();
         passes(&publisher, &listener, "text")?;
-        let seen = world.dds_subscriber("/lab/seen/text", "std_msgs/msg/String", "--count 1")?;
+        let seen = env.dds_subscriber("/lab/seen/text", "std_msgs/msg/String", "--count 1")?;
         seen.messages(1).map(drop)?;
-        let mut list = world.wrapyfi(["list", "ros2"])?;
+        let mut list = env.wrapyfi(["list", "ros2"])?;
         list.exits_with(0)?;
         let said = list.stdout();
         for line in ["/lab/driver", "/lab/driver_in", "/lab/seen/text"] {

@@ -1,19 +1,17 @@
 //! Everything of one middleware in another: topics and services that nobody has written down.
 
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
-
 use std::time::Instant;
 
 use serde_json::{Value, json};
-use wrapyfi_e2e::{Need, PATIENCE, Process, Result, World, ros2, run, until_route};
+use wrapyfi_e2e::{Need, Process, Result, Route, TIMEOUT, TestEnv, ros2, run, until_route, zeromq};
 
 const ROS1: &[Need] = &[Need::Program, Need::Ros1, Need::Executable("ros1_bridge")];
 const ROS1_AND_DDS: &[Need] =
     &[Need::Program, Need::Ros1, Need::Executable("ros1_bridge"), Need::Python];
 
-fn bridge(world: &World, more: &[&str]) -> Result<Process> {
+fn bridge(env: &TestEnv, more: &[&str]) -> Result<Process> {
     let args = [&["-p", "status_json:=true"], more].concat();
-    world.executable("ros1_bridge", &args)
+    env.executable("ros1_bridge", &args)
 }
 
 fn is(state: &str) -> impl Fn(Option<&Value>) -> bool {
@@ -21,11 +19,11 @@ fn is(state: &str) -> impl Fn(Option<&Value>) -> bool {
 }
 
 /// Asks a tool again until it says what it should.
-fn tells(world: &World, tool: &str, args: &str, wanted: impl Fn(&str) -> bool) -> Result<String> {
-    let deadline = Instant::now() + PATIENCE;
+fn tells(env: &TestEnv, tool: &str, args: &str, wanted: impl Fn(&str) -> bool) -> Result<String> {
+    let deadline = Instant::now() + TIMEOUT;
     let mut said = String::new();
     while Instant::now() < deadline {
-        let mut process = world.ros_tool(tool, args)?;
+        let mut process = env.ros_tool(tool, args)?;
         process.exit_code()?;
         said = process.stdout();
         if wanted(&said) {
@@ -36,11 +34,11 @@ fn tells(world: &World, tool: &str, args: &str, wanted: impl Fn(&str) -> bool) -
 }
 
 /// Looks at ROS 2 until it is as it should be.
-fn listed(world: &World, wanted: impl Fn(&[Value]) -> bool) -> Result {
-    let deadline = Instant::now() + PATIENCE;
+fn listed(env: &TestEnv, wanted: impl Fn(&[Value]) -> bool) -> Result {
+    let deadline = Instant::now() + TIMEOUT;
     let mut found = Vec::new();
     while Instant::now() < deadline {
-        let mut list = world.wrapyfi(["list", "ros2", "--json", "--wait", "2"])?;
+        let mut list = env.wrapyfi(["list", "ros2", "--json", "--wait", "2"])?;
         list.exits_with(0)?;
         found = list.stdout().lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
         if wanted(&found) {
@@ -50,18 +48,18 @@ fn listed(world: &World, wanted: impl Fn(&[Value]) -> bool) -> Result {
     anyhow::bail!("ROS 2 never was as it should be, last: {found:#?}")
 }
 
-fn echo(world: &World, endpoint: &str, more: &[&str]) -> Result<Process> {
+fn echo(env: &TestEnv, endpoint: &str, more: &[&str]) -> Result<Process> {
     let args = ["echo", endpoint, "--json", "--timeout", "100"];
-    world.wrapyfi(args.into_iter().chain(more.iter().copied()))
+    env.wrapyfi(args.into_iter().chain(more.iter().copied()))
 }
 
 /// A type that no package has: it is learned from its publisher.
 #[test]
 fn a_topic_of_a_type_unknown_here_appears_in_ros_2() -> Result {
-    run("a_topic_of_a_type_unknown_here_appears_in_ros_2", ROS1, |world| {
-        let _roscore = world.roscore()?;
-        let topic = world.topic("pose");
-        let full = world.write(
+    run("a_topic_of_a_type_unknown_here_appears_in_ros_2", ROS1, |env| {
+        let _roscore = env.roscore()?;
+        let topic = env.topic("pose");
+        let full = env.write(
             "Pose.txt",
             "Header header\nstring what\nGrip grip\n\
              ================================================================================\n\
@@ -75,9 +73,9 @@ fn a_topic_of_a_type_unknown_here_appears_in_ros_2() -> Result {
         );
         let value =
             r#"{"header": {"frame_id": "hand"}, "what": "cup {n}", "grip": {"force": 0.5}}"#;
-        let _peer = world.rospy(&args, Some(value))?;
-        let bridge = bridge(world, &[])?;
-        listed(world, |found| {
+        let _peer = env.rospy(&args, Some(value))?;
+        let bridge = bridge(env, &[])?;
+        listed(env, |found| {
             found.iter().any(|one| {
                 one["name"] == topic.as_str()
                     && one["role"] == "publisher"
@@ -85,13 +83,13 @@ fn a_topic_of_a_type_unknown_here_appears_in_ros_2() -> Result {
             })
         })
         .map_err(|error| error.context(bridge.tail()))?;
-        let folder = world.definitions(&[
+        let folder = env.definitions(&[
             ("wrapyfi_demo_msgs/msg/Pose.msg", "std_msgs/Header header\nstring what\nGrip grip\n"),
             ("wrapyfi_demo_msgs/msg/Grip.msg", "float64 force\n"),
         ])?;
         let more =
             ["--type", "wrapyfi_demo_msgs/msg/Pose", "--definitions", &folder, "--count", "2"];
-        let mut echo = echo(world, &ros2(&topic), &more)?;
+        let mut echo = echo(env, &ros2(&topic), &more)?;
         let heard = echo.objects(2).map_err(|error| error.context(bridge.tail()))?;
         echo.exits_with(0)?;
         assert_eq!(heard[1]["value"]["grip"], json!({"force": 0.5}), "{heard:?}");
@@ -103,55 +101,55 @@ fn a_topic_of_a_type_unknown_here_appears_in_ros_2() -> Result {
 
 #[test]
 fn a_topic_is_there_before_and_carried_only_while_somebody_listens() -> Result {
-    run("a_topic_is_there_before_and_carried_only_while_somebody_listens", ROS1, |world| {
-        let _roscore = world.roscore()?;
-        let topic = world.topic("text");
-        let peer = world.rospy(&format!("publish --topic {topic}"), Some(r#"{"data": "{n}"}"#))?;
+    run("a_topic_is_there_before_and_carried_only_while_somebody_listens", ROS1, |env| {
+        let _roscore = env.roscore()?;
+        let topic = env.topic("text");
+        let peer = env.rospy(&format!("publish --topic {topic}"), Some(r#"{"data": "{n}"}"#))?;
         peer.event("ready")?;
-        let bridge = bridge(world, &[])?;
+        let bridge = bridge(env, &[])?;
         let route = format!("ros:{topic} -> ros2:{topic}");
         until_route(&bridge, &route, |route| {
             route.is_some_and(|it| it["reason"] == format!("a listener on ros2:{topic}"))
         })?;
-        listed(world, |found| found.iter().any(|one| one["name"] == topic.as_str()))?;
+        listed(env, |found| found.iter().any(|one| one["name"] == topic.as_str()))?;
         let nobody = |said: &str| said.contains("Subscribers: None");
-        tells(world, "rostopic", &format!("info {topic}"), nobody)?;
-        let mut echo = echo(world, &ros2(&topic), &["--type", "Text", "--count", "3"])?;
+        tells(env, "rostopic", &format!("info {topic}"), nobody)?;
+        let mut echo = echo(env, &ros2(&topic), &["--type", "Text", "--count", "3"])?;
         echo.objects(3).map_err(|error| error.context(bridge.tail()))?;
         echo.exits_with(0)?;
-        // What it sent was heard: it sends nothing that nobody subscribes to.
+        // The peer's messages were heard: it sends nothing that nobody subscribes to.
         assert!(!peer.messages(3)?.is_empty());
-        tells(world, "rostopic", &format!("info {topic}"), nobody)?;
+        tells(env, "rostopic", &format!("info {topic}"), nobody)?;
 
-        // Who goes is gone, on the other side too.
+        // A peer that goes is gone, on the other side too.
         drop(peer);
         until_route(&bridge, &route, |route| route.is_none())?;
-        listed(world, |found| !found.iter().any(|one| one["name"] == topic.as_str()))?;
+        listed(env, |found| !found.iter().any(|one| one["name"] == topic.as_str()))?;
         let log = bridge.stderr() + &bridge.stdout();
         assert!(log.contains("route made for") && log.contains("its source is gone"), "{log}");
         Ok(())
     })
 }
 
-/// What latches waits for who comes later, though nobody listened when its route was made.
+/// A latched message waits for later listeners, though nobody listened when its route was made.
 #[test]
 fn what_latches_is_kept_for_who_comes_later() -> Result {
-    run("what_latches_is_kept_for_who_comes_later", ROS1_AND_DDS, |world| {
-        let _roscore = world.roscore()?;
-        let topic = world.topic("tf_static");
+    run("what_latches_is_kept_for_who_comes_later", ROS1_AND_DDS, |env| {
+        let _roscore = env.roscore()?;
+        let topic = env.topic("tf_static");
         let mut talkers = Vec::new();
         for node in ["left", "right"] {
             let words = format!("publish --topic {topic} --node {node} --latch --count 1");
-            let talker = world.rospy(&words, Some(&format!(r#"{{"data": "{node}"}}"#)))?;
+            let talker = env.rospy(&words, Some(&format!(r#"{{"data": "{node}"}}"#)))?;
             talker.event("done")?;
             talkers.push(talker);
         }
-        let bridge = bridge(world, &[])?;
+        let bridge = bridge(env, &[])?;
         until_route(&bridge, &format!("ros:{topic} -> ros2:{topic}"), |route| {
             route.is_some_and(|it| it["counters"]["received"] == 2)
         })?;
         let late =
-            world.dds_subscriber(&topic, "std_msgs/msg/String", "--plain --transient-local")?;
+            env.dds_subscriber(&topic, "std_msgs/msg/String", "--plain --transient-local")?;
         let heard = late.messages(2).map_err(|error| error.context(bridge.tail()))?;
         let mut texts: Vec<&Value> = heard.iter().map(|one| &one["fields"]["data"]).collect();
         texts.sort_by_key(ToString::to_string);
@@ -162,18 +160,18 @@ fn what_latches_is_kept_for_who_comes_later() -> Result {
 
 #[test]
 fn topics_of_ros_2_are_heard_in_ros_1() -> Result {
-    run("topics_of_ros_2_are_heard_in_ros_1", ROS1_AND_DDS, |world| {
-        let _roscore = world.roscore()?;
-        let (topic, denied) = (world.topic("image"), world.topic("denied"));
+    run("topics_of_ros_2_are_heard_in_ros_1", ROS1_AND_DDS, |env| {
+        let _roscore = env.roscore()?;
+        let (topic, denied) = (env.topic("image"), env.topic("denied"));
         let kind = "sensor_msgs/msg/Image";
-        let _publisher = world.dds_publisher(&topic, kind, "--flavour colour")?;
-        let _other = world.dds_publisher(&denied, kind, "--flavour colour")?;
-        let bridge = bridge(world, &["-p", "deny:=[\".*/denied\"]"])?;
+        let _publisher = env.dds_publisher(&topic, kind, "--flavour colour")?;
+        let _other = env.dds_publisher(&denied, kind, "--flavour colour")?;
+        let bridge = bridge(env, &["-p", "deny:=[\".*/denied\"]"])?;
         let ear =
-            world.rospy(&format!("subscribe --topic {topic} --type sensor_msgs/Image"), None)?;
+            env.rospy(&format!("subscribe --topic {topic} --type sensor_msgs/Image"), None)?;
         let heard = ear.messages(2).map_err(|error| error.context(bridge.tail()))?;
         assert_eq!(heard[0]["value"]["width"], 64, "{}", heard[0]);
-        let said = tells(world, "rostopic", "list", |said| said.contains(&topic))?;
+        let said = tells(env, "rostopic", "list", |said| said.contains(&topic))?;
         assert!(!said.contains(&denied) && !said.contains("parameter_events"), "{said}");
         Ok(())
     })
@@ -181,18 +179,23 @@ fn topics_of_ros_2_are_heard_in_ros_1() -> Result {
 
 #[test]
 fn services_go_both_ways() -> Result {
-    run("services_go_both_ways", ROS1, |world| {
-        let _roscore = world.roscore()?;
-        let (there, here) = (world.topic("there"), world.topic("here"));
-        let peer = world.rospy(&format!("serve --topic {there}"), None)?;
+    run("services_go_both_ways", ROS1, |env| {
+        let _roscore = env.roscore()?;
+        let (there, here) = (env.topic("there"), env.topic("here"));
+        let peer = env.rospy(&format!("serve --topic {there}"), None)?;
         peer.event("ready")?;
+        let carried = env.topic("carried");
+        let route = Route::new(&zeromq(&carried), &ros2(&carried), "NativeObject");
+        let _with_a_file = env.bridge_named("with_a_file.yaml", &env.embedded().route(route))?;
+        let reload = "/wrapyfi_bridge/reload";
+        listed(env, |all| all.iter().any(|one| one["name"] == reload))?;
         let set = "std_srvs/srv/SetBool";
         let value = r#"{"success": true, "message": "done"}"#;
         let endpoint = ros2(&here);
-        let _server = world.wrapyfi(["serve", &endpoint, "--type", set, "--value", value])?;
-        let bridge = bridge(world, &[])?;
+        let _server = env.wrapyfi(["serve", &endpoint, "--type", set, "--value", value])?;
+        let bridge = bridge(env, &[])?;
         let endpoint = ros2(&there);
-        let mut call = world.wrapyfi([
+        let mut call = env.wrapyfi([
             "call",
             &endpoint,
             "--type",
@@ -207,13 +210,14 @@ fn services_go_both_ways() -> Result {
         call.exits_with(0)?;
         assert_eq!(got["value"], json!({"success": true, "message": "so be it"}));
 
-        tells(world, "rosservice", "list", |said| said.contains(&here))?;
-        let said = tells(world, "rosservice", &format!("call {here} true"), |said| {
+        tells(env, "rosservice", "list", |said| said.contains(&here))?;
+        let said = tells(env, "rosservice", &format!("call {here} true"), |said| {
             said.contains("success: True")
         })?;
         assert!(said.contains("done"), "{said}");
-        let all = tells(world, "rosservice", "list", |_| true)?;
+        let all = tells(env, "rosservice", "list", |_| true)?;
         assert!(!all.contains("get_parameters"), "{all}");
+        assert!(!all.contains(reload), "its mark says that no bridge carries it: {all}");
         Ok(())
     })
 }
@@ -221,20 +225,20 @@ fn services_go_both_ways() -> Result {
 /// Two of the same: each message comes once, and the second goes on where the first ends.
 #[test]
 fn two_bridges_side_by_side_neither_loop_nor_double() -> Result {
-    run("two_bridges_side_by_side_neither_loop_nor_double", ROS1, |world| {
-        let _roscore = world.roscore()?;
-        let (one, two) = (world.topic("one"), world.topic("two"));
-        let _talker = world
-            .rospy(&format!("publish --topic {one} --node talker"), Some(r#"{"data": "{n}"}"#))?;
+    run("two_bridges_side_by_side_neither_loop_nor_double", ROS1, |env| {
+        let _roscore = env.roscore()?;
+        let (one, two) = (env.topic("one"), env.topic("two"));
+        let _talker =
+            env.rospy(&format!("publish --topic {one} --node talker"), Some(r#"{"data": "{n}"}"#))?;
         let endpoint = ros2(&two);
-        let _speaker = world
-            .wrapyfi(["pub", &endpoint, "--type", "Text", "--value", "\"x\"", "--rate", "20"])?;
-        let first = bridge(world, &[])?;
+        let _speaker =
+            env.wrapyfi(["pub", &endpoint, "--type", "Text", "--value", "\"x\"", "--rate", "20"])?;
+        let first = bridge(env, &[])?;
         let there = format!("ros:{one} -> ros2:{one}");
         let back = format!("ros2:{two} -> ros:{two}");
         until_route(&first, &there, is("waiting"))?;
         until_route(&first, &back, is("waiting"))?;
-        let second = bridge(world, &["-r", "__node:=second_bridge"])?;
+        let second = bridge(env, &["-r", "__node:=second_bridge"])?;
         let yields = |route: Option<&Value>| {
             let reason = route.and_then(|route| route["reason"].as_str());
             reason.is_some_and(|reason| reason.contains("which carries it to"))
@@ -242,8 +246,8 @@ fn two_bridges_side_by_side_neither_loop_nor_double() -> Result {
         until_route(&second, &there, yields)?;
         until_route(&second, &back, yields)?;
 
-        let ear = world.rospy(&format!("subscribe --topic {two} --node ear"), None)?;
-        let echo = echo(world, &ros2(&one), &["--type", "Text", "--count", "100000"])?;
+        let ear = env.rospy(&format!("subscribe --topic {two} --node ear"), None)?;
+        let echo = echo(env, &ros2(&one), &["--type", "Text", "--count", "100000"])?;
         let heard = echo.objects(60).map_err(|error| error.context(first.tail()))?;
         ear.messages(20)?;
         let numbers: Vec<u64> =
@@ -268,15 +272,15 @@ fn two_bridges_side_by_side_neither_loop_nor_double() -> Result {
 /// A topic that has publishers on both sides goes both ways, once.
 #[test]
 fn a_topic_of_both_sides_goes_both_ways() -> Result {
-    run("a_topic_of_both_sides_goes_both_ways", ROS1, |world| {
-        let _roscore = world.roscore()?;
-        let topic = world.topic("tf");
-        let _talker = world.rospy(
+    run("a_topic_of_both_sides_goes_both_ways", ROS1, |env| {
+        let _roscore = env.roscore()?;
+        let topic = env.topic("tf");
+        let _talker = env.rospy(
             &format!("publish --topic {topic} --node talker --latch --rate 10"),
             Some(r#"{"data": "from 1"}"#),
         )?;
         let endpoint = ros2(&topic);
-        let _speaker = world.wrapyfi([
+        let _speaker = env.wrapyfi([
             "pub",
             &endpoint,
             "--type",
@@ -286,8 +290,8 @@ fn a_topic_of_both_sides_goes_both_ways() -> Result {
             "--rate",
             "10",
         ])?;
-        let bridge = bridge(world, &[])?;
-        let ear = world.rospy(&format!("subscribe --topic {topic} --node ear"), None)?;
+        let bridge = bridge(env, &[])?;
+        let ear = env.rospy(&format!("subscribe --topic {topic} --node ear"), None)?;
         let hears = |text: &str| {
             let text = text.to_owned();
             move |output: &wrapyfi_e2e::Output| {
@@ -297,7 +301,7 @@ fn a_topic_of_both_sides_goes_both_ways() -> Result {
         };
         ear.wait_until("ROS 2's", hears("from 2")).map_err(|e| e.context(bridge.tail()))?;
         ear.wait_until("ROS 1's own", hears("from 1"))?;
-        let echo = echo(world, &endpoint, &["--type", "Text", "--count", "100000"])?;
+        let echo = echo(env, &endpoint, &["--type", "Text", "--count", "100000"])?;
         let both = |output: &wrapyfi_e2e::Output| {
             let all: Vec<Value> = output.objects().map(|one| one["value"].clone()).collect();
             (all.contains(&json!("from 1")) && all.contains(&json!("from 2"))).then_some(())
@@ -310,25 +314,17 @@ fn a_topic_of_both_sides_goes_both_ways() -> Result {
 #[test]
 fn ports_of_yarp_are_topics_of_ros_2() -> Result {
     let needs = &[Need::Program, Need::Executable("yarp_bridge")];
-    run("ports_of_yarp_are_topics_of_ros_2", needs, |world| {
-        world.yarp_conf()?;
-        let port = world.yarp_port().to_string();
+    run("ports_of_yarp_are_topics_of_ros_2", needs, |env| {
+        env.yarp_conf()?;
+        let port = env.yarp_port().to_string();
         let _names =
-            world.wrapyfi(["yarpserver", "--port", &port, "--no-discovery", "--silent"])?.pillar();
-        let (there, here) = (world.topic("state"), world.topic("chatter"));
+            env.wrapyfi(["yarpserver", "--port", &port, "--no-discovery", "--silent"])?.pillar();
+        let (there, here) = (env.topic("state"), env.topic("chatter"));
         let (out, endpoint) = (format!("yarp:{there}:o"), ros2(&here));
         let value = r#"{"joints": [1, 2.5]}"#;
-        let _port = world.wrapyfi([
-            "pub",
-            &out,
-            "--type",
-            "NativeObject",
-            "--value",
-            value,
-            "--rate",
-            "20",
-        ])?;
-        let _speaker = world.wrapyfi([
+        let _port =
+            env.wrapyfi(["pub", &out, "--type", "NativeObject", "--value", value, "--rate", "20"])?;
+        let _speaker = env.wrapyfi([
             "pub",
             &endpoint,
             "--type",
@@ -338,14 +334,14 @@ fn ports_of_yarp_are_topics_of_ros_2() -> Result {
             "--rate",
             "20",
         ])?;
-        let bridge = world.executable("yarp_bridge", &[])?;
+        let bridge = env.executable("yarp_bridge", &[])?;
         let more = ["--type", "NativeObject", "--count", "1"];
-        let mut echo_there = echo(world, &ros2(&format!("{there}/o")), &more)?;
+        let mut echo_there = echo(env, &ros2(&format!("{there}/o")), &more)?;
         let heard = echo_there.objects(1).map_err(|error| error.context(bridge.tail()))?;
         echo_there.exits_with(0)?;
         assert_eq!(heard[0]["value"], json!({"joints": [1, 2.5]}), "{heard:?}");
         let mut echo_here =
-            echo(world, &format!("yarp:{here}"), &["--type", "Text", "--count", "1"])?;
+            echo(env, &format!("yarp:{here}"), &["--type", "Text", "--count", "1"])?;
         let heard = echo_here.objects(1).map_err(|error| error.context(bridge.tail()))?;
         echo_here.exits_with(0)?;
         assert_eq!(heard[0]["value"], "hello", "{heard:?}");
@@ -356,13 +352,13 @@ fn ports_of_yarp_are_topics_of_ros_2() -> Result {
 #[test]
 fn topics_of_zeromq_are_topics_of_ros_2() -> Result {
     let needs = &[Need::Program, Need::Executable("zeromq_bridge")];
-    run("topics_of_zeromq_are_topics_of_ros_2", needs, |world| {
-        let _broker = world.broker()?;
-        let (there, here) = (world.topic("object"), world.topic("chatter"));
+    run("topics_of_zeromq_are_topics_of_ros_2", needs, |env| {
+        let _broker = env.broker()?;
+        let (there, here) = (env.topic("object"), env.topic("chatter"));
         let (from, endpoint) = (format!("zeromq:{there}"), ros2(&here));
         let value = r#"{"joints": [1, 2.5]}"#;
-        let bridge = world.executable("zeromq_bridge", &[])?;
-        let _publisher = world.wrapyfi([
+        let bridge = env.executable("zeromq_bridge", &[])?;
+        let _publisher = env.wrapyfi([
             "pub",
             &from,
             "--type",
@@ -372,7 +368,7 @@ fn topics_of_zeromq_are_topics_of_ros_2() -> Result {
             "--rate",
             "20",
         ])?;
-        let _speaker = world.wrapyfi([
+        let _speaker = env.wrapyfi([
             "pub",
             &endpoint,
             "--type",
@@ -383,12 +379,12 @@ fn topics_of_zeromq_are_topics_of_ros_2() -> Result {
             "20",
         ])?;
         let more = ["--type", "NativeObject", "--count", "1"];
-        let mut echo_there = echo(world, &ros2(&there), &more)?;
+        let mut echo_there = echo(env, &ros2(&there), &more)?;
         let heard = echo_there.objects(1).map_err(|error| error.context(bridge.tail()))?;
         echo_there.exits_with(0)?;
         assert_eq!(heard[0]["value"], json!({"joints": [1, 2.5]}), "{heard:?}");
         let more = ["--type", "Text", "--count", "1"];
-        let mut echo_here = echo(world, &format!("zeromq:{here}"), &more)?;
+        let mut echo_here = echo(env, &format!("zeromq:{here}"), &more)?;
         let heard = echo_here.objects(1).map_err(|error| error.context(bridge.tail()))?;
         echo_here.exits_with(0)?;
         assert_eq!(heard[0]["value"], "hello", "{heard:?}");
@@ -399,13 +395,13 @@ fn topics_of_zeromq_are_topics_of_ros_2() -> Result {
 /// One topic whose type nobody has written down, and the status of what waits.
 #[test]
 fn a_route_without_a_type_learns_it() -> Result {
-    run("a_route_without_a_type_learns_it", &[Need::Program, Need::Ros1], |world| {
-        let _roscore = world.roscore()?;
-        let topic = world.topic("joints");
+    run("a_route_without_a_type_learns_it", &[Need::Program, Need::Ros1], |env| {
+        let _roscore = env.roscore()?;
+        let topic = env.topic("joints");
         let text = format!("routes:\n  - {{ from: \"ros:{topic}\", to: \"ros2:/copy{topic}\" }}\n");
-        let file = world.write("bridge.yaml", text)?;
+        let file = env.write("bridge.yaml", text)?;
         let file = file.display().to_string();
-        let bridge = world.wrapyfi(["bridge", "--config", &file, "--json"])?.pillar();
+        let bridge = env.wrapyfi(["bridge", "--config", &file, "--json"])?.pillar();
         let route = format!("ros:{topic} -> ros2:/copy{topic}");
         until_route(&bridge, &route, |route| {
             route.is_some_and(|it| {
@@ -414,14 +410,14 @@ fn a_route_without_a_type_learns_it() -> Result {
         })?;
         let value = r#"{"name": ["a"], "position": [{n}]}"#;
         let kind = "sensor_msgs/JointState";
-        let _peer = world.rospy(&format!("publish --topic {topic} --type {kind}"), Some(value))?;
+        let _peer = env.rospy(&format!("publish --topic {topic} --type {kind}"), Some(value))?;
         let endpoint = ros2(&format!("/copy{topic}"));
         let mut echo =
-            echo(world, &endpoint, &["--type", "sensor_msgs/msg/JointState", "--count", "1"])?;
+            echo(env, &endpoint, &["--type", "sensor_msgs/msg/JointState", "--count", "1"])?;
         let heard = echo.objects(1).map_err(|error| error.context(bridge.tail()))?;
         echo.exits_with(0)?;
         assert_eq!(heard[0]["value"]["name"], json!(["a"]));
-        let mut check = world.wrapyfi(["check", &file])?;
+        let mut check = env.wrapyfi(["check", &file])?;
         check.exits_with(0)?;
         assert!(check.stdout().contains("type learned"), "{}", check.stdout());
         Ok(())

@@ -8,24 +8,22 @@
 //!   wrapyfi_py ── ros2:/from ──▶ bridge ─ zeromq:/to ──▶ Wrapyfi        the same object again
 //! ```
 
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
-
 use serde_json::Value;
 use wrapyfi_e2e::{Need, Result, Route, run, texts};
 
 /// `case` of `test/peers/plugins.py` arrives as it was sent, and in the graph as `tag`.
 fn travels(test: &str, package: &'static str, case: &str, tag: &str) -> Result {
-    run(test, &[Need::Program, Need::Python, Need::Package(package)], |world| {
-        let (from, to, graph) = (world.topic("from"), world.topic("to"), world.topic("graph"));
+    run(test, &[Need::Program, Need::Python, Need::Package(package)], |env| {
+        let (from, to, graph) = (env.topic("from"), env.topic("to"), env.topic("graph"));
         let (source, object) = (format!("zeromq:{from}"), "NativeObject");
-        let config = world
+        let config = env
             .embedded()
             .route(Route::new(&source, &format!("zeromq:{to}"), object))
             .route(Route::new(&source, &format!("ros2:{graph}"), object));
-        let bridge = world.bridge(&config)?;
-        let ros = world.dds_subscriber(&graph, NATIVE_OBJECT, &in_python(case, tag))?;
-        let listener = world.wrapyfi_listener(&to, &format!("--case {case} --count 2"))?;
-        let publisher = world.wrapyfi_publisher(&from, &format!("--case {case} --no-broker"))?;
+        let bridge = env.bridge(&config)?;
+        let ros = env.dds_subscriber(&graph, NATIVE_OBJECT, &in_python(case, tag))?;
+        let listener = env.wrapyfi_listener(&to, &format!("--case {case} --count 2"))?;
+        let publisher = env.wrapyfi_publisher(&from, &format!("--case {case} --no-broker"))?;
 
         let heard = listener.messages(2).map_err(|e| e.context(bridge.tail()))?;
         publisher.sent_in_order("sha256", &texts(&heard, "sha256"))?;
@@ -44,8 +42,8 @@ fn travels(test: &str, package: &'static str, case: &str, tag: &str) -> Result {
 
 const NATIVE_OBJECT: &str = "wrapyfi_msgs/msg/NativeObject";
 
-/// Whether the graph has a form of its own for objects that arrive there as `tag`. `wrapyfi_py` reads
-/// no pickle.
+/// True when the graph has a form of its own for objects that arrive there as `tag`. `wrapyfi_py`
+/// reads no pickle.
 fn is_read_in_python(tag: &str) -> bool {
     ["tuple", "tensor", "table", "picture", "labelled", "quantity"].contains(&tag)
 }
@@ -57,12 +55,12 @@ fn in_python(case: &str, tag: &str) -> String {
 
 /// `case` of `test/peers/plugins.py` arrives at the real Wrapyfi as a ROS program made it a message.
 fn travels_from_ros(test: &str, package: &'static str, case: &str) -> Result {
-    run(test, &[Need::Program, Need::Python, Need::Package(package)], |world| {
-        let (from, to) = (world.topic("from"), world.topic("to"));
+    run(test, &[Need::Program, Need::Python, Need::Package(package)], |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
         let route = Route::new(&format!("ros2:{from}"), &format!("zeromq:{to}"), "NativeObject");
-        let bridge = world.bridge(&world.embedded().route(route))?;
-        let listener = world.wrapyfi_listener(&to, &format!("--case {case} --count 2"))?;
-        let publisher = world.dds_publisher(&from, NATIVE_OBJECT, &format!("--case {case}"))?;
+        let bridge = env.bridge(&env.embedded().route(route))?;
+        let listener = env.wrapyfi_listener(&to, &format!("--case {case} --count 2"))?;
+        let publisher = env.dds_publisher(&from, NATIVE_OBJECT, &format!("--case {case}"))?;
         let heard = listener.messages(2).map_err(|e| e.context(bridge.tail()))?;
         publisher.sent_in_order("sha256", &texts(&heard, "sha256"))
     })
@@ -75,13 +73,13 @@ fn arrives_as_an_image(
     peer: &str,
     fields: &[(&str, Value)],
 ) -> Result {
-    run(test, &[Need::Program, Need::Python, Need::Package(package)], |world| {
-        let (from, to) = (world.topic("from"), world.topic("to"));
+    run(test, &[Need::Program, Need::Python, Need::Package(package)], |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
         let route = Route::new(&format!("zeromq:{from}"), &format!("ros2:{to}"), "Image");
         let route = route.with("from_type", "NativeObject");
-        let bridge = world.bridge(&world.embedded().route(route))?;
-        let ros = world.dds_subscriber(&to, "sensor_msgs/msg/Image", "--count 2")?;
-        let publisher = world.wrapyfi_publisher(&from, &format!("{peer} --no-broker"))?;
+        let bridge = env.bridge(&env.embedded().route(route))?;
+        let ros = env.dds_subscriber(&to, "sensor_msgs/msg/Image", "--count 2")?;
+        let publisher = env.wrapyfi_publisher(&from, &format!("{peer} --no-broker"))?;
         let heard = ros.messages(2).map_err(|e| e.context(bridge.tail()))?;
         publisher.sent_in_order("pixels", &texts(&heard, "sha256"))?;
         for message in &heard {
@@ -102,12 +100,12 @@ fn is_said(
     case: &str,
     words: impl Fn(&Value) -> Vec<String>,
 ) -> Result {
-    run(test, &[Need::Program, Need::Python, Need::Package(package)], |world| {
-        let topic = world.topic("x");
-        let publisher = world.wrapyfi_publisher(&topic, &format!("--case {case} --bare"))?;
+    run(test, &[Need::Program, Need::Python, Need::Package(package)], |env| {
+        let topic = env.topic("x");
+        let publisher = env.wrapyfi_publisher(&topic, &format!("--case {case} --bare"))?;
         let endpoint = format!("zeromq:{topic}");
         let args = ["echo", &endpoint, "--type", "NativeObject", "--count", "1"];
-        let mut echo = world.wrapyfi(args.into_iter().chain(["--timeout", "100"]))?;
+        let mut echo = env.wrapyfi(args.into_iter().chain(["--timeout", "100"]))?;
         echo.exits_with(0)?;
         let said: Vec<String> = echo.stdout().lines().map(str::to_owned).collect();
         let told = publisher.wait_until("what was published up to then", |output| {

@@ -1,17 +1,15 @@
 //! The parameters of nodes as properties: `wrapyfi echo`, `wrapyfi pub` and routes, with a node that
 //! shares no code with ours, with the real Wrapyfi, and between our own nodes.
 
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
-
 use serde_json::{Value, json};
-use wrapyfi_e2e::{Need, Output, Process, Result, Route, World, run};
+use wrapyfi_e2e::{Need, Output, Process, Result, Route, TestEnv, run};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Python];
 const AS: [&str; 2] = ["--type", "Properties"];
 
 /// A node of another make. Written without blanks, since the arguments are split at them.
-fn camera(world: &World, node: &str, parameters: &Value) -> Result<Process> {
-    let peer = world.peer("param_node.py", &format!("--node {node} {parameters}"))?;
+fn camera(env: &TestEnv, node: &str, parameters: &Value) -> Result<Process> {
+    let peer = env.peer("param_node.py", &format!("--node {node} {parameters}"))?;
     peer.event("ready")?;
     Ok(peer)
 }
@@ -28,20 +26,20 @@ fn heard_by(camera: &Process, readers: u64) -> Result {
     })
 }
 
-fn echo(world: &World, rmw: &str, node: &str, more: &[&str]) -> Result<Process> {
+fn echo(env: &TestEnv, rmw: &str, node: &str, more: &[&str]) -> Result<Process> {
     let endpoint = format!("ros2:{node}");
-    world.wrapyfi_as(rmw, [&["echo", &endpoint, "--json"], &AS[..], more].concat())
+    env.wrapyfi_as(rmw, [&["echo", &endpoint, "--json"], &AS[..], more].concat())
 }
 
-fn set(world: &World, rmw: &str, node: &str, value: &Value, more: &[&str]) -> Result<Process> {
+fn set(env: &TestEnv, rmw: &str, node: &str, value: &Value, more: &[&str]) -> Result<Process> {
     let (endpoint, value) = (format!("ros2:{node}"), value.to_string());
     let words = ["pub", &endpoint, "--value", &value];
-    world.wrapyfi_as(rmw, [&words[..], &AS[..], more].concat())
+    env.wrapyfi_as(rmw, [&words[..], &AS[..], more].concat())
 }
 
 /// Sets, and asserts how that ends.
-fn sets(world: &World, node: &str, value: &Value, code: i32) -> Result<Process> {
-    let mut process = set(world, CYCLONE, node, value, &["--timeout", "60"])?;
+fn sets(env: &TestEnv, node: &str, value: &Value, code: i32) -> Result<Process> {
+    let mut process = set(env, CYCLONE, node, value, &["--timeout", "60"])?;
     process.exits_with(code)?;
     Ok(process)
 }
@@ -49,7 +47,7 @@ fn sets(world: &World, node: &str, value: &Value, code: i32) -> Result<Process> 
 const CYCLONE: &str = "rmw_cyclonedds_cpp";
 const FAST: &str = "rmw_fastrtps_cpp";
 
-/// What was told so far, one upon the other.
+/// All changes so far, one upon the other.
 fn told(output: &Output) -> Value {
     let mut all = serde_json::Map::new();
     for object in output.objects() {
@@ -62,14 +60,14 @@ fn told(output: &Output) -> Value {
 
 #[test]
 fn a_node_of_another_make_is_read_set_and_watched() -> Result {
-    run("a_node_of_another_make_is_read_set_and_watched", NEEDS, |world| {
-        let node = world.topic("camera");
-        let watcher = echo(world, CYCLONE, &node, &[])?;
-        let mut peer = camera(world, &node, &parameters())?;
+    run("a_node_of_another_make_is_read_set_and_watched", NEEDS, |env| {
+        let node = env.topic("camera");
+        let watcher = echo(env, CYCLONE, &node, &[])?;
+        let mut peer = camera(env, &node, &parameters())?;
         let first = watcher.objects(1)?.remove(0);
         assert_eq!((&first["type"], &first["value"]), (&json!("Properties"), &parameters()));
         heard_by(&peer, 1)?;
-        sets(world, &node, &json!({"gain": 2.5, "lens": {"label": "right"}, "ids": []}), 0)?;
+        sets(env, &node, &json!({"gain": 2.5, "lens": {"label": "right"}, "ids": []}), 0)?;
         let now = watcher.wait_until("what was set", |output| {
             let now = told(output);
             (now["lens.label"] == "right" && now["ids"] == json!([])).then_some(now)
@@ -81,8 +79,8 @@ fn a_node_of_another_make_is_read_set_and_watched() -> Result {
             let now = told(output);
             (now["gain"].is_null() && now["new"] == true).then_some(())
         })?;
-        // What the node refuses is said in its words, and the rest is set.
-        let refused = sets(world, &node, &json!({"rate": 61, "serial": "B2", "new": false}), 1)?;
+        // A parameter that the node refuses is reported in the node's words, and the rest is set.
+        let refused = sets(env, &node, &json!({"rate": 61, "serial": "B2", "new": false}), 1)?;
         let said = refused.stderr();
         for words in [
             "refused 2 of 3 parameters",
@@ -94,11 +92,11 @@ fn a_node_of_another_make_is_read_set_and_watched() -> Result {
         watcher.wait_until("what was set beside it", |output| {
             (told(output)["new"] == false).then_some(())
         })?;
-        let wrong = sets(world, &node, &json!({"rate": 2.5}), 1)?.stderr();
+        let wrong = sets(env, &node, &json!({"rate": 2.5}), 1)?.stderr();
         assert!(wrong.contains("expected 'Type.INTEGER' got 'Type.DOUBLE'"), "{wrong}");
         // After a restart what vanished is told too.
         drop(peer);
-        let _again = camera(world, &node, &json!({"rate": 20, "serial": "A1"}))?;
+        let _again = camera(env, &node, &json!({"rate": 20, "serial": "A1"}))?;
         watcher.wait_until("the parameters after the restart", |output| {
             let now = told(output);
             let gone = ["lens.label", "ids", "new"].iter().all(|name| now[name].is_null());
@@ -110,17 +108,17 @@ fn a_node_of_another_make_is_read_set_and_watched() -> Result {
 
 #[test]
 fn a_node_that_is_not_there_is_named() -> Result {
-    run("a_node_that_is_not_there_is_named", &[Need::Program], |world| {
-        let node = world.topic("nobody");
-        let mut process = set(world, CYCLONE, &node, &json!({"a": 1}), &["--timeout", "0.2"])?;
+    run("a_node_that_is_not_there_is_named", &[Need::Program], |env| {
+        let node = env.topic("nobody");
+        let mut process = set(env, CYCLONE, &node, &json!({"a": 1}), &["--timeout", "0.2"])?;
         process.exits_with(3)?;
         let said = process.stderr();
         assert!(said.contains(&format!("time-out while waiting for node {node}")), "{said}");
-        let mut process = echo(world, CYCLONE, &node, &["--timeout", "0.2"])?;
+        let mut process = echo(env, CYCLONE, &node, &["--timeout", "0.2"])?;
         process.exits_with(3)?;
         let said = process.stderr();
         assert!(said.contains(&format!("still waiting for node {node}")), "{said}");
-        let mut process = set(world, CYCLONE, &node, &json!({"a": [1, "x"]}), &[])?;
+        let mut process = set(env, CYCLONE, &node, &json!({"a": [1, "x"]}), &[])?;
         process.exits_with(2)?;
         let said = process.stderr();
         assert!(said.contains("parameter \"a\": a list holds values of one type"), "{said}");
@@ -130,23 +128,23 @@ fn a_node_that_is_not_there_is_named() -> Result {
 
 #[test]
 fn scripts_of_wrapyfi_hear_and_set_parameters() -> Result {
-    run("scripts_of_wrapyfi_hear_and_set_parameters", NEEDS, |world| {
-        let (node, params, wish) = (world.topic("camera"), world.topic("p"), world.topic("w"));
+    run("scripts_of_wrapyfi_hear_and_set_parameters", NEEDS, |env| {
+        let (node, params, wish) = (env.topic("camera"), env.topic("p"), env.topic("w"));
         let (endpoint, out) = (format!("ros2:{node}"), format!("zeromq:{params}"));
-        let bridge = world.bridge(
-            &world.embedded().route(Route::new(&endpoint, &out, "Properties")).route(Route::new(
+        let bridge = env.bridge(
+            &env.embedded().route(Route::new(&endpoint, &out, "Properties")).route(Route::new(
                 &format!("zeromq:{wish}"),
                 &endpoint,
                 "Properties",
             )),
         )?;
-        let peer = camera(world, &node, &parameters())?;
+        let peer = camera(env, &node, &parameters())?;
         // However late the script comes, it begins with all of them.
         heard_by(&peer, 1)?;
-        let script = world.wrapyfi_listener(&params, "")?;
+        let script = env.wrapyfi_listener(&params, "")?;
         let first = script.messages(1).map_err(|e| e.context(bridge.tail()))?.remove(0);
         assert_eq!(first["value"], parameters());
-        let wishes = world.wrapyfi_publisher(&wish, "--flavour settings --no-broker")?;
+        let wishes = env.wrapyfi_publisher(&wish, "--flavour settings --no-broker")?;
         let label = |value: &Value| value.as_str().is_some_and(|text| text.starts_with("take "));
         peer.wait_until("what the script sets", |output| {
             output.events("set").into_iter().find(|set| label(&set["value"]))
@@ -161,15 +159,15 @@ fn scripts_of_wrapyfi_hear_and_set_parameters() -> Result {
 
 #[test]
 fn refusals_of_a_route_are_counted_with_the_reason() -> Result {
-    run("refusals_of_a_route_are_counted_with_the_reason", NEEDS, |world| {
-        let (node, wish) = (world.topic("camera"), world.topic("w"));
-        let bridge = world.bridge(&world.embedded().route(Route::new(
+    run("refusals_of_a_route_are_counted_with_the_reason", NEEDS, |env| {
+        let (node, wish) = (env.topic("camera"), env.topic("w"));
+        let bridge = env.bridge(&env.embedded().route(Route::new(
             &format!("zeromq:{wish}"),
             &format!("ros2:{node}"),
             "Properties",
         )))?;
-        let _peer = camera(world, &node, &json!({"gain": "text"}))?;
-        let _wishes = world.wrapyfi_publisher(&wish, "--flavour settings --no-broker")?;
+        let _peer = camera(env, &node, &json!({"gain": "text"}))?;
+        let _wishes = env.wrapyfi_publisher(&wish, "--flavour settings --no-broker")?;
         bridge.wait_until("the count", |output| {
             let status = output.objects().next_back()?;
             status["routes"][0]["counters"]["drops"]["refused"].as_u64()
@@ -183,22 +181,22 @@ fn refusals_of_a_route_are_counted_with_the_reason() -> Result {
 }
 
 /// The bridge's own parameters, by programs that speak as `rmw` does.
-fn between_own_nodes(world: &World, rmw: &str) -> Result {
-    let config = world.embedded().route(Route::new("zeromq:/a", "ros2:/b", "Image"));
-    let file = world.write("bridge.yaml", config.yaml())?.display().to_string();
-    let _bridge = world.wrapyfi_as(rmw, ["bridge", "--config", &file])?;
-    let watcher = echo(world, rmw, "/wrapyfi_bridge", &["--timeout", "100"])?;
+fn between_own_nodes(env: &TestEnv, rmw: &str) -> Result {
+    let config = env.embedded().route(Route::new("zeromq:/a", "ros2:/b", "Image"));
+    let file = env.write("bridge.yaml", config.yaml())?.display().to_string();
+    let _bridge = env.wrapyfi_as(rmw, ["bridge", "--config", &file])?;
+    let watcher = echo(env, rmw, "/wrapyfi_bridge", &["--timeout", "100"])?;
     let first = watcher.objects(1)?.remove(0);
     assert_eq!(first["value"]["use_sim_time"], false, "{first}");
     let mut process =
-        set(world, rmw, "/wrapyfi_bridge", &json!({"use_sim_time": true}), &["--timeout", "60"])?;
+        set(env, rmw, "/wrapyfi_bridge", &json!({"use_sim_time": true}), &["--timeout", "60"])?;
     process.exits_with(0)?;
-    let mut process = echo(world, rmw, "/wrapyfi_bridge", &["--timeout", "100", "--count", "1"])?;
+    let mut process = echo(env, rmw, "/wrapyfi_bridge", &["--timeout", "100", "--count", "1"])?;
     process.exits_with(0)?;
     assert_eq!(process.objects(1)?[0]["value"]["use_sim_time"], true);
     let name = "start_type_description_service";
     let mut process =
-        set(world, rmw, "/wrapyfi_bridge", &json!({name: false}), &["--timeout", "60"])?;
+        set(env, rmw, "/wrapyfi_bridge", &json!({name: false}), &["--timeout", "60"])?;
     process.exits_with(1)?;
     let said = process.stderr();
     let words = format!("{name}: Trying to set a read-only parameter: {name}.");
@@ -208,26 +206,26 @@ fn between_own_nodes(world: &World, rmw: &str) -> Result {
 
 #[test]
 fn our_own_nodes_as_of_cyclone() -> Result {
-    run("our_own_nodes_as_of_cyclone", &[Need::Program], |world| between_own_nodes(world, CYCLONE))
+    run("our_own_nodes_as_of_cyclone", &[Need::Program], |env| between_own_nodes(env, CYCLONE))
 }
 
 #[test]
 fn our_own_nodes_as_of_fast_dds() -> Result {
-    run("our_own_nodes_as_of_fast_dds", &[Need::Program], |world| between_own_nodes(world, FAST))
+    run("our_own_nodes_as_of_fast_dds", &[Need::Program], |env| between_own_nodes(env, FAST))
 }
 
 /// A method registered under `Properties`, in two programs: one is told, one sets.
 #[test]
 fn registered_methods_read_and_set_a_node() -> Result {
     const NEEDS: &[Need] = &[Need::Program, Need::Python, Need::Example("exchange")];
-    run("registered_methods_read_and_set_a_node", NEEDS, |world| {
-        let node = world.topic("camera");
+    run("registered_methods_read_and_set_a_node", NEEDS, |env| {
+        let node = env.topic("camera");
         let start = |mode: &str| {
             let args = format!("--type Properties --mode {mode} --mware ros2 --topic {node}");
-            world.example("exchange", &args)
+            env.example("exchange", &args)
         };
         let listener = start("listen")?;
-        let peer = camera(world, &node, &json!({"gain": 0.25, "serial": "A1"}))?;
+        let peer = camera(env, &node, &json!({"gain": 0.25, "serial": "A1"}))?;
         let first = listener.messages(1)?.remove(0);
         assert_eq!(first["value"], json!({"gain": 0.25, "serial": "A1"}));
         heard_by(&peer, 1)?;

@@ -1,7 +1,5 @@
 //! Routes that follow the quality of service of other programs' endpoints.
 
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
-
 use serde_json::Value;
 use wrapyfi_e2e::{Need, Output, Process, Result, Route, ros2, run, texts, zeromq};
 
@@ -28,26 +26,23 @@ fn has_logged(output: &Output, words: &str) -> bool {
 
 #[test]
 fn a_route_hears_a_best_effort_publisher_and_then_a_reliable_one_too() -> Result {
-    run("a_route_hears_a_best_effort_publisher_and_then_a_reliable_one_too", NEEDS, |world| {
-        let (from, to) = (world.topic("from"), world.topic("to"));
-        let graph = world.graph()?;
-        let bridge = world.bridge(&world.embedded().route(Route::new(
-            &ros2(&from),
-            &zeromq(&to),
-            STRING,
-        )))?;
+    run("a_route_hears_a_best_effort_publisher_and_then_a_reliable_one_too", NEEDS, |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
+        let graph = env.graph()?;
+        let bridge =
+            env.bridge(&env.embedded().route(Route::new(&ros2(&from), &zeromq(&to), STRING)))?;
         // Nobody is there: ROS 2's default profile.
         let first = endpoint(&graph, "reader", &from, |_| true)?;
         assert_eq!((&first["reliable"], &first["durability"]), (&true.into(), &"Volatile".into()));
-        let listener = world.wrapyfi_listener(&to, "")?;
-        let loose = world.dds_publisher(&from, STRING, "--flavour small --best-effort")?;
+        let listener = env.wrapyfi_listener(&to, "")?;
+        let loose = env.dds_publisher(&from, STRING, "--flavour small --best-effort")?;
         listener.messages(1).map_err(|e| e.context(bridge.tail()))?;
         endpoint(&graph, "reader", &from, |e| e["reliable"] == false)?;
         bridge.wait_until("the announcement", |output| {
             has_logged(output, "quality of service changed").then_some(())
         })?;
         drop(loose);
-        let reliable = world.dds_publisher(&from, STRING, "--flavour rich")?;
+        let reliable = env.dds_publisher(&from, STRING, "--flavour rich")?;
         let sent = reliable.messages(1)?;
         let wanted = texts(&sent, "sha256")[0].to_owned();
         listener.wait_until("the reliable publisher's messages", |output| {
@@ -59,16 +54,13 @@ fn a_route_hears_a_best_effort_publisher_and_then_a_reliable_one_too() -> Result
 
 #[test]
 fn a_route_asks_for_what_was_sent_before_it_where_publishers_keep_it() -> Result {
-    run("a_route_asks_for_what_was_sent_before_it_where_publishers_keep_it", NEEDS, |world| {
-        let (from, to) = (world.topic("from"), world.topic("to"));
-        let graph = world.graph()?;
-        let _publisher = world.dds_publisher(&from, STRING, "--transient-local")?;
-        let bridge = world.bridge(&world.embedded().route(Route::new(
-            &ros2(&from),
-            &zeromq(&to),
-            STRING,
-        )))?;
-        let listener = world.wrapyfi_listener(&to, "")?;
+    run("a_route_asks_for_what_was_sent_before_it_where_publishers_keep_it", NEEDS, |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
+        let graph = env.graph()?;
+        let _publisher = env.dds_publisher(&from, STRING, "--transient-local")?;
+        let bridge =
+            env.bridge(&env.embedded().route(Route::new(&ros2(&from), &zeromq(&to), STRING)))?;
+        let listener = env.wrapyfi_listener(&to, "")?;
         endpoint(&graph, "reader", &from, |e| e["durability"] == "TransientLocal")?;
         listener.messages(2).map_err(|e| e.context(bridge.tail()))?;
         Ok(())
@@ -77,22 +69,22 @@ fn a_route_asks_for_what_was_sent_before_it_where_publishers_keep_it() -> Result
 
 #[test]
 fn policies_of_a_route_are_announced_and_misfits_reported() -> Result {
-    run("policies_of_a_route_are_announced_and_misfits_reported", NEEDS, |world| {
-        let (from, to) = (world.topic("from"), world.topic("to"));
+    run("policies_of_a_route_are_announced_and_misfits_reported", NEEDS, |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
         let strict = "{ deadline_ms: 100, lease_ms: 1500, liveliness: manual_by_topic, \
                       lifespan_ms: 2000, depth: 7 }";
-        let config = world
+        let config = env
             .embedded()
             .route(Route::new(&zeromq("/in"), &ros2(&to), STRING).with("qos", strict))
             .route(Route::new(&ros2(&from), &zeromq("/out"), STRING).with("qos", "default"));
-        let graph = world.graph()?;
-        let bridge = world.bridge(&config)?;
+        let graph = env.graph()?;
+        let bridge = env.bridge(&config)?;
         let writer = endpoint(&graph, "writer", &to, |_| true)?;
         assert_eq!(writer["deadline_ms"], 100.0, "{writer}");
         assert_eq!(writer["lifespan_ms"], 2000.0, "{writer}");
         assert_eq!(writer["lease_ms"], 1500.0, "{writer}");
         assert_eq!(writer["liveliness"], "ManualByTopic", "{writer}");
-        let _loose = world.dds_publisher(&from, STRING, "--flavour small --best-effort")?;
+        let _loose = env.dds_publisher(&from, STRING, "--flavour small --best-effort")?;
         bridge.wait_until("the report", |output| {
             let words = "offers best effort, the route asks for reliable; write qos: match";
             has_logged(output, words).then_some(())
@@ -103,19 +95,16 @@ fn policies_of_a_route_are_announced_and_misfits_reported() -> Result {
 
 #[test]
 fn a_route_offers_what_a_node_of_another_make_asks_for() -> Result {
-    run("a_route_offers_what_a_node_of_another_make_asks_for", NEEDS, |world| {
-        let (from, to) = (world.topic("from"), world.topic("to"));
-        let graph = world.graph()?;
-        let bridge = world.bridge(&world.embedded().route(Route::new(
-            &zeromq(&from),
-            &ros2(&to),
-            STRING,
-        )))?;
+    run("a_route_offers_what_a_node_of_another_make_asks_for", NEEDS, |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
+        let graph = env.graph()?;
+        let bridge =
+            env.bridge(&env.embedded().route(Route::new(&zeromq(&from), &ros2(&to), STRING)))?;
         endpoint(&graph, "writer", &to, |e| e["durability"] == "Volatile")?;
-        let mut node = world.ros_node("asks")?;
+        let mut node = env.ros_node("asks")?;
         let heard = node.subscribe_kept::<String>(&to, STRING)?;
         endpoint(&graph, "writer", &to, |e| e["durability"] == "TransientLocal")?;
-        let _publisher = world.wrapyfi_publisher(&from, "--no-broker")?;
+        let _publisher = env.wrapyfi_publisher(&from, "--no-broker")?;
         let text: String = heard.next().map_err(|e| e.context(bridge.tail()))?;
         assert!(text.contains("\"greeting\""), "{text}");
         bridge.wait_until("the announcement", |output| {
@@ -128,16 +117,13 @@ fn a_route_offers_what_a_node_of_another_make_asks_for() -> Result {
 
 #[test]
 fn a_node_with_another_definition_or_distribution_is_named() -> Result {
-    run("a_node_with_another_definition_or_distribution_is_named", NEEDS, |world| {
-        let (from, to) = (world.topic("from"), world.topic("to"));
-        let bridge = world.bridge(&world.embedded().route(Route::new(
-            &ros2(&from),
-            &zeromq(&to),
-            STRING,
-        )))?;
+    run("a_node_with_another_definition_or_distribution_is_named", NEEDS, |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
+        let bridge =
+            env.bridge(&env.embedded().route(Route::new(&ros2(&from), &zeromq(&to), STRING)))?;
         let other = format!("RIHS01_{}", "0".repeat(64));
         let options = format!("--flavour small --humble-node elder --hash {other}");
-        let _publisher = world.dds_publisher(&from, STRING, &options)?;
+        let _publisher = env.dds_publisher(&from, STRING, &options)?;
         bridge.wait_until("the report of the definition", |output| {
             let words = format!(
                 "publisher on {from} of node /elder has another definition of {STRING}: its hash \
@@ -150,7 +136,7 @@ fn a_node_with_another_definition_or_distribution_is_named() -> Result {
             has_logged(output, words).then_some(())
         })?;
         // It is told, and nothing is held back: here both definitions are the same after all.
-        let listener = world.wrapyfi_listener(&to, "")?;
+        let listener = env.wrapyfi_listener(&to, "")?;
         listener.messages(1).map_err(|e| e.context(bridge.tail()))?;
         Ok(())
     })
@@ -159,11 +145,11 @@ fn a_node_with_another_definition_or_distribution_is_named() -> Result {
 #[test]
 fn parameters_lay_down_what_peers_do_not_change() -> Result {
     let needs = &[Need::Node, Need::Program, Need::Python];
-    run("parameters_lay_down_what_peers_do_not_change", needs, |world| {
-        let (from, cam, front) = (world.topic("from"), world.topic("cam"), world.topic("front"));
-        let graph = world.graph()?;
+    run("parameters_lay_down_what_peers_do_not_change", needs, |env| {
+        let (from, cam, front) = (env.topic("from"), env.topic("cam"), env.topic("front"));
+        let graph = env.graph()?;
         // Asks for reliable and gets nothing; a route that follows its peers would give in.
-        let _strict = world.dds_subscriber(&front, STRING, "--transient-local")?;
+        let _strict = env.dds_subscriber(&front, STRING, "--transient-local")?;
         let routes = vec![
             Route::new(&zeromq("/in"), &ros2(&cam), STRING),
             Route::new(&ros2(&from), &zeromq("/out"), STRING).with("qos", "latched"),
@@ -175,7 +161,7 @@ fn parameters_lay_down_what_peers_do_not_change() -> Result {
         let depth = format!("qos_overrides.{from}.subscription.depth:=3");
         let durability = format!("qos_overrides.{from}.subscription.durability:=volatile");
         let remap = format!("{cam}:={front}");
-        let node = world.node_with(
+        let node = env.node_with(
             routes,
             &["-r", &remap, "-p", &reliability, "-p", &deadline, "-p", &depth, "-p", &durability],
         )?;
@@ -194,7 +180,7 @@ fn parameters_lay_down_what_peers_do_not_change() -> Result {
         let request = format!(r#"{{"names": ["{publisher}.reliability", "{publisher}.depth"]}}"#);
         let endpoint = "ros2:/wrapyfi_bridge/get_parameters";
         let mut call =
-            world.wrapyfi(["call", endpoint, "--value", &request, "--json", "--timeout", "60"])?;
+            env.wrapyfi(["call", endpoint, "--value", &request, "--json", "--timeout", "60"])?;
         call.exits_with(0)?;
         let values = call.objects(1)?[0]["value"]["values"].clone();
         assert_eq!(values[0]["string_value"], "best_effort", "{values}");
@@ -205,8 +191,8 @@ fn parameters_lay_down_what_peers_do_not_change() -> Result {
 
 #[test]
 fn a_policy_that_there_is_not_ends_the_start() -> Result {
-    run("a_policy_that_there_is_not_ends_the_start", &[Need::Node], |world| {
-        let topic = world.topic("to");
+    run("a_policy_that_there_is_not_ends_the_start", &[Need::Node], |env| {
+        let topic = env.topic("to");
         for (policy, value, said) in [
             ("reliabilty", "best_effort", "no policy \"reliabilty\" to override; it has"),
             ("reliability", "best", "policy reliability of the publisher of"),
@@ -215,7 +201,7 @@ fn a_policy_that_there_is_not_ends_the_start() -> Result {
         ] {
             let parameter = format!("qos_overrides.{topic}.publisher.{policy}:={value}");
             let routes = vec![Route::new(&zeromq("/in"), &ros2(&topic), STRING)];
-            let mut node = world.node_with(routes, &["-p", &parameter])?;
+            let mut node = env.node_with(routes, &["-p", &parameter])?;
             node.exits_with(2)?;
             let text = node.stderr();
             assert!(text.contains(said) && text.contains(&topic), "{text}");
@@ -234,26 +220,26 @@ fn numbers(messages: &[Value]) -> Vec<u64> {
 
 #[test]
 fn a_late_subscriber_gets_the_history_of_a_source_that_keeps_one() -> Result {
-    run("a_late_subscriber_gets_the_history_of_a_source_that_keeps_one", NEEDS, |world| {
+    run("a_late_subscriber_gets_the_history_of_a_source_that_keeps_one", NEEDS, |env| {
         for (depth, kept) in [(50, 0..8), (3, 5..8), (1, 7..8)] {
-            let topic = |name: &str| world.topic(&format!("{name}_{depth}"));
+            let topic = |name: &str| env.topic(&format!("{name}_{depth}"));
             let (from, to) = (topic("from"), topic("to"));
             // All is published before the bridge is there: it has what the publisher keeps.
-            let _witness = world.dds_subscriber(&from, STRING, "--plain")?;
+            let _witness = env.dds_subscriber(&from, STRING, "--plain")?;
             let options = format!("--transient-local --depth {depth} --count 8 --text {{n}}");
-            let publisher = world.dds_publisher(&from, STRING, &options)?;
+            let publisher = env.dds_publisher(&from, STRING, &options)?;
             publisher.event("done")?;
             let count = kept.end - kept.start;
-            let mut bridge = world.bridge_named(
+            let mut bridge = env.bridge_named(
                 &format!("{depth}.yaml"),
-                &world.embedded().route(Route::new(&ros2(&from), &ros2(&to), "Text")),
+                &env.embedded().route(Route::new(&ros2(&from), &ros2(&to), "Text")),
             )?;
             bridge.wait_until("the route to have carried all", |output| {
                 let report = output.objects().rev().find(|it| it["routes"].is_array())?;
                 (report["routes"][0]["counters"]["sent"] == count).then_some(())
             })?;
             let options = format!("--transient-local --depth 50 --plain --count {count}");
-            let late = world.dds_subscriber(&to, STRING, &options)?;
+            let late = env.dds_subscriber(&to, STRING, &options)?;
             let heard = late.messages(usize::try_from(count)?);
             let heard = heard.map_err(|e| e.context(bridge.tail()))?;
             assert_eq!(numbers(&heard), kept.collect::<Vec<u64>>(), "depth {depth}");
@@ -266,16 +252,16 @@ fn a_late_subscriber_gets_the_history_of_a_source_that_keeps_one() -> Result {
 
 #[test]
 fn what_dds_loses_is_counted_and_shown() -> Result {
-    run("what_dds_loses_is_counted_and_shown", NEEDS, |world| {
-        let (from, to) = (world.topic("from"), world.topic("to"));
+    run("what_dds_loses_is_counted_and_shown", NEEDS, |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
         let route = Route::new(&ros2(&from), &zeromq(&to), "Text").with("qos", "sensor_data");
-        let bridge = world.bridge(&world.embedded().route(route.with("queue_depth", "1000")))?;
+        let bridge = env.bridge(&env.embedded().route(route.with("queue_depth", "1000")))?;
         let endpoint = ros2(&from);
         let words = ["echo", &endpoint, "--qos", "sensor_data", "--count", "100"];
-        let mut echo = world.wrapyfi([&words[..], &["--json", "--timeout", "110"]].concat())?;
+        let mut echo = env.wrapyfi([&words[..], &["--json", "--timeout", "110"]].concat())?;
         // One packet of ten, announcements among them, which are therefore repeated often.
         let options = "--best-effort --lose 100 --rate 100 --text {n}";
-        let publisher = world.dds_publisher(&from, STRING, options)?;
+        let publisher = env.dds_publisher(&from, STRING, options)?;
         echo.exits_with(0).map_err(|e| e.context(publisher.tail()))?;
         let heard: Vec<u64> = echo
             .objects(100)?

@@ -1,11 +1,9 @@
 //! A real ROS 2 around our programs: its command line tools, nodes of rclpy, launch and bags, under each
 //! middleware that is installed.
 
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
-
 use serde_json::{Value, json};
 use wrapyfi_e2e::{
-    Config, Need, Process, RealRos2, Result, Route, World, ros2, run, sha256, texts, zeromq,
+    Config, Need, Process, RealRos2, Result, Route, TestEnv, ros2, run, sha256, texts, zeromq,
 };
 
 const NEEDS: &[Need] =
@@ -16,39 +14,36 @@ fn under(
     test: &str,
     rmw: &'static str,
     needs: &[Need],
-    body: impl FnOnce(&World, &RealRos2<'_>) -> Result,
+    body: impl FnOnce(&TestEnv, &RealRos2<'_>) -> Result,
 ) -> Result {
-    let needs = [NEEDS, &[Need::Ros2Package(rmw)], needs].concat();
-    run(test, &needs, |world| body(world, &RealRos2::new(world, rmw)?))
+    // CycloneDDS inside is not on Zenoh.
+    let ours: &[Need] = if rmw == "rmw_zenoh_cpp" { &[Need::Rmw] } else { &[] };
+    let needs = [NEEDS, &[Need::Ros2Package(rmw)], ours, needs].concat();
+    run(test, &needs, |env| body(env, &RealRos2::new(env, rmw)?))
 }
 
 /// The same tests under each middleware, each with what it needs besides.
 macro_rules! under_each {
-    ($($test:ident [$($need:expr),*];)*) => {
-        mod cyclone {
+    ([$($rmw:ident),*] $tests:tt) => { $(under_one! { $rmw $tests })* };
+}
+
+macro_rules! under_one {
+    ($rmw:ident { $($test:ident [$($need:expr),*];)* }) => {
+        mod $rmw {
             use super::Need;
             $(
                 #[test]
                 fn $test() -> super::Result {
-                    let name = concat!("cyclone_", stringify!($test));
-                    super::under(name, "rmw_cyclonedds_cpp", &[$($need),*], super::$test)
-                }
-            )*
-        }
-        mod fastrtps {
-            use super::Need;
-            $(
-                #[test]
-                fn $test() -> super::Result {
-                    let name = concat!("fastrtps_", stringify!($test));
-                    super::under(name, "rmw_fastrtps_cpp", &[$($need),*], super::$test)
+                    let rmw = stringify!($rmw);
+                    let name = format!("{rmw}_{}", stringify!($test));
+                    super::under(&name, rmw, &[$($need),*], super::$test)
                 }
             )*
         }
     };
 }
 
-under_each! {
+under_each! { [rmw_cyclonedds_cpp, rmw_fastrtps_cpp, rmw_zenoh_cpp] {
     the_tools_show_our_node [];
     topic_echo_and_hz_hear_a_script [];
     topic_pub_reaches_a_script [];
@@ -65,30 +60,30 @@ under_each! {
     run_finds_the_nodes [];
     a_bag_keeps_what_came_from_a_script [Need::Ros2Package("ros2bag")];
     wrapyfi_on_rclpy_talks_with_ours [Need::WrapyfiOnRos2];
-}
+}}
 
 /// Our bridge as a node in this ROS 2, with these routes and the broker of ZeroMQ.
-fn bridge(world: &World, ros: &RealRos2<'_>, routes: Vec<Route>) -> Result<Process> {
-    node(world, ros, "wrapyfi_bridge", world.embedded(), routes)
+fn bridge(env: &TestEnv, ros: &RealRos2<'_>, routes: Vec<Route>) -> Result<Process> {
+    node(env, ros, "wrapyfi_bridge", env.embedded(), routes)
 }
 
 /// Our bridge as the node `name`.
 fn node(
-    world: &World,
+    env: &TestEnv,
     ros: &RealRos2<'_>,
     name: &str,
     config: Config,
     routes: Vec<Route>,
 ) -> Result<Process> {
     let config = routes.into_iter().fold(config, Config::route);
-    let file = world.write(&format!("{name}.yaml"), config.yaml())?;
+    let file = env.write(&format!("{name}.yaml"), config.yaml())?;
     let parameter = format!("config_file:={}", file.display());
     ros.node("bridge", &["-p", &parameter, "-r", &format!("__node:={name}")])
 }
 
 /// Two bridges, since none hears itself: one from ROS 2 to ZeroMQ, one back.
 fn two_bridges(
-    world: &World,
+    env: &TestEnv,
     ros: &RealRos2<'_>,
     [there, between, back]: [&str; 3],
     kind: &str,
@@ -96,8 +91,8 @@ fn two_bridges(
     let out = Route::new(&ros2(there), &zeromq(between), kind);
     let home = Route::new(&zeromq(between), &ros2(back), kind);
     Ok([
-        node(world, ros, "out", world.embedded(), vec![out])?,
-        node(world, ros, "home", world.foreign(), vec![home])?,
+        node(env, ros, "out", env.embedded(), vec![out])?,
+        node(env, ros, "home", env.foreign(), vec![home])?,
     ])
 }
 
@@ -113,13 +108,13 @@ const STRING: &str = "std_msgs/msg/String";
 
 // Tools -----------------------------------------------------------------------------------------
 
-fn the_tools_show_our_node(world: &World, ros: &RealRos2<'_>) -> Result {
-    let (to, from) = (world.topic("to"), world.topic("from"));
+fn the_tools_show_our_node(env: &TestEnv, ros: &RealRos2<'_>) -> Result {
+    let (to, from) = (env.topic("to"), env.topic("from"));
     let routes = vec![
         Route::new(&zeromq(&to), &ros2(&to), "Text"),
         Route::new(&ros2(&from), &zeromq(&from), "geometry_msgs/msg/Twist"),
     ];
-    let bridge = bridge(world, ros, routes)?;
+    let bridge = bridge(env, ros, routes)?;
     let nodes = ros.seen(&["node", "list"], |said| said.contains("bridge"))?;
     let name = nodes.lines().find(|line| line.contains("bridge")).unwrap_or_default().to_owned();
     assert_eq!(nodes.lines().filter(|line| line.contains("bridge")).count(), 1, "{nodes}");
@@ -142,10 +137,10 @@ fn the_tools_show_our_node(world: &World, ros: &RealRos2<'_>) -> Result {
     ros.seen(&["node", "list"], |said| !said.contains("bridge")).map(drop)
 }
 
-fn topic_echo_and_hz_hear_a_script(world: &World, ros: &RealRos2<'_>) -> Result {
-    let topic = world.topic("object");
-    let bridge = bridge(world, ros, vec![Route::new(&zeromq(&topic), &ros2(&topic), STRING)])?;
-    let publisher = world.wrapyfi_publisher(&topic, "--flavour small --rate 20 --no-broker")?;
+fn topic_echo_and_hz_hear_a_script(env: &TestEnv, ros: &RealRos2<'_>) -> Result {
+    let topic = env.topic("object");
+    let bridge = bridge(env, ros, vec![Route::new(&zeromq(&topic), &ros2(&topic), STRING)])?;
+    let publisher = env.wrapyfi_publisher(&topic, "--flavour small --rate 20 --no-broker")?;
     let mut echo = ros.ros2(&["topic", "echo", "--once", &topic, STRING])?;
     echo.exits_with(0).map_err(|error| error.context(bridge.tail()))?;
     publisher.messages(1)?;
@@ -154,10 +149,10 @@ fn topic_echo_and_hz_hear_a_script(world: &World, ros: &RealRos2<'_>) -> Result 
     prints(&hz, &["average rate"]).map(drop)
 }
 
-fn topic_pub_reaches_a_script(world: &World, ros: &RealRos2<'_>) -> Result {
-    let topic = world.topic("chatter");
-    let _bridge = bridge(world, ros, vec![Route::new(&ros2(&topic), &zeromq(&topic), "Text")])?;
-    let listener = world.wrapyfi_listener(&topic, "")?;
+fn topic_pub_reaches_a_script(env: &TestEnv, ros: &RealRos2<'_>) -> Result {
+    let topic = env.topic("chatter");
+    let _bridge = bridge(env, ros, vec![Route::new(&ros2(&topic), &zeromq(&topic), "Text")])?;
+    let listener = env.wrapyfi_listener(&topic, "")?;
     let value = "{data: 'plain text, no JSON'}";
     let _publisher = ros.ros2(&["topic", "pub", "-r", "10", &topic, STRING, value])?;
     let heard = listener.messages(2)?;
@@ -168,11 +163,11 @@ fn topic_pub_reaches_a_script(world: &World, ros: &RealRos2<'_>) -> Result {
 // Types -----------------------------------------------------------------------------------------
 
 /// Random messages of rclpy through a script's middleware, and back to rclpy, unchanged.
-fn there_and_back(world: &World, ros: &RealRos2<'_>, kind: &str) -> Result {
+fn there_and_back(env: &TestEnv, ros: &RealRos2<'_>, kind: &str) -> Result {
     let name = kind.replace('/', "_");
     let [there, between, back] =
-        ["there", "between", "back"].map(|place| world.topic(&format!("{name}_{place}")));
-    let bridges = two_bridges(world, ros, [&there, &between, &back], kind)?;
+        ["there", "between", "back"].map(|place| env.topic(&format!("{name}_{place}")));
+    let bridges = two_bridges(env, ros, [&there, &between, &back], kind)?;
     let subscriber =
         ros.rclpy(&format!("subscribe --topic {back} --type {kind} --count 5 --node ear"), None)?;
     subscriber.event("ready")?;
@@ -186,7 +181,7 @@ fn there_and_back(world: &World, ros: &RealRos2<'_>, kind: &str) -> Result {
         .map_err(|error| error.context(kind.to_owned()))
 }
 
-fn types_of_many_fields_go_through_zeromq_and_back(world: &World, ros: &RealRos2<'_>) -> Result {
+fn types_of_many_fields_go_through_zeromq_and_back(env: &TestEnv, ros: &RealRos2<'_>) -> Result {
     for kind in [
         "geometry_msgs/msg/TwistWithCovarianceStamped",
         "sensor_msgs/msg/Imu",
@@ -197,14 +192,14 @@ fn types_of_many_fields_go_through_zeromq_and_back(world: &World, ros: &RealRos2
         "diagnostic_msgs/msg/DiagnosticArray",
         "rcl_interfaces/msg/ParameterEvent",
     ] {
-        there_and_back(world, ros, kind)?;
+        there_and_back(env, ros, kind)?;
     }
     Ok(())
 }
 
-fn images_go_through_zeromq_and_back(world: &World, ros: &RealRos2<'_>) -> Result {
-    let [there, between, back] = ["there", "between", "back"].map(|place| world.topic(place));
-    let bridges = two_bridges(world, ros, [&there, &between, &back], "Image")?;
+fn images_go_through_zeromq_and_back(env: &TestEnv, ros: &RealRos2<'_>) -> Result {
+    let [there, between, back] = ["there", "between", "back"].map(|place| env.topic(place));
+    let bridges = two_bridges(env, ros, [&there, &between, &back], "Image")?;
     let kind = "sensor_msgs/msg/Image";
     let subscriber =
         ros.rclpy(&format!("subscribe --topic {back} --type {kind} --count 2 --node ear"), None)?;
@@ -224,8 +219,8 @@ fn images_go_through_zeromq_and_back(world: &World, ros: &RealRos2<'_>) -> Resul
     Ok(())
 }
 
-fn a_late_latched_subscription_gets_the_last_message(world: &World, ros: &RealRos2<'_>) -> Result {
-    let topic = world.topic("map");
+fn a_late_latched_subscription_gets_the_last_message(env: &TestEnv, ros: &RealRos2<'_>) -> Result {
+    let topic = env.topic("map");
     let endpoint = ros2(&topic);
     let publish = ["pub", &endpoint, "--type", "nav_msgs/msg/OccupancyGrid", "--value"];
     let value = r#"{"info": {"width": 2, "height": 1}, "data": [100, -1]}"#;
@@ -245,7 +240,7 @@ fn a_late_latched_subscription_gets_the_last_message(world: &World, ros: &RealRo
     echo.exits_with(0)?;
     assert!(echo.stdout().contains("- 100") && echo.stdout().contains("- -1"), "{}", echo.stdout());
 
-    let (kind, kept) = ("std_msgs/msg/Header", world.topic("kept"));
+    let (kind, kept) = ("std_msgs/msg/Header", env.topic("kept"));
     let value = r#"{"frame_id": "kept"}"#;
     let args = format!("publish --topic {kept} --type {kind} --qos latched --count 1");
     let publisher = ros.rclpy(&args, Some(value))?;
@@ -259,11 +254,11 @@ fn a_late_latched_subscription_gets_the_last_message(world: &World, ros: &RealRo
 
 /// Types that nobody compiled into ours: found in the installation by the ament index.
 fn ours_echoes_and_publishes_with_types_of_the_installation(
-    world: &World,
+    env: &TestEnv,
     ros: &RealRos2<'_>,
 ) -> Result {
     let kind = "trajectory_msgs/msg/JointTrajectory";
-    let (there, back) = (world.topic("there"), world.topic("back"));
+    let (there, back) = (env.topic("there"), env.topic("back"));
     let publisher = ros.rclpy(&format!("publish --topic {there} --type {kind}"), None)?;
     let from = ros2(&there);
     let mut echo = ros.wrapyfi(["echo", &from, "--json", "--count", "3", "--timeout", "100"])?;
@@ -292,8 +287,8 @@ fn ours_echoes_and_publishes_with_types_of_the_installation(
 
 // Services and parameters -----------------------------------------------------------------------
 
-fn services_of_rclpy_are_called(world: &World, ros: &RealRos2<'_>) -> Result {
-    let service = world.topic("set");
+fn services_of_rclpy_are_called(env: &TestEnv, ros: &RealRos2<'_>) -> Result {
+    let service = env.topic("set");
     let kind = "std_srvs/srv/SetBool";
     let value = r#"{"success": "=request.data", "message": "=str(request.data)"}"#;
     let server = ros.rclpy(&format!("serve --topic {service} --type {kind}"), Some(value))?;
@@ -314,8 +309,8 @@ fn services_of_rclpy_are_called(world: &World, ros: &RealRos2<'_>) -> Result {
     Ok(())
 }
 
-fn service_call_asks_ours(world: &World, ros: &RealRos2<'_>) -> Result {
-    let service = world.topic("light");
+fn service_call_asks_ours(env: &TestEnv, ros: &RealRos2<'_>) -> Result {
+    let service = env.topic("light");
     let (endpoint, kind) = (ros2(&service), "std_srvs/srv/SetBool");
     let value = r#"{"success": true, "message": "so be it"}"#;
     let server = ros.wrapyfi(["serve", &endpoint, "--type", kind, "--value", value, "--json"])?;
@@ -331,9 +326,9 @@ fn service_call_asks_ours(world: &World, ros: &RealRos2<'_>) -> Result {
     Ok(())
 }
 
-fn parameters_are_listed_got_set_and_dumped(world: &World, ros: &RealRos2<'_>) -> Result {
-    let topic = world.topic("x");
-    let _bridge = bridge(world, ros, vec![Route::new(&zeromq(&topic), &ros2(&topic), "Text")])?;
+fn parameters_are_listed_got_set_and_dumped(env: &TestEnv, ros: &RealRos2<'_>) -> Result {
+    let topic = env.topic("x");
+    let _bridge = bridge(env, ros, vec![Route::new(&zeromq(&topic), &ros2(&topic), "Text")])?;
     let nodes = ros.seen(&["node", "list"], |said| said.contains("bridge"))?;
     let name = nodes.lines().find(|line| line.contains("bridge")).unwrap_or_default().to_owned();
     let list = ros.seen(&["param", "list", &name], |said| said.contains("config_file"))?;
@@ -343,8 +338,16 @@ fn parameters_are_listed_got_set_and_dumped(world: &World, ros: &RealRos2<'_>) -
         said.contains("Set parameter successful")
     })?;
     ros.seen(&["param", "get", &name, "use_sim_time"], |said| said.contains("True"))?;
-    let mut refused =
-        ros.ros2(&["param", "set", &name, "config_file", "other.yaml", "--no-daemon"])?;
+    let mut refused = ros.ros2(&[
+        "param",
+        "set",
+        &name,
+        "config_file",
+        "other.yaml",
+        "--no-daemon",
+        "--spin-time",
+        "2",
+    ])?;
     refused.exit_code()?;
     let said = refused.stdout() + &refused.stderr();
     assert!(said.contains("read-only parameter"), "{said}");
@@ -353,7 +356,7 @@ fn parameters_are_listed_got_set_and_dumped(world: &World, ros: &RealRos2<'_>) -
     Ok(())
 }
 
-fn parameters_of_a_node_of_rclpy_are_set_by_ours(_: &World, ros: &RealRos2<'_>) -> Result {
+fn parameters_of_a_node_of_rclpy_are_set_by_ours(_: &TestEnv, ros: &RealRos2<'_>) -> Result {
     let node = ros.rclpy("params --node camera", Some(r#"{"rate": 30, "name": "left"}"#))?;
     node.event("ready")?;
     let properties = ["ros2:/camera", "--type", "Properties", "--timeout", "60"];
@@ -372,10 +375,10 @@ fn parameters_of_a_node_of_rclpy_are_set_by_ours(_: &World, ros: &RealRos2<'_>) 
 
 // Starts ----------------------------------------------------------------------------------------
 
-fn launch_starts_the_bridge(world: &World, ros: &RealRos2<'_>) -> Result {
-    let topic = world.topic("x");
-    let config = world.embedded().route(Route::new(&zeromq(&topic), &ros2(&topic), "Text"));
-    let file = world.write("routes.yaml", config.yaml())?;
+fn launch_starts_the_bridge(env: &TestEnv, ros: &RealRos2<'_>) -> Result {
+    let topic = env.topic("x");
+    let config = env.embedded().route(Route::new(&zeromq(&topic), &ros2(&topic), "Text"));
+    let file = env.write("routes.yaml", config.yaml())?;
     let argument = format!("config_file:={}", file.display());
     let mut launch =
         ros.ros2(&["launch", "wrapyfi", "bridge.launch.py", &argument, "namespace:=lab"])?;
@@ -390,7 +393,7 @@ fn launch_starts_the_bridge(world: &World, ros: &RealRos2<'_>) -> Result {
 }
 
 /// The example that comes with it: where no YARP and no ROS 1 is, their routes wait.
-fn launch_without_arguments_keeps_running(_: &World, ros: &RealRos2<'_>) -> Result {
+fn launch_without_arguments_keeps_running(_: &TestEnv, ros: &RealRos2<'_>) -> Result {
     let launch = ros.ros2(&["launch", "wrapyfi", "bridge.launch.py"])?;
     ros.seen(&["topic", "list"], |said| said.contains("/camera/left"))
         .map_err(|error| error.context(launch.tail()))?;
@@ -399,7 +402,7 @@ fn launch_without_arguments_keeps_running(_: &World, ros: &RealRos2<'_>) -> Resu
     Ok(())
 }
 
-fn run_finds_the_nodes(_: &World, ros: &RealRos2<'_>) -> Result {
+fn run_finds_the_nodes(_: &TestEnv, ros: &RealRos2<'_>) -> Result {
     ros.told(&["pkg", "executables", "wrapyfi_bridge"], |said| {
         let programs = ["bridge", "wrapyfi", "ros1_bridge", "yarp_bridge", "zeromq_bridge"];
         let listed = |name: &str| said.lines().any(|line| line == format!("wrapyfi_bridge {name}"));
@@ -411,24 +414,24 @@ fn run_finds_the_nodes(_: &World, ros: &RealRos2<'_>) -> Result {
 
 // Bags ------------------------------------------------------------------------------------------
 
-fn a_bag_keeps_what_came_from_a_script(world: &World, ros: &RealRos2<'_>) -> Result {
-    let [from, to, back] = ["from", "to", "back"].map(|place| world.topic(place));
+fn a_bag_keeps_what_came_from_a_script(env: &TestEnv, ros: &RealRos2<'_>) -> Result {
+    let [from, to, back] = ["from", "to", "back"].map(|place| env.topic(place));
     let routes = vec![
         Route::new(&zeromq(&from), &ros2(&to), STRING),
         Route::new(&ros2(&to), &zeromq(&back), STRING),
     ];
-    let bag = world.path("bag").display().to_string();
+    let bag = env.path("bag").display().to_string();
     {
-        let _bridge = bridge(world, ros, routes.clone())?;
+        let _bridge = bridge(env, ros, routes.clone())?;
         let mut record = ros.ros2(&["bag", "record", "-o", &bag, &to])?;
         prints(&record, &["Subscribed to topic", &to])?;
-        let publisher = world.wrapyfi_publisher(&from, "--flavour small --rate 20 --no-broker")?;
+        let publisher = env.wrapyfi_publisher(&from, "--flavour small --rate 20 --no-broker")?;
         publisher.messages(20)?;
         record.terminate()?;
         record.exit_code()?;
     }
-    let _bridge = bridge(world, ros, routes)?;
-    let listener = world.wrapyfi_listener(&back, "")?;
+    let _bridge = bridge(env, ros, routes)?;
+    let listener = env.wrapyfi_listener(&back, "")?;
     let play = ros.ros2(&["bag", "play", "--loop", &bag])?;
     listener.messages(5).map_err(|error| error.context(play.tail())).map(drop)
 }
@@ -436,7 +439,7 @@ fn a_bag_keeps_what_came_from_a_script(world: &World, ros: &RealRos2<'_>) -> Res
 // Wrapyfi on rclpy ------------------------------------------------------------------------------
 
 /// Python Wrapyfi with `mware="ros2"`, where its interpreter is rclpy's.
-fn wrapyfi_on_rclpy_talks_with_ours(_: &World, ros: &RealRos2<'_>) -> Result {
+fn wrapyfi_on_rclpy_talks_with_ours(_: &TestEnv, ros: &RealRos2<'_>) -> Result {
     let mut script =
         ros.python(&["-u", "-m", "examples.hello_world", "--publish", "--mware", "ros2"])?;
     let endpoint = ros2("/hello/my_message");

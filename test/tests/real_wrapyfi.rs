@@ -1,22 +1,20 @@
 //! Wrapyfi's own tests and examples, as its package ships them, at our broker and with our programs on the
 //! other side.
 
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
-
 use std::time::Instant;
 
 use serde_json::{Value, json};
-use wrapyfi_e2e::{Need, PATIENCE, Process, Result, World, run};
+use wrapyfi_e2e::{Need, Process, Result, TIMEOUT, TestEnv, run};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Python];
 
 /// Wrapyfi's test suite of its wrapper, whose publishers find our broker.
 #[test]
 fn wrapyfis_own_tests_pass_at_our_broker() -> Result {
-    run("wrapyfis_own_tests_pass_at_our_broker", NEEDS, |world| {
-        let _broker = world.broker()?;
+    run("wrapyfis_own_tests_pass_at_our_broker", NEEDS, |env| {
+        let _broker = env.broker()?;
         let case = "wrapyfi.tests.test_wrapper.ZeroMQTestWrapper";
-        let mut tests = world.python(&["-m", "unittest", "-v", case])?;
+        let mut tests = env.python(&["-m", "unittest", "-v", case])?;
         tests.exits_with(0)?;
         let said = tests.stderr();
         assert!(said.contains("Ran 3 tests") && !said.contains("skipped"), "{said}");
@@ -27,10 +25,10 @@ fn wrapyfis_own_tests_pass_at_our_broker() -> Result {
 /// The scenario of Wrapyfi's test suite of its middlewares, with its class.
 #[test]
 fn the_class_of_wrapyfis_own_tests_publishes_and_listens() -> Result {
-    run("the_class_of_wrapyfis_own_tests_publishes_and_listens", NEEDS, |world| {
-        let _broker = world.broker()?;
-        let listener = world.peer("class_test.py", "--mode listen")?;
-        let publisher = world.peer("class_test.py", "--mode publish")?;
+    run("the_class_of_wrapyfis_own_tests_publishes_and_listens", NEEDS, |env| {
+        let _broker = env.broker()?;
+        let listener = env.peer("class_test.py", "--mode listen")?;
+        let publisher = env.peer("class_test.py", "--mode publish")?;
         let heard = listener.messages(10)?;
         publisher.wait_until("what was heard, among what was said", |output| {
             let said = output.events("message");
@@ -45,9 +43,9 @@ const RUN: &str = "import importlib.util as u, os, runpy, sys\n\
     runpy.run_module(sys.argv.pop(1), run_name='__main__', alter_sys=True)";
 
 /// Starts a script of Wrapyfi's examples by its module; what it asks for is typed as `typed`.
-fn example(world: &World, module: &str, args: &[&str], typed: &[&str]) -> Result<Process> {
+fn example(env: &TestEnv, module: &str, args: &[&str], typed: &[&str]) -> Result<Process> {
     let module = format!("examples.{module}");
-    let mut script = world.python(&[&["-u", "-c", RUN, &module], args].concat())?;
+    let mut script = env.python(&[&["-u", "-c", RUN, &module], args].concat())?;
     for line in typed {
         script.tell(line)?;
     }
@@ -55,10 +53,10 @@ fn example(world: &World, module: &str, args: &[&str], typed: &[&str]) -> Result
 }
 
 /// The first object that `wrapyfi echo` hears.
-fn heard(world: &World, topic: &str, kind: &str) -> Result<(Value, String)> {
+fn heard(env: &TestEnv, topic: &str, kind: &str) -> Result<(Value, String)> {
     let endpoint = format!("zeromq:{topic}");
     let args = ["echo", &endpoint, "--type", kind, "--count", "1", "--json", "--timeout", "100"];
-    let mut echo = world.wrapyfi(args)?;
+    let mut echo = env.wrapyfi(args)?;
     let object = echo.objects(1)?.remove(0);
     echo.exits_with(0)?;
     Ok((object, echo.stderr()))
@@ -74,10 +72,10 @@ fn prints(script: &Process, words: &[&str]) -> Result {
 
 #[test]
 fn hello_world_is_heard_by_ours() -> Result {
-    run("hello_world_is_heard_by_ours", NEEDS, |world| {
-        let _broker = world.broker()?;
-        let _script = example(world, "hello_world", &["--publish"], &["hello you"])?;
-        let (object, _) = heard(world, "/hello/my_message", "NativeObject")?;
+    run("hello_world_is_heard_by_ours", NEEDS, |env| {
+        let _broker = env.broker()?;
+        let _script = example(env, "hello_world", &["--publish"], &["hello you"])?;
+        let (object, _) = heard(env, "/hello/my_message", "NativeObject")?;
         assert_eq!(object["value"]["message"], "hello you", "{object}");
         Ok(())
     })
@@ -85,25 +83,25 @@ fn hello_world_is_heard_by_ours() -> Result {
 
 #[test]
 fn hello_world_hears_ours() -> Result {
-    run("hello_world_hears_ours", NEEDS, |world| {
-        let _broker = world.broker()?;
-        let script = example(world, "hello_world", &["--listen"], &[])?;
+    run("hello_world_hears_ours", NEEDS, |env| {
+        let _broker = env.broker()?;
+        let script = example(env, "hello_world", &["--listen"], &[])?;
         let value = r#"{"message": "from Rust", "list": [1, null]}"#;
         let publish = ["pub", "zeromq:/hello/my_message", "--type", "NativeObject"];
         let _publisher =
-            world.wrapyfi([&publish[..], &["--value", value, "--rate", "10"]].concat())?;
+            env.wrapyfi([&publish[..], &["--value", value, "--rate", "10"]].concat())?;
         prints(&script, &["Method result:", "'message': 'from Rust'", "'list': [1, None]"])
     })
 }
 
 #[test]
 fn hello_world_replies_to_ours() -> Result {
-    run("hello_world_replies_to_ours", NEEDS, |world| {
-        let _broker = world.broker()?;
-        let _script = example(world, "hello_world", &["--reply"], &["yes"])?;
-        let port = world.rep_port().to_string();
+    run("hello_world_replies_to_ours", NEEDS, |env| {
+        let _broker = env.broker()?;
+        let _script = example(env, "hello_world", &["--reply"], &["yes"])?;
+        let port = env.rep_port().to_string();
         let call = ["call", "zeromq:/hello/my_message", "--rep-port", &port, "--timeout", "100"];
-        let mut call = world.wrapyfi([&call[..], &["--value", r#""me""#, "--json"]].concat())?;
+        let mut call = env.wrapyfi([&call[..], &["--value", r#""me""#, "--json"]].concat())?;
         let object = call.objects(1)?.remove(0);
         call.exits_with(0)?;
         let wanted = json!({"message": "yes", "message_from_requester": "me"});
@@ -114,11 +112,11 @@ fn hello_world_replies_to_ours() -> Result {
 
 #[test]
 fn hello_world_asks_ours() -> Result {
-    run("hello_world_asks_ours", NEEDS, |world| {
-        let _broker = world.broker()?;
+    run("hello_world_asks_ours", NEEDS, |env| {
+        let _broker = env.broker()?;
         let value = r#"{"message": "done"}"#;
-        let server = world.wrapyfi(["serve", "zeromq:/hello/my_message", "--value", value])?;
-        let script = example(world, "hello_world", &["--request"], &[])?;
+        let server = env.wrapyfi(["serve", "zeromq:/hello/my_message", "--value", value])?;
+        let script = example(env, "hello_world", &["--request"], &[])?;
         prints(&script, &["Method result:", "'message': 'done'"])?;
         prints(&server, &[r#""arg_from_requester":"I got this message from the script running in"#])
     })
@@ -127,10 +125,10 @@ fn hello_world_asks_ours() -> Result {
 /// Two scripts of the example of mirroring with our broker between them.
 #[test]
 fn mirroring_goes_through_our_broker() -> Result {
-    run("mirroring_goes_through_our_broker", NEEDS, |world| {
-        let _broker = world.broker()?;
-        let listener = example(world, MIRRORING, &["--mode", "listen"], &[])?;
-        let _publisher = example(world, MIRRORING, &["--mode", "publish"], &["ping", "pong"])?;
+    run("mirroring_goes_through_our_broker", NEEDS, |env| {
+        let _broker = env.broker()?;
+        let listener = example(env, MIRRORING, &["--mode", "listen"], &[])?;
+        let _publisher = example(env, MIRRORING, &["--mode", "publish"], &["ping", "pong"])?;
         prints(&listener, &["'msg_ip': 'ping'"])?;
         prints(&listener, &["'msg_ip': 'pong'"])
     })
@@ -142,9 +140,9 @@ const MIRRORING: &str = "communication_schemes.mirroring_example";
 /// The listing of the guide serves the script, which leaves out what has a default.
 #[test]
 fn mirroring_asks_the_listing_of_the_guide() -> Result {
-    run("mirroring_asks_the_listing_of_the_guide", LISTING, |world| {
-        let mut listing = world.example("read_msg", "reply")?;
-        let script = example(world, MIRRORING, &["--mode", "request"], &[])?;
+    run("mirroring_asks_the_listing_of_the_guide", LISTING, |env| {
+        let mut listing = env.example("read_msg", "reply")?;
+        let script = example(env, MIRRORING, &["--mode", "request"], &[])?;
         for typed in ["yes", "and again"] {
             listing.tell(typed)?;
             let reply = format!("'msg_ip': '{typed}'");
@@ -161,10 +159,10 @@ fn mirroring_asks_the_listing_of_the_guide() -> Result {
 
 #[test]
 fn mirroring_hears_the_listing_of_the_guide() -> Result {
-    run("mirroring_hears_the_listing_of_the_guide", LISTING, |world| {
-        let _broker = world.broker()?;
-        let script = example(world, MIRRORING, &["--mode", "listen"], &[])?;
-        let mut listing = world.example("read_msg", "publish")?;
+    run("mirroring_hears_the_listing_of_the_guide", LISTING, |env| {
+        let _broker = env.broker()?;
+        let script = example(env, MIRRORING, &["--mode", "listen"], &[])?;
+        let mut listing = env.example("read_msg", "publish")?;
         listing.tell("ping")?;
         prints(&script, &["'msg': 'hello'", "'msg_ip': 'ping'"])
     })
@@ -172,25 +170,26 @@ fn mirroring_hears_the_listing_of_the_guide() -> Result {
 
 #[test]
 fn the_listing_of_the_guide_hears_mirroring() -> Result {
-    run("the_listing_of_the_guide_hears_mirroring", LISTING, |world| {
-        let _broker = world.broker()?;
-        let listing = world.example("read_msg", "listen")?;
-        let _script = example(world, MIRRORING, &["--mode", "publish"], &["pong"])?;
+    run("the_listing_of_the_guide_hears_mirroring", LISTING, |env| {
+        let _broker = env.broker()?;
+        let listing = env.example("read_msg", "listen")?;
+        let _script = example(env, MIRRORING, &["--mode", "publish"], &["pong"])?;
         prints(&listing, &["pong"])
     })
 }
 
 #[test]
 fn the_listing_of_the_guide_asks_mirroring() -> Result {
-    run("the_listing_of_the_guide_asks_mirroring", LISTING, |world| {
-        let mut script = example(world, MIRRORING, &["--mode", "reply"], &[])?;
+    run("the_listing_of_the_guide_asks_mirroring", LISTING, |env| {
+        let mut script = example(env, MIRRORING, &["--mode", "reply"], &[])?;
         let started = Instant::now();
         loop {
-            // What is not asked in time may be answered late, and that takes a line, too.
+            // A question that is not asked in time may be answered late, and that takes a line,
+            // too.
             script.tell("answer")?;
-            let listing = world.example("read_msg", "request")?;
+            let listing = env.example("read_msg", "request")?;
             match prints(&listing, &["answer"]) {
-                Err(error) if started.elapsed() > PATIENCE => return Err(error),
+                Err(error) if started.elapsed() > TIMEOUT => return Err(error),
                 // The script needs a while to start, and a call waits for five seconds.
                 Err(_) => {}
                 Ok(()) => return Ok(()),
@@ -202,19 +201,19 @@ fn the_listing_of_the_guide_asks_mirroring() -> Result {
 /// The example of channeling publishes an object, a picture and sound at once.
 #[test]
 fn all_channels_of_channeling_are_heard_by_ours() -> Result {
-    run("all_channels_of_channeling_are_heard_by_ours", NEEDS, |world| {
-        let _broker = world.broker()?;
+    run("all_channels_of_channeling_are_heard_by_ours", NEEDS, |env| {
+        let _broker = env.broker()?;
         let args = ["--mode", "publish", "--mware_A", "zeromq", "--mware_B", "zeromq", "--mware_C"];
         let module = "communication_schemes.channeling_example";
-        let _script = example(world, module, &[&args[..], &["zeromq"]].concat(), &[])?;
+        let _script = example(env, module, &[&args[..], &["zeromq"]].concat(), &[])?;
         // Its first channel waits for somebody who listens, and the others with it.
-        let (object, said) = heard(world, "/example/native_A_msg", "NativeObject")?;
+        let (object, said) = heard(env, "/example/native_A_msg", "NativeObject")?;
         assert!(object["value"].is_array() && !said.contains("unread"), "{said}");
         let native = ["echo", "zeromq:/example/native_A_msg", "--type", "NativeObject", "--json"];
-        let _keeps_it_going = world.wrapyfi(native)?;
-        let (image, _) = heard(world, "/example/image_B_msg", "Image")?;
+        let _keeps_it_going = env.wrapyfi(native)?;
+        let (image, _) = heard(env, "/example/image_B_msg", "Image")?;
         assert_eq!((&image["shape"], &image["encoding"]), (&json!([200, 200, 3]), &json!("bgr8")));
-        let (sound, _) = heard(world, "/example/audio_C_msg", "AudioChunk")?;
+        let (sound, _) = heard(env, "/example/audio_C_msg", "AudioChunk")?;
         assert_eq!(sound["type"], "AudioChunk", "{sound}");
         Ok(())
     })
@@ -223,11 +222,11 @@ fn all_channels_of_channeling_are_heard_by_ours() -> Result {
 /// An example of a plug-in: what it publishes is read here, no object stays as it came.
 fn plug_in(test: &str, package: &'static str, module: &str, topic: &str) -> Result {
     let needs = [NEEDS, &[Need::Package(package)]].concat();
-    run(test, &needs, |world| {
-        let _broker = world.broker()?;
+    run(test, &needs, |env| {
+        let _broker = env.broker()?;
         let module = format!("encoders.{module}");
-        let _script = example(world, &module, &["--mode", "publish"], &["hello", "again"])?;
-        let (object, said) = heard(world, topic, "NativeObject")?;
+        let _script = example(env, &module, &["--mode", "publish"], &["hello", "again"])?;
+        let (object, said) = heard(env, topic, "NativeObject")?;
         assert!(object["value"].to_string().contains(r#""message":"hello""#), "{object}");
         assert!(!said.contains("unread"), "{said}");
         Ok(())

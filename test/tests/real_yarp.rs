@@ -1,13 +1,11 @@
 //! YARP's own tools around our programs: with its name server and with ours.
 
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
-
 use serde_json::json;
-use wrapyfi_e2e::{Need, Process, Result, Route, World, ros2, run, yarp};
+use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, ros2, run, yarp};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Yarp];
 
-/// Whose name server ports are registered at.
+/// Name server at which ports are registered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Names {
     Ours,
@@ -48,30 +46,30 @@ at_each! {
     ours_take_no_number_that_a_robot_is_given;
 }
 
-fn at(test: &str, names: Names, body: impl FnOnce(&World) -> Result) -> Result {
-    run(test, NEEDS, |world| {
+fn at(test: &str, names: Names, body: impl FnOnce(&TestEnv) -> Result) -> Result {
+    run(test, NEEDS, |env| {
         let _server = match names {
-            Names::Ours => world.yarpserver()?,
-            Names::Yarps => yarps_server(world)?,
+            Names::Ours => env.yarpserver()?,
+            Names::Yarps => yarps_server(env)?,
         };
-        body(world)
+        body(env)
     })
 }
 
 /// YARP's name server on this test's port.
-fn yarps_server(world: &World) -> Result<Process> {
-    let port = world.yarp_port().to_string();
+fn yarps_server(env: &TestEnv) -> Result<Process> {
+    let port = env.yarp_port().to_string();
     let args = ["--write", "--ip", "127.0.0.1", "--socket", &port];
-    let server = world.yarp_tool("yarpserver", &args)?.pillar();
-    told(world, &["where"], |said| said.contains(&port))?;
+    let server = env.yarp_tool("yarpserver", &args)?.pillar();
+    told(env, &["where"], |said| said.contains(&port))?;
     Ok(server)
 }
 
-/// What `yarp` says, once it is what is wanted.
-fn told(world: &World, args: &[&str], wanted: impl Fn(&str) -> bool) -> Result<String> {
+/// Output of `yarp`, once it is as wanted.
+fn told(env: &TestEnv, args: &[&str], wanted: impl Fn(&str) -> bool) -> Result<String> {
     let mut said = String::new();
     for _ in 0..60 {
-        let mut tool = world.yarp_tool("yarp", args)?;
+        let mut tool = env.yarp_tool("yarp", args)?;
         tool.exit_code()?;
         said = tool.stdout() + &tool.stderr();
         if wanted(&said) {
@@ -82,9 +80,9 @@ fn told(world: &World, args: &[&str], wanted: impl Fn(&str) -> bool) -> Result<S
 }
 
 /// Waits until `yarp exists` finds the port.
-fn exists(world: &World, port: &str) -> Result {
+fn exists(env: &TestEnv, port: &str) -> Result {
     for _ in 0..60 {
-        if world.yarp_tool("yarp", &["exists", port])?.exit_code()? == 0 {
+        if env.yarp_tool("yarp", &["exists", port])?.exit_code()? == 0 {
             return Ok(());
         }
     }
@@ -98,53 +96,53 @@ fn prints(process: &Process, words: &str) -> Result {
 }
 
 /// Ours that publishes a text at a rate.
-fn publisher(world: &World, port: &str, text: &str) -> Result<Process> {
+fn publisher(env: &TestEnv, port: &str, text: &str) -> Result<Process> {
     let (endpoint, value) = (yarp(port), json!(text).to_string());
     let publish = ["pub", &endpoint, "--type", "Text", "--value", &value, "--rate", "20"];
-    world.wrapyfi(publish)
+    env.wrapyfi(publish)
 }
 
-fn the_tools_know_our_ports(world: &World) -> Result {
-    let port = world.topic("cam");
-    let publisher = publisher(world, &port, "hello")?;
-    exists(world, &port)?;
-    told(world, &["name", "list"], |said| said.contains(&port))?;
-    told(world, &["name", "query", &port], |said| said.contains("ip 127.0.0.1 port"))?;
-    told(world, &["ping", &port], |said| said.contains("no outgoing connections"))?;
-    let mut wait = world.yarp_tool("yarp", &["wait", &port])?;
+fn the_tools_know_our_ports(env: &TestEnv) -> Result {
+    let port = env.topic("cam");
+    let publisher = publisher(env, &port, "hello")?;
+    exists(env, &port)?;
+    told(env, &["name", "list"], |said| said.contains(&port))?;
+    told(env, &["name", "query", &port], |said| said.contains("ip 127.0.0.1 port"))?;
+    told(env, &["ping", &port], |said| said.contains("no outgoing connections"))?;
+    let mut wait = env.yarp_tool("yarp", &["wait", &port])?;
     // It ends when the port is there, and says 1 then.
     wait.exits_with(1)?;
     let listed = ["list", "yarp", "--json"];
-    let mut list = world.wrapyfi(listed)?;
+    let mut list = env.wrapyfi(listed)?;
     list.exits_with(0)?;
     let found = list.objects(1)?;
     assert!(found.iter().any(|one| one["name"].as_str() == Some(&port)), "{found:?}");
     drop(publisher);
-    told(world, &["name", "list"], |said| !said.contains(&port)).map(drop)
+    told(env, &["name", "list"], |said| !said.contains(&port)).map(drop)
 }
 
-fn read_hears_ours_by_every_carrier(world: &World) -> Result {
-    let port = world.topic("text");
-    let _publisher = publisher(world, &port, "how are you")?;
-    exists(world, &port)?;
+fn read_hears_ours_by_every_carrier(env: &TestEnv) -> Result {
+    let port = env.topic("text");
+    let _publisher = publisher(env, &port, "how are you")?;
+    exists(env, &port)?;
     for carrier in ["tcp", "fast_tcp", "udp", "text", "text_ack", "mcast"] {
-        let ear = world.topic(&format!("ear_{carrier}"));
-        let read = world.yarp_tool("yarp", &["read", &ear])?;
-        exists(world, &ear)?;
-        let mut connect = world.yarp_tool("yarp", &["connect", &port, &ear, carrier])?;
+        let ear = env.topic(&format!("ear_{carrier}"));
+        let read = env.yarp_tool("yarp", &["read", &ear])?;
+        exists(env, &ear)?;
+        let mut connect = env.yarp_tool("yarp", &["connect", &port, &ear, carrier])?;
         connect.exits_with(0).map_err(|error| error.context(carrier))?;
         prints(&read, "how are you").map_err(|error| error.context(carrier))?;
     }
     Ok(())
 }
 
-fn ours_hears_write(world: &World) -> Result {
-    let port = world.topic("typed");
-    let mut write = world.yarp_tool("yarp", &["write", &port])?;
-    exists(world, &port)?;
+fn ours_hears_write(env: &TestEnv) -> Result {
+    let port = env.topic("typed");
+    let mut write = env.yarp_tool("yarp", &["write", &port])?;
+    exists(env, &port)?;
     let endpoint = yarp(&port);
-    let echo = world.wrapyfi(["echo", &endpoint, "--type", "NativeObject", "--json"])?;
-    told(world, &["ping", &port], |said| said.contains(&format!("{port}:in")))?;
+    let echo = env.wrapyfi(["echo", &endpoint, "--type", "NativeObject", "--json"])?;
+    told(env, &["ping", &port], |said| said.contains(&format!("{port}:in")))?;
     write.tell("say 7 (1 2.5 \"a b\")")?;
     let heard = echo.objects(1)?.remove(0);
     let value = &heard["value"];
@@ -152,75 +150,74 @@ fn ours_hears_write(world: &World) -> Result {
     Ok(())
 }
 
-fn connect_and_disconnect_work_on_our_ports(world: &World) -> Result {
-    let (port, ear) = (world.topic("mouth"), world.topic("ear"));
-    let _publisher = publisher(world, &port, "x")?;
-    exists(world, &port)?;
-    let read = world.yarp_tool("yarp", &["read", &ear])?;
-    exists(world, &ear)?;
-    world.yarp_tool("yarp", &["connect", &port, &ear])?.exits_with(0)?;
+fn connect_and_disconnect_work_on_our_ports(env: &TestEnv) -> Result {
+    let (port, ear) = (env.topic("mouth"), env.topic("ear"));
+    let _publisher = publisher(env, &port, "x")?;
+    exists(env, &port)?;
+    let read = env.yarp_tool("yarp", &["read", &ear])?;
+    exists(env, &ear)?;
+    env.yarp_tool("yarp", &["connect", &port, &ear])?.exits_with(0)?;
     prints(&read, "x")?;
-    told(world, &["ping", &port], |said| said.contains(&ear))?;
-    assert_eq!(world.yarp_tool("yarp", &["exists", &port, &ear])?.exit_code()?, 0);
-    world.yarp_tool("yarp", &["disconnect", &port, &ear])?.exits_with(0)?;
-    told(world, &["ping", &port], |said| !said.contains(&ear)).map(drop)
+    told(env, &["ping", &port], |said| said.contains(&ear))?;
+    assert_eq!(env.yarp_tool("yarp", &["exists", &port, &ear])?.exit_code()?, 0);
+    env.yarp_tool("yarp", &["disconnect", &port, &ear])?.exits_with(0)?;
+    told(env, &["ping", &port], |said| !said.contains(&ear)).map(drop)
 }
 
-fn rpc_asks_ours(world: &World) -> Result {
-    let port = world.topic("light");
+fn rpc_asks_ours(env: &TestEnv) -> Result {
+    let port = env.topic("light");
     let (endpoint, value) = (yarp(&port), r#"{"success": true, "message": "it is on"}"#);
     let kind = ["--type", "std_srvs/srv/SetBool", "--value", value, "--json"];
-    let server = world.wrapyfi([&["serve", &endpoint], &kind[..]].concat())?;
-    exists(world, &port)?;
-    let mut rpc = world.yarp_tool("yarp", &["rpc", &port])?;
+    let server = env.wrapyfi([&["serve", &endpoint], &kind[..]].concat())?;
+    exists(env, &port)?;
+    let mut rpc = env.yarp_tool("yarp", &["rpc", &port])?;
     rpc.tell("1")?;
     rpc.tell("(data 0)")?;
     let asked = server.objects(2)?;
     assert_eq!(asked[0]["args"], json!([1]), "{asked:?}");
     assert_eq!(asked[1]["kwargs"], json!({"data": 0}), "{asked:?}");
-    // What it prints into a pipe comes when it ends.
+    // Output into a pipe comes when the tool ends.
     rpc.close_stdin();
     rpc.exits_with(0)?;
     assert_eq!(rpc.stdout().matches("[ok] \"it is on\"").count(), 2, "{}", rpc.tail());
     Ok(())
 }
 
-fn ours_asks_rpcserver(world: &World) -> Result {
-    let port = world.topic("echoes");
-    let server = world.yarp_tool("yarp", &["rpcserver", "--echo", &port])?;
-    exists(world, &port)?;
+fn ours_asks_rpcserver(env: &TestEnv) -> Result {
+    let port = env.topic("echoes");
+    let server = env.yarp_tool("yarp", &["rpcserver", "--echo", &port])?;
+    exists(env, &port)?;
     let endpoint = yarp(&port);
     let args = ["--args", r#"["set", "pos", 2, 10.5]"#, "--option", "bottle=true"];
     let mut call =
-        world.wrapyfi([&["call", &endpoint, "--json", "--timeout", "60"], &args[..]].concat())?;
+        env.wrapyfi([&["call", &endpoint, "--json", "--timeout", "60"], &args[..]].concat())?;
     let told = call.objects(1)?.remove(0);
     call.exits_with(0)?;
     assert_eq!(told["value"], json!(["set", "pos", 2, 10.5]), "{}", server.tail());
     Ok(())
 }
 
-/// How YARP prints the numbers of [`server`], of either version.
+/// Numbers of [`server`] as YARP prints them, of either version.
 const NUMBERS: [&str; 2] = ["2.5 -7 w (0.10000", ") 9007199254740993"];
 
 /// Ours that answers with numbers.
-fn server(world: &World, port: &str) -> Result<Process> {
+fn server(env: &TestEnv, port: &str) -> Result<Process> {
     let endpoint = yarp(port);
     let value = r#"[2.5, -7, "w", [0.1], 9007199254740993]"#;
-    let server =
-        world.wrapyfi(["serve", &endpoint, "--value", value, "--option", "bottle=true"])?;
-    exists(world, port)?;
+    let server = env.wrapyfi(["serve", &endpoint, "--value", value, "--option", "bottle=true"])?;
+    exists(env, port)?;
     Ok(server)
 }
 
 /// Asks from a port with a name, and looks for what every answer should have.
-fn asks(world: &World, port: &str, client: &str, lines: &[&str], wanted: &[&str]) -> Result {
-    let mut rpc = world.yarp_tool("yarp", &["rpc", "--client", client])?;
-    exists(world, client)?;
-    world.yarp_tool("yarp", &["connect", client, port])?.exits_with(0)?;
+fn asks(env: &TestEnv, port: &str, client: &str, lines: &[&str], wanted: &[&str]) -> Result {
+    let mut rpc = env.yarp_tool("yarp", &["rpc", "--client", client])?;
+    exists(env, client)?;
+    env.yarp_tool("yarp", &["connect", client, port])?.exits_with(0)?;
     for line in lines {
         rpc.tell(line)?;
     }
-    // What it prints into a pipe comes when it ends.
+    // Output into a pipe comes when the tool ends.
     rpc.close_stdin();
     rpc.exits_with(0)?;
     for wanted in wanted {
@@ -230,22 +227,22 @@ fn asks(world: &World, port: &str, client: &str, lines: &[&str], wanted: &[&str]
 }
 
 /// YARP 4 writes floats in another way than YARP 3, and a request with one shows which.
-fn numbers_are_answered_as_the_client_writes_them(world: &World) -> Result {
-    let (port, client) = (world.topic("numbers"), world.topic("client"));
-    let _server = server(world, &port)?;
-    asks(world, &port, &client, &["(1.5 2)", "hello", "1"], &NUMBERS)
+fn numbers_are_answered_as_the_client_writes_them(env: &TestEnv) -> Result {
+    let (port, client) = (env.topic("numbers"), env.topic("client"));
+    let _server = server(env, &port)?;
+    asks(env, &port, &client, &["(1.5 2)", "hello", "1"], &NUMBERS)
 }
 
 /// Requests without floats: the name server is of the same YARP.
 #[test]
 fn numbers_for_who_shows_none_are_those_of_the_name_server() -> Result {
-    run("numbers_for_who_shows_none_are_those_of_the_name_server", NEEDS, |world| {
-        let _names = yarps_server(world)?;
+    run("numbers_for_who_shows_none_are_those_of_the_name_server", NEEDS, |env| {
+        let _names = yarps_server(env)?;
         let [port, client, params, own] =
-            ["numbers", "client", "params", "own"].map(|name| world.topic(name));
-        let _server = server(world, &port)?;
-        asks(world, &port, &client, &["hello", "1"], &NUMBERS)?;
-        let mut rpc = world.yarp_tool("yarp", &["rpc", &port])?;
+            ["numbers", "client", "params", "own"].map(|name| env.topic(name));
+        let _server = server(env, &port)?;
+        asks(env, &port, &client, &["hello", "1"], &NUMBERS)?;
+        let mut rpc = env.yarp_tool("yarp", &["rpc", &port])?;
         rpc.tell("hello")?;
         rpc.close_stdin();
         rpc.exits_with(0)?;
@@ -254,14 +251,14 @@ fn numbers_for_who_shows_none_are_those_of_the_name_server() -> Result {
         // A service of ROS 2, by a bridge.
         let (offered, kind) = (ros2(&params), "rcl_interfaces/srv/GetParameters");
         let value = r#"{"values": [{"type": 3, "double_value": 2.5, "integer_value": -7}]}"#;
-        let _ros = world.wrapyfi(["serve", &offered, "--type", kind, "--value", value])?;
+        let _ros = env.wrapyfi(["serve", &offered, "--type", kind, "--value", value])?;
         let route = Route::service(&offered, &yarp(&own), kind);
-        let _bridge = world.bridge(&world.embedded().route(route))?;
-        exists(world, &own)?;
+        let _bridge = env.bridge(&env.embedded().route(route))?;
+        exists(env, &own)?;
         asks(
-            world,
+            env,
             &own,
-            &world.topic("asker"),
+            &env.topic("asker"),
             &["(gain)"],
             &["(double_value 2.5)", "(integer_value -7)"],
         )
@@ -269,76 +266,76 @@ fn numbers_for_who_shows_none_are_those_of_the_name_server() -> Result {
 }
 
 /// Messages, requests and replies; with acknowledgements and without.
-fn unix_sockets_carry_both_ways(world: &World) -> Result {
-    world.set_variable("YARP_RUNTIME_DIR", world.path("sockets"));
-    let port = world.topic("ours");
-    let _publisher = publisher(world, &port, "how are you")?;
-    exists(world, &port)?;
-    let (typed, echoes) = (world.topic("typed"), world.topic("echoes"));
-    let mut write = world.yarp_tool("yarp", &["write", &typed])?;
-    exists(world, &typed)?;
-    let _server = world.yarp_tool("yarp", &["rpcserver", "--echo", &echoes])?;
-    exists(world, &echoes)?;
+fn unix_sockets_carry_both_ways(env: &TestEnv) -> Result {
+    env.set_variable("YARP_RUNTIME_DIR", env.path("sockets"));
+    let port = env.topic("ours");
+    let _publisher = publisher(env, &port, "how are you")?;
+    exists(env, &port)?;
+    let (typed, echoes) = (env.topic("typed"), env.topic("echoes"));
+    let mut write = env.yarp_tool("yarp", &["write", &typed])?;
+    exists(env, &typed)?;
+    let _server = env.yarp_tool("yarp", &["rpcserver", "--echo", &echoes])?;
+    exists(env, &echoes)?;
     for carrier in ["unix_stream", "unix_stream+ack"] {
-        let ear = world.topic(&carrier.replace('+', "_"));
-        let read = world.yarp_tool("yarp", &["read", &ear])?;
-        exists(world, &ear)?;
-        world.yarp_tool("yarp", &["connect", &port, &ear, carrier])?.exits_with(0)?;
+        let ear = env.topic(&carrier.replace('+', "_"));
+        let read = env.yarp_tool("yarp", &["read", &ear])?;
+        exists(env, &ear)?;
+        env.yarp_tool("yarp", &["connect", &port, &ear, carrier])?.exits_with(0)?;
         prints(&read, "how are you").map_err(|error| error.context(carrier))?;
-        told(world, &["ping", &port], |said| said.contains(carrier))?;
-        world.yarp_tool("yarp", &["disconnect", &port, &ear])?.exits_with(0)?;
-        told(world, &["ping", &port], |said| !said.contains(&ear))?;
+        told(env, &["ping", &port], |said| said.contains(carrier))?;
+        env.yarp_tool("yarp", &["disconnect", &port, &ear])?.exits_with(0)?;
+        told(env, &["ping", &port], |said| !said.contains(&ear))?;
 
         let carried = format!("carrier={carrier}");
         let listen = ["echo", &yarp(&typed), "--type", "NativeObject", "--json"];
-        let echo = world.wrapyfi([&listen[..], &["--option", &carried]].concat())?;
+        let echo = env.wrapyfi([&listen[..], &["--option", &carried]].concat())?;
         let wanted = format!("{typed}:in");
-        told(world, &["ping", &typed], |said| said.contains(&wanted) && said.contains(carrier))?;
+        told(env, &["ping", &typed], |said| said.contains(&wanted) && said.contains(carrier))?;
         write.tell("say 7 (1 2.5 \"a b\")")?;
         let heard = echo.objects(1)?.remove(0);
         assert_eq!(heard["value"], json!(["say", 7, [1, 2.5, "a b"]]), "{carrier}");
         drop(echo);
-        told(world, &["ping", &typed], |said| !said.contains(&wanted))?;
+        told(env, &["ping", &typed], |said| !said.contains(&wanted))?;
 
         let ask = ["call", &yarp(&echoes), "--json", "--timeout", "60"];
         let how = ["--args", "[\"get\", 2.5]", "--option", "bottle=true", "--option", &carried];
-        let mut call = world.wrapyfi([&ask[..], &how[..]].concat())?;
+        let mut call = env.wrapyfi([&ask[..], &how[..]].concat())?;
         let told = call.objects(1)?.remove(0);
         call.exits_with(0)?;
         assert_eq!(told["value"], json!(["get", 2.5]), "{carrier}");
     }
-    assert_eq!(std::fs::read_dir(world.path("sockets"))?.count(), 0, "sockets are left");
+    assert_eq!(std::fs::read_dir(env.path("sockets"))?.count(), 0, "sockets are left");
     Ok(())
 }
 
-/// Nothing of ours but perhaps the name server.
-fn ports_of_tools_find_each_other(world: &World) -> Result {
-    let (mouth, ear) = (world.topic("mouth"), world.topic("ear"));
-    let read = world.yarp_tool("yarp", &["read", &ear])?;
-    let mut write = world.yarp_tool("yarp", &["write", &mouth])?;
-    exists(world, &mouth)?;
-    exists(world, &ear)?;
-    world.yarp_tool("yarp", &["connect", &mouth, &ear, "udp"])?.exits_with(0)?;
+/// Connects tools of YARP with each other: nothing of ours but perhaps the name server takes part.
+fn ports_of_tools_find_each_other(env: &TestEnv) -> Result {
+    let (mouth, ear) = (env.topic("mouth"), env.topic("ear"));
+    let read = env.yarp_tool("yarp", &["read", &ear])?;
+    let mut write = env.yarp_tool("yarp", &["write", &mouth])?;
+    exists(env, &mouth)?;
+    exists(env, &ear)?;
+    env.yarp_tool("yarp", &["connect", &mouth, &ear, "udp"])?.exits_with(0)?;
     write.tell("among us")?;
     prints(&read, "among us")?;
-    told(world, &["name", "list"], |said| said.contains(&mouth) && said.contains(&ear))?;
+    told(env, &["name", "list"], |said| said.contains(&mouth) && said.contains(&ear))?;
     drop(write);
-    told(world, &["clean", "--timeout", "1"], |_| true)?;
-    told(world, &["name", "list"], |said| !said.contains(&mouth)).map(drop)
+    told(env, &["clean", "--timeout", "1"], |_| true)?;
+    told(env, &["name", "list"], |said| !said.contains(&mouth)).map(drop)
 }
 
-fn a_bridge_carries_what_tools_write_and_read(world: &World) -> Result {
-    let [typed, shown, said] = ["typed", "shown", "said"].map(|name| world.topic(name));
+fn a_bridge_carries_what_tools_write_and_read(env: &TestEnv) -> Result {
+    let [typed, shown, said] = ["typed", "shown", "said"].map(|name| env.topic(name));
     let routes = [
         Route::new(&yarp(&typed), &ros2(&shown), "Text"),
         Route::new(&ros2(&said), &yarp(&said), "Text"),
     ];
-    let mut write = world.yarp_tool("yarp", &["write", &typed])?;
-    exists(world, &typed)?;
-    let config = routes.into_iter().fold(world.embedded(), wrapyfi_e2e::Config::route);
-    let bridge = world.bridge(&config)?;
+    let mut write = env.yarp_tool("yarp", &["write", &typed])?;
+    exists(env, &typed)?;
+    let config = routes.into_iter().fold(env.embedded(), wrapyfi_e2e::Config::route);
+    let bridge = env.bridge(&config)?;
     let endpoint = ros2(&shown);
-    let echo = world.wrapyfi(["echo", &endpoint, "--type", "Text", "--json"])?;
+    let echo = env.wrapyfi(["echo", &endpoint, "--type", "Text", "--json"])?;
     bridge.wait_until("the route to be active", |output| {
         let last = output.objects().last()?;
         (last["routes"][0]["state"] == "active").then_some(())
@@ -349,33 +346,33 @@ fn a_bridge_carries_what_tools_write_and_read(world: &World) -> Result {
 
     let endpoint = ros2(&said);
     let publish = ["pub", &endpoint, "--type", "Text", "--value", "\"down again\"", "--rate", "10"];
-    let _publisher = world.wrapyfi(publish)?;
-    exists(world, &said)?;
-    let read = world.yarp_tool("yarp", &["read", "...", &said])?;
+    let _publisher = env.wrapyfi(publish)?;
+    exists(env, &said)?;
+    let read = env.yarp_tool("yarp", &["read", "...", &said])?;
     prints(&read, "down again")
 }
 
 /// A simulated head under YARP's own control board server.
-fn control_board(world: &World, head: &str) -> Result<Process> {
+fn control_board(env: &TestEnv, head: &str) -> Result<Process> {
     let device = ["--device", "deviceBundler", "--wrapper_device", "controlBoard_nws_yarp"];
     let joints = ["--attached_device", "fakeMotionControl", "--period", "0.02", "--name", head];
-    let board = world.yarp_tool("yarpdev", &[&device[..], &joints[..]].concat())?;
-    exists(world, &format!("{head}/stateExt:o"))?;
+    let board = env.yarp_tool("yarpdev", &[&device[..], &joints[..]].concat())?;
+    exists(env, &format!("{head}/stateExt:o"))?;
     Ok(board)
 }
 
-fn a_control_board_is_commanded_and_asked(world: &World) -> Result {
-    let head = world.topic("head");
-    let _board = control_board(world, &head)?;
-    let bridge = world.executable("yarp_bridge", &[])?;
+fn a_control_board_is_commanded_and_asked(env: &TestEnv) -> Result {
+    let head = env.topic("head");
+    let _board = control_board(env, &head)?;
+    let bridge = env.executable("yarp_bridge", &[])?;
     let ask = |endpoint: &str, args: &str| {
         let kind = ["--type", "NativeObject", "--json", "--timeout", "60", "--args", args];
-        let mut call = world.wrapyfi([&["call", endpoint], &kind[..]].concat())?;
+        let mut call = env.wrapyfi([&["call", endpoint], &kind[..]].concat())?;
         call.exits_with(0).map_err(|error| error.context(bridge.tail()))?;
         Ok::<_, anyhow::Error>(call.objects(1)?.remove(0)["value"].clone())
     };
     let nws = format!("{head}/nws/rpc:i");
-    let is_of_yarp_4 = world.yarp_tool("yarp", &["exists", &nws])?.exit_code()? == 0;
+    let is_of_yarp_4 = env.yarp_tool("yarp", &["exists", &nws])?.exit_code()? == 0;
     // Of YARP 3 it has no help, and says so.
     let (rpc, questions) = if is_of_yarp_4 {
         (nws, [(r#"["getAxesRPC"]"#, &["[ok]", "1"][..]), (r#"["help"]"#, &["getAxesRPC"])])
@@ -392,44 +389,44 @@ fn a_control_board_is_commanded_and_asked(world: &World) -> Result {
     }
     let (endpoint, input) = (ros2(&format!("{head}/command/i")), format!("{head}/command:i"));
     let kind = ["--type", "std_msgs/msg/Float64MultiArray", "--value", r#"{"data": [1.0]}"#];
-    let _commands = world.wrapyfi([&["pub", &endpoint], &kind[..], &["--rate", "10"]].concat())?;
+    let _commands = env.wrapyfi([&["pub", &endpoint], &kind[..], &["--rate", "10"]].concat())?;
     prints(&bridge, &format!("writes to the port {input}"))?;
-    told(world, &["ping", &input], |said| said.contains(":out:")).map(drop)
+    told(env, &["ping", &input], |said| said.contains(":out:")).map(drop)
 }
 
 /// YARP's ports do not start where their name is registered.
-fn an_input_that_comes_after_its_topic_finds_its_name_free(world: &World) -> Result {
-    let words = format!("{}/words/in", world.topic("robot"));
-    let bridge = world.executable("yarp_bridge", &["-p", "status_json:=true"])?;
+fn an_input_that_comes_after_its_topic_finds_its_name_free(env: &TestEnv) -> Result {
+    let words = format!("{}/words/in", env.topic("robot"));
+    let bridge = env.executable("yarp_bridge", &["-p", "status_json:=true"])?;
     let (topic, kind) = (ros2(&words), ["--type", "Text", "--value", "\"up you go\""]);
-    let _publisher = world.wrapyfi([&["pub", &topic], &kind[..], &["--rate", "10"]].concat())?;
+    let _publisher = env.wrapyfi([&["pub", &topic], &kind[..], &["--rate", "10"]].concat())?;
     let name = format!("{topic} -> {}", yarp(&words));
     bridge.wait_until("the route", |output| {
         let status = output.objects().last()?;
         status["routes"].as_array()?.iter().find(|route| route["name"] == *name).map(drop)
     })?;
-    let mut known = world.yarp_tool("yarp", &["name", "query", &words])?;
+    let mut known = env.yarp_tool("yarp", &["name", "query", &words])?;
     known.exit_code()?;
     let said = known.stdout() + &known.stderr();
     assert!(!said.contains(" port "), "nobody has the name: {said}");
-    let robot = world.yarp_tool("yarp", &["read", &words])?;
+    let robot = env.yarp_tool("yarp", &["read", &words])?;
     prints(&robot, "up you go").map_err(|error| error.context(bridge.tail()))
 }
 
 /// YARP's server, started anew, gives the same numbers away again.
-fn ours_take_no_number_that_a_robot_is_given(world: &World) -> Result {
-    let port = world.topic("cam");
-    let _publisher = publisher(world, &port, "hello")?;
-    exists(world, &port)?;
+fn ours_take_no_number_that_a_robot_is_given(env: &TestEnv) -> Result {
+    let port = env.topic("cam");
+    let _publisher = publisher(env, &port, "hello")?;
+    exists(env, &port)?;
     let number = |name: &str| {
-        let said = told(world, &["name", "query", name], |said| said.contains(" port "))?;
+        let said = told(env, &["name", "query", name], |said| said.contains(" port "))?;
         let number = said.split(" port ").nth(1).and_then(|rest| rest.split(' ').next());
         Ok::<_, anyhow::Error>(number.unwrap_or_default().parse::<u16>()?)
     };
     let ours = number(&port)?;
-    let given = world.topic("given");
-    told(world, &["name", "register", &given], |said| said.contains(" port "))?;
-    let base = world.yarp_port();
+    let given = env.topic("given");
+    told(env, &["name", "register", &given], |said| said.contains(" port "))?;
+    let base = env.yarp_port();
     let near = |number: u16| {
         let bases = [base, 10_000];
         bases.iter().any(|base| (*base..base.saturating_add(100)).contains(&number))

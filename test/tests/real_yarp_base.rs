@@ -1,12 +1,10 @@
 //! A mobile base of YARP in ROS 2: its laser, its odometry, its camera with depth, and velocities to it. Each is
 //! `yarpdev` with a server of YARP's around one of its fake devices, at our name server.
 
-#![allow(clippy::indexing_slicing, clippy::panic, reason = "in a test a panic is the right answer")]
-
 use serde_json::{Value, json};
-use wrapyfi_e2e::{Need, Process, Result, Route, World, ros2, run, yarp};
+use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, ros2, run, yarp};
 
-/// What a test needs that runs this server of YARP around this device.
+/// Needs of a test that runs this server of YARP around this device.
 macro_rules! needs {
     ($wrapper:literal, $device:literal) => {
         &[
@@ -27,20 +25,20 @@ const INFO: &str = "sensor_msgs/msg/CameraInfo";
 /// Tries of what another program has to be asked for.
 const TRIES: usize = 100;
 
-fn device(world: &World, wrapper: &str, device: &str, more: &[&str]) -> Result<Process> {
+fn device(env: &TestEnv, wrapper: &str, device: &str, more: &[&str]) -> Result<Process> {
     let bundle = ["--device", "deviceBundler", "--wrapper_device", wrapper];
     let args = [&bundle[..], &["--attached_device", device], more].concat();
-    Ok(world.yarp_tool("yarpdev", &args)?.pillar())
+    Ok(env.yarp_tool("yarpdev", &args)?.pillar())
 }
 
 /// The first message of a port of YARP that `is_wanted`, read as a type. Devices send before they have measured.
 fn first(
-    world: &World,
+    env: &TestEnv,
     port: &str,
     kind: &str,
     is_wanted: impl Fn(&Value) -> bool,
 ) -> Result<Value> {
-    let echo = world.wrapyfi(["echo", &yarp(port), "--type", kind, "--json"])?;
+    let echo = env.wrapyfi(["echo", &yarp(port), "--type", kind, "--json"])?;
     echo.wait_until(&format!("a {kind}"), |output| {
         output.objects().find(|heard| is_wanted(&heard["value"]))
     })
@@ -54,15 +52,15 @@ fn number(value: &Value, path: &str) -> f64 {
 #[test]
 fn a_laser_of_yarp_is_a_laser_of_ros() -> Result {
     let needs = needs!("rangefinder2D_nws_yarp", "fakeLaser");
-    run("a_laser_of_yarp_is_a_laser_of_ros", needs, |world| {
-        let _server = world.yarpserver()?;
-        let port = world.topic("laser:o");
+    run("a_laser_of_yarp_is_a_laser_of_ros", needs, |env| {
+        let _server = env.yarpserver()?;
+        let port = env.topic("laser:o");
         let range = ["--SENSOR::min_angle", "-90", "--SENSOR::max_angle", "90"];
         let rays = ["--SENSOR::resolution", "0.5", "--test", "use_constant"];
         let wall = ["--CONSTANT_MODE::const_distance", "1.25", "--name", &port];
         let args = [range, rays, wall].concat();
-        let _laser = device(world, "rangefinder2D_nws_yarp", "fakeLaser", &args)?;
-        let heard = first(world, &port, SCAN, |scan| scan["ranges"][0] == 1.25)?;
+        let _laser = device(env, "rangefinder2D_nws_yarp", "fakeLaser", &args)?;
+        let heard = first(env, &port, SCAN, |scan| scan["ranges"][0] == 1.25)?;
         let scan = &heard["value"];
         let half = std::f64::consts::FRAC_PI_2;
         let step = 0.5_f64.to_radians();
@@ -84,11 +82,11 @@ fn a_laser_of_yarp_is_a_laser_of_ros() -> Result {
 #[test]
 fn an_odometry_of_yarp_is_one_of_ros() -> Result {
     let needs = needs!("odometry2D_nws_yarp", "fakeOdometry2D");
-    run("an_odometry_of_yarp_is_one_of_ros", needs, |world| {
-        let _server = world.yarpserver()?;
-        let base = world.topic("base");
-        let _base = device(world, "odometry2D_nws_yarp", "fakeOdometry2D", &["--name", &base])?;
-        let heard = first(world, &format!("{base}/odometry:o"), ODOMETRY, Value::is_object)?;
+    run("an_odometry_of_yarp_is_one_of_ros", needs, |env| {
+        let _server = env.yarpserver()?;
+        let base = env.topic("base");
+        let _base = device(env, "odometry2D_nws_yarp", "fakeOdometry2D", &["--name", &base])?;
+        let heard = first(env, &format!("{base}/odometry:o"), ODOMETRY, Value::is_object)?;
         let odometry = &heard["value"];
         assert_eq!(odometry["header"]["frame_id"], "odom", "{heard}");
         assert_eq!(odometry["child_frame_id"], "base_link", "{heard}");
@@ -106,27 +104,27 @@ fn an_odometry_of_yarp_is_one_of_ros() -> Result {
 #[test]
 fn a_twist_of_ros_moves_a_base_of_yarp() -> Result {
     let needs = needs!("mobileBaseVelocityControl_nws_yarp", "fakeNavigation");
-    run("a_twist_of_ros_moves_a_base_of_yarp", needs, |world| {
-        let _server = world.yarpserver()?;
-        let base = world.topic("base");
+    run("a_twist_of_ros_moves_a_base_of_yarp", needs, |env| {
+        let _server = env.yarpserver()?;
+        let base = env.topic("base");
         let args = ["--local", &base];
         let wrapper = "mobileBaseVelocityControl_nws_yarp";
-        let _base = device(world, wrapper, "fakeNavigation", &args)?;
-        let velocity = ros2(&world.topic("cmd_vel"));
+        let _base = device(env, wrapper, "fakeNavigation", &args)?;
+        let velocity = ros2(&env.topic("cmd_vel"));
         let to_base = format!("{{ base: velocity, out_topic_connect: \"{base}/data:i\" }}");
-        let ours = yarp(&world.topic("bridge/velocity:o"));
+        let ours = yarp(&env.topic("bridge/velocity:o"));
         let route = Route::new(&velocity, &ours, TWIST).with("options", &to_base);
-        let bridge = world.bridge(&world.embedded().route(route))?;
+        let bridge = env.bridge(&env.embedded().route(route))?;
         let wanted = json!({ "linear": { "x": 0.5, "y": -0.25 }, "angular": { "z": 0.125 } });
         let wanted = wanted.to_string();
         let publish = ["pub", &velocity, "--type", TWIST, "--value", &wanted, "--rate", "20"];
-        let _publisher = world.wrapyfi(publish)?;
+        let _publisher = env.wrapyfi(publish)?;
         let rpc = yarp(&format!("{base}/rpc:i"));
         let ask =
             ["call", &rpc, "--option", "bottle=true", "--args", "[\"getLastVelocityCommandRPC\"]"];
         let mut answer = String::new();
         for _ in 0..TRIES {
-            let mut call = world.wrapyfi(ask)?;
+            let mut call = env.wrapyfi(ask)?;
             // The port answers once the device is attached to it.
             call.exit_code()?;
             answer = call.stdout();
@@ -150,15 +148,15 @@ fn stamps(echo: &Process) -> Result<Vec<f64>> {
 #[test]
 fn a_camera_with_depth_has_its_calibration_beside_each_picture() -> Result {
     let needs = needs!("rgbdSensor_nws_yarp", "fakeDepthCamera");
-    run("a_camera_with_depth_has_its_calibration_beside_each_picture", needs, |world| {
-        let _server = world.yarpserver()?;
-        let camera = world.topic("depthCamera");
+    run("a_camera_with_depth_has_its_calibration_beside_each_picture", needs, |env| {
+        let _server = env.yarpserver()?;
+        let camera = env.topic("depthCamera");
         let args = ["--name", &camera, "--period", "0.05"];
-        let _camera = device(world, "rgbdSensor_nws_yarp", "fakeDepthCamera", &args)?;
-        let bridge = world.executable("yarp_bridge", &[])?;
+        let _camera = device(env, "rgbdSensor_nws_yarp", "fakeDepthCamera", &args)?;
+        let bridge = env.executable("yarp_bridge", &[])?;
         let echo = |topic: &str, kind: &str| {
             let topic = ros2(&format!("{camera}/{topic}"));
-            world.wrapyfi(["echo", &topic, "--type", kind, "--json"])
+            env.wrapyfi(["echo", &topic, "--type", kind, "--json"])
         };
         let size = [json!(240), json!(320)];
         for (eye, encoding) in [("rgbImage", "rgb8"), ("depthImage", "32FC1")] {

@@ -1,20 +1,18 @@
 //! A bridge whose configuration changes while it runs.
 
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
-
-use wrapyfi_e2e::{Need, Process, Result, Route, World, ros2, run, until_route, zeromq};
+use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, ros2, run, until_route, yarp, zeromq};
 
 const FILE: &str = "reload.yaml";
 
-fn named(world: &World, name: &str) -> Route {
-    let topic = world.topic(name);
+fn named(env: &TestEnv, name: &str) -> Route {
+    let topic = env.topic(name);
     Route::new(&zeromq(&topic), &ros2(&topic), "NativeObject").with("name", name)
 }
 
 /// The text of a configuration with these routes.
-fn text(world: &World, names: &[&str]) -> String {
-    let begin = world.embedded();
-    names.iter().fold(begin, |config, name| config.route(named(world, name))).yaml()
+fn text(env: &TestEnv, names: &[&str]) -> String {
+    let begin = env.embedded();
+    names.iter().fold(begin, |config, name| config.route(named(env, name))).yaml()
 }
 
 fn there(bridge: &Process, name: &str) -> Result {
@@ -24,58 +22,139 @@ fn there(bridge: &Process, name: &str) -> Result {
 /// The file is written anew, another takes its place, half of it is there, and it is gone.
 #[test]
 fn a_bridge_turns_to_its_changed_file_and_refuses_a_wrong_one() -> Result {
-    run("reload_file", &[Need::Program], |world| {
-        let config = ["stays", "goes"]
-            .iter()
-            .fold(world.embedded(), |it, name| it.route(named(world, name)));
-        let bridge = world.bridge_named(FILE, &config)?;
+    run("reload_file", &[Need::Program], |env| {
+        let config =
+            ["stays", "goes"].iter().fold(env.embedded(), |it, name| it.route(named(env, name)));
+        let bridge = env.bridge_named(FILE, &config)?;
         there(&bridge, "goes")?;
-        world.write(FILE, text(world, &["stays", "comes"]))?;
+        env.write(FILE, text(env, &["stays", "comes"]))?;
         there(&bridge, "comes")?;
         until_route(&bridge, "goes", |route| route.is_none())?;
         // An editor that writes beside, and takes the name.
-        let beside = world.write("beside.yaml", text(world, &["stays", "renamed"]))?;
-        std::fs::rename(beside, world.path(FILE))?;
+        let beside = env.write("beside.yaml", text(env, &["stays", "renamed"]))?;
+        std::fs::rename(beside, env.path(FILE))?;
         there(&bridge, "renamed")?;
         // Half a file, and what needs a start.
-        let half = format!("{}  - {{ from: 'zeromq:/hal", text(world, &["stays"]));
-        world.write(FILE, half)?;
+        let half = format!("{}  - {{ from: 'zeromq:/hal", text(env, &["stays"]));
+        env.write(FILE, half)?;
         let told = |what: &'static str| {
             bridge.wait_until(what, move |output| {
                 output.err.iter().any(|line| line.contains(what)).then_some(())
             })
         };
         told("the routes stay as they are")?;
-        world.write(FILE, format!("hosts: {{ robot: 10.0.0.9 }}\n{}", text(world, &["stays"])))?;
-        told("hosts.robot was left out at the start and is 10.0.0.9 now: start the program anew")?;
-        std::fs::remove_file(world.path(FILE))?;
+        let elsewhere =
+            text(env, &["stays"]).replace("endpoints:", "endpoints:\n  ros2: { domain_id: 77 }");
+        env.write(FILE, elsewhere)?;
+        told("endpoints.ros2.domain_id was")?;
+        told("is 77 now: start the program anew for that")?;
+        let to_itself = format!("  - {{ from: '{0}', to: '{0}', type: Text }}\n", zeromq("/x"));
+        env.write(FILE, text(env, &["stays"]) + &to_itself)?;
+        told("to itself: it would loop")?;
+        std::fs::remove_file(env.path(FILE))?;
         told("is gone: the routes stay as they are")?;
         there(&bridge, "renamed")?;
-        world.write(FILE, text(world, &["stays", "last"]))?;
+        env.write(FILE, text(env, &["stays", "last"]))?;
         there(&bridge, "last")?;
         until_route(&bridge, "renamed", |route| route.is_none())
+    })
+}
+
+/// The signal has the file read though it is the same, and so often in a row that it is read meanwhile.
+#[test]
+fn a_signal_has_the_file_read_again() -> Result {
+    run("reload_signal", &[Need::Program], |env| {
+        let config = env.embedded().route(named(env, "stays"));
+        let bridge = env.bridge_named(FILE, &config)?;
+        there(&bridge, "stays")?;
+        let told = |what: String| {
+            bridge.wait_until(&what.clone(), move |output| {
+                output.err.iter().any(|line| line.contains(&what)).then_some(())
+            })
+        };
+        bridge.hang_up()?;
+        told("0 added, 0 removed, 0 changed, 1 the same".to_owned())?;
+        for n in 0..50 {
+            let beside = env.write("beside.yaml", text(env, &["stays", &format!("x{n}")]))?;
+            std::fs::rename(beside, env.path(FILE))?;
+            bridge.hang_up()?;
+        }
+        there(&bridge, "x49")?;
+        for n in 0..49 {
+            until_route(&bridge, &format!("x{n}"), |route| route.is_none())?;
+        }
+        there(&bridge, "stays")
+    })
+}
+
+/// The first route on a middleware starts it; other settings have it start anew, and the same ones in other words
+/// do not.
+#[test]
+fn a_middleware_starts_and_starts_anew_alone() -> Result {
+    run("reload_middleware", &[Need::Program], |env| {
+        let stays = env.embedded().route(named(env, "stays"));
+        let bridge = env.bridge_named(FILE, &stays)?;
+        there(&bridge, "stays")?;
+        let ends = [yarp(&env.topic("robot")), ros2(&env.topic("robot"))];
+        let robot = Route::new(&ends[0], &ends[1], "NativeObject").with("name", "robot");
+        let both = stays.yarp(env).route(robot).yaml();
+        env.write(FILE, &both)?;
+        let told = |what: &'static str| {
+            bridge.wait_until(what, move |output| {
+                let told = output.err.iter().filter(|line| line.contains(what)).count();
+                (told > 0).then_some(told)
+            })
+        };
+        told("yarp starts")?;
+        until_route(&bridge, "robot", |route| {
+            // Its port is asked for: YARP has started.
+            route.is_some_and(|it| it["reason"].to_string().contains("port "))
+        })?;
+        let ports = |pub_port: u16, sub_port: u16| {
+            both.replace(&format!("pub_port: {}", env.pub_port()), &format!("pub_port: {pub_port}"))
+                .replace(&format!("sub_port: {}", env.sub_port()), &format!("sub_port: {sub_port}"))
+        };
+        let is_open = |port: u16| std::net::TcpStream::connect(("127.0.0.1", port)).is_ok();
+        assert!(is_open(env.pub_port()) && !is_open(env.rep_port()));
+        let other = ports(env.rep_port(), env.req_port());
+        env.write(FILE, &other)?;
+        told("zeromq starts anew")?;
+        told("zeromq has started")?;
+        assert!(is_open(env.rep_port()) && !is_open(env.pub_port()));
+        until_route(&bridge, "stays", |route| {
+            route.is_some_and(|it| !it["reason"].to_string().contains("in use"))
+        })?;
+        // The default, spelled out.
+        env.write(FILE, other.replace("    broker:", "    send_hwm: 1000\n    broker:"))?;
+        told("was read again: 0 added, 0 removed, 0 changed, 2 the same")?;
+        let anew = bridge.wait_until("the log", |output| {
+            Some(output.err.iter().filter(|line| line.contains("starts anew")).count())
+        })?;
+        // Once as it is decided, and once as the reason of its route's end.
+        anyhow::ensure!(anew <= 2, "{anew} lines: {}", bridge.stderr());
+        Ok(())
     })
 }
 
 /// The service tells what has changed, or why nothing has; `check --against` tells it before.
 #[test]
 fn a_reload_by_the_service_tells_the_difference() -> Result {
-    run("reload_service", &[Need::Program], |world| {
-        let config = world.embedded().route(named(world, "stays"));
-        let bridge = world.bridge_named(FILE, &config)?;
+    run("reload_service", &[Need::Program], |env| {
+        let config = env.embedded().route(named(env, "stays"));
+        let bridge = env.bridge_named(FILE, &config)?;
         there(&bridge, "stays")?;
-        let new = world.write("new.yaml", text(world, &["stays", "comes"]))?;
+        let new = env.write("new.yaml", text(env, &["stays", "comes"]))?;
         let against = ["check", &new.display().to_string(), "--against"].map(str::to_owned);
-        let old = world.path(FILE).display().to_string();
-        let mut check = world.wrapyfi(against.into_iter().chain([old]))?;
+        let old = env.path(FILE).display().to_string();
+        let mut check = env.wrapyfi(against.into_iter().chain([old]))?;
         check.exits_with(0)?;
         let told = check.stdout();
         assert!(told.contains("+ zeromq:") && told.contains("1 added, 0 removed"), "{told}");
-        std::fs::rename(new, world.path(FILE))?;
+        std::fs::rename(new, env.path(FILE))?;
         let call = || {
             let service = ros2("/wrapyfi_bridge/reload");
             let mut call =
-                world.wrapyfi(["call", &service, "--type", "std_srvs/srv/Trigger", "--json"])?;
+                env.wrapyfi(["call", &service, "--type", "std_srvs/srv/Trigger", "--json"])?;
             call.exits_with(0)?;
             Result::Ok(call.stdout())
         };
@@ -83,7 +162,7 @@ fn a_reload_by_the_service_tells_the_difference() -> Result {
         let told = call()?;
         assert!(told.contains("true") && told.contains("removed"), "{told}");
         there(&bridge, "comes")?;
-        world.write(FILE, "routes: [")?;
+        env.write(FILE, "routes: [")?;
         let told = call()?;
         assert!(told.contains("false") && told.contains("reload.yaml"), "{told}");
         there(&bridge, "comes")

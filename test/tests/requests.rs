@@ -1,33 +1,31 @@
 //! `wrapyfi call` and `wrapyfi serve` on ZeroMQ and the real Wrapyfi: every type, both directions,
 //! either broker.
 
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
-
 use serde_json::{Value, json};
-use wrapyfi_e2e::{Need, Process, Result, World, run, sha256, texts};
+use wrapyfi_e2e::{Need, Process, Result, TestEnv, run, sha256, texts};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Python];
 
 #[derive(Clone, Copy, PartialEq)]
 enum Broker {
     Ours,
-    /// That of the real Wrapyfi, in its first server.
+    /// Broker of the real Wrapyfi, in its first server.
     Wrapyfis,
 }
 
-fn call(world: &World, service_type: &str, more: &[&str]) -> Result<Process> {
-    let port = world.rep_port().to_string();
+fn call(env: &TestEnv, service_type: &str, more: &[&str]) -> Result<Process> {
+    let port = env.rep_port().to_string();
     let mut args = vec!["call", "zeromq:/x", "--type", service_type, "--rep-port", &port];
     args.extend(["--timeout", "100", "--json"]);
     args.extend(more);
-    world.wrapyfi(args)
+    env.wrapyfi(args)
 }
 
 /// A server that is there: with the broker, whoever has it.
-fn serve(world: &World, service_type: &str, more: &[&str]) -> Result<Process> {
+fn serve(env: &TestEnv, service_type: &str, more: &[&str]) -> Result<Process> {
     let mut args = vec!["serve", "zeromq:/x", "--type", service_type, "--json"];
     args.extend(more);
-    let server = world.wrapyfi(args)?;
+    let server = env.wrapyfi(args)?;
     server.wait_until("the server", |output| {
         output.err.iter().any(|line| line.contains("serving")).then_some(())
     })?;
@@ -35,22 +33,22 @@ fn serve(world: &World, service_type: &str, more: &[&str]) -> Result<Process> {
 }
 
 /// The broker of the real Wrapyfi.
-fn wrapyfis_broker(world: &World) -> Result<Process> {
-    let ports = format!("--rep-port {} --req-port {}", world.rep_port(), world.req_port());
-    let broker = world.peer("wrapyfi_peer.py", &format!("broker --topic /unused {ports}"))?;
+fn wrapyfis_broker(env: &TestEnv) -> Result<Process> {
+    let ports = format!("--rep-port {} --req-port {}", env.rep_port(), env.req_port());
+    let broker = env.peer("wrapyfi_peer.py", &format!("broker --topic /unused {ports}"))?;
     broker.event("ready")?;
     Ok(broker)
 }
 
 /// The real Wrapyfi serves; `wrapyfi call` must find the same hashes.
 fn client_hears(test: &str, broker: Broker, peer: &str, service_type: &str, key: &str) -> Result {
-    run(test, NEEDS, |world| {
-        let _broker = (broker == Broker::Ours).then(|| world.broker()).transpose()?;
+    run(test, NEEDS, |env| {
+        let _broker = (broker == Broker::Ours).then(|| env.broker()).transpose()?;
         let no_broker = if broker == Broker::Ours { "--no-broker" } else { "" };
-        let server = world.wrapyfi_server(&format!("{peer} {no_broker}"))?;
+        let server = env.wrapyfi_server(&format!("{peer} {no_broker}"))?;
         for number in 0..2_usize {
             let asked = format!("[{number}]");
-            let mut call = call(world, service_type, &["--args", &asked])?;
+            let mut call = call(env, service_type, &["--args", &asked])?;
             let got = call.objects(1)?.remove(0);
             call.exits_with(0)?;
             let sent = server.messages(number + 1)?.remove(number);
@@ -89,13 +87,13 @@ client_hears! {
 
 /// The real Wrapyfi sends what it wants back, and tells what it got.
 fn server_echoes(test: &str, broker: Broker, peer: &str, service_type: &str) -> Result {
-    run(test, NEEDS, |world| {
+    run(test, NEEDS, |env| {
         let _holder = match broker {
             Broker::Ours => None,
-            Broker::Wrapyfis => Some(wrapyfis_broker(world)?),
+            Broker::Wrapyfis => Some(wrapyfis_broker(env)?),
         };
-        let mut server = serve(world, service_type, &["--echo", "--count", "3"])?;
-        let mut client = world.wrapyfi_client(&format!("{peer} --count 3"))?;
+        let mut server = serve(env, service_type, &["--echo", "--count", "3"])?;
+        let mut client = env.wrapyfi_client(&format!("{peer} --count 3"))?;
         let got = texts(&client.messages(3)?, "sha256");
         client.exits_with(0)?;
         let asked = server.objects(3)?;
@@ -139,18 +137,18 @@ server_echoes! {
 /// Our client and our server, through our broker: keyword arguments, constants, errors.
 #[test]
 fn ours_among_each_other() -> Result {
-    run("ours_among_each_other", NEEDS, |world| {
-        let _broker = world.broker()?;
-        let _server = serve(world, "NativeObject", &["--echo"])?;
+    run("ours_among_each_other", NEEDS, |env| {
+        let _broker = env.broker()?;
+        let _server = serve(env, "NativeObject", &["--echo"])?;
         let kwargs = r#"{"k": {"__wrapyfi__": ["tuple", [1]]}}"#;
         let mut call_one =
-            call(world, "NativeObject", &["--args", "[[1, 2.5]]", "--kwargs", kwargs])?;
+            call(env, "NativeObject", &["--args", "[[1, 2.5]]", "--kwargs", kwargs])?;
         assert_eq!(call_one.objects(1)?[0]["value"], json!([1, 2.5]));
         call_one.exits_with(0)?;
         let asked = _server.objects(1)?;
         assert_eq!(asked[0]["kwargs"], json!({"k": {"@tuple": [1]}}));
         // The server is of another type: told, not waited for.
-        let mut wrong = call(world, "Image", &[])?;
+        let mut wrong = call(env, "Image", &[])?;
         wrong.exits_with(1)?;
         assert!(wrong.stderr().contains("one for Image"), "{}", wrong.stderr());
         Ok(())
@@ -160,10 +158,10 @@ fn ours_among_each_other() -> Result {
 /// A Python client of a server that fails raises, with the reason, and may ask again.
 #[test]
 fn wrapyfi_raises_where_our_server_fails() -> Result {
-    run("wrapyfi_raises_where_our_server_fails", NEEDS, |world| {
-        let _server = serve(world, "Image", &["--echo"])?;
+    run("wrapyfi_raises_where_our_server_fails", NEEDS, |env| {
+        let _server = serve(env, "Image", &["--echo"])?;
         // A native object is no image: our server answers with an error.
-        let mut client = world.wrapyfi_client("--flavour small --count 2 --fails")?;
+        let mut client = env.wrapyfi_client("--flavour small --count 2 --fails")?;
         for index in 0..2 {
             let failed = client.wait_until("an exception", |output| {
                 output.events("failed").into_iter().nth(index)
@@ -180,8 +178,8 @@ fn wrapyfi_raises_where_our_server_fails() -> Result {
 
 #[test]
 fn calls_that_cannot_be_end_with_a_reason() -> Result {
-    run("calls_that_cannot_be_end_with_a_reason", NEEDS, |world| {
-        let port = world.rep_port().to_string();
+    run("calls_that_cannot_be_end_with_a_reason", NEEDS, |env| {
+        let port = env.rep_port().to_string();
         for (more, code, words) in [
             (vec!["--timeout", "0.3"], 3, "still waiting for the broker at tcp://127.0.0.1"),
             (vec!["--args", "{}"], 2, "--args is {}; it must be a JSON list"),
@@ -190,13 +188,13 @@ fn calls_that_cannot_be_end_with_a_reason() -> Result {
         ] {
             let mut args = vec!["call", "zeromq:/x", "--rep-port", &port];
             args.extend(more);
-            let mut process = world.wrapyfi(&args)?;
+            let mut process = env.wrapyfi(&args)?;
             process.exits_with(code)?;
             assert!(process.stderr().contains(words), "{args:?}: {}", process.stderr());
         }
-        let _broker = world.broker()?;
+        let _broker = env.broker()?;
         let mut nobody =
-            world.wrapyfi(["call", "zeromq:/x", "--rep-port", &port, "--timeout", "0.5"])?;
+            env.wrapyfi(["call", "zeromq:/x", "--rep-port", &port, "--timeout", "0.5"])?;
         nobody.exits_with(3)?;
         assert!(nobody.stderr().contains("no server is there"), "{}", nobody.stderr());
         Ok(())
@@ -206,12 +204,12 @@ fn calls_that_cannot_be_end_with_a_reason() -> Result {
 /// A picture from a file reaches our client unchanged, without lists of numbers on the way.
 #[test]
 fn a_file_is_served() -> Result {
-    run("a_file_is_served", NEEDS, |world| {
+    run("a_file_is_served", NEEDS, |env| {
         let text = r#"{"speed": [1, 2.5]}"#;
-        let file = world.write("value.json", text)?;
+        let file = env.write("value.json", text)?;
         let file = file.to_string_lossy().into_owned();
-        let mut server = serve(world, "NativeObject", &["--file", &file, "--count", "1"])?;
-        let mut call = call(world, "NativeObject", &[])?;
+        let mut server = serve(env, "NativeObject", &["--file", &file, "--count", "1"])?;
+        let mut call = call(env, "NativeObject", &[])?;
         let got: Value = call.objects(1)?.remove(0);
         call.exits_with(0)?;
         server.exits_with(0)?;

@@ -1,37 +1,35 @@
 //! The `wrapyfi` program as a node of ROS 1, against Debian's rosmaster, rospy and tools: nothing of
 //! ROS 1 is in it.
 
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
-
 use serde_json::{Value, json};
-use wrapyfi_e2e::{Need, Process, Result, Route, World, ros1, ros2, run, texts};
+use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, ros1, ros2, run, texts};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Ros1];
 const WITH_WRAPYFI: &[Need] = &[Need::Program, Need::Ros1, Need::Python];
 
-fn echo(world: &World, endpoint: &str, message_type: &str, count: usize) -> Result<Process> {
+fn echo(env: &TestEnv, endpoint: &str, message_type: &str, count: usize) -> Result<Process> {
     let count = count.to_string();
     let args = ["echo", endpoint, "--type", message_type, "--count", &count];
-    world.wrapyfi(args.into_iter().chain(["--timeout", "100", "--json"]))
+    env.wrapyfi(args.into_iter().chain(["--timeout", "100", "--json"]))
 }
 
-fn publish(world: &World, endpoint: &str, value: &str, more: &[&str]) -> Result<Process> {
+fn publish(env: &TestEnv, endpoint: &str, value: &str, more: &[&str]) -> Result<Process> {
     let args = ["pub", endpoint, "--value", value].into_iter();
-    world.wrapyfi(args.chain(more.iter().copied()))
+    env.wrapyfi(args.chain(more.iter().copied()))
 }
 
-/// What a tool printed, when it has ended well.
-fn told(world: &World, tool: &str, args: &str) -> Result<String> {
-    let mut process = world.ros_tool(tool, args)?;
+/// Output of a tool that has ended well.
+fn told(env: &TestEnv, tool: &str, args: &str) -> Result<String> {
+    let mut process = env.ros_tool(tool, args)?;
     process.exits_with(0)?;
     Ok(process.stdout())
 }
 
 /// Asks a tool again until it says what it should.
-fn tells(world: &World, tool: &str, args: &str, wanted: impl Fn(&str) -> bool) -> Result<String> {
+fn tells(env: &TestEnv, tool: &str, args: &str, wanted: impl Fn(&str) -> bool) -> Result<String> {
     let mut said = String::new();
     for _ in 0..60 {
-        let mut process = world.ros_tool(tool, args)?;
+        let mut process = env.ros_tool(tool, args)?;
         process.exit_code()?;
         said = process.stdout();
         if wanted(&said) {
@@ -43,16 +41,16 @@ fn tells(world: &World, tool: &str, args: &str, wanted: impl Fn(&str) -> bool) -
 
 #[test]
 fn a_publisher_that_is_killed_is_one_line_of_the_log() -> Result {
-    run("a_publisher_that_is_killed_is_one_line_of_the_log", NEEDS, |world| {
-        let topic = world.topic("x");
-        let listener = world.wrapyfi(["echo", &ros1(&topic), "--type", "Text", "--json"])?;
-        let away = format!("waiting for master {}/ (it does not answer: ", world.ros_master_uri());
+    run("a_publisher_that_is_killed_is_one_line_of_the_log", NEEDS, |env| {
+        let topic = env.topic("x");
+        let listener = env.wrapyfi(["echo", &ros1(&topic), "--type", "Text", "--json"])?;
+        let away = format!("waiting for master {}/ (it does not answer: ", env.ros_master_uri());
         listener.wait_until("its complaint", |output| {
             output.err.iter().any(|line| line.contains(&away)).then_some(())
         })?;
-        let _roscore = world.roscore()?;
+        let _roscore = env.roscore()?;
         let mut publisher =
-            world.rospy(&format!("publish --topic {topic}"), Some(r#"{"data": "x"}"#))?;
+            env.rospy(&format!("publish --topic {topic}"), Some(r#"{"data": "x"}"#))?;
         listener.objects(1)?;
         publisher.kill()?;
         let is_told = |line: &&String| line.contains("ROS 1: publisher");
@@ -68,38 +66,38 @@ fn a_publisher_that_is_killed_is_one_line_of_the_log() -> Result {
 
 #[test]
 fn the_tools_of_ros_1_show_our_node() -> Result {
-    run("the_tools_of_ros_1_show_our_node", NEEDS, |world| {
-        let _roscore = world.roscore()?;
-        let topic = world.topic("x");
-        let listener = world.rospy(&format!("subscribe --topic {topic}"), None)?;
+    run("the_tools_of_ros_1_show_our_node", NEEDS, |env| {
+        let _roscore = env.roscore()?;
+        let topic = env.topic("x");
+        let listener = env.rospy(&format!("subscribe --topic {topic}"), None)?;
         let mut publisher = publish(
-            world,
+            env,
             &ros1(&topic),
             r#"{"n": 1}"#,
             &["--type", "NativeObject", "--rate", "20"],
         )?;
         assert_eq!(listener.messages(1)?[0]["value"], json!({"data": "{\"n\": 1}"}));
 
-        let info = told(world, "rostopic", &format!("info {topic}"))?;
+        let info = told(env, "rostopic", &format!("info {topic}"))?;
         assert!(info.contains("Type: std_msgs/String"), "{info}");
         let publishers = info.split("Subscribers").next().unwrap_or_default();
         let node = publishers.lines().find_map(|line| line.trim().strip_prefix("* /wrapyfi_"));
         let Some(node) = node else { panic!("no node of ours: {info}") };
         let node = format!("/wrapyfi_{}", node.split_whitespace().next().unwrap_or_default());
 
-        let ping = told(world, "rosnode", &format!("ping -c 1 {node}"))?;
+        let ping = told(env, "rosnode", &format!("ping -c 1 {node}"))?;
         assert!(ping.contains("xmlrpc reply from http://127.0.0.1:"), "{ping}");
-        let info = told(world, "rosnode", &format!("info {node}"))?;
+        let info = told(env, "rosnode", &format!("info {node}"))?;
         assert!(info.contains(&format!("* {topic} [std_msgs/String]")), "{info}");
         assert!(info.contains("* to: /rospy_peer") && info.contains("outbound"), "{info}");
         assert!(info.contains("transport: TCPROS"), "{info}");
-        let echo = told(world, "rostopic", &format!("echo -n 1 {topic}"))?;
+        let echo = told(env, "rostopic", &format!("echo -n 1 {topic}"))?;
         assert!(echo.contains(r#"{\"n\": 1}"#), "{echo}");
 
         publisher.terminate()?;
         publisher.exits_with(0)?;
         // Nothing of us is left at the master: no grace, no cleanup.
-        let nodes = told(world, "rosnode", "list")?;
+        let nodes = told(env, "rosnode", "list")?;
         assert!(!nodes.contains("/wrapyfi_"), "{nodes}");
         Ok(())
     })
@@ -107,13 +105,13 @@ fn the_tools_of_ros_1_show_our_node() -> Result {
 
 #[test]
 fn echo_hears_rospy_and_names_itself_to_it() -> Result {
-    run("echo_hears_rospy_and_names_itself_to_it", NEEDS, |world| {
-        let topic = world.topic("x");
+    run("echo_hears_rospy_and_names_itself_to_it", NEEDS, |env| {
+        let topic = env.topic("x");
         // Before there is a master.
-        let mut echo = echo(world, &ros1(&topic), "NativeObject", 3)?;
-        let _roscore = world.roscore()?;
+        let mut echo = echo(env, &ros1(&topic), "NativeObject", 3)?;
+        let _roscore = env.roscore()?;
         let peer =
-            world.rospy(&format!("publish --topic {topic}"), Some(r#"{"data": "[{n}, 2]"}"#))?;
+            env.rospy(&format!("publish --topic {topic}"), Some(r#"{"data": "[{n}, 2]"}"#))?;
         let heard = echo.objects(3)?;
         echo.exits_with(0)?;
         let first = heard[0]["value"][0].as_u64().unwrap_or_default();
@@ -127,33 +125,33 @@ fn echo_hears_rospy_and_names_itself_to_it() -> Result {
 
 #[test]
 fn latched_messages_go_both_ways_once() -> Result {
-    run("latched_messages_go_both_ways_once", NEEDS, |world| {
-        let _roscore = world.roscore()?;
-        let (there, here) = (world.topic("there"), world.topic("here"));
+    run("latched_messages_go_both_ways_once", NEEDS, |env| {
+        let _roscore = env.roscore()?;
+        let (there, here) = (env.topic("there"), env.topic("here"));
         // Two latched publishers of one topic: each message once.
         let latch = |node: &str, value: &str| {
             let args = format!("publish --topic {there} --latch --count 1 --node {node}");
-            let peer = world.rospy(&args, Some(value))?;
+            let peer = env.rospy(&args, Some(value))?;
             peer.event("done")?;
             Ok::<_, anyhow::Error>(peer)
         };
         let _first = latch("first", r#"{"data": "1"}"#)?;
         let _second = latch("second", r#"{"data": "2"}"#)?;
-        let mut echo = echo(world, &ros1(&there), "NativeObject", 2)?;
+        let mut echo = echo(env, &ros1(&there), "NativeObject", 2)?;
         let mut heard: Vec<_> = echo.objects(2)?.iter().map(|one| one["value"].clone()).collect();
         echo.exits_with(0)?;
         heard.sort_by_key(Value::as_u64);
         assert_eq!(heard, [json!(1), json!(2)]);
 
         let publisher = publish(
-            world,
+            env,
             &ros1(&here),
             r#""kept""#,
             &["--type", "Text", "--qos", "latched", "--rate", "0.01"],
         )?;
-        tells(world, "rostopic", &format!("info {here}"), |said| said.contains("* /wrapyfi_"))?;
+        tells(env, "rostopic", &format!("info {here}"), |said| said.contains("* /wrapyfi_"))?;
         for _ in 0..2 {
-            let late = world.rospy(&format!("subscribe --topic {here} --count 1"), None)?;
+            let late = env.rospy(&format!("subscribe --topic {here} --count 1"), None)?;
             assert_eq!(late.messages(1)?[0]["value"], json!({"data": "kept"}));
         }
         drop(publisher);
@@ -163,24 +161,24 @@ fn latched_messages_go_both_ways_once() -> Result {
 
 #[test]
 fn a_type_of_any_package_is_received_and_sent() -> Result {
-    run("a_type_of_any_package_is_received_and_sent", NEEDS, |world| {
-        let _roscore = world.roscore()?;
-        let topic = world.topic("joints");
+    run("a_type_of_any_package_is_received_and_sent", NEEDS, |env| {
+        let _roscore = env.roscore()?;
+        let topic = env.topic("joints");
         let value =
             r#"{"header": {"frame_id": "arm"}, "name": ["a", "b"], "position": [0.5, {n}]}"#;
         let kind = "sensor_msgs/JointState";
-        let peer = world.rospy(&format!("publish --topic {topic} --type {kind}"), Some(value))?;
-        let mut echo = echo(world, &ros1(&topic), "sensor_msgs/msg/JointState", 2)?;
+        let peer = env.rospy(&format!("publish --topic {topic} --type {kind}"), Some(value))?;
+        let mut echo = echo(env, &ros1(&topic), "sensor_msgs/msg/JointState", 2)?;
         let heard = echo.objects(2)?;
         echo.exits_with(0)?;
         drop(peer);
         assert_eq!(heard[0]["value"]["name"], json!(["a", "b"]));
         assert_eq!(heard[0]["value"]["header"]["frame_id"], "arm");
 
-        let back = world.topic("back");
-        let listener = world.rospy(&format!("subscribe --topic {back} --type {kind}"), None)?;
+        let back = env.topic("back");
+        let listener = env.rospy(&format!("subscribe --topic {back} --type {kind}"), None)?;
         let mut publisher = publish(
-            world,
+            env,
             &ros1(&back),
             r#"{"header": {"stamp": {"sec": 5}, "frame_id": "leg"}, "name": ["c"], "effort": [1.5]}"#,
             &["--type", "sensor_msgs/msg/JointState", "--count", "2", "--rate", "20"],
@@ -196,13 +194,13 @@ fn a_type_of_any_package_is_received_and_sent() -> Result {
 
 #[test]
 fn a_mismatch_is_told_on_both_sides() -> Result {
-    run("a_mismatch_is_told_on_both_sides", NEEDS, |world| {
-        let _roscore = world.roscore()?;
-        let topic = world.topic("x");
+    run("a_mismatch_is_told_on_both_sides", NEEDS, |env| {
+        let _roscore = env.roscore()?;
+        let topic = env.topic("x");
         let peer =
-            world.rospy(&format!("publish --topic {topic} --latch"), Some(r#"{"data": "1"}"#))?;
+            env.rospy(&format!("publish --topic {topic} --latch"), Some(r#"{"data": "1"}"#))?;
         peer.messages(1)?;
-        let echo = echo(world, &ros1(&topic), "Image", 1)?;
+        let echo = echo(env, &ros1(&topic), "Image", 1)?;
         echo.wait_until("the reason", |output| {
             let tells = |line: &String| {
                 line.contains("it refuses: topic types do not match")
@@ -218,12 +216,12 @@ fn a_mismatch_is_told_on_both_sides() -> Result {
 /// The master ends and comes back, a peer is killed and comes back under its name.
 #[test]
 fn what_is_lost_is_found_again() -> Result {
-    run("what_is_lost_is_found_again", NEEDS, |world| {
-        let mut roscore = world.roscore()?;
-        let topic = world.topic("x");
+    run("what_is_lost_is_found_again", NEEDS, |env| {
+        let mut roscore = env.roscore()?;
+        let topic = env.topic("x");
         let value = Some(r#"{"data": "\"{n}\""}"#);
-        let echo = echo(world, &ros1(&topic), "NativeObject", 100_000)?;
-        let talker = || world.rospy(&format!("publish --topic {topic} --node talker"), value);
+        let echo = echo(env, &ros1(&topic), "NativeObject", 100_000)?;
+        let talker = || env.rospy(&format!("publish --topic {topic} --node talker"), value);
         let first = talker()?;
         let mut heard = echo.objects(3)?.len();
         // The connection outlives the master.
@@ -231,8 +229,8 @@ fn what_is_lost_is_found_again() -> Result {
         roscore.exit_code()?;
         heard = echo.objects(heard + 20)?.len();
         drop(roscore);
-        let _roscore = world.roscore()?;
-        tells(world, "rostopic", &format!("info {topic}"), |said| said.contains("* /wrapyfi_"))?;
+        let _roscore = env.roscore()?;
+        tells(env, "rostopic", &format!("info {topic}"), |said| said.contains("* /wrapyfi_"))?;
         heard = echo.objects(heard + 5)?.len();
         drop(first); // killed, still in nobody's books: rospy does not register again
         let _second = talker()?;
@@ -243,28 +241,28 @@ fn what_is_lost_is_found_again() -> Result {
 
 #[test]
 fn properties_are_parameters_of_the_master() -> Result {
-    run("properties_are_parameters_of_the_master", NEEDS, |world| {
-        let _roscore = world.roscore()?;
-        let (there, here) = (world.topic("there"), world.topic("here"));
-        let peer = world.rospy(
+    run("properties_are_parameters_of_the_master", NEEDS, |env| {
+        let _roscore = env.roscore()?;
+        let (there, here) = (env.topic("there"), env.topic("here"));
+        let peer = env.rospy(
             &format!("param --topic {there}"),
             Some(r#"{"gain": 2.5, "camera": {"rate": 30}, "names": ["a", "b"]}"#),
         )?;
         peer.event("ready")?;
-        let mut echo = echo(world, &ros1(&there), "Properties", 1)?;
+        let mut echo = echo(env, &ros1(&there), "Properties", 1)?;
         let got = echo.objects(1)?.remove(0);
         echo.exits_with(0)?;
         let expected = json!({"gain": 2.5, "camera.rate": 30, "names": ["a", "b"]});
         assert_eq!(got["value"], expected, "{got}");
 
         let mut set = publish(
-            world,
+            env,
             &ros1(&here),
             r#"{"gain": 1.5, "camera": {"rate": 10}}"#,
             &["--type", "Properties", "--count", "1"],
         )?;
         set.exits_with(0)?;
-        let peer = world.rospy(&format!("param --topic {here}/camera/rate"), None)?;
+        let peer = env.rospy(&format!("param --topic {here}/camera/rate"), None)?;
         assert_eq!(peer.messages(1)?[0]["value"], 10);
         Ok(())
     })
@@ -273,18 +271,18 @@ fn properties_are_parameters_of_the_master() -> Result {
 /// A service of any type: `rosservice` calls ours, ours calls rospy's.
 #[test]
 fn services_of_any_type_go_both_ways() -> Result {
-    run("services_of_any_type_go_both_ways", NEEDS, |world| {
+    run("services_of_any_type_go_both_ways", NEEDS, |env| {
         const SET: (&str, &str) =
             ("std_srvs/srv/SetBool.srv", "bool data\n---\nbool success\nstring message\n");
-        let _roscore = world.roscore()?;
-        let folder = world.definitions(&[SET])?;
-        let (there, here) = (world.topic("there"), world.topic("here"));
-        let peer = world.rospy(&format!("serve --topic {there}"), None)?;
+        let _roscore = env.roscore()?;
+        let folder = env.definitions(&[SET])?;
+        let (there, here) = (env.topic("there"), env.topic("here"));
+        let peer = env.rospy(&format!("serve --topic {there}"), None)?;
         peer.event("ready")?;
         let call = |asked: &str| {
             let endpoint = ros1(&there);
             let args = ["call", &endpoint, "--type", "std_srvs/srv/SetBool", "--args", asked];
-            let mut call = world.wrapyfi(args.into_iter().chain([
+            let mut call = env.wrapyfi(args.into_iter().chain([
                 "--definitions",
                 &folder,
                 "--timeout",
@@ -299,7 +297,7 @@ fn services_of_any_type_go_both_ways() -> Result {
         assert_eq!(call("[false]")?, json!({"success": false, "message": "no"}));
 
         let endpoint = ros1(&here);
-        let _server = world.wrapyfi([
+        let _server = env.wrapyfi([
             "serve",
             &endpoint,
             "--type",
@@ -310,10 +308,10 @@ fn services_of_any_type_go_both_ways() -> Result {
             r#"{"success": true, "message": "done"}"#,
             "--json",
         ])?;
-        tells(world, "rosservice", "list", |said| said.contains(&here))?;
-        let kind = told(world, "rosservice", &format!("type {here}"))?;
+        tells(env, "rosservice", "list", |said| said.contains(&here))?;
+        let kind = told(env, "rosservice", &format!("type {here}"))?;
         assert_eq!(kind.trim(), "std_srvs/SetBool");
-        let said = told(world, "rosservice", &format!("call {here} true"))?;
+        let said = told(env, "rosservice", &format!("call {here} true"))?;
         assert!(said.contains("success: True") && said.contains("done"), "{said}");
         Ok(())
     })
@@ -321,13 +319,13 @@ fn services_of_any_type_go_both_ways() -> Result {
 
 #[test]
 fn list_shows_what_the_master_knows() -> Result {
-    run("list_shows_what_the_master_knows", NEEDS, |world| {
-        let _roscore = world.roscore()?;
-        let topic = world.topic("x");
+    run("list_shows_what_the_master_knows", NEEDS, |env| {
+        let _roscore = env.roscore()?;
+        let topic = env.topic("x");
         let peer =
-            world.rospy(&format!("publish --topic {topic} --latch"), Some(r#"{"data": "1"}"#))?;
+            env.rospy(&format!("publish --topic {topic} --latch"), Some(r#"{"data": "1"}"#))?;
         peer.messages(1)?;
-        let mut list = world.wrapyfi(["list", "ros", "--json", "--wait", "3"])?;
+        let mut list = env.wrapyfi(["list", "ros", "--json", "--wait", "3"])?;
         list.exits_with(0)?;
         let found = list.objects(1)?;
         let one = found.iter().find(|one| one["name"] == topic.as_str());
@@ -343,20 +341,20 @@ fn list_shows_what_the_master_knows() -> Result {
 /// Into ROS 2 and back: two bridges, so that nothing is decoded in between but by them.
 #[test]
 fn routes_join_ros_1_and_ros_2() -> Result {
-    run("routes_join_ros_1_and_ros_2", NEEDS, |world| {
-        let _roscore = world.roscore()?;
-        let [from, middle, back] = ["from", "middle", "back"].map(|name| world.topic(name));
+    run("routes_join_ros_1_and_ros_2", NEEDS, |env| {
+        let _roscore = env.roscore()?;
+        let [from, middle, back] = ["from", "middle", "back"].map(|name| env.topic(name));
         let kind = "sensor_msgs/msg/JointState";
         // One node does not hear itself: two do.
-        let there = world.embedded().route(Route::new(&ros1(&from), &ros2(&middle), kind));
-        let again = world.foreign().route(Route::new(&ros2(&middle), &ros1(&back), kind));
-        let _there = world.bridge_named("there.yaml", &there)?;
-        let _again = world.bridge_named("again.yaml", &again)?;
+        let there = env.embedded().route(Route::new(&ros1(&from), &ros2(&middle), kind));
+        let again = env.foreign().route(Route::new(&ros2(&middle), &ros1(&back), kind));
+        let _there = env.bridge_named("there.yaml", &there)?;
+        let _again = env.bridge_named("again.yaml", &again)?;
         let ros = "sensor_msgs/JointState";
         let listener =
-            world.rospy(&format!("subscribe --topic {back} --type {ros} --node ear"), None)?;
+            env.rospy(&format!("subscribe --topic {back} --type {ros} --node ear"), None)?;
         let value = r#"{"header": {"frame_id": "arm"}, "name": ["a"], "velocity": [{n}]}"#;
-        let _talker = world.rospy(&format!("publish --topic {from} --type {ros}"), Some(value))?;
+        let _talker = env.rospy(&format!("publish --topic {from} --type {ros}"), Some(value))?;
         let got = listener.messages(2)?;
         assert_eq!(got[1]["value"]["name"], json!(["a"]));
         let velocity = |at: usize| got[at]["value"]["velocity"][0].as_f64().unwrap_or(-1.0);
@@ -367,12 +365,12 @@ fn routes_join_ros_1_and_ros_2() -> Result {
 
 /// The real Wrapyfi on rospy publishes; `wrapyfi echo` must find the same hashes.
 fn echo_hears(test: &str, peer: &str, message_type: &str, key: &str) -> Result {
-    run(test, WITH_WRAPYFI, |world| {
-        let _roscore = world.roscore()?;
-        let topic = world.topic("x");
-        let mut echo = echo(world, &ros1(&topic), message_type, 3)?;
-        let publisher = world
-            .peer("wrapyfi_peer.py", &format!("publish --mware ros --topic {topic} {peer}"))?;
+    run(test, WITH_WRAPYFI, |env| {
+        let _roscore = env.roscore()?;
+        let topic = env.topic("x");
+        let mut echo = echo(env, &ros1(&topic), message_type, 3)?;
+        let publisher =
+            env.peer("wrapyfi_peer.py", &format!("publish --mware ros --topic {topic} {peer}"))?;
         let heard = echo.objects(3)?;
         publisher.sent_in_a_row(key, &texts(&heard, "sha256"))?;
         echo.exits_with(0)
@@ -381,19 +379,19 @@ fn echo_hears(test: &str, peer: &str, message_type: &str, key: &str) -> Result {
 
 /// The other way: what one Wrapyfi sends must be what another receives through our node.
 fn wrapyfi_hears(test: &str, peer: &str, message_type: &str) -> Result {
-    run(test, WITH_WRAPYFI, |world| {
-        let _roscore = world.roscore()?;
-        let [from, middle, to] = ["from", "middle", "to"].map(|name| world.topic(name));
+    run(test, WITH_WRAPYFI, |env| {
+        let _roscore = env.roscore()?;
+        let [from, middle, to] = ["from", "middle", "to"].map(|name| env.topic(name));
         let there = Route::new(&ros1(&from), &ros2(&middle), message_type);
         let again = Route::new(&ros2(&middle), &ros1(&to), message_type);
-        let _there = world.bridge_named("there.yaml", &world.embedded().route(there))?;
-        let _again = world.bridge_named("again.yaml", &world.foreign().route(again))?;
-        let listener = world.peer(
+        let _there = env.bridge_named("there.yaml", &env.embedded().route(there))?;
+        let _again = env.bridge_named("again.yaml", &env.foreign().route(again))?;
+        let listener = env.peer(
             "wrapyfi_peer.py",
             &format!("listen --mware ros --topic {to} --count 3 {peer}"),
         )?;
         let publisher =
-            world.peer("wrapyfi_peer.py", &format!("publish --mware ros --topic {from} {peer}"))?;
+            env.peer("wrapyfi_peer.py", &format!("publish --mware ros --topic {from} {peer}"))?;
         publisher.sent_in_a_row("sha256", &texts(&listener.messages(3)?, "sha256"))
     })
 }
@@ -422,20 +420,20 @@ pairs! { wrapyfi_hears:
     wrapyfi_hears_sound_through_us("--type AudioChunk --flavour stereo", "AudioChunk");
 }
 
-/// Its listeners take `bgr8` only; the nodes of a robot have whatever they have.
+/// Wrapyfi's listeners take `bgr8` only; the nodes of a robot have whatever they have.
 #[test]
 fn wrapyfi_hears_images_of_ros_2_whose_red_comes_first() -> Result {
-    run("wrapyfi_hears_images_of_ros_2_whose_red_comes_first", WITH_WRAPYFI, |world| {
-        let _roscore = world.roscore()?;
-        let (from, to) = (world.topic("from"), world.topic("to"));
+    run("wrapyfi_hears_images_of_ros_2_whose_red_comes_first", WITH_WRAPYFI, |env| {
+        let _roscore = env.roscore()?;
+        let (from, to) = (env.topic("from"), env.topic("to"));
         let route = Route::new(&ros2(&from), &ros1(&to), "Image");
-        let bridge = world.bridge(&world.embedded().route(route))?;
-        let listener = world.peer(
+        let bridge = env.bridge(&env.embedded().route(route))?;
+        let listener = env.peer(
             "wrapyfi_peer.py",
             &format!("listen --mware ros --topic {to} --count 3 --type Image --flavour colour"),
         )?;
         let image = "sensor_msgs/msg/Image";
-        let publisher = world.dds_publisher(&from, image, "--flavour colour --encoding rgb8")?;
+        let publisher = env.dds_publisher(&from, image, "--flavour colour --encoding rgb8")?;
         let heard = listener.messages(3).map_err(|e| e.context(bridge.tail()))?;
         publisher.sent_in_a_row("sha256", &texts(&heard, "sha256"))
     })
@@ -443,16 +441,16 @@ fn wrapyfi_hears_images_of_ros_2_whose_red_comes_first() -> Result {
 
 /// The real Wrapyfi serves on rospy; `wrapyfi call` must find the same hashes.
 fn call_hears(test: &str, peer: &str, service_type: &str) -> Result {
-    run(test, WITH_WRAPYFI, |world| {
-        let _roscore = world.roscore()?;
-        let service = world.topic("x");
-        let server = world
-            .peer("wrapyfi_peer.py", &format!("reply --mware ros --topic {service} {peer}"))?;
+    run(test, WITH_WRAPYFI, |env| {
+        let _roscore = env.roscore()?;
+        let service = env.topic("x");
+        let server =
+            env.peer("wrapyfi_peer.py", &format!("reply --mware ros --topic {service} {peer}"))?;
         let endpoint = ros1(&service);
         for number in 0..2_usize {
             let asked = format!("[{number}]");
             let args = ["call", &endpoint, "--type", service_type, "--args", &asked];
-            let mut call = world.wrapyfi(args.into_iter().chain(["--timeout", "100", "--json"]))?;
+            let mut call = env.wrapyfi(args.into_iter().chain(["--timeout", "100", "--json"]))?;
             let got = call.objects(1)?.remove(0);
             call.exits_with(0)?;
             let sent = server.messages(number + 1)?.remove(number);
@@ -465,13 +463,13 @@ fn call_hears(test: &str, peer: &str, service_type: &str) -> Result {
 /// The real Wrapyfi calls on rospy; `wrapyfi serve --echo` returns its argument.
 #[test]
 fn wrapyfi_is_served_by_us() -> Result {
-    run("wrapyfi_is_served_by_us", WITH_WRAPYFI, |world| {
-        let _roscore = world.roscore()?;
-        let service = world.topic("x");
+    run("wrapyfi_is_served_by_us", WITH_WRAPYFI, |env| {
+        let _roscore = env.roscore()?;
+        let service = env.topic("x");
         let args = ["serve", &ros1(&service), "--type", "NativeObject", "--echo", "--json"];
-        let server = world.wrapyfi(args)?;
-        tells(world, "rosservice", "list", |said| said.contains(&service))?;
-        let client = world.peer(
+        let server = env.wrapyfi(args)?;
+        tells(env, "rosservice", "list", |said| said.contains(&service))?;
+        let client = env.peer(
             "wrapyfi_peer.py",
             &format!("request --mware ros --topic {service} --flavour small --count 2"),
         )?;

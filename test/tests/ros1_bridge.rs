@@ -1,13 +1,11 @@
 //! All of ROS 1 in ROS 2, when nodes are killed, the master is restarted, or folders hold old definitions;
 //! against Debian's rosmaster, rospy and tools.
 
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
-
 use std::time::Instant;
 
 use serde_json::{Value, json};
 use wrapyfi_e2e::{
-    Books, Need, Output, PATIENCE, Process, Result, World, ros1, ros2, run, until_route,
+    Books, Need, Output, Process, Result, TIMEOUT, TestEnv, ros1, ros2, run, until_route,
 };
 
 const NEEDS: &[Need] = &[Need::Program, Need::Ros1, Need::Executable("ros1_bridge")];
@@ -15,13 +13,13 @@ const WITH_DDS: &[Need] =
     &[Need::Program, Need::Ros1, Need::Executable("ros1_bridge"), Need::Python];
 const NODE: &str = "/ros1_bridge";
 
-fn bridge(world: &World, more: &[&str]) -> Result<Process> {
-    world.executable("ros1_bridge", &[&["-p", "status_json:=true"], more].concat())
+fn bridge(env: &TestEnv, more: &[&str]) -> Result<Process> {
+    env.executable("ros1_bridge", &[&["-p", "status_json:=true"], more].concat())
 }
 
-fn echo(world: &World, endpoint: &str, more: &[&str]) -> Result<Process> {
+fn echo(env: &TestEnv, endpoint: &str, more: &[&str]) -> Result<Process> {
     let args = ["echo", endpoint, "--json", "--timeout", "100"];
-    world.wrapyfi(args.into_iter().chain(more.iter().copied()))
+    env.wrapyfi(args.into_iter().chain(more.iter().copied()))
 }
 
 fn waits_for_a_listener(route: Option<&Value>) -> bool {
@@ -30,10 +28,10 @@ fn waits_for_a_listener(route: Option<&Value>) -> bool {
 }
 
 /// Waits until the master's books are as they should be.
-fn books(world: &World, what: &str, wanted: impl Fn(&Books) -> bool) -> Result<Books> {
-    let deadline = Instant::now() + PATIENCE;
+fn books(env: &TestEnv, what: &str, wanted: impl Fn(&Books) -> bool) -> Result<Books> {
+    let deadline = Instant::now() + TIMEOUT;
     loop {
-        match world.ros_books() {
+        match env.ros_books() {
             Ok(books) if wanted(&books) => return Ok(books),
             books if Instant::now() >= deadline => {
                 anyhow::bail!("the master never had {what}, last: {books:?}")
@@ -52,49 +50,48 @@ fn log(bridge: &Process) -> String {
 }
 
 /// The text of a definition with all inside, as a publisher shows it.
-fn shown(world: &World, file: &str, text: &str) -> Result<String> {
+fn shown(env: &TestEnv, file: &str, text: &str) -> Result<String> {
     let line = "=".repeat(80);
     let header = "uint32 seq\ntime stamp\nstring frame_id\n";
     let text = format!("{text}{line}\nMSG: std_msgs/Header\n{header}");
-    Ok(world.write(file, text)?.display().to_string())
+    Ok(env.write(file, text)?.display().to_string())
 }
 
 #[test]
 fn a_folder_of_packages_breaks_nothing() -> Result {
-    run("a_folder_of_packages_breaks_nothing", NEEDS, |world| {
-        let _roscore = world.roscore()?;
+    run("a_folder_of_packages_breaks_nothing", NEEDS, |env| {
+        let _roscore = env.roscore()?;
         // The folder has no package but its own, and an older Sample than is published.
-        let folder = world.definitions(&[
+        let folder = env.definitions(&[
             ("wrapyfi_lab/msg/Report.msg", "Header header\nstring what\n"),
             ("wrapyfi_lab/msg/Sample.msg", "Header header\nint32 value\n"),
         ])?;
-        let (report, sample) = (world.topic("report"), world.topic("sample"));
+        let (report, sample) = (env.topic("report"), env.topic("sample"));
         let talk = |topic: &str, name: &str, text: &str, value: &str| {
-            let file = shown(world, &format!("{name}.txt"), text)?;
+            let file = shown(env, &format!("{name}.txt"), text)?;
             let args = format!(
                 "publish --topic {topic} --type wrapyfi_lab/{name} --definition {file} --node {name}"
             );
-            world.rospy(&args, Some(value))
+            env.rospy(&args, Some(value))
         };
         let _reports =
             talk(&report, "Report", "Header header\nstring what\n", r#"{"what": "all well"}"#)?;
         let _samples =
             talk(&sample, "Sample", "Header header\nfloat64 value\n", r#"{"value": 0.5}"#)?;
-        world.set_variable("ROS_PACKAGE_PATH", &folder);
-        let bridge = bridge(world, &[])?;
+        env.set_variable("ROS_PACKAGE_PATH", &folder);
+        let bridge = bridge(env, &[])?;
         for (topic, name) in [(&report, "Report"), (&sample, "Sample")] {
             until_route(&bridge, &format!("ros:{topic} -> ros2:{topic}"), |route| {
                 waits_for_a_listener(route)
                     && route.is_some_and(|it| it["type"] == format!("wrapyfi_lab/msg/{name}"))
             })?;
         }
-        world.set_variable("ROS_PACKAGE_PATH", "");
-        std::fs::create_dir_all(world.path("newer/wrapyfi_lab/msg"))?;
-        world
-            .write("newer/wrapyfi_lab/msg/Sample.msg", "std_msgs/Header header\nfloat64 value\n")?;
-        let newer = world.path("newer").display().to_string();
+        env.set_variable("ROS_PACKAGE_PATH", "");
+        std::fs::create_dir_all(env.path("newer/wrapyfi_lab/msg"))?;
+        env.write("newer/wrapyfi_lab/msg/Sample.msg", "std_msgs/Header header\nfloat64 value\n")?;
+        let newer = env.path("newer").display().to_string();
         let more = ["--type", "wrapyfi_lab/msg/Sample", "--definitions", &newer, "--count", "1"];
-        let mut echo = echo(world, &ros2(&sample), &more)?;
+        let mut echo = echo(env, &ros2(&sample), &more)?;
         let heard = echo.objects(1).map_err(|error| error.context(bridge.tail()))?;
         echo.exits_with(0)?;
         assert_eq!(heard[0]["value"]["value"], 0.5, "{heard:?}");
@@ -104,25 +101,25 @@ fn a_folder_of_packages_breaks_nothing() -> Result {
 
 #[test]
 fn echo_is_told_the_type_by_the_publisher() -> Result {
-    run("echo_is_told_the_type_by_the_publisher", &[Need::Program, Need::Ros1], |world| {
-        let _roscore = world.roscore()?;
-        let (odd, text, later) = (world.topic("odd"), world.topic("text"), world.topic("later"));
-        let file = shown(world, "Odd.txt", "Header header\nfloat64[] values\n")?;
+    run("echo_is_told_the_type_by_the_publisher", &[Need::Program, Need::Ros1], |env| {
+        let _roscore = env.roscore()?;
+        let (odd, text, later) = (env.topic("odd"), env.topic("text"), env.topic("later"));
+        let file = shown(env, "Odd.txt", "Header header\nfloat64[] values\n")?;
         let args =
             format!("publish --topic {odd} --type nobody_has/Odd --definition {file} --node odd");
-        let _odd = world.rospy(&args, Some(r#"{"values": [0.5, 2.5]}"#))?;
-        let _text = world
+        let _odd = env.rospy(&args, Some(r#"{"values": [0.5, 2.5]}"#))?;
+        let _text = env
             .rospy(&format!("publish --topic {text} --node text"), Some(r#"{"data": "hello"}"#))?;
-        let mut early = echo(world, &ros1(&later), &["--count", "1"])?;
-        let mut of_odd = echo(world, &ros1(&odd), &["--count", "1"])?;
+        let mut early = echo(env, &ros1(&later), &["--count", "1"])?;
+        let mut of_odd = echo(env, &ros1(&odd), &["--count", "1"])?;
         assert_eq!(of_odd.objects(1)?[0]["value"]["values"], json!([0.5, 2.5]));
         of_odd.exits_with(0)?;
-        let mut of_text = echo(world, &ros1(&text), &["--count", "1"])?;
+        let mut of_text = echo(env, &ros1(&text), &["--count", "1"])?;
         assert_eq!(of_text.objects(1)?[0]["value"], "hello");
         of_text.exits_with(0)?;
         // It waits for somebody who tells.
         let args = format!("publish --topic {later} --type sensor_msgs/JointState --node later");
-        let _later = world.rospy(&args, Some(r#"{"name": ["elbow"]}"#))?;
+        let _later = env.rospy(&args, Some(r#"{"name": ["elbow"]}"#))?;
         assert_eq!(early.objects(1)?[0]["value"]["name"], json!(["elbow"]));
         early.exits_with(0)?;
         Ok(())
@@ -132,19 +129,19 @@ fn echo_is_told_the_type_by_the_publisher() -> Result {
 /// No node of rospy registers again with a master that was restarted.
 #[test]
 fn a_restarted_master_ends_no_route_whose_publisher_lives() -> Result {
-    run("a_restarted_master_ends_no_route_whose_publisher_lives", NEEDS, |world| {
-        let mut roscore = world.roscore()?;
-        let topic = world.topic("text");
-        let _talker = world
+    run("a_restarted_master_ends_no_route_whose_publisher_lives", NEEDS, |env| {
+        let mut roscore = env.roscore()?;
+        let topic = env.topic("text");
+        let _talker = env
             .rospy(&format!("publish --topic {topic} --node talker"), Some(r#"{"data": "{n}"}"#))?;
-        let bridge = bridge(world, &[])?;
+        let bridge = bridge(env, &[])?;
         let forever = ["--type", "Text", "--count", "100000"];
-        let first = echo(world, &ros2(&topic), &forever)?;
+        let first = echo(env, &ros2(&topic), &forever)?;
         first.objects(20).map_err(|error| error.context(bridge.tail()))?;
         roscore.kill()?;
-        roscore = world.roscore()?;
+        roscore = env.roscore()?;
         let known = |books: &Books| has(&books.subscribers, &topic, NODE);
-        let now = books(world, "the bridge as a subscriber", known)?;
+        let now = books(env, "the bridge as a subscriber", known)?;
         assert!(!has(&now.publishers, &topic, "/talker"), "rospy registered again: {now:?}");
         // 20 a second: longer than a route lives without its source.
         let before = first.objects(1)?.len();
@@ -154,7 +151,7 @@ fn a_restarted_master_ends_no_route_whose_publisher_lives() -> Result {
         drop(first);
         let route = format!("ros:{topic} -> ros2:{topic}");
         until_route(&bridge, &route, waits_for_a_listener)?;
-        let second = echo(world, &ros2(&topic), &forever)?;
+        let second = echo(env, &ros2(&topic), &forever)?;
         second.objects(20).map_err(|error| error.context(bridge.tail()))?;
         assert!(!log(&bridge).contains("route ended"), "{}", bridge.tail());
         drop(roscore);
@@ -164,13 +161,13 @@ fn a_restarted_master_ends_no_route_whose_publisher_lives() -> Result {
 
 #[test]
 fn a_killed_node_is_gone_though_the_master_keeps_it() -> Result {
-    run("a_killed_node_is_gone_though_the_master_keeps_it", NEEDS, |world| {
-        let _roscore = world.roscore()?;
-        let (topic, service) = (world.topic("text"), world.topic("light"));
-        let mut talker = world
+    run("a_killed_node_is_gone_though_the_master_keeps_it", NEEDS, |env| {
+        let _roscore = env.roscore()?;
+        let (topic, service) = (env.topic("text"), env.topic("light"));
+        let mut talker = env
             .rospy(&format!("publish --topic {topic} --node talker"), Some(r#"{"data": "{n}"}"#))?;
-        let mut server = world.rospy(&format!("serve --topic {service} --node server"), None)?;
-        let bridge = bridge(world, &[])?;
+        let mut server = env.rospy(&format!("serve --topic {service} --node server"), None)?;
+        let bridge = bridge(env, &[])?;
         let (route, offered) =
             (format!("ros:{topic} -> ros2:{topic}"), format!("ros2:{service} -> ros:{service}"));
         until_route(&bridge, &route, waits_for_a_listener)?;
@@ -179,7 +176,7 @@ fn a_killed_node_is_gone_though_the_master_keeps_it() -> Result {
         server.kill()?;
         until_route(&bridge, &route, |route| route.is_none())?;
         until_route(&bridge, &offered, |route| route.is_none())?;
-        let kept = world.ros_books()?;
+        let kept = env.ros_books()?;
         assert!(has(&kept.publishers, &topic, "/talker"), "{kept:?}");
         assert!(has(&kept.services, &service, "/server"), "{kept:?}");
         Ok(())
@@ -189,36 +186,36 @@ fn a_killed_node_is_gone_though_the_master_keeps_it() -> Result {
 #[test]
 fn where_somebody_listens_the_subscription_is_there_before_a_publisher() -> Result {
     let test = "where_somebody_listens_the_subscription_is_there_before_a_publisher";
-    run(test, NEEDS, |world| {
-        let _roscore = world.roscore()?;
-        let topic = world.topic("text");
-        let bridge = bridge(world, &[])?;
+    run(test, NEEDS, |env| {
+        let _roscore = env.roscore()?;
+        let topic = env.topic("text");
+        let bridge = bridge(env, &[])?;
         let forever = ["--type", "Text", "--count", "100000"];
-        let listener = echo(world, &ros2(&topic), &forever)?;
+        let listener = echo(env, &ros2(&topic), &forever)?;
         let stands = |books: &Books| has(&books.subscribers, &topic, NODE);
-        books(world, "the bridge as a subscriber", stands)
+        books(env, "the bridge as a subscriber", stands)
             .map_err(|error| error.context(bridge.tail()))?;
         // The bridge's end on ROS 2 has met the listener.
         until_route(&bridge, &format!("ros:{topic} -> ros2:{topic}"), |route| {
             route.is_some() && !waits_for_a_listener(route)
         })?;
-        let talker = world
+        let talker = env
             .rospy(&format!("publish --topic {topic} --node talker"), Some(r#"{"data": "{n}"}"#))?;
         let heard = listener.objects(3).map_err(|error| error.context(bridge.tail()))?;
         assert_eq!(heard[0]["value"], "0", "the first message: {heard:?}");
         // With the listener and the publisher the route goes.
         drop((listener, talker));
         until_route(&bridge, &format!("ros:{topic} -> ros2:{topic}"), |route| route.is_none())?;
-        books(world, "nothing of the topic", |books| !has(&books.subscribers, &topic, NODE))?;
+        books(env, "nothing of the topic", |books| !has(&books.subscribers, &topic, NODE))?;
 
         // A listener that errs does not spoil it for others.
-        let other = world.topic("joints");
-        let wrong = echo(world, &ros2(&other), &forever)?;
-        books(world, "the bridge", |books| has(&books.subscribers, &other, NODE))?;
+        let other = env.topic("joints");
+        let wrong = echo(env, &ros2(&other), &forever)?;
+        books(env, "the bridge", |books| has(&books.subscribers, &other, NODE))?;
         let args = format!("publish --topic {other} --type sensor_msgs/JointState --node joints");
-        let _joints = world.rospy(&args, Some(r#"{"name": ["elbow"]}"#))?;
+        let _joints = env.rospy(&args, Some(r#"{"name": ["elbow"]}"#))?;
         let more = ["--type", "sensor_msgs/msg/JointState", "--count", "1"];
-        let mut right = echo(world, &ros2(&other), &more)?;
+        let mut right = echo(env, &ros2(&other), &more)?;
         let heard = right.objects(1).map_err(|error| error.context(bridge.tail()))?;
         assert_eq!(heard[0]["value"]["name"], json!(["elbow"]));
         right.exits_with(0)?;
@@ -229,19 +226,19 @@ fn where_somebody_listens_the_subscription_is_there_before_a_publisher() -> Resu
 
 #[test]
 fn a_bag_is_heard_from_its_first_message() -> Result {
-    run("a_bag_is_heard_from_its_first_message", WITH_DDS, |world| {
-        let _roscore = world.roscore()?;
-        let topic = world.topic("text");
+    run("a_bag_is_heard_from_its_first_message", WITH_DDS, |env| {
+        let _roscore = env.roscore()?;
+        let topic = env.topic("text");
         let words = format!("bag --topic {topic} --bag talk.bag --count 30 --rate 50");
-        world.rospy(&words, Some(r#"{"data": "{n}"}"#))?.event("done")?;
-        let bridge = bridge(world, &[])?;
-        let listener = world.dds_subscriber(&topic, "std_msgs/msg/String", "--plain")?;
+        env.rospy(&words, Some(r#"{"data": "{n}"}"#))?.event("done")?;
+        let bridge = bridge(env, &[])?;
+        let listener = env.dds_subscriber(&topic, "std_msgs/msg/String", "--plain")?;
         let stands = |books: &Books| has(&books.subscribers, &topic, NODE);
-        books(world, "the bridge as a subscriber", stands)
+        books(env, "the bridge as a subscriber", stands)
             .map_err(|error| error.context(bridge.tail()))?;
         listener.event("matched")?;
         // It waits for subscribers, and there is none but the one that stands.
-        let mut player = world.ros_tool("rosbag", "play --wait-for-subscribers talk.bag")?;
+        let mut player = env.ros_tool("rosbag", "play --wait-for-subscribers talk.bag")?;
         let heard = listener.messages(30).map_err(|error| error.context(player.tail()))?;
         let heard: Vec<Value> = heard.iter().map(|one| one["fields"]["data"].clone()).collect();
         assert_eq!(heard, (0..30).map(|number| json!(number.to_string())).collect::<Vec<_>>());
@@ -252,19 +249,19 @@ fn a_bag_is_heard_from_its_first_message() -> Result {
 #[test]
 fn the_bridge_has_its_name_at_the_master_and_ends_when_it_is_killed_there() -> Result {
     let test = "the_bridge_has_its_name_at_the_master_and_ends_when_it_is_killed_there";
-    run(test, NEEDS, |world| {
-        let _roscore = world.roscore()?;
-        let topic = world.topic("text");
-        let _talker = world
+    run(test, NEEDS, |env| {
+        let _roscore = env.roscore()?;
+        let topic = env.topic("text");
+        let _talker = env
             .rospy(&format!("publish --topic {topic} --node talker"), Some(r#"{"data": "{n}"}"#))?;
         for (name, more) in
             [(NODE, vec![]), ("/lab/other", vec!["-r", "__node:=other", "-r", "__ns:=/lab"])]
         {
-            let mut bridge = bridge(world, &more)?;
-            let _listener = echo(world, &ros2(&topic), &["--type", "Text", "--count", "100000"])?;
+            let mut bridge = bridge(env, &more)?;
+            let _listener = echo(env, &ros2(&topic), &["--type", "Text", "--count", "100000"])?;
             let subscribed = |books: &Books| has(&books.subscribers, &topic, name);
-            books(world, name, subscribed).map_err(|error| error.context(bridge.tail()))?;
-            let mut kill = world.ros_tool("rosnode", &format!("kill {name}"))?;
+            books(env, name, subscribed).map_err(|error| error.context(bridge.tail()))?;
+            let mut kill = env.ros_tool("rosnode", &format!("kill {name}"))?;
             bridge.exits_with(1)?;
             kill.exits_with(0)?;
             let said = log(&bridge);
@@ -277,23 +274,23 @@ fn the_bridge_has_its_name_at_the_master_and_ends_when_it_is_killed_there() -> R
 /// Nobody listens, and the route is there before what is kept is published.
 #[test]
 fn a_latching_publisher_that_comes_late_is_not_missed() -> Result {
-    run("a_latching_publisher_that_comes_late_is_not_missed", WITH_DDS, |world| {
-        let _roscore = world.roscore()?;
-        let topic = world.topic("map_name");
-        let _other = world.rospy(
+    run("a_latching_publisher_that_comes_late_is_not_missed", WITH_DDS, |env| {
+        let _roscore = env.roscore()?;
+        let topic = env.topic("map_name");
+        let _other = env.rospy(
             &format!("publish --topic {topic} --node other"),
             Some(r#"{"data": "not kept"}"#),
         )?;
-        let bridge = bridge(world, &[])?;
+        let bridge = bridge(env, &[])?;
         let route = format!("ros:{topic} -> ros2:{topic}");
         until_route(&bridge, &route, waits_for_a_listener)?;
         let words = format!("publish --topic {topic} --node late --latch --count 1");
-        let _late = world.rospy(&words, Some(r#"{"data": "kitchen"}"#))?;
+        let _late = env.rospy(&words, Some(r#"{"data": "kitchen"}"#))?;
         until_route(&bridge, &route, |route| {
             route.is_some_and(|it| it["counters"]["received"].as_u64().is_some_and(|n| n > 0))
         })?;
         let listener =
-            world.dds_subscriber(&topic, "std_msgs/msg/String", "--plain --transient-local")?;
+            env.dds_subscriber(&topic, "std_msgs/msg/String", "--plain --transient-local")?;
         listener
             .wait_until("what is kept", |output: &Output| {
                 let mut heard = output.events("message").into_iter();
@@ -306,14 +303,14 @@ fn a_latching_publisher_that_comes_late_is_not_missed() -> Result {
 
 #[test]
 fn a_topic_is_worth_one_line() -> Result {
-    run("a_topic_is_worth_one_line", NEEDS, |world| {
-        let _roscore = world.roscore()?;
-        let topic = world.topic("text");
-        let _talker = world
+    run("a_topic_is_worth_one_line", NEEDS, |env| {
+        let _roscore = env.roscore()?;
+        let topic = env.topic("text");
+        let _talker = env
             .rospy(&format!("publish --topic {topic} --node talker"), Some(r#"{"data": "{n}"}"#))?;
-        let bridge = bridge(world, &[])?;
+        let bridge = bridge(env, &[])?;
         until_route(&bridge, &format!("ros:{topic} -> ros2:{topic}"), waits_for_a_listener)?;
-        let mut listener = echo(world, &ros2(&topic), &["--type", "Text", "--count", "3"])?;
+        let mut listener = echo(env, &ros2(&topic), &["--type", "Text", "--count", "3"])?;
         listener.exits_with(0)?;
         until_route(&bridge, &format!("ros:{topic} -> ros2:{topic}"), waits_for_a_listener)?;
         // It is told a second later: those that are many get one line.
@@ -334,40 +331,39 @@ fn a_topic_is_worth_one_line() -> Result {
 
 #[test]
 fn time_is_carried_where_it_is_wished() -> Result {
-    run("time_is_carried_where_it_is_wished", WITH_DDS, |world| {
-        let _roscore = world.roscore()?;
-        let bridge = bridge(world, &["-p", "clock:=true", "-p", "service_timeout_ms:=60000"])?;
+    run("time_is_carried_where_it_is_wished", WITH_DDS, |env| {
+        let _roscore = env.roscore()?;
+        let bridge = bridge(env, &["-p", "clock:=true", "-p", "service_timeout_ms:=60000"])?;
         let kind = "rosgraph_msgs/msg/Clock";
-        let hears = world.dds_subscriber("/clock", kind, "--best-effort --depth 1")?;
+        let hears = env.dds_subscriber("/clock", kind, "--best-effort --depth 1")?;
         let value = r#"{"clock": {"secs": 1700000000, "nsecs": {n}}}"#;
-        let _clock =
-            world.rospy("publish --topic /clock --type rosgraph_msgs/Clock", Some(value))?;
+        let _clock = env.rospy("publish --topic /clock --type rosgraph_msgs/Clock", Some(value))?;
         let heard = hears.messages(1).map_err(|error| error.context(bridge.tail()))?;
         assert_eq!(heard[0]["fields"]["clock"]["sec"], 1_700_000_000);
         Ok(())
     })
 }
 
-fn call(world: &World, service: &str, kind: &str, value: &str) -> Result<Process> {
+fn call(env: &TestEnv, service: &str, kind: &str, value: &str) -> Result<Process> {
     let endpoint = ros2(service);
     let args = ["call", &endpoint, "--type", kind, "--value", value];
-    world.wrapyfi(args.into_iter().chain(["--timeout", "100", "--json"]))
+    env.wrapyfi(args.into_iter().chain(["--timeout", "100", "--json"]))
 }
 
 #[test]
 fn services_that_fail_or_are_named_as_those_of_nodes_are_carried() -> Result {
-    run("services_that_fail_or_are_named_as_those_of_nodes_are_carried", NEEDS, |world| {
-        let _roscore = world.roscore()?;
+    run("services_that_fail_or_are_named_as_those_of_nodes_are_carried", NEEDS, |env| {
+        let _roscore = env.roscore()?;
         // As dynamic_reconfigure calls it.
-        let (set, clear) = (world.topic("camera/set_parameters"), world.topic("clear"));
-        let _setter = world.rospy(&format!("serve --topic {set} --node setter"), None)?;
+        let (set, clear) = (env.topic("camera/set_parameters"), env.topic("clear"));
+        let _setter = env.rospy(&format!("serve --topic {set} --node setter"), None)?;
         let args = format!("serve --topic {clear} --type std_srvs/Empty --node cleaner");
-        let _cleaner = world.rospy(&args, Some(r#"{"never": "=1/0"}"#))?;
-        let bridge = bridge(world, &[])?;
-        let asked = call(world, &set, "std_srvs/srv/SetBool", r#"{"data": true}"#)?;
+        let _cleaner = env.rospy(&args, Some(r#"{"never": "=1/0"}"#))?;
+        let bridge = bridge(env, &[])?;
+        let asked = call(env, &set, "std_srvs/srv/SetBool", r#"{"data": true}"#)?;
         let got = asked.objects(1).map_err(|error| error.context(bridge.tail()))?.remove(0);
         assert_eq!(got["value"]["message"], "so be it");
-        let mut asked = call(world, &clear, "std_srvs/srv/Empty", "{}")?;
+        let mut asked = call(env, &clear, "std_srvs/srv/Empty", "{}")?;
         asked.objects(1).map_err(|error| error.context(bridge.tail()))?;
         asked.exits_with(0)?;
         bridge.wait_until("the reason", |output| {

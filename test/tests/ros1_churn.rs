@@ -12,19 +12,17 @@
 //! | `WRAPYFI_CHURN_ROUNDS` | rounds; default 50 |
 //! | `WRAPYFI_CHURN_SEED` | what decides who is killed; default: another every time, printed |
 
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
-
 use std::collections::BTreeSet;
 use std::io::Write as _;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, bail, ensure};
-use wrapyfi_e2e::{Need, Output, PATIENCE, Process, Result, Route, World, ros1, ros2, run};
+use wrapyfi_e2e::{Need, Output, Process, Result, Route, TIMEOUT, TestEnv, ros1, ros2, run};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Ros1, Need::Roscpp, Need::Python];
 const NODE: &str = "/churned_bridge";
 const TYPE: &str = "std_msgs/msg/String";
-/// How often a condition is looked at.
+/// Time between two looks at a condition.
 const LOOK: Duration = Duration::from_millis(10);
 
 fn setting(name: &str) -> Result<Option<u64>> {
@@ -46,7 +44,7 @@ impl Chance {
     }
 }
 
-/// What stands at an end of a route.
+/// Program at an end of a route.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum End {
     Publisher,
@@ -80,10 +78,10 @@ fn number(message: &serde_json::Value, lead: &str) -> Option<u64> {
 }
 
 impl Way {
-    fn open(world: &World, name: &str, from_ros1: bool) -> Result<Self> {
-        let topic = world.topic(name);
-        let publisher = publisher(world, &topic, from_ros1, 1, &node(name, End::Publisher, 0))?;
-        let subscriber = subscriber(world, &topic, from_ros1, &node(name, End::Subscriber, 0))?;
+    fn open(env: &TestEnv, name: &str, from_ros1: bool) -> Result<Self> {
+        let topic = env.topic(name);
+        let publisher = publisher(env, &topic, from_ros1, 1, &node(name, End::Publisher, 0))?;
+        let subscriber = subscriber(env, &topic, from_ros1, &node(name, End::Subscriber, 0))?;
         Ok(Self { topic, from_ros1, publisher, subscriber, life: 1, started: 0 })
     }
 
@@ -96,19 +94,19 @@ impl Way {
     }
 
     /// Kills what stands at an end and starts it again, under a new name where that is wanted.
-    fn strike(&mut self, world: &World, name: &str, end: End, renamed: bool) -> Result {
+    fn strike(&mut self, env: &TestEnv, name: &str, end: End, renamed: bool) -> Result {
         self.started += u32::from(renamed);
         let node = node(name, end, self.started);
         match end {
             End::Publisher => {
                 self.publisher.kill()?;
                 self.life += 1;
-                self.publisher = publisher(world, &self.topic, self.from_ros1, self.life, &node)?;
+                self.publisher = publisher(env, &self.topic, self.from_ros1, self.life, &node)?;
             }
             End::Subscriber => {
                 self.once_each()?;
                 self.subscriber.kill()?;
-                self.subscriber = subscriber(world, &self.topic, self.from_ros1, &node)?;
+                self.subscriber = subscriber(env, &self.topic, self.from_ros1, &node)?;
             }
         }
         Ok(())
@@ -156,26 +154,26 @@ fn node(name: &str, end: End, number: u32) -> String {
     format!("{end}_{name}_{number}")
 }
 
-fn publisher(world: &World, topic: &str, ros1: bool, life: u32, node: &str) -> Result<Process> {
+fn publisher(env: &TestEnv, topic: &str, ros1: bool, life: u32, node: &str) -> Result<Process> {
     if ros1 {
         let args = format!("publish --topic {topic} --rate 100 --node {node}");
-        return world.roscpp(&args, Some(&format!("{life}:{{n}}")));
+        return env.roscpp(&args, Some(&format!("{life}:{{n}}")));
     }
-    world.dds_publisher(topic, TYPE, &format!("--rate 100 --text {life}:{{n}}"))
+    env.dds_publisher(topic, TYPE, &format!("--rate 100 --text {life}:{{n}}"))
 }
 
-fn subscriber(world: &World, topic: &str, from_ros1: bool, node: &str) -> Result<Process> {
+fn subscriber(env: &TestEnv, topic: &str, from_ros1: bool, node: &str) -> Result<Process> {
     if from_ros1 {
-        return world.dds_subscriber(topic, TYPE, "--plain");
+        return env.dds_subscriber(topic, TYPE, "--plain");
     }
-    world.roscpp(&format!("subscribe --topic {topic} --node {node}"), None)
+    env.roscpp(&format!("subscribe --topic {topic} --node {node}"), None)
 }
 
 /// Waits until the master has each route's end at the bridge in its books, once.
-fn registered(world: &World, ways: &[Way]) -> Result {
-    let deadline = Instant::now() + PATIENCE;
+fn registered(env: &TestEnv, ways: &[Way]) -> Result {
+    let deadline = Instant::now() + TIMEOUT;
     loop {
-        let books = world.ros_books();
+        let books = env.ros_books();
         if let Ok(books) = &books {
             let has = |way: &Way| {
                 let side = if way.from_ros1 { &books.subscribers } else { &books.publishers };
@@ -195,41 +193,41 @@ fn registered(world: &World, ways: &[Way]) -> Result {
 
 #[test]
 fn a_bridge_outlives_what_is_killed_around_it() -> Result {
-    run("a_bridge_outlives_what_is_killed_around_it", NEEDS, |world| {
+    run("a_bridge_outlives_what_is_killed_around_it", NEEDS, |env| {
         let rounds = setting("WRAPYFI_CHURN_ROUNDS")?.unwrap_or(50);
         let seed = setting("WRAPYFI_CHURN_SEED")?.unwrap_or_else(|| std::process::id().into());
         writeln!(std::io::stderr(), "WRAPYFI_CHURN_SEED={seed} WRAPYFI_CHURN_ROUNDS={rounds}")?;
         let mut chance = Chance(seed);
-        let mut roscore = world.roscore()?;
+        let mut roscore = env.roscore()?;
         let names = ["a", "b", "c", "d"];
         let mut ways = Vec::new();
         for (name, from_ros1) in names.into_iter().zip([true, true, false, false]) {
-            ways.push(Way::open(world, name, from_ros1)?);
+            ways.push(Way::open(env, name, from_ros1)?);
         }
         let endpoint = format!("  ros: {{ node: {} }}\n", NODE.trim_start_matches('/'));
         let config = ways
             .iter()
-            .fold(world.embedded().endpoint(&endpoint), |config, way| config.route(way.route()));
-        let mut bridge = world.bridge(&config)?;
-        registered(world, &ways)?;
+            .fold(env.embedded().endpoint(&endpoint), |config, way| config.route(way.route()));
+        let mut bridge = env.bridge(&config)?;
+        registered(env, &ways)?;
         ways.iter().try_for_each(|way| way.delivers(&bridge))?;
         for round in 1..=rounds {
             let (victim, renamed) = (chance.below(2 * ways.len() + 1), chance.below(2) == 1);
             let said = match (names.get(victim / 2), ways.get_mut(victim / 2)) {
                 (Some(name), Some(way)) => {
                     let end = if victim % 2 == 0 { End::Publisher } else { End::Subscriber };
-                    way.strike(world, name, end, renamed)?;
+                    way.strike(env, name, end, renamed)?;
                     format!("{end:?} of {name}, renamed: {renamed}")
                 }
                 _ => {
                     roscore.kill()?;
-                    roscore = world.roscore()?;
+                    roscore = env.roscore()?;
                     "the master".to_owned()
                 }
             };
             let begin = Instant::now();
             let why = || format!("seed {seed}, round {round}: killed was {said}");
-            registered(world, &ways).with_context(why)?;
+            registered(env, &ways).with_context(why)?;
             ways.iter().try_for_each(|way| way.delivers(&bridge)).with_context(why)?;
             let took = begin.elapsed().as_millis();
             writeln!(std::io::stderr(), "round {round}: {said}; all deliver after {took} ms")?;
@@ -237,7 +235,7 @@ fn a_bridge_outlives_what_is_killed_around_it() -> Result {
         ways.iter().try_for_each(Way::once_each)?;
         bridge.terminate()?;
         bridge.exits_with(0)?;
-        let books = world.ros_books()?;
+        let books = env.ros_books()?;
         ensure!(books.entries_of(NODE) == 0, "left at the master: {books:?}");
         Ok(())
     })

@@ -1,7 +1,5 @@
-//! What nodes of ROS 1 and ROS 2 have beside their topics, across routes: the clock, the log, and
-//! parameters; against rosmaster, rospy, CycloneDDS and a node with parameters of another make.
-
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
+//! Clock, log and parameters of nodes of ROS 1 and ROS 2 across routes; against rosmaster, rospy,
+//! CycloneDDS and a node with parameters of another make.
 
 use serde_json::{Value, json};
 use wrapyfi_e2e::{Need, Output, Process, Result, Route, ros1, ros2, run};
@@ -21,20 +19,19 @@ fn endpoint(graph: &Process, role: &str, topic: &str) -> Result<Value> {
 
 #[test]
 fn a_clock_goes_both_ways() -> Result {
-    run("a_clock_goes_both_ways", NEEDS, |world| {
-        let _roscore = world.roscore()?;
-        let back = world.topic("clock");
-        let graph = world.graph()?;
-        let config = world
+    run("a_clock_goes_both_ways", NEEDS, |env| {
+        let _roscore = env.roscore()?;
+        let back = env.topic("clock");
+        let graph = env.graph()?;
+        let config = env
             .embedded()
             .route(Route::new("ros:/clock", "ros2:/clock", CLOCK))
             .route(Route::new(&ros2(&back), &ros1(&back), CLOCK));
-        let bridge = world.bridge(&config)?;
+        let bridge = env.bridge(&config)?;
         assert_eq!(endpoint(&graph, "writer", "/clock")?["reliable"], false);
-        let hears = world.dds_subscriber("/clock", CLOCK, "--best-effort --depth 1")?;
+        let hears = env.dds_subscriber("/clock", CLOCK, "--best-effort --depth 1")?;
         let value = r#"{"clock": {"secs": 1700000000, "nsecs": {n}}}"#;
-        let _clock =
-            world.rospy("publish --topic /clock --type rosgraph_msgs/Clock", Some(value))?;
+        let _clock = env.rospy("publish --topic /clock --type rosgraph_msgs/Clock", Some(value))?;
         let heard = hears.messages(2).map_err(|e| e.context(bridge.tail()))?;
         assert_eq!(heard[1]["fields"]["clock"]["sec"], 1_700_000_000);
         let nanoseconds =
@@ -42,9 +39,9 @@ fn a_clock_goes_both_ways() -> Result {
         assert!(nanoseconds(1) > nanoseconds(0), "{heard:?}");
 
         let args = format!("subscribe --topic {back} --type rosgraph_msgs/Clock --node ear");
-        let ear = world.rospy(&args, None)?;
+        let ear = env.rospy(&args, None)?;
         let fields = r#"{"clock":{"sec":7,"nanosec":8}}"#;
-        let _clock = world.dds_publisher(&back, CLOCK, &format!("--fields {fields}"))?;
+        let _clock = env.dds_publisher(&back, CLOCK, &format!("--fields {fields}"))?;
         let heard = ear.messages(1).map_err(|e| e.context(bridge.tail()))?;
         assert_eq!(heard[0]["value"], json!({"clock": {"secs": 7, "nsecs": 8}}));
         Ok(())
@@ -63,19 +60,19 @@ fn lines(output: &Output) -> Vec<(String, String)> {
 
 #[test]
 fn logs_go_both_ways_at_once_without_an_echo() -> Result {
-    run("logs_go_both_ways_at_once_without_an_echo", NEEDS, |world| {
-        let _roscore = world.roscore()?;
-        let config = world
+    run("logs_go_both_ways_at_once_without_an_echo", NEEDS, |env| {
+        let _roscore = env.roscore()?;
+        let config = env
             .embedded()
             .route(Route::new("ros:/rosout", "ros2:/rosout", LOG))
             .route(Route::new("ros2:/rosout", "ros:/rosout", LOG));
-        let graph = world.graph()?;
-        let bridge = world.bridge(&config)?;
+        let graph = env.graph()?;
+        let bridge = env.bridge(&config)?;
         endpoint(&graph, "reader", "/rosout")?;
-        let there = world.dds_subscriber("/rosout", LOG, "--transient-local --depth 1000")?;
+        let there = env.dds_subscriber("/rosout", LOG, "--transient-local --depth 1000")?;
         there.event("matched")?;
         let args = "subscribe --topic /rosout --type rosgraph_msgs/Log --node ear";
-        let here = world.rospy(args, None)?;
+        let here = env.rospy(args, None)?;
         here.event("matched")?;
         let heard = |who: &Process, name: &str, text: &str| {
             who.wait_until(&format!("{text:?} of {name}"), |output| {
@@ -85,14 +82,14 @@ fn logs_go_both_ways_at_once_without_an_echo() -> Result {
         };
         let logs = |number: u32| -> Result<[Process; 2]> {
             let text = format!("from 1, {number}");
-            let rospy = world.rospy(&format!("log --node one_{number}"), Some(&text))?;
+            let rospy = env.rospy(&format!("log --node one_{number}"), Some(&text))?;
             heard(&there, &format!("/one_{number}"), &text)?;
             let fields = json!({
                 "stamp": {"sec": 5, "nanosec": 6}, "level": 40, "name": format!("two_{number}"),
                 "msg": format!("from_2,{number}"), "file": "f.py", "function": "main", "line": 7
             });
             let args = format!("--transient-local --count 1 --fields {fields}");
-            let node = world.dds_publisher("/rosout", LOG, &args)?;
+            let node = env.dds_publisher("/rosout", LOG, &args)?;
             heard(&here, &format!("two_{number}"), &format!("from_2,{number}"))?;
             Ok([rospy, node])
         };
@@ -142,20 +139,20 @@ fn master_has(params: &Process, bridge: &Process, wanted: &Value) -> Result {
 
 #[test]
 fn parameters_of_both_sides_follow_each_other() -> Result {
-    run("parameters_of_both_sides_follow_each_other", NEEDS, |world| {
-        let _roscore = world.roscore()?;
-        let (node, space) = (world.topic("node"), world.topic("space"));
+    run("parameters_of_both_sides_follow_each_other", NEEDS, |env| {
+        let _roscore = env.roscore()?;
+        let (node, space) = (env.topic("node"), env.topic("space"));
         let (there, here) = (format!("ros2:{node}"), ros1(&space));
         let first =
             json!({"rate": 10, "gain": 1.5, "lens.label": "left", "ids": [1, 2], "serial": "A1"});
-        let mut peer = world.peer("param_node.py", &format!("--node {node} {first}"))?;
+        let mut peer = env.peer("param_node.py", &format!("--node {node} {first}"))?;
         peer.event("ready")?;
-        let mut params = world.rospy(&format!("params --topic {space}"), None)?;
-        let config = world
+        let mut params = env.rospy(&format!("params --topic {space}"), None)?;
+        let config = env
             .embedded()
             .route(Route::new(&here, &there, "Properties"))
             .route(Route::new(&there, &here, "Properties"));
-        let bridge = world.bridge(&config)?;
+        let bridge = env.bridge(&config)?;
         let mut now = json!(
             {"rate": 10, "gain": 1.5, "lens": {"label": "left"}, "ids": [1, 2], "serial": "A1"});
         master_has(&params, &bridge, &now)?;
@@ -186,7 +183,8 @@ fn parameters_of_both_sides_follow_each_other() -> Result {
         master_has(&params, &bridge, &now)?;
         params.tell(r#"{"gain": 2.5}"#)?;
         assert_eq!(set(&peer, "gain", 2)?, [json!(2.5), json!(2.5)]);
-        // What ROS 2 has no type for is said, what the node refuses too, and the rest goes on.
+        // A parameter that ROS 2 has no type for is reported, one that the node refuses too, and
+        // the rest goes on.
         params.tell(r#"{"rows": [[1], [2]], "rate": 61}"#)?;
         bridge.wait_until("what is wrong with the two", |output| {
             let says = |words: &str| output.err.iter().any(|line| line.contains(words));

@@ -7,13 +7,11 @@
 //!     × {ROS 1 ─▶ ROS 2, ROS 2 ─▶ ROS 1}
 //! ```
 
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
-
 use std::cell::Cell;
 use std::collections::BTreeMap;
 
 use serde_json::Value;
-use wrapyfi_e2e::{Need, Output, Process, Result, Route, World, ros1, ros2, run};
+use wrapyfi_e2e::{Need, Output, Process, Result, Route, TestEnv, ros1, ros2, run};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Ros1, Need::Python];
 const TEXT: &str = "std_msgs/msg/String";
@@ -26,27 +24,27 @@ enum Way {
 
 /// A route without any word on quality of service, and who is on both sides of it.
 struct Scene<'w> {
-    world: &'w World,
+    env: &'w TestEnv,
     way: Way,
     latched: bool,
     from: String,
     to: String,
     nodes: Cell<u32>,
-    /// Those of the ROS 2 side.
+    /// Observer of the ROS 2 graph.
     graph: Process,
     bridge: Process,
 }
 
 impl<'w> Scene<'w> {
-    fn new(world: &'w World, way: Way, latched: bool) -> Result<Self> {
-        let (from, to) = (world.topic("from"), world.topic("to"));
-        let graph = world.graph()?;
+    fn new(env: &'w TestEnv, way: Way, latched: bool) -> Result<Self> {
+        let (from, to) = (env.topic("from"), env.topic("to"));
+        let graph = env.graph()?;
         let route = match way {
             Way::To2 => Route::new(&ros1(&from), &ros2(&to), "Text"),
             Way::To1 => Route::new(&ros2(&from), &ros1(&to), "Text"),
         };
-        let bridge = world.bridge(&world.embedded().route(route))?;
-        Ok(Self { world, way, latched, from, to, nodes: Cell::new(0), graph, bridge })
+        let bridge = env.bridge(&env.embedded().route(route))?;
+        Ok(Self { env, way, latched, from, to, nodes: Cell::new(0), graph, bridge })
     }
 
     fn node(&self) -> String {
@@ -60,19 +58,19 @@ impl<'w> Scene<'w> {
         let publisher = match (self.way, self.latched) {
             (Way::To2, true) => {
                 let args = format!("publish --topic {from} --node {node} --latch --count 1");
-                self.world.rospy(&args, Some(&format!(r#"{{"data": "{text}"}}"#)))?
+                self.env.rospy(&args, Some(&format!(r#"{{"data": "{text}"}}"#)))?
             }
             (Way::To2, false) => {
                 let args = format!("publish --topic {from} --node {node} --count 10");
-                self.world.rospy(&args, Some(&format!(r#"{{"data": "{text}"}}"#)))?
+                self.env.rospy(&args, Some(&format!(r#"{{"data": "{text}"}}"#)))?
             }
             (Way::To1, true) => {
                 let args = format!("--text {text} --count 1 --transient-local");
-                self.world.dds_publisher(from, TEXT, &args)?
+                self.env.dds_publisher(from, TEXT, &args)?
             }
             // A subscription that is just being found may miss the first.
             (Way::To1, false) => {
-                self.world.dds_publisher(from, TEXT, &format!("--text {text} --count 20"))?
+                self.env.dds_publisher(from, TEXT, &format!("--text {text} --count 20"))?
             }
         };
         publisher.event("done").map_err(|e| e.context(self.bridge.tail()))?;
@@ -85,10 +83,10 @@ impl<'w> Scene<'w> {
         let subscriber = match self.way {
             Way::To2 => {
                 let durability = if keeps { "--transient-local" } else { "" };
-                self.world.dds_subscriber(to, TEXT, durability)?
+                self.env.dds_subscriber(to, TEXT, durability)?
             }
             Way::To1 => {
-                self.world.rospy(&format!("subscribe --topic {to} --node {}", self.node()), None)?
+                self.env.rospy(&format!("subscribe --topic {to} --node {}", self.node()), None)?
             }
         };
         subscriber.event("matched").map_err(|e| e.context(self.bridge.tail()))?;
@@ -151,7 +149,7 @@ impl<'w> Scene<'w> {
         match (self.way, rest.first()) {
             (Way::To2, _) => self.writers(1 + rest.len()),
             (Way::To1, None) => Ok(()),
-            // What is kept longest comes first.
+            // The message that is kept longest comes first.
             (Way::To1, Some(first)) => loop {
                 let probe = self.subscriber(true)?;
                 if probe.messages(1)?[0]["value"]["data"] == **first {
@@ -162,7 +160,7 @@ impl<'w> Scene<'w> {
     }
 }
 
-/// What a subscriber heard, and how often.
+/// Number of times that a subscriber heard each text.
 fn heard(output: &Output) -> BTreeMap<String, usize> {
     let mut all = BTreeMap::new();
     for message in output.events("message") {
@@ -189,9 +187,9 @@ fn all(scene: &Scene<'_>, who: &Process, expected: &[&str]) -> Result {
 
 /// `others` say their message and stay; one more comes, is killed, and is started again.
 fn matrix(test: &str, way: Way, latched: bool, others: &[&str]) -> Result {
-    run(test, NEEDS, |world| {
-        let _roscore = world.roscore()?;
-        let scene = Scene::new(world, way, latched)?;
+    run(test, NEEDS, |env| {
+        let _roscore = env.roscore()?;
+        let scene = Scene::new(env, way, latched)?;
         let before = [scene.subscriber(false)?, scene.subscriber(true)?];
         // One of them asks for transient local: a second writer takes over from the first.
         scene.writers_of(1, 2)?;

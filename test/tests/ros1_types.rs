@@ -2,13 +2,11 @@
 //! names of the moment. rospy makes its classes on the spot, the bridge learns them from the
 //! connection.
 
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
-
 use std::collections::hash_map::RandomState;
 use std::hash::{BuildHasher as _, Hasher as _};
 
 use serde_json::{Value, json};
-use wrapyfi_e2e::{Need, Process, Result, Route, ServiceMapping, World, ros1, ros2, run, sha256};
+use wrapyfi_e2e::{Need, Process, Result, Route, ServiceMapping, TestEnv, ros1, ros2, run, sha256};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Ros1];
 const SET: (&str, &str) =
@@ -94,19 +92,19 @@ impl Package {
     }
 
     /// Writes what rospy is to read, away from where a bridge looks.
-    fn for_rospy(&self, world: &World) -> Result<String> {
+    fn for_rospy(&self, env: &TestEnv) -> Result<String> {
         for (file, text) in &self.ros1 {
-            let path = world.path("ros1").join(file);
+            let path = env.path("ros1").join(file);
             path.parent().map_or(Ok(()), std::fs::create_dir_all)?;
             std::fs::write(path, text)?;
         }
-        Ok(world.path("ros1").display().to_string())
+        Ok(env.path("ros1").display().to_string())
     }
 
     /// Writes what a bridge is to read that meets the types on ROS 2 only.
-    fn for_ros2(&self, world: &World) -> Result<String> {
+    fn for_ros2(&self, env: &TestEnv) -> Result<String> {
         let files = self.ros2.each_ref().map(|(file, text)| (file.as_str(), text.as_str()));
-        world.definitions(&files)
+        env.definitions(&files)
     }
 }
 
@@ -122,35 +120,35 @@ fn unnumbered(mut message: Value) -> Value {
 /// checksum.
 #[test]
 fn a_type_made_a_moment_ago_crosses_ros_2_and_comes_back() -> Result {
-    run("a_type_made_a_moment_ago_crosses_ros_2_and_comes_back", NEEDS, |world| {
+    run("a_type_made_a_moment_ago_crosses_ros_2_and_comes_back", NEEDS, |env| {
         let package = Package::new();
-        let (folder, _) = (package.for_rospy(world)?, package.for_ros2(world)?);
-        let _roscore = world.roscore()?;
-        let [from, middle, to] = ["from", "middle", "to"].map(|name| world.topic(name));
+        let (folder, _) = (package.for_rospy(env)?, package.for_ros2(env)?);
+        let _roscore = env.roscore()?;
+        let [from, middle, to] = ["from", "middle", "to"].map(|name| env.topic(name));
         let kind = format!("{}/msg/Whole", package.name);
         // This one has no definition but the publisher's.
-        let there = world.embedded().route(Route::new(&ros1(&from), &ros2(&middle), &kind));
-        let again = world.foreign().with("definitions", "[interfaces]");
+        let there = env.embedded().route(Route::new(&ros1(&from), &ros2(&middle), &kind));
+        let again = env.foreign().with("definitions", "[interfaces]");
         let again = again.route(Route::new(&ros2(&middle), &ros1(&to), &kind));
-        let again = world.bridge_named("again.yaml", &again)?;
+        let again = env.bridge_named("again.yaml", &again)?;
 
         let rospy = |role: &str, topic: &str, value: Option<&str>| {
             let kind = format!("{}/Whole", package.name);
             let args = format!(
                 "{role} --topic {topic} --type {kind} --node {role}_node --definitions {folder}"
             );
-            world.rospy(&args, value)
+            env.rospy(&args, value)
         };
         let ear = rospy("subscribe", &to, None)?;
         let mut value = package.value.clone();
         value["blob"] = json!([1, 2, 253]);
         let talker = rospy("publish", &from, Some(&value.to_string()))?;
-        let there = world.bridge_named("there.yaml", &there)?;
+        let there = env.bridge_named("there.yaml", &there)?;
         let heard = ear.messages(3).map_err(|error| {
             error.context(format!("{}\n{}\n{}", there.tail(), again.tail(), talker.tail()))
         })?;
         let mut sent = talker.messages(1)?.remove(0);
-        // What arrives is bytes.
+        // The received blob is bytes.
         sent["value"]["blob"] = json!({"sha256": sha256(&[1, 2, 253]), "size": 3});
         for one in heard {
             assert_eq!(unnumbered(one["value"].clone()), unnumbered(sent["value"].clone()));
@@ -161,12 +159,12 @@ fn a_type_made_a_moment_ago_crosses_ros_2_and_comes_back() -> Result {
 
 #[test]
 fn a_type_that_nobody_shows_is_refused_with_the_remedy() -> Result {
-    run("a_type_that_nobody_shows_is_refused_with_the_remedy", NEEDS, |world| {
-        let _roscore = world.roscore()?;
-        let (from, kind) = (world.topic("from"), format!("pkg_{:x}/msg/Whole", random()));
-        let config = world.embedded().route(Route::new(&ros1(&from), &ros2(&from), &kind));
-        let file = world.write("bridge.yaml", config.yaml())?.display().to_string();
-        let mut bridge = world.wrapyfi(["bridge", "--config", &file])?;
+    run("a_type_that_nobody_shows_is_refused_with_the_remedy", NEEDS, |env| {
+        let _roscore = env.roscore()?;
+        let (from, kind) = (env.topic("from"), format!("pkg_{:x}/msg/Whole", random()));
+        let config = env.embedded().route(Route::new(&ros1(&from), &ros2(&from), &kind));
+        let file = env.write("bridge.yaml", config.yaml())?.display().to_string();
+        let mut bridge = env.wrapyfi(["bridge", "--config", &file])?;
         bridge.exits_with(2)?;
         let said = bridge.stderr();
         for words in [
@@ -180,27 +178,27 @@ fn a_type_that_nobody_shows_is_refused_with_the_remedy() -> Result {
 }
 
 /// A service route, with the definitions at hand.
-fn joined(world: &World, service: &str, offered: &str, kind: &str) -> Result<Process> {
-    world.definitions(&[SET, ADD])?;
+fn joined(env: &TestEnv, service: &str, offered: &str, kind: &str) -> Result<Process> {
+    env.definitions(&[SET, ADD])?;
     let route = Route::service(service, offered, kind);
-    world.bridge(&world.embedded().with("definitions", "[interfaces]").route(route))
+    env.bridge(&env.embedded().with("definitions", "[interfaces]").route(route))
 }
 
 #[test]
 fn a_service_of_ros_1_is_called_from_ros_2() -> Result {
-    run("a_service_of_ros_1_is_called_from_ros_2", NEEDS, |world| {
-        let _roscore = world.roscore()?;
-        let (there, here) = (world.topic("there"), world.topic("here"));
-        let bridge = joined(world, &ros1(&there), &ros2(&here), "std_srvs/srv/SetBool")?;
-        let _server = world.rospy(&format!("serve --topic {there}"), None)?;
-        let (folder, endpoint) = (world.definitions(&[SET])?, ros2(&here));
+    run("a_service_of_ros_1_is_called_from_ros_2", NEEDS, |env| {
+        let _roscore = env.roscore()?;
+        let (there, here) = (env.topic("there"), env.topic("here"));
+        let bridge = joined(env, &ros1(&there), &ros2(&here), "std_srvs/srv/SetBool")?;
+        let _server = env.rospy(&format!("serve --topic {there}"), None)?;
+        let (folder, endpoint) = (env.definitions(&[SET])?, ros2(&here));
         for (asked, answer) in [
             (r#"{"data": true}"#, json!({"success": true, "message": "so be it"})),
             (r#"{"data": false}"#, json!({"success": false, "message": "no"})),
         ] {
             let kind = ["--type", "std_srvs/srv/SetBool", "--definitions", &folder];
             let args = ["call", &endpoint, "--value", asked, "--json", "--timeout", "60"];
-            let mut call = world.wrapyfi(args.into_iter().chain(kind))?;
+            let mut call = env.wrapyfi(args.into_iter().chain(kind))?;
             call.exits_with(0).map_err(|error| error.context(bridge.tail()))?;
             assert_eq!(call.objects(1)?[0]["value"], answer);
         }
@@ -210,15 +208,15 @@ fn a_service_of_ros_1_is_called_from_ros_2() -> Result {
 
 #[test]
 fn a_service_of_ros_2_is_called_from_ros_1() -> Result {
-    run("a_service_of_ros_2_is_called_from_ros_1", NEEDS, |world| {
-        let _roscore = world.roscore()?;
-        let (there, here) = (world.topic("there"), world.topic("here"));
-        let bridge = joined(world, &ros2(&there), &ros1(&here), "std_srvs/srv/SetBool")?;
-        let (folder, endpoint) = (world.definitions(&[SET])?, ros2(&there));
+    run("a_service_of_ros_2_is_called_from_ros_1", NEEDS, |env| {
+        let _roscore = env.roscore()?;
+        let (there, here) = (env.topic("there"), env.topic("here"));
+        let bridge = joined(env, &ros2(&there), &ros1(&here), "std_srvs/srv/SetBool")?;
+        let (folder, endpoint) = (env.definitions(&[SET])?, ros2(&there));
         let answer = r#"{"success": true, "message": "from ROS 2"}"#;
         let args = ["serve", &endpoint, "--type", "std_srvs/srv/SetBool", "--value", answer];
-        let server = world.wrapyfi(args.into_iter().chain(["--definitions", &folder, "--json"]))?;
-        let client = world.rospy(
+        let server = env.wrapyfi(args.into_iter().chain(["--definitions", &folder, "--json"]))?;
+        let client = env.rospy(
             &format!("call --topic {here} --type std_srvs/SetBool --count 3"),
             Some(r#"{"data": true}"#),
         )?;
@@ -235,24 +233,24 @@ fn a_service_of_ros_2_is_called_from_ros_1() -> Result {
 /// Both ways at once with an independent node of ROS 2.
 #[test]
 fn sums_are_made_on_the_other_side() -> Result {
-    run("sums_are_made_on_the_other_side", NEEDS, |world| {
-        let _roscore = world.roscore()?;
-        let [there, here, back, front] = ["a", "b", "c", "d"].map(|name| world.topic(name));
-        let folder = world.definitions(&[ADD])?;
+    run("sums_are_made_on_the_other_side", NEEDS, |env| {
+        let _roscore = env.roscore()?;
+        let [there, here, back, front] = ["a", "b", "c", "d"].map(|name| env.topic(name));
+        let folder = env.definitions(&[ADD])?;
         let kind = "example_interfaces/srv/AddTwoInts";
-        let config = world.embedded().with("definitions", "[interfaces]");
+        let config = env.embedded().with("definitions", "[interfaces]");
         let config = config.route(Route::service(&ros1(&there), &ros2(&here), kind));
         let config = config.route(Route::service(&ros2(&back), &ros1(&front), kind));
-        let bridge = world.bridge(&config)?;
+        let bridge = env.bridge(&config)?;
         let of = |role: &str, topic: &str, value: &str| {
             let args = format!(
                 "{role} --topic {topic} --type example_interfaces/AddTwoInts --node {role}_node \
                  --count 2 --definitions {folder}"
             );
-            world.rospy(&args, Some(value))
+            env.rospy(&args, Some(value))
         };
         let _server = of("serve", &there, r#"{"sum": "=request.a + request.b"}"#)?;
-        let mut node = world.ros_node("sums")?;
+        let mut node = env.ros_node("sums")?;
         let asker = node.ask_for_sums(&here, ServiceMapping::Cyclone)?;
         assert_eq!(asker.first(40, 2).map_err(|error| error.context(bridge.tail()))?, 42);
         assert_eq!(asker.next(-1, i64::MAX)?, i64::MAX - 1);
@@ -269,21 +267,21 @@ fn sums_are_made_on_the_other_side() -> Result {
 /// A service with messages inside, made up a moment ago, from ROS 2 to a server on ROS 1.
 #[test]
 fn a_service_made_a_moment_ago_crosses() -> Result {
-    run("a_service_made_a_moment_ago_crosses", NEEDS, |world| {
+    run("a_service_made_a_moment_ago_crosses", NEEDS, |env| {
         let package = Package::new();
-        let (rospy, folder) = (package.for_rospy(world)?, package.for_ros2(world)?);
-        let _roscore = world.roscore()?;
-        let (there, here) = (world.topic("there"), world.topic("here"));
+        let (rospy, folder) = (package.for_rospy(env)?, package.for_ros2(env)?);
+        let _roscore = env.roscore()?;
+        let (there, here) = (env.topic("there"), env.topic("here"));
         let kind = format!("{}/srv/Repeat", package.name);
-        let bridge = joined(world, &ros1(&there), &ros2(&here), &kind)?;
+        let bridge = joined(env, &ros1(&there), &ros2(&here), &kind)?;
         let args =
             format!("serve --topic {there} --type {}/Repeat --definitions {rospy}", package.name);
-        let server = world.rospy(&args, Some(r#"{"parts": "=[request.part] * request.times"}"#))?;
+        let server = env.rospy(&args, Some(r#"{"parts": "=[request.part] * request.times"}"#))?;
         let endpoint = ros2(&here);
         let asked = r#"{"part": {"name": "p", "values": [0.5]}, "times": 2}"#;
         let args = ["call", &endpoint, "--type", &kind, "--value", asked, "--json"];
         let mut call =
-            world.wrapyfi(args.into_iter().chain(["--definitions", &folder, "--timeout", "60"]))?;
+            env.wrapyfi(args.into_iter().chain(["--definitions", &folder, "--timeout", "60"]))?;
         call.exits_with(0).map_err(|error| error.context(bridge.tail()).context(server.tail()))?;
         let part = json!({"name": "p", "values": [0.5]});
         assert_eq!(call.objects(1)?[0]["value"], json!({"parts": [part, part]}));

@@ -1,9 +1,7 @@
 //! Routes of ROS types that nothing here was built for.
 
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
-
 use serde_json::json;
-use wrapyfi_e2e::{Need, Result, Route, World, ros2, run, zeromq};
+use wrapyfi_e2e::{Need, Result, Route, TestEnv, ros2, run, zeromq};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Python];
 
@@ -11,19 +9,19 @@ const PAIR: (&str, &str) = ("demo/msg/Pair.msg", "string left\nfloat32[] right\n
 const PART: (&str, &str) = ("demo/msg/Part.msg", "int16 id\nbool on\n");
 
 /// A bridge that finds the definitions of `demo`.
-fn bridge(world: &World, route: Route) -> Result<wrapyfi_e2e::Process> {
-    world.definitions(&[PAIR, PART])?;
-    world.bridge(&world.embedded().with("definitions", "[interfaces]").route(route))
+fn bridge(env: &TestEnv, route: Route) -> Result<wrapyfi_e2e::Process> {
+    env.definitions(&[PAIR, PART])?;
+    env.bridge(&env.embedded().with("definitions", "[interfaces]").route(route))
 }
 
 #[test]
 fn a_ros_message_reaches_wrapyfi_as_a_dict() -> Result {
-    run("a_ros_message_reaches_wrapyfi_as_a_dict", NEEDS, |world| {
-        let (from, to) = (world.topic("from"), world.topic("to"));
+    run("a_ros_message_reaches_wrapyfi_as_a_dict", NEEDS, |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
         let route = Route::new(&ros2(&from), &zeromq(&to), "sensor_msgs/msg/JointState");
-        let _bridge = world.bridge(&world.embedded().route(route))?;
-        let listener = world.wrapyfi_listener(&to, "--count 1")?;
-        let _publisher = world.wrapyfi([
+        let _bridge = env.bridge(&env.embedded().route(route))?;
+        let listener = env.wrapyfi_listener(&to, "--count 1")?;
+        let _publisher = env.wrapyfi([
             "pub",
             &ros2(&from),
             "--type",
@@ -41,12 +39,12 @@ fn a_ros_message_reaches_wrapyfi_as_a_dict() -> Result {
 
 #[test]
 fn a_dict_of_wrapyfi_becomes_a_ros_message() -> Result {
-    run("a_dict_of_wrapyfi_becomes_a_ros_message", NEEDS, |world| {
-        let (from, to) = (world.topic("from"), world.topic("to"));
+    run("a_dict_of_wrapyfi_becomes_a_ros_message", NEEDS, |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
         let route = Route::new(&zeromq(&from), &ros2(&to), "geometry_msgs/msg/Twist");
-        let _bridge = world.bridge(&world.embedded().route(route))?;
-        let subscriber = world.dds_subscriber(&to, "geometry_msgs/msg/Twist", "--count 1")?;
-        let _publisher = world.wrapyfi([
+        let _bridge = env.bridge(&env.embedded().route(route))?;
+        let subscriber = env.dds_subscriber(&to, "geometry_msgs/msg/Twist", "--count 1")?;
+        let _publisher = env.wrapyfi([
             "pub",
             &zeromq(&from),
             "--type",
@@ -65,18 +63,18 @@ fn a_dict_of_wrapyfi_becomes_a_ros_message() -> Result {
 
 #[test]
 fn a_type_of_the_users_own_goes_from_topic_to_topic() -> Result {
-    run("a_type_of_the_users_own_goes_from_topic_to_topic", NEEDS, |world| {
-        let (from, to) = (world.topic("from"), world.topic("to"));
+    run("a_type_of_the_users_own_goes_from_topic_to_topic", NEEDS, |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
         let route = Route::new(&ros2(&from), &ros2(&to), "demo/msg/Pair");
-        let bridge = bridge(world, route)?;
-        let folder = world.definitions(&[PAIR, PART])?;
+        let bridge = bridge(env, route)?;
+        let folder = env.definitions(&[PAIR, PART])?;
         let own = ["--type", "demo/msg/Pair", "--definitions", &folder];
         let (from, to) = (ros2(&from), ros2(&to));
         let echo = [&["echo", &to, "--count", "1", "--json"], &own[..]].concat();
-        let listener = world.wrapyfi(echo)?;
+        let listener = env.wrapyfi(echo)?;
         let value = r#"{"left": "a", "right": [1, 2.5], "parts": [{"id": 7, "on": true}]}"#;
         let publish = [&["pub", &from, "--value", value], &own[..]].concat();
-        let _publisher = world.wrapyfi(publish)?;
+        let _publisher = env.wrapyfi(publish)?;
         let heard = &listener.objects(1).map_err(|error| error.context(bridge.tail()))?[0];
         let fields = if heard["value"].is_object() { &heard["value"] } else { &heard["fields"] };
         assert_eq!(fields["right"], json!([1.0, 2.5]), "{heard}");
@@ -87,15 +85,12 @@ fn a_type_of_the_users_own_goes_from_topic_to_topic() -> Result {
 
 #[test]
 fn text_stays_text() -> Result {
-    run("text_stays_text", NEEDS, |world| {
-        let (from, to) = (world.topic("from"), world.topic("to"));
-        let _bridge = world.bridge(&world.embedded().route(Route::new(
-            &zeromq(&from),
-            &ros2(&to),
-            "Text",
-        )))?;
-        let subscriber = world.dds_subscriber(&to, "std_msgs/msg/String", "--count 1 --cdr")?;
-        let _publisher = world.wrapyfi([
+    run("text_stays_text", NEEDS, |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
+        let _bridge =
+            env.bridge(&env.embedded().route(Route::new(&zeromq(&from), &ros2(&to), "Text")))?;
+        let subscriber = env.dds_subscriber(&to, "std_msgs/msg/String", "--count 1 --cdr")?;
+        let _publisher = env.wrapyfi([
             "pub",
             &zeromq(&from),
             "--type",
@@ -114,9 +109,9 @@ fn text_stays_text() -> Result {
 
 #[test]
 fn a_type_that_is_defined_nowhere_is_refused_with_the_remedy() -> Result {
-    run("a_type_that_is_defined_nowhere_is_refused_with_the_remedy", NEEDS, |world| {
+    run("a_type_that_is_defined_nowhere_is_refused_with_the_remedy", NEEDS, |env| {
         let route = Route::new("ros2:/a", "zeromq:/b", "demo/msg/Missing");
-        let mut bridge = bridge(world, route)?;
+        let mut bridge = bridge(env, route)?;
         assert_eq!(bridge.exit_code()?, 2);
         let told = bridge.tail();
         assert!(told.contains("demo/msg/Missing is defined nowhere"), "{told}");

@@ -1,28 +1,26 @@
 //! Services that are offered on another middleware than their server's.
 
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
-
-use wrapyfi_e2e::{Need, Process, Result, Route, World, ros2, run};
+use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, ros2, run};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Python];
 const ADD: (&str, &str) =
     ("example_interfaces/srv/AddTwoInts.srv", "int64 a\nint64 b\n---\nint64 sum\n");
 
-/// A bridge of one service, with a broker of requests at this world's ports.
-fn bridge(world: &World, service: &str, offered: &str, kind: &str) -> Result<Process> {
-    world.definitions(&[ADD])?;
+/// A bridge of one service, with a broker of requests at this test's ports.
+fn bridge(env: &TestEnv, service: &str, offered: &str, kind: &str) -> Result<Process> {
+    env.definitions(&[ADD])?;
     let route = Route::service(service, offered, kind);
-    world.bridge(&world.embedded().with("definitions", "[interfaces]").requests(world).route(route))
+    env.bridge(&env.embedded().with("definitions", "[interfaces]").requests(env).route(route))
 }
 
 #[test]
 fn a_function_of_python_is_a_ros_service() -> Result {
-    run("a_function_of_python_is_a_ros_service", NEEDS, |world| {
-        let name = world.topic("add");
-        let bridge = bridge(world, "zeromq:/add", &ros2(&name), "NativeObject")?;
-        let _server = world.wrapyfi_server("--no-broker")?;
+    run("a_function_of_python_is_a_ros_service", NEEDS, |env| {
+        let name = env.topic("add");
+        let bridge = bridge(env, "zeromq:/add", &ros2(&name), "NativeObject")?;
+        let _server = env.wrapyfi_server("--no-broker")?;
         let endpoint = ros2(&name);
-        let mut call = world.wrapyfi([
+        let mut call = env.wrapyfi([
             "call",
             &endpoint,
             "--type",
@@ -41,13 +39,13 @@ fn a_function_of_python_is_a_ros_service() -> Result {
 
 #[test]
 fn a_ros_service_of_any_type_is_called_from_zeromq() -> Result {
-    run("a_ros_service_of_any_type_is_called_from_zeromq", NEEDS, |world| {
-        let name = world.topic("add");
+    run("a_ros_service_of_any_type_is_called_from_zeromq", NEEDS, |env| {
+        let name = env.topic("add");
         let kind = "example_interfaces/srv/AddTwoInts";
-        let bridge = bridge(world, &ros2(&name), "zeromq:/add", kind)?;
-        let folder = world.definitions(&[ADD])?;
+        let bridge = bridge(env, &ros2(&name), "zeromq:/add", kind)?;
+        let folder = env.definitions(&[ADD])?;
         let endpoint = ros2(&name);
-        let _server = world.wrapyfi([
+        let _server = env.wrapyfi([
             "serve",
             &endpoint,
             "--type",
@@ -58,8 +56,8 @@ fn a_ros_service_of_any_type_is_called_from_zeromq() -> Result {
             r#"{"sum": 42}"#,
             "--json",
         ])?;
-        let ports = [world.rep_port().to_string(), world.req_port().to_string()];
-        let mut call = world.wrapyfi([
+        let ports = [env.rep_port().to_string(), env.req_port().to_string()];
+        let mut call = env.wrapyfi([
             "call",
             "zeromq:/add",
             "--rep-port",
@@ -80,12 +78,12 @@ fn a_ros_service_of_any_type_is_called_from_zeromq() -> Result {
 
 #[test]
 fn a_service_route_is_checked_and_printed() -> Result {
-    run("a_service_route_is_checked_and_printed", NEEDS, |world| {
-        world.definitions(&[ADD])?;
+    run("a_service_route_is_checked_and_printed", NEEDS, |env| {
+        env.definitions(&[ADD])?;
         let check = |route: Route| -> Result<Process> {
-            let config = world.embedded().with("definitions", "[interfaces]").route(route);
-            let file = world.write("check.yaml", config.yaml())?;
-            world.wrapyfi(["check", &file.display().to_string()])
+            let config = env.embedded().with("definitions", "[interfaces]").route(route);
+            let file = env.write("check.yaml", config.yaml())?;
+            env.wrapyfi(["check", &file.display().to_string()])
         };
         let kind = "example_interfaces/srv/AddTwoInts";
         let mut good =

@@ -1,9 +1,7 @@
 //! Services: `wrapyfi call` and `wrapyfi serve` with each other and with an independent node.
 
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
-
 use serde_json::{Value, json};
-use wrapyfi_e2e::{Need, Process, Result, ServiceMapping, World, run};
+use wrapyfi_e2e::{Need, Process, Result, ServiceMapping, TestEnv, run};
 
 const NEEDS: &[Need] = &[Need::Program];
 const FAST: &str = "rmw_fastrtps_cpp";
@@ -19,45 +17,45 @@ const DEFINITIONS: &[(&str, &str)] = &[
 ];
 
 /// `wrapyfi COMMAND ros2:SERVICE` as a program of this RMW would run it.
-fn start(world: &World, rmw: &str, command: &str, service: &str, more: &[&str]) -> Result<Process> {
-    let (endpoint, folder) = (format!("ros2:{service}"), world.definitions(DEFINITIONS)?);
+fn start(env: &TestEnv, rmw: &str, command: &str, service: &str, more: &[&str]) -> Result<Process> {
+    let (endpoint, folder) = (format!("ros2:{service}"), env.definitions(DEFINITIONS)?);
     let mut words = vec![command, &endpoint, "--definitions", &folder, "--json"];
     words.extend(more);
-    world.wrapyfi_as(rmw, words)
+    env.wrapyfi_as(rmw, words)
 }
 
-fn call(world: &World, service: &str, more: &[&str]) -> Result<Process> {
-    start(world, CYCLONE, "call", service, more)
+fn call(env: &TestEnv, service: &str, more: &[&str]) -> Result<Process> {
+    start(env, CYCLONE, "call", service, more)
 }
 
-fn reply_as(world: &World, rmw: &str, service: &str, more: &[&str]) -> Result<Value> {
+fn reply_as(env: &TestEnv, rmw: &str, service: &str, more: &[&str]) -> Result<Value> {
     let patient = [more, &["--timeout", "60"]].concat();
-    let mut process = start(world, rmw, "call", service, &patient)?;
+    let mut process = start(env, rmw, "call", service, &patient)?;
     process.exits_with(0)?;
     Ok(process.objects(1)?[0]["value"].clone())
 }
 
-fn reply(world: &World, service: &str, more: &[&str]) -> Result<Value> {
-    reply_as(world, CYCLONE, service, more)
+fn reply(env: &TestEnv, service: &str, more: &[&str]) -> Result<Value> {
+    reply_as(env, CYCLONE, service, more)
 }
 
-fn serve(world: &World, service: &str, more: &[&str]) -> Result<Process> {
-    start(world, CYCLONE, "serve", service, more)
+fn serve(env: &TestEnv, service: &str, more: &[&str]) -> Result<Process> {
+    start(env, CYCLONE, "serve", service, more)
 }
 
 #[test]
 fn a_call_comes_back_with_what_the_server_says() -> Result {
-    run("a_call_comes_back_with_what_the_server_says", NEEDS, |world| {
-        let (say, set) = (world.topic("say"), world.topic("set"));
+    run("a_call_comes_back_with_what_the_server_says", NEEDS, |env| {
+        let (say, set) = (env.topic("say"), env.topic("set"));
         // Begun before there is a server.
         let early = ["--type", "demo/srv/Say", "--value", r#"{"text": "früh", "list": [1, 2]}"#];
-        let mut early = call(world, &say, &[&early[..], &["--timeout", "60"]].concat())?;
-        let mut echo = serve(world, &say, &["--type", "demo/srv/Say", "--echo", "--count", "2"])?;
+        let mut early = call(env, &say, &[&early[..], &["--timeout", "60"]].concat())?;
+        let mut echo = serve(env, &say, &["--type", "demo/srv/Say", "--echo", "--count", "2"])?;
         early.exits_with(0)?;
         let echoed = json!({"text": "früh", "list": [1, 2], "other": false});
         assert_eq!(early.objects(1)?[0], json!({"type": "demo/srv/Say_Response", "value": echoed}));
         // The type is what the server announces.
-        let late = reply(world, &say, &["--value", r#"{"text": "late"}"#])?;
+        let late = reply(env, &say, &["--value", r#"{"text": "late"}"#])?;
         assert_eq!(late, json!({"text": "late", "list": [], "other": false}));
         echo.exits_with(0)?;
         let asked: Vec<Value> =
@@ -65,8 +63,8 @@ fn a_call_comes_back_with_what_the_server_says() -> Result {
         assert_eq!(asked, ["früh", "late"]);
 
         let value = r#"{"success": true, "message": "done"}"#;
-        let server = serve(world, &set, &["--type", "std_srvs/srv/SetBool", "--value", value])?;
-        let done = reply(world, &set, &["--value", r#"{"data": true}"#])?;
+        let server = serve(env, &set, &["--type", "std_srvs/srv/SetBool", "--value", value])?;
+        let done = reply(env, &set, &["--value", r#"{"data": true}"#])?;
         assert_eq!(done, json!({"success": true, "message": "done"}));
         assert_eq!(server.objects(1)?[0]["value"], json!({"data": true}));
         server.terminate()
@@ -75,7 +73,7 @@ fn a_call_comes_back_with_what_the_server_says() -> Result {
 
 #[test]
 fn functions_of_wrapyfi_are_services() -> Result {
-    run("functions_of_wrapyfi_are_services", NEEDS, |world| {
+    run("functions_of_wrapyfi_are_services", NEEDS, |env| {
         for (name, reply_of) in [
             (
                 "NativeObject",
@@ -85,10 +83,10 @@ fn functions_of_wrapyfi_are_services() -> Result {
                 reply["response"].clone()
             }),
         ] {
-            let function = world.topic(if name == "NativeObject" { "ours" } else { "upstream" });
-            let server = serve(world, &function, &["--type", name, "--echo"])?;
+            let function = env.topic(if name == "NativeObject" { "ours" } else { "upstream" });
+            let server = serve(env, &function, &["--type", name, "--echo"])?;
             let words = ["--args", r#"[{"pose": [0.5, 1], "name": "arm"}]"#, "--kwargs", "{}"];
-            let returned = reply(world, &function, &words)?;
+            let returned = reply(env, &function, &words)?;
             let text = reply_of(&returned);
             let object: Value = serde_json::from_str(text.as_str().unwrap_or_default())?;
             assert_eq!(object, json!({"pose": [0.5, 1], "name": "arm"}), "{returned}");
@@ -100,17 +98,17 @@ fn functions_of_wrapyfi_are_services() -> Result {
 
 #[test]
 fn what_a_function_returns_is_printed_in_words() -> Result {
-    run("what_a_function_returns_is_printed_in_words", NEEDS, |world| {
+    run("what_a_function_returns_is_printed_in_words", NEEDS, |env| {
         for (name, kind) in [
             ("ours", "NativeObject"),
             ("upstream", "wrapyfi_ros2_interfaces/srv/ROS2NativeObjectService"),
         ] {
-            let endpoint = format!("ros2:{}", world.topic(name));
+            let endpoint = format!("ros2:{}", env.topic(name));
             let words = ["serve", &endpoint, "--type", kind, "--echo", "--count", "1"];
-            let mut server = world.wrapyfi_as(CYCLONE, words)?;
+            let mut server = env.wrapyfi_as(CYCLONE, words)?;
             let value = ["--args", r#"[{"name": "Jörg"}]"#];
             let words = ["call", &endpoint, "--timeout", "60", value[0], value[1]];
-            let mut call = world.wrapyfi_as(CYCLONE, words)?;
+            let mut call = env.wrapyfi_as(CYCLONE, words)?;
             call.exits_with(0)?;
             assert_eq!(call.stdout().trim(), r#"{"name":"Jörg"}"#);
             server.exits_with(0)?;
@@ -121,13 +119,13 @@ fn what_a_function_returns_is_printed_in_words() -> Result {
 
 #[test]
 fn the_common_types_need_no_definitions() -> Result {
-    run("the_common_types_need_no_definitions", NEEDS, |world| {
+    run("the_common_types_need_no_definitions", NEEDS, |env| {
         for (name, kind) in [("set", "std_srvs/srv/SetBool"), ("object", "NativeObject")] {
-            let endpoint = format!("ros2:{}", world.topic(name));
+            let endpoint = format!("ros2:{}", env.topic(name));
             let words = ["serve", &endpoint, "--type", kind, "--echo", "--count", "1"];
-            let mut server = world.wrapyfi_as(CYCLONE, words)?;
+            let mut server = env.wrapyfi_as(CYCLONE, words)?;
             let words = ["call", &endpoint, "--type", kind, "--json", "--timeout", "60"];
-            let mut call = world.wrapyfi_as(CYCLONE, words)?;
+            let mut call = env.wrapyfi_as(CYCLONE, words)?;
             call.exits_with(0)?;
             assert_eq!(call.objects(1)?[0]["value"]["success"], json!(true));
             server.exits_with(0)?;
@@ -137,23 +135,23 @@ fn the_common_types_need_no_definitions() -> Result {
 }
 
 /// Each call is the first one of a new process.
-fn calls_of_a_server(world: &World, rmw: &str, mapping: ServiceMapping) -> Result {
-    let sums = world.topic("sums");
-    let mut node = world.ros_node("adder")?;
+fn calls_of_a_server(env: &TestEnv, rmw: &str, mapping: ServiceMapping) -> Result {
+    let sums = env.topic("sums");
+    let mut node = env.ros_node("adder")?;
     let _server = node.serve_sums(&sums, mapping)?;
     for a in 0..5 {
         let value = format!(r#"{{"a": {a}, "b": 1099511627776}}"#);
-        let sum = reply_as(world, rmw, &sums, &["--value", &value])?;
+        let sum = reply_as(env, rmw, &sums, &["--value", &value])?;
         assert_eq!(sum, json!({"sum": a + 1_099_511_627_776_i64}));
     }
     Ok(())
 }
 
-fn requests_of_a_client(world: &World, rmw: &str, mapping: ServiceMapping) -> Result {
-    let sums = world.topic("sums");
+fn requests_of_a_client(env: &TestEnv, rmw: &str, mapping: ServiceMapping) -> Result {
+    let sums = env.topic("sums");
     let answer = ["--type", ADD, "--value", r#"{"sum": 42}"#];
-    let server = start(world, rmw, "serve", &sums, &answer)?;
-    let mut node = world.ros_node("asker")?;
+    let server = start(env, rmw, "serve", &sums, &answer)?;
+    let mut node = env.ros_node("asker")?;
     let client = node.ask_for_sums(&sums, mapping)?;
     assert_eq!(client.first(1, 2)?, 42);
     for a in 0..50 {
@@ -167,51 +165,51 @@ fn requests_of_a_client(world: &World, rmw: &str, mapping: ServiceMapping) -> Re
 
 #[test]
 fn an_independent_server_answers_our_calls() -> Result {
-    run("an_independent_server_answers_our_calls", NEEDS, |world| {
-        calls_of_a_server(world, CYCLONE, ServiceMapping::Cyclone)
+    run("an_independent_server_answers_our_calls", NEEDS, |env| {
+        calls_of_a_server(env, CYCLONE, ServiceMapping::Cyclone)
     })
 }
 
 #[test]
 fn an_independent_server_of_fast_dds_answers_our_calls() -> Result {
-    run("an_independent_server_of_fast_dds_answers_our_calls", NEEDS, |world| {
-        calls_of_a_server(world, FAST, ServiceMapping::Enhanced)
+    run("an_independent_server_of_fast_dds_answers_our_calls", NEEDS, |env| {
+        calls_of_a_server(env, FAST, ServiceMapping::Enhanced)
     })
 }
 
 #[test]
 fn our_server_answers_an_independent_client() -> Result {
-    run("our_server_answers_an_independent_client", NEEDS, |world| {
-        requests_of_a_client(world, CYCLONE, ServiceMapping::Cyclone)
+    run("our_server_answers_an_independent_client", NEEDS, |env| {
+        requests_of_a_client(env, CYCLONE, ServiceMapping::Cyclone)
     })
 }
 
 #[test]
 fn our_server_answers_an_independent_client_of_fast_dds() -> Result {
-    run("our_server_answers_an_independent_client_of_fast_dds", NEEDS, |world| {
-        requests_of_a_client(world, FAST, ServiceMapping::Enhanced)
+    run("our_server_answers_an_independent_client_of_fast_dds", NEEDS, |env| {
+        requests_of_a_client(env, FAST, ServiceMapping::Enhanced)
     })
 }
 
 #[test]
 fn both_mappings_have_the_same_features() -> Result {
-    run("both_mappings_have_the_same_features", NEEDS, |world| {
-        let say = world.topic("say");
+    run("both_mappings_have_the_same_features", NEEDS, |env| {
+        let say = env.topic("say");
         let early = ["--type", "demo/srv/Say", "--value", r#"{"text": "a"}"#, "--timeout", "60"];
-        let mut early = start(world, FAST, "call", &say, &early)?;
-        let server = start(world, FAST, "serve", &say, &["--type", "demo/srv/Say", "--echo"])?;
+        let mut early = start(env, FAST, "call", &say, &early)?;
+        let server = start(env, FAST, "serve", &say, &["--type", "demo/srv/Say", "--echo"])?;
         early.exits_with(0)?;
-        let late = reply_as(world, FAST, &say, &["--value", r#"{"text": "b", "list": [3]}"#])?;
+        let late = reply_as(env, FAST, &say, &["--value", r#"{"text": "b", "list": [3]}"#])?;
         assert_eq!(late, json!({"text": "b", "list": [3], "other": false}));
         // The other mapping is told apart and told so.
         let foreign = ["--type", "demo/srv/Say", "--timeout", "3"];
-        let mut foreign = call(world, &say, &foreign)?;
+        let mut foreign = call(env, &say, &foreign)?;
         foreign.exits_with(3)?;
         server.terminate()?;
 
-        let cyclone = world.topic("cyclone");
-        let _server = serve(world, &cyclone, &["--type", "demo/srv/Say", "--echo"])?;
-        let mut foreign = start(world, FAST, "call", &cyclone, &["--timeout", "10"])?;
+        let cyclone = env.topic("cyclone");
+        let _server = serve(env, &cyclone, &["--type", "demo/srv/Say", "--echo"])?;
+        let mut foreign = start(env, FAST, "call", &cyclone, &["--timeout", "10"])?;
         foreign.exits_with(3)?;
         let told = foreign.stderr();
         let words = "the other end runs rmw_cyclonedds_cpp, whose services do not understand those \
@@ -225,13 +223,13 @@ fn both_mappings_have_the_same_features() -> Result {
 /// one is served.
 #[test]
 fn a_reply_that_cannot_be_sent_does_not_end_its_server() -> Result {
-    run("a_reply_that_cannot_be_sent_does_not_end_its_server", NEEDS, |world| {
-        let measure = world.topic("measure");
+    run("a_reply_that_cannot_be_sent_does_not_end_its_server", NEEDS, |env| {
+        let measure = env.topic("measure");
         let value = format!(r#"{{"success": true, "list": [{}0]}}"#, "0,".repeat(19_999));
         let words = ["--type", "demo/srv/Measure", "--value", &value, "--count", "2"];
-        let mut server = start(world, FAST, "serve", &measure, &words)?;
+        let mut server = start(env, FAST, "serve", &measure, &words)?;
         for _ in 0..2 {
-            let told = reply_as(world, FAST, &measure, &["--type", "demo/srv/Measure"])?;
+            let told = reply_as(env, FAST, &measure, &["--type", "demo/srv/Measure"])?;
             assert_eq!(told["success"], json!(false));
             let reason = told["message"].as_str().unwrap_or_default();
             assert!(reason.contains("a reply of 160020 bytes is over the limit"), "{reason}");
@@ -244,17 +242,17 @@ fn a_reply_that_cannot_be_sent_does_not_end_its_server() -> Result {
     })
 }
 
-/// What does not fit one datagram goes in several.
+/// Replies that do not fit one datagram go in several.
 #[test]
 fn a_large_reply_of_fast_ddss_mapping_arrives() -> Result {
-    run("a_large_reply_of_fast_ddss_mapping_arrives", NEEDS, |world| {
-        let set = world.topic("set");
+    run("a_large_reply_of_fast_ddss_mapping_arrives", NEEDS, |env| {
+        let set = env.topic("set");
         let text = "x".repeat(70_000);
         let value = format!(r#"{{"success": true, "message": "{text}"}}"#);
         let words = ["--type", "std_srvs/srv/SetBool", "--value", &value];
-        let server = start(world, FAST, "serve", &set, &words)?;
+        let server = start(env, FAST, "serve", &set, &words)?;
         for _ in 0..3 {
-            let reply = reply_as(world, FAST, &set, &["--type", "std_srvs/srv/SetBool"])?;
+            let reply = reply_as(env, FAST, &set, &["--type", "std_srvs/srv/SetBool"])?;
             assert_eq!(reply, json!({"success": true, "message": text}));
         }
         server.terminate()
@@ -264,25 +262,24 @@ fn a_large_reply_of_fast_ddss_mapping_arrives() -> Result {
 /// The last reply arrives though its server ends at once.
 #[test]
 fn a_reply_of_any_type_comes_from_a_file() -> Result {
-    run("a_reply_of_any_type_comes_from_a_file", NEEDS, |world| {
-        let (set, measure) = (world.topic("set"), world.topic("measure"));
+    run("a_reply_of_any_type_comes_from_a_file", NEEDS, |env| {
+        let (set, measure) = (env.topic("set"), env.topic("measure"));
         let file = |name: &str, text: &str| -> Result<String> {
-            Ok(world.write(name, text)?.display().to_string())
+            Ok(env.write(name, text)?.display().to_string())
         };
         let on = file("on.json", r#"{"success": true, "message": "on"}"#)?;
-        let _set = serve(world, &set, &["--type", "std_srvs/srv/SetBool", "--file", &on])?;
-        assert_eq!(reply(world, &set, &[])?, json!({"success": true, "message": "on"}));
+        let _set = serve(env, &set, &["--type", "std_srvs/srv/SetBool", "--file", &on])?;
+        assert_eq!(reply(env, &set, &[])?, json!({"success": true, "message": "on"}));
         let list = file("list.json", r#"{"list": [1.5, 2]}"#)?;
-        let _measure = serve(world, &measure, &["--type", "demo/srv/Measure", "--file", &list])?;
-        assert_eq!(reply(world, &measure, &[])?["list"], json!([1.5, 2.0]));
+        let _measure = serve(env, &measure, &["--type", "demo/srv/Measure", "--file", &list])?;
+        assert_eq!(reply(env, &measure, &[])?["list"], json!([1.5, 2.0]));
         let wrong = file("wrong.json", r#"{"successful": true}"#)?;
         let image = file("image.png", "no picture")?;
         for (file, words) in [
             (&wrong, "wrong.json is no reply of std_srvs/srv/SetBool"),
             (&image, "image.png is no .json file; a reply of std_srvs/srv/SetBool is a .json file"),
         ] {
-            let mut server =
-                serve(world, &set, &["--type", "std_srvs/srv/SetBool", "--file", file])?;
+            let mut server = serve(env, &set, &["--type", "std_srvs/srv/SetBool", "--file", file])?;
             server.exits_with(2)?;
             assert!(server.stderr().contains(words), "{}", server.stderr());
         }
@@ -292,12 +289,12 @@ fn a_reply_of_any_type_comes_from_a_file() -> Result {
 
 #[test]
 fn a_server_that_ends_has_answered() -> Result {
-    run("a_server_that_ends_has_answered", NEEDS, |world| {
+    run("a_server_that_ends_has_answered", NEEDS, |env| {
         for (n, rmw) in [FAST, CYCLONE].into_iter().cycle().take(16).enumerate() {
-            let set = world.topic(&format!("set_{n}"));
+            let set = env.topic(&format!("set_{n}"));
             let once = ["--type", "std_srvs/srv/SetBool", "--echo", "--count", "1"];
-            let mut server = start(world, rmw, "serve", &set, &once)?;
-            let reply = reply_as(world, rmw, &set, &["--type", "std_srvs/srv/SetBool"])?;
+            let mut server = start(env, rmw, "serve", &set, &once)?;
+            let reply = reply_as(env, rmw, &set, &["--type", "std_srvs/srv/SetBool"])?;
             assert_eq!(reply["success"], json!(true));
             server.exits_with(0)?;
         }
@@ -307,8 +304,8 @@ fn a_server_that_ends_has_answered() -> Result {
 
 #[test]
 fn calls_that_cannot_be_end_with_a_reason() -> Result {
-    run("calls_that_cannot_be_end_with_a_reason", NEEDS, |world| {
-        let none = world.topic("none");
+    run("calls_that_cannot_be_end_with_a_reason", NEEDS, |env| {
+        let none = env.topic("none");
         for (more, code, words) in [
             (vec!["--type", ADD, "--timeout", "0.5"], 3, "no node offers it"),
             (vec!["--timeout", "0.5"], 3, "no node offers it; give --type"),
@@ -326,11 +323,11 @@ fn calls_that_cannot_be_end_with_a_reason() -> Result {
                 "must be NativeObject, Image, CompressedImage, AudioChunk",
             ),
         ] {
-            let mut process = call(world, &none, &more)?;
+            let mut process = call(env, &none, &more)?;
             process.exits_with(code)?;
             assert!(process.stderr().contains(words), "{more:?}: {}", process.stderr());
         }
-        let mut zeromq = world.wrapyfi(["call", "zeromq:/x", "--type", ADD])?;
+        let mut zeromq = env.wrapyfi(["call", "zeromq:/x", "--type", ADD])?;
         zeromq.exits_with(2)?;
         assert!(
             zeromq.stderr().contains("is no function of Wrapyfi; accepted are NativeObject"),

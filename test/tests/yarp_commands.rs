@@ -1,24 +1,22 @@
-//! What a robot on YARP is told from ROS 2 while `yarp_bridge` runs as it is: commands to input ports,
+//! Commands from ROS 2 to a robot on YARP while `yarp_bridge` runs as it is: to input ports, and by
 //! calls to rpc ports. The robot is ours; `real_yarp.rs` has one of YARP's.
 
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
-
 use serde_json::{Value, json};
-use wrapyfi_e2e::{Need, Process, Result, World, ros2, run, yarp};
+use wrapyfi_e2e::{Need, Process, Result, TestEnv, ros2, run, yarp};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Executable("yarp_bridge")];
 
 /// An input port of this name that prints what it is told.
-fn input_port(world: &World, port: &str) -> Result<Process> {
-    let (endpoint, own) = (yarp(&world.topic("nobody")), format!("port={port}"));
+fn input_port(env: &TestEnv, port: &str) -> Result<Process> {
+    let (endpoint, own) = (yarp(&env.topic("nobody")), format!("port={port}"));
     let (kind, form) = (["--type", "NativeObject"], ["--option", "bottle=true", "--json"]);
     let own = ["--option", &own];
-    world.wrapyfi([&["echo", &endpoint], &kind[..], &own[..], &form[..]].concat())
+    env.wrapyfi([&["echo", &endpoint], &kind[..], &own[..], &form[..]].concat())
 }
 
-fn publisher(world: &World, topic: &str, kind: &str, value: &str) -> Result<Process> {
+fn publisher(env: &TestEnv, topic: &str, kind: &str, value: &str) -> Result<Process> {
     let endpoint = ros2(topic);
-    world.wrapyfi(["pub", &endpoint, "--type", kind, "--value", value, "--rate", "10"])
+    env.wrapyfi(["pub", &endpoint, "--type", kind, "--value", value, "--rate", "10"])
 }
 
 /// Waits for the first message, which must be this.
@@ -30,21 +28,21 @@ fn hears(port: &Process, wanted: &Value, bridge: &Process) -> Result {
 
 #[test]
 fn topics_named_like_an_input_port_are_written_to_it() -> Result {
-    run("topics_named_like_an_input_port_are_written_to_it", NEEDS, |world| {
-        let _names = world.yarpserver()?;
-        let head = world.topic("head");
+    run("topics_named_like_an_input_port_are_written_to_it", NEEDS, |env| {
+        let _names = env.yarpserver()?;
+        let head = env.topic("head");
         let (command, emotion) = (format!("{head}/command:i"), format!("{head}/emotion/in"));
-        let robot = [input_port(world, &command)?, input_port(world, &emotion)?];
-        let bridge = world.executable("yarp_bridge", &[])?;
+        let robot = [input_port(env, &command)?, input_port(env, &emotion)?];
+        let bridge = env.executable("yarp_bridge", &[])?;
         let (angles, words) = (json!([1.0, 2.5]), json!(["set", "mou", "sur"]));
         let topic = format!("{head}/command/i");
         let (array, data) = ("std_msgs/msg/Float64MultiArray", r#"{"data": [1.0, 2.5]}"#);
-        let _angles = publisher(world, &topic, array, data)?;
-        let _words = publisher(world, &emotion, "NativeObject", &words.to_string())?;
+        let _angles = publisher(env, &topic, array, data)?;
+        let _words = publisher(env, &emotion, "NativeObject", &words.to_string())?;
         hears(&robot[0], &angles, &bridge)?;
         hears(&robot[1], &words, &bridge)?;
         // No port has the topic's name.
-        let mut list = world.wrapyfi(["list", "yarp", "--json"])?;
+        let mut list = env.wrapyfi(["list", "yarp", "--json"])?;
         list.exits_with(0)?;
         let names: Vec<Value> = list.objects(2)?.iter().map(|one| one["name"].clone()).collect();
         assert!(names.contains(&json!(command)) && !names.contains(&json!(topic)), "{names:?}");
@@ -52,7 +50,7 @@ fn topics_named_like_an_input_port_are_written_to_it() -> Result {
         let [mut first, second] = robot;
         first.kill()?;
         drop(first);
-        let again = input_port(world, &command)?;
+        let again = input_port(env, &command)?;
         hears(&again, &angles, &bridge)?;
         drop(second);
         Ok(())
@@ -62,12 +60,12 @@ fn topics_named_like_an_input_port_are_written_to_it() -> Result {
 /// Also where the topic was there first and no port of the robot: the name is left to the robot.
 #[test]
 fn a_robot_that_comes_later_is_commanded() -> Result {
-    run("a_robot_that_comes_later_is_commanded", NEEDS, |world| {
-        let _names = world.yarpserver()?;
-        let head = world.topic("head");
+    run("a_robot_that_comes_later_is_commanded", NEEDS, |env| {
+        let _names = env.yarpserver()?;
+        let head = env.topic("head");
         let (topic, port) = (format!("{head}/command/i"), format!("{head}/command:i"));
-        let bridge = world.executable("yarp_bridge", &["-p", "status_json:=true"])?;
-        let _words = publisher(world, &topic, "NativeObject", r#"["go", 1]"#)?;
+        let bridge = env.executable("yarp_bridge", &["-p", "status_json:=true"])?;
+        let _words = publisher(env, &topic, "NativeObject", r#"["go", 1]"#)?;
         // Until then its port has a name that nobody has to know.
         let name = format!("ros2:{topic} -> yarp:{topic}");
         bridge.wait_until("the route to wait for a reader", |output| {
@@ -79,7 +77,7 @@ fn a_robot_that_comes_later_is_commanded() -> Result {
             let reason = route["reason"].as_str()?;
             reason.starts_with("a listener on").then_some(())
         })?;
-        let robot = input_port(world, &port)?;
+        let robot = input_port(env, &port)?;
         hears(&robot, &json!(["go", 1]), &bridge)
     })
 }
@@ -87,23 +85,23 @@ fn a_robot_that_comes_later_is_commanded() -> Result {
 #[test]
 fn rpc_ports_of_robots_take_bottles_and_functions_of_wrapyfi_json() -> Result {
     let test = "rpc_ports_of_robots_take_bottles_and_functions_of_wrapyfi_json";
-    run(test, NEEDS, |world| {
-        let _names = world.yarpserver()?;
-        let (robot, function) = (world.topic("head") + "/rpc", world.topic("lab") + "/rpc");
+    run(test, NEEDS, |env| {
+        let _names = env.yarpserver()?;
+        let (robot, function) = (env.topic("head") + "/rpc", env.topic("lab") + "/rpc");
         let serve = |name: &str, more: &[&str]| {
             let endpoint = yarp(name);
             let said = ["serve", &endpoint, "--type", "NativeObject", "--echo", "--json"];
-            world.wrapyfi([&said[..], more].concat())
+            env.wrapyfi([&said[..], more].concat())
         };
         let robot_port = serve(&robot, &["--option", "bottle=true"])?;
         let function_port = serve(&function, &[])?;
-        let bridge = world.executable("yarp_bridge", &[])?;
+        let bridge = env.executable("yarp_bridge", &[])?;
         let ends = |name: &str| [ros2(name), yarp(name)];
         for endpoint in ends(&robot).into_iter().chain(ends(&function)) {
             let (endpoint, args) = (endpoint.as_str(), r#"["get", "enc", 0]"#);
             let kind = ["--type", "NativeObject", "--json", "--timeout", "40"];
             let call = [&["call", endpoint, "--args", args], &kind[..]].concat();
-            let mut call = world.wrapyfi(call)?;
+            let mut call = env.wrapyfi(call)?;
             call.exits_with(0).map_err(|error| error.context(bridge.tail()))?;
         }
         // A robot that got JSON would have one argument: its text.
@@ -118,13 +116,13 @@ fn rpc_ports_of_robots_take_bottles_and_functions_of_wrapyfi_json() -> Result {
 
 #[test]
 fn pub_goes_on_while_a_reader_stands_still() -> Result {
-    run("pub_goes_on_while_a_reader_stands_still", &[Need::Program], |world| {
-        let _names = world.yarpserver()?;
-        let endpoint = yarp(&world.topic("cam"));
+    run("pub_goes_on_while_a_reader_stands_still", &[Need::Program], |env| {
+        let _names = env.yarpserver()?;
+        let endpoint = yarp(&env.topic("cam"));
         let kind = ["--type", "NativeObject"];
-        let reader = world.wrapyfi([&["echo", &endpoint, "--json"], &kind[..]].concat())?;
+        let reader = env.wrapyfi([&["echo", &endpoint, "--json"], &kind[..]].concat())?;
         let value = ["--value", "[1, 2]", "--rate", "100"];
-        let publisher = world.wrapyfi([&["pub", &endpoint], &kind[..], &value[..]].concat())?;
+        let publisher = env.wrapyfi([&["pub", &endpoint], &kind[..], &value[..]].concat())?;
         reader.objects(3)?;
         reader.pause()?;
         let full = "is full";

@@ -1,6 +1,6 @@
 //! Cables that are pulled out between ports of YARP: both ends notice, and go on when the cable is back.
 
-use wrapyfi_e2e::{Host, Need, Process, Result, World, run};
+use wrapyfi_e2e::{Host, Need, Process, Result, TestEnv, run};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Hosts];
 
@@ -8,10 +8,10 @@ const NEEDS: &[Need] = &[Need::Program, Need::Hosts];
 const CARRIERS: [&str; 4] = ["tcp", "fast_tcp", "text", "text_ack"];
 
 /// A name server on the first machine, which both know.
-fn name_server(world: &World, robot: &Host<'_>) -> Result<Process> {
-    let port = world.yarp_port().to_string();
-    world.write("yarp.conf", format!("{} {port} yarp\n", robot.ip()))?;
-    world.write("ask.py", ASK)?;
+fn name_server(env: &TestEnv, robot: &Host<'_>) -> Result<Process> {
+    let port = env.yarp_port().to_string();
+    env.write("yarp.conf", format!("{} {port} yarp\n", robot.ip()))?;
+    env.write("ask.py", ASK)?;
     let args = ["yarpserver", "--ip", robot.ip(), "--port", &port, "--no-discovery", "--insecure"];
     let server = robot.wrapyfi(args)?;
     server.wait_until("the name server", |output| {
@@ -46,8 +46,8 @@ while is_connected():
 "#;
 
 /// Asks a port on its own machine; returns when it has the connection.
-fn ask(world: &World, robot: &Host<'_>, at: &Host<'_>, port: &str, words: &str) -> Result<Process> {
-    let args = format!("ask.py {} {} {port} {words}", robot.ip(), world.yarp_port());
+fn ask(env: &TestEnv, robot: &Host<'_>, at: &Host<'_>, port: &str, words: &str) -> Result<Process> {
+    let args = format!("ask.py {} {} {port} {words}", robot.ip(), env.yarp_port());
     let asked = at.program("/usr/bin/python3", &args)?;
     asked.wait_until(words, |output| {
         output.out.iter().any(|line| line == "connected").then_some(())
@@ -67,7 +67,7 @@ struct Pair {
 impl Pair {
     /// Connects; `rate` is in messages a second.
     fn new(
-        world: &World,
+        env: &TestEnv,
         robot: &Host<'_>,
         laptop: &Host<'_>,
         carrier: &'static str,
@@ -81,9 +81,9 @@ impl Pair {
         let options = ["--option", &carried, "--option", &named];
         let echo = ["echo", &endpoint, "--type", "Text", "--json"];
         let echo = laptop.wrapyfi([&echo, &options[..]].concat())?;
-        let writer = ask(world, robot, robot, &port, &format!("output connection from {port} to"))?;
+        let writer = ask(env, robot, robot, &port, &format!("output connection from {port} to"))?;
         let words = format!("input connection from {port} to");
-        let reader = ask(world, robot, laptop, &ear, &words)?;
+        let reader = ask(env, robot, laptop, &ear, &words)?;
         echo.objects(1)?;
         Ok(Self { carrier, _publisher: publisher, echo, writer, reader })
     }
@@ -99,15 +99,15 @@ impl Pair {
 
 #[test]
 fn a_dead_link_is_noticed_at_both_ends_and_recovers() -> Result {
-    run("a_dead_link_is_noticed_at_both_ends_and_recovers", NEEDS, |world| {
-        let [robot, laptop] = world.hosts(["robot", "laptop"])?;
+    run("a_dead_link_is_noticed_at_both_ends_and_recovers", NEEDS, |env| {
+        let [robot, laptop] = env.hosts(["robot", "laptop"])?;
         let robot = robot.with("WRAPYFI_YARP_INSECURE", "1");
         let laptop = laptop.with("WRAPYFI_YARP_INSECURE", "1");
-        let _server = name_server(world, &robot)?;
+        let _server = name_server(env, &robot)?;
         let mut pairs = Vec::new();
         for carrier in CARRIERS {
             // So seldom that no queue fills before the link is given up.
-            pairs.push(Pair::new(world, &robot, &laptop, carrier, "1")?);
+            pairs.push(Pair::new(env, &robot, &laptop, carrier, "1")?);
         }
         // The writer's machine still has its link: only silence tells.
         laptop.plug(false)?;
@@ -126,13 +126,13 @@ fn a_dead_link_is_noticed_at_both_ends_and_recovers() -> Result {
 
 #[test]
 fn an_idle_link_that_is_dead_is_noticed() -> Result {
-    run("an_idle_link_that_is_dead_is_noticed", NEEDS, |world| {
-        let [robot, laptop] = world.hosts(["robot", "laptop"])?;
+    run("an_idle_link_that_is_dead_is_noticed", NEEDS, |env| {
+        let [robot, laptop] = env.hosts(["robot", "laptop"])?;
         let robot = robot.with("WRAPYFI_YARP_INSECURE", "1");
         let laptop = laptop.with("WRAPYFI_YARP_INSECURE", "1");
-        let _server = name_server(world, &robot)?;
+        let _server = name_server(env, &robot)?;
         // One message, and silence.
-        let mut pair = Pair::new(world, &robot, &laptop, "fast_tcp", "0.001")?;
+        let mut pair = Pair::new(env, &robot, &laptop, "fast_tcp", "0.001")?;
         laptop.plug(false)?;
         pair.is_noticed()
     })

@@ -1,21 +1,19 @@
 //! `yarp_bridge` by itself: the ports of a robot are in ROS 2, with types that nobody has written down.
 
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
-
 use serde_json::Value;
-use wrapyfi_e2e::{Need, Process, Result, Route, World, ros2, run, until_route, yarp};
+use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, ros2, run, until_route, yarp};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Python, Need::Executable("yarp_bridge")];
 const REAL: &[Need] = &[Need::Program, Need::Python, Need::Yarp, Need::Executable("yarp_bridge")];
 
-fn bridge(world: &World) -> Result<Process> {
-    world.executable("yarp_bridge", &["-p", "status_json:=true"])
+fn bridge(env: &TestEnv) -> Result<Process> {
+    env.executable("yarp_bridge", &["-p", "status_json:=true"])
 }
 
 /// Somebody else's port that sends.
-fn port(world: &World, name: &str, message: &[&str]) -> Result<Process> {
+fn port(env: &TestEnv, name: &str, message: &[&str]) -> Result<Process> {
     let endpoint = yarp(name);
-    world.wrapyfi([&["pub", &endpoint, "--rate", "20"], message].concat())
+    env.wrapyfi([&["pub", &endpoint, "--rate", "20"], message].concat())
 }
 
 /// The name that a port has in ROS 2.
@@ -35,7 +33,7 @@ fn until_typed(bridge: &Process, port: &str, kind: &str, reason: &str) -> Result
 }
 
 /// Four by four pixels of three colours, as numpy writes them.
-fn picture(world: &World) -> Result<String> {
+fn picture(env: &TestEnv) -> Result<String> {
     let mut header = "{'descr': '|u1', 'fortran_order': False, 'shape': (4, 4, 3), }".to_owned();
     while !(header.len() + 11).is_multiple_of(64) {
         header.push(' ');
@@ -45,40 +43,40 @@ fn picture(world: &World) -> Result<String> {
     file.extend(u16::try_from(header.len())?.to_le_bytes());
     file.extend(header.bytes());
     file.extend(0..48);
-    Ok(world.write("picture.npy", file)?.display().to_string())
+    Ok(env.write("picture.npy", file)?.display().to_string())
 }
 
 const JOINTS: &str = "sensor_msgs/msg/JointState";
 
 #[test]
 fn ports_have_the_types_of_what_they_send() -> Result {
-    run("ports_have_the_types_of_what_they_send", NEEDS, |world| {
-        let _names = world.yarpserver()?;
-        let [head, view, words] = ["head/state:o", "view", "words"].map(|name| world.topic(name));
+    run("ports_have_the_types_of_what_they_send", NEEDS, |env| {
+        let _names = env.yarpserver()?;
+        let [head, view, words] = ["head/state:o", "view", "words"].map(|name| env.topic(name));
         let pose = r#"{"name": ["a", "b"], "position": [0.5, -1.0]}"#;
-        let _head = port(world, &head, &["--type", JOINTS, "--value", pose])?;
-        let file = picture(world)?;
-        let _view = port(world, &view, &["--type", "Image", "--file", &file])?;
+        let _head = port(env, &head, &["--type", JOINTS, "--value", pose])?;
+        let file = picture(env)?;
+        let _view = port(env, &view, &["--type", "Image", "--file", &file])?;
         let said = ["--type", "NativeObject", "--value", "\"hello icub\""];
-        let _words = port(world, &words, &said)?;
-        let bridge = bridge(world)?;
+        let _words = port(env, &words, &said)?;
+        let bridge = bridge(env)?;
         until_typed(&bridge, &head, JOINTS, "a listener on")?;
         until_typed(&bridge, &view, "sensor_msgs/msg/Image", "a listener on")?;
         until_typed(&bridge, &words, "wrapyfi_msgs/msg/NativeObject", "a listener on")?;
 
-        // Who wants another type gets it where that can be made of it.
-        let text = world.dds_subscriber(&words, "std_msgs/msg/String", "--count 1")?;
+        // A subscriber that wants another type gets it where that can be made of it.
+        let text = env.dds_subscriber(&words, "std_msgs/msg/String", "--count 1")?;
         let heard = text.messages(1).map_err(|error| error.context(bridge.tail()))?;
         assert!(heard[0].to_string().contains("hello icub"), "{heard:?}");
         // Elsewhere it is named.
-        let strange = world.dds_subscriber(&view, "std_msgs/msg/String", "")?;
+        let strange = env.dds_subscriber(&view, "std_msgs/msg/String", "")?;
         let why = "wants std_msgs/msg/String";
         until_typed(&bridge, &view, "sensor_msgs/msg/Image", why)?;
         drop(strange);
 
-        let eye = world.dds_subscriber(&view, "sensor_msgs/msg/Image", "--count 1")?;
+        let eye = env.dds_subscriber(&view, "sensor_msgs/msg/Image", "--count 1")?;
         eye.messages(1).map_err(|error| error.context(bridge.tail()))?;
-        let ear = world.dds_subscriber(&in_ros(&head), JOINTS, "--count 1")?;
+        let ear = env.dds_subscriber(&in_ros(&head), JOINTS, "--count 1")?;
         let heard = ear.messages(1).map_err(|error| error.context(bridge.tail()))?;
         assert!(heard[0].to_string().contains("0.5"), "{heard:?}");
         Ok(())
@@ -88,12 +86,12 @@ fn ports_have_the_types_of_what_they_send() -> Result {
 /// YARP's own camera and control board, at YARP's name server.
 #[test]
 fn a_real_camera_and_real_encoders_are_in_ros_2() -> Result {
-    run("a_real_camera_and_real_encoders_are_in_ros_2", REAL, |world| {
-        let number = world.yarp_port().to_string();
+    run("a_real_camera_and_real_encoders_are_in_ros_2", REAL, |env| {
+        let number = env.yarp_port().to_string();
         let args = ["--write", "--ip", "127.0.0.1", "--socket", &number];
-        let _names = world.yarp_tool("yarpserver", &args)?.pillar();
+        let _names = env.yarp_tool("yarpserver", &args)?.pillar();
         let answers = |port: &str| -> Result<bool> {
-            Ok(world.yarp_tool("yarp", &["exists", port])?.exit_code()? == 0)
+            Ok(env.yarp_tool("yarp", &["exists", port])?.exit_code()? == 0)
         };
         let until = |port: &str| -> Result {
             for _ in 0..100 {
@@ -104,37 +102,37 @@ fn a_real_camera_and_real_encoders_are_in_ros_2() -> Result {
             anyhow::bail!("no port {port}")
         };
         until("/root")?;
-        let [cam, head] = ["grabber", "head"].map(|name| world.topic(name));
+        let [cam, head] = ["grabber", "head"].map(|name| env.topic(name));
         let bundle = |wrapper, device, name| {
             let args = ["--device", "deviceBundler", "--wrapper_device", wrapper];
             let more = ["--attached_device", device, "--name", name];
-            world.yarp_tool("yarpdev", &[args, more].concat())
+            env.yarp_tool("yarpdev", &[args, more].concat())
         };
         let _cam = bundle("frameGrabber_nws_yarp", "fakeFrameGrabber", cam.as_str())?;
         let _head = bundle("controlBoard_nws_yarp", "fakeMotionControl", head.as_str())?;
         let state = format!("{head}/state:o");
         until(&cam)?;
         until(&state)?;
-        let bridge = bridge(world)?;
+        let bridge = bridge(env)?;
         until_typed(&bridge, &cam, "sensor_msgs/msg/Image", "a listener on")?;
         until_typed(&bridge, &state, JOINTS, "a listener on")?;
         until_typed(&bridge, &format!("{head}/stateExt:o"), JOINTS, "a listener on")?;
         // Nobody listens, so nothing is sent to anybody.
-        let mut ping = world.yarp_tool("yarp", &["ping", &cam])?;
+        let mut ping = env.yarp_tool("yarp", &["ping", &cam])?;
         ping.exit_code()?;
         let told = ping.stdout() + &ping.stderr();
         assert!(told.contains("no outgoing connections"), "{told}");
-        let eye = world.dds_subscriber(&cam, "sensor_msgs/msg/Image", "--count 1")?;
+        let eye = env.dds_subscriber(&cam, "sensor_msgs/msg/Image", "--count 1")?;
         eye.messages(1).map_err(|error| error.context(bridge.tail()))?;
-        let ear = world.dds_subscriber(&in_ros(&state), JOINTS, "--count 1")?;
+        let ear = env.dds_subscriber(&in_ros(&state), JOINTS, "--count 1")?;
         ear.messages(1).map_err(|error| error.context(bridge.tail()))?;
         // Over mjpeg the same camera has files, which are passed on as they are.
-        let shown = world.topic("files");
+        let shown = env.topic("files");
         let route = Route::untyped(&yarp(&cam), &ros2(&shown));
-        let config = world.embedded().route(route.with("options", "{ carrier: mjpeg }"));
-        let files = world.bridge(&config)?;
+        let config = env.embedded().route(route.with("options", "{ carrier: mjpeg }"));
+        let files = env.bridge(&config)?;
         let kind = "sensor_msgs/msg/CompressedImage";
-        let eye = world.dds_subscriber(&shown, kind, "--count 1")?;
+        let eye = env.dds_subscriber(&shown, kind, "--count 1")?;
         let heard = eye.messages(1).map_err(|error| error.context(files.tail()))?;
         assert!(heard[0].to_string().contains("jpeg"), "{heard:?}");
         Ok(())

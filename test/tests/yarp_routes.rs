@@ -1,43 +1,41 @@
 //! Bridges between YARP and ROS 2: the name server runs in the bridge, ports are ours, and on the ROS 2
 //! side are independent programs.
 
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
-
 use serde_json::{Value, json};
-use wrapyfi_e2e::{Need, Process, Result, Route, World, ros2, run};
+use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, ros2, run};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Python];
 
-fn bridge(world: &World, route: Route) -> Result<Process> {
-    world.yarp_conf()?;
-    world.bridge(&world.embedded().yarp(world).route(route))
+fn bridge(env: &TestEnv, route: Route) -> Result<Process> {
+    env.yarp_conf()?;
+    env.bridge(&env.embedded().yarp(env).route(route))
 }
 
 fn yarp(name: &str) -> String {
     format!("yarp:{name}")
 }
 
-/// What a subscriber on ROS 2 hears of `value`, published to YARP.
-fn heard(world: &World, route: Route, ros_type: &str, publish: &[&str]) -> Result<Value> {
-    let (from, to) = (world.topic("from"), world.topic("to"));
-    let bridge = bridge(world, route)?;
-    let subscriber = world.dds_subscriber(&to, ros_type, "--count 1")?;
+/// Message that a subscriber on ROS 2 hears of `value`, published to YARP.
+fn heard(env: &TestEnv, route: Route, ros_type: &str, publish: &[&str]) -> Result<Value> {
+    let (from, to) = (env.topic("from"), env.topic("to"));
+    let bridge = bridge(env, route)?;
+    let subscriber = env.dds_subscriber(&to, ros_type, "--count 1")?;
     let endpoint = yarp(&from);
-    let _publisher = world.wrapyfi([&["pub", &endpoint, "--rate", "20"], publish].concat())?;
+    let _publisher = env.wrapyfi([&["pub", &endpoint, "--rate", "20"], publish].concat())?;
     let mut heard = subscriber.messages(1).map_err(|error| error.context(bridge.tail()))?;
     Ok(heard.remove(0))
 }
 
-fn route(world: &World, message_type: &str) -> Route {
-    Route::new(&yarp(&world.topic("from")), &ros2(&world.topic("to")), message_type)
+fn route(env: &TestEnv, message_type: &str) -> Route {
+    Route::new(&yarp(&env.topic("from")), &ros2(&env.topic("to")), message_type)
 }
 
 #[test]
 fn text_of_a_port_is_a_string() -> Result {
-    run("text_of_a_port_is_a_string", NEEDS, |world| {
-        let route = route(world, "Text");
+    run("text_of_a_port_is_a_string", NEEDS, |env| {
+        let route = route(env, "Text");
         let publish = ["--type", "Text", "--value", r#""hello icub""#];
-        let heard = heard(world, route, "std_msgs/msg/String", &publish)?;
+        let heard = heard(env, route, "std_msgs/msg/String", &publish)?;
         assert!(heard.to_string().contains("hello icub"), "{heard}");
         Ok(())
     })
@@ -45,10 +43,10 @@ fn text_of_a_port_is_a_string() -> Result {
 
 #[test]
 fn an_object_reaches_ros() -> Result {
-    run("an_object_reaches_ros", NEEDS, |world| {
-        let route = route(world, "std_msgs/msg/String");
+    run("an_object_reaches_ros", NEEDS, |env| {
+        let route = route(env, "std_msgs/msg/String");
         let publish = ["--type", "NativeObject", "--value", r#"{"speed": [1, 2.5]}"#];
-        let heard = heard(world, route, "std_msgs/msg/String", &publish)?;
+        let heard = heard(env, route, "std_msgs/msg/String", &publish)?;
         assert_eq!(heard["value"], json!({"speed": [1, 2.5]}), "{heard}");
         Ok(())
     })
@@ -56,10 +54,10 @@ fn an_object_reaches_ros() -> Result {
 
 #[test]
 fn encoders_in_degrees_are_joint_states_in_radians() -> Result {
-    run("encoders_in_degrees_are_joint_states_in_radians", NEEDS, |world| {
+    run("encoders_in_degrees_are_joint_states_in_radians", NEEDS, |env| {
         let joints = "sensor_msgs/msg/JointState";
         let options = r#"{ joints: ["neck_pitch", "neck_roll"] }"#;
-        let route = route(world, joints).with("options", options);
+        let route = route(env, joints).with("options", options);
         let publish = [
             "--type",
             joints,
@@ -68,7 +66,7 @@ fn encoders_in_degrees_are_joint_states_in_radians() -> Result {
             "--value",
             r#"{"name": ["neck_pitch", "neck_roll"], "position": [0.5, -1.0]}"#,
         ];
-        let heard = heard(world, route, joints, &publish)?;
+        let heard = heard(env, route, joints, &publish)?;
         assert_eq!(heard["fields"]["name"], json!(["neck_pitch", "neck_roll"]), "{heard}");
         let position = heard["fields"]["position"].to_string();
         assert!(position.contains("0.5") && position.contains("-1"), "{heard}");
@@ -78,13 +76,13 @@ fn encoders_in_degrees_are_joint_states_in_radians() -> Result {
 
 #[test]
 fn a_ros_image_is_a_port_that_may_be_read() -> Result {
-    run("a_ros_image_is_a_port_that_may_be_read", NEEDS, |world| {
-        let (from, to) = (world.topic("from"), world.topic("to"));
-        let bridge = bridge(world, Route::new(&ros2(&from), &yarp(&to), "Image"))?;
+    run("a_ros_image_is_a_port_that_may_be_read", NEEDS, |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
+        let bridge = bridge(env, Route::new(&ros2(&from), &yarp(&to), "Image"))?;
         let endpoint = yarp(&to);
         let listener =
-            world.wrapyfi(["echo", &endpoint, "--type", "Image", "--count", "2", "--json"])?;
-        let publisher = world.dds_publisher(&from, "sensor_msgs/msg/Image", "--flavour colour")?;
+            env.wrapyfi(["echo", &endpoint, "--type", "Image", "--count", "2", "--json"])?;
+        let publisher = env.dds_publisher(&from, "sensor_msgs/msg/Image", "--flavour colour")?;
         let heard = listener.objects(2).map_err(|error| error.context(bridge.tail()))?;
         assert_eq!(heard[0]["shape"], json!([48, 64, 3]), "{}", heard[0]);
         let sums: Vec<String> =
@@ -95,13 +93,13 @@ fn a_ros_image_is_a_port_that_may_be_read() -> Result {
 
 #[test]
 fn a_port_that_answers_is_a_ros_service() -> Result {
-    run("a_port_that_answers_is_a_ros_service", NEEDS, |world| {
-        let (rpc, name) = (world.topic("rpc"), world.topic("ask"));
+    run("a_port_that_answers_is_a_ros_service", NEEDS, |env| {
+        let (rpc, name) = (env.topic("rpc"), env.topic("ask"));
         let route = Route::service(&yarp(&rpc), &ros2(&name), "NativeObject");
-        let bridge = bridge(world, route)?;
+        let bridge = bridge(env, route)?;
         let (server, client) = (yarp(&rpc), ros2(&name));
-        let _server = world.wrapyfi(["serve", &server, "--type", "NativeObject", "--echo"])?;
-        let mut call = world.wrapyfi([
+        let _server = env.wrapyfi(["serve", &server, "--type", "NativeObject", "--echo"])?;
+        let mut call = env.wrapyfi([
             "call",
             &client,
             "--type",
@@ -120,11 +118,11 @@ fn a_port_that_answers_is_a_ros_service() -> Result {
 
 #[test]
 fn ports_are_listed() -> Result {
-    run("ports_are_listed", NEEDS, |world| {
-        let (from, to) = (world.topic("from"), world.topic("to"));
-        let _bridge = bridge(world, Route::new(&ros2(&from), &yarp(&to), "Image"))?;
+    run("ports_are_listed", NEEDS, |env| {
+        let (from, to) = (env.topic("from"), env.topic("to"));
+        let _bridge = bridge(env, Route::new(&ros2(&from), &yarp(&to), "Image"))?;
         for _ in 0..20 {
-            let mut list = world.wrapyfi(["list", "yarp", "--json", "--wait", "2"])?;
+            let mut list = env.wrapyfi(["list", "yarp", "--json", "--wait", "2"])?;
             // The name server may not run yet.
             if list.exit_code()? == 0 && list.stdout().contains(&to) {
                 return Ok(());

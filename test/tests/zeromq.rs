@@ -1,16 +1,14 @@
 //! The `wrapyfi` program and the real Wrapyfi on ZeroMQ: every type, both directions, either broker,
 //! either order of start.
 
-#![allow(clippy::indexing_slicing, reason = "in a test a panic is the right answer")]
-
 use serde_json::{Value, json};
-use wrapyfi_e2e::{Need, Process, Result, World, run, sha256, texts};
+use wrapyfi_e2e::{Need, Process, Result, TestEnv, run, sha256, texts};
 
 const NEEDS: &[Need] = &[Need::Program, Need::Python];
 
-fn echo(world: &World, topic: &str, message_type: &str, count: usize) -> Result<Process> {
+fn echo(env: &TestEnv, topic: &str, message_type: &str, count: usize) -> Result<Process> {
     let (endpoint, count) = (format!("zeromq:{topic}"), count.to_string());
-    world.wrapyfi([
+    env.wrapyfi([
         "echo",
         &endpoint,
         "--type",
@@ -25,10 +23,10 @@ fn echo(world: &World, topic: &str, message_type: &str, count: usize) -> Result<
 
 /// Wrapyfi publishes, with its own broker; `wrapyfi echo` must find the same hashes.
 fn echo_hears(test: &str, peer: &str, message_type: &str, key: &str) -> Result {
-    run(test, NEEDS, |world| {
-        let topic = world.topic("x");
-        let publisher = world.wrapyfi_publisher(&topic, peer)?;
-        let mut echo = echo(world, &topic, message_type, 3)?;
+    run(test, NEEDS, |env| {
+        let topic = env.topic("x");
+        let publisher = env.wrapyfi_publisher(&topic, peer)?;
+        let mut echo = echo(env, &topic, message_type, 3)?;
         let heard = echo.objects(3)?;
         publisher.sent_in_a_row(key, &texts(&heard, "sha256"))?;
         echo.exits_with(0)?;
@@ -78,10 +76,10 @@ echo_hears! {
 
 #[test]
 fn echo_prints_the_object_itself() -> Result {
-    run("echo_prints_the_object_itself", NEEDS, |world| {
-        let topic = world.topic("x");
-        let publisher = world.wrapyfi_publisher(&topic, "--flavour small")?;
-        let heard = echo(world, &topic, "NativeObject", 1)?.objects(1)?;
+    run("echo_prints_the_object_itself", NEEDS, |env| {
+        let topic = env.topic("x");
+        let publisher = env.wrapyfi_publisher(&topic, "--flavour small")?;
+        let heard = echo(env, &topic, "NativeObject", 1)?.objects(1)?;
         publisher.sent_in_a_row("sha256", &texts(&heard, "sha256"))?;
         let sent = publisher.messages(1)?;
         let mut expected = sent[0]["value"].clone();
@@ -95,10 +93,10 @@ fn echo_prints_the_object_itself() -> Result {
 
 #[test]
 fn echo_may_start_before_any_broker() -> Result {
-    run("echo_may_start_before_any_broker", NEEDS, |world| {
-        let topic = world.topic("x");
-        let mut echo = echo(world, &topic, "NativeObject", 2)?;
-        let publisher = world.wrapyfi_publisher(&topic, "")?;
+    run("echo_may_start_before_any_broker", NEEDS, |env| {
+        let topic = env.topic("x");
+        let mut echo = echo(env, &topic, "NativeObject", 2)?;
+        let publisher = env.wrapyfi_publisher(&topic, "")?;
         publisher.sent_in_a_row("sha256", &texts(&echo.objects(2)?, "sha256"))?;
         echo.exits_with(0)
     })
@@ -107,13 +105,13 @@ fn echo_may_start_before_any_broker() -> Result {
 #[test]
 fn echo_hears_only_its_topic() -> Result {
     // ZeroMQ subscribes by prefix: `/…/x` also gets `/…/xy`.
-    run("echo_hears_only_its_topic", NEEDS, |world| {
-        let _broker = world.broker()?;
-        let (wanted, longer) = (world.topic("x"), world.topic("xy"));
-        let mut echo = echo(world, &wanted, "NativeObject", 3)?;
-        let other = world.wrapyfi_publisher(&longer, "--flavour array --no-broker --no-wait")?;
+    run("echo_hears_only_its_topic", NEEDS, |env| {
+        let _broker = env.broker()?;
+        let (wanted, longer) = (env.topic("x"), env.topic("xy"));
+        let mut echo = echo(env, &wanted, "NativeObject", 3)?;
+        let other = env.wrapyfi_publisher(&longer, "--flavour array --no-broker --no-wait")?;
         other.messages(1)?;
-        let publisher = world.wrapyfi_publisher(&wanted, "--no-broker")?;
+        let publisher = env.wrapyfi_publisher(&wanted, "--no-broker")?;
         publisher.sent_in_a_row("sha256", &texts(&echo.objects(3)?, "sha256"))?;
         echo.exits_with(0)
     })
@@ -121,11 +119,11 @@ fn echo_hears_only_its_topic() -> Result {
 
 /// Our broker in the place of Wrapyfi's: both ends are the real Wrapyfi, both insist on a connection.
 fn our_broker_serves_wrapyfi(test: &str, listener_first: bool) -> Result {
-    run(test, NEEDS, |world| {
-        let topic = world.topic("x");
-        let _broker = world.broker()?;
-        let start_listener = || world.wrapyfi_listener(&topic, "--flavour rich --count 3");
-        let start_publisher = || world.wrapyfi_publisher(&topic, "--flavour rich --no-broker");
+    run(test, NEEDS, |env| {
+        let topic = env.topic("x");
+        let _broker = env.broker()?;
+        let start_listener = || env.wrapyfi_listener(&topic, "--flavour rich --count 3");
+        let start_publisher = || env.wrapyfi_publisher(&topic, "--flavour rich --no-broker");
         let (publisher, mut listener);
         if listener_first {
             listener = start_listener()?;
@@ -159,14 +157,13 @@ enum Broker {
 
 /// `wrapyfi pub --count 1` waits for the listener: its only message must arrive.
 fn pub_reaches(test: &str, broker: Broker, listener_first: bool) -> Result {
-    run(test, NEEDS, |world| {
-        let topic = world.topic("x");
+    run(test, NEEDS, |env| {
+        let topic = env.topic("x");
         // Wrapyfi's broker lives in the first publisher of a process: one that sends nothing more.
         let _broker = match broker {
-            Broker::Ours => world.broker()?,
+            Broker::Ours => env.broker()?,
             Broker::Wrapyfis => {
-                let holder =
-                    world.wrapyfi_publisher(&world.topic("holder"), "--no-wait --count 1")?;
+                let holder = env.wrapyfi_publisher(&env.topic("holder"), "--no-wait --count 1")?;
                 holder.event("done")?;
                 holder
             }
@@ -175,7 +172,7 @@ fn pub_reaches(test: &str, broker: Broker, listener_first: bool) -> Result {
             json!({"text": "hello", "list": [1, 2.5, null, true], "nested": {"a": {"b": "c"}}});
         let (endpoint, text) = (format!("zeromq:{topic}"), value.to_string());
         let start_pub = || {
-            world.wrapyfi([
+            env.wrapyfi([
                 "pub",
                 &endpoint,
                 "--type",
@@ -186,7 +183,7 @@ fn pub_reaches(test: &str, broker: Broker, listener_first: bool) -> Result {
                 "1",
             ])
         };
-        let start_listener = || world.wrapyfi_listener(&topic, "--count 1");
+        let start_listener = || env.wrapyfi_listener(&topic, "--count 1");
         let (mut publisher, mut listener);
         if listener_first {
             listener = start_listener()?;
@@ -231,9 +228,9 @@ fn pub_waits_for_a_listener_through_wrapyfis_broker() -> Result {
 
 /// A file that another program wrote, through `wrapyfi pub`, must be what a Wrapyfi listener gets.
 fn pub_sends_a_file(test: &str, file: &str, message_type: &str, peer: &str) -> Result {
-    run(test, NEEDS, |world| {
-        let folder = world.path("");
-        let files = world
+    run(test, NEEDS, |env| {
+        let folder = env.path("");
+        let files = env
             .peer("make_files.py", &folder.display().to_string())?
             .wait_until("the files", |output| {
                 (!output.events("done").is_empty()).then(|| output.events("file"))
@@ -241,11 +238,11 @@ fn pub_sends_a_file(test: &str, file: &str, message_type: &str, peer: &str) -> R
         let file = files.iter().find(|f| f["name"] == file).cloned().unwrap_or(Value::Null);
         let path = file["path"].as_str().unwrap_or_default().to_owned();
 
-        let topic = world.topic("x");
-        let _broker = world.broker()?;
-        let mut listener = world.wrapyfi_listener(&topic, &format!("{peer} --count 2"))?;
+        let topic = env.topic("x");
+        let _broker = env.broker()?;
+        let mut listener = env.wrapyfi_listener(&topic, &format!("{peer} --count 2"))?;
         let endpoint = format!("zeromq:{topic}");
-        let mut publisher = world.wrapyfi([
+        let mut publisher = env.wrapyfi([
             "pub",
             &endpoint,
             "--type",

@@ -24,12 +24,12 @@ pub struct Cli {
     /// for echo only what is wrong (warn).
     #[arg(long, global = true, value_name = "LEVEL")]
     pub log_level: Option<String>,
-    /// What to do.
+    /// Subcommand to run.
     #[command(subcommand)]
     pub command: Command,
 }
 
-/// What to do.
+/// Subcommand of `wrapyfi`.
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Show the main job on built-in sources: camera, microphone and objects on ZeroMQ and a robot
@@ -67,7 +67,7 @@ pub enum Command {
 /// Arguments of `wrapyfi demo`.
 #[derive(Debug, Args)]
 pub struct DemoArgs {
-    /// How long it runs; without it, until interrupted.
+    /// Time to run, in seconds; without it, until interrupted.
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub seconds: Option<Duration>,
 }
@@ -78,13 +78,13 @@ pub struct BridgeArgs {
     /// Configuration file; the parameter config_file.
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
-    /// How long it runs; 0, or without it, until interrupted. The parameter seconds.
+    /// Time to run, in seconds; 0, or without it, until interrupted. The parameter seconds.
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub seconds: Option<Duration>,
     /// Print the routes' status as one JSON object a second on stdout; the parameter status_json.
     #[arg(long)]
     pub json: bool,
-    /// Where others reach what the routes open.
+    /// Address at which others reach the endpoints of the routes.
     #[command(flatten)]
     pub own: OwnAddress,
 }
@@ -93,15 +93,15 @@ pub struct BridgeArgs {
 #[derive(Debug, Parser)]
 #[command(version, after_help = ROS_ARGS)]
 pub struct NodeCli {
-    /// What the executables have in common with `wrapyfi bridge`.
+    /// Arguments that the executables share with `wrapyfi bridge`.
     #[command(flatten)]
     pub args: BridgeArgs,
 }
 
-/// What `--help` says about ROS arguments.
+/// Text of `--help` about ROS arguments.
 const ROS_ARGS: &str = "Behind --ros-args, as for every ROS 2 node: -r FROM:=TO, -p NAME:=VALUE, \
-    --params-file FILE, --log-level [LOGGER:=]LEVEL and others (docs/ros_args.md). Parameters: \
-    docs/node.md.";
+    --params-file FILE, --log-level [LOGGER:=]LEVEL and others: \
+    docs/reference/node.md.";
 
 /// Arguments of `wrapyfi list`.
 #[derive(Debug, Args)]
@@ -116,10 +116,11 @@ pub struct ListArgs {
     /// One JSON object a line for each endpoint.
     #[arg(long)]
     pub json: bool,
-    /// How long to look; without it until every side has told what it has, at most 3 seconds.
+    /// Time to look, in seconds; without it until every side has told all that it has, at most 3
+    /// seconds.
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub wait: Option<Duration>,
-    /// Where others reach the node that looks.
+    /// Address at which others reach the node that looks.
     #[command(flatten)]
     pub own: OwnAddress,
 }
@@ -127,7 +128,7 @@ pub struct ListArgs {
 /// Arguments of `wrapyfi echo`.
 #[derive(Debug, Args)]
 pub struct EchoArgs {
-    /// Where to listen.
+    /// Endpoint to listen to.
     pub endpoint: EndpointAddress,
     /// Settings of the endpoint.
     #[command(flatten)]
@@ -161,7 +162,7 @@ pub struct EchoArgs {
 /// Arguments of `wrapyfi pub`.
 #[derive(Debug, Clone, Args)]
 pub struct PubArgs {
-    /// Where to publish.
+    /// Endpoint to publish on.
     pub endpoint: EndpointAddress,
     /// Settings of the endpoint.
     #[command(flatten)]
@@ -199,7 +200,7 @@ pub struct PubArgs {
 /// Arguments of `wrapyfi call`.
 #[derive(Debug, Args)]
 pub struct CallArgs {
-    /// Which service, for instance ros2:/add_two_ints.
+    /// Service to call, for instance ros2:/add_two_ints.
     pub endpoint: EndpointAddress,
     /// Settings of the endpoint.
     #[command(flatten)]
@@ -260,7 +261,7 @@ impl ServicePorts {
 #[derive(Debug, Args)]
 #[command(group(clap::ArgGroup::new("reply").args(["value", "file", "echo"]).required(true)))]
 pub struct ServeArgs {
-    /// Which service, for instance ros2:/add_two_ints.
+    /// Service to offer, for instance ros2:/add_two_ints.
     pub endpoint: EndpointAddress,
     /// Settings of the endpoint.
     #[command(flatten)]
@@ -395,7 +396,7 @@ pub struct DetectArgs {
     /// Name of the name server; default from YARP_NAMESPACE, else yarp_namespace.conf, else /root.
     #[arg(long, value_name = "NAME")]
     pub namespace: Option<String>,
-    /// How long to ask.
+    /// Time to wait for an answer, in seconds.
     #[arg(long, value_name = "S", default_value = "3", value_parser = seconds)]
     pub timeout: Duration,
 }

@@ -30,7 +30,6 @@ pub fn describe(payload: &Payload) -> String {
         Payload::RosMessage(message) => return describe_message(message),
         Payload::Image(image) => describe_image(image),
         Payload::AudioChunk(chunk) => describe_audio(chunk),
-        _ => json!({ "type": "unknown" }),
     };
     object.to_string()
 }
@@ -95,7 +94,6 @@ fn describe_image(image: &Image) -> Json {
             "size": data.len(),
             "sha256": digest(data),
         }),
-        _ => json!({ "type": "Image", "stamp": stamp }),
     }
 }
 
@@ -158,7 +156,6 @@ pub fn summary(payload: &Payload) -> String {
                 data.len(),
                 image.stamp.as_secs_f64()
             ),
-            _ => "image".to_owned(),
         },
         Payload::AudioChunk(chunk) => format!(
             "sound {} frames, {} channels, {} Hz, {:?} at {:.6}",
@@ -168,7 +165,6 @@ pub fn summary(payload: &Payload) -> String {
             chunk.format,
             chunk.stamp.as_secs_f64()
         ),
-        _ => "unknown".to_owned(),
     }
 }
 

@@ -1,14 +1,14 @@
-//! How a command ends: the exit codes, and one clear line on stderr.
+//! End of a command: the exit codes, and one clear line on stderr.
 
 use std::process::ExitCode;
 use std::time::Duration;
 
 use crate::logging;
 
-/// How long what was logged may take to be read at the end.
+/// Longest time that the last log lines may take to be read at the end.
 const LAST_WORDS: Duration = Duration::from_millis(500);
 
-/// Why a command did not succeed, which decides its exit code.
+/// Failure of a command, which decides its exit code.
 #[derive(Debug, thiserror::Error)]
 pub enum Failure {
     /// Bad usage or configuration: exit code 2.
@@ -18,7 +18,7 @@ pub enum Failure {
     /// wait for it.
     #[error("{0}")]
     Absent(String),
-    /// What was waited for did not come in time: exit code 3.
+    /// Something awaited did not come in time: exit code 3.
     #[error("{0}")]
     TimedOut(String),
     /// Whoever read the output has seen enough: the command ends, with success and without a word.

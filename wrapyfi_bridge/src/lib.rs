@@ -5,7 +5,7 @@
 //! ```text
 //!   main.rs ─▶ cli ─▶ command::{demo, bridge, check, list, echo, publish, service, broker, yarpserver, detect}
 //!   bin/bridge.rs ─▶ node ─▶ command::bridge        `ros2 run wrapyfi_bridge bridge`
-//!   bin/…_bridge.rs ─▶ node ─▶ whole                all of a middleware, without a configuration
+//!   bin/…_bridge.rs ─▶ node ─▶ middleware_bridge    all of a middleware, without a configuration
 //!
 //!   middlewares   configuration -> middlewares in a registry
 //!   canonical native objects as text that every language hashes alike
@@ -32,6 +32,7 @@ pub mod files;
 pub mod input;
 pub mod lines;
 pub mod logging;
+pub mod middleware_bridge;
 pub mod middlewares;
 pub mod node;
 pub mod options;
@@ -41,5 +42,4 @@ pub mod own_address;
 pub mod reload;
 pub mod shutdown;
 pub mod table;
-pub mod whole;
 pub mod words;

@@ -2,27 +2,36 @@
 //! nothing.
 
 use std::io::Write;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
-use std::time::{Duration, Instant};
-
-/// How often the end of a line is looked for.
-const LOOK_EVERY: Duration = Duration::from_millis(2);
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 
 /// A place to write lines to, without waiting.
 #[derive(Debug)]
 pub struct Lines {
     queue: SyncSender<Vec<u8>>,
-    counts: Arc<Counts>,
+    shared: Arc<Shared>,
+}
+
+#[derive(Debug, Default)]
+struct Shared {
+    counts: Mutex<Counts>,
+    /// Tells that a line was written.
+    written: Condvar,
 }
 
 #[derive(Debug, Default)]
 struct Counts {
     /// Lines that wait, or are being written.
-    waiting: AtomicU64,
+    waiting: u64,
     /// Lines for which there was no room, since the last one that was written.
-    lost: AtomicU64,
+    lost: u64,
+}
+
+impl Shared {
+    fn lock(&self) -> MutexGuard<'_, Counts> {
+        self.counts.lock().unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
 impl Lines {
@@ -38,39 +47,40 @@ impl Lines {
         gap: fn(u64) -> String,
     ) -> std::io::Result<Self> {
         let (queue, lines) = sync_channel::<Vec<u8>>(room);
-        let counts = Arc::new(Counts::default());
-        let shared = Arc::clone(&counts);
+        let shared = Arc::<Shared>::default();
+        let told = Arc::clone(&shared);
         std::thread::Builder::new().name(name.to_owned()).spawn(move || {
             for line in lines {
                 // Nobody can be told that nobody reads.
                 _ = out.write_all(&line).and_then(|()| out.flush());
-                shared.waiting.fetch_sub(1, Relaxed);
-                let lost = shared.lost.swap(0, Relaxed);
+                let lost = {
+                    let mut counts = told.lock();
+                    counts.waiting -= 1;
+                    std::mem::take(&mut counts.lost)
+                };
+                told.written.notify_all();
                 if lost > 0 {
                     _ = out.write_all(gap(lost).as_bytes());
                 }
             }
         })?;
-        Ok(Self { queue, counts })
+        Ok(Self { queue, shared })
     }
 
     /// Has a line written, with the break at its end.
     pub fn write(&self, line: Vec<u8>) {
-        self.counts.waiting.fetch_add(1, Relaxed);
-        if let Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) =
-            self.queue.try_send(line)
-        {
-            self.counts.waiting.fetch_sub(1, Relaxed);
-            self.counts.lost.fetch_add(1, Relaxed);
+        // Counted under the lock: its writer counts down once it is written.
+        let mut counts = self.shared.lock();
+        match self.queue.try_send(line) {
+            Ok(()) => counts.waiting += 1,
+            Err(TrySendError::Full(_) | TrySendError::Disconnected(_)) => counts.lost += 1,
         }
     }
 
     /// Waits until everything is written, at most `limit`.
     pub fn finish(&self, limit: Duration) {
-        let end = Instant::now() + limit;
-        while self.counts.waiting.load(Relaxed) > 0 && Instant::now() < end {
-            std::thread::sleep(LOOK_EVERY);
-        }
+        let waits = |counts: &mut Counts| counts.waiting > 0;
+        drop(self.shared.written.wait_timeout_while(self.shared.lock(), limit, waits));
     }
 }
 

@@ -1,7 +1,7 @@
 //! Log lines on stderr, in the form ROS 2 nodes print theirs, and on `/rosout`.
 //!
 //! ```text
-//!   tracing event ─ filter ─ level of its logger ─┬─▶ stderr: [INFO] [stamp] [logger]: text
+//!   tracing event ─ filter ─ level of its logger ─┬─▶ stderr: [INFO] [1795214428.963405000] [bridge]: text key=value
 //!                                                 ├─▶ the node, once there is one ─▶ /rosout
 //!                                                 └─▶ the log port of YARP, where one is asked for
 //! ```
@@ -10,16 +10,14 @@
 //! the route: `wrapyfi_bridge.camera`.
 
 use std::fmt;
-use std::io::Write;
+use std::io::Write as _;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, OnceLock, PoisonError, RwLock};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use tracing::{Event, Level, Subscriber, field};
-use tracing_subscriber::filter::{FilterFn, LevelFilter};
-use tracing_subscriber::fmt::format::Writer;
-use tracing_subscriber::fmt::{FmtContext, FormatEvent, FormatFields};
+use tracing_subscriber::filter::LevelFilter;
 use tracing_subscriber::layer::{Context, Layer, SubscriberExt as _};
-use tracing_subscriber::registry::LookupSpan;
 use tracing_subscriber::util::SubscriberInitExt as _;
 use tracing_subscriber::{EnvFilter, reload};
 use wrapyfi_core::middleware::ros2::NodeHandle;
@@ -36,10 +34,10 @@ const MAX_LOGGERS: usize = 4096;
 const MAX_NAME_BYTES: usize = 1024;
 
 /// The node on whose `/rosout` lines go.
-static NODE: OnceLock<RwLock<Option<NodeHandle>>> = OnceLock::new();
+static NODE: RwLock<Option<NodeHandle>> = RwLock::new(None);
 /// Most lines that wait for who reads stderr.
 const MAX_LINES: usize = 4096;
-/// How long the last line may take.
+/// Longest time that writing the last line may take.
 const LAST_WORD: Duration = Duration::from_millis(500);
 /// Lines to stderr; none where the system refused a thread.
 static LINES: OnceLock<Option<Lines>> = OnceLock::new();
@@ -47,6 +45,8 @@ static LINES: OnceLock<Option<Lines>> = OnceLock::new();
 static LOG_PORT: RwLock<Option<LogPort>> = RwLock::new(None);
 /// Levels in force, once logging has started.
 static LEVELS: OnceLock<Arc<Levels>> = OnceLock::new();
+/// Panics since logging was started.
+static PANICS: AtomicU64 = AtomicU64::new(0);
 
 /// Starts logging to stderr. `RUST_LOG` overrides `level`, for one module or all.
 ///
@@ -84,33 +84,28 @@ pub fn start_as(logger: &str, level: LevelFilter, levels: &LogLevels, stdout: bo
         }),
     });
     levels.apply();
-    let format = RosFormat { logger: logger.to_owned() };
-    let printed = tracing_subscriber::fmt::layer()
-        .with_writer(|| Printed)
-        .event_format(format)
-        .with_filter(if stdout { LevelFilter::TRACE } else { LevelFilter::OFF });
-    let by_logger = ByLogger { logger: logger.to_owned(), levels: Arc::clone(&levels) };
+    let output =
+        Output { logger: logger.to_owned(), levels: Arc::clone(&levels), is_printed: stdout };
     // Fails only where a subscriber is set already: then its owner decides, as it should.
-    let set =
-        tracing_subscriber::registry()
-            .with(by_target)
-            .with(by_logger)
-            .with(printed)
-            .with(Rosout { logger: logger.to_owned() })
-            // What ports do with a line is no line for them.
-            .with(YarpLog { logger: logger.to_owned() }.with_filter(FilterFn::new(|metadata| {
-                !metadata.target().starts_with("wrapyfi_yarp")
-            })))
-            .try_init();
+    let set = tracing_subscriber::registry().with(by_target).with(output).try_init();
     if set.is_ok() {
         _ = LEVELS.set(levels);
-        std::panic::set_hook(Box::new(|panic| tracing::error!("{panic}")));
+        std::panic::set_hook(Box::new(|panic| {
+            PANICS.fetch_add(1, Relaxed);
+            tracing::error!("{panic}");
+        }));
     }
+}
+
+/// Number of panics in this process since its log was started, of routes and of tasks that began again.
+#[must_use]
+pub fn panics() -> u64 {
+    PANICS.load(Relaxed)
 }
 
 /// Prints a line to stderr, after those that were logged before, and waits until it is read, for a moment.
 pub fn last_word(text: &str) {
-    _ = Printed.write_all(format!("{text}\n").as_bytes());
+    print(format!("{text}\n"));
     finish(LAST_WORD);
 }
 
@@ -121,24 +116,13 @@ pub fn finish(limit: Duration) {
     }
 }
 
-/// Lines to stderr, without waiting for who reads them.
-struct Printed;
-
-impl Write for Printed {
-    fn write(&mut self, line: &[u8]) -> std::io::Result<usize> {
-        let gap = |lost: u64| format!("[WARN] {lost} lines are left out: nobody read them\n");
-        let lines =
-            LINES.get_or_init(|| Lines::start("log", std::io::stderr(), MAX_LINES, gap).ok());
-        match lines {
-            Some(lines) => lines.write(line.to_vec()),
-            // Who does not read it is not told.
-            None => _ = std::io::stderr().write_all(line),
-        }
-        Ok(line.len())
-    }
-
-    fn flush(&mut self) -> std::io::Result<()> {
-        Ok(())
+/// Prints a line to stderr, without waiting for who reads it.
+fn print(line: String) {
+    let gap = |lost: u64| format!("[WARN] {lost} lines are left out: nobody read them\n");
+    match LINES.get_or_init(|| Lines::start("log", std::io::stderr(), MAX_LINES, gap).ok()) {
+        Some(lines) => lines.write(line.into_bytes()),
+        // A failure of stderr has nowhere to be reported.
+        None => _ = std::io::stderr().write_all(line.as_bytes()),
     }
 }
 
@@ -148,7 +132,7 @@ pub fn loggers() -> Option<Arc<dyn Loggers>> {
     LEVELS.get().map(|levels| Arc::clone(levels) as Arc<dyn Loggers>)
 }
 
-/// What a logger with this level lets through.
+/// Filter of a logger with this level.
 fn severity(level: LogLevel) -> LevelFilter {
     match level {
         LogLevel::Debug => LevelFilter::DEBUG,
@@ -161,7 +145,7 @@ fn severity(level: LogLevel) -> LevelFilter {
 
 /// Levels of the loggers of this process.
 struct Levels {
-    /// What loggers let through that have no level of their own, and those that have one.
+    /// Level of loggers that have none of their own, and the levels of those that have one.
     own: RwLock<(LevelFilter, LogLevels)>,
     /// Lets through what any logger lets through.
     reload: Box<dyn Fn(LevelFilter) + Send + Sync>,
@@ -178,16 +162,11 @@ impl Levels {
         (self.reload)(widest);
     }
 
-    /// Whether a line goes through whose logger is the route's, or the program's.
-    fn permits(&self, event: &Event<'_>, program: &str) -> bool {
+    /// True when a line of this logger goes through.
+    fn permits(&self, logger: &str, level: Level) -> bool {
         let own = self.own.read().unwrap_or_else(PoisonError::into_inner);
-        if own.1.loggers().is_empty() {
-            return true;
-        }
-        let mut line = Line::default();
-        event.record(&mut line);
-        let level = own.1.nearest(&line.logger(program)).map(severity);
-        *event.metadata().level() <= level.unwrap_or(own.0)
+        // Without loggers that have a level of their own, the filter has decided.
+        own.1.loggers().is_empty() || level <= own.1.nearest(logger).map(severity).unwrap_or(own.0)
     }
 }
 
@@ -230,80 +209,65 @@ impl Loggers for Levels {
     }
 }
 
-/// Lets lines through by the level of their logger.
-struct ByLogger {
-    logger: String,
-    levels: Arc<Levels>,
-}
-
-impl<S: Subscriber> Layer<S> for ByLogger {
-    fn event_enabled(&self, event: &Event<'_>, _: Context<'_, S>) -> bool {
-        self.levels.permits(event, &self.logger)
-    }
-}
-
 /// Sends lines to the `/rosout` of this node from now on, or nowhere with `None`.
 pub fn publish_to(node: Option<NodeHandle>) {
-    let place = NODE.get_or_init(RwLock::default);
-    *place.write().unwrap_or_else(PoisonError::into_inner) = node;
+    *NODE.write().unwrap_or_else(PoisonError::into_inner) = node;
 }
 
-/// Sends lines to a port of YARP from now on.
-pub fn write_to(port: LogPort) {
-    *LOG_PORT.write().unwrap_or_else(PoisonError::into_inner) = Some(port);
+/// Sends lines to a port of YARP from now on, or to none.
+pub fn write_to(port: Option<LogPort>) {
+    *LOG_PORT.write().unwrap_or_else(PoisonError::into_inner) = port;
 }
 
-/// Lines to a port of YARP.
-struct YarpLog {
+/// All places that have the lines. An event is read once for all of them.
+struct Output {
+    /// The program's.
     logger: String,
+    levels: Arc<Levels>,
+    is_printed: bool,
 }
 
-impl<S: Subscriber> Layer<S> for YarpLog {
+impl<S: Subscriber> Layer<S> for Output {
     fn on_event(&self, event: &Event<'_>, _: Context<'_, S>) {
-        let port = LOG_PORT.read().unwrap_or_else(PoisonError::into_inner);
-        let Some(port) = port.as_ref() else { return };
-        let level = match *event.metadata().level() {
-            Level::ERROR => "ERROR",
-            Level::WARN => "WARNING",
-            Level::INFO => "INFO",
-            Level::DEBUG | Level::TRACE => "DEBUG",
-        };
-        let mut line = Line::default();
-        event.record(&mut line);
-        port.write(level, &line.logger(&self.logger), &format!("{}{}", line.message, line.fields));
-    }
-}
-
-/// Lines to `/rosout`.
-struct Rosout {
-    logger: String,
-}
-
-impl<S: Subscriber> Layer<S> for Rosout {
-    fn on_event(&self, event: &Event<'_>, _: Context<'_, S>) {
-        let Some(place) = NODE.get() else { return };
-        let node = place.read().unwrap_or_else(PoisonError::into_inner);
-        let Some(node) = node.as_ref() else { return };
-        let mut line = Line::default();
-        event.record(&mut line);
         let metadata = event.metadata();
-        node.log(LogLine {
-            level: match *metadata.level() {
-                Level::ERROR => LogLevel::Error,
-                Level::WARN => LogLevel::Warn,
-                Level::INFO => LogLevel::Info,
-                Level::DEBUG | Level::TRACE => LogLevel::Debug,
-            },
-            logger: line.logger(&self.logger),
-            text: format!("{}{}", line.message, line.fields),
-            file: metadata.file().unwrap_or_default().to_owned(),
-            function: metadata.target().to_owned(),
-            line: metadata.line().unwrap_or_default(),
-        });
+        let mut line = Line::default();
+        event.record(&mut line);
+        let logger = line.logger(&self.logger);
+        if !self.levels.permits(&logger, *metadata.level()) {
+            return;
+        }
+        let (level, of_yarp, of_ros) = match *metadata.level() {
+            Level::ERROR => ("ERROR", "ERROR", LogLevel::Error),
+            Level::WARN => ("WARN", "WARNING", LogLevel::Warn),
+            Level::INFO => ("INFO", "INFO", LogLevel::Info),
+            Level::DEBUG | Level::TRACE => ("DEBUG", "DEBUG", LogLevel::Debug),
+        };
+        let text = line.message + &line.fields;
+        if self.is_printed {
+            let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+            let (seconds, rest) = (now.as_secs(), now.subsec_nanos());
+            print(format!("[{level}] [{seconds}.{rest:09}] [{logger}]: {text}\n"));
+        }
+        // Lines of the ports about their own work are not sent through a port.
+        if !(metadata.target() == "wrapyfi_yarp" || metadata.target().starts_with("wrapyfi_yarp::"))
+            && let Some(port) = &*LOG_PORT.read().unwrap_or_else(PoisonError::into_inner)
+        {
+            port.write(of_yarp, &logger, &text);
+        }
+        if let Some(node) = &*NODE.read().unwrap_or_else(PoisonError::into_inner) {
+            node.log(LogLine {
+                level: of_ros,
+                logger,
+                text,
+                file: metadata.file().unwrap_or_default().to_owned(),
+                function: metadata.target().to_owned(),
+                line: metadata.line().unwrap_or_default(),
+            });
+        }
     }
 }
 
-/// What is logged at `level`, with what `RUST_LOG` says beside it.
+/// Filter of log lines at `level`, with the directives of `RUST_LOG` beside it.
 ///
 /// RustDDS tells in hundreds of lines what it does, at levels where a node says what matters to its
 /// user: of it only warnings are shown, unless `RUST_LOG` names it. Its sender of datagrams warns of
@@ -318,37 +282,6 @@ fn filter(level: LevelFilter, rust_log: &str) -> EnvFilter {
     let quiet = |name: &str, most: LevelFilter| format!("{name}={}", level.min(most)).parse().ok();
     let directives = [quiet(TALKATIVE, LevelFilter::WARN), quiet(SENDER, LevelFilter::ERROR)];
     directives.into_iter().flatten().fold(filter, EnvFilter::add_directive)
-}
-
-/// `[INFO] [1795214428.963405000] [bridge]: text key=value`.
-struct RosFormat {
-    logger: String,
-}
-
-impl<S, N> FormatEvent<S, N> for RosFormat
-where
-    S: Subscriber + for<'a> LookupSpan<'a>,
-    N: for<'a> FormatFields<'a> + 'static,
-{
-    fn format_event(
-        &self,
-        _: &FmtContext<'_, S, N>,
-        mut out: Writer<'_>,
-        event: &Event<'_>,
-    ) -> fmt::Result {
-        let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-        let level = match *event.metadata().level() {
-            Level::ERROR => "ERROR",
-            Level::WARN => "WARN",
-            Level::INFO => "INFO",
-            Level::DEBUG | Level::TRACE => "DEBUG",
-        };
-        let mut line = Line::default();
-        event.record(&mut line);
-        let logger = line.logger(&self.logger);
-        write!(out, "[{level}] [{}.{:09}] [{logger}", now.as_secs(), now.subsec_nanos())?;
-        writeln!(out, "]: {}{}", line.message, line.fields)
-    }
 }
 
 /// The parts of an event in the order in which they are printed.
@@ -396,6 +329,14 @@ impl field::Visit for Line {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn panics_are_counted_that_somebody_contains() {
+        start("test", "off").unwrap();
+        let before = panics();
+        std::thread::spawn(|| panic!("on purpose")).join().unwrap_err();
+        assert_eq!(panics(), before + 1);
+    }
 
     #[test]
     fn loggers_of_routes_are_names_that_tools_can_write() {

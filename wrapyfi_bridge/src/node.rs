@@ -27,9 +27,9 @@ use crate::cli::{BridgeArgs, NodeCli};
 use crate::command::bridge::{self, Options};
 use crate::exit::{Failure, finish};
 use crate::logging;
+use crate::middleware_bridge::{MiddlewareBridge, Selection};
 use crate::middlewares;
 use crate::shutdown::Shutdown;
-use crate::whole::{Selection, Whole};
 
 /// Name of the bridge's node unless it is remapped.
 const DEFAULT_NAME: &str = "wrapyfi_bridge";
@@ -80,7 +80,7 @@ impl Node {
         &self.name
     }
 
-    /// Whether its log lines go to `/rosout`.
+    /// True when the node's log lines go to `/rosout`.
     #[must_use]
     pub fn logs_to_rosout(&self) -> bool {
         self.args.rosout_logs
@@ -131,22 +131,22 @@ pub fn main() -> ExitCode {
 
 /// As [`main`], for an executable that bridges all of a middleware.
 #[must_use]
-pub fn main_of_whole(whole: Whole) -> ExitCode {
-    finish(run_executable(Some(whole)))
+pub fn main_of(bridge: MiddlewareBridge) -> ExitCode {
+    finish(run_executable(Some(bridge)))
 }
 
-fn run_executable(whole: Option<Whole>) -> Result<(), Failure> {
+fn run_executable(bridge: Option<MiddlewareBridge>) -> Result<(), Failure> {
     crate::files::raise_limit();
     let ros = parse(std::env::args_os().skip(1))?;
-    let (name, about) = match whole {
+    let (name, about) = match bridge {
         None => ("bridge", "Runs the routes of a configuration file, as a ROS 2 node."),
-        Some(whole) => (whole.node(), whole.about()),
+        Some(bridge) => (bridge.node(), bridge.about()),
     };
     let words = std::iter::once(name).chain(ros.program_args.iter().map(String::as_str));
     // Ends the program where help is asked for, or a word is not known.
     let matches = NodeCli::command().name(name).about(about).get_matches_from(words);
     let cli = NodeCli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
-    run(&cli.args, ros, whole, LevelFilter::INFO)
+    run(&cli.args, ros, bridge, LevelFilter::INFO)
 }
 
 /// Words of the program, and those of ROS: from each `--ros-args` to `--` or the end.
@@ -198,17 +198,17 @@ fn enter(args: &BridgeArgs, given: &mut BTreeMap<String, ParameterValue>) -> Res
 }
 
 /// Runs the bridge as a ROS 2 node, with the routes that `args` or `ros` name, or those built in for
-/// `whole`. What is logged, unless `ros` says otherwise, is what `level` lets through.
+/// `bridge`. What is logged, unless `ros` says otherwise, is what `level` lets through.
 ///
 /// # Errors
 /// Exit code 2 when arguments or configuration are refused, 1 when a middleware cannot start.
 pub fn run(
     args: &BridgeArgs,
     ros: RosArgs,
-    whole: Option<Whole>,
+    bridge: Option<MiddlewareBridge>,
     level: LevelFilter,
 ) -> Result<(), Failure> {
-    let default_name = whole.map_or(DEFAULT_NAME, Whole::node);
+    let default_name = bridge.map_or(DEFAULT_NAME, MiddlewareBridge::node);
     // First: what follows may take its time.
     let shutdown = Shutdown::on_signals().context("cannot catch signals")?;
     let options = NodeOptions::resolve(default_name, "/", &ros).map_err(Failure::usage)?;
@@ -220,7 +220,7 @@ pub fn run(
     enter(args, &mut overrides)?;
     let node = Node { name: options.name, args: Arc::new(ros), overrides };
     let mut store = node.parameters().map_err(Failure::usage)?;
-    let parameters = Parameters::declare(&mut store, whole)?;
+    let parameters = Parameters::declare(&mut store, bridge)?;
     let Parameters { configuration, mut options } = parameters;
     options.own = args.own;
     let (mut loaded, name) = match configuration {
@@ -229,7 +229,7 @@ pub fn run(
         }
         Configuration::BuiltIn(text, name) => (middlewares::load_text(&text, name)?, name.into()),
     };
-    if whole == Some(Whole::Ros1) {
+    if bridge == Some(MiddlewareBridge::Ros1) {
         // One name on both sides, unless the file says another.
         let own = || node.name.fqn();
         loaded.endpoints.ros.node.get_or_insert_with(own);
@@ -244,7 +244,7 @@ struct Parameters {
     options: Options,
 }
 
-/// Where the routes are.
+/// Source of the routes.
 #[derive(Debug)]
 enum Configuration {
     File(PathBuf),
@@ -254,17 +254,20 @@ enum Configuration {
 
 impl Parameters {
     /// Declares them; they are fixed from the start on.
-    fn declare(store: &mut ParameterStore, whole: Option<Whole>) -> Result<Self, Failure> {
+    fn declare(
+        store: &mut ParameterStore,
+        bridge: Option<MiddlewareBridge>,
+    ) -> Result<Self, Failure> {
         let fixed = |name: &str, text: &str| {
             ParameterDescriptor::new(name).with_description(text).read_only()
         };
         let config_file = fixed("config_file", "Path of the file with the routes.")
             .with_type(ParameterType::String);
-        let by_default = if whole.is_some() { "".into() } else { ParameterValue::NotSet };
+        let by_default = if bridge.is_some() { "".into() } else { ParameterValue::NotSet };
         let config_file = store.declare(config_file, by_default).map_err(Failure::usage)?;
-        let built_in = match whole {
+        let built_in = match bridge {
             None => None,
-            Some(whole) => {
+            Some(bridge) => {
                 let mut declare = |name: &str, text: &str, value: ParameterValue| {
                     store.declare(fixed(name, text), value).map_err(Failure::usage)
                 };
@@ -296,11 +299,11 @@ impl Parameters {
                     }
                 };
                 let meant = "Carries /clock from ROS 1.";
-                let clock = whole == Whole::Ros1
+                let clock = bridge == MiddlewareBridge::Ros1
                     && declare("clock", meant, false.into())? == ParameterValue::Bool(true);
                 let selection =
                     Selection { allow, deny, prefix, default_deny, service_timeout_ms, clock };
-                Some((whole, selection))
+                Some((bridge, selection))
             }
         };
         // `seconds:=20` is an integer, `seconds:=0.5` is not: both are meant. A value from the start
@@ -312,20 +315,20 @@ impl Parameters {
         let json = store.declare(json, false).map_err(Failure::usage)?;
         let configuration = match (config_file, built_in) {
             (ParameterValue::String(file), None) => Configuration::File(file.into()),
-            (ParameterValue::String(file), Some((whole, selection))) if !file.is_empty() => {
+            (ParameterValue::String(file), Some((bridge, selection))) if !file.is_empty() => {
                 if selection != Selection::default() {
                     return Err(Failure::Usage(format!(
                         "parameters allow, deny, prefix, default_deny, service_timeout_ms and clock are \
                          for the built-in configuration of {}; with config_file, write them into the \
                          file",
-                        whole.node()
+                        bridge.node()
                     )));
                 }
                 Configuration::File(file.into())
             }
-            (_, Some((whole, selection))) => {
-                let text = whole.yaml(&selection).map_err(Failure::Usage)?;
-                Configuration::BuiltIn(text, whole.node())
+            (_, Some((bridge, selection))) => {
+                let text = bridge.yaml(&selection).map_err(Failure::Usage)?;
+                Configuration::BuiltIn(text, bridge.node())
             }
             (_, None) => {
                 return Err(Failure::usage(
@@ -347,7 +350,7 @@ impl Parameters {
                 return Err(Failure::Usage(text));
             }
         };
-        let lives_with = whole.map(Whole::middleware);
+        let lives_with = bridge.map(MiddlewareBridge::middleware);
         let json = json == ParameterValue::Bool(true);
         let options = Options { seconds, json, lives_with, ..Options::default() };
         Ok(Self { configuration, options })
@@ -361,12 +364,12 @@ mod tests {
     /// `ros2 param dump` writes null for what has no value, which comes back as a text.
     #[test]
     fn every_parameter_has_a_value_that_a_dump_can_bring_back() {
-        for whole in [None, Some(Whole::Yarp)] {
+        for bridge in [None, Some(MiddlewareBridge::Yarp)] {
             let name = NodeName::new(DEFAULT_NAME, "/").unwrap();
             let file = ParameterValue::String("routes.yaml".to_owned());
             let overrides = BTreeMap::from([("config_file".to_owned(), file)]);
             let mut store = ParameterStore::new(&name, overrides).unwrap();
-            let parameters = Parameters::declare(&mut store, whole).unwrap();
+            let parameters = Parameters::declare(&mut store, bridge).unwrap();
             assert_eq!(parameters.options.seconds, None);
             let dump: BTreeMap<String, ParameterValue> = store
                 .names()
@@ -374,7 +377,7 @@ mod tests {
                 .collect();
             assert!(!dump.values().any(|value| *value == ParameterValue::NotSet), "{dump:?}");
             let mut again = ParameterStore::new(&name, dump).unwrap();
-            assert_eq!(Parameters::declare(&mut again, whole).unwrap().options.seconds, None);
+            assert_eq!(Parameters::declare(&mut again, bridge).unwrap().options.seconds, None);
         }
     }
 
@@ -421,7 +424,7 @@ mod tests {
         let declare = |given: &[(&str, ParameterValue)]| {
             let given = given.iter().map(|(name, value)| ((*name).to_owned(), value.clone()));
             let mut store = ParameterStore::new(&name, given.collect()).unwrap();
-            Parameters::declare(&mut store, Some(Whole::Ros1))
+            Parameters::declare(&mut store, Some(MiddlewareBridge::Ros1))
         };
         let built_in = declare(&[("prefix", "lab".into())]).unwrap();
         assert!(

@@ -20,7 +20,7 @@ pub struct EndpointOptions {
     /// than once. Values are JSON, or text as it stands.
     #[arg(long = "option", value_name = "NAME=VALUE")]
     pub options: Vec<EndpointOption>,
-    /// Where others reach it.
+    /// Address at which others reach the endpoint.
     #[command(flatten)]
     pub own: OwnAddress,
 }
@@ -47,7 +47,7 @@ impl FromStr for EndpointOption {
 }
 
 impl EndpointOptions {
-    /// As an endpoint of `middleware` takes them; the last one of a name counts.
+    /// Options as an endpoint of `middleware` takes them; the last one of a name counts.
     ///
     /// # Errors
     /// Exit code 2 for an option that the middleware does not know, and an address that it has not.

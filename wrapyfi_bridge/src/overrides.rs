@@ -6,7 +6,7 @@
 //!     └───── what they change ─────────────────────────────────┘
 //! ```
 
-use wrapyfi_core::engine::{Plan, QosConfig, QosOverride, RouteSpec};
+use wrapyfi_core::engine::{Kind, Plan, QosConfig, QosOverride, Route};
 use wrapyfi_core::node::parameters::{
     EndpointRole, ParameterStore, QosOverrideError, QosOverrides,
 };
@@ -41,18 +41,18 @@ pub fn apply(
 
 /// Changes one end of a route.
 fn change(
-    route: &mut RouteSpec,
+    route: &mut Route,
     role: EndpointRole,
     topic: &str,
     store: &mut ParameterStore,
 ) -> Result<(), QosOverrideError> {
-    let (base, follows) = (route.qos.qos(), matches!(route.qos, QosConfig::Match(_)));
+    let (base, follows) = (route.policy.qos.qos(), matches!(route.policy.qos, QosConfig::Match(_)));
     let profile = QosOverrides::of(&base, follows);
     let changed = store.declare_qos_overrides(topic, role, None, &profile)?;
     let (pinned, follows) = changed.pin(&base, follows);
     let end = match role {
-        EndpointRole::Publisher => &mut route.to_override,
-        EndpointRole::Subscription => &mut route.from_override,
+        EndpointRole::Publisher => &mut route.policy.to_override,
+        EndpointRole::Subscription => &mut route.policy.from_override,
     };
     *end = QosOverride { pinned, follows };
     let qos = pinned.apply(base);
@@ -62,13 +62,15 @@ fn change(
 }
 
 /// The topic at one end of a route, where that end is one on ROS 2.
-fn topic(route: &RouteSpec, role: EndpointRole, node: &Node) -> Option<String> {
+fn topic(route: &Route, role: EndpointRole, node: &Node) -> Option<String> {
+    let Kind::Topic(types) = route.kind else { return None };
     let (address, message_type) = match role {
-        EndpointRole::Publisher => (&route.to, route.message_type),
-        EndpointRole::Subscription => (&route.from, route.from_type),
+        EndpointRole::Publisher => (&route.to, types.to),
+        EndpointRole::Subscription => (&route.from, types.from),
     };
     // Properties are the parameters of a node: no topic.
-    let is_topic = address.middleware == "ros2" && message_type != MessageType::Properties;
+    let is_topic =
+        route.is_whole() && address.middleware == "ros2" && message_type != MessageType::Properties;
     is_topic.then(|| node.resolve_topic(&address.name).ok()).flatten()
 }
 
@@ -81,25 +83,27 @@ mod tests {
     use wrapyfi_core::endpoint::{Durability, PinnedQos, QosPreset, Reliability, TopicSpec};
     use wrapyfi_core::node::ParameterValue;
 
-    fn route(from: &str, to: &str, qos: QosConfig) -> RouteSpec {
+    fn route(from: &str, to: &str, qos: QosConfig) -> Route {
         let address = |text: &str| text.parse().unwrap();
-        RouteSpec { qos, ..RouteSpec::new(address(from), address(to), MessageType::Image) }
+        let mut route = Route::topic(address(from), address(to), MessageType::Image);
+        route.policy.qos = qos;
+        route
     }
 
     fn applied(
-        routes: Vec<RouteSpec>,
+        routes: Vec<Route>,
         given: &[(&str, ParameterValue)],
-    ) -> Result<(Vec<RouteSpec>, ParameterStore), QosOverrideError> {
+    ) -> Result<(Vec<Route>, ParameterStore), QosOverrideError> {
         let node = Node::bridge().unwrap();
         let given: BTreeMap<_, _> =
             given.iter().map(|(name, value)| ((*name).to_owned(), value.clone())).collect();
         let mut store = ParameterStore::new(node.name(), given).unwrap();
-        let mut plan = Plan { routes, ..Plan::default() };
+        let mut plan = Plan { routes };
         apply(&mut plan, &node, &mut store)?;
         Ok((plan.routes, store))
     }
 
-    fn ends(route: &RouteSpec) -> [TopicSpec; 2] {
+    fn ends(route: &Route) -> [TopicSpec; 2] {
         [&route.from, &route.to].map(|address| route.topic_spec(address))
     }
 

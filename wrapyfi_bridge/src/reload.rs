@@ -6,36 +6,37 @@
 //!   ~/reload ────────────┘     └ anything wrong: the routes stay as they are, and the reason is told
 //! ```
 
-use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::{IsTerminal as _, Read as _};
 use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::thread::JoinHandle;
+use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use serde_json::Value as Json;
 use signal_hook::consts::SIGHUP;
-use wrapyfi_core::endpoint::{Context, Registry, Server, ServiceSpec, WAITING};
-use wrapyfi_core::engine::{Applier, Config, ConfigError, MAX_CONFIG_BYTES, Plan, PlanDiff};
+use signal_hook::iterator::{Handle, Signals};
+use wrapyfi_core::endpoint::{BridgeMark, Context, Registry, Server, ServiceSpec, WAITING};
+use wrapyfi_core::engine::{Applier, MAX_CONFIG_BYTES, PlanDiff};
 use wrapyfi_core::middleware::ros2::NodeHandle;
+use wrapyfi_core::node::parameters::ParameterStore;
 use wrapyfi_core::types::{Map, Payload, ServiceKind, Value};
 use wrapyfi_interfaces::store::TypeStore;
 
 use crate::command::bridge::{ros2_types, warn_of_unheard};
 use crate::exit::Failure;
-use crate::middlewares::{self, Loaded};
+use crate::middlewares::{self, Loaded, Middlewares, Settings};
 use crate::node::Node;
 use crate::overrides;
+use crate::own_address::OwnAddress;
 
-/// How often the file is looked at. It is read once it has been the same for so long.
+/// Time between two looks at the file. It is read once it has been the same for so long.
 const LOOK_EVERY: Duration = Duration::from_millis(250);
 /// Time after which a file that is gone is complained of: editors take it away for a moment.
 const GONE_AFTER: Duration = Duration::from_secs(2);
-/// How long the end of the program waits for a file that is being read.
+/// Longest time that the end of the program waits for a file that is being read.
 const STOP_WITHIN: Duration = Duration::from_millis(500);
 /// Most changes that get a line each in the log.
 const FEW: usize = 10;
@@ -50,95 +51,17 @@ pub fn read_file(file: &Path) -> std::io::Result<String> {
     Ok(text)
 }
 
-/// What a running bridge cannot change, as it was at its start.
-#[derive(Debug, Clone, Default)]
-pub struct Fixed {
-    /// Settings of `endpoints` and `hosts`, each by its place in the file.
-    settings: BTreeMap<String, String>,
-    middlewares: BTreeSet<String>,
-    largest_message: usize,
-    /// Middlewares on which others connect to us.
-    reached: BTreeSet<String>,
-    has_zeromq_services: bool,
-}
-
-impl Fixed {
-    /// Of a plan and the text of its file, which is called `name` in errors.
-    ///
-    /// # Errors
-    /// When the text is no configuration.
-    pub fn of(plan: &Plan, text: &str, name: &str) -> Result<Self, ConfigError> {
-        let config: Config<Json> = Config::from_yaml(text, name)?;
-        let mut settings = BTreeMap::new();
-        flatten("endpoints", &config.endpoints, &mut settings);
-        for (host, address) in &config.hosts {
-            settings.insert(format!("hosts.{host}"), address.value.clone());
-        }
-        let middlewares: BTreeSet<String> = plan.middlewares().map(str::to_owned).collect();
-        let reached = middlewares.iter().filter(|name| plan.is_reached_on(name)).cloned().collect();
-        let mut ends = plan.services.iter().flat_map(|route| [&route.offered, &route.service]);
-        Ok(Self {
-            settings,
-            reached,
-            largest_message: plan.largest_message(),
-            has_zeromq_services: ends.any(|end| end.middleware == "zeromq"),
-            middlewares,
-        })
-    }
-
-    /// What of `new` a bridge that was started with this cannot turn to, each in words.
-    #[must_use]
-    pub fn refusals(&self, new: &Self) -> Vec<String> {
-        let mut found = Vec::new();
-        let keys: BTreeSet<&String> = self.settings.keys().chain(new.settings.keys()).collect();
-        for key in keys {
-            let value = |of: &Self| of.settings.get(key).cloned().unwrap_or("left out".to_owned());
-            let (before, now) = (value(self), value(new));
-            if before != now {
-                found.push(format!("{key} was {before} at the start and is {now} now"));
-            }
-        }
-        for name in new.middlewares.difference(&self.middlewares) {
-            found.push(format!("no route was on {name} at the start"));
-        }
-        for name in new.reached.difference(&self.reached) {
-            if self.middlewares.contains(name) {
-                found.push(format!("nobody connected to a route on {name} at the start"));
-            }
-        }
-        if new.has_zeromq_services && !self.has_zeromq_services {
-            found.push("no service was on zeromq at the start".to_owned());
-        }
-        let (before, now) = (self.largest_message, new.largest_message);
-        if now > before {
-            found.push(format!(
-                "max_message_mib: messages up to {now} bytes, {before} at the start"
-            ));
-        }
-        found
-    }
-}
-
-/// Enters the values below a key, each with its place: `endpoints.zeromq.pub_port`.
-fn flatten(place: &str, value: &Json, found: &mut BTreeMap<String, String>) {
-    match value {
-        Json::Null => {}
-        Json::Object(fields) => {
-            fields.iter().for_each(|(key, value)| flatten(&format!("{place}.{key}"), value, found));
-        }
-        other => _ = found.insert(place.to_owned(), other.to_string()),
-    }
-}
-
 /// Turns a bridge to the configuration that its file has now.
 pub struct Reload {
     /// File of the configuration.
     pub file: PathBuf,
-    /// What the bridge was started with.
-    pub fixed: Fixed,
+    /// Middlewares that the routes run on.
+    pub middlewares: Middlewares,
+    /// Address at which others reach the endpoints of the routes.
+    pub own: OwnAddress,
     /// The bridge's node.
     pub node: Node,
-    /// What the node has on the graph, where it is on one.
+    /// Handle of the node on the graph; `None` where it is on none.
     pub handle: Option<NodeHandle>,
     /// The routes.
     pub routes: Applier,
@@ -146,29 +69,36 @@ pub struct Reload {
 
 impl Reload {
     /// Reads the file and applies it; text and difference.
-    fn apply(&self) -> Result<(String, PlanDiff), Failure> {
+    fn apply(&mut self) -> Result<(String, PlanDiff), Failure> {
         let name = self.file.display().to_string();
         let meta = std::fs::metadata(&self.file);
         let meta = meta.map_err(|error| Failure::usage(format!("{name}: {error}")))?;
         if !meta.is_file() {
             return Err(Failure::Usage(format!("{name} is no file: only a file is read again")));
         }
-        let Loaded { mut plan, mut types, waiting_bytes, text, .. } =
+        let Loaded { mut plan, mut endpoints, mut types, waiting_bytes, text, .. } =
             middlewares::load_and_learn(&self.file)?;
-        let fixed = Fixed::of(&plan, &text, &name).map_err(Failure::usage)?;
-        let refusals = self.fixed.refusals(&fixed);
+        let mut take = |store: &mut ParameterStore| {
+            middlewares::take_parameters(&mut endpoints, store)?;
+            overrides::apply(&mut plan, &self.node, store).map_err(Failure::usage)
+        };
+        match &self.handle {
+            Some(handle) => handle.parameters(take)?,
+            None => take(&mut self.node.parameters().map_err(Failure::usage)?)?,
+        }
+        self.own.enter(&mut endpoints);
+        let before = self.middlewares.settings();
+        let settings = Settings::of(&endpoints, &plan, before)?;
+        let refusals = before.refusals(&settings);
         if !refusals.is_empty() {
             let text = refusals.join("; ");
             return Err(Failure::Usage(format!("{name}: {text}: start the program anew for that")));
         }
-        let overridden = match &self.handle {
-            Some(handle) => handle.parameters(|it| overrides::apply(&mut plan, &self.node, it)),
-            None => {
-                let mut store = self.node.parameters().map_err(Failure::usage)?;
-                overrides::apply(&mut plan, &self.node, &mut store)
-            }
-        };
-        overridden.map_err(Failure::usage)?;
+        let changes = before.changes(&settings);
+        self.middlewares.turn_to(settings)?;
+        for change in changes {
+            tracing::info!("{change}");
+        }
         if let Some(handle) = &self.handle {
             handle.types(|described| {
                 for name in ros2_types(&plan) {
@@ -179,13 +109,18 @@ impl Reload {
             });
         }
         warn_of_unheard(&plan, &self.node);
-        let diff = self.routes.apply(plan, types).map_err(Failure::usage)?;
+        let mut registry = self.middlewares.registry().clone();
+        if let Some(handle) = &self.handle {
+            registry.set_clock(handle.clock());
+        }
+        let diff = self.routes.apply(plan, types, registry).map_err(Failure::usage)?;
         WAITING.set_limit(waiting_bytes);
         Ok((text, diff))
     }
 
     /// As [`Reload::apply`], and logs what came of it.
-    fn apply_and_tell(&self, known: &mut String) -> Result<PlanDiff, String> {
+    fn apply_and_tell(&mut self, known: &mut String) -> Result<PlanDiff, String> {
+        let begin = Instant::now();
         match self.apply() {
             Ok((text, diff)) => {
                 *known = text;
@@ -198,7 +133,8 @@ impl Reload {
                         false => tracing::debug!("{line}"),
                     }
                 }
-                tracing::info!("{} was read again: {}", self.file.display(), diff.summary());
+                let (file, ms) = (self.file.display(), begin.elapsed().as_millis());
+                tracing::info!("{file} was read again: {}, in {ms} ms", diff.summary());
                 Ok(diff)
             }
             Err(failure) => {
@@ -225,7 +161,10 @@ impl Mark {
 pub struct Watch {
     stop: Arc<AtomicBool>,
     context: Context,
-    thread: Option<JoinHandle<()>>,
+    /// Closed by the thread at its end.
+    ended: Receiver<()>,
+    /// Ends the thread of the signal, where it is caught.
+    hang_up: Option<Handle>,
 }
 
 impl Watch {
@@ -234,18 +173,34 @@ impl Watch {
     ///
     /// # Errors
     /// When the system refuses a thread or a handler.
-    pub fn start(reload: Reload, registry: &Registry) -> Result<Self, Failure> {
+    pub fn start(mut reload: Reload) -> Result<Self, Failure> {
         let (context, stop) = (Context::default(), Arc::<AtomicBool>::default());
         let hung_up = Arc::<AtomicBool>::default();
+        let mut hang_up = None;
         if !std::io::stdin().is_terminal() {
-            signal_hook::flag::register(SIGHUP, Arc::clone(&hung_up))
-                .context("cannot catch SIGHUP")?;
+            let mut signals = Signals::new([SIGHUP]).context("cannot catch SIGHUP")?;
+            hang_up = Some(signals.handle());
+            let (flag, wake) = (Arc::clone(&hung_up), context.wake.clone());
+            let thread = std::thread::Builder::new().name("hang-up".to_owned());
+            let thread = thread.spawn(move || {
+                for _signal in signals.forever() {
+                    flag.store(true, Relaxed);
+                    wake.ring();
+                }
+            });
+            thread.context("cannot catch SIGHUP")?;
         }
-        let service = reload.handle.is_some().then(|| offer(&reload.node, registry, &context));
+        let service = reload
+            .handle
+            .is_some()
+            .then(|| offer(&reload.node, reload.middlewares.registry(), &context));
         let mut service = service.flatten();
         let known = read_file(&reload.file).unwrap_or_default();
         let (told, wake) = (Arc::clone(&stop), context.wake.clone());
-        let thread = std::thread::Builder::new().name("reload".to_owned()).spawn(move || {
+        let (alive, ended) = channel::<()>();
+        let thread = std::thread::Builder::new().name("reload".to_owned());
+        let started = thread.spawn(move || {
+            let _alive = alive;
             let mut looked = Looked::new(&reload.file, known);
             while !told.load(Relaxed) {
                 if hung_up.swap(false, Relaxed) || looked.is_other(&reload.file) {
@@ -253,36 +208,34 @@ impl Watch {
                     _ = reload.apply_and_tell(&mut looked.text);
                 }
                 if let Some(server) = &mut service {
-                    answer(server.as_mut(), &reload, &mut looked.text);
+                    answer(server.as_mut(), &mut reload, &mut looked.text);
                 }
                 wake.wait(LOOK_EVERY);
             }
         });
-        Ok(Self { stop, context, thread: Some(thread.context("cannot watch the configuration")?) })
+        started.context("cannot watch the configuration")?;
+        Ok(Self { stop, context, ended, hang_up })
     }
 }
 
 impl Drop for Watch {
     fn drop(&mut self) {
+        if let Some(hang_up) = &self.hang_up {
+            hang_up.close();
+        }
         self.stop.store(true, Relaxed);
         self.context.wake.ring();
-        let end = Instant::now() + STOP_WITHIN;
-        let Some(thread) = self.thread.take() else { return };
-        while !thread.is_finished() && Instant::now() < end {
-            std::thread::sleep(Duration::from_millis(1));
-        }
-        if thread.is_finished() && thread.join().is_err() {
-            tracing::error!("the thread that reads the configuration again panicked");
-        }
+        // It sends nothing, and is gone or left in the middle of a file.
+        _ = self.ended.recv_timeout(STOP_WITHIN);
     }
 }
 
-/// What was seen of the file.
+/// State of the file at the last look.
 struct Looked {
-    /// Its text when it was read last.
+    /// Text of the file when it was read last.
     text: String,
     mark: Option<Mark>,
-    /// It is another, and is read once it stays the same.
+    /// True when the file is another, and is read once it stays the same.
     is_fresh: bool,
     gone_since: Option<Instant>,
     is_told: bool,
@@ -294,7 +247,7 @@ impl Looked {
         Self { text, mark, is_fresh: false, gone_since: None, is_told: false }
     }
 
-    /// Whether the file has another text, and has had it for a while.
+    /// True when the file has another text, and has had it for a while.
     fn is_other(&mut self, file: &Path) -> bool {
         let mark = Mark::of(file);
         if mark.is_none() {
@@ -310,7 +263,7 @@ impl Looked {
             return false;
         }
         let is_file = || std::fs::metadata(file).is_ok_and(|meta| meta.is_file());
-        // What cannot be read is told by whoever reads it.
+        // A file that cannot be read counts as changed, so that its reader reports the fault.
         std::mem::take(&mut self.is_fresh)
             && (!is_file() || read_file(file).map_or(true, |text| text != self.text))
     }
@@ -324,14 +277,17 @@ fn offer(node: &Node, registry: &Registry, context: &Context) -> Option<Box<dyn 
         .and_then(|kind| {
             let ros2 = registry.get("ros2").map_err(|error| error.to_string())?;
             let name = node.resolve_service("~/reload").map_err(|error| error.to_string())?;
-            ros2.open_server(&ServiceSpec::new(name, kind), context)
+            // No bridge by pattern carries it anywhere: what it calls has been everywhere.
+            let path = Middlewares::names().into_iter().map(str::to_owned).collect();
+            let mark = Some(BridgeMark { bridge: BridgeMark::number(), path });
+            ros2.open_server(&ServiceSpec { mark, ..ServiceSpec::new(name, kind) }, context)
                 .map_err(|error| error.to_string())
         });
     offered.inspect_err(|error| tracing::warn!("~/reload is not offered: {error}")).ok()
 }
 
 /// Answers those who asked by the service.
-fn answer(server: &mut dyn Server, reload: &Reload, known: &mut String) {
+fn answer(server: &mut dyn Server, reload: &mut Reload, known: &mut String) {
     while let Ok(Some(asked)) = server.take() {
         let told = reload.apply_and_tell(known);
         let success = told.is_ok();
@@ -346,34 +302,6 @@ fn answer(server: &mut dyn Server, reload: &Reload, known: &mut String) {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn fixed(text: &str) -> Fixed {
-        let Loaded { plan, .. } = middlewares::load_text(text, "test").unwrap();
-        Fixed::of(&plan, text, "test").unwrap()
-    }
-
-    const ROUTES: &str = "routes:\n  - { from: 'zeromq:/a', to: 'ros2:/a', type: Text }\n";
-
-    #[test]
-    fn what_needs_a_start_is_named_by_its_key() {
-        let with = |more: &str| fixed(&format!("{more}{ROUTES}"));
-        let none: [String; 0] = [];
-        let before = with("");
-        assert_eq!(before.refusals(&with("endpoints: { yarp: {} }\n")), none);
-        assert_eq!(
-            before.refusals(&with("endpoints: { zeromq: { pub_port: 7000 } }\n")),
-            ["endpoints.zeromq.pub_port was left out at the start and is 7000 now"]
-        );
-        assert_eq!(
-            with("hosts: { robot: 10.0.0.1 }\n").refusals(&with("hosts: { robot: 10.0.0.2 }\n")),
-            ["hosts.robot was 10.0.0.1 at the start and is 10.0.0.2 now"]
-        );
-        let more = "  - { from: 'ros:/b', to: 'ros2:/b', type: Text, max_message_mib: 100 }\n";
-        let refusals = before.refusals(&fixed(&format!("{ROUTES}{more}")));
-        assert_eq!(refusals.len(), 2, "{refusals:?}");
-        assert!(refusals[0].contains("no route was on ros at the start"), "{refusals:?}");
-        assert!(refusals[1].contains("max_message_mib"), "{refusals:?}");
-    }
 
     /// A file that is written anew, one put in its place, one that is gone, and one that was only touched.
     #[test]

@@ -15,12 +15,13 @@ use crate::logging;
 #[derive(Debug, Clone, Default)]
 pub struct Shutdown(Arc<AtomicBool>);
 
-/// How long after the first signal others mean the same.
+/// Time after the first signal in which further signals mean the same.
 const SAME_WISH: Duration = Duration::from_secs(1);
-/// How long ending in good order may take; the last word fits into the two seconds that are promised.
+/// Longest time that ending in good order may take; the last word fits into the two seconds that
+/// are promised.
 const TIME_TO_END: Duration = Limits::SHUTDOWN.saturating_sub(Duration::from_millis(200));
 const LAST_WORD: Duration = Duration::from_millis(50);
-/// How often a waiting command looks at the flag.
+/// Time between two looks of a waiting command at the flag.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 
 /// Ends the process with exit code 0 if it has not ended by itself when its time is over.
@@ -67,8 +68,8 @@ impl Shutdown {
         Ok(shutdown)
     }
 
-    /// What a program that runs until it is asked to end comes to: where it was asked to while it started, what went
-    /// wrong then is no failure.
+    /// Result of a program that runs until it is asked to end: where it was asked to while it
+    /// started, a failure of the start is none.
     ///
     /// # Errors
     /// As `outcome`, where the process was not asked to end, or the settings are wrong.

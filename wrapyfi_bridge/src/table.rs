@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::time::Duration;
 
-use serde_json::{Value, json};
+use serde::Serialize;
 use wrapyfi_core::endpoint::QosEvent;
 use wrapyfi_core::engine::RouteStatus;
 
@@ -58,7 +58,8 @@ pub fn table(before: &[RouteStatus], now: &[RouteStatus], elapsed: Duration) -> 
     out
 }
 
-/// What happened to the quality of service of a route, and what it is now where it was changed.
+/// Numbers of events of a route's quality of service, and the quality of service itself where it
+/// was changed.
 fn qos_events(route: &RouteStatus) -> Option<String> {
     let events = &route.counters.qos_events;
     let mut texts: Vec<_> =
@@ -70,16 +71,20 @@ fn qos_events(route: &RouteStatus) -> Option<String> {
     (!texts.is_empty()).then(|| texts.join(", "))
 }
 
-/// Routes as one JSON object: `{"routes": [...]}`.
+/// Routes as one JSON object, `{"routes": [...]}`, on a line; with `"panics"` where this process had some.
 #[must_use]
-pub fn json(now: &[RouteStatus]) -> Value {
-    json!({ "routes": now })
-}
-
-/// The same as a line.
-#[must_use]
-pub fn json_line(now: &[RouteStatus]) -> Vec<u8> {
-    format!("{}\n", json(now)).into_bytes()
+pub fn json_line(routes: &[RouteStatus], panics: u64) -> Vec<u8> {
+    #[derive(Serialize)]
+    struct Line<'a> {
+        routes: &'a [RouteStatus],
+        #[serde(skip_serializing_if = "Option::is_none")]
+        panics: Option<u64>,
+    }
+    let panics = (panics > 0).then_some(panics);
+    // Names are text and counters are numbers: nothing in it can fail.
+    let mut line = serde_json::to_vec(&Line { routes, panics }).unwrap_or_default();
+    line.push(b'\n');
+    line
 }
 
 #[cfg(test)]
@@ -88,6 +93,13 @@ mod tests {
     use wrapyfi_core::engine::RouteState;
 
     use super::*;
+
+    #[test]
+    fn panics_are_told_where_there_were_some() {
+        let text = |panics| String::from_utf8(json_line(&[], panics)).unwrap();
+        assert_eq!(text(0), "{\"routes\":[]}\n");
+        assert_eq!(text(2), "{\"routes\":[],\"panics\":2}\n");
+    }
 
     #[test]
     fn quality_of_service_is_told_where_something_happened_to_it() {

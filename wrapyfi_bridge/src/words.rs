@@ -219,7 +219,6 @@ fn picture(out: &mut String, picture: &Picture) {
             }
             out.push_str(format.name());
         }
-        _ => out.push_str("Picture"),
     }
 }
 

@@ -10,11 +10,8 @@
 //!     │
 //!   middleware    zeromq, yarp, ros1, ros2, memory: one module each, the rest never names one
 //!     │
-//!   codec         bytes <-> values, no sockets, no clocks
-//!     │
-//!   plugin        what stands behind Wrapyfi's plug-in keys
-//!     │
-//!   types         Value, Tensor, Image, AudioChunk
+//!   wrapyfi_data  codec: bytes <-> values; plugin: what stands behind Wrapyfi's plug-in keys;
+//!                 types: Value, Tensor, Image, AudioChunk. No sockets, no clocks
 //! ```
 //!
 //! * [`types`]: the data model.
@@ -23,24 +20,11 @@
 //! * [`endpoint`]: the traits every middleware implements, bounded queues, counters.
 //! * [`middleware`]: the transports.
 //! * [`network`]: names of machines, and who may reach our sockets.
-//! * [`engine`]: configuration, routes and the loop that moves messages.
+//! * `engine`, with the feature of that name: configuration, routes and the loop that moves messages.
 //! * [`communicator`]: registered methods, Wrapyfi's programming model.
 //! * [`node`]: what makes a process a ROS 2 node: names, `--ros-args`.
 //!
-//! # The way of one image, from Wrapyfi's socket to DDS
-//!
-//! ```text
-//!   middleware::zeromq   I/O thread   SUB socket -> frames, shared as Bytes; topic and size checked
-//!   endpoint::inbox                   bounded queue; full: drop oldest, drop newest or block
-//!   engine::Relay        a worker     take(): rate limit; nobody listens: not even decoded
-//!   codec::frames, json, npy          base64 decoded once, straight into the pixels   (copy 1)
-//!   types::Image                      stamp, encoding, Bytes
-//!   codec::ros                        CDR in two pieces: fields, and the pixels as they are
-//!   middleware::ros2     a worker     pieces -> serdata -> DDS writer                  (copy 2)
-//! ```
-//!
-//! The way back is the same upside down: the DDS buffer is lent, not copied, until base64 writes the
-//! pixels into the ZeroMQ frame.
+//! The way of one image through these modules, and the threads: ARCHITECTURE.md in the repository.
 //!
 //! # Example
 //!
@@ -74,19 +58,13 @@
 #[allow(unused_extern_crates, reason = "the macros name the crate as seen from outside")]
 extern crate self as wrapyfi_core;
 
-mod backoff;
-pub mod codec;
 pub mod communicator;
-pub mod endpoint;
-pub mod engine;
-mod limits;
 pub mod middleware;
-pub mod network;
-pub mod node;
-pub mod plugin;
-mod throttle;
-pub mod types;
 
 pub use codec::{DecodeError, EncodeError};
-pub use limits::Limits;
-pub use throttle::Throttle;
+pub use wrapyfi_data::{Limits, plugin, types};
+pub use wrapyfi_endpoint::{self as endpoint, Throttle, codec, network};
+#[cfg(feature = "engine")]
+pub use wrapyfi_engine as engine;
+#[cfg(any(feature = "ros1", feature = "ros2"))]
+pub use wrapyfi_node as node;

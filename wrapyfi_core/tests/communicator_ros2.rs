@@ -1,54 +1,51 @@
 //! Registered methods over ROS 2: what every middleware must do, and what the options of ROS 2 do.
-#![cfg(feature = "ros2")]
-#![allow(clippy::unwrap_used, reason = "in a test a panic is the right answer")]
 
-mod communicator_common;
-mod ros2_common;
+use crate::ros2_common;
 
 use std::sync::Arc;
 
-use communicator_common as common;
+use crate::communicator_common as common;
 use wrapyfi_core::communicator::{Context, Mode, communicator};
 use wrapyfi_core::middleware::ros2::{CycloneGraph, Ros2};
 
 const MWARE: &str = "ros2";
 
 /// Two nodes of a test, numbered from 0, that hear each other.
-fn contexts(test: u32) -> (Context, Context) {
+fn contexts() -> (Context, Context) {
     let context = |graph: CycloneGraph| {
         let ros2 = Ros2::new(Arc::new(graph), |topic| Ok(topic.to_owned()));
         Context::builder().only(Arc::new(ros2)).build()
     };
-    (context(ros2_common::near("here", test)), context(ros2_common::far("there", test)))
+    (context(ros2_common::near("here")), context(ros2_common::far("there")))
 }
 
 #[test]
 fn what_is_published_is_heard() {
-    let (here, there) = contexts(0);
+    let (here, there) = contexts();
     common::what_is_published_is_heard(MWARE, &here, &there);
 }
 
 #[test]
 fn transceive_meets_reemit() {
-    let (here, there) = contexts(1);
+    let (here, there) = contexts();
     common::transceive_meets_reemit(MWARE, &here, &there);
 }
 
 #[test]
 fn modes_change() {
-    let (here, there) = contexts(2);
+    let (here, there) = contexts();
     common::modes_change(MWARE, &here, &there);
 }
 
 #[test]
 fn a_request_is_replied() {
-    let (here, there) = contexts(3);
+    let (here, there) = contexts();
     common::a_request_is_replied(MWARE, &here, &there);
 }
 
 #[test]
 fn a_wait_ends_in_time() {
-    common::a_wait_ends_in_time(MWARE, &contexts(4).0);
+    common::a_wait_ends_in_time(MWARE, &contexts().0);
 }
 
 struct Speaker;
@@ -72,7 +69,7 @@ impl Speaker {
 /// As Python Wrapyfi speaks on ROS 2, with a profile that is written.
 #[test]
 fn type_and_quality_of_service_can_be_written() {
-    let (here, there) = contexts(5);
+    let (here, there) = contexts();
     let (mut ours, mut theirs) = (Speaker.communicator_in(&here), Speaker.communicator_in(&there));
     theirs.activate(SpeakerMethod::Say, Mode::Listen).unwrap();
     ours.activate(SpeakerMethod::Say, Mode::Publish).unwrap();

@@ -1,9 +1,4 @@
 //! Registered methods that return ROS messages: generated types, and types by name.
-#![allow(
-    clippy::unwrap_used,
-    clippy::indexing_slicing,
-    reason = "in a test a panic is the right answer"
-)]
 
 use std::sync::Arc;
 

@@ -1,14 +1,11 @@
 //! Registered methods over ZeroMQ, through our broker: what every middleware must do, and what the
 //! options of ZeroMQ do.
-#![cfg(feature = "zeromq")]
-#![allow(clippy::unwrap_used, reason = "in a test a panic is the right answer")]
 
-mod communicator_common;
-mod zeromq_common;
+use crate::zeromq_common;
 
 use std::sync::Arc;
 
-use communicator_common as common;
+use crate::communicator_common as common;
 use wrapyfi_core::communicator::{CallError, Context, Mode, communicator};
 use wrapyfi_core::middleware::zeromq::{BrokerMode, ServiceBroker, ServiceBrokerConfig, ZeroMq};
 

@@ -1,13 +1,9 @@
 //! Routes on the threads of the engine: blocked ones, panics, plans that change.
 
-#![allow(clippy::unwrap_used, clippy::indexing_slicing)]
-
-mod engine_common;
-
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use engine_common::{Faulty, drain, listener, number, plan, publisher, registry, until};
+use crate::engine_common::{Faulty, drain, listener, number, plan, publisher, registry, until};
 use wrapyfi_core::endpoint::DropReason;
 use wrapyfi_core::engine::{ApplyError, Engine, RouteState, RouteStatus, Running};
 use wrapyfi_interfaces::store::TypeStore;
@@ -111,7 +107,7 @@ fn a_blocked_destination_holds_up_its_own_route_and_says_so() {
     assert!(text.starts_with("degraded: ") && text.contains("b:/stuck3"), "{text}");
     // Its routes end and others begin while it blocks.
     let next = plan(&[route("free"), route("new")]);
-    running.apply(next, TypeStore::generated()).unwrap();
+    running.apply(next, TypeStore::generated(), running.registry()).unwrap();
     until("the new route", || state(&running, "new").contains("waiting for a publisher"));
     until("the blocked to be off the table", || running.status().len() == 2);
     sources.last_mut().unwrap().publish(&number(2)).unwrap();
@@ -190,7 +186,7 @@ fn a_panic_in_a_step_is_told_counted_and_the_route_opened_again() {
     }
 }
 
-/// What panics while one looks at what exists, or decides on a route, ends nothing.
+/// A panic while the reconciler looks at discovery, or decides on a route, ends no route.
 #[test]
 fn a_panic_in_a_look_is_told_and_looked_again() {
     for (place, which) in [("look", 0), ("look", 1), ("learn", 0)] {
@@ -273,7 +269,7 @@ fn what_is_the_same_in_both_plans_goes_on_untouched() {
             route("same"),
             "from: 'a:/p/(.*)', to: 'b:/p/$1', lazy: false, deny: ['p/y']".to_owned(),
         ];
-        let diff = running.apply(plan(&after), TypeStore::generated()).unwrap();
+        let diff = running.apply(plan(&after), TypeStore::generated(), running.registry()).unwrap();
         assert_eq!((diff.added.len(), diff.removed.len(), diff.changed.len()), (1, 1, 2), "{diff}");
         assert!(diff.to_string().contains("+ a:/new -> b:/new"), "{diff}");
         assert!(diff.to_string().contains("queue 7"), "{diff}");
@@ -300,7 +296,7 @@ fn what_is_the_same_in_both_plans_goes_on_untouched() {
         }
     }
     // And back: what was left out is made again.
-    running.apply(plan(&before), TypeStore::generated()).unwrap();
+    running.apply(plan(&before), TypeStore::generated(), running.registry()).unwrap();
     until("the plan before", || {
         let status = running.status();
         of(&status, "p/y").is_some_and(|it| it.state == RouteState::Active)
@@ -315,14 +311,52 @@ fn a_plan_that_cannot_hold_is_refused_as_a_whole() {
     let bench = Bench::new();
     let running = bench.start(&[route("x")]);
     let wrong = plan(&[route("y"), "from: 'a:/z', to: 'c:/z', type: Text".to_owned()]);
-    let error = running.apply(wrong, TypeStore::generated()).unwrap_err();
+    let error = running.apply(wrong, TypeStore::generated(), running.registry()).unwrap_err();
     assert!(matches!(error, ApplyError::Unknown(_)));
     let text = error.to_string();
-    assert!(text.contains("\"c\"") && text.contains("start the program anew"), "{text}");
-    let same = running.apply(plan(&[route("x")]), TypeStore::generated()).unwrap();
+    assert!(text.contains("\"c\" is not available here"), "{text}");
+    let same =
+        running.apply(plan(&[route("x")]), TypeStore::generated(), running.registry()).unwrap();
     assert!(same.is_empty() && same.kept == 1, "{same}");
     let status = running.status();
     assert_eq!(status.len(), 1, "{status:?}");
+}
+
+/// Routes of a middleware that starts anew begin again, by plan and by pattern; those of others go on.
+#[test]
+fn a_middleware_that_starts_anew_takes_only_its_own_routes_along() {
+    let bench = Bench::new();
+    let other = Faulty::new("c");
+    let routes = [
+        route("x"),
+        "from: 'a:/p/(.*)', to: 'b:/p/$1', lazy: false".to_owned(),
+        "from: 'a:/stays', to: 'c:/stays', type: NativeObject".to_owned(),
+    ];
+    let registry_with = |b: &Arc<Faulty>| registry(&[&bench.a, b, &other]);
+    let engine = Engine::new(plan(&routes), &registry_with(&bench.b));
+    let running = engine.with_types(TypeStore::generated()).start().unwrap();
+    let _sources = ["/x", "/p/y", "/stays"].map(|name| publisher(&bench.a.bus, name));
+    let _sinks = [
+        listener(&bench.b.bus, "/x", 10),
+        listener(&bench.b.bus, "/p/y", 10),
+        listener(&other.bus, "/stays", 10),
+    ];
+    let are_active = || {
+        let status = running.status();
+        let active = status.iter().filter(|it| it.pattern.is_none());
+        active.filter(|it| it.state == RouteState::Active).count() == 3
+    };
+    until("all routes", are_active);
+    let anew = bench.b.seen_by_another();
+    let types = TypeStore::generated();
+    let diff = running.apply(plan(&routes), types, registry_with(&anew)).unwrap();
+    assert!(diff.is_empty(), "{diff}");
+    for topic in ["/x", "/p/y"] {
+        until("its routes on the new one", || anew.history(topic).opened == 1);
+        assert_eq!(bench.b.history(topic).opened, 1, "{topic}");
+    }
+    until("all routes again", are_active);
+    assert_eq!([&bench.a, &other].map(|bus| bus.history("/stays").opened), [1, 1]);
 }
 
 /// A destination belongs to one route at a time: the next one waits until the one before has closed.
@@ -338,7 +372,7 @@ fn a_destination_is_taken_over_once_it_is_free() {
     bench.b.change(|faults| faults.blocked = Some("/x".to_owned()));
     one.publish(&number(1)).unwrap();
     until("it to block", || running.status()[0].state.to_string().contains("has blocked"));
-    running.apply(plan(&[to("two")]), TypeStore::generated()).unwrap();
+    running.apply(plan(&[to("two")]), TypeStore::generated(), running.registry()).unwrap();
     until("the second to wait", || {
         running.status().iter().any(|route| route.state.to_string().contains("is leaving"))
     });
@@ -352,14 +386,14 @@ fn a_destination_is_taken_over_once_it_is_free() {
     });
 }
 
-/// Of many plans in a short time the last one holds.
+/// The last of many plans in a short time holds.
 #[test]
 fn a_thousand_plans_a_second_end_with_the_last() {
     let bench = Bench::new();
     let running = bench.start(&[route("stays"), route("x0")]);
     for n in 1..=1000 {
         let plan = plan(&[route("stays"), route(&format!("x{}", n % 7)), route(&format!("y{n}"))]);
-        running.apply(plan, TypeStore::generated()).unwrap();
+        running.apply(plan, TypeStore::generated(), running.registry()).unwrap();
     }
     until("the last plan", || {
         let status = running.status();

@@ -1,10 +1,4 @@
-//! What services of the Fast DDS mapping say on the graph: identities, announcement, both halves.
-#![cfg(feature = "fastdds-services")]
-// In helpers of tests, too, a panic is the right answer.
-#![allow(clippy::unwrap_used, clippy::indexing_slicing, clippy::panic)]
-
-mod fast_common;
-mod ros2_common;
+//! Services of the Fast DDS mapping on the graph: identities, announcement, both halves.
 
 use std::sync::{Arc, Mutex};
 
@@ -17,10 +11,10 @@ use wrapyfi_core::middleware::ros2::{
     CycloneGraph, RustServices, RustServicesError, ServiceEndpoints,
 };
 
-use fast_common::{
+use crate::fast_common::{
     Add, Bare, Sum, add_two_ints, cdr, client, config, next, numbers, server, services, until,
 };
-use ros2_common::bell;
+use crate::ros2_common::bell;
 use wrapyfi_core::endpoint::Wake;
 
 fn related(guid: GUID, number: i64) -> WriteOptions {
@@ -43,9 +37,9 @@ fn unhex(hex: &str) -> Vec<u8> {
 #[test]
 fn requests_and_replies_are_those_of_fast_dds() {
     let service = add_two_ints();
-    let bare = Bare::new(0);
+    let bare = Bare::new();
     let (mut requests, replies) = (bare.requests(&service), bare.replies(&service));
-    let ours = services("caller", 0);
+    let ours = services("caller");
     let mut client = client(&ours, &service);
     client.await_peers(&Peers::Ready(1));
     let reply_reader = ours.endpoints().readers[0];
@@ -73,9 +67,9 @@ fn requests_and_replies_are_those_of_fast_dds() {
 #[test]
 fn our_server_answers_the_reader_that_a_request_names() {
     let service = add_two_ints();
-    let bare = Bare::new(1);
+    let bare = Bare::new();
     let (requests, mut replies) = (bare.request_writer(&service), bare.reply_reader(&service));
-    let ours = services("adder", 1);
+    let ours = services("adder");
     let mut server = server(&ours, &service);
     server.await_peers(&Peers::Ready(1));
     let reader = replies.guid();
@@ -106,9 +100,9 @@ fn our_server_answers_the_reader_that_a_request_names() {
 #[test]
 fn a_request_without_identity_is_named_by_its_sample() {
     let service = add_two_ints();
-    let bare = Bare::new(2);
+    let bare = Bare::new();
     let (requests, mut replies) = (bare.request_writer(&service), bare.reply_reader(&service));
-    let ours = services("adder", 2);
+    let ours = services("adder");
     let mut server = server(&ours, &service);
     server.await_peers(&Peers::Ready(1));
     let mut first = None;
@@ -131,9 +125,9 @@ fn a_request_without_identity_is_named_by_its_sample() {
 #[test]
 fn replies_to_others_are_passed_over_and_those_to_nobody_said() {
     let service = add_two_ints();
-    let bare = Bare::new(3);
+    let bare = Bare::new();
     let (mut requests, replies) = (bare.requests(&service), bare.replies(&service));
-    let ours = services("caller", 3);
+    let ours = services("caller");
     let (mut mine, other) = (client(&ours, &service), client(&ours, &service));
     mine.await_peers(&Peers::Ready(1));
     let mine_first = ours.endpoints().readers[0];
@@ -169,9 +163,9 @@ fn replies_to_others_are_passed_over_and_those_to_nobody_said() {
 #[test]
 fn half_a_server_is_no_server() {
     let service = add_two_ints();
-    let ours = services("caller", 4);
+    let ours = services("caller");
     let mut client = client(&ours, &service);
-    let (a, b) = (Bare::new(4), Bare::new(4));
+    let (a, b) = (Bare::new(), Bare::new());
     let requests = a.requests(&service);
     client.await_peers(&Peers::Half);
     let elsewhere = b.replies(&service);
@@ -194,9 +188,9 @@ fn half_a_server_is_no_server() {
 fn services_are_announced_under_a_hidden_node() {
     let service = add_two_ints();
     // Without a tag: RustDDS has none.
-    let watcher = CycloneGraph::new(&config("watcher", 5)).unwrap();
+    let watcher = CycloneGraph::new(&config("watcher")).unwrap();
     let mut nodes = watcher.nodes().unwrap();
-    let ours = services("bridge", 5);
+    let ours = services("bridge");
     let heard = Arc::new(Mutex::new(Vec::<ServiceEndpoints>::new()));
     let hears = Arc::clone(&heard);
     ours.on_change(move |endpoints| hears.lock().unwrap().push(endpoints.clone()));
@@ -242,7 +236,7 @@ fn services_are_announced_under_a_hidden_node() {
 #[test]
 fn callbacks_may_create_and_drop_services() {
     let service = add_two_ints();
-    let ours = services("caller", 6);
+    let ours = services("caller");
     let held = Arc::new(Mutex::new(None));
     let (made, wake) = (Arc::new(Mutex::new(false)), Wake::new());
     let callback = {
@@ -262,7 +256,7 @@ fn callbacks_may_create_and_drop_services() {
     let listening = ours.client(&service, callback).unwrap();
     let other = server(&ours, &service);
     *held.lock().unwrap() = Some(Box::new(other.server) as Box<dyn Send>);
-    let adder = services("adder", 6);
+    let adder = services("adder");
     let theirs = server(&adder, &service);
     until("the callback", || *made.lock().unwrap());
     drop(listening);
@@ -272,7 +266,7 @@ fn callbacks_may_create_and_drop_services() {
 
 #[test]
 fn what_rustdds_cannot_do_is_said() {
-    let mut wanted = config("n", 7);
+    let mut wanted = config("n");
     wanted.discovery.range = DiscoveryRange::Off;
     assert!(matches!(RustServices::new(&wanted), Err(RustServicesError::Off)));
     wanted.discovery.range = DiscoveryRange::Subnet;

@@ -1,17 +1,14 @@
 //! Services of the Fast DDS mapping against nodes of ros2-client, and among our own.
-#![cfg(feature = "fastdds-services")]
-// In helpers of tests, too, a panic is the right answer.
-#![allow(clippy::unwrap_used, clippy::indexing_slicing, clippy::panic)]
 
-mod fast_common;
-mod ros2_common;
+use crate::fast_common;
+use crate::ros2_common;
 
 use std::net::{Ipv4Addr, UdpSocket};
 use std::time::Instant;
 
 use wrapyfi_core::middleware::ros2::graph::{GraphError, Peers};
 
-use fast_common::{
+use crate::fast_common::{
     Add, END, Peer, Sum, add_two_ints, answer, cdr, client, numbers, server, services, until,
 };
 
@@ -21,9 +18,9 @@ const STARTS: usize = 20;
 #[test]
 fn our_client_calls_a_server_of_ros2_client() {
     let service = add_two_ints();
-    let mut peer = Peer::new("adder", 0);
+    let mut peer = Peer::new("adder");
     let theirs = peer.server(&service);
-    let ours = services("caller", 0);
+    let ours = services("caller");
     let mut client = client(&ours, &service);
     client.await_peers(&Peers::Ready(1));
     for (a, b) in [(2, 3), (-7, 1 << 40), (0, 0), (i64::MAX, 0)] {
@@ -38,9 +35,9 @@ fn our_client_calls_a_server_of_ros2_client() {
 #[test]
 fn a_client_of_ros2_client_calls_our_server() {
     let service = add_two_ints();
-    let ours = services("adder", 1);
+    let ours = services("adder");
     let mut server = server(&ours, &service);
-    let mut peer = Peer::new("caller", 1);
+    let mut peer = Peer::new("caller");
     let theirs = peer.client(&service);
     server.await_peers(&Peers::Ready(1));
     // Its writer may know our reader later than our reader its writer, and loses requests until
@@ -61,7 +58,7 @@ fn a_client_of_ros2_client_calls_our_server() {
 #[test]
 fn the_first_call_of_our_client_is_answered() {
     let service = add_two_ints();
-    let ours = services("adder", 2);
+    let ours = services("adder");
     let mut server = server(&ours, &service);
     let answers = std::thread::spawn(move || {
         for _ in 0..STARTS {
@@ -71,7 +68,7 @@ fn the_first_call_of_our_client_is_answered() {
     });
     for n in 0..STARTS {
         let n = i64::try_from(n).unwrap();
-        let theirs = services("caller", 2);
+        let theirs = services("caller");
         let mut client = client(&theirs, &service);
         client.await_peers(&Peers::Ready(1));
         assert_eq!(client.call(n, 1000), n + 1000);
@@ -83,11 +80,11 @@ fn the_first_call_of_our_client_is_answered() {
 #[test]
 fn the_first_call_to_our_server_is_answered() {
     let service = add_two_ints();
-    let mut peer = Peer::new("caller", 3);
+    let mut peer = Peer::new("caller");
     let theirs = peer.client(&service);
     for n in 0..STARTS {
         let n = i64::try_from(n).unwrap();
-        let ours = services("adder", 3);
+        let ours = services("adder");
         let mut server = server(&ours, &service);
         server.await_peers(&Peers::Ready(1));
         theirs.send_request(Add { a: n, b: 1 }).unwrap();
@@ -104,11 +101,11 @@ fn the_first_call_to_our_server_is_answered() {
 #[test]
 fn the_first_call_to_a_server_of_ros2_client_is_answered() {
     let service = add_two_ints();
-    let mut peer = Peer::new("adder", 4);
+    let mut peer = Peer::new("adder");
     let theirs = peer.server(&service);
     for n in 0..STARTS {
         let n = i64::try_from(n).unwrap();
-        let ours = services("caller", 4);
+        let ours = services("caller");
         let mut client = client(&ours, &service);
         client.await_peers(&Peers::Ready(1));
         client.client.send(&[&cdr(&[n, 2])]).unwrap();
@@ -121,7 +118,7 @@ fn the_first_call_to_a_server_of_ros2_client_is_answered() {
 fn messages_of_all_sizes_go_both_ways() {
     let mut service = add_two_ints();
     service.max_bytes = 8 << 20;
-    let (ours, theirs) = (services("adder", 5), services("caller", 5));
+    let (ours, theirs) = (services("adder"), services("caller"));
     let (mut server, mut client) = (server(&ours, &service), client(&theirs, &service));
     client.await_peers(&Peers::Ready(1));
     // On the loopback interface, replies of more than 65343 bytes with their header are cut.
@@ -156,7 +153,7 @@ fn messages_of_all_sizes_go_both_ways() {
 #[test]
 fn what_is_too_large_is_dropped_and_said() {
     let small = add_two_ints();
-    let (ours, theirs) = (services("adder", 6), services("caller", 6));
+    let (ours, theirs) = (services("adder"), services("caller"));
     let mut narrow = small.clone();
     narrow.max_bytes = 20;
     let (mut server, mut client) = (server(&ours, &narrow), client(&theirs, &narrow));
@@ -184,7 +181,7 @@ impl fast_common::OurClient {
 
 #[test]
 fn another_encapsulation_is_refused_before_it_is_sent() {
-    let ours = services("caller", 7);
+    let ours = services("caller");
     let mut client = client(&ours, &add_two_ints());
     for wrong in [&[0, 0, 0, 0, 0, 0, 0, 1][..], &[0, 1], &[]] {
         let error = client.client.send(&[wrong]).unwrap_err();
@@ -196,10 +193,10 @@ fn another_encapsulation_is_refused_before_it_is_sent() {
 #[test]
 fn a_server_that_goes_is_missed_and_another_is_found() {
     let service = add_two_ints();
-    let caller = services("caller", 8);
+    let caller = services("caller");
     let mut client = client(&caller, &service);
     assert_eq!(client.client.servers(), Peers::None);
-    let adder = services("adder", 8);
+    let adder = services("adder");
     for _ in 0..3 {
         let mut server = server(&adder, &service);
         client.await_peers(&Peers::Ready(1));
@@ -212,7 +209,7 @@ fn a_server_that_goes_is_missed_and_another_is_found() {
         assert_eq!(adder.gid(), None);
         client.await_peers(&Peers::None);
     }
-    let mut peer = Peer::new("adder", 8);
+    let mut peer = Peer::new("adder");
     let theirs = peer.server(&service);
     client.await_peers(&Peers::Ready(1));
     drop(theirs);
@@ -222,7 +219,7 @@ fn a_server_that_goes_is_missed_and_another_is_found() {
 #[test]
 fn a_new_server_of_a_participant_is_given_no_old_requests() {
     let service = add_two_ints();
-    let (adder, caller) = (services("adder", 9), services("caller", 9));
+    let (adder, caller) = (services("adder"), services("caller"));
     let mut other = service.clone();
     other.name += "_other";
     // Keeps the participant, and with it what RustDDS keeps of the topic.
@@ -247,9 +244,9 @@ fn a_new_server_of_a_participant_is_given_no_old_requests() {
 #[test]
 fn many_clients_of_one_server_hear_their_own_replies() {
     let service = add_two_ints();
-    let adder = services("adder", 10);
+    let adder = services("adder");
     let mut server = server(&adder, &service);
-    let callers = [services("a", 10), services("b", 10)];
+    let callers = [services("a"), services("b")];
     let mut clients: Vec<_> = (0..12).map(|n| client(&callers[n % 2], &service)).collect();
     server.await_peers(&Peers::Ready(12));
     for client in &clients {
@@ -280,15 +277,15 @@ fn many_clients_of_one_server_hear_their_own_replies() {
 /// Fast DDS learns of the end of a participant from a message with a key hash alone.
 #[test]
 fn a_participant_that_ends_says_so_as_fast_dds_reads_it() {
-    let config = fast_common::config("leaver", 11);
+    let config = fast_common::config("leaver");
     // The port of a participant of this host that nobody else is.
     let domain = u16::try_from(config.domain_id).unwrap();
     let port = |index: u16| 7400 + 250 * domain + 10 + 2 * index;
     let socket =
         (60..99).find_map(|index| UdpSocket::bind((Ipv4Addr::LOCALHOST, port(index))).ok());
     let socket = socket.unwrap();
-    socket.set_read_timeout(Some(ros2_common::PATIENCE)).unwrap();
-    let ours = services("leaver", 11);
+    socket.set_read_timeout(Some(ros2_common::TIMEOUT)).unwrap();
+    let ours = services("leaver");
     let server = server(&ours, &add_two_ints());
     let reader = ours.endpoints().readers[0];
     drop((server, ours));

@@ -1,93 +1,42 @@
 //! Serialised messages and matching on CycloneDDS, between two nodes.
-#![cfg(feature = "ros2")]
-// In helpers of tests, too, a panic is the right answer.
-#![allow(clippy::unwrap_used, clippy::indexing_slicing, clippy::panic)]
 
-mod ros2_common;
-
-use wrapyfi_core::endpoint::{Durability, History, QosPreset, Reliability, Wake};
+use wrapyfi_core::endpoint::{History, Wake};
 use wrapyfi_core::middleware::ros2::CycloneGraph;
-use wrapyfi_core::middleware::ros2::graph::{Graph, GraphError, wait_until};
+use wrapyfi_core::middleware::ros2::graph::{Graph, wait_until};
 
-use ros2_common::{
-    Ends, HASH, PATIENCE, bell, connect, far, far_config, near, next, pattern, text, topic, write,
+use crate::ros2_common::{
+    Ends, HASH, TIMEOUT, bell, bodies, connect, far, far_config, near, next, pattern, text, topic,
+    write,
 };
-
-fn exchange(a: &CycloneGraph, b: &CycloneGraph) {
-    let chatter = topic("/chatter");
-    for (from, to) in [(a, b), (b, a)] {
-        let mut ends = connect(from, to, &chatter);
-        for size in [0, 1, 2, 3, 1500, 63_990, 64_010, 65_600, 1 << 20, 6_220_800] {
-            let sent = pattern(size);
-            write(&mut *ends.writer, &sent).unwrap();
-            let got = next(&mut *ends.reader, &ends.wake);
-            assert!(text(&got) == sent, "{size} bytes changed");
-            assert!(got.source_timestamp_ns > 1_500_000_000_000_000_000);
-        }
-        assert_eq!(ends.reader.lost(), 0);
-    }
-}
 
 #[test]
 fn messages_of_all_sizes_go_both_ways_in_one_stack() {
-    exchange(&near("a", 0), &near("b", 0));
+    bodies::messages_of_all_sizes_go_both_ways(&near("a"), &near("b"), true);
 }
 
 #[test]
 fn messages_of_all_sizes_go_both_ways_over_loopback() {
-    exchange(&near("a", 1), &far("b", 1));
+    bodies::messages_of_all_sizes_go_both_ways(&near("a"), &far("b"), true);
 }
 
 #[test]
 fn a_late_reader_gets_what_is_kept() {
-    let (a, b) = (near("a", 2), far("b", 2));
-    let mut latched = topic("/latched");
-    latched.qos = QosPreset::Latched.into();
-    latched.qos.history = History::KeepLast(3);
-    let wake = Wake::new();
-    let mut writer = a.advertise(&latched, bell(&wake)).unwrap();
-    for n in 0..5_u8 {
-        write(&mut *writer, &[b'0' + n]).unwrap();
-    }
-    let mut reader = b.subscribe(&latched, bell(&wake)).unwrap();
-    for n in 2..5_u8 {
-        assert_eq!(text(&next(&mut *reader, &wake)), [b'0' + n]);
-    }
-    assert_eq!(reader.take().unwrap(), None);
+    bodies::a_late_reader_gets_what_is_kept(&near("a"), &far("b"));
 }
 
 #[test]
 fn a_node_does_not_hear_itself() {
-    let (a, b) = (near("a", 3), near("b", 3));
-    let chatter = topic("/chatter");
-    let wake = Wake::new();
-    let mut own = a.subscribe(&chatter, bell(&wake)).unwrap();
-    let mut ends = connect(&a, &b, &chatter);
-    write(&mut *ends.writer, b"x").unwrap();
-    assert_eq!(text(&next(&mut *ends.reader, &ends.wake)), b"x");
-    assert_eq!((own.matched(), own.take().unwrap()), (0, None));
+    bodies::a_node_does_not_hear_itself(&near("a"), &near("b"));
 }
 
 #[test]
-fn matches_come_and_go() {
-    let (a, b) = (near("a", 4), far("b", 4));
-    let chatter = topic("/chatter");
-    let Ends { wake, writer, reader } = connect(&a, &b, &chatter);
-    let second = b.subscribe(&chatter, bell(&wake)).unwrap();
-    assert!(wait_until(&wake, PATIENCE, || writer.matched() == 2));
-    drop(reader);
-    assert!(wait_until(&wake, PATIENCE, || writer.matched() == 1));
-    drop(second);
-    assert!(wait_until(&wake, PATIENCE, || writer.matched() == 0));
-    let third = b.subscribe(&chatter, bell(&wake)).unwrap();
-    assert!(wait_until(&wake, PATIENCE, || third.matched() == 1));
-    drop(writer);
-    assert!(wait_until(&wake, PATIENCE, || third.matched() == 0));
+fn matches_come_and_go_and_are_watched() {
+    bodies::matches_come_and_go_and_are_watched(&near("a"), &far("b"));
 }
 
 #[test]
 fn another_type_does_not_match_and_is_listed_with_its_hash() {
-    let (a, b) = (near("a", 5), far("b", 5));
+    let (a, b) = (near("a"), far("b"));
     let wake = Wake::new();
     let mut other = topic("/chatter");
     other.type_name = "std_msgs/msg/Int32".into();
@@ -95,7 +44,7 @@ fn another_type_does_not_match_and_is_listed_with_its_hash() {
     let reader = b.subscribe(&other, bell(&wake)).unwrap();
     let seen =
         || b.endpoints().unwrap().into_iter().find(|e| e.is_publisher && e.topic == "/chatter");
-    assert!(wait_until(&wake, PATIENCE, || seen().is_some()));
+    assert!(wait_until(&wake, TIMEOUT, || seen().is_some()));
     let seen = seen().unwrap();
     assert_eq!(seen.type_name, "std_msgs/msg/String");
     assert_eq!(seen.type_hash.as_deref(), Some(HASH));
@@ -104,54 +53,37 @@ fn another_type_does_not_match_and_is_listed_with_its_hash() {
 }
 
 #[test]
-fn incompatible_quality_of_service_names_its_policy() {
-    let (a, b) = (near("a", 6), far("b", 6));
-    let wake = Wake::new();
-    let mut offered = topic("/best_effort");
-    offered.qos.reliability = Reliability::BestEffort;
-    let writer = a.advertise(&offered, bell(&wake)).unwrap();
-    let reader = b.subscribe(&topic("/best_effort"), bell(&wake)).unwrap();
-    assert!(wait_until(&wake, PATIENCE, || {
-        writer.incompatible() == Some("reliability") && reader.incompatible() == Some("reliability")
-    }));
-    let offered = topic("/volatile");
-    let mut asked = offered.clone();
-    asked.qos.durability = Durability::TransientLocal;
-    let writer = a.advertise(&offered, bell(&wake)).unwrap();
-    let reader = b.subscribe(&asked, bell(&wake)).unwrap();
-    assert!(wait_until(&wake, PATIENCE, || {
-        writer.incompatible() == Some("durability") && reader.incompatible() == Some("durability")
-    }));
-    assert_eq!((writer.matched(), reader.matched()), (0, 0));
+fn who_does_not_fit_is_told_why() {
+    bodies::who_does_not_fit_is_told_why(&near("a"), &far("b"));
 }
 
 #[test]
-fn a_message_over_the_limit_is_refused_and_the_next_one_comes() {
-    let (a, b) = (near("a", 7), far("b", 7));
-    let mut small = topic("/small");
-    small.max_bytes = 1000;
-    let Ends { wake, mut writer, mut reader } = connect(&a, &b, &small);
-    write(&mut *writer, &pattern(991)).unwrap();
-    write(&mut *writer, &pattern(992)).unwrap();
-    write(&mut *writer, b"after").unwrap();
-    assert_eq!(text(&next(&mut *reader, &wake)).len(), 991);
-    let mut fault = None;
-    assert!(wait_until(&wake, PATIENCE, || {
-        fault = reader.take().err();
-        fault.is_some()
-    }));
-    assert_eq!(
-        fault,
-        Some(GraphError::TooLarge { topic: "rt/small".into(), actual: 1004, limit: 1000 })
-    );
-    assert_eq!(text(&next(&mut *reader, &wake)), b"after");
+fn a_message_over_the_limit_is_named_and_the_next_one_comes() {
+    bodies::a_message_over_the_limit_is_named_and_the_next_one_comes(&near("a"), &far("b"));
+}
+
+#[test]
+fn services_of_a_type_that_nobody_defines_carry_megabytes() {
+    let (a, b) = (near("a"), far("b"));
+    bodies::services_of_a_type_that_nobody_defines_carry_megabytes(&a, &b);
+}
+
+#[test]
+fn requests_and_replies_over_the_limit_are_named_and_the_next_one_comes() {
+    let (a, b) = (near("a"), far("b"));
+    bodies::requests_and_replies_over_the_limit_are_named_and_the_next_one_comes(&a, &b);
+}
+
+#[test]
+fn the_mark_of_a_bridge_is_seen() {
+    bodies::the_mark_of_a_bridge_is_seen(&near("a"), &far("b"));
 }
 
 #[test]
 fn a_message_far_over_the_limit_is_discarded_by_its_header() {
-    let mut config = far_config("b", 10);
+    let mut config = far_config("b");
     config.max_message_bytes = 25_000;
-    let (a, b) = (near("a", 10), CycloneGraph::new(&config).unwrap());
+    let (a, b) = (near("a"), CycloneGraph::new(&config).unwrap());
     for size in [100_001, 6_000_000] {
         let Ends { wake, mut writer, mut reader } = connect(&a, &b, &topic("/chatter"));
         write(&mut *writer, &pattern(size)).unwrap();
@@ -162,7 +94,7 @@ fn a_message_far_over_the_limit_is_discarded_by_its_header() {
 
 #[test]
 fn one_reader_that_is_not_taken_from_stops_nobody() {
-    let (a, b) = (near("a", 8), far("b", 8));
+    let (a, b) = (near("a"), far("b"));
     let mut kept = topic("/kept");
     kept.qos.history = History::KeepAll;
     let mut slow = connect(&a, &b, &kept);
@@ -179,7 +111,7 @@ fn one_reader_that_is_not_taken_from_stops_nobody() {
 
 #[test]
 fn messages_outlive_everything_they_came_through() {
-    let (a, b) = (near("a", 9), near("b", 9));
+    let (a, b) = (near("a"), near("b"));
     let mut ends = connect(&a, &b, &topic("/chatter"));
     let sent = pattern(100_000);
     write(&mut *ends.writer, &sent).unwrap();
@@ -190,7 +122,7 @@ fn messages_outlive_everything_they_came_through() {
 
 #[test]
 fn a_watch_hears_of_its_own_side_of_its_own_topic() {
-    let (a, b) = (near("a", 13), far("b", 13));
+    let (a, b) = (near("a"), far("b"));
     let wake = Wake::new();
     let watch = a.watch("/watched", true, bell(&wake)).unwrap();
     let before = watch.changes();
@@ -204,7 +136,7 @@ fn a_watch_hears_of_its_own_side_of_its_own_topic() {
     let mut strict = topic("/watched");
     strict.qos.deadline = Some(std::time::Duration::from_millis(250));
     let writer = b.advertise(&strict, bell(&ignored)).unwrap();
-    assert!(wait_until(&wake, PATIENCE, || !watch.peers().is_empty()));
+    assert!(wait_until(&wake, TIMEOUT, || !watch.peers().is_empty()));
     assert_eq!(watch.changes(), before + 1);
     let peers = watch.peers();
     assert_eq!((peers.len(), peers[0].topic.as_str()), (1, "/watched"));
@@ -215,6 +147,6 @@ fn a_watch_hears_of_its_own_side_of_its_own_topic() {
     assert_eq!(late.peers(), peers);
     drop(others);
     drop(writer);
-    assert!(wait_until(&wake, PATIENCE, || watch.peers().is_empty()));
+    assert!(wait_until(&wake, TIMEOUT, || watch.peers().is_empty()));
     assert_eq!((watch.changes(), late.changes()), (before + 2, before + 1));
 }

@@ -1,10 +1,4 @@
-//! What every node announces beside its topics, as another node finds it over loopback.
-#![cfg(feature = "ros2")]
-// In helpers of tests, too, a panic is the right answer.
-#![allow(clippy::unwrap_used, clippy::indexing_slicing, clippy::panic)]
-
-mod node_common;
-mod ros2_common;
+//! Endpoints that every node announces beside its topics, as another node finds them over loopback.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -17,11 +11,11 @@ use wrapyfi_core::middleware::ros2::{CycloneGraph, NodeEndpoints};
 use wrapyfi_core::node::LogLine;
 use wrapyfi_core::node::parameters::ParameterStore;
 
-use node_common::{Offering, boolean, ok, pair, until};
-use ros2_common::near_config;
+use crate::node_common::{Offering, boolean, ok, pair, until};
+use crate::ros2_common::near_config;
 
-/// What a node without topics has, as a captured node of rclpy announces it: depth, then hash of
-/// requests and of replies.
+/// Services of a node without topics, as a captured node of rclpy announces them: depth, then hash
+/// of requests and of replies.
 const SERVICES: [(&str, &str, u32, &str, &str); 7] = [
     (
         "describe_parameters",
@@ -114,7 +108,7 @@ fn captured() -> Vec<(String, String, String, bool, AnnouncedQos)> {
 
 #[test]
 fn what_is_announced_is_what_nodes_of_ros_announce() {
-    let (offering, asking) = pair(0);
+    let (offering, asking) = pair();
     let mut nodes = asking.graph.nodes().unwrap();
     let mut found = Vec::new();
     until("all endpoints under the node's name", || {
@@ -134,7 +128,7 @@ fn what_is_announced_is_what_nodes_of_ros_announce() {
 
 #[test]
 fn a_node_without_type_descriptions_does_not_offer_them() {
-    let graph = CycloneGraph::new(&near_config("camera", 1)).unwrap();
+    let graph = CycloneGraph::new(&near_config("camera")).unwrap();
     let off = [("start_type_description_service".to_owned(), false.into())];
     let store = ParameterStore::new(graph.node(), BTreeMap::from(off)).unwrap();
     let shared: Arc<dyn Graph> = Arc::new(graph.clone());
@@ -151,7 +145,7 @@ fn a_node_without_type_descriptions_does_not_offer_them() {
 
 #[test]
 fn nothing_is_left_of_a_node_that_ends() {
-    let (offering, mut asking) = pair(2);
+    let (offering, mut asking) = pair();
     let handle = offering.node.handle().clone();
     assert_eq!(asking.set(&[boolean("use_sim_time", true)]), json!([ok()]));
     // With its subscription of the clock.

@@ -1,10 +1,4 @@
-//! What every node has beside its topics, seen by another node over loopback.
-#![cfg(feature = "ros2")]
-// In helpers of tests, too, a panic is the right answer.
-#![allow(clippy::unwrap_used, clippy::indexing_slicing, clippy::panic)]
-
-mod node_common;
-mod ros2_common;
+//! Endpoints that every node has beside its topics, seen by another node over loopback.
 
 use serde_json::{Value, json};
 use wrapyfi_core::endpoint::{Durability, History, Qos, Reliability, Wake};
@@ -17,10 +11,10 @@ use wrapyfi_core::node::{LogLevel, LogLine};
 use wrapyfi_core::types::Stamp;
 use wrapyfi_interfaces::store::TypeStore;
 
-use node_common::{
+use crate::node_common::{
     Asking, LONG_AGO, MAX_BYTES, boolean, integer, next, ok, pair, refused, text, until,
 };
-use ros2_common::{HASH, PATIENCE, bell};
+use crate::ros2_common::{HASH, TIMEOUT, bell};
 
 /// Lists, gets and sets the parameters of an [`Offering`].
 fn use_parameters(asking: &mut Asking) {
@@ -53,12 +47,12 @@ fn use_parameters(asking: &mut Asking) {
 
 #[test]
 fn another_node_uses_the_parameters() {
-    let (offering, mut asking) = pair(0);
+    let (offering, mut asking) = pair();
     let handle = offering.node.handle().clone();
     let wake = Wake::new();
     let watch = handle.parameters(|store| store.watch(&["rate"], &wake));
     use_parameters(&mut asking);
-    assert!(wake.wait(PATIENCE), "the watch rings");
+    assert!(wake.wait(TIMEOUT), "the watch rings");
     assert_eq!(watch.take(), [Parameter::new("rate", 20)]);
 
     let types = "rcl_interfaces/srv/GetParameterTypes";
@@ -91,14 +85,14 @@ fn another_node_uses_the_parameters() {
 
 #[test]
 fn changes_of_parameters_are_published() {
-    let (offering, mut asking) = pair(1);
+    let (offering, mut asking) = pair();
     let handle = offering.node.handle();
     let qos = Qos { history: History::KeepLast(1000), ..Qos::default() };
     let (mut events, wake) =
         asking.listen("/parameter_events", "rcl_interfaces/msg/ParameterEvent", qos);
     // The topic is volatile: the first event that is heard says that all others will be.
     let mut rate = 0;
-    assert!(wait_until(&wake, PATIENCE, || {
+    assert!(wait_until(&wake, TIMEOUT, || {
         rate = rate % 60 + 1;
         handle.parameters(|store| store.set("rate", rate)).unwrap();
         events.take().unwrap().is_some()
@@ -127,7 +121,7 @@ fn changes_of_parameters_are_published() {
 
 #[test]
 fn types_are_described() {
-    let (offering, mut asking) = pair(2);
+    let (offering, mut asking) = pair();
     let handle = offering.node.handle();
     handle.types(|types| {
         types.add_named(&mut TypeStore::generated(), "std_msgs/msg/String").unwrap();
@@ -162,7 +156,7 @@ fn types_are_described() {
 
 #[test]
 fn the_log_reaches_who_comes_late() {
-    let (offering, mut asking) = pair(3);
+    let (offering, mut asking) = pair();
     let handle = offering.node.handle();
     let levels = [LogLevel::Info, LogLevel::Warn, LogLevel::Error];
     for (level, n) in levels.into_iter().zip(0_u32..) {
@@ -195,7 +189,7 @@ fn the_log_reaches_who_comes_late() {
 
 #[test]
 fn simulated_time_is_followed_while_it_is_asked_for() {
-    let (offering, mut asking) = pair(4);
+    let (offering, mut asking) = pair();
     let handle = offering.node.handle();
     let kind = asking.resolved("rosgraph_msgs/msg/Clock");
     let qos = Qos { reliability: Reliability::BestEffort, ..Qos::default() };
@@ -223,11 +217,12 @@ fn simulated_time_is_followed_while_it_is_asked_for() {
 
 #[test]
 fn what_is_no_request_is_refused_and_the_next_one_answered() {
-    let (offering, mut asking) = pair(5);
+    let (offering, mut asking) = pair();
     let handle = offering.node.handle();
     let description = ServiceDescription {
         name: "/robot/camera/get_parameters".into(),
         type_name: "rcl_interfaces/srv/GetParameters".into(),
+        type_hash: None,
         request_hash: None,
         response_hash: None,
         depth: 1000,
@@ -257,7 +252,7 @@ fn what_is_no_request_is_refused_and_the_next_one_answered() {
     };
     let wake = Wake::new();
     let mut writer = asking.graph.advertise_dds(&topic, bell(&wake)).unwrap();
-    assert!(wait_until(&wake, PATIENCE, || writer.matched() == 1));
+    assert!(wait_until(&wake, TIMEOUT, || writer.matched() == 1));
     let before = handle.refused_requests();
     until("the refusal", || {
         writer.write(&[&[0, 1, 0, 0], &[0; 8]]).unwrap();
@@ -281,7 +276,7 @@ mod fast {
     fn another_node_uses_the_parameters_as_of_fast_dds() {
         let config = |node: &str| CycloneConfig {
             services: ServiceMapping::FastDds,
-            ..CycloneConfig::loopback(name(&format!("{node}_{}", std::process::id())), domain(6))
+            ..CycloneConfig::loopback(name(&format!("{node}_{}", std::process::id())), domain())
         };
         let offering = Offering::new(&config("camera"));
         let mut asking = Asking::new(&config("tool"), &offering);

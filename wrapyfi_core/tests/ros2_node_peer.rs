@@ -1,11 +1,5 @@
 //! A node's parameters, asked for by a program that shares no code with ours: CycloneDDS from
 //! Python, with types written by hand (`test/peers/param_peer.py`).
-#![cfg(feature = "ros2")]
-// In helpers of tests, too, a panic is the right answer.
-#![allow(clippy::unwrap_used, clippy::indexing_slicing, clippy::panic)]
-
-mod node_common;
-mod ros2_common;
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -14,8 +8,8 @@ use std::process::{Child, Command, Stdio};
 use serde_json::{Value, json};
 use wrapyfi_core::middleware::ros2::CycloneConfig;
 
-use node_common::Offering;
-use ros2_common::{domain, name};
+use crate::node_common::Offering;
+use crate::ros2_common::{domain, name};
 
 /// Python with `cyclonedds`, or why there is none.
 fn python() -> Result<PathBuf, String> {
@@ -33,7 +27,7 @@ fn python() -> Result<PathBuf, String> {
 struct Peer(Option<Child>);
 
 impl Peer {
-    /// What it says until it ends.
+    /// Events that the peer prints until it ends.
     fn events(mut self) -> Vec<Value> {
         let output = self.0.take().unwrap().wait_with_output().unwrap();
         let faults = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -66,7 +60,7 @@ fn parameters_are_given_to_an_independent_client() {
     };
     // The peer knows no domain tag; runs at the same time differ by name.
     let node = name(&format!("camera_{}", std::process::id()));
-    let (asked, domain) = (node.fqn(), domain(0));
+    let (asked, domain) = (node.fqn(), domain());
     let offering = Offering::new(&CycloneConfig::loopback(node, domain));
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../test/peers/param_peer.py");
     let mut command = Command::new(python);

@@ -1,9 +1,4 @@
 //! Nodes on CycloneDDS: their announcement, their configuration, their coming and going.
-#![cfg(feature = "ros2")]
-// In helpers of tests, too, a panic is the right answer.
-#![allow(clippy::unwrap_used, clippy::indexing_slicing, clippy::panic)]
-
-mod ros2_common;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -14,8 +9,8 @@ use wrapyfi_core::middleware::ros2::environment::{self, DiscoveryRange};
 use wrapyfi_core::middleware::ros2::graph::{Graph, GraphError, wait_until};
 use wrapyfi_core::middleware::ros2::{CycloneConfig, CycloneError, CycloneGraph, DomainError};
 
-use ros2_common::{
-    PATIENCE, TAG, bell, connect, discovery, domain, far, name, near, near_config, next, pattern,
+use crate::ros2_common::{
+    TAG, TIMEOUT, bell, connect, discovery, domain, far, name, near, near_config, next, pattern,
     text, topic, write,
 };
 
@@ -54,7 +49,7 @@ fn participant_info(cdr: &[u8]) -> (Vec<u8>, Vec<Entry>) {
 
 #[test]
 fn the_node_and_its_endpoints_are_announced() {
-    let (a, b) = (near("camera", 0), far("watcher", 0));
+    let (a, b) = (near("camera"), far("watcher"));
     let wake = Wake::new();
     let mut info = topic("ros_discovery_info");
     info.type_name = "rmw_dds_common::msg::dds_::ParticipantEntitiesInfo_".into();
@@ -62,7 +57,7 @@ fn the_node_and_its_endpoints_are_announced() {
     let mut infos = b.subscribe_dds(&info, bell(&wake)).unwrap();
     let announcer = a.gid();
     let mut until = |what: &str, condition: &dyn Fn(&[Entry]) -> bool| {
-        let held = wait_until(&wake, PATIENCE, || {
+        let held = wait_until(&wake, TIMEOUT, || {
             std::iter::from_fn(|| infos.take().unwrap()).any(|sample| {
                 let (gid, nodes) = participant_info(&sample.cdr);
                 gid == announcer && condition(&nodes)
@@ -99,12 +94,12 @@ fn the_node_and_its_endpoints_are_announced() {
 
 #[test]
 fn one_domain_has_one_configuration() {
-    let first = near("a", 1);
-    let mut other = near_config("b", 1);
+    let first = near("a");
+    let mut other = near_config("b");
     other.discovery.static_peers.push("127.0.0.2".into());
     let clash = CycloneGraph::new(&other).err();
     assert!(
-        matches!(clash, Some(CycloneError::Domain(DomainError::Clash { id, .. })) if id == domain(1)),
+        matches!(clash, Some(CycloneError::Domain(DomainError::Clash { id, .. })) if id == domain()),
         "{clash:?}"
     );
     drop(first);
@@ -114,14 +109,14 @@ fn one_domain_has_one_configuration() {
 #[test]
 fn a_later_source_overrides_an_earlier_one() {
     // OFF gives each process a tag of its own and no peers; the later source takes both back.
-    let mut config = near_config("a", 2);
+    let mut config = near_config("a");
     config.discovery.range = DiscoveryRange::Off;
     config.extra_uri = Some(discovery(&format!(
         "<Tag>{}</Tag><ParticipantIndex>auto</ParticipantIndex>\
          <Peers><Peer address='localhost'/></Peers>",
         *TAG
     )));
-    let (tagged, plain) = (CycloneGraph::new(&config).unwrap(), far("b", 2));
+    let (tagged, plain) = (CycloneGraph::new(&config).unwrap(), far("b"));
     let mut ends = connect(&tagged, &plain, &topic("/chatter"));
     write(&mut *ends.writer, b"heard").unwrap();
     assert_eq!(text(&next(&mut *ends.reader, &ends.wake)), b"heard");
@@ -129,14 +124,14 @@ fn a_later_source_overrides_an_earlier_one() {
 
 #[test]
 fn broken_configuration_and_topics_are_refused() {
-    let mut config = near_config("a", 3);
+    let mut config = near_config("a");
     config.extra_uri = Some("<CycloneDDS><Nonsense/></CycloneDDS>".into());
     let fault = CycloneGraph::new(&config).err();
     assert!(
-        matches!(fault, Some(CycloneError::Domain(DomainError::Refused { id, .. })) if id == domain(3)),
+        matches!(fault, Some(CycloneError::Domain(DomainError::Refused { id, .. })) if id == domain()),
         "{fault:?}"
     );
-    let node = near("a", 3);
+    let node = near("a");
     let mut plain = topic("/a");
     plain.type_name = "String".into();
     for wrong in [topic("/a\0b"), topic("a"), plain] {
@@ -147,7 +142,7 @@ fn broken_configuration_and_topics_are_refused() {
 
 #[test]
 fn nodes_come_and_go_under_traffic() {
-    let steady = near("steady", 4);
+    let steady = near("steady");
     let chatter = topic("/chatter");
     let wake = Wake::new();
     let stop = Arc::new(AtomicBool::new(false));
@@ -166,7 +161,7 @@ fn nodes_come_and_go_under_traffic() {
     });
     let started = Instant::now();
     for round in 0..100 {
-        let node = near("guest", 4);
+        let node = near("guest");
         let bell_of = Wake::new();
         let mut reader = node.subscribe(&chatter, bell(&bell_of)).unwrap();
         let own = node.advertise(&topic("/guest"), bell(&bell_of)).unwrap();
@@ -184,7 +179,7 @@ fn nodes_come_and_go_under_traffic() {
 #[test]
 fn domains_come_and_go() {
     for _ in 0..100 {
-        let node = near("a", 5);
+        let node = near("a");
         drop(node.advertise(&topic("/chatter"), bell(&Wake::new())).unwrap());
     }
 }
@@ -192,7 +187,7 @@ fn domains_come_and_go() {
 #[test]
 fn the_finest_trace_is_survived() {
     let file = std::env::temp_dir().join(format!("wrapyfi_trace_{}.log", std::process::id()));
-    let mut config = near_config("a", 6);
+    let mut config = near_config("a");
     config.extra_uri = Some(format!(
         "{},<CycloneDDS><Domain><Tracing><Verbosity>finest</Verbosity><OutputFile>{}</OutputFile>\
          </Tracing></Domain></CycloneDDS>",
@@ -200,7 +195,7 @@ fn the_finest_trace_is_survived() {
         file.display()
     ));
     let a = CycloneGraph::new(&config).unwrap();
-    exchange_small(&a, &far("b", 6));
+    exchange_small(&a, &far("b"));
     drop(a);
     assert!(std::fs::read_to_string(&file).unwrap().contains("rt/chatter"));
     std::fs::remove_file(file).unwrap();
@@ -226,7 +221,7 @@ fn cyclone_accepts_the_settings_of_every_range() {
         ("SYSTEM_DEFAULT", DiscoveryRange::SystemDefault),
     ] {
         let read = environment::read(|name| match name {
-            "ROS_DOMAIN_ID" => Some(domain(7).to_string()),
+            "ROS_DOMAIN_ID" => Some(domain().to_string()),
             "ROS_AUTOMATIC_DISCOVERY_RANGE" => Some(range.into()),
             "ROS_STATIC_PEERS" => Some("127.0.0.1;127.0.0.2".into()),
             "CYCLONEDDS_URI" => Some(on_lo.into()),

@@ -1,10 +1,4 @@
 //! Parameters of one node, read, set and watched by another over loopback.
-#![cfg(feature = "ros2")]
-// In helpers of tests, too, a panic is the right answer.
-#![allow(clippy::unwrap_used, clippy::indexing_slicing, clippy::panic)]
-
-mod node_common;
-mod ros2_common;
 
 use std::time::{Duration, Instant};
 
@@ -18,11 +12,11 @@ use wrapyfi_core::middleware::ros2::{
 use wrapyfi_core::node::parameters::{ParameterDescriptor, ParameterRange};
 use wrapyfi_core::types::{MessageType, ParameterValue, Payload, Properties};
 
-use node_common::{Asking, Offering, pair};
-use ros2_common::{PATIENCE, far_config, near_config};
+use crate::node_common::{Asking, Offering, pair};
+use crate::ros2_common::{TIMEOUT, far_config, near_config};
 
 fn options() -> ServiceOptions {
-    ServiceOptions { timeout: PATIENCE, ..ServiceOptions::default() }
+    ServiceOptions { timeout: TIMEOUT, ..ServiceOptions::default() }
 }
 
 fn client(asking: &Asking) -> ParameterClient {
@@ -36,7 +30,7 @@ fn remote(asking: &Asking, wake: &Wake) -> RemoteParameters {
 /// The next change.
 fn next(remote: &mut RemoteParameters, wake: &Wake) -> Properties {
     let mut taken = None;
-    assert!(wait_until(wake, PATIENCE, || {
+    assert!(wait_until(wake, TIMEOUT, || {
         taken = remote.take(Instant::now()).unwrap();
         taken.is_some()
     }));
@@ -47,7 +41,7 @@ fn shown(properties: &Properties) -> Vec<String> {
     properties.iter().map(|(name, value)| format!("{name}={value}")).collect()
 }
 
-/// What an [`Offering`] has at first.
+/// Parameters that an [`Offering`] has at first.
 const ALL: [&str; 5] = [
     "use_sim_time=false",
     "start_type_description_service=true",
@@ -104,7 +98,7 @@ fn read_and_set(asking: &Asking) {
 
 #[test]
 fn parameters_are_read_and_set() {
-    let (offering, asking) = pair(0);
+    let (offering, asking) = pair();
     read_and_set(&asking);
     let handle = offering.node.handle();
     handle.parameters(|store| {
@@ -127,7 +121,7 @@ fn parameters_are_read_and_set() {
 
 #[test]
 fn a_node_that_is_not_there_is_said_so() {
-    let (_offering, asking) = pair(1);
+    let (_offering, asking) = pair();
     let short = ServiceOptions { timeout: Duration::from_millis(50), ..options() };
     let mut nobody = ParameterClient::open(&asking.ros2, "nobody", &short, &Wake::new()).unwrap();
     let error = nobody.list().unwrap_err();
@@ -141,7 +135,7 @@ fn a_node_that_is_not_there_is_said_so() {
 
 #[test]
 fn changes_are_told_and_a_restart_is_noticed() {
-    let (offering, asking) = pair(2);
+    let (offering, asking) = pair();
     let wake = Wake::new();
     let mut remote = remote(&asking, &wake);
     assert_eq!(shown(&next(&mut remote, &wake)), ALL);
@@ -149,7 +143,7 @@ fn changes_are_told_and_a_restart_is_noticed() {
     // Until the topic of events is matched, which is volatile, changes are not heard.
     let mut rate = 10;
     let mut heard = None;
-    assert!(wait_until(&wake, PATIENCE, || {
+    assert!(wait_until(&wake, TIMEOUT, || {
         rate = rate % 60 + 1;
         handle.parameters(|store| store.set("rate", rate)).unwrap();
         heard = remote.take(Instant::now()).unwrap();
@@ -168,12 +162,12 @@ fn changes_are_told_and_a_restart_is_noticed() {
     handle.parameters(|store| store.declare(ParameterDescriptor::new("old"), 1)).unwrap();
     assert_eq!(shown(&next(&mut remote, &wake)), ["old=1"]);
     drop(offering);
-    assert!(wait_until(&wake, PATIENCE, || {
+    assert!(wait_until(&wake, TIMEOUT, || {
         assert_eq!(remote.take(Instant::now()).unwrap(), None);
         !remote.follows()
     }));
     assert_eq!(remote.known().get("old"), Some(&1_i64.into()));
-    let again = Offering::new(&near_config("camera", 2));
+    let again = Offering::new(&near_config("camera"));
     let changes = next(&mut remote, &wake);
     assert_eq!(changes.get("old"), Some(&ParameterValue::NotSet), "{changes:?}");
     assert_eq!(changes.get("serial"), None, "it is what it was");
@@ -181,7 +175,7 @@ fn changes_are_told_and_a_restart_is_noticed() {
     // A restart between two looks is noticed too.
     let handle = again.node.handle().clone();
     let mut rate = 10;
-    assert!(wait_until(&wake, PATIENCE, || {
+    assert!(wait_until(&wake, TIMEOUT, || {
         rate = rate % 60 + 1;
         handle.parameters(|store| store.set("rate", rate)).unwrap();
         remote.take(Instant::now()).unwrap().is_some_and(|changes| changes.get("rate").is_some())
@@ -191,13 +185,13 @@ fn changes_are_told_and_a_restart_is_noticed() {
         next(&mut remote, &wake);
     }
     drop(again);
-    let _third = Offering::new(&near_config("camera", 2));
+    let _third = Offering::new(&near_config("camera"));
     assert_eq!(shown(&next(&mut remote, &wake)), ["rate=10"]);
 }
 
 fn take(listener: &mut dyn Listener, context: &Context) -> Properties {
     let mut taken = None;
-    assert!(wait_until(&context.wake, PATIENCE, || {
+    assert!(wait_until(&context.wake, TIMEOUT, || {
         taken = listener.take().unwrap();
         taken.is_some()
     }));
@@ -207,7 +201,7 @@ fn take(listener: &mut dyn Listener, context: &Context) -> Properties {
 
 #[test]
 fn endpoints_carry_properties() {
-    let (_offering, asking) = pair(3);
+    let (_offering, asking) = pair();
     let spec = TopicSpec::new(&asking.asked, MessageType::Properties);
     let (heard, set) = (Context::default(), Context::default());
     let mut listener = asking.ros2.open_listener(&spec, &heard).unwrap();
@@ -218,11 +212,11 @@ fn endpoints_carry_properties() {
         let link = publisher.link();
         link.peers == Some(1) && link.waiting_for.is_none()
     };
-    assert!(wait_until(&set.wake, PATIENCE, ready));
+    assert!(wait_until(&set.wake, TIMEOUT, ready));
     let mut rate = 0;
     let mut changes = None;
     // As above: the first events may be missed.
-    assert!(wait_until(&heard.wake, PATIENCE, || {
+    assert!(wait_until(&heard.wake, TIMEOUT, || {
         rate = rate % 60 + 1;
         publisher.publish(&Properties::from([("rate", rate)]).into()).unwrap();
         changes = listener.take().unwrap();
@@ -234,7 +228,7 @@ fn endpoints_carry_properties() {
     let text = refused.to_string();
     assert!(text.contains("serial: Trying to set a read-only parameter: serial."), "{text}");
     // Nobody wants them; then somebody does, and begins with all.
-    assert!(wait_until(&heard.wake, PATIENCE, || !listener.discard()));
+    assert!(wait_until(&heard.wake, TIMEOUT, || !listener.discard()));
     assert_eq!(take(listener.as_mut(), &heard).len(), ALL.len());
     let wrong = publisher.publish(&wrapyfi_core::types::Value::Null.into()).unwrap_err();
     assert_eq!(wrong.drop_reason(), DropReason::Unencodable);
@@ -242,7 +236,7 @@ fn endpoints_carry_properties() {
 
 #[test]
 fn an_endpoint_waits_for_its_node() {
-    let (_offering, asking) = pair(4);
+    let (_offering, asking) = pair();
     let spec = TopicSpec::new("later", MessageType::Properties);
     let context = Context::default();
     let mut listener = asking.ros2.open_listener(&spec, &context).unwrap();
@@ -253,9 +247,9 @@ fn an_endpoint_waits_for_its_node() {
     }
     let lost = publisher.publish(&Properties::from([("rate", 5_i64)]).into()).unwrap_err();
     assert_eq!(lost.drop_reason(), DropReason::NoConsumer);
-    let _later = Offering::new(&far_config("later", 4));
+    let _later = Offering::new(&far_config("later"));
     assert_eq!(shown(&take(listener.as_mut(), &context)), ALL);
-    assert!(wait_until(&context.wake, PATIENCE, || publisher.link().waiting_for.is_none()));
+    assert!(wait_until(&context.wake, TIMEOUT, || publisher.link().waiting_for.is_none()));
     publisher.publish(&Properties::from([("rate", 5_i64)]).into()).unwrap();
 }
 
@@ -272,7 +266,7 @@ mod fast_dds {
     fn parameters_are_read_set_and_watched_as_of_fast_dds() {
         let config = |node: &str| CycloneConfig {
             services: ServiceMapping::FastDds,
-            ..CycloneConfig::loopback(name(&format!("{node}_{}", std::process::id())), domain(5))
+            ..CycloneConfig::loopback(name(&format!("{node}_{}", std::process::id())), domain())
         };
         let offering = Offering::new(&config("camera"));
         let asking = Asking::new(&config("tool"), &offering);
@@ -282,7 +276,7 @@ mod fast_dds {
         read_and_set(&asking);
         // The topic of events is volatile: the first ones may be missed.
         let (handle, mut rate, mut seen) = (offering.node.handle(), 0_i64, Properties::new());
-        assert!(wait_until(&wake, PATIENCE, || {
+        assert!(wait_until(&wake, TIMEOUT, || {
             rate = rate % 60 + 1;
             handle.parameters(|store| store.set("rate", rate)).unwrap();
             seen.extend(remote.take(Instant::now()).unwrap().into_iter().flatten());

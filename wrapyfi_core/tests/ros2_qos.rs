@@ -1,9 +1,4 @@
 //! Quality of service between nodes: fitted to peers, changed under traffic, kept and missed.
-#![cfg(feature = "ros2")]
-// In helpers of tests, too, a panic is the right answer.
-#![allow(clippy::unwrap_used, clippy::indexing_slicing, clippy::panic)]
-
-mod ros2_common;
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -16,18 +11,15 @@ use wrapyfi_core::middleware::ros2::Ros2;
 use wrapyfi_core::middleware::ros2::graph::wait_until;
 use wrapyfi_core::types::{MessageType, Payload, Value};
 
-use ros2_common::{PATIENCE, far, near};
+use crate::ros2_common::{TIMEOUT, far, near};
 
 /// Longer than what only might be better has to last.
 const LATER: Duration = Duration::from_secs(6);
 
 /// Two nodes with a wire between them.
-fn pair(test: u32) -> (Ros2, Ros2) {
+fn pair() -> (Ros2, Ros2) {
     let as_named = |name: &str| Ok(name.to_owned());
-    (
-        Ros2::new(Arc::new(near("near", test)), as_named),
-        Ros2::new(Arc::new(far("far", test)), as_named),
-    )
+    (Ros2::new(Arc::new(near("near")), as_named), Ros2::new(Arc::new(far("far")), as_named))
 }
 
 fn fixed(topic: &str, qos: Qos) -> TopicSpec {
@@ -57,7 +49,7 @@ struct Hearing {
     changes: usize,
     warnings: Vec<String>,
     heard: Vec<Payload>,
-    /// How far its clock is ahead.
+    /// Time by which its clock is ahead.
     ahead: Duration,
 }
 
@@ -86,7 +78,7 @@ impl Hearing {
 
     fn until(&mut self, what: &str, mut condition: impl FnMut(&Self) -> bool) {
         let wake = self.context.wake.clone();
-        let held = wait_until(&wake, PATIENCE, || {
+        let held = wait_until(&wake, TIMEOUT, || {
             self.look();
             condition(self)
         });
@@ -96,7 +88,7 @@ impl Hearing {
     /// As `until`, with a clock that runs: what only might be better has to last.
     fn long_until(&mut self, what: &str, condition: impl Fn(&Self) -> bool) {
         let wake = self.context.wake.clone();
-        let held = wait_until(&wake, PATIENCE, || {
+        let held = wait_until(&wake, TIMEOUT, || {
             self.look();
             self.ahead += LATER;
             condition(self)
@@ -123,7 +115,7 @@ fn matched(
 
 #[test]
 fn a_listener_hears_publishers_of_either_kind() {
-    let (a, b) = pair(0);
+    let (a, b) = pair();
     let mut hearing = Hearing::open(&a, &following("/mixed"));
     hearing.look();
     assert_eq!(hearing.qos, Some(Qos::default()));
@@ -168,7 +160,7 @@ fn a_listener_hears_publishers_of_either_kind() {
 
 #[test]
 fn a_kept_message_comes_once_however_often_the_listener_is_opened() {
-    let (a, b) = pair(1);
+    let (a, b) = pair();
     let latched = fixed("/kept", QosPreset::Latched.into());
     let mut publisher = b.open_publisher(&latched, &Context::default()).unwrap();
     publisher.publish(&number(1)).unwrap();
@@ -197,7 +189,7 @@ fn a_kept_message_comes_once_however_often_the_listener_is_opened() {
 
 #[test]
 fn a_publisher_offers_what_a_subscriber_asks_for() {
-    let (a, b) = pair(2);
+    let (a, b) = pair();
     let context = Context::default();
     let mut publisher = a.open_publisher(&following("/asked"), &context).unwrap();
     let mut usual = Hearing::open(&b, &fixed("/asked", Qos::default()));
@@ -236,7 +228,7 @@ fn a_publisher_offers_what_a_subscriber_asks_for() {
 
 #[test]
 fn what_is_asked_for_is_announced() {
-    let (a, b) = pair(3);
+    let (a, b) = pair();
     let strict = Qos {
         reliability: Reliability::Reliable,
         durability: Durability::TransientLocal,
@@ -253,7 +245,7 @@ fn what_is_asked_for_is_announced() {
         let mut all = b.graph().endpoints().unwrap().into_iter();
         all.find(|e| e.is_publisher == publisher && e.topic == "/strict").map(|e| e.qos)
     };
-    assert!(wait_until(&context.wake, PATIENCE, || seen(true).is_some() && seen(false).is_some()));
+    assert!(wait_until(&context.wake, TIMEOUT, || seen(true).is_some() && seen(false).is_some()));
     let announced = AnnouncedQos { history: seen(true).unwrap().history, ..strict.into() };
     assert_eq!(seen(true), Some(announced));
     // Readers have no lifespan.
@@ -265,7 +257,7 @@ fn what_is_asked_for_is_announced() {
 
 #[test]
 fn a_message_older_than_its_lifespan_is_not_delivered() {
-    let (a, b) = pair(4);
+    let (a, b) = pair();
     let lifespan = Duration::from_millis(300);
     let qos = Qos { lifespan: Some(lifespan), ..QosPreset::Latched.into() };
     let mut publisher = a.open_publisher(&fixed("/short", qos), &Context::default()).unwrap();
@@ -275,7 +267,7 @@ fn a_message_older_than_its_lifespan_is_not_delivered() {
     endless.publish(&number(1)).unwrap();
     let old = Instant::now() + 2 * lifespan;
     let bell = Context::default().wake;
-    assert!(wait_until(&bell, PATIENCE, || Instant::now() > old));
+    assert!(wait_until(&bell, TIMEOUT, || Instant::now() > old));
     let kept = QosPreset::Latched.into();
     let mut long = Hearing::open(&b, &fixed("/long", kept));
     long.until("what is kept for ever", |hearing| hearing.heard == [number(1)]);
@@ -290,7 +282,7 @@ fn a_message_older_than_its_lifespan_is_not_delivered() {
 
 #[test]
 fn deadlines_and_liveliness_that_are_missed_are_counted_on_both_sides() {
-    let (a, b) = pair(5);
+    let (a, b) = pair();
     let qos = Qos {
         deadline: Some(Duration::from_millis(50)),
         liveliness: Liveliness::ManualByTopic,
@@ -319,7 +311,7 @@ fn deadlines_and_liveliness_that_are_missed_are_counted_on_both_sides() {
 
 #[test]
 fn who_does_not_fit_is_named_with_both_values() {
-    let (a, b) = pair(6);
+    let (a, b) = pair();
     let mut hearing = Hearing::open(&a, &fixed("/strict", Qos::default()));
     let _loose = b.open_publisher(&fixed("/strict", best_effort()), &Context::default()).unwrap();
     hearing.until("a complaint", |hearing| !hearing.warnings.is_empty());
@@ -339,7 +331,7 @@ fn who_does_not_fit_is_named_with_both_values() {
     let hasty = Qos { deadline: Some(Duration::from_millis(10)), ..Qos::default() };
     let _asks = b.open_listener(&fixed("/slow", hasty), &Context::default()).unwrap();
     let mut warnings = Vec::new();
-    assert!(wait_until(&context.wake, PATIENCE, || {
+    assert!(wait_until(&context.wake, TIMEOUT, || {
         warnings.extend(slow.review(Instant::now()).warnings);
         !warnings.is_empty()
     }));
@@ -361,7 +353,7 @@ fn who_does_not_fit_is_named_with_both_values() {
 
 #[test]
 fn of_many_who_do_not_fit_a_few_are_named() {
-    let (a, b) = pair(7);
+    let (a, b) = pair();
     let spec = fixed("/crowd", best_effort());
     let open = || b.open_publisher(&spec, &Context::default()).unwrap();
     let _crowd: Vec<_> = (0..20).map(|_| open()).collect();
@@ -371,12 +363,12 @@ fn of_many_who_do_not_fit_a_few_are_named() {
         let all = a.graph().endpoints().unwrap().into_iter();
         all.filter(|e| e.is_publisher && e.topic == "/crowd").count()
     };
-    assert!(wait_until(&bell, PATIENCE, || seen() == 20));
+    assert!(wait_until(&bell, TIMEOUT, || seen() == 20));
     let mut hearing = Hearing::open(&a, &fixed("/crowd", Qos::default()));
     hearing.until("complaints", |hearing| !hearing.warnings.is_empty());
     // One that comes later is told of with the others that came while it was quiet.
     let _late = open();
-    assert!(wait_until(&bell, PATIENCE, || seen() == 21));
+    assert!(wait_until(&bell, TIMEOUT, || seen() == 21));
     hearing.long_until("the rest", |hearing| {
         let more: usize = hearing
             .warnings

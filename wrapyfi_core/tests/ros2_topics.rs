@@ -1,9 +1,4 @@
 //! Payloads through the middleware `ros2`, between two nodes over loopback.
-#![cfg(feature = "ros2")]
-// In helpers of tests, too, a panic is the right answer.
-#![allow(clippy::unwrap_used, clippy::indexing_slicing, clippy::panic)]
-
-mod ros2_common;
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -18,10 +13,10 @@ use wrapyfi_core::types::{
     Encoding, Image, Map, MessageType, Payload, Pixels, RawPixels, Stamp, Value,
 };
 
-use ros2_common::{PATIENCE, far_config, near_config};
+use crate::ros2_common::{TIMEOUT, far_config, near_config};
 
 /// Two nodes on one wire, each in a stack of its own.
-fn pair(test: u32) -> (Ros2, Ros2) {
+fn pair() -> (Ros2, Ros2) {
     let open = |config: &CycloneConfig| {
         let graph = CycloneGraph::new(config).unwrap();
         Ros2::new(Arc::new(graph), |name| match name {
@@ -30,7 +25,7 @@ fn pair(test: u32) -> (Ros2, Ros2) {
             name => Ok(name.to_owned()),
         })
     };
-    (open(&near_config("near", test)), open(&far_config("far", test)))
+    (open(&near_config("near")), open(&far_config("far")))
 }
 
 struct Route {
@@ -44,7 +39,7 @@ fn connect(from: &Ros2, to: &Ros2, spec: &TopicSpec) -> Route {
     let context = Context::default();
     let publisher = from.open_publisher(spec, &Context::default()).unwrap();
     let listener = to.open_listener(spec, &context).unwrap();
-    assert!(wait_until(&context.wake, PATIENCE, || {
+    assert!(wait_until(&context.wake, TIMEOUT, || {
         publisher.link().peers == Some(1) && listener.link().peers == Some(1)
     }));
     assert_eq!(publisher.link().waiting_for, None);
@@ -56,7 +51,7 @@ impl Route {
     /// Sets aside the next message; how many were lost.
     fn set_aside(&mut self) -> u64 {
         let mut lost = None;
-        assert!(wait_until(&self.context.wake, PATIENCE, || {
+        assert!(wait_until(&self.context.wake, TIMEOUT, || {
             lost = self.listener.set_aside();
             lost.is_some()
         }));
@@ -65,7 +60,7 @@ impl Route {
 
     fn next(&mut self) -> Result<Sample, TakeError> {
         let mut got = None;
-        assert!(wait_until(&self.context.wake, PATIENCE, || {
+        assert!(wait_until(&self.context.wake, TIMEOUT, || {
             got = self.listener.take().transpose();
             got.is_some()
         }));
@@ -86,7 +81,7 @@ fn frame(width: u32, height: u32) -> Payload {
 
 #[test]
 fn payloads_arrive_as_they_were_sent() {
-    let (a, b) = pair(0);
+    let (a, b) = pair();
     for (topic, message_type, payload) in [
         ("object", MessageType::NativeObject, number(1)),
         ("text", MessageType::StringJson, number(2)),
@@ -105,13 +100,13 @@ fn payloads_arrive_as_they_were_sent() {
 
 #[test]
 fn names_are_expanded_and_remapped() {
-    let (a, b) = pair(1);
+    let (a, b) = pair();
     let spec = |name: &str| TopicSpec::new(name, MessageType::StringJson);
     let _old = a.open_publisher(&spec("old"), &Context::default()).unwrap();
     let _own = a.open_publisher(&spec("~/own"), &Context::default()).unwrap();
     let context = Context::default();
     let listener = b.open_listener(&spec("/new"), &context).unwrap();
-    assert!(wait_until(&context.wake, PATIENCE, || listener.link().peers == Some(1)));
+    assert!(wait_until(&context.wake, TIMEOUT, || listener.link().peers == Some(1)));
     let topics: Vec<String> =
         a.graph().endpoints().unwrap().into_iter().map(|endpoint| endpoint.topic).collect();
     assert!(topics.iter().any(|topic| topic == "/robot/near/own"), "{topics:?}");
@@ -132,11 +127,11 @@ fn names_are_expanded_and_remapped() {
 
 #[test]
 fn the_link_says_what_it_waits_for() {
-    let (a, b) = pair(2);
+    let (a, b) = pair();
     let context = Context::default();
     let images = TopicSpec::new("/x", MessageType::Image);
     let says = |link: &dyn Fn() -> Link, words: &str| {
-        let held = wait_until(&context.wake, PATIENCE, || {
+        let held = wait_until(&context.wake, TIMEOUT, || {
             link().waiting_for.is_some_and(|what| what == words)
         });
         assert!(held, "{words}: {:?}", link());
@@ -172,7 +167,7 @@ fn the_link_says_what_it_waits_for() {
 
 #[test]
 fn the_last_message_is_kept_for_later_listeners() {
-    let (a, b) = pair(3);
+    let (a, b) = pair();
     let mut spec = TopicSpec::new("/latched", MessageType::StringJson);
     spec.qos = QosPreset::Latched.into();
     let mut publisher = a.open_publisher(&spec, &Context::default()).unwrap();
@@ -185,10 +180,10 @@ fn the_last_message_is_kept_for_later_listeners() {
     assert_eq!(route.next().unwrap().payload, number(2));
 }
 
-/// What comes while nobody wants it is there when somebody does: the last of each publisher.
+/// The last message of each publisher that came while nobody listened is there when somebody does.
 #[test]
 fn what_publishers_keep_can_be_set_aside() {
-    let (a, b) = pair(10);
+    let (a, b) = pair();
     let mut spec = TopicSpec::new("/map", MessageType::StringJson);
     spec.qos = QosPreset::Latched.into();
     let open = || a.open_publisher(&spec, &Context::default()).unwrap();
@@ -216,7 +211,7 @@ fn what_publishers_keep_can_be_set_aside() {
 
 #[test]
 fn what_is_too_large_is_refused_on_both_sides() {
-    let (a, b) = pair(4);
+    let (a, b) = pair();
     let mut wide = TopicSpec::new("/big", MessageType::Image);
     let mut narrow = wide.clone();
     narrow.limits.message_bytes = 10_000;
@@ -224,7 +219,7 @@ fn what_is_too_large_is_refused_on_both_sides() {
     let context = Context::default();
     let mut publisher = a.open_publisher(&wide, &Context::default()).unwrap();
     let listener = b.open_listener(&narrow, &context).unwrap();
-    assert!(wait_until(&context.wake, PATIENCE, || publisher.link().peers == Some(1)));
+    assert!(wait_until(&context.wake, TIMEOUT, || publisher.link().peers == Some(1)));
     publisher.publish(&frame(100, 100)).unwrap();
     publisher.publish(&frame(10, 10)).unwrap();
     assert!(matches!(publisher.publish(&frame(1000, 1000)), Err(PublishError::Encode(_))));
@@ -237,9 +232,9 @@ fn what_is_too_large_is_refused_on_both_sides() {
 
 #[test]
 fn under_block_messages_wait_for_room() {
-    let (a, b) = pair(5);
+    let (a, b) = pair();
     let mut spec = TopicSpec::new("/blocked", MessageType::StringJson);
-    spec.queue = QueueSpec { depth: 5, overflow: Overflow::Block(PATIENCE) };
+    spec.queue = QueueSpec { depth: 5, overflow: Overflow::Block(TIMEOUT) };
     let mut route = connect(&a, &b, &spec);
     for n in 0..10 {
         route.publisher.publish(&number(n)).unwrap();
@@ -252,16 +247,16 @@ fn under_block_messages_wait_for_room() {
 
 #[test]
 fn a_discarded_message_makes_room_and_counts_as_received_only() {
-    let (a, b) = pair(9);
+    let (a, b) = pair();
     let mut spec = TopicSpec::new("/unwanted", MessageType::StringJson);
-    spec.queue = QueueSpec { depth: 2, overflow: Overflow::Block(PATIENCE) };
+    spec.queue = QueueSpec { depth: 2, overflow: Overflow::Block(TIMEOUT) };
     let mut route = connect(&a, &b, &spec);
     assert!(!route.listener.discard());
     for n in 0..4 {
         route.publisher.publish(&number(n)).unwrap();
     }
     for _ in 0..3 {
-        assert!(wait_until(&route.context.wake, PATIENCE, || route.listener.discard()));
+        assert!(wait_until(&route.context.wake, TIMEOUT, || route.listener.discard()));
     }
     assert_eq!(route.next().unwrap().payload, number(3));
     assert!(!route.listener.discard());
@@ -271,7 +266,7 @@ fn a_discarded_message_makes_room_and_counts_as_received_only() {
 
 #[test]
 fn a_full_queue_drops_the_oldest_and_counts() {
-    let (a, b) = pair(6);
+    let (a, b) = pair();
     let mut spec = TopicSpec::new("/stream", MessageType::StringJson);
     spec.queue = QueueSpec { depth: 3, overflow: Overflow::DropOldest };
     let mut route = connect(&a, &b, &spec);
@@ -279,7 +274,7 @@ fn a_full_queue_drops_the_oldest_and_counts() {
         route.publisher.publish(&number(n)).unwrap();
         // Nothing is taken, but each one has to be here before the next one goes.
         let counters = Arc::clone(&route.context.counters);
-        assert!(wait_until(&route.context.wake, PATIENCE, || {
+        assert!(wait_until(&route.context.wake, TIMEOUT, || {
             counters.snapshot().received == u64::try_from(n).unwrap() + 1
         }));
     }
@@ -291,7 +286,7 @@ fn a_full_queue_drops_the_oldest_and_counts() {
 
 #[test]
 fn listeners_come_and_go_under_traffic() {
-    let (a, b) = pair(7);
+    let (a, b) = pair();
     let spec = TopicSpec::new("/busy", MessageType::StringJson);
     let stop = std::sync::atomic::AtomicBool::new(false);
     let relaxed = std::sync::atomic::Ordering::Relaxed;
@@ -310,7 +305,7 @@ fn listeners_come_and_go_under_traffic() {
             });
         }
         // A second node in the publisher's own stack is called on the publisher's thread.
-        let graph = CycloneGraph::new(&near_config("third", 7)).unwrap();
+        let graph = CycloneGraph::new(&near_config("third")).unwrap();
         let third = Ros2::new(Arc::new(graph), |name| Ok(name.to_owned()));
         for round in 0..60 {
             let context = Context::default();
@@ -320,7 +315,7 @@ fn listeners_come_and_go_under_traffic() {
             }
             let mut listener = third.open_listener(&spec, &context).unwrap();
             for _ in 0..round % 4 {
-                assert!(wait_until(&context.wake, PATIENCE, || {
+                assert!(wait_until(&context.wake, TIMEOUT, || {
                     listener.take().unwrap().is_some()
                 }));
             }
@@ -331,7 +326,7 @@ fn listeners_come_and_go_under_traffic() {
 
 #[test]
 fn images_take_the_form_of_the_topic() {
-    let (a, b) = pair(8);
+    let (a, b) = pair();
     let mut files = connect(&a, &b, &TopicSpec::new("/files", MessageType::CompressedImage));
     files.publisher.publish(&frame(64, 48)).unwrap();
     let file = files.next().unwrap().payload;

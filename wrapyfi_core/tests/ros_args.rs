@@ -3,8 +3,6 @@
 //! `data/ros_args/ros_args_cases.json` holds what an rclpy node named `talker` made of each:
 //! names, parameters, log level, and the exception with its warnings where it was refused.
 
-#![allow(clippy::unwrap_used, clippy::indexing_slicing, reason = "helpers of tests are tests too")]
-
 use std::collections::BTreeMap;
 use std::io;
 

@@ -1,8 +1,6 @@
 //! Command lines and parameter files that nobody meant well: they end in a result, soon, and
 //! never in a panic. What is well meant comes through unchanged.
 
-#![allow(clippy::unwrap_used, reason = "helpers of tests are tests too")]
-
 use std::io;
 use std::time::{Duration, Instant};
 
@@ -37,7 +35,7 @@ fn parameter_a(content: &str) -> Option<ParameterValue> {
     parse(&argv, content.as_bytes()).unwrap().parameters_for("/talker").remove("a")
 }
 
-/// What rules and flags are made of.
+/// Pieces of rules and flags.
 fn fragment() -> impl Strategy<Value = String> {
     prop_oneof![
         4 => prop::sample::select(vec![

@@ -1,9 +1,8 @@
-//! What the ports of a robot are asked, and what that costs them.
+//! Questions that discovery puts to the ports of a robot, and the connections that they cost.
 //!
 //! ```text
 //!   tree: 250 ports that count their connections ── name server ── Yarp ── engine, patterns, memory
 //! ```
-#![allow(clippy::unwrap_used, clippy::panic, clippy::indexing_slicing)]
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -29,14 +28,14 @@ use wrapyfi_yarp::server::{NameServer, NameServerOptions};
 use wrapyfi_yarp::sig::{Sound, Vector};
 use wrapyfi_yarp::{Bottle, Dialect};
 
-const PATIENCE: Duration = Duration::from_secs(60);
+const TIMEOUT: Duration = Duration::from_secs(60);
 
-struct World {
+struct YarpNetwork {
     runtime: Runtime,
     server: NameServer,
 }
 
-impl World {
+impl YarpNetwork {
     fn new() -> Self {
         let mut threads = tokio::runtime::Builder::new_multi_thread();
         let runtime = threads.worker_threads(2).enable_all().build().unwrap();
@@ -59,7 +58,7 @@ impl World {
         NameClient::new(NameServerConf { host: address.ip().to_string(), port: address.port() })
     }
 
-    /// Ports of somebody else.
+    /// Network of ports of another program.
     fn network(&self) -> Network {
         Network::builder().names(self.names()).listen(self.server.address().ip()).build()
     }
@@ -147,7 +146,7 @@ fn send(port: &OutputPort, message: &Message) {
 
 #[track_caller]
 fn until(what: &str, mut holds: impl FnMut() -> bool) {
-    let deadline = Instant::now() + PATIENCE;
+    let deadline = Instant::now() + TIMEOUT;
     while !holds() {
         assert!(Instant::now() < deadline, "never: {what}");
         std::thread::sleep(Duration::from_millis(5));
@@ -172,7 +171,7 @@ fn engine(yarp: &Arc<Yarp>, routes: &[&str]) -> (Engine, Arc<Memory>) {
     (Engine::new(plan, &registry).with_types(TypeStore::generated()), bus)
 }
 
-/// Rounds of an engine whose clock runs ahead of the world's.
+/// Rounds of an engine whose clock runs ahead of the system's.
 struct Rounds(Instant);
 
 impl Rounds {
@@ -195,7 +194,7 @@ const PORTS: usize = 250;
 /// The robot of a laboratory: nobody listens, and nobody is bothered.
 #[test]
 fn each_of_250_ports_is_asked_once_and_those_that_are_not_meant_never() {
-    let (world, counts) = (World::new(), Counts::default());
+    let (net, counts) = (YarpNetwork::new(), Counts::default());
     let port = |n: usize| match n % 5 {
         0 => (format!("/icub/part{n}/state:o"), Kind::Output),
         1 => (format!("/icub/cam/camera{n}"), Kind::Output),
@@ -206,10 +205,10 @@ fn each_of_250_ports_is_asked_once_and_those_that_are_not_meant_never() {
     let ports: Vec<_> = (0..PORTS)
         .map(|n| {
             let (name, kind) = port(n);
-            world.port(&name, kind, &counts)
+            net.port(&name, kind, &counts)
         })
         .collect();
-    let yarp = Arc::new(world.yarp());
+    let yarp = Arc::new(net.yarp());
     let routes = ["from: 'yarp:/(icub/.*)', to: 'b:/$1'"];
     let (mut engine, _bus) = engine(&yarp, &routes);
     let mut rounds = Rounds(Instant::now());
@@ -233,7 +232,7 @@ fn each_of_250_ports_is_asked_once_and_those_that_are_not_meant_never() {
     }
     // A program that is started again is another one.
     let (name, kind) = port(5);
-    let again = world.port(&name, kind, &counts);
+    let again = net.port(&name, kind, &counts);
     until("the port to be asked again", || {
         rounds.step(&mut engine, 1);
         counts.lock().unwrap()[&name] == 2
@@ -243,10 +242,10 @@ fn each_of_250_ports_is_asked_once_and_those_that_are_not_meant_never() {
     drop((ports, again));
 }
 
-/// What names do not tell, the first message does; then nobody listens any more.
+/// The first message shows a type that the name does not; then nobody listens any more.
 #[test]
 fn the_first_message_shows_the_type() {
-    let (world, counts) = (World::new(), Counts::default());
+    let (net, counts) = (YarpNetwork::new(), Counts::default());
     let vector = Vector(vec![1.0, 2.0]).encode(Dialect::V3).unwrap();
     let sound = Sound::from_interleaved(&[1, 2, 3, 4], 2, 44_100).unwrap();
     let words = Bottle::from(vec!["hello".into(), 1.5.into()]);
@@ -256,10 +255,10 @@ fn the_first_message_shows_the_type() {
         ("/words", words.encode(Dialect::V3).unwrap(), "wrapyfi_msgs/msg/NativeObject"),
     ];
     let sends = sends.map(|(name, bytes, wanted)| {
-        (name, world.output(name, &counts), Message::new(Payload::object(bytes)), wanted)
+        (name, net.output(name, &counts), Message::new(Payload::object(bytes)), wanted)
     });
-    let silent = world.output("/silent", &counts);
-    let yarp = Arc::new(world.yarp());
+    let silent = net.output("/silent", &counts);
+    let yarp = Arc::new(net.yarp());
     let (mut engine, _bus) = engine(&yarp, &["from: 'yarp:/(.*)', to: 'b:/$1'"]);
     let mut rounds = Rounds(Instant::now());
     until("their types", || {
@@ -295,12 +294,12 @@ fn the_first_message_shows_the_type() {
 /// whenever the name comes.
 #[test]
 fn a_port_under_carrier_mjpeg_has_files() {
-    let world = World::new();
+    let net = YarpNetwork::new();
     let jpeg = [&[0xff_u8, 0xd8, 0xff, 0xe0], &b"a picture"[..], &[0xff, 0xd9]].concat();
     let pictures = PortOptions { pictures: true, ..unregistered() };
     let options = OutputOptions { port: pictures, ..OutputOptions::default() };
-    let network = world.network();
-    let cam = world.runtime.block_on(network.open_output("/served", &options)).unwrap();
+    let network = net.network();
+    let cam = net.runtime.block_on(network.open_output("/served", &options)).unwrap();
     let register = |name: &str| {
         let request = NameRequest {
             name: name.to_owned(),
@@ -309,10 +308,10 @@ fn a_port_under_carrier_mjpeg_has_files() {
             port: Some(cam.address().port()),
             ..NameRequest::default()
         };
-        world.runtime.block_on(world.names().register(&request)).unwrap();
+        net.runtime.block_on(net.names().register(&request)).unwrap();
     };
     register("/web/early");
-    let yarp = Arc::new(world.yarp());
+    let yarp = Arc::new(net.yarp());
     let (mut engine, _bus) = engine(&yarp, &["from: 'yarp:/(web/.*)', to: 'b:/$1'"]);
     let mut rounds = Rounds(Instant::now());
     for name in ["/web/early", "/web/late"] {

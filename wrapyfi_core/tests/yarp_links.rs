@@ -1,6 +1,5 @@
 //! Connections of YARP endpoints that outlive everybody else: peers and name servers that end and
 //! come back, names that are taken, ports that others connect.
-#![allow(clippy::unwrap_used, clippy::panic)]
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::Arc;
@@ -9,8 +8,8 @@ use std::time::{Duration, Instant};
 
 use tokio::runtime::Runtime;
 use wrapyfi_core::endpoint::{
-    Context, Discovered, Link, Listener, Middleware, PublishError, Publisher, Request, Role,
-    ServiceSpec, TopicSpec,
+    Context, Discovered, DropReason, Link, Listener, Middleware, PublishError, Publisher, Request,
+    Role, ServiceSpec, TopicSpec,
 };
 use wrapyfi_core::middleware::yarp::{Yarp, YarpConfig};
 use wrapyfi_core::types::{Map, MessageType, Payload, RosMessage, ServiceKind, Tensor, Value};
@@ -25,16 +24,16 @@ use wrapyfi_yarp::server::{NameServer, NameServerOptions};
 use wrapyfi_yarp::sig::{Image, PixelCode, Stamp};
 use wrapyfi_yarp::{Bottle, Dialect, Limits, Value as Element};
 
-const PATIENCE: Duration = Duration::from_secs(30);
+const TIMEOUT: Duration = Duration::from_secs(30);
 
-/// A name server of its own, that can be ended and started again.
-struct World {
+/// A YARP network whose name server can be ended and started again.
+struct YarpNetwork {
     runtime: Runtime,
     server: Option<NameServer>,
     address: SocketAddr,
 }
 
-impl World {
+impl YarpNetwork {
     fn new() -> Self {
         let mut threads = tokio::runtime::Builder::new_multi_thread();
         let runtime = threads.worker_threads(1).enable_all().build().unwrap();
@@ -56,7 +55,7 @@ impl World {
         Yarp::start(&YarpConfig { name_server, ..YarpConfig::default() }).unwrap()
     }
 
-    /// Ports of somebody else.
+    /// Network of ports of another program.
     fn network(&self) -> Network {
         let host = self.address.ip().to_string();
         let conf = NameServerConf { host, port: self.address.port() };
@@ -78,7 +77,7 @@ fn number(n: i64) -> Payload {
 
 #[track_caller]
 fn until(context: &Context, what: &str, mut holds: impl FnMut() -> bool) {
-    let deadline = Instant::now() + PATIENCE;
+    let deadline = Instant::now() + TIMEOUT;
     while !holds() {
         assert!(Instant::now() < deadline, "never: {what}");
         context.wake.wait(Duration::from_millis(10));
@@ -107,11 +106,39 @@ fn flows(
     }
 }
 
+/// Messages that wait for a reader whose program is killed are lost, and none of them counts as
+/// sent.
+#[test]
+fn what_a_killed_reader_leaves_is_counted() {
+    let net = YarpNetwork::new();
+    let (near, context) = (net.yarp(), Context::default());
+    let mut source = near.open_publisher(&topic("/left", Map::new()), &context).unwrap();
+    let reader = Runtime::new().unwrap();
+    let reading = Reading::Strict { queue: 1, acknowledge: Acknowledge::Taken };
+    let options = InputOptions { reading, ..InputOptions::default() };
+    let network = net.network();
+    let port = reader.block_on(network.open_input("/killed", &options)).unwrap();
+    until(&context, "it connects", || {
+        reader.block_on(network.connect("/left", "/killed", Some("tcp"))).is_ok()
+    });
+    open_way(&context, || source.link());
+    let mut publish = |n| {
+        let bytes = source.publish(&number(n)).unwrap();
+        context.counters.sent(bytes, Duration::ZERO);
+    };
+    (1..=5).for_each(&mut publish);
+    reader.shutdown_timeout(Duration::ZERO);
+    until(&context, "all is counted", || context.counters.snapshot().dropped() == 5);
+    let now = context.counters.snapshot();
+    assert_eq!((now.sent, now.dropped_for(DropReason::ConnectionLost)), (0, 5));
+    drop(port);
+}
+
 /// Both kinds of connections flow while the name server is away, and find each other again after.
 #[test]
 fn a_name_server_may_end_and_come_back() {
-    let mut world = World::new();
-    let (near, far) = (world.yarp(), world.yarp());
+    let mut net = YarpNetwork::new();
+    let (near, far) = (net.yarp(), net.yarp());
     for persistent in [true, false] {
         let spec = topic(&format!("/kept_{persistent}"), Map::from([("persistent", persistent)]));
         let (here, there) = (Context::default(), Context::default());
@@ -120,13 +147,13 @@ fn a_name_server_may_end_and_come_back() {
         open_way(&here, || sink.link());
         open_way(&there, || source.link());
         flows(&mut *source, (&mut *sink, &here), 0..5);
-        world.end();
+        net.end();
         flows(&mut *source, (&mut *sink, &here), 5..10);
-        world.begin();
+        net.begin();
         // Known again, without anybody asking them to.
-        let names = world.network();
+        let names = net.network();
         let registered = || {
-            let found = world.runtime.block_on(names.list("")).unwrap();
+            let found = net.runtime.block_on(names.list("")).unwrap();
             let of_topic = found.iter().filter(|port| port.name.starts_with(&spec.topic));
             of_topic.count() == 2
         };
@@ -141,12 +168,12 @@ fn a_name_server_may_end_and_come_back() {
     }
 }
 
-/// What is opened before there is a name server says so, and works when one comes.
+/// An endpoint opened before there is a name server says so, and works when one comes.
 #[test]
 fn a_name_server_may_come_last() {
-    let mut world = World::new();
-    world.end();
-    let yarp = world.yarp();
+    let mut net = YarpNetwork::new();
+    net.end();
+    let yarp = net.yarp();
     let (here, there) = (Context::default(), Context::default());
     let spec = topic("/early", Map::new());
     let mut sink = yarp.open_listener(&spec, &here).unwrap();
@@ -154,8 +181,8 @@ fn a_name_server_may_come_last() {
     until(&here, "it is said", || {
         sink.link().waiting_for.is_some_and(|what| what.contains("name server"))
     });
-    world.begin();
-    let mut source = far.insert(world.yarp()).open_publisher(&spec, &there).unwrap();
+    net.begin();
+    let mut source = far.insert(net.yarp()).open_publisher(&spec, &there).unwrap();
     open_way(&here, || sink.link());
     open_way(&there, || source.link());
     flows(&mut *source, (&mut *sink, &here), 0..3);
@@ -164,8 +191,8 @@ fn a_name_server_may_come_last() {
 /// A listener names what it waits for, and a name that another program has is waited for.
 #[test]
 fn names_are_waited_for() {
-    let world = World::new();
-    let (yarp, network) = (world.yarp(), world.network());
+    let net = YarpNetwork::new();
+    let (yarp, network) = (net.yarp(), net.network());
     let (here, there) = (Context::default(), Context::default());
     let spec = topic("/taken", Map::new());
     let sink = yarp.open_listener(&spec, &here).unwrap();
@@ -173,7 +200,7 @@ fn names_are_waited_for() {
         sink.link().waiting_for.is_some_and(|what| what.contains("/taken"))
     });
     let options = OutputOptions::default();
-    let foreign = world.runtime.block_on(network.open_output("/taken", &options)).unwrap();
+    let foreign = net.runtime.block_on(network.open_output("/taken", &options)).unwrap();
     open_way(&here, || sink.link());
     let mut source = yarp.open_publisher(&spec, &there).unwrap();
     until(&there, "the other program is named", || {
@@ -181,7 +208,7 @@ fn names_are_waited_for() {
     });
     let refused = source.publish(&number(1)).unwrap_err();
     assert!(matches!(refused, PublishError::NoConsumer { .. }), "{refused}");
-    world.runtime.block_on(foreign.close());
+    net.runtime.block_on(foreign.close());
     open_way(&there, || source.link());
     // Its own instance does not hear it, and says so in its counters.
     source.publish(&number(2)).unwrap();
@@ -192,10 +219,10 @@ fn names_are_waited_for() {
 /// `port` names our port, so that others connect it; `out_topic_connect` connects it ourselves.
 #[test]
 fn ports_have_the_names_that_are_asked_for() {
-    let world = World::new();
-    let (yarp, network) = (world.yarp(), world.network());
+    let net = YarpNetwork::new();
+    let (yarp, network) = (net.yarp(), net.network());
     let (here, there) = (Context::default(), Context::default());
-    let (reader, writer) = world.runtime.block_on(async {
+    let (reader, writer) = net.runtime.block_on(async {
         let reader = network.open_input("/view/in", &InputOptions::default()).await.unwrap();
         let writer = network.open_output("/cam/out", &OutputOptions::default()).await.unwrap();
         (reader, writer)
@@ -210,7 +237,7 @@ fn ports_have_the_names_that_are_asked_for() {
         let mut source = yarp.open_publisher(&topic("/view", options), &there).unwrap();
         open_way(&there, || source.link());
         source.publish(&Value::List(vec![1.into(), "two".into()]).into()).unwrap();
-        let heard = world.runtime.block_on(reader.recv()).unwrap();
+        let heard = net.runtime.block_on(reader.recv()).unwrap();
         assert_eq!(&*heard.from, "/bridge/view:o");
         drop(source);
         until(&there, "the connection is gone", || reader.connected().borrow().inputs == 0);
@@ -220,13 +247,13 @@ fn ports_have_the_names_that_are_asked_for() {
     // From outside, as `yarp connect` does it.
     until(&here, "the port is open", || {
         let open = network.connect("/cam/out", "/bridge/cam:i", Some("fast_tcp"));
-        world.runtime.block_on(open).is_ok()
+        net.runtime.block_on(open).is_ok()
     });
     open_way(&here, || sink.link());
     let words = Bottle::from(vec![Element::string("\"hello\"")]);
     writer.write_bottle(&words).unwrap();
     until(&here, "the message", || sink.take().unwrap().is_some());
-    world.runtime.block_on(async {
+    net.runtime.block_on(async {
         reader.close().await;
         writer.close().await;
     });
@@ -235,19 +262,19 @@ fn ports_have_the_names_that_are_asked_for() {
 /// A server that ends without a word is found again at another address.
 #[test]
 fn a_server_that_vanishes_is_called_again() {
-    let world = World::new();
-    let yarp = world.yarp();
+    let net = YarpNetwork::new();
+    let yarp = net.yarp();
     let (here, there) = (Context::default(), Context::default());
     let spec = ServiceSpec::new("/answers", ServiceKind::NativeObject);
     let mut client = yarp.open_client(&spec, &here).unwrap();
     for round in 1..=3 {
-        let far = world.yarp();
+        let far = net.yarp();
         let mut server = far.open_server(&spec, &there).unwrap();
         let asked = Request::new([round.into()]);
-        let mut ticket = client.send(&asked, PATIENCE).unwrap();
+        let mut ticket = client.send(&asked, TIMEOUT).unwrap();
         until(&here, "an answer", || {
             while let Ok(Some(request)) = server.take() {
-                let answer = Value::List(request.request.args);
+                let answer = Value::List(request.request.into_call().unwrap().args);
                 server.reply(request.id, Ok(answer.into())).unwrap();
             }
             match client.take_only(ticket) {
@@ -256,7 +283,7 @@ fn a_server_that_vanishes_is_called_again() {
                     true
                 }
                 Some(Err(_)) => {
-                    ticket = client.send(&asked, PATIENCE).unwrap();
+                    ticket = client.send(&asked, TIMEOUT).unwrap();
                     false
                 }
                 None => false,
@@ -268,14 +295,14 @@ fn a_server_that_vanishes_is_called_again() {
 /// Replies come without a length: who reads them has to know how floats are written.
 #[test]
 fn a_service_of_yarp_4_is_called_with_option_dialect() {
-    let world = World::new();
-    let (yarp, context) = (world.yarp(), Context::default());
+    let net = YarpNetwork::new();
+    let (yarp, context) = (net.yarp(), Context::default());
     let other = {
-        let host = world.address.ip().to_string();
-        let names = NameClient::new(NameServerConf { host, port: world.address.port() });
-        Network::builder().names(names).listen(world.address.ip()).dialect(Dialect::V4).build()
+        let host = net.address.ip().to_string();
+        let names = NameClient::new(NameServerConf { host, port: net.address.port() });
+        Network::builder().names(names).listen(net.address.ip()).dialect(Dialect::V4).build()
     };
-    let server = world.runtime.block_on(async {
+    let server = net.runtime.block_on(async {
         let wanted = PortOptions::default();
         let answer = |received: Received, _| async move {
             Answer::Bottle(received.bottle().unwrap_or_default())
@@ -286,7 +313,7 @@ fn a_service_of_yarp_4_is_called_with_option_dialect() {
     let spec = ServiceSpec { options, ..ServiceSpec::new("/four", ServiceKind::NativeObject) };
     let mut client = yarp.open_client(&spec, &context).unwrap();
     let ticket =
-        client.send(&Request::new([1.5.into(), "and".into(), 2.5.into()]), PATIENCE).unwrap();
+        client.send(&Request::new([1.5.into(), "and".into(), 2.5.into()]), TIMEOUT).unwrap();
     let mut came = None;
     until(&context, "the reply", || {
         came = client.take_only(ticket);
@@ -294,16 +321,16 @@ fn a_service_of_yarp_4_is_called_with_option_dialect() {
     });
     let payload = came.unwrap().unwrap().payload;
     assert_eq!(payload, Value::List(vec![1.5.into(), "and".into(), 2.5.into()]).into());
-    world.runtime.block_on(server.close());
+    net.runtime.block_on(server.close());
 }
 
 /// Names that say nothing: the ports are asked how they are connected.
 #[test]
 fn ports_are_listed_by_their_connections() {
-    let world = World::new();
-    let (yarp, context) = (world.yarp(), Context::default());
-    let (network, wanted) = (world.network(), OutputOptions::default());
-    let (reader, writer) = world.runtime.block_on(async {
+    let net = YarpNetwork::new();
+    let (yarp, context) = (net.yarp(), Context::default());
+    let (network, wanted) = (net.network(), OutputOptions::default());
+    let (reader, writer) = net.runtime.block_on(async {
         let reader = network.open_input("/plain", &InputOptions::default()).await.unwrap();
         let writer = network.open_output("/source", &wanted).await.unwrap();
         writer.connect("tcp://plain").await.unwrap();
@@ -315,7 +342,7 @@ fn ports_are_listed_by_their_connections() {
         let role = |name: &str| found.iter().find(|one| one.name == name).map(|one| one.role);
         role("/plain") == Some(Role::Listener) && role("/source") == Some(Role::Publisher)
     });
-    world.runtime.block_on(async {
+    net.runtime.block_on(async {
         reader.close().await;
         writer.close().await;
     });
@@ -347,8 +374,8 @@ fn message(message_type: MessageType, fields: Map) -> Payload {
 /// A board is asked for its joints: what it says has names and metres, and so has what moves it.
 #[test]
 fn a_control_board_names_its_joints_and_is_moved() {
-    let world = World::new();
-    let (yarp, network) = (world.yarp(), world.network());
+    let net = YarpNetwork::new();
+    let (yarp, network) = (net.yarp(), net.network());
     let (here, there) = (Context::default(), Context::default());
     let strict = InputOptions {
         reading: Reading::Strict { queue: 16, acknowledge: Acknowledge::Queued },
@@ -363,7 +390,7 @@ fn a_control_board_names_its_joints_and_is_moved() {
             board(received, wants).await
         }
     };
-    let (rpc, state, command) = world.runtime.block_on(async {
+    let (rpc, state, command) = net.runtime.block_on(async {
         let rpc = network.serve("/robot/rpc:i", &PortOptions::default(), answer).await.unwrap();
         let wanted = OutputOptions::default();
         let state = network.open_output("/robot/state:o", &wanted).await.unwrap();
@@ -376,7 +403,7 @@ fn a_control_board_names_its_joints_and_is_moved() {
     let spec = TopicSpec::new("/robot/state:o", joints);
     let mut sink = yarp.open_listener(&spec, &here).unwrap();
     open_way(&here, || sink.link());
-    world.runtime.block_on(state.wait_for_outputs(1));
+    net.runtime.block_on(state.wait_for_outputs(1));
     state.write_bottle(&Bottle::from(vec![180.0.into(), 0.25.into()])).unwrap();
     let mut came = None;
     until(&here, "the state", || {
@@ -391,7 +418,7 @@ fn a_control_board_names_its_joints_and_is_moved() {
     assert_eq!(position.unwrap(), [std::f64::consts::PI, 0.25]);
 
     let heard = || {
-        let heard = world.runtime.block_on(command.recv()).unwrap();
+        let heard = net.runtime.block_on(command.recv()).unwrap();
         heard.bottle().unwrap().to_text()
     };
     let source = |name: &str, message_type| {
@@ -437,7 +464,7 @@ fn a_control_board_names_its_joints_and_is_moved() {
         assert_eq!(heard(), format!("([poss]) (0.0 {heave})"));
     }
     drop((mover, sink));
-    world.runtime.block_on(async {
+    net.runtime.block_on(async {
         rpc.close().await;
         state.close().await;
         command.close().await;
@@ -448,8 +475,8 @@ fn a_control_board_names_its_joints_and_is_moved() {
 #[test]
 fn a_camera_tells_its_calibration_once() {
     const CALIBRATION: &str = "sensor_msgs/msg/CameraInfo";
-    let world = World::new();
-    let (yarp, network, here) = (world.yarp(), world.network(), Context::default());
+    let net = YarpNetwork::new();
+    let (yarp, network, here) = (net.yarp(), net.network(), Context::default());
     let asked = Arc::new(AtomicUsize::new(0));
     let count = Arc::clone(&asked);
     let camera = move |received: Received, _: bool| {
@@ -464,10 +491,10 @@ fn a_camera_tells_its_calibration_once() {
     let open_eye = || {
         let wanted = OutputOptions::default();
         let eye = network.open_output("/robot/rgbImage:o", &wanted);
-        world.runtime.block_on(eye).unwrap()
+        net.runtime.block_on(eye).unwrap()
     };
     let plain = PortOptions::default();
-    let rpc = world.runtime.block_on(network.serve("/robot/rpc:i", &plain, camera)).unwrap();
+    let rpc = net.runtime.block_on(network.serve("/robot/rpc:i", &plain, camera)).unwrap();
     let mut eye = open_eye();
     let name = "/robot/rgbImage:camera_info";
     let mut look = yarp.discover().unwrap();
@@ -481,10 +508,10 @@ fn a_camera_tells_its_calibration_once() {
     let mut sink = yarp.open_listener(&TopicSpec::new(name, kind), &here).unwrap();
     for connections in 1..=2 {
         open_way(&here, || sink.link());
-        world.runtime.block_on(eye.wait_for_outputs(1));
+        net.runtime.block_on(eye.wait_for_outputs(1));
         let number = |value: &Value, name: &str| value.get(name).and_then(Value::as_f64);
         // Pictures wait for the answer, though not for ever.
-        let (mut time_s, deadline) = (10.0, Instant::now() + PATIENCE);
+        let (mut time_s, deadline) = (10.0, Instant::now() + TIMEOUT);
         let info = loop {
             time_s += 1.0;
             let picture = Image::from_packed(PixelCode::Rgb, 4, 2, vec![7; 24].into()).unwrap();
@@ -508,12 +535,12 @@ fn a_camera_tells_its_calibration_once() {
         let stamp = info.get("header").unwrap().get("stamp").unwrap();
         assert_eq!(number(stamp, "sec"), Some(time_s), "the picture's");
         assert_eq!(asked.load(Relaxed), connections);
-        world.runtime.block_on(eye.close());
+        net.runtime.block_on(eye.close());
         until(&here, "the pictures to end", || sink.link().waiting_for.is_some());
         eye = open_eye();
     }
     drop(sink);
-    world.runtime.block_on(async {
+    net.runtime.block_on(async {
         rpc.close().await;
         eye.close().await;
     });

@@ -1,20 +1,18 @@
 //! The broker against raw sockets such as Python Wrapyfi opens.
-#![cfg(feature = "zeromq")]
-#![allow(clippy::unwrap_used, clippy::panic, clippy::indexing_slicing)]
 
-mod zeromq_common;
+use crate::zeromq_common;
 
 use std::net::TcpListener;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Instant;
 
+use crate::zeromq_common::{
+    MONITOR, any_ports, bound, is_free, peer, subscriber, wait_for_count, wait_until,
+};
 use wrapyfi_core::Limits;
 use wrapyfi_core::middleware::zeromq::{
     Answer, Broker, BrokerConfig, BrokerError, StartError, ZeroMq, ZeroMqConfig,
-};
-use zeromq_common::{
-    MONITOR, any_ports, bound, is_free, peer, subscriber, wait_for_count, wait_until,
 };
 
 #[test]

@@ -1,9 +1,6 @@
 //! Conversations of two Wrapyfi processes over ZeroMQ (`tests/data/zeromq`): every data message
 //! decoded, compared with what its sender computed, and written again.
 
-// Helpers of tests count as library code to these lints; here too a panic is the right answer.
-#![allow(clippy::unwrap_used, clippy::indexing_slicing, clippy::panic)]
-
 use bytes::Bytes;
 use serde_json::{Value as Json, json};
 use sha2::{Digest, Sha256};

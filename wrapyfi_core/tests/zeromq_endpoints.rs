@@ -1,12 +1,11 @@
 //! Listeners and publishers through a broker.
-#![cfg(feature = "zeromq")]
-#![allow(clippy::unwrap_used, clippy::panic, clippy::indexing_slicing)]
-
-mod zeromq_common;
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use crate::zeromq_common::{
+    MONITOR, any_ports, bound, embedded, foreign, peer, subscriber, wait_for_count, wait_until,
+};
 use wrapyfi_core::Limits;
 use wrapyfi_core::endpoint::{
     Context, DropReason, Link, Listener, Middleware, OpenError, Overflow, PublishError, Publisher,
@@ -14,9 +13,6 @@ use wrapyfi_core::endpoint::{
 };
 use wrapyfi_core::middleware::zeromq::{Broker, BrokerConfig, StartError, ZeroMq, ZeroMqConfig};
 use wrapyfi_core::types::{MessageType, Payload, Value};
-use zeromq_common::{
-    MONITOR, any_ports, bound, embedded, foreign, peer, subscriber, wait_for_count, wait_until,
-};
 
 fn spec(topic: &str) -> TopicSpec {
     TopicSpec::new(topic, MessageType::NativeObject)

@@ -1,18 +1,14 @@
 //! More messages than somebody reads: each is delivered, refused, or its loss is told.
-#![cfg(feature = "zeromq")]
-#![allow(clippy::unwrap_used, clippy::panic, clippy::indexing_slicing)]
-
-mod zeromq_common;
 
 use std::time::{Duration, Instant};
 
+use crate::zeromq_common::{any_ports, embedded, foreign, peer, subscriber, wait_until};
 use wrapyfi_core::Limits;
 use wrapyfi_core::endpoint::{
     Context, CountersSnapshot, DropReason, Middleware, PublishError, Publisher, TopicSpec, WAITING,
 };
 use wrapyfi_core::middleware::zeromq::{Broker, BrokerConfig, ZeroMq, ZeroMqConfig};
 use wrapyfi_core::types::{MessageType, Payload, Value};
-use zeromq_common::{any_ports, embedded, foreign, peer, subscriber, wait_until};
 
 const HWM: u16 = 4;
 

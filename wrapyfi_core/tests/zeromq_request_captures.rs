@@ -1,6 +1,4 @@
 //! Requests and replies recorded between two Python Wrapyfi programs: understood, and written again.
-// In helpers of tests, too, a panic is the right answer.
-#![allow(clippy::unwrap_used, clippy::indexing_slicing, clippy::panic)]
 
 use std::path::Path;
 
@@ -154,7 +152,8 @@ fn sound() {
     }
 }
 
-/// What one kind of client is given when another kind of server answers: said, not guessed.
+/// A client of one kind reports the reply of a server of another kind as an error; it guesses
+/// nothing.
 #[test]
 fn replies_of_another_kind_are_refused() {
     let image = ServiceSpec::new("/unused", ServiceKind::Image);

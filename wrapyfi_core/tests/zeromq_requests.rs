@@ -1,8 +1,5 @@
 //! Clients, servers and the broker of requests on ZeroMQ against bare sockets: what Python Wrapyfi's
 //! REQ and REP see, and what hostile ones can do.
-#![cfg(feature = "zeromq")]
-// In helpers of tests, too, a panic is the right answer.
-#![allow(clippy::unwrap_used, clippy::indexing_slicing, clippy::panic)]
 
 use std::time::{Duration, Instant};
 
@@ -16,15 +13,15 @@ use wrapyfi_core::middleware::zeromq::{
 use wrapyfi_core::types::{Encoding, Image, Payload, RawPixels, ServiceKind, Stamp, Value};
 
 /// Long enough for the slowest machine; reached only by failures.
-const PATIENCE: Duration = Duration::from_secs(30);
+const TIMEOUT: Duration = Duration::from_secs(30);
 
 fn until<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
-    let end = Instant::now() + PATIENCE;
+    let end = Instant::now() + TIMEOUT;
     loop {
         if let Some(found) = look() {
             return found;
         }
-        assert!(Instant::now() < end, "waited {PATIENCE:?} for {what}");
+        assert!(Instant::now() < end, "waited {TIMEOUT:?} for {what}");
         std::thread::sleep(Duration::from_millis(2));
     }
 }
@@ -79,7 +76,9 @@ fn server(zeromq: &ZeroMq, spec: &ServiceSpec) -> (Box<dyn Server>, Context) {
 /// Answers everything with its arguments.
 fn echo(server: &mut dyn Server) {
     while let Ok(Some(asked)) = server.take() {
-        server.reply(asked.id, Ok(Value::List(asked.request.args).into())).unwrap();
+        server
+            .reply(asked.id, Ok(Value::List(asked.request.into_call().unwrap().args).into()))
+            .unwrap();
     }
 }
 
@@ -90,7 +89,7 @@ fn a_rep_server_hands_the_mark_back() {
     let (mut client, _) = client(&zeromq, &native());
     let python = bare(zmq::REP, broker.req_port());
     for n in 0..3_i64 {
-        let ticket = client.send(&Request::new([n.into()]), PATIENCE).unwrap();
+        let ticket = client.send(&Request::new([n.into()]), TIMEOUT).unwrap();
         // Exactly one frame, as Wrapyfi's recv_string and the send after it need.
         let asked = python.recv_multipart(0).unwrap();
         let wanted = format!(r#"[{{"__wrapyfi__": ["tuple", [{n}]]}}, {{}}]"#);
@@ -123,7 +122,7 @@ fn a_req_client_sees_wrapyfis_form_only() {
     }
     // One of ours gets the stamp, too, which the lists have no place for.
     let (mut ours, _) = client(&zeromq, &spec);
-    let ticket = ours.send(&Request::new([5.into()]), PATIENCE).unwrap();
+    let ticket = ours.send(&Request::new([5.into()]), TIMEOUT).unwrap();
     answer(server.as_mut());
     let reply = until("the reply", || ours.take_only(ticket)).unwrap();
     assert_eq!(reply.payload, payload);
@@ -150,7 +149,7 @@ fn a_req_client_is_told_what_went_wrong_and_may_go_on() {
     told("malformed JSON");
     python.send("[[], {}]", 0).unwrap();
     let asked = until("the request", || server.take().unwrap());
-    server.reply(asked.id, Err("no camera".to_owned())).unwrap();
+    server.reply(asked.id, Err("no camera".into())).unwrap();
     told("no camera");
     python.send("[[], {}]", 0).unwrap();
     until("the request", || server.take().unwrap());
@@ -174,7 +173,7 @@ fn servers_are_asked_in_turn() {
     // One more of the other kind.
     let python = bare(zmq::REP, broker.req_port());
     let mut tickets: Vec<_> =
-        (0..16).map(|n| client.send(&Request::new([n.into()]), PATIENCE).unwrap()).collect();
+        (0..16).map(|n| client.send(&Request::new([n.into()]), TIMEOUT).unwrap()).collect();
     until("all replies", || {
         servers.iter_mut().for_each(|(server, _)| echo(server.as_mut()));
         if python.recv_multipart(zmq::DONTWAIT).is_ok() {
@@ -200,7 +199,7 @@ fn what_waits_for_a_server_is_bounded_and_does_not_grow_old() {
     patient.send("[[2], {}]", 0).unwrap();
     wait_for(&broker, "the second", |status| status.waiting == 2);
     // A third is one too many: whoever asks is told.
-    let third = client.send(&Request::new([3.into()]), PATIENCE).unwrap();
+    let third = client.send(&Request::new([3.into()]), TIMEOUT).unwrap();
     let told = until("the refusal", || client.take_only(third)).unwrap_err();
     let CallError::Refused { reason, .. } = &told else { panic!("{told:?}") };
     assert!(reason.contains("2 requests wait for a server"), "{reason}");
@@ -261,7 +260,7 @@ fn replies_that_nobody_waits_for_are_counted() {
     let zeromq = zeromq(&broker);
     let (mut client, context) = client(&zeromq, &native());
     let python = bare(zmq::DEALER, broker.req_port());
-    let ticket = client.send(&Request::default(), PATIENCE).unwrap();
+    let ticket = client.send(&Request::default(), TIMEOUT).unwrap();
     let asked = python.recv_multipart(0).unwrap();
     let mark = Mark::decode(&asked[1]).unwrap();
     assert_eq!((mark.kind, asked[2].len()), (Kind::Request, 0));
@@ -310,7 +309,7 @@ fn the_first_server_brings_the_broker_and_the_next_process_uses_it() {
     assert_eq!(second.start_services().unwrap(), (rep_port, req_port));
     assert!(second.service_broker_status().is_none());
     let (mut client, _) = client(&second, &native());
-    let ticket = client.send(&Request::new([1.into()]), PATIENCE).unwrap();
+    let ticket = client.send(&Request::new([1.into()]), TIMEOUT).unwrap();
     until("the reply", || {
         echo(server.as_mut());
         client.take_only(ticket)
@@ -320,7 +319,7 @@ fn the_first_server_brings_the_broker_and_the_next_process_uses_it() {
     drop((server, first));
     until("the second to be the broker", || second.service_broker_status());
     let (mut server, _) = self::server(&second, &native());
-    let ticket = client.send(&Request::new([2.into()]), PATIENCE).unwrap();
+    let ticket = client.send(&Request::new([2.into()]), TIMEOUT).unwrap();
     until("the reply of the second", || {
         echo(server.as_mut());
         client.take_only(ticket)

@@ -1,5 +1,5 @@
-//! What was promised of ROS 1: coding beside memcpy, the bridge beside a relay on rospy, our nodes
-//! beside bare sockets.
+//! Promises about ROS 1: coding beside memcpy, the bridge beside a relay on rospy, our nodes beside
+//! bare sockets.
 
 use super::{Outcome, Target};
 use crate::estimate::{Estimate, Limit};
@@ -35,7 +35,8 @@ fn coding(results: &Results, targets: &mut Vec<Target>) {
     }
 }
 
-/// What a station adds to 200 bytes: its 99th percentile, less what the way takes without one.
+/// Latency that a station adds to 200 bytes: its 99th percentile, less the latency of the way
+/// without one.
 fn latency(results: &Results, targets: &mut Vec<Target>) {
     let direct = results.hop_rounds(Hop::Text(Way::Direct), 0.5);
     for (way, what, limit) in [

@@ -1,4 +1,4 @@
-//! What was promised of YARP's ports, beside bare sockets and libYARP.
+//! Promises about YARP's ports, beside bare sockets and libYARP.
 
 use super::Target;
 use crate::estimate::{Estimate, Limit};

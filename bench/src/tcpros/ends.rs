@@ -17,7 +17,7 @@ use crate::wire::{Incoming, Outgoing, dds};
 /// Messages that the reader on DDS keeps, as a listener of `/tf` does.
 const DEPTH: u32 = 100;
 
-/// Where an end is.
+/// Addresses of an end.
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct Place {
     #[arg(long)]

@@ -1,4 +1,4 @@
-//! What goes from ROS 1 to ROS 2, and where its number stands in either form.
+//! Messages that go from ROS 1 to ROS 2, and the place of their number in either form.
 
 use anyhow::{Context as _, Result};
 
@@ -27,7 +27,7 @@ impl Load {
         }
     }
 
-    /// For people.
+    /// Title of the load, for people.
     pub(crate) fn title(self) -> &'static str {
         match self {
             Self::Image => "1920x1080 RGB (6.2 MB)",
@@ -54,7 +54,7 @@ impl Load {
         }
     }
 
-    /// What a route that carries it is given: a string by its type is a native object.
+    /// Type that a route for the load is configured with: a string by its type is a native object.
     pub(crate) fn route_type(self) -> &'static str {
         if self == Self::Text { "Text" } else { self.ros2_type() }
     }
@@ -70,7 +70,7 @@ impl Load {
         }
     }
 
-    /// Where the number begins in ROS 1: seconds of a stamp, or ten digits. A stamp of the first
+    /// Offset of the number in ROS 1: seconds of a stamp, or ten digits. A stamp of the first
     /// message inside has the length of the list before it, and each header its own number.
     fn at(self) -> usize {
         match self {

@@ -40,10 +40,10 @@ const HZ: f64 = 1000.0;
 /// Batches of images of one turn.
 const BATCHES: u32 = 5;
 
-/// What stands between publisher and subscriber.
+/// Station between publisher and subscriber.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Way {
-    /// Nothing.
+    /// No station: publisher and subscriber connect.
     Direct,
     /// Our bridge: the subscriber is on ROS 2.
     Bridge,
@@ -64,7 +64,7 @@ impl Way {
         }
     }
 
-    /// For people.
+    /// Title of the way, for people.
     pub(crate) fn title(self) -> &'static str {
         match self {
             Self::Direct => "ROS 1, publisher to subscriber",
@@ -74,7 +74,7 @@ impl Way {
     }
 }
 
-/// What has a turn.
+/// Measurement that has a turn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Hop {
     /// Messages of 200 bytes, 1000 a second.
@@ -156,9 +156,6 @@ fn python(bench: &Bench, script: &Path) -> Command {
 
 impl Master {
     /// Starts it.
-    ///
-    /// # Errors
-    /// Where there is no ROS 1.
     pub(crate) fn start(bench: &Bench, repository: &Path) -> Result<Self> {
         let probe = "import rospy, rosmaster";
         let found = Command::new(PYTHON).args(["-c", probe]).output();
@@ -234,7 +231,7 @@ struct Acks {
     acks: u16,
 }
 
-/// What a ROS 2 that is installed would have, and this program does not bring.
+/// Definitions that an installed ROS 2 has, and that this program does not bring.
 const DEFINITIONS: [(&str, &str); 5] = [
     ("tf2_msgs/msg/TFMessage.msg", "geometry_msgs/TransformStamped[] transforms\n"),
     (

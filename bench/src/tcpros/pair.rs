@@ -27,10 +27,10 @@ use crate::worker::{Order, Report, micros, say};
 pub(super) const BATCH: u32 = 100;
 const SIZE: (u32, u32) = (640, 480);
 const TOPIC: &str = "/images";
-/// How long a node may look for the other.
-const PATIENCE: Duration = Duration::from_secs(20);
+/// Longest time that a node may look for the other.
+const TIMEOUT: Duration = Duration::from_secs(20);
 
-/// Whose sockets.
+/// Kind of the two ends' sockets.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, clap::ValueEnum)]
 pub(crate) enum Pair {
     /// Sockets of tokio.
@@ -49,7 +49,7 @@ impl Pair {
     }
 }
 
-/// Where the two are.
+/// Addresses of the two ends.
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct Place {
     #[arg(long)]
@@ -57,12 +57,12 @@ pub(crate) struct Place {
     /// Address of the master.
     #[arg(long)]
     pub(crate) master: String,
-    /// Where far listens, which near is told.
+    /// Port that far listens on, which near is told.
     #[arg(long, default_value_t = 0)]
     pub(crate) peer: u16,
 }
 
-/// What far says when near may come.
+/// Report of far that near may come.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Ready {
     pub(super) peer: u16,
@@ -87,11 +87,11 @@ fn spec(place: &Place) -> TopicSpec {
     let mut spec = TopicSpec::new(topic(place), MessageType::Image);
     // Nothing may be dropped: what is measured is how fast all of it goes.
     spec.qos.history = History::KeepAll;
-    spec.queue.overflow = Overflow::Block(PATIENCE);
+    spec.queue.overflow = Overflow::Block(TIMEOUT);
     spec
 }
 
-/// Of this turn alone: the master remembers nodes that ended without a word.
+/// Topic of this turn alone: the master remembers nodes that ended without a word.
 fn topic(place: &Place) -> String {
     format!("{TOPIC}_{}", place.peer)
 }
@@ -167,7 +167,7 @@ fn read_ours(
     }
 }
 
-/// What sends a batch.
+/// End that sends a batch.
 enum Near {
     Bare(tokio::net::TcpStream, Vec<u8>, Runtime),
     Ours {
@@ -192,7 +192,7 @@ impl Near {
         }
         let (ros1, context) = (node(place, "near")?, Context::default());
         let publisher = ros1.open_publisher(&spec(place), &context)?;
-        let deadline = Instant::now() + PATIENCE;
+        let deadline = Instant::now() + TIMEOUT;
         while publisher.link().peers != Some(1) {
             ensure!(Instant::now() < deadline, "far does not subscribe");
             context.wake.wait(Duration::from_millis(100));
@@ -225,7 +225,7 @@ impl Near {
 pub(crate) fn near(place: &Place) -> Result<()> {
     let mut told = TcpStream::connect((Ipv4Addr::LOCALHOST, place.peer))?;
     told.set_nodelay(true)?;
-    told.set_read_timeout(Some(PATIENCE))?;
+    told.set_read_timeout(Some(TIMEOUT))?;
     let mut near = Near::open(place)?;
     for line in std::io::stdin().lock().lines() {
         let count = match serde_json::from_str(&line?)? {

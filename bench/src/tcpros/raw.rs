@@ -18,12 +18,12 @@ use wrapyfi_core::middleware::ros1::xmlrpc::{self, Reply, Value, text};
 use wrapyfi_interfaces::ros1::{Rules, Types};
 use wrapyfi_interfaces::store::TypeStore;
 
-/// How long a publisher may take to appear, and any answer to come.
-const PATIENCE: Duration = Duration::from_secs(20);
+/// Longest time that a publisher may take to appear, and any answer to come.
+const TIMEOUT: Duration = Duration::from_secs(20);
 /// Pause between two questions.
 const LOOK: Duration = Duration::from_millis(10);
 
-/// What both ends tell about a topic.
+/// Header by which both ends describe a topic.
 fn header(node: &str, topic: &str, ros1_type: &str) -> Result<Header> {
     let definition = Types::new(Rules::built_in(), TypeStore::empty()).definition(ros1_type)?;
     Ok(Header::new()
@@ -37,7 +37,7 @@ fn header(node: &str, topic: &str, ros1_type: &str) -> Result<Header> {
 
 /// The body of a request or of an answer over HTTP.
 fn read_http(stream: &mut TcpStream) -> Result<Vec<u8>> {
-    stream.set_read_timeout(Some(PATIENCE))?;
+    stream.set_read_timeout(Some(TIMEOUT))?;
     let mut head = Vec::new();
     while !head.ends_with(b"\r\n\r\n") {
         let mut byte = [0];
@@ -150,7 +150,7 @@ impl RawSubscriber {
     pub(super) fn open(master: &str, topic: &str, ros1_type: &str) -> Result<Self> {
         let node = format!("/sink{}", std::process::id());
         let uri = slave(0)?;
-        let deadline = Instant::now() + PATIENCE;
+        let deadline = Instant::now() + TIMEOUT;
         let publisher = loop {
             let params = vec![text(&node), text(topic), text(ros1_type), text(&uri)];
             if let Value::Array(found) = call(master, "registerSubscriber", params)?
@@ -191,7 +191,7 @@ impl RawSubscriber {
             }
             Err(error) => return Err(error.into()),
         }
-        self.stream.set_read_timeout(Some(PATIENCE))?;
+        self.stream.set_read_timeout(Some(TIMEOUT))?;
         let mut size = [0; 4];
         self.stream.read_exact(&mut size)?;
         self.message.resize(usize::try_from(u32::from_le_bytes(size))?, 0);

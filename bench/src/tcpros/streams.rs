@@ -9,13 +9,13 @@ use super::{Lines, Load, Master, Way};
 use crate::turn::Bench;
 use crate::worker::{Order, Report};
 
-/// What is sent together, and how many a second.
+/// Loads that are sent together, and messages of each a second.
 const LOADS: [(Load, u32); 2] = [(Load::Image, 30), (Load::Tf, 200)];
 
-/// What became of both.
+/// Figures of both streams.
 #[derive(Debug, Clone)]
 pub(crate) struct Streams {
-    /// How long they ran, in seconds.
+    /// Duration of the streams in seconds.
     pub(crate) seconds: u32,
     /// The accounts of the sources.
     pub(crate) reports: Vec<(Load, Report)>,

@@ -26,16 +26,16 @@ use crate::clock;
 use crate::turn::{Bench, Line, Phase};
 use crate::worker::{Order, Report, micros, say};
 
-/// How long a single round trip may take before it counts as lost.
-const PATIENCE: Duration = Duration::from_secs(2);
-/// How long to look for the other end.
+/// Longest time of a single round trip before it counts as lost.
+const TIMEOUT: Duration = Duration::from_secs(2);
+/// Longest time to look for the other end, in nanoseconds.
 const OPENING: u64 = 20_000_000_000;
 /// The same before the other end is found: what is sent then is not answered.
 const PROBE: Duration = Duration::from_millis(40);
 /// Round trips that are made before anything is measured.
 const WARM: u32 = 30;
 
-/// What answers.
+/// Kind of the end that answers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, clap::ValueEnum)]
 pub(crate) enum Way {
     /// Topics on bare CycloneDDS.
@@ -59,7 +59,7 @@ impl Way {
         }
     }
 
-    /// For people.
+    /// Title of the way, for people.
     pub(crate) fn title(self) -> &'static str {
         match self {
             Self::RawCyclone => "raw CycloneDDS, there and back",
@@ -78,7 +78,7 @@ impl Way {
     }
 }
 
-/// What is asked and answered.
+/// Requests and replies of a round trip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, clap::ValueEnum)]
 pub(crate) enum Load {
     /// `example_interfaces/srv/AddTwoInts`.
@@ -96,7 +96,7 @@ impl Load {
         }
     }
 
-    /// For people.
+    /// Title of the load, for people.
     pub(crate) fn title(self) -> &'static str {
         match self {
             Self::AddTwoInts => "AddTwoInts (16 and 8 bytes)",
@@ -132,7 +132,7 @@ pub(crate) struct Place {
     domain: u32,
 }
 
-/// What one turn found.
+/// Figures of one turn.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Leg {
     pub(crate) warm: Report,
@@ -142,7 +142,7 @@ pub(crate) struct Leg {
 /// The end that asks.
 trait Near {
     /// One round trip; false where no answer came within `patience`. A client of a service has its
-    /// own, [`PATIENCE`].
+    /// own, [`TIMEOUT`].
     fn call(&mut self, number: u32, patience: Duration) -> Result<bool>;
 }
 
@@ -219,14 +219,14 @@ pub(crate) fn near(place: &Place) -> Result<()> {
     Ok(())
 }
 
-/// So many round trips, one after the other.
+/// Makes `count` round trips, one after the other.
 fn calls(end: &mut dyn Near, number: &mut u32, count: u32) -> Result<Report> {
     let mut report = Report::default();
     let begin = clock::now();
     for _ in 0..count {
         *number += 1;
         let start = clock::now();
-        let answered = end.call(*number, PATIENCE)?;
+        let answered = end.call(*number, TIMEOUT)?;
         let took = clock::now() - start;
         report.sent += 1;
         if answered {
@@ -264,7 +264,7 @@ fn message(size: usize, mapping: ServiceMapping) -> Vec<u8> {
     bytes
 }
 
-/// Where the number is.
+/// Bytes of the message that hold its number.
 const NUMBER: std::ops::Range<usize> = 4..8;
 
 fn number_of(message: &[u8]) -> Option<u32> {

@@ -4,15 +4,14 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::{Context as _, Result, ensure};
-use wrapyfi_core::endpoint::Wake;
-use wrapyfi_core::middleware::ros2::{
-    AnyClient, AnyServer, CallError, Ros2, ServiceOptions, ServiceType,
-};
+use wrapyfi_core::endpoint::{CallError, Wake};
+use wrapyfi_core::middleware::ros2::{AnyClient, AnyServer, Ros2, ServiceOptions};
+use wrapyfi_core::types::RosService;
 use wrapyfi_interfaces::dynamic::DynamicMessage;
 use wrapyfi_interfaces::parser::{Dialect, TypeName};
 use wrapyfi_interfaces::store::TypeStore;
 
-use super::{Far, Load, Near, PATIENCE, Place};
+use super::{Far, Load, Near, Place, TIMEOUT};
 use crate::wire::dds::graph;
 
 /// Bytes of the text.
@@ -20,7 +19,7 @@ const TEXT: usize = 64 << 10;
 const NAME: &str = "/asked";
 
 /// The type of a load.
-fn service(load: Load) -> Result<ServiceType> {
+fn service(load: Load) -> Result<RosService> {
     let (name, text) = match load {
         Load::AddTwoInts => {
             ("example_interfaces/srv/AddTwoInts", "int64 a\nint64 b\n---\nint64 sum\n")
@@ -30,12 +29,12 @@ fn service(load: Load) -> Result<ServiceType> {
     let mut store = TypeStore::empty();
     let name = TypeName::parse(Dialect::Ros2, name)?;
     store.add_definition(&name, text)?;
-    Ok(ServiceType::new(&store.resolve(&name)?)?)
+    Ok(RosService::new(&store.resolve(&name)?)?)
 }
 
 /// A request of a load.
-fn request(load: Load, service: &ServiceType) -> Result<DynamicMessage> {
-    let mut request = service.request().default_message();
+fn request(load: Load, service: RosService) -> Result<DynamicMessage> {
+    let mut request = service.request().plan().default_message();
     match load {
         Load::AddTwoInts => {
             request.set("a", 40_i64)?;
@@ -48,8 +47,8 @@ fn request(load: Load, service: &ServiceType) -> Result<DynamicMessage> {
 
 /// A reply of a load before it is known what is asked. The text is in it: what a program does to make
 /// one is no part of a call.
-fn reply(load: Load, service: &ServiceType) -> Result<DynamicMessage> {
-    let mut reply = service.response().default_message();
+fn reply(load: Load, service: RosService) -> Result<DynamicMessage> {
+    let mut reply = service.response().plan().default_message();
     if load == Load::Text64k {
         reply.set("text", "y".repeat(TEXT))?;
     }
@@ -80,10 +79,10 @@ fn text_bytes(message: &DynamicMessage) -> Option<usize> {
 /// Bytes of request and reply with the encapsulation header, without what names the request.
 pub(super) fn sizes(load: Load) -> Result<(usize, usize)> {
     let service = service(load)?;
-    let request = request(load, &service)?;
-    let reply = reply(load, &service)?;
-    let request = service.request().encode(&request)?.to_bytes().len();
-    Ok((request, service.response().encode(&reply)?.to_bytes().len()))
+    let request = request(load, service)?;
+    let reply = reply(load, service)?;
+    let request = service.request().plan().encode(&request)?.to_bytes().len();
+    Ok((request, service.response().plan().encode(&reply)?.to_bytes().len()))
 }
 
 fn ros2(name: &str, place: &Place) -> Result<Ros2> {
@@ -102,8 +101,8 @@ impl Client {
     pub(super) fn new(place: &Place) -> Result<Self> {
         let load = place.trip.load;
         let service = service(load)?;
-        let request = request(load, &service)?;
-        let options = ServiceOptions { timeout: PATIENCE, ..ServiceOptions::default() };
+        let request = request(load, service)?;
+        let options = ServiceOptions { timeout: TIMEOUT, ..ServiceOptions::default() };
         let ros2 = ros2("near", place)?;
         let client = AnyClient::open(&ros2, NAME, service, &options, &Wake::new())?;
         Ok(Self { client, request, load })
@@ -141,7 +140,7 @@ impl Server {
         let ros2 = ros2("far", place)?;
         let options = ServiceOptions::default();
         let service = service(load)?;
-        let reply = reply(load, &service)?;
+        let reply = reply(load, service)?;
         let server = AnyServer::open(&ros2, NAME, service, &options, &wake)?;
         Ok(Self { server, reply, load, wake })
     }
@@ -151,7 +150,7 @@ impl Far for Server {
     fn serve(&mut self, patience: Duration) -> Result<()> {
         while let Some(request) = self.server.take()? {
             answer(self.load, &request.fields, &mut self.reply)?;
-            self.server.reply(&request.id, &self.reply)?;
+            self.server.reply(request.id, &self.reply)?;
         }
         let now = std::time::Instant::now();
         let due = self.server.deadline().map(|at| at.saturating_duration_since(now));

@@ -1,4 +1,4 @@
-//! What a source sends on and a sink receives from.
+//! Transports that a source sends on and a sink receives from.
 //!
 //! | wire | is |
 //! | --- | --- |
@@ -16,7 +16,7 @@ use anyhow::Result;
 
 use crate::payload::{Kind, Maker};
 
-/// Which wire.
+/// Kind of a wire.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum Wire {
     /// Raw ZeroMQ.
@@ -38,10 +38,10 @@ impl Wire {
     }
 }
 
-/// Where a wire is.
+/// Address of a wire, and the messages on it.
 #[derive(Debug, Clone, clap::Args)]
 pub(crate) struct Place {
-    /// What is sent.
+    /// Payload of the messages.
     #[arg(long)]
     pub(crate) payload: Kind,
     /// Topic.

@@ -13,15 +13,12 @@ pub(crate) struct Library {
     program: PathBuf,
     /// Folder of its `yarp.conf`.
     conf: PathBuf,
-    /// What belongs to that installation.
+    /// Folder with the data of that installation.
     data: PathBuf,
 }
 
 impl Library {
     /// Compiles it.
-    ///
-    /// # Errors
-    /// Where there is no YARP for C++ below `WRAPYFI_YARP_PREFIX`, or around a `yarp` on the `PATH`.
     pub(crate) fn compile(repository: &Path, folder: &Path) -> Result<Self> {
         let prefix = prefix().context(
             "no YARP: no yarp on the PATH, and WRAPYFI_YARP_PREFIX says no folder of an installation",
@@ -49,13 +46,13 @@ impl Library {
         std::fs::write(self.conf.join("yarp.conf"), format!("127.0.0.1 {names} yarp\n"))?;
         let mut command = Command::new(&self.program);
         command.args([role, ride.load.name(), ride.way.carrier(), &peer.to_string()]);
-        // Where its plugins are described, its carriers among them.
+        // The folder describes its plugins, its carriers among them.
         command.env("YARP_CONFIG_HOME", &self.conf).env("YARP_DATA_DIRS", &self.data);
         Ok(command)
     }
 }
 
-/// Where YARP is installed.
+/// Folder in which YARP is installed.
 fn prefix() -> Option<PathBuf> {
     if let Some(prefix) = std::env::var_os("WRAPYFI_YARP_PREFIX") {
         return Some(prefix.into());

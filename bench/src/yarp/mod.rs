@@ -42,8 +42,8 @@ pub(crate) use library::Library;
 pub(crate) use near::near;
 pub(crate) use rest::{Ports, ports};
 
-/// How long one exchange may take.
-const PATIENCE: Duration = Duration::from_secs(20);
+/// Longest time of one exchange.
+const TIMEOUT: Duration = Duration::from_secs(20);
 /// Turns of one round. Where the scheduler puts two processes, and what else is in the caches, decides
 /// more than how many messages they exchange.
 const SWEEPS: u32 = 5;
@@ -54,7 +54,7 @@ const SOCKETS: &str = "YARP_RUNTIME_DIR";
 /// Width and height of an image.
 const SIZE: (usize, usize) = (640, 480);
 
-/// What carries.
+/// Transport of the exchanges.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, clap::ValueEnum)]
 pub(crate) enum Way {
     /// Sockets of the standard library, which block.
@@ -99,7 +99,7 @@ impl Way {
         }
     }
 
-    /// For people.
+    /// Title of the way, for people.
     pub(crate) fn title(self) -> &'static str {
         match self {
             Self::Blocking => "bare sockets that block",
@@ -126,7 +126,7 @@ impl Way {
         }
     }
 
-    /// Whether its ports are those of libYARP.
+    /// True when the ports are those of libYARP.
     pub(crate) fn is_library(self) -> bool {
         matches!(
             self,
@@ -135,7 +135,7 @@ impl Way {
     }
 }
 
-/// What is carried.
+/// Load of an exchange.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, clap::ValueEnum)]
 pub(crate) enum Load {
     /// A bottle, there and back.
@@ -153,7 +153,7 @@ impl Load {
         }
     }
 
-    /// For people.
+    /// Title of the load, for people.
     pub(crate) fn title(self) -> &'static str {
         match self {
             Self::Bottle1k => "bottle with 1 KiB of text, there and back",
@@ -195,12 +195,12 @@ pub(crate) struct Place {
     /// Port number of the name server.
     #[arg(long)]
     names: u16,
-    /// Where far listens for bare sockets, which near is told.
+    /// Port that far listens on for bare sockets, which near is told.
     #[arg(long, default_value_t = 0)]
     peer: u16,
 }
 
-/// What far says when near may come.
+/// Report of far that near may come.
 #[derive(Serialize, Deserialize)]
 struct Ready {
     peer: u16,
@@ -368,12 +368,12 @@ fn reading() -> InputOptions {
     InputOptions { reading, ..InputOptions::default() }
 }
 
-/// What goes there and back.
+/// Bottle that goes there and back.
 fn bottle() -> Bottle {
     Bottle::from(vec!["x".repeat(1024).into()])
 }
 
-/// Its bytes.
+/// Bytes of that bottle.
 fn bottle_bytes() -> Result<Vec<u8>> {
     Ok(bottle().encode(Dialect::default())?)
 }

@@ -15,13 +15,13 @@ use wrapyfi_yarp::port::{
 };
 
 use super::{
-    BATCH, Load, PATIENCE, Place, Way, bottle, bottle_bytes, image_bytes, network, reading,
-    runtime, task,
+    BATCH, Load, Place, TIMEOUT, Way, bottle, bottle_bytes, image_bytes, network, reading, runtime,
+    task,
 };
 use crate::clock;
 use crate::worker::{Order, Report, micros, say};
 
-/// What does one exchange: a round trip, or a batch of images.
+/// End that does one exchange: a round trip, or a batch of images.
 enum End {
     Blocking(std::net::TcpStream, Vec<u8>),
     Tokio(TcpStream, Vec<u8>),
@@ -45,7 +45,7 @@ impl End {
             (Load::Bottle1k, Way::Blocking) => {
                 let stream = std::net::TcpStream::connect(peer)?;
                 stream.set_nodelay(true)?;
-                stream.set_read_timeout(Some(PATIENCE))?;
+                stream.set_read_timeout(Some(TIMEOUT))?;
                 Self::Blocking(stream, bottle_bytes()?)
             }
             (Load::Bottle1k, Way::Tokio) => Self::Tokio(connect().await?, bottle_bytes()?),
@@ -88,7 +88,7 @@ impl End {
                 stream.read_exact(bytes).await?;
             }
             Self::Client(client, bottle) => {
-                let reply = client.call(bottle, PATIENCE).await?;
+                let reply = client.call(bottle, TIMEOUT).await?;
                 ensure!(reply.as_ref() == Some(bottle), "the reply is another bottle");
             }
             Self::Data { out, back, bottle } => {
@@ -141,14 +141,14 @@ pub(super) struct Near {
 impl Near {
     pub(super) fn open(place: Place) -> Result<Self> {
         let runtime = runtime(2)?;
-        let opened = task(&runtime, async move { Ok(timeout(PATIENCE, End::open(place)).await?) })?;
+        let opened = task(&runtime, async move { Ok(timeout(TIMEOUT, End::open(place)).await?) })?;
         Ok(Self { runtime, end: Some(opened?) })
     }
 
     pub(super) fn exchange(&mut self, count: u32) -> Result<Report> {
         let Some(mut end) = self.end.take() else { bail!("an exchange failed before") };
         // Whatever hangs ends by this, also where the orders have ended.
-        let all = PATIENCE * 3;
+        let all = TIMEOUT * 3;
         let (end, report) = task(&self.runtime, async move {
             let report = timeout(all, end.exchange(count)).await?;
             Ok((end, report))

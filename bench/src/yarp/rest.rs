@@ -19,10 +19,10 @@ use crate::worker::say;
 
 /// Pairs of ports.
 const PAIRS: u32 = 100;
-/// Between the last connection and what is measured.
+/// Pause between the last connection and the measurement.
 const SETTLE: Duration = Duration::from_secs(2);
 
-/// What was found.
+/// Figures of ports at rest.
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub(crate) struct Ports {
     /// Connected ports.
@@ -30,7 +30,7 @@ pub(crate) struct Ports {
     /// Percent of one core that their process takes.
     #[serde(default)]
     pub(crate) share: f64,
-    /// How long that was measured, in seconds.
+    /// Duration of that measurement, in seconds.
     #[serde(default)]
     pub(crate) seconds: u32,
     /// Opening of all of them and connecting, in milliseconds.

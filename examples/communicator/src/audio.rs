@@ -1,4 +1,4 @@
-//! Where the sensor examples get sound from and where they let it be heard.
+//! Sources and destinations of sound for the sensor examples.
 //!
 //! ```text
 //!   voice.wav ─────▶ chunks, at the pace of the sound  (works everywhere, tested)
@@ -18,7 +18,7 @@ use std::process::{Child, Command, Stdio};
 use anyhow::{Context as _, bail, ensure};
 use wrapyfi_core::types::{AudioChunk, SampleFormat, Stamp};
 
-/// What comes before the name of an ALSA device.
+/// Prefix of the name of an ALSA device.
 const ALSA: &str = "alsa:";
 
 /// Samples per second, channels, and frames of a chunk.
@@ -55,7 +55,7 @@ impl Microphone {
     /// `alsa:default`.
     ///
     /// # Errors
-    /// Where there is no such file or program.
+    /// When there is no such file or program.
     pub fn open(name: &str, is_repeated: bool, wanted: Sound) -> anyhow::Result<Self> {
         ensure!(wanted.chunk > 0, "a chunk of 0 frames has no sound: --chunk 1 or more");
         if let Some(device) = name.strip_prefix(ALSA) {
@@ -74,7 +74,7 @@ impl Microphone {
         Ok(Self { source: Source::Wav { samples, used: 0, is_repeated }, sound })
     }
 
-    /// What the chunks are like.
+    /// Rate, channels and size of the chunks.
     #[must_use]
     pub fn sound(&self) -> Sound {
         self.sound
@@ -89,7 +89,7 @@ impl Microphone {
     /// The next chunk, the last of a file filled up with silence; `None` after it.
     ///
     /// # Errors
-    /// Where the recorder ended.
+    /// When the recorder ended.
     pub fn chunk(&mut self) -> anyhow::Result<Option<AudioChunk>> {
         let Sound { rate, channels, chunk } = self.sound;
         let frame = usize::from(channels) * SampleFormat::F32Le.bytes_per_sample();
@@ -140,9 +140,9 @@ fn floats(reader: hound::WavReader<BufReader<File>>) -> anyhow::Result<Vec<u8>> 
     }
 }
 
-/// Where sound ends: a WAV file of 32-bit floats, or an ALSA device.
+/// Destination of sound: a WAV file of 32-bit floats, or an ALSA device.
 ///
-/// It opens with the first chunk, which says rate and channels.
+/// The file or device opens with the first chunk, which says rate and channels.
 pub struct Loudspeaker {
     name: String,
     sink: Option<Sink>,
@@ -163,7 +163,7 @@ impl Loudspeaker {
     /// Lets a chunk be heard. A file is complete after each.
     ///
     /// # Errors
-    /// Where the file cannot be written, or the player ended.
+    /// When the file cannot be written, or the player ended.
     pub fn play(&mut self, chunk: &AudioChunk) -> anyhow::Result<()> {
         let chunk = chunk.to_format(SampleFormat::F32Le);
         let sink = match &mut self.sink {

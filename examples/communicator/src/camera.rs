@@ -1,4 +1,4 @@
-//! Where the sensor examples get their pictures from.
+//! Sources of pictures for the sensor examples.
 //!
 //! ```text
 //!   folder ───────▶ its PNG files, again and again or once   (works everywhere, tested)
@@ -44,7 +44,7 @@ impl Camera {
     /// `width` and `height`.
     ///
     /// # Errors
-    /// Where there is no such camera.
+    /// When there is no such camera.
     pub fn open(
         name: Option<&Path>,
         is_repeated: bool,
@@ -78,7 +78,7 @@ impl Camera {
     /// The next frame; `None` after the last.
     ///
     /// # Errors
-    /// Where the file is no picture, or the device fails.
+    /// When the file is no picture, or the device fails.
     pub fn frame(&mut self) -> anyhow::Result<Option<RawPixels>> {
         let number = self.taken;
         self.taken += 1;

@@ -19,7 +19,7 @@ use wrapyfi_core::types::RawPixels;
 pub const EXPRESSIONS: [&str; 8] =
     ["anger", "contempt", "disgust", "fear", "sadness", "neutral", "surprise", "happiness"];
 
-/// What says of a message that no network made it.
+/// Mark of a message that no network made.
 pub const STAND_IN: &str = "stand-in: mean brightness";
 
 /// The result of a recogniser, a dict in Python.
@@ -29,7 +29,7 @@ pub struct Recognised {
     pub expression: String,
     /// Mean of the frame's bytes, rounded down.
     pub brightness: u8,
-    /// Who says so: [`STAND_IN`].
+    /// Recogniser that made the message: [`STAND_IN`].
     pub recogniser: String,
 }
 
@@ -47,7 +47,7 @@ pub fn stand_in(pixels: &RawPixels) -> Option<Recognised> {
     })
 }
 
-/// What Pepper's eyes and chest show: red, green, blue.
+/// Colour of Pepper's eyes and chest: red, green, blue.
 #[must_use]
 pub fn colour(expression: &str) -> [u8; 3] {
     match expression {
@@ -62,7 +62,7 @@ pub fn colour(expression: &str) -> [u8; 3] {
     }
 }
 
-/// What iCub's face shows: eyebrows and mouth.
+/// Eyebrows and mouth of iCub's face.
 #[must_use]
 pub fn face(expression: &str) -> &'static str {
     match expression {

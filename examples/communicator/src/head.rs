@@ -20,7 +20,7 @@ use wrapyfi_core::types::RawPixels;
 
 use crate::picture;
 
-/// Where a head points, in degrees; a dict in Python.
+/// Orientation of a head, in degrees; a dict in Python.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Orientation {
     /// `worn` or `seen`.
@@ -31,7 +31,7 @@ pub struct Orientation {
     pub roll_deg: f64,
     /// Up.
     pub pitch_deg: f64,
-    /// To the left.
+    /// Angle to the left.
     pub yaw_deg: f64,
     /// Right and up, -1 to 1; only an eye tracker knows.
     pub gaze: Option<(f64, f64)>,

@@ -1,5 +1,5 @@
-//! What the example programs share: a log on standard error, pauses of polling loops, and data that
-//! shows whether it arrived unchanged.
+//! Code that the example programs share: a log on standard error, pauses of polling loops, and data
+//! that shows whether it arrived unchanged.
 //!
 //! The programs are in `src/bin`, one for each scheme; README.md says how to run them. What they have to
 //! do with sensors and robots, beside communicating, is in modules:
@@ -12,9 +12,10 @@
 //! | [`face`] | a stand-in for a recogniser of facial expressions |
 //! | [`head`] | stand-ins for sensors of a head's orientation, a robot's neck |
 
-/// The guide, whose code is compiled with the examples.
+/// The guides, whose code is compiled with the examples.
 #[cfg(doctest)]
-#[doc = include_str!("../../../docs/communicator.md")]
+#[doc = include_str!("../../../docs/rust.md")]
+#[doc = include_str!("../../../docs/reference/communicator.md")]
 pub struct Guide;
 
 pub mod audio;
@@ -40,7 +41,7 @@ pub fn log_to_stderr() {
     tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
 }
 
-/// What a loop does after a call that returned nothing.
+/// Pause of a loop after a call that returned nothing.
 pub fn pause() {
     std::thread::sleep(Duration::from_millis(5));
 }
@@ -93,7 +94,6 @@ pub fn described_image(image: &Image) -> Json {
         Pixels::Compressed { format, data } => {
             json!({ "encoding": format.name(), "sha256": digest(data) })
         }
-        _ => Json::Null,
     }
 }
 

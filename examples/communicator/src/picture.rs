@@ -18,7 +18,7 @@ use wrapyfi_core::types::{Encoding, Image, Pixels, RawPixels, Stamp};
 /// The PNG files in a folder, by name.
 ///
 /// # Errors
-/// Where the folder cannot be read or has none.
+/// When the folder cannot be read or has none.
 pub fn png_files(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     let name = folder.display();
     let mut files = Vec::new();
@@ -39,7 +39,7 @@ pub fn png_files(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
 /// The picture in a file, in colour and in OpenCV's order, as `cv2.imread` reads it.
 ///
 /// # Errors
-/// Where the file cannot be read, is too large, or is no picture.
+/// When the file cannot be read, is too large, or is no picture.
 pub fn read(path: &Path) -> anyhow::Result<RawPixels> {
     let name = path.display();
     let limits = Limits::default();
@@ -58,14 +58,13 @@ pub fn read(path: &Path) -> anyhow::Result<RawPixels> {
 /// The pixels of an image, decompressed where it is a file.
 ///
 /// # Errors
-/// Where the file in it is broken or of another format.
+/// When the file in it is broken or of another format.
 pub fn pixels(image: &Image) -> anyhow::Result<RawPixels> {
     match &image.pixels {
         Pixels::Raw(raw) => in_colour(raw),
         Pixels::Compressed { data, .. } => {
             in_colour(&image_file::decode(data, &Limits::default(), Some(Encoding::Bgr8))?)
         }
-        _ => anyhow::bail!("an image of a kind that this program does not know"),
     }
 }
 
@@ -91,7 +90,7 @@ fn in_colour(pixels: &RawPixels) -> anyhow::Result<RawPixels> {
 /// Pixels in OpenCV's order.
 ///
 /// # Errors
-/// Where `data` is not `width * height` pixels.
+/// When `data` is not `width * height` pixels.
 pub fn bgr(width: u32, height: u32, data: Vec<u8>) -> anyhow::Result<RawPixels> {
     Ok(RawPixels::dense(width, height, Encoding::Bgr8, data)?)
 }
@@ -105,7 +104,7 @@ pub fn taken_now(pixels: RawPixels) -> Image {
 /// Writes pixels as a PNG file: whole, or not at all, because others may watch the folder.
 ///
 /// # Errors
-/// Where they are empty or the file cannot be written.
+/// When they are empty or the file cannot be written.
 pub fn save(pixels: &RawPixels, path: &Path) -> anyhow::Result<()> {
     let file = image_file::encode(pixels, false)?;
     let part = path.with_extension("part");
@@ -123,7 +122,7 @@ pub fn greys(pixels: &RawPixels) -> impl Iterator<Item = u8> {
     })
 }
 
-/// From dark to bright.
+/// Characters from dark to bright.
 const INK: &[u8; 10] = b" .:-=+*#%@";
 
 /// The picture as letters, `columns` in a line; lines are half as many as the shape asks for, because

@@ -26,7 +26,7 @@ pub(crate) struct Device {
     layout: Layout,
 }
 
-/// What the driver agreed to.
+/// Format that the driver agreed to.
 #[derive(Debug, Clone, Copy)]
 struct Layout {
     pixels: PixelFormat,
@@ -46,7 +46,7 @@ impl Device {
     /// Starts the camera at about this size.
     ///
     /// # Errors
-    /// Where there is no such device, somebody else uses it, or it has neither YUYV nor MJPG.
+    /// When there is no such device, somebody else uses it, or it has neither YUYV nor MJPG.
     pub(crate) fn open(name: &Path, width: u32, height: u32) -> anyhow::Result<Self> {
         let shown = name.display();
         let device = linuxvideo::Device::open(name)
@@ -78,7 +78,7 @@ impl Device {
     /// Waits for the next frame that is whole.
     ///
     /// # Errors
-    /// Where the device ends, or sends nothing but damaged frames.
+    /// When the device ends, or sends nothing but damaged frames.
     pub(crate) fn frame(&mut self) -> anyhow::Result<RawPixels> {
         let shown = self.name.display();
         let mut last = None;

@@ -1,4 +1,4 @@
-//! The listings of Wrapyfi's paper as docs/communicator.md shows them: compiled and run here, and compared
+//! The listings of Wrapyfi's paper as docs/reference/communicator.md shows them: compiled and run here, and compared
 //! with the guide's text. The first one is a program, `read_msg`.
 //!
 //! Middlewares are in memory, under the names of those that the listings ask for.
@@ -197,7 +197,7 @@ fn bare(code: &str) -> String {
 
 #[test]
 fn the_guide_shows_what_runs_here() {
-    let guide = bare(include_str!("../../../docs/communicator.md"));
+    let guide = bare(include_str!("../../../docs/reference/communicator.md"));
     let mut count = 0;
     let sources = [include_str!("../src/bin/read_msg.rs"), include_str!("listings.rs")];
     for part in sources.iter().flat_map(|source| source.split("\n// Listing ").skip(1)) {

@@ -15,7 +15,7 @@ use wrapyfi_core::types::{ForeignObject, PluginObject, Value};
 /// Name of the plug-in's class in Python, and so its key on the wire.
 const KEY: &str = "Pose2D";
 
-/// Where a robot stands on the floor.
+/// Position of a robot on the floor, and its heading.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose2D {
     /// Metres to the front.
@@ -50,7 +50,7 @@ impl Plugin for PosePlugin {
     }
 
     fn decode(&self, body: &Body<'_>, _context: &Context<'_>) -> Result<Value, PluginError> {
-        // What arrives is a stranger's: every part is checked, and a wrong one is named.
+        // The arriving parts are a stranger's: each is checked, and a wrong one is named.
         let number = |part| {
             let value = body.value(part)?.as_f64();
             value.filter(|n| n.is_finite()).ok_or_else(|| body.expected(part, "a finite number"))

@@ -1,4 +1,4 @@
-//! What tells one message from another, as Python computes it too.
+//! Facts that tell one message from another, as Python computes them too.
 
 use serde_json::{Value as Json, json};
 use wrapyfi_core::types::{Image, Payload, Pixels, Value};

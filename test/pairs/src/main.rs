@@ -60,7 +60,7 @@ enum Kind {
     Properties,
 }
 
-/// What the body was given and what it made, as the test is told of them.
+/// Messages that the body was given and made, as facts for the test.
 #[derive(Default)]
 struct Exchange {
     number: i64,
@@ -299,7 +299,7 @@ fn main() -> anyhow::Result<()> {
         for &kind in &options.kinds {
             exchange.inner_mut().given = Json::Null;
             exchange.inner_mut().made = Json::Null;
-            // What a client asks with; a server's own argument is not looked at.
+            // A client's argument is its question; a server's own argument is not looked at.
             let asks = mode == Mode::Request;
             let given = if asks { made::object(exchange.inner_mut().next()) } else { Value::Null };
             let returned = call(&mut exchange, kind, &options, &given)?;
@@ -328,7 +328,7 @@ fn main() -> anyhow::Result<()> {
     }
 }
 
-/// What the method returned, described.
+/// Calls the method, and describes the value that it returned.
 fn call(
     exchange: &mut ExchangeCommunicator,
     kind: Kind,

@@ -2,8 +2,8 @@
 
 use std::process::ExitCode;
 
-use wrapyfi_bridge::whole::Whole;
+use wrapyfi_bridge::middleware_bridge::MiddlewareBridge;
 
 fn main() -> ExitCode {
-    wrapyfi_bridge::node::main_of_whole(Whole::Yarp)
+    wrapyfi_bridge::node::main_of(MiddlewareBridge::Yarp)
 }

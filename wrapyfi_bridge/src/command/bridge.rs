@@ -1,21 +1,22 @@
-//! What `wrapyfi bridge` and the node executables do: run the routes of a configuration.
+//! Command `wrapyfi bridge` and the node executables: run the routes of a configuration.
 
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use wrapyfi_core::endpoint::{CountersSnapshot, WAITING};
-use wrapyfi_core::engine::{Engine, Plan};
+use wrapyfi_core::engine::{Engine, Kind, Plan, Route};
 use wrapyfi_core::node::parameters::ParameterStore;
 use wrapyfi_core::types::MessageType;
 
 use crate::exit::Failure;
 use crate::lines::Lines;
+use crate::logging;
 use crate::middlewares::{self, Loaded, Middlewares};
 use crate::node::Node;
 use crate::overrides;
 use crate::own_address::OwnAddress;
-use crate::reload::{Fixed, Reload, Watch};
+use crate::reload::{Reload, Watch};
 use crate::shutdown::Shutdown;
 use crate::table;
 
@@ -24,17 +25,17 @@ const FEW_IDLE: usize = 10;
 
 /// Lines of status that may wait for their reader.
 const MAX_LINES: usize = 8;
-/// How long the last of them may take.
+/// Longest time that writing the last of them may take.
 const LAST_LINE: Duration = Duration::from_millis(500);
 
-/// How long a bridge runs and what it prints.
+/// Duration and output of a bridge's run.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Options {
-    /// When to end; never without.
+    /// Time to run; without end where `None`.
     pub seconds: Option<Duration>,
     /// One JSON object a second on stdout.
     pub json: bool,
-    /// Where others reach what the routes open.
+    /// Address at which others reach the endpoints of the routes.
     pub own: OwnAddress,
     /// The middleware without which the node has nothing to do: when somebody ends it, the node ends
     /// with an error, so that it is started again where that is wished.
@@ -54,7 +55,7 @@ pub fn run(
     options: Options,
     shutdown: &Shutdown,
 ) -> Result<(), Failure> {
-    let Loaded { mut endpoints, mut plan, types: mut store, waiting_bytes, text, file } = loaded;
+    let Loaded { mut endpoints, mut plan, types: mut store, waiting_bytes, file, .. } = loaded;
     WAITING.set_limit(waiting_bytes);
     middlewares::take_parameters(&mut endpoints, &mut parameters)?;
     options.own.enter(&mut endpoints);
@@ -66,8 +67,8 @@ pub fn run(
     // Dropped last: what the routes say at their end is logged too.
     let bridge_node = node;
     let node = middlewares.offer_node(node, parameters, (&mut store, &types))?;
-    let routes = plan.routes.len() + plan.services.len();
-    match plan.patterns.len() {
+    let routes = plan.routes.iter().filter(|route| route.is_whole()).count();
+    match plan.routes.len() - routes {
         0 => tracing::info!("{routes} routes from {name}"),
         found => {
             tracing::info!("{routes} routes, {found} that are found while running, from {name}");
@@ -77,23 +78,24 @@ pub fn run(
     if let Some(node) = &node {
         registry.set_clock(node.handle().clock());
     }
-    let fixed = Fixed::of(&plan, &text, name).map_err(Failure::usage)?;
     let engine = Engine::new(plan, &registry).with_types(store);
+    // A middleware that starts anew waits until nobody holds the one before.
+    drop(registry);
     let running = engine.start().context("cannot start the routes")?;
     let reload = file.map(|file| Reload {
         file,
-        fixed,
+        middlewares,
+        own: options.own,
         node: bridge_node.clone(),
         handle: node.as_ref().map(|node| node.handle().clone()),
         routes: running.applier(),
     });
-    let watch = reload.map(|reload| Watch::start(reload, &registry)).transpose()?;
+    let watch = reload.map(Watch::start).transpose()?;
     // A reader that stands still, or went, is no concern of the routes.
     let status = || Lines::start("status", std::io::stdout(), MAX_LINES, |_| String::new());
     let json = options.json.then(status).transpose().context("cannot print the status")?;
     let end = options.seconds.map(|seconds| Instant::now() + seconds);
     let mut tick = Instant::now();
-    let lives_with = options.lives_with.and_then(|name| middlewares.registry().get(name).ok());
     let mut failure = None;
     loop {
         tick += Duration::from_secs(1);
@@ -101,18 +103,18 @@ pub fn run(
         if ended || end.is_some_and(|end| Instant::now() >= end) {
             break;
         }
-        failure = lives_with.and_then(|middleware| middleware.ended());
+        failure = options.lives_with.and_then(|name| running.registry().get(name).ok()?.ended());
         if failure.is_some() {
             break;
         }
         if let Some(json) = &json {
-            json.write(table::json_line(&running.status()));
+            json.write(table::json_line(&running.status(), logging::panics()));
         }
     }
     drop(watch);
     let last = running.stop();
     if let Some(json) = &json {
-        json.write(table::json_line(&last));
+        json.write(table::json_line(&last, logging::panics()));
         json.finish(LAST_LINE);
     }
     // A pattern carries nothing itself, and many routes of patterns nothing either.
@@ -151,7 +153,7 @@ pub(crate) fn warn_of_unheard(plan: &Plan, node: &Node) {
     }
 }
 
-/// What the command line gives that is not declared: perhaps misspelt.
+/// Warns of parameters on the command line that nothing declares: perhaps misspelt.
 fn warn_of_unused(store: &ParameterStore) {
     let known = || {
         // Those of topics were given, and are none of the others.
@@ -169,19 +171,17 @@ fn warn_of_unused(store: &ParameterStore) {
 
 /// ROS types of the endpoints that routes have on ROS 2.
 pub(crate) fn ros2_types(plan: &Plan) -> BTreeSet<&'static str> {
-    let services = plan
-        .services
-        .iter()
-        .flat_map(|route| [(&route.offered, route.kind), (&route.service, route.kind)])
-        .filter(|(address, _)| address.middleware == "ros2")
-        .map(|(_, kind)| kind.ros_type());
-    plan.routes
-        .iter()
-        .flat_map(|route| [(&route.from, route.from_type), (&route.to, route.message_type)])
-        .filter(|(address, _)| address.middleware == "ros2")
-        // Properties are on no topic of ours.
-        .filter(|(_, message_type)| *message_type != MessageType::Properties)
-        .map(|(_, message_type)| message_type.ros_type())
-        .chain(services)
-        .collect()
+    let ends = |route: &Route| {
+        let types = match route.kind {
+            Kind::Service(kind) => [Some(kind.ros_type()); 2],
+            // Properties are on no topic of ours.
+            Kind::Topic(types) => [types.from, types.to]
+                .map(|it| (it != MessageType::Properties).then(|| it.ros_type())),
+        };
+        let named = [&route.from, &route.to].into_iter().zip(types);
+        named
+            .filter_map(|(end, name)| name.filter(|_| end.middleware == "ros2"))
+            .collect::<Vec<_>>()
+    };
+    plan.routes.iter().filter(|route| route.is_whole()).flat_map(ends).collect()
 }

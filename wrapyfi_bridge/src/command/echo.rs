@@ -89,7 +89,8 @@ struct Waiting<'a> {
 }
 
 impl<'a> Waiting<'a> {
-    /// What is there at once is not worth a line, nor what changes all the time.
+    /// Time before a wait gets a line: endpoints that are there at once need none, nor those that
+    /// change all the time.
     const SAY_AFTER: Duration = Duration::from_secs(1);
 
     fn new(endpoint: &'a EndpointAddress) -> Self {

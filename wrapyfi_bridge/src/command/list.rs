@@ -29,9 +29,9 @@ const SILENCE: Duration = Duration::from_millis(500);
 /// One side that is looked at.
 struct Side {
     name: &'static str,
-    /// What was seen last.
+    /// Endpoints that were found by the last look.
     found: Vec<Discovered>,
-    /// Since when that is so.
+    /// Time since which `found` is the same.
     unchanged_since: Instant,
     // Before what it came from.
     discovery: Box<dyn Discovery>,
@@ -53,7 +53,7 @@ impl Side {
     }
 }
 
-/// Whether nothing more is to be expected of a side that says `complete` of itself.
+/// True when nothing more is to be expected of a side that says `complete` of itself.
 fn has_told_all(complete: Option<bool>, unchanged: Duration) -> bool {
     complete.unwrap_or(unchanged >= SILENCE)
 }

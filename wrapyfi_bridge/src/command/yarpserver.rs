@@ -77,7 +77,7 @@ pub fn run(args: &YarpServerArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Where it listens: what is given, else what the configuration says with `--read`, else this
+/// Address of the name server: the arguments', else the configuration's with `--read`, else this
 /// machine alone and YARP's port.
 fn place(args: &YarpServerArgs, environment: &Environment) -> Result<NameServerConf, ConfError> {
     let mut place = if args.read {

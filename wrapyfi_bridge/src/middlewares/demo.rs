@@ -1,4 +1,4 @@
-//! What `wrapyfi demo` runs on: middlewares of three parties on one host.
+//! Middlewares of `wrapyfi demo`: three parties on one host.
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::Arc;
@@ -84,19 +84,19 @@ impl DemoMiddlewares {
         Ok(Self { sources, bridge, viewer, broker, name_server, domain_id })
     }
 
-    /// What the sources publish on.
+    /// Middlewares that the sources publish on.
     #[must_use]
     pub fn sources(&self) -> &Registry {
         &self.sources
     }
 
-    /// What the routes use.
+    /// Middlewares that the routes use.
     #[must_use]
     pub fn bridge(&self) -> &Registry {
         &self.bridge
     }
 
-    /// What the viewer listens on.
+    /// Middleware that the viewer listens on.
     #[must_use]
     pub fn viewer(&self) -> &dyn Middleware {
         &self.viewer

@@ -19,7 +19,7 @@ use crate::exit::Failure;
 
 /// Pause between two looks.
 const LOOK: Duration = Duration::from_millis(20);
-/// How long publishers have to show the types, all together.
+/// Time that publishers have to show the types, all together.
 const LEARNING: Duration = Duration::from_secs(5);
 
 /// Adds to `types` what publishers show of the types that routes from ROS 1 name and `types` lacks.
@@ -81,7 +81,7 @@ pub(super) fn from_publishers(
     Ok(())
 }
 
-/// Why the type of a topic was not learned.
+/// Error of learning the type of a topic.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum LearnTopicError {
     /// The middleware cannot be asked now; names what it waits for.
@@ -98,12 +98,12 @@ pub(crate) enum LearnTopicError {
     Discover(#[from] DiscoverError),
 }
 
-/// What `accept` makes of the type of a topic, as its publishers tell it, else who listens there. Looks
-/// until they tell, or until `is_over`, which is told after each look what is waited for; blocks the
-/// caller.
+/// Learns the type of a topic from its publishers, else from its listeners, and gives it to
+/// `accept`. Looks again until they tell it, or until `is_over`, which is given the present reason
+/// to wait after each look; blocks the caller.
 ///
 /// # Errors
-/// What it waited for last; at once where the middleware tells no types.
+/// The last reason to wait; at once where the middleware tells no types.
 pub(crate) fn of_topic<T>(
     middleware: &dyn Middleware,
     topic: &str,
@@ -141,7 +141,7 @@ pub(crate) fn of_topic<T>(
     }
 }
 
-/// Whether no later look brings a type: a publisher is there, and nobody will tell.
+/// True when no later look brings a type: a publisher is there, and nobody will tell.
 fn is_never_told(errors: &[(Role, LearnError)]) -> bool {
     errors.iter().any(|(role, _)| *role == Role::Publisher)
         && errors.iter().all(|(_, error)| matches!(error, LearnError::Untold { .. }))

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 use wrapyfi_core::Limits;
-use wrapyfi_core::engine::{Carried, Config, ConfigError, Plan, Problem, Spanned};
+use wrapyfi_core::engine::{Config, ConfigError, Kind, Plan, Problem, Spanned};
 use wrapyfi_core::network::{Hosts, Insecure, Place};
 use wrapyfi_interfaces::store::TypeStore;
 
@@ -62,11 +62,11 @@ impl Word {
 /// A configuration that was read and checked.
 #[derive(Debug)]
 pub struct Loaded {
-    /// How each middleware is reached.
+    /// Settings by which each middleware is reached.
     pub endpoints: Endpoints,
     /// The routes.
     pub plan: Plan,
-    /// Where their types come from.
+    /// Source of the routes' types.
     pub types: TypeStore,
     /// Bytes that may wait in the queues of the process.
     pub waiting_bytes: usize,
@@ -177,9 +177,9 @@ fn check(endpoints: &mut Endpoints, beside: &Path) -> Result<(), Problem> {
 fn check_services(plan: &Plan) -> Result<(), String> {
     let is_zeromq = |middleware: &str| middleware == "zeromq";
     let mut services =
-        plan.patterns.iter().filter(|it| matches!(it.carried, Carried::Services { .. }));
+        plan.routes.iter().filter(|it| matches!(it.kind, Kind::Service(_)) && !it.is_whole());
     let nameless = services.find(|it| {
-        is_zeromq(it.source_middleware()) || (it.is_many() && is_zeromq(&it.to.middleware))
+        is_zeromq(&it.from.middleware) || (it.is_many() && is_zeromq(&it.to.middleware))
     });
     nameless.map_or(Ok(()), |pattern| {
         Err(format!(
@@ -192,8 +192,7 @@ fn check_services(plan: &Plan) -> Result<(), String> {
 
 #[cfg(test)]
 mod tests {
-    use wrapyfi_core::engine::RouteSpec;
-    use wrapyfi_interfaces::ros1::Rules;
+    use wrapyfi_core::engine::Route;
 
     use super::*;
 
@@ -218,12 +217,12 @@ mod tests {
     fn the_example_of_a_robot_with_a_base_on_ros_1_is_valid_without_any_ros() {
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../config/from_ros1.yaml");
         let loaded = load(&file).unwrap();
-        assert!(loaded.plan.routes.len() > 8 && loaded.plan.services.len() == 2, "{loaded:?}");
+        assert!(loaded.plan.routes.len() > 10, "{loaded:?}");
         let map = loaded.plan.routes.iter().find(|route| route.name == "map").unwrap();
-        assert_eq!(map.message_type.ros_type(), "nav_msgs/msg/OccupancyGrid");
+        assert_eq!(map.types().to.ros_type(), "nav_msgs/msg/OccupancyGrid");
     }
 
-    /// What `wrapyfi check` looks at: every example, with nothing of ROS or YARP installed.
+    /// Checks every example as `wrapyfi check` does, with nothing of ROS or YARP installed.
     #[test]
     fn every_example_is_valid() {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../config");
@@ -232,11 +231,13 @@ mod tests {
             let file = entry.unwrap().path();
             let loaded = load(&file).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
             let plan = loaded.plan;
-            assert!(plan.routes.len() + plan.patterns.len() > 0, "{}", file.display());
+            assert!(!plan.routes.is_empty(), "{}", file.display());
             found.push(file.file_name().unwrap().to_str().unwrap().to_owned());
             if file.ends_with("icub.yaml") || file.ends_with("base_on_yarp.yaml") {
-                let of_robot = |route: &&RouteSpec| route.from.middleware == "yarp";
-                let eager = plan.routes.iter().filter(of_robot).find(|route| !route.lazy);
+                let of_robot = |route: &&Route| route.from.middleware == "yarp";
+                let eager = plan.routes.iter().filter(of_robot).find(|route| {
+                    matches!(route.kind, Kind::Topic(_)) && route.is_whole() && !route.policy.lazy
+                });
                 assert_eq!(eager.map(|route| &route.name), None, "it streams at rest");
             }
         }
@@ -258,7 +259,7 @@ mod tests {
         written(folder.path(), "rules.yaml", rules);
         let file = written(folder.path(), "bridge.yaml", &config("rules.yaml"));
         let loaded = load(&file).unwrap();
-        assert_eq!(loaded.endpoints.ros.rules, Rules::from_yaml(rules).unwrap());
+        assert_eq!(loaded.endpoints.ros.rules, serde_saphyr::from_str(rules).unwrap());
 
         written(folder.path(), "bad.yaml", "[{ros1_package_name: base_msgs, ros2: x}]");
         for name in ["bad.yaml", "none.yaml"] {

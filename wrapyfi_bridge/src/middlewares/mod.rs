@@ -1,4 +1,4 @@
-//! From a configuration to middlewares that run.
+//! Steps from a configuration to middlewares that run.
 //!
 //! ```text
 //!   bridge.yaml ─ load ─▶ Endpoints + Plan ─ Middlewares::for_plan ─▶ Registry
@@ -8,6 +8,7 @@
 //!   load                       a configuration file -> sections and routes
 //!   parameters                 sections changed by the parameters of the node
 //!   zeromq, ros2, ros1, yarp   a section each, and the middleware that it makes
+//!   settings                   what they start with, compared where a plan changes
 //!   demo                       the parties of `wrapyfi demo`
 //! ```
 //!
@@ -19,11 +20,12 @@ mod load;
 mod parameters;
 mod ros1;
 mod ros2;
+mod settings;
 mod yarp;
 mod zeromq;
 
 use std::collections::BTreeSet;
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 
 use anyhow::Context as _;
 use wrapyfi_core::Limits;
@@ -41,6 +43,8 @@ pub use self::load::{Endpoints, Loaded, load, load_and_learn, load_text};
 pub use self::parameters::take_parameters;
 pub use self::ros1::Ros1Section;
 pub use self::ros2::Ros2Section;
+use self::settings::One;
+pub use self::settings::Settings;
 pub use self::yarp::{DialectWord, YarpSection};
 pub use self::zeromq::{BrokerWord, ZeroMqSection};
 use crate::cli::ServicePorts;
@@ -60,18 +64,18 @@ pub fn option_names(middleware: &str) -> &'static [&'static str] {
     available().iter().find(|known| known.name == middleware).map_or(&[], |known| known.options)
 }
 
-/// Which end of a topic a command is.
+/// Role of a command at its topic or service.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
-    /// It looks who is there, and opens nothing.
+    /// Observer: looks which endpoints exist, and opens none.
     Observer,
-    /// It listens: Wrapyfi's listeners never start a broker.
+    /// Listener: Wrapyfi's listeners never start a broker.
     Listener,
-    /// It publishes: Wrapyfi's publishers start the broker when there is none.
+    /// Publisher: Wrapyfi's publishers start the broker when there is none.
     Publisher,
-    /// It calls: Wrapyfi's clients never start a broker.
+    /// Client: Wrapyfi's clients never start a broker.
     Client,
-    /// It serves: Wrapyfi's servers start the broker of requests where there is none.
+    /// Server: Wrapyfi's servers start the broker of requests where there is none.
     Server,
 }
 
@@ -81,6 +85,8 @@ pub struct Middlewares {
     registry: Registry,
     /// The graph of the ROS 2 node, where there is one.
     graph: Option<Arc<dyn Graph>>,
+    /// Settings of those that routes use.
+    settings: Settings,
 }
 
 impl Middlewares {
@@ -90,43 +96,55 @@ impl Middlewares {
     /// Exit code 2 for settings that cannot work, 1 when the ROS 2 node does not start. Another
     /// middleware that does not start is no error: its routes wait, and it is tried again.
     pub fn for_plan(endpoints: &Endpoints, plan: &Plan, node: &Node) -> Result<Self, Failure> {
-        let largest = plan.largest_message();
         let mut middlewares = Self::default();
-        let Endpoints { zeromq, ros, yarp, hosts, .. } = endpoints.clone();
-        if plan.uses("zeromq") {
-            let mut ends = plan.services.iter().flat_map(|route| [&route.offered, &route.service]);
-            let serves = ends.any(|end| end.middleware == "zeromq");
-            let hosts = hosts.clone();
-            middlewares.add_or_wait("zeromq", move || {
-                let zeromq = zeromq.start(None, largest, &hosts)?;
-                if serves {
-                    // A server of Wrapyfi's that was told not to start one relies on it.
-                    zeromq.start_services().context("zeromq")?;
-                }
-                Ok(Arc::new(zeromq))
-            })?;
-        }
-        if plan.uses(yarp::NAME) {
-            let hosts = hosts.clone();
-            let listens = plan.is_reached_on(yarp::NAME);
-            middlewares.add_or_wait(yarp::NAME, move || {
-                Ok(Arc::new(yarp.start(listens, largest, &hosts)?))
-            })?;
-        }
-        if plan.uses(ros1::NAME) {
-            middlewares.add_or_wait(ros1::NAME, move || Ok(Arc::new(ros.start(&hosts)?)))?;
-        }
+        middlewares.turn_to(Settings::of(endpoints, plan, &Settings::default())?)?;
         if plan.uses("ros2") {
-            let ros2 = endpoints.ros2.start(node, largest)?;
+            let ros2 = endpoints.ros2.start(node, plan.largest_message_on("ros2"))?;
             middlewares.graph = Some(Arc::clone(ros2.graph()));
             middlewares.add(Arc::new(ros2));
         }
         Ok(middlewares)
     }
 
-    /// What the node has beside its topics: parameters, descriptions of the types that are named, log,
-    /// clock.
-    /// It ends with the result; nothing where no route is on ROS 2.
+    /// Settings with which the middlewares have started.
+    #[must_use]
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Starts what `settings` have and is not there, and ends what they have not. A middleware with other
+    /// settings than before starts anew once routes have let go of the one before.
+    ///
+    /// # Errors
+    /// Exit code 2 for settings that cannot work; everything is as before then.
+    pub fn turn_to(&mut self, settings: Settings) -> Result<(), Failure> {
+        let mut started = Vec::new();
+        for (&name, one) in &settings.each {
+            let before = self.settings.each.get(name);
+            if before != Some(one) {
+                let before = before.and_then(|_| self.registry.get(name).ok());
+                started.push(start_or_wait(name, one.clone(), before.map(Arc::downgrade))?);
+            }
+        }
+        for name in self.settings.each.keys() {
+            if !settings.each.contains_key(name) {
+                self.registry.remove(name);
+            }
+        }
+        if self.settings.each.get(yarp::NAME) != settings.each.get(yarp::NAME)
+            && self.settings.each.contains_key(yarp::NAME)
+        {
+            // Its port is the one before's.
+            logging::write_to(None);
+        }
+        started.into_iter().for_each(|middleware| self.add(middleware));
+        self.settings = settings;
+        Ok(())
+    }
+
+    /// Offers the node's services and topics beside those of the routes: parameters, descriptions
+    /// of the types that are named, log, clock. They end with the result; nothing where no route is
+    /// on ROS 2.
     ///
     /// # Errors
     /// Exit code 1 when the DDS stack refuses.
@@ -165,22 +183,18 @@ impl Middlewares {
         let mut middlewares = Self::default();
         let mut endpoints = Endpoints::default();
         own.enter(&mut endpoints);
-        let largest = Limits::default().message_bytes;
         match address.middleware.as_str() {
             "zeromq" => {
-                middlewares.add(Arc::new(endpoints.zeromq.start(
-                    Some(role),
-                    largest,
-                    &endpoints.hosts,
-                )?));
+                middlewares.add(Arc::new(endpoints.zeromq.start(role, &endpoints.hosts)?));
             }
             "ros2" => {
                 middlewares.add(Arc::new(Self::ros2_of_command()?));
             }
             yarp::NAME => {
                 let listens = !matches!(role, Role::Observer | Role::Client);
-                let yarp = endpoints.yarp.start(listens, largest, &endpoints.hosts)?;
-                middlewares.add(Arc::new(yarp));
+                let largest = Limits::default().message_bytes;
+                let config = endpoints.yarp.config(largest, &endpoints.hosts)?;
+                middlewares.add(Arc::new(YarpSection::start_with(&config, listens)?));
             }
             ros1::NAME => middlewares.add(Arc::new(endpoints.ros.start(&endpoints.hosts)?)),
             other => {
@@ -214,8 +228,7 @@ impl Middlewares {
         let ServicePorts { rep_port, req_port } = *ports;
         let section = ZeroMqSection { rep_port, req_port, ..ZeroMqSection::default() };
         let mut middlewares = Self::default();
-        let largest = Limits::default().message_bytes;
-        middlewares.add(Arc::new(section.start(Some(role), largest, &Hosts::default())?));
+        middlewares.add(Arc::new(section.start(role, &Hosts::default())?));
         Ok(middlewares)
     }
 
@@ -228,7 +241,7 @@ impl Middlewares {
         Ros2Section::default().start(&node, Limits::default().message_bytes)
     }
 
-    /// Only `ros2`.
+    /// Middlewares of a command on `ros2` alone.
     #[must_use]
     pub fn with_ros2(ros2: Arc<Ros2>) -> Self {
         let mut middlewares = Self::default();
@@ -251,29 +264,34 @@ impl Middlewares {
     fn add(&mut self, middleware: Arc<dyn Middleware>) {
         self.registry.register(middleware);
     }
+}
 
-    /// Starts a middleware; where something that it needs is not there, it is tried again later.
-    fn add_or_wait(
-        &mut self,
-        name: &'static str,
-        mut start: impl FnMut() -> Result<Arc<dyn Middleware>, Failure> + Send + 'static,
-    ) -> Result<(), Failure> {
-        let middleware = match start() {
-            Ok(started) => started,
+/// Starts a middleware; where something that it needs is not there, or the one `before` is still in use, it is
+/// tried again later.
+fn start_or_wait(
+    name: &'static str,
+    settings: One,
+    before: Option<Weak<dyn Middleware>>,
+) -> Result<Arc<dyn Middleware>, Failure> {
+    let in_use = "the one with the settings before is in use".to_owned();
+    let absent = match before {
+        Some(_) => in_use.clone(),
+        None => match settings.start() {
+            Ok(started) => return Ok(started),
             Err(Failure::Usage(fault)) => return Err(Failure::Usage(fault)),
-            Err(absent) => {
-                let again = move || {
-                    start().map_err(|failure| match failure {
-                        Failure::Usage(fault) => StartFault::Hopeless(fault),
-                        absent => StartFault::Absent(absent.to_string()),
-                    })
-                };
-                Arc::new(Late::new(name, absent.to_string(), again).context(name)?)
-            }
-        };
-        self.add(middleware);
-        Ok(())
-    }
+            Err(absent) => absent.to_string(),
+        },
+    };
+    let again = move || {
+        if before.as_ref().is_some_and(|before| before.strong_count() > 0) {
+            return Err(StartFault::Absent(in_use.clone()));
+        }
+        settings.start().map_err(|failure| match failure {
+            Failure::Usage(fault) => StartFault::Hopeless(fault),
+            absent => StartFault::Absent(absent.to_string()),
+        })
+    };
+    Ok(Arc::new(Late::new(name, absent, again).context(name)?))
 }
 
 /// The node's own endpoints; they end with it.

@@ -10,7 +10,7 @@ use wrapyfi_core::node::parameters::{ParameterDescriptor, ParameterStore};
 use super::load::Endpoints;
 use crate::exit::Failure;
 
-/// What the names begin with.
+/// Prefix of the parameters' names.
 const PREFIX: &str = "endpoints.";
 
 /// Names of the parameters that there are.
@@ -31,7 +31,7 @@ const NAMES: [&str; 14] = [
     "endpoints.zeromq.sub_port",
 ];
 
-/// Changes `endpoints` by the parameters that are given.
+/// Changes `endpoints` by the parameters that are given, also where they were declared before.
 ///
 /// # Errors
 /// Exit code 2 for a name that there is not, or a value that it cannot have.
@@ -39,8 +39,8 @@ pub fn take_parameters(
     endpoints: &mut Endpoints,
     store: &mut ParameterStore,
 ) -> Result<(), Failure> {
-    let given = store.unused_overrides().filter(|(name, _)| name.starts_with(PREFIX));
-    let given: Vec<String> = given.map(|(name, _)| name.to_owned()).collect();
+    let given = store.overrides().keys().filter(|name| name.starts_with(PREFIX));
+    let given: Vec<String> = given.cloned().collect();
     // By section: whether the address is among them, and the word.
     let (mut ros, mut yarp, mut zeromq) = ((false, false), (false, false), (false, false));
     for name in given {
@@ -54,7 +54,10 @@ pub fn take_parameters(
             .with_description("Setting of the configuration file, in its place.")
             .read_only()
             .dynamic();
-        let value = store.declare(descriptor, ParameterValue::NotSet).map_err(Failure::usage)?;
+        let value = match store.get(&name) {
+            Ok(declared) => declared.clone(),
+            Err(_) => store.declare(descriptor, ParameterValue::NotSet).map_err(Failure::usage)?,
+        };
         match name.strip_prefix(PREFIX).unwrap_or_default() {
             "ros.hostname" => (endpoints.ros.hostname, ros.0) = (Some(text(&name, value)?), true),
             "ros.insecure" => ros.1 = switch(&name, &value)?,

@@ -30,7 +30,7 @@ pub struct Ros1Section {
     pub remap: BTreeMap<String, String>,
     pub mapping_rules: Vec<Spanned<String>>,
     pub insecure: Word,
-    /// What those files say, once they were read.
+    /// Mapping rules of those files, once they were read.
     #[serde(skip)]
     pub rules: Rules,
 }
@@ -53,8 +53,9 @@ impl Ros1Section {
                 return Err(wrong(&text));
             }
             let text = std::fs::read_to_string(&path).map_err(|error| wrong(&error))?;
-            let rules = Rules::from_yaml(&text).map_err(|error| wrong(&error))?;
-            self.rules = std::mem::take(&mut self.rules).then(rules);
+            let rules: Option<Rules> =
+                serde_saphyr::from_str(&text).map_err(|error| wrong(&error))?;
+            self.rules = std::mem::take(&mut self.rules).then(rules.unwrap_or_default());
         }
         Ok(())
     }
@@ -64,6 +65,14 @@ impl Ros1Section {
     /// # Errors
     /// Exit code 2 for settings that cannot work, 1 when it does not start.
     pub fn start(&self, hosts: &Hosts) -> Result<Ros1, Failure> {
+        Self::start_with(&self.config(hosts)?)
+    }
+
+    /// All settings.
+    ///
+    /// # Errors
+    /// Exit code 2 for variables of the environment that cannot be.
+    pub(super) fn config(&self, hosts: &Hosts) -> Result<Ros1Config, Failure> {
         let mut config = Ros1Config::from_env().map_err(Failure::usage)?;
         let Ros1Section { master_uri, hostname, namespace, node, remap, insecure, rules, .. } =
             self.clone();
@@ -75,7 +84,12 @@ impl Ros1Section {
         config.node = node.or(config.node);
         config.remaps = remap.into_iter().collect();
         config.mapping_rules = rules;
-        Ros1::start(&config).map_err(|error| match error {
+        Ok(config)
+    }
+
+    /// As [`Ros1Section::start`], with all settings.
+    pub(super) fn start_with(config: &Ros1Config) -> Result<Ros1, Failure> {
+        Ros1::start(config).map_err(|error| match error {
             hopeless if hopeless.is_hopeless() => Failure::usage(hopeless),
             StartError::Config(error) => Failure::Absent(error.to_string()),
             other => anyhow::Error::new(other).context("ros").into(),

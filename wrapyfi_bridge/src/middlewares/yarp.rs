@@ -38,9 +38,9 @@ pub struct YarpSection {
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NamedType {
-    /// Their names, as a regular expression.
+    /// Names of the ports, as a regular expression.
     pub names: Spanned<String>,
-    /// What they send.
+    /// Type of the messages that they send.
     #[serde(rename = "type")]
     pub message_type: Spanned<String>,
 }
@@ -61,7 +61,7 @@ impl NamedType {
     }
 }
 
-/// How bottles are encoded.
+/// Dialect in which bottles are encoded.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[allow(missing_docs)]
@@ -94,16 +94,15 @@ impl YarpSection {
         self.ip = Some(Spanned::new(ip, Location::UNKNOWN, Location::UNKNOWN));
     }
 
-    /// Starts the middleware, where ports are opened that others connect to if it `listens`.
+    /// All settings.
     ///
     /// # Errors
-    /// Exit code 2 for settings that cannot work or that name nothing, 1 when it does not start.
-    pub fn start(
+    /// Exit code 2 for variables of the environment and addresses that cannot be.
+    pub(super) fn config(
         &self,
-        listens: bool,
         largest_message: usize,
         hosts: &Hosts,
-    ) -> Result<Yarp, Failure> {
+    ) -> Result<YarpConfig, Failure> {
         let mut config = YarpConfig::from_env().map_err(Failure::usage)?;
         if let Some(written) = &self.name_server {
             config.name_server = Some(written.value.parse().map_err(Failure::usage)?);
@@ -126,7 +125,15 @@ impl YarpSection {
             None => {}
         }
         config.max_message_bytes = config.max_message_bytes.max(largest_message);
-        let yarp = Yarp::start(&config).map_err(|error| match error {
+        Ok(config)
+    }
+
+    /// Starts the middleware, where ports are opened that others connect to if it `listens`.
+    ///
+    /// # Errors
+    /// Exit code 2 for settings that cannot work or that name nothing, 1 when it does not start.
+    pub(super) fn start_with(config: &YarpConfig, listens: bool) -> Result<Yarp, Failure> {
+        let yarp = Yarp::start(config).map_err(|error| match error {
             hopeless if hopeless.is_hopeless() => Failure::usage(hopeless),
             absent @ (StartError::NameServer(_) | StartError::Host { .. }) => {
                 Failure::Absent(absent.to_string())
@@ -137,7 +144,7 @@ impl YarpSection {
             yarp.may_listen().map_err(Failure::usage)?;
         }
         if let Some(port) = yarp.log_port() {
-            logging::write_to(port);
+            logging::write_to(Some(port));
         }
         Ok(yarp)
     }

@@ -1,6 +1,7 @@
 //! `endpoints.zeromq` of a configuration, and the middleware that it makes.
 
 use serde::Deserialize;
+use wrapyfi_core::Limits;
 use wrapyfi_core::engine::{Available, Problem, Spanned};
 use wrapyfi_core::middleware::zeromq::{self, BrokerMode, ZeroMq, ZeroMqConfig};
 use wrapyfi_core::network::Hosts;
@@ -30,7 +31,7 @@ pub struct ZeroMqSection {
     pub insecure: Word,
 }
 
-/// Who runs the broker.
+/// Process that runs the broker.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[allow(missing_docs)]
@@ -48,7 +49,7 @@ impl ZeroMqSection {
         config.check().map_err(|refused| Problem::at(written.referenced, refused.to_string()))
     }
 
-    /// Who runs the broker, where, and who may reach it.
+    /// Writes into `config` who runs the broker, its address, and who may reach it.
     fn say(&self, config: &mut ZeroMqConfig) {
         self.insecure.say(&mut config.insecure, self.ip.is_some());
         if let Some(ip) = &self.ip {
@@ -62,16 +63,24 @@ impl ZeroMqSection {
         config.service_broker = config.broker;
     }
 
-    /// Starts the middleware, for a command in the `role` that is given, else for routes.
+    /// Starts the middleware for a command in this role.
     ///
     /// # Errors
     /// Exit code 2 for settings that cannot work, 1 when it does not start.
-    pub fn start(
+    pub fn start(&self, role: Role, hosts: &Hosts) -> Result<ZeroMq, Failure> {
+        Self::start_with(&self.config(Some(role), Limits::default().message_bytes, hosts)?)
+    }
+
+    /// All settings, for a command in the `role` that is given, else for routes.
+    ///
+    /// # Errors
+    /// Exit code 2 for variables of the environment that cannot be.
+    pub(super) fn config(
         &self,
         role: Option<Role>,
         largest_message: usize,
         hosts: &Hosts,
-    ) -> Result<ZeroMq, Failure> {
+    ) -> Result<ZeroMqConfig, Failure> {
         let config = match role {
             Some(Role::Client) => ZeroMqConfig::from_env_of_client(),
             _ => ZeroMqConfig::from_env(),
@@ -91,13 +100,18 @@ impl ZeroMqSection {
         if self.broker.is_none() && role == Some(Role::Client) {
             config.service_broker = BrokerMode::Foreign;
         }
-        // What a command does not use is not started for it.
+        // A broker that a command does not use is not started for it.
         if self.broker.is_none()
             && matches!(role, Some(Role::Observer | Role::Listener | Role::Client | Role::Server))
         {
             config.broker = BrokerMode::Foreign;
         }
-        ZeroMq::start(&config).map_err(|error| match error {
+        Ok(config)
+    }
+
+    /// As [`ZeroMqSection::start`], with all settings.
+    pub(super) fn start_with(config: &ZeroMqConfig) -> Result<ZeroMq, Failure> {
+        ZeroMq::start(config).map_err(|error| match error {
             hopeless if hopeless.is_hopeless() => Failure::usage(format!("zeromq: {hopeless}")),
             absent => anyhow::Error::new(absent).context("zeromq").into(),
         })

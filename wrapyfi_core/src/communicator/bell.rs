@@ -1,7 +1,7 @@
 //! Waits of several threads and tasks on one doorbell.
 //!
-//! A ring is answered by one thread; whoever has got what it waited for passes the ring on, so that
-//! the others look as well. Tasks are woken by the ring itself, without a thread between.
+//! One thread answers a ring. A waiter that has got its value passes the ring on, so that the
+//! others look as well. The ring itself wakes tasks, without a thread between.
 
 use std::future::poll_fn;
 use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
@@ -10,28 +10,28 @@ use std::time::{Duration, Instant};
 
 use super::error::CallError;
 use super::runtime::Runtime;
-use super::wait::Patience;
+use super::wait::Wait;
 use crate::endpoint::Wake;
 
 /// Longest time between two looks, should a middleware forget to ring.
 const LOOK_EVERY: Duration = Duration::from_millis(500);
 
-/// A doorbell and those who wait for it.
+/// A doorbell, and the number of threads and tasks that wait for it.
 #[derive(Debug, Default)]
 pub(super) struct Bell {
     wake: Wake,
     waiters: AtomicUsize,
 }
 
-/// What a look found.
+/// Result of one look by a waiting thread or task.
 pub(super) enum Look<T> {
-    /// What was waited for.
+    /// Value that the wait was for.
     Found(T),
-    /// Nothing; look again then though nobody rang.
+    /// Nothing yet; the next look is due at this instant though nobody rings.
     Again(Option<Instant>),
 }
 
-/// One of those who wait.
+/// One thread or task that waits. Dropping it passes the ring on to the others.
 struct Waiting<'a>(&'a Bell);
 
 impl<'a> Waiting<'a> {
@@ -58,10 +58,10 @@ impl Bell {
         self.wake.ring();
     }
 
-    /// Looks until something is found.
+    /// Waits on this thread until `look` finds the value, or the wait is over.
     pub(super) fn wait<T>(
         &self,
-        patience: &mut Patience<'_>,
+        wait: &mut Wait<'_>,
         waited_for: impl Fn() -> String,
         mut look: impl FnMut() -> Look<T>,
     ) -> Result<T, CallError> {
@@ -71,15 +71,15 @@ impl Bell {
                 Look::Found(found) => return Ok(found),
                 Look::Again(again) => again,
             };
-            let step = patience.check(&waited_for)?;
+            let step = wait.check(&waited_for)?;
             self.wake.wait(step.min(until(again)));
         }
     }
 
-    /// The same for a task.
+    /// As [`Bell::wait`], for a task.
     pub(super) async fn wait_async<T>(
         &self,
-        patience: &mut Patience<'_>,
+        wait: &mut Wait<'_>,
         runtime: &Runtime,
         waited_for: impl Fn() -> String,
         mut look: impl FnMut() -> Look<T>,
@@ -87,13 +87,13 @@ impl Bell {
         let _waiting = Waiting::new(self);
         let mut timer = None::<(Instant, Waker)>;
         poll_fn(|task| {
-            // Before the look: a ring after it is then not lost.
+            // Asked for before the look, so that a ring after the look is not lost.
             self.wake.notify(task.waker());
             let again = match look() {
                 Look::Found(found) => return Poll::Ready(Ok(found)),
                 Look::Again(again) => again,
             };
-            let step = match patience.check(&waited_for) {
+            let step = match wait.check(&waited_for) {
                 Ok(step) => step.min(until(again)),
                 Err(error) => return Poll::Ready(Err(error)),
             };
@@ -131,9 +131,9 @@ mod tests {
                 let (bell, goods) = (Arc::clone(&bell), Arc::clone(&goods));
                 std::thread::spawn(move || {
                     let stop = Stop::default();
-                    let mut patience = Patience::new("A::b", &stop, Some(Duration::from_secs(60)));
+                    let mut wait = Wait::new("A::b", &stop, Some(Duration::from_secs(60)));
                     bell.wait(
-                        &mut patience,
+                        &mut wait,
                         || "goods".into(),
                         || {
                             let mut goods = goods.lock().unwrap();
@@ -163,11 +163,11 @@ mod tests {
             }
         }
         let (bell, stop, runtime) = (Bell::default(), Stop::default(), Runtime::start());
-        let mut patience = Patience::new("A::b", &stop, None);
+        let mut wait = Wait::new("A::b", &stop, None);
         let found = AtomicBool::new(false);
         let look = || if found.load(SeqCst) { Look::Found(7) } else { Look::Again(None) };
         let mut wait =
-            std::pin::pin!(bell.wait_async(&mut patience, &runtime, || "seven".into(), look));
+            std::pin::pin!(bell.wait_async(&mut wait, &runtime, || "seven".into(), look));
         let flag = Arc::new(Flag(AtomicBool::new(false)));
         let waker = Arc::clone(&flag).into();
         let mut task = std::task::Context::from_waker(&waker);

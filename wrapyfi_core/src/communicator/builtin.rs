@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::source::Source;
 
-/// Every middleware this crate was built with.
+/// Sources of every middleware that this crate was built with.
 pub(super) fn sources() -> Vec<Arc<dyn Source>> {
     vec![
         #[cfg(feature = "zeromq")]
@@ -19,16 +19,27 @@ pub(super) fn sources() -> Vec<Arc<dyn Source>> {
     ]
 }
 
-/// ROS 2 with the remap rules and names of a command line.
+/// Source of ROS 2 with the remap rules and names of a command line.
 #[cfg(feature = "ros2")]
 pub(super) fn ros2_with(args: crate::node::args::RosArgs) -> Arc<dyn Source> {
     Arc::new(ros2::Ros2Source::new(args))
 }
 
-/// Names that Wrapyfi knows. One that is not here is absent, and no mistake.
+/// Names of middlewares that Wrapyfi knows. One that is not built in is absent, and no mistake.
 pub(super) const KNOWN: [&str; 7] = ["zeromq", "yarp", "ros", "ros2", "websocket", "zenoh", "mqtt"];
 
-/// Messages that a subscription of Wrapyfi on ROS holds: as `variable` says, or 5.
+/// Feature of this crate that brings the middleware `name`, where the build lacks it.
+pub(super) fn missing_feature(name: &str) -> Option<&'static str> {
+    match name {
+        "ros" if !cfg!(feature = "ros1") => Some("ros1"),
+        "ros2" if !cfg!(feature = "ros2") => Some("ros2"),
+        "yarp" if !cfg!(feature = "yarp") => Some("yarp"),
+        "zeromq" if !cfg!(feature = "zeromq") => Some("zeromq"),
+        _ => None,
+    }
+}
+
+/// Number of messages that a subscription of Wrapyfi on ROS holds: as `variable` says, or 5.
 #[cfg(any(feature = "ros1", feature = "ros2"))]
 fn queue_size(variable: &str) -> usize {
     const USUAL: usize = 5;
@@ -107,7 +118,8 @@ mod zeromq {
 
 #[cfg(feature = "ros1")]
 mod ros1 {
-    //! ROS 1: one node for all that goes out of a context, one for all that comes in.
+    //! ROS 1: one node for all publishers and servers of a context, one for its listeners and
+    //! clients.
 
     use std::sync::Arc;
     use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
@@ -118,14 +130,14 @@ mod ros1 {
     use crate::middleware::ros1::{NAME, Ros1, Ros1Config};
     use crate::network::Place;
 
-    /// Name of a node that none was given to, as in Wrapyfi.
+    /// Name of a node without one, as in Wrapyfi.
     const NODE: &str = "wrapyfi";
 
-    /// Contexts, numbered in the process.
+    /// Number of contexts made in the process.
     static CONTEXTS: AtomicU32 = AtomicU32::new(0);
 
     pub(super) struct Ros1Source {
-        /// Of this context.
+        /// Number of this context.
         number: u32,
     }
 
@@ -172,7 +184,8 @@ mod ros1 {
 
 #[cfg(feature = "ros2")]
 mod ros2 {
-    //! ROS 2: one node for all that goes out of a context, one for all that comes in.
+    //! ROS 2: one node for all publishers and servers of a context, one for its listeners and
+    //! clients.
 
     use std::sync::Arc;
     use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
@@ -184,11 +197,11 @@ mod ros2 {
     use crate::node::args::RosArgs;
     use crate::node::{NodeName, NodeOptions};
 
-    /// Nodes that no name was given to, numbered in the process.
+    /// Number of nodes without a name made in the process.
     static NAMELESS: AtomicU32 = AtomicU32::new(0);
 
     pub(super) struct Ros2Source {
-        /// Of this context's nameless nodes.
+        /// Number in the names of this context's nameless nodes.
         number: u32,
         args: Arc<RosArgs>,
     }
@@ -236,7 +249,7 @@ mod ros2 {
                 config.max_message_bytes = config.max_message_bytes.max(max_message_bytes);
                 let joined = join(&config, &environment, None, &args.enclave);
                 let joined = joined.map_err(StartError::refused)?;
-                // Rules for one node are those for its own name, on both sides.
+                // Both sides use the rules for the node's own name.
                 let remap = move |topic: &str| {
                     args.resolve_topic(&own, topic).map_err(|error| error.to_string())
                 };
@@ -303,7 +316,7 @@ mod yarp {
         }
 
         fn absent(&self, options: &Options) -> Option<String> {
-            // An option that cannot be read is told by whoever plans.
+            // `plan` reports an option that cannot be read.
             let kwargs = options.map("yarp_kwargs").ok().flatten();
             if kwargs
                 .is_some_and(|kwargs| matches!(kwargs.text("name_server"), Ok(Some(_)) | Err(_)))

@@ -1,4 +1,4 @@
-//! Requests of one value: calls a method elsewhere.
+//! The client of one value, which calls a method of another program.
 //!
 //! ```text
 //!   arguments ─▶ ClientEnd ─▶ server elsewhere
@@ -10,16 +10,16 @@ use std::time::Duration;
 
 use super::bell::{Bell, Look};
 use super::error::CallError;
-use super::inlet::Manners;
+use super::listener::EndOptions;
 use super::rules::Rules;
 use super::session::{Gathered, Session};
 use crate::endpoint::{self, Client, Counters, CountersSnapshot, EndpointAddress, Link, Request};
 use crate::types::{self, TypedError, Value};
 
-/// An argument of a request: its name, and what it holds.
+/// An argument of a request: its name and value.
 pub type NamedArgument = (&'static str, Result<Value, TypedError>);
 
-/// Calls a method elsewhere.
+/// Client of one value.
 pub(super) struct ClientEnd {
     pub(super) endpoint: EndpointAddress,
     pub(super) rules: Rules,
@@ -38,13 +38,13 @@ impl ClientEnd {
         endpoint: EndpointAddress,
         client: Box<dyn Client>,
         counters: Arc<Counters>,
-        manners: Manners,
+        options: EndOptions,
     ) -> Self {
         Self {
             endpoint,
-            rules: manners.rules,
+            rules: options.rules,
             counters,
-            timeout: manners.timeout.unwrap_or(endpoint::ServiceSpec::TIMEOUT),
+            timeout: options.timeout.unwrap_or(endpoint::ServiceSpec::TIMEOUT),
             bell: Bell::new(client.wake().clone()),
             client: Mutex::new(client),
         }
@@ -67,7 +67,7 @@ impl ClientEnd {
     }
 }
 
-/// A call under way: forgotten by its client when nobody waits for it any more.
+/// A call under way. Dropping it makes the client forget the call.
 struct Call<'a> {
     end: &'a ClientEnd,
     ticket: endpoint::Ticket,
@@ -96,7 +96,7 @@ impl Drop for Call<'_> {
 }
 
 impl Session {
-    /// Calls the method elsewhere, once for each value, as Wrapyfi's clients do.
+    /// Calls the method of the other program, once for each value, as Wrapyfi's clients do.
     ///
     /// # Errors
     /// When an argument has no form, or a reply does not come.
@@ -105,14 +105,14 @@ impl Session {
         let mut gathered = self.nothing();
         for (index, client) in self.clients() {
             let mut call = self.begin(client, &request)?;
-            let mut patience = self.patience(None);
-            let result = client.bell.wait(&mut patience, || client.waited_for(), || call.look())?;
+            let mut wait = self.begin_wait(None);
+            let result = client.bell.wait(&mut wait, || client.waited_for(), || call.look())?;
             gathered.set(index, Some(self.replied(result)?));
         }
         Ok(gathered)
     }
 
-    /// The same for a task.
+    /// As [`Session::ask`], for a task.
     ///
     /// # Errors
     /// As [`Session::ask`].
@@ -121,17 +121,14 @@ impl Session {
         let mut gathered = self.nothing();
         for (index, client) in self.clients() {
             let mut call = self.begin(client, &request)?;
-            let mut patience = self.patience(None);
+            let mut wait = self.begin_wait(None);
             let waited_for = || client.waited_for();
             let result = match self.live.upgrade() {
                 Some(live) => {
                     let runtime = live.runtime();
-                    client
-                        .bell
-                        .wait_async(&mut patience, runtime, waited_for, || call.look())
-                        .await?
+                    client.bell.wait_async(&mut wait, runtime, waited_for, || call.look()).await?
                 }
-                None => client.bell.wait(&mut patience, waited_for, || call.look())?,
+                None => client.bell.wait(&mut wait, waited_for, || call.look())?,
             };
             gathered.set(index, Some(self.replied(result)?));
         }

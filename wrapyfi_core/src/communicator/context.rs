@@ -1,4 +1,4 @@
-//! What communicators share: middlewares, defaults, configuration.
+//! The context that communicators share: middlewares, defaults, configuration.
 //!
 //! ```text
 //!   Context ─ sources by name, default middleware, plug-ins, configuration, instances counted
@@ -7,7 +7,6 @@
 //! ```
 
 use std::collections::BTreeMap;
-use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, Weak};
 
 use super::builtin;
@@ -15,15 +14,16 @@ use super::config::Configuration;
 use super::runtime::Runtime;
 use super::source::{Running, Source, StartError, Wanted};
 use crate::endpoint::Middleware;
+#[cfg(feature = "engine")]
 use crate::engine::ConfigError;
 use crate::plugin::Plugins;
 use crate::types::{MessageTypeError, RosType};
 use wrapyfi_interfaces::store::TypeStore;
 
-/// What communicators share. Cheap to clone.
+/// Middlewares, defaults and configuration that communicators share. Cheap to clone.
 ///
-/// Most programs use the one of the process, [`Context::global`], without naming it. Middlewares are
-/// started when the first value needs one and end with the last communicator.
+/// Most programs use the context of the process, [`Context::global`], without naming it. A
+/// middleware starts when the first value needs it; all end with the last communicator.
 ///
 /// ```
 /// use std::sync::Arc;
@@ -40,21 +40,22 @@ pub struct Context(Arc<Shared>);
 
 struct Shared {
     sources: BTreeMap<String, Arc<dyn Source>>,
-    /// Names that are no mistake although nothing has them.
+    /// Names of middlewares that exist, but are not built in; a method that names one is not
+    /// refused.
     known: Vec<String>,
     default_middleware: String,
     plugins: Plugins,
-    /// Where definitions of ROS types are found.
+    /// Definitions of ROS types.
     types: Mutex<TypeStore>,
     configuration: Mutex<Configuration>,
-    /// Instances made so far, by class.
+    /// Number of instances made so far, by class.
     instances: Mutex<BTreeMap<&'static str, usize>>,
     live: Mutex<Weak<Live>>,
 }
 
-/// What runs as long as there are instances.
+/// Thread and middlewares that run as long as there are instances.
 pub(super) struct Live {
-    // Ended first: its jobs use the others.
+    // Dropped first, because its jobs use the middlewares.
     runtime: Runtime,
     started: Mutex<BTreeMap<(String, String), Arc<dyn Middleware>>>,
 }
@@ -65,13 +66,13 @@ impl std::fmt::Debug for Live {
     }
 }
 
-/// What a name means.
+/// Result of looking a middleware up by its name.
 pub(super) enum Found {
-    /// It is here.
+    /// The middleware is built in.
     Source(Arc<dyn Source>),
-    /// It exists, but not here.
+    /// The middleware exists, but is not built in.
     Absent,
-    /// Nobody knows it.
+    /// No middleware has this name.
     Unknown,
 }
 
@@ -87,7 +88,7 @@ impl Context {
         GLOBAL.get_or_init(|| Self::builder().build()).clone()
     }
 
-    /// Makes a context of one's own.
+    /// Begins a context of its own.
     #[must_use]
     pub fn builder() -> ContextBuilder {
         ContextBuilder {
@@ -105,14 +106,15 @@ impl Context {
     /// method the later one counts.
     ///
     /// # Errors
-    /// When a file cannot be read, or says what cannot be; nothing of it is used then.
-    pub fn load_config(&self, path: impl AsRef<Path>) -> Result<(), ConfigError> {
+    /// When a file cannot be read, or an entry is wrong; no entry is used then.
+    #[cfg(feature = "engine")]
+    pub fn load_config(&self, path: impl AsRef<std::path::Path>) -> Result<(), ConfigError> {
         let configuration = Configuration::load(path.as_ref())?;
         self.configure(configuration);
         Ok(())
     }
 
-    /// Takes modes for instances made from now on, over those it has.
+    /// Adds modes for instances made from now on, which replace those of the same method.
     pub fn configure(&self, configuration: Configuration) {
         lock(&self.0.configuration).extend(configuration);
     }
@@ -133,7 +135,7 @@ impl Context {
         &self.0.plugins
     }
 
-    /// A ROS type by its name.
+    /// Looks up a ROS type by its name.
     pub(super) fn ros_type(&self, name: &str) -> Result<RosType, MessageTypeError> {
         let resolved = lock(&self.0.types).resolve_name(name).map_err(Box::new)?;
         Ok(RosType::new(&resolved)?)
@@ -151,7 +153,7 @@ impl Context {
         lock(&self.0.configuration).clone()
     }
 
-    /// Number of a new instance of `class`, from 0.
+    /// Counts a new instance of `class` and returns its number, from 0.
     pub(super) fn number(&self, class: &'static str) -> usize {
         let mut instances = lock(&self.0.instances);
         let count = instances.entry(class).or_default();
@@ -174,7 +176,7 @@ impl Live {
         &self.runtime
     }
 
-    /// The instance of a middleware that these options ask for, started now if it is the first time.
+    /// Instance of a middleware that these options ask for; started now if it does not run yet.
     pub(super) fn middleware(
         &self,
         source: &dyn Source,
@@ -185,7 +187,8 @@ impl Live {
         if let Some(running) = lock(&self.started).get(&key) {
             return Ok(Arc::clone(running));
         }
-        // Out of the lock: it may take seconds. Only the library's thread starts any.
+        // Started without the lock, because it may take seconds. Only the library's thread starts
+        // middlewares, so that none is started twice.
         let started = (planned.start)()?;
         lock(&self.started).insert(key, Arc::clone(&started));
         Ok(started)
@@ -207,7 +210,7 @@ impl std::fmt::Debug for Context {
     }
 }
 
-/// Makes a [`Context`].
+/// Builder of a [`Context`].
 pub struct ContextBuilder {
     sources: Vec<Arc<dyn Source>>,
     known: Vec<String>,
@@ -231,9 +234,9 @@ impl ContextBuilder {
         self
     }
 
-    /// Names the nodes on ROS 2 and remaps their topics and services as a command line with
-    /// `--ros-args` says: `__node`, `__ns`, rules for names. What is read of the nodes beside that,
-    /// parameters and levels of the log, [`RosArgs`](crate::node::args::RosArgs) tells the program.
+    /// Names the nodes on ROS 2 and remaps their topics and services by a command line with
+    /// `--ros-args`: `__node`, `__ns`, rules for names. Its parameters and log levels are for the
+    /// program, which reads them from [`RosArgs`](crate::node::args::RosArgs).
     ///
     /// ```
     /// use wrapyfi_core::communicator::Context;
@@ -248,7 +251,7 @@ impl ContextBuilder {
         self.source(builtin::ros2_with(args))
     }
 
-    /// This middleware and those added after it; none of this crate's own.
+    /// Adds this middleware in place of those built in; others may be added after it.
     #[must_use]
     pub fn only(mut self, middleware: Arc<dyn Middleware>) -> Self {
         self.sources.clear();
@@ -263,37 +266,37 @@ impl ContextBuilder {
         self
     }
 
-    /// The middleware of values that name none; else `WRAPYFI_DEFAULT_MWARE`,
-    /// `WRAPYFI_DEFAULT_COMMUNICATOR`, or `zeromq`.
+    /// Sets the middleware of values that name none; without this call it is that of
+    /// `WRAPYFI_DEFAULT_MWARE` or `WRAPYFI_DEFAULT_COMMUNICATOR`, else `zeromq`.
     #[must_use]
     pub fn default_middleware(mut self, name: impl Into<String>) -> Self {
         self.default_middleware = Some(name.into());
         self
     }
 
-    /// What reads and writes plug-in objects inside native objects.
+    /// Sets the plug-ins that read and write objects inside native objects.
     #[must_use]
     pub fn plugins(mut self, plugins: Plugins) -> Self {
         self.plugins = plugins;
         self
     }
 
-    /// Where definitions of ROS types are found; else installed packages (`AMENT_PREFIX_PATH`), then
-    /// what this crate is built with.
+    /// Sets the definitions of ROS types; without this call those of installed packages
+    /// (`AMENT_PREFIX_PATH`) are used, then those that are built in.
     #[must_use]
     pub fn types(mut self, types: TypeStore) -> Self {
         self.types = Some(types);
         self
     }
 
-    /// Modes by class and method.
+    /// Sets the modes by class and method.
     #[must_use]
     pub fn configuration(mut self, configuration: Configuration) -> Self {
         self.configuration = configuration;
         self
     }
 
-    /// The context.
+    /// Makes the context.
     #[must_use]
     pub fn build(self) -> Context {
         let from_environment = || {

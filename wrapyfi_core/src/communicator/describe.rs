@@ -1,32 +1,32 @@
-//! What `#[communicator]` tells about a type: its registered methods as constants.
+//! Descriptions of a type's registered methods, which `#[communicator]` writes as constants.
 
 use super::error::ActivateError;
-use crate::engine::did_you_mean;
 use crate::types::DataType;
+use wrapyfi_data::did_you_mean;
 
 /// A type with registered methods.
 #[derive(Debug)]
 pub struct Class {
-    /// Its bare name, as configurations write it.
+    /// Bare name of the type, as configurations write it.
     pub name: &'static str,
-    /// In the order of their definition.
+    /// Registered methods, in the order of their definition.
     pub methods: &'static [MethodSpec],
 }
 
 /// A registered method.
 #[derive(Debug)]
 pub struct MethodSpec {
-    /// Its name.
+    /// Name of the method.
     pub name: &'static str,
-    /// Names of its arguments, without `self` and the received one.
+    /// Names of the arguments, without `self` and the received one.
     pub arguments: &'static [&'static str],
-    /// One for each returned value, lists flattened.
+    /// Registrations, one for each returned value, lists flattened.
     pub registers: &'static [Register],
-    /// It has an argument `#[received]`.
+    /// True for a method with an argument `#[received]`.
     pub receives: bool,
 }
 
-/// What one `#[register]` says.
+/// Arguments of one `#[register]`.
 #[derive(Debug)]
 pub struct Register {
     /// Kind of the value.
@@ -48,7 +48,7 @@ pub enum Literal {
     Switch(bool),
     /// A whole number.
     Integer(i64),
-    /// Any other number.
+    /// A number that is no integer.
     Float(f64),
     /// Text, or `$argument`.
     Text(&'static str),
@@ -58,21 +58,21 @@ pub enum Literal {
 
 /// The enum of a type's registered methods; implemented by `#[communicator]`.
 pub trait Method: Copy + Send + Sync + 'static {
-    /// The type.
+    /// Description of the type.
     const CLASS: &'static Class;
-    /// Every method.
+    /// All methods of the type.
     const ALL: &'static [Self];
 
-    /// Its place in [`Class::methods`].
+    /// Place of the method in [`Class::methods`].
     fn index(self) -> usize;
 
-    /// Its name.
+    /// Name of the method.
     fn name(self) -> &'static str {
         Self::CLASS.methods.get(self.index()).map_or("", |method| method.name)
     }
 }
 
-/// What `activate` takes as a method: a value of the enum, or its name.
+/// Argument of `activate` that names a method: a value of the enum, or its name.
 pub trait NamesMethod<M> {
     /// Place of the method in [`Class::methods`].
     ///

@@ -1,13 +1,13 @@
-//! What can go wrong, each with the method and the remedy.
+//! Errors of registered methods, each with the method and the remedy.
 
 use std::time::Duration;
 
 use super::mode::{Mode, ParseModeError};
 use super::option::OptionError;
-use super::payload::PayloadError;
 use crate::endpoint::{self, OpenError, PublishError};
+use wrapyfi_data::returned::PayloadError;
 
-/// Why a mode could not be chosen.
+/// Error of choosing a mode.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ActivateError {
@@ -16,11 +16,11 @@ pub enum ActivateError {
     UnknownMethod {
         /// Type.
         class: &'static str,
-        /// As given.
+        /// Name that was given.
         name: String,
         /// `did you mean …? `, or nothing.
         hint: String,
-        /// Those that exist.
+        /// Names of the methods that exist.
         known: String,
     },
     /// No mode has this name.
@@ -36,10 +36,10 @@ pub enum ActivateError {
         method: String,
         /// Length of the list.
         length: usize,
-        /// This instance, from 1.
+        /// Number of this instance, from 1.
         number: usize,
     },
-    /// The body has nowhere to put what is received.
+    /// The mode gives received values to the body, which has no argument for them.
     #[error(
         "mode {mode} gives {method} what it receives, which it cannot take: add an argument \
          `#[received] prev: Option<…>` of what it returns"
@@ -47,7 +47,7 @@ pub enum ActivateError {
     NothingReceived {
         /// `Class::method`.
         method: String,
-        /// As chosen.
+        /// Mode that was chosen.
         mode: Mode,
     },
     /// The configuration names a method that the type does not have.
@@ -55,16 +55,16 @@ pub enum ActivateError {
     Configured {
         /// File and line.
         place: String,
-        /// What is wrong there.
+        /// Fault of the entry at that place.
         fault: Box<ActivateError>,
     },
 }
 
-/// Why a call of a registered method has no result.
+/// Error of a call of a registered method.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CallError {
-    /// The configuration asks for what cannot be: see [`ActivateError`].
+    /// The mode in the configuration cannot be chosen: see [`ActivateError`].
     #[error(transparent)]
     Activate(#[from] ActivateError),
     /// A `$` in `#[register]` names no argument.
@@ -75,9 +75,9 @@ pub enum CallError {
     MissingArgument {
         /// `Class::method`.
         method: String,
-        /// As written.
+        /// Text of the `$` argument as written.
         written: String,
-        /// Those that exist.
+        /// Names of the arguments that exist.
         known: String,
     },
     /// An argument behind a `$`, or an argument of a request, has no form as a value.
@@ -85,9 +85,9 @@ pub enum CallError {
     Argument {
         /// `Class::method`.
         method: String,
-        /// Its name.
+        /// Name of the argument.
         argument: String,
-        /// What is wrong with it.
+        /// Fault of the argument.
         reason: String,
     },
     /// An option has a value that means nothing.
@@ -98,16 +98,16 @@ pub enum CallError {
         /// The option, its value and what may be written.
         fault: OptionError,
     },
-    /// Nothing has this name: neither a middleware that is here nor one that Wrapyfi knows.
+    /// No middleware has this name, neither one that is here nor one that Wrapyfi knows.
     #[error("{method}: {name:?} is no middleware; {hint}available: {available}")]
     UnknownMiddleware {
         /// `Class::method`.
         method: String,
-        /// As asked for.
+        /// Name that was asked for.
         name: String,
         /// `did you mean …? `, or nothing.
         hint: String,
-        /// Those that are here.
+        /// Names of the middlewares that are here.
         available: String,
     },
     /// The middleware is here, but does not start.
@@ -115,9 +115,9 @@ pub enum CallError {
     Start {
         /// `Class::method`.
         method: String,
-        /// Its name.
+        /// Name of the middleware.
         middleware: String,
-        /// What it said, and the remedy.
+        /// Error of the middleware in its words, and the remedy.
         reason: String,
     },
     /// `transceive` and `reemit` on one topic would hear themselves.
@@ -129,11 +129,11 @@ pub enum CallError {
     SameTopic {
         /// `Class::method`.
         method: String,
-        /// As activated.
+        /// Mode that is active.
         mode: Mode,
-        /// Of both ways.
+        /// Middleware of both directions.
         middleware: String,
-        /// Of both ways.
+        /// Topic of both directions.
         topic: String,
     },
     /// The middleware refuses the topic.
@@ -141,17 +141,17 @@ pub enum CallError {
     Open {
         /// `Class::method`.
         method: String,
-        /// Why, and the remedy.
+        /// Cause and remedy.
         source: Box<OpenError>,
     },
-    /// The body returned what cannot be sent.
+    /// The body returned a value that cannot be sent.
     #[error("{method}: what it returned cannot be sent to {endpoint}: {source}")]
     Send {
         /// `Class::method`.
         method: String,
         /// `middleware:/topic`.
         endpoint: String,
-        /// What has no form, and where.
+        /// Part that cannot be encoded, and its place.
         source: Box<PayloadError>,
     },
     /// The middleware cannot put the value on its wire.
@@ -161,20 +161,20 @@ pub enum CallError {
         method: String,
         /// `middleware:/topic`.
         endpoint: String,
-        /// What has no form, and where.
+        /// Part that cannot be encoded, and its place.
         source: Box<PublishError>,
     },
-    /// What arrived is not what the method returns.
+    /// The message that arrived does not fit the type that the method returns.
     #[error("{method}: what came from {endpoint} is not what it returns: {source}")]
     WrongType {
         /// `Class::method`.
         method: String,
         /// `middleware:/topic`.
         endpoint: String,
-        /// What it is instead, and where.
+        /// Type that was found, and its place in the message.
         source: Box<PayloadError>,
     },
-    /// Nothing came, or nobody was there, for as long as `timeout_ms` allows.
+    /// No message or no peer came within `timeout_ms`.
     #[error(
         "{method}: waited {} ms for {waited_for}: start the other side, raise timeout_ms, or write \
          should_wait = false", waited.as_millis()
@@ -182,9 +182,9 @@ pub enum CallError {
     TimedOut {
         /// `Class::method`.
         method: String,
-        /// How long.
+        /// Time waited.
         waited: Duration,
-        /// For what.
+        /// Thing that the call waited for, in words.
         waited_for: String,
     },
     /// [`Control::cancel`](super::Control::cancel) ended the wait.
@@ -192,7 +192,7 @@ pub enum CallError {
     Cancelled {
         /// `Class::method`.
         method: String,
-        /// For what.
+        /// Thing that the call waited for, in words.
         waited_for: String,
     },
     /// The method was closed, or given another mode, while it waited.
@@ -200,7 +200,7 @@ pub enum CallError {
     Ended {
         /// `Class::method`.
         method: String,
-        /// For what.
+        /// Thing that the call waited for, in words.
         waited_for: String,
     },
     /// A request has no reply: nobody serves, the server refuses, or its reply is of another type.
@@ -208,7 +208,7 @@ pub enum CallError {
     Unanswered {
         /// `Class::method`.
         method: String,
-        /// Why, and what would help.
+        /// Cause and remedy.
         source: Box<endpoint::CallError>,
     },
     /// The middleware cannot put a reply on its wire.
@@ -218,7 +218,7 @@ pub enum CallError {
         method: String,
         /// `middleware:/topic`.
         endpoint: String,
-        /// What has no form, and where.
+        /// Part that cannot be encoded, and its place.
         source: Box<endpoint::ServeError>,
     },
 }

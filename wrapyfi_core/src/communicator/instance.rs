@@ -9,16 +9,16 @@ use std::fmt;
 use std::marker::PhantomData;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use super::answer::{Answer, answer};
 use super::context::{Context, Live};
 use super::describe::{Class, Method, NamesMethod};
 use super::error::{ActivateError, CallError};
 use super::mode::{Mode, Modes, NamesMode};
+use super::oneshot::{self, Receiver};
 use super::opening::Opening;
 use super::resolve::{Given, Resolved, resolve};
 use super::session::{Session, ValueStatus};
 
-/// The registered methods of one instance; a field of what `#[communicator]` writes.
+/// Modes and endpoints of one instance's registered methods; a field that `#[communicator]` adds.
 pub struct Instance<M> {
     shared: Arc<Shared>,
     methods: PhantomData<M>,
@@ -26,9 +26,9 @@ pub struct Instance<M> {
 
 struct Shared {
     class: &'static Class,
-    // Before `live`: endpoints go before what they stand on.
+    // Declared before `live`, so that endpoints are dropped before their middlewares.
     slots: Vec<Mutex<Slot>>,
-    /// Its place among the instances of its class, from 0.
+    /// Number of the instance among those of its class, from 0.
     number: usize,
     context: Context,
     live: Arc<Live>,
@@ -37,9 +37,9 @@ struct Shared {
 #[derive(Default)]
 struct Slot {
     mode: Mode,
-    /// What the configuration asks for in vain.
+    /// Fault of the configuration, which every call returns.
     fault: Option<ActivateError>,
-    /// `$` replaced, from the first call until `close`.
+    /// Registrations with `$` replaced, from the first call until `close`.
     resolved: Option<Arc<Vec<Resolved>>>,
     session: Option<Arc<Session>>,
 }
@@ -88,7 +88,7 @@ impl<M: Method> Instance<M> {
         self.shared.close(method.index());
     }
 
-    /// What each value of a method is connected to.
+    /// Status of the endpoints of each value of a method.
     #[must_use]
     pub fn status(&self, method: M) -> Vec<ValueStatus> {
         self.shared.status(method.index())
@@ -188,7 +188,7 @@ impl<M: Method> Control<M> {
         self.shared.close_all();
     }
 
-    /// What each value of a method is connected to.
+    /// Status of the endpoints of each value of a method.
     #[must_use]
     pub fn status(&self, method: M) -> Vec<ValueStatus> {
         self.shared.status(method.index())
@@ -200,8 +200,8 @@ impl Shared {
         self.slots.get(index).map(|slot| slot.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Takes the modes of the configuration. What cannot be is told by the calls it concerns: an
-    /// unknown method by all.
+    /// Takes the modes of the configuration. Calls of a method return the fault of its entry; calls
+    /// of all methods return that of an unknown method.
     fn configure(&self) {
         for entry in self.context.configuration().of(self.class.name) {
             let found = self.class.find(&entry.method);
@@ -283,7 +283,7 @@ impl Shared {
             if slot.mode != mode {
                 return Err(ended());
             }
-            // Another thread's first call came before.
+            // The first call of another thread has opened the endpoints meanwhile.
             if let Some(session) = &slot.session {
                 return Ok(Arc::clone(session));
             }
@@ -304,7 +304,7 @@ impl Shared {
             live: &self.live,
         };
         let session = opening.open(&resolved).inspect_err(|_error| {
-            // What was wrong with these arguments may be right with the next call's.
+            // The next call may have other arguments, with which the endpoints can be opened.
             if let Some(mut slot) = self.slot(index) {
                 slot.resolved = None;
             }
@@ -326,7 +326,7 @@ fn end(session: Option<Arc<Session>>) {
     }
 }
 
-/// A call that has begun: the mode it runs in.
+/// A call that has begun, with its mode and endpoints.
 pub struct Call {
     shared: Arc<Shared>,
     index: usize,
@@ -341,24 +341,25 @@ impl fmt::Debug for Call {
 }
 
 impl Call {
-    /// The mode it runs in, whatever is activated meanwhile.
+    /// Mode of the call, which an `activate` meanwhile does not change.
     #[must_use]
     pub fn mode(&self) -> Mode {
         self.mode
     }
 
-    /// The endpoints; opened now if this is the first call, with the arguments that `$` names.
+    /// Endpoints of the method; opened now if this is the first call, with the arguments that `$`
+    /// names.
     ///
     /// # Errors
     /// When an argument or an option cannot be used, or an endpoint cannot be opened.
     pub fn open(&self, given: impl FnOnce() -> Vec<Given>) -> Result<Arc<Session>, CallError> {
         match &self.session {
             Some(session) => Ok(Arc::clone(session)),
-            None => self.submit(given()).wait().unwrap_or_else(|| Err(self.gone())),
+            None => self.submit(given()).recv().unwrap_or_else(|| Err(self.gone())),
         }
     }
 
-    /// The same for a task.
+    /// As [`Call::open`], for a task.
     ///
     /// # Errors
     /// As [`Call::open`].
@@ -369,14 +370,14 @@ impl Call {
         if let Some(session) = &self.session {
             return Ok(Arc::clone(session));
         }
-        let answer = self.submit(given());
-        answer.await.unwrap_or_else(|| Err(self.gone()))
+        let opened = self.submit(given());
+        opened.await.unwrap_or_else(|| Err(self.gone()))
     }
 
-    fn submit(&self, given: Vec<Given>) -> Answer<Result<Arc<Session>, CallError>> {
-        let (asked, opened) = answer();
+    fn submit(&self, given: Vec<Given>) -> Receiver<Result<Arc<Session>, CallError>> {
+        let (sender, opened) = oneshot::channel();
         let (shared, index, mode) = (Arc::clone(&self.shared), self.index, self.mode);
-        self.shared.live.runtime().submit(move || asked.give(shared.open(index, mode, &given)));
+        self.shared.live.runtime().submit(move || sender.send(shared.open(index, mode, &given)));
         opened
     }
 

@@ -8,9 +8,9 @@
 //!                    └────▶ caller                └──────────────────────▶ caller
 //! ```
 //!
-//! [`communicator`] is written on an impl block and [`register`] on methods in it. For `impl Mirror`
-//! it adds `Mirror::communicator`, whose result has the same methods; what they do says the
-//! [`Mode`] that is active. docs/communicator.md is the guide, with every option.
+//! [`communicator`] is written on an impl block and [`register`] on methods in it. For `impl
+//! Mirror` it adds `Mirror::communicator`, whose result has the same methods; the active [`Mode`]
+//! decides their effect. docs/reference/communicator.md is the guide, with every option.
 //!
 //! ```
 //! use std::sync::Arc;
@@ -41,32 +41,46 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
+//! # The way of a call
+//!
+//! ```text
+//!    caller's thread                                    the library's thread
+//!    call ─ mode? ─ first call ─────── job ──────────▶ $ replaced, middleware started, endpoints opened
+//!      │                                                publishers watched: does anybody listen?
+//!      ├─ publish: an atomic says nobody listens ─▶ done          │
+//!      │           else the endpoint, directly                    └─▶ the atomic
+//!      └─ listen:  the endpoint's queue, directly; woken by the I/O thread that fills it
+//! ```
+//!
+//! A message passes through no thread beside those of the endpoint. Only async sends go through the
+//! library's thread, because a reliable ROS 2 writer may make its sender wait, and no executor should.
+//!
 //! | module | one idea |
 //! | --- | --- |
-//! | `mode`, `describe` | roles; what the macro tells about a type |
-//! | `resolve`, `option`, `rules` | `$`, options, what they demand of images and sound |
-//! | `payload` | what a method may return |
+//! | `mode`, `describe` | roles; the macro's description of a type |
+//! | `resolve`, `option`, `rules` | `$`, options, their checks of images and sound |
 //! | `instance`, `opening`, `session` | modes of one instance; its endpoints |
-//! | `inlet`, `outlet` | one value's way in, its way out |
-//! | `client`, `server` | its requests, its replies |
-//! | `bell`, `wait`, `answer`, `runtime` | waiting in threads and tasks; the library's thread |
-//! | `context`, `source`, `builtin`, `config` | what instances share |
+//! | `listener`, `publisher` | the listener of one value, its publisher |
+//! | `client`, `server` | the client of one value, its server |
+//! | `bell`, `wait`, `oneshot`, `runtime` | waiting in threads and tasks; the library's thread |
+//! | `context`, `source`, `builtin`, `config` | middlewares and configuration of instances |
 
-mod answer;
 mod bell;
 mod builtin;
 mod client;
 mod config;
+#[cfg(feature = "engine")]
+mod config_file;
 mod context;
 mod describe;
 mod error;
-mod inlet;
 mod instance;
+mod listener;
 mod mode;
+mod oneshot;
 mod opening;
 mod option;
-mod outlet;
-mod payload;
+mod publisher;
 mod resolve;
 mod rules;
 mod runtime;
@@ -84,11 +98,11 @@ pub use error::{ActivateError, CallError};
 pub use instance::{Call, Control, Instance};
 pub use mode::{Mode, Modes, NamesMode, NamesOneMode, ParseModeError};
 pub use option::{OptionError, OptionValue, Options};
-pub use payload::{Payload, PayloadError, kind};
 pub use resolve::{Given, Side, argument};
 pub use server::Heard;
 pub use session::{EndStatus, Gathered, Session, ValueStatus};
 pub use source::{Planned, Source, StartError, Wanted};
+pub use wrapyfi_data::returned::{Payload, PayloadError, kind};
 pub use wrapyfi_macros::{communicator, register};
 
 pub use crate::types::DataType;

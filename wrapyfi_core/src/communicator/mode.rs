@@ -3,9 +3,9 @@
 use std::fmt;
 use std::str::FromStr;
 
-use crate::engine::did_you_mean;
+use wrapyfi_data::did_you_mean;
 
-/// What a call of a registered method does: Wrapyfi's modes.
+/// Effect of a call of a registered method: Wrapyfi's modes.
 ///
 /// | mode | body runs | sends | returns |
 /// | --- | --- | --- | --- |
@@ -23,19 +23,19 @@ pub enum Mode {
     /// The method as if it were not registered; `null` in a configuration.
     #[default]
     None,
-    /// Runs the body and sends what it returns.
+    /// Runs the body and sends its values.
     Publish,
-    /// Returns what another program published; the body does not run.
+    /// Returns values that another program published; the body does not run.
     Listen,
-    /// Runs the body with what another program published.
+    /// Runs the body with values that another program published.
     Receive,
-    /// Runs the body, sends what it returns, and returns what comes back.
+    /// Runs the body, sends its values, and returns the values that come back.
     Transceive,
-    /// Runs the body with what came in, and sends what it returns.
+    /// Runs the body with received values, and sends its own.
     Reemit,
     /// Sends the arguments and returns the reply; the body does not run.
     Request,
-    /// Runs the body with a client's arguments and sends what it returns to that client.
+    /// Runs the body with a client's arguments and sends its values to that client.
     Reply,
     /// Does nothing and returns nothing.
     Disable,
@@ -71,31 +71,31 @@ impl Mode {
         }
     }
 
-    /// True where values are published.
+    /// True when the mode publishes values.
     #[must_use]
     pub fn sends(self) -> bool {
         matches!(self, Self::Publish | Self::Transceive | Self::Reemit)
     }
 
-    /// True where values are listened to.
+    /// True when the mode listens for values.
     #[must_use]
     pub fn listens(self) -> bool {
         self.listens_first() || self == Self::Transceive
     }
 
-    /// True where values are listened to before the body runs, or instead of it.
+    /// True when the mode listens before the body runs, or instead of it.
     #[must_use]
     pub fn listens_first(self) -> bool {
         self == Self::Listen || self.feeds_body()
     }
 
-    /// True where the body is given what was received.
+    /// True when the mode gives received values to the body.
     #[must_use]
     pub fn feeds_body(self) -> bool {
         matches!(self, Self::Receive | Self::Reemit)
     }
 
-    /// True where the way in and the way out need topics of their own.
+    /// True when the mode publishes and listens, and needs a topic for each.
     pub(super) fn has_two_ways(self) -> bool {
         matches!(self, Self::Transceive | Self::Reemit)
     }
@@ -107,11 +107,11 @@ impl fmt::Display for Mode {
     }
 }
 
-/// A word that is no mode; the text lists those that are.
+/// Error of reading a mode; the text lists the modes.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{word:?} is no mode; {hint}modes are {}", Mode::ALL.map(Mode::name).join(", "))]
 pub struct ParseModeError {
-    /// As written.
+    /// Word that is no mode.
     pub word: String,
     hint: String,
 }
@@ -130,9 +130,9 @@ impl FromStr for Mode {
 /// A mode for all instances of a type, or one for each in the order in which they were made.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Modes {
-    /// The same for all.
+    /// The same mode for all instances.
     All(Mode),
-    /// By instance, the first made first.
+    /// A mode for each instance, the first made first.
     ByInstance(Vec<Mode>),
 }
 
@@ -142,9 +142,10 @@ impl From<Mode> for Modes {
     }
 }
 
-/// What `activate` takes as a mode: a [`Mode`] or its name, or a list of either by instance.
+/// Argument of `activate` that names modes: a [`Mode`] or its name, or a list of either by
+/// instance.
 pub trait NamesMode {
-    /// The modes meant.
+    /// Reads the modes.
     ///
     /// # Errors
     /// When a name is no mode.
@@ -177,7 +178,7 @@ impl NamesMode for &String {
 
 /// One entry of a list by instance.
 pub trait NamesOneMode {
-    /// The mode meant.
+    /// Reads the mode.
     ///
     /// # Errors
     /// When the name is no mode.

@@ -8,14 +8,14 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use super::builtin::missing_feature;
 use super::client::ClientEnd;
 use super::context::{Context, Found, Live};
 use super::error::CallError;
-use super::inlet::{Inlet, Manners};
+use super::listener::{EndOptions, ListenerEnd};
 use super::mode::Mode;
 use super::option::{OptionError, Options};
-use super::outlet::Outlet;
-use super::payload::generated;
+use super::publisher::PublisherEnd;
 use super::resolve::{Resolved, Side};
 use super::rules::Rules;
 use super::server::ServerEnd;
@@ -30,12 +30,13 @@ use crate::endpoint::{
     self, EndpointAddress, History, Middleware, OpenError, Overflow, Qos, QueueSpec, ServiceSpec,
     TopicSpec,
 };
-use crate::engine::did_you_mean;
 use crate::types::{DataType, MessageType, ServiceKind};
+use wrapyfi_data::did_you_mean;
+use wrapyfi_data::returned::generated;
 
-/// Native objects that wait at a listener: as many as ZeroMQ holds for Wrapyfi's.
+/// Number of native objects that wait at a listener, as many as ZeroMQ holds for Wrapyfi.
 const OBJECTS: usize = 1000;
-/// Images or chunks of sound that wait at a listener.
+/// Number of images or chunks of sound that wait at a listener.
 const MEDIA: usize = 10;
 
 pub(super) struct Opening<'a> {
@@ -45,7 +46,7 @@ pub(super) struct Opening<'a> {
     pub(super) live: &'a Arc<Live>,
 }
 
-/// Everything one end is opened with.
+/// Middleware, address and settings with which one endpoint is opened.
 struct End {
     endpoint: EndpointAddress,
     options: Options,
@@ -82,7 +83,13 @@ impl Opening<'_> {
         let source = match self.context.find(name) {
             Found::Source(source) => source,
             Found::Absent => {
-                return absent(format!("available: {}", self.context.middlewares().join(", ")));
+                let available = self.context.middlewares().join(", ");
+                return absent(match missing_feature(name) {
+                    Some(feature) => format!(
+                        "build wrapyfi_core with its feature `{feature}`; available: {available}"
+                    ),
+                    None => format!("available: {available}"),
+                });
             }
             Found::Unknown => {
                 let available = self.context.middlewares();
@@ -117,11 +124,11 @@ impl Opening<'_> {
         }
         if mode.listens() {
             let end = self.end(value, source, Side::Listener, false)?;
-            channel.inlet = Some(self.inlet(value, &end)?);
+            channel.listener = Some(self.listener(value, &end)?);
         }
         if mode.sends() {
             let end = self.end(value, source, Side::Publisher, false)?;
-            channel.outlet = Some(self.outlet(value, &end)?);
+            channel.publisher = Some(self.publisher(value, &end)?);
         }
         if mode == Mode::Request {
             let end = self.end(value, source, Side::Listener, true)?;
@@ -158,7 +165,7 @@ impl Opening<'_> {
         Ok(End { endpoint, options, middleware, queue_depth: source.queue_depth(), limits })
     }
 
-    /// Options that cannot be followed here are named once.
+    /// Logs the options that the middleware cannot follow.
     fn mention(&self, options: &Options, middleware: &str) {
         if let Ok(Some(carrier)) = options.text("carrier")
             && carrier != "tcp"
@@ -168,47 +175,46 @@ impl Opening<'_> {
         }
     }
 
-    fn inlet(&self, value: &Resolved, end: &End) -> Result<Inlet, CallError> {
-        let (spec, manners) = (self.topic_spec(value, end)?, self.manners(&end.options)?);
+    fn listener(&self, value: &Resolved, end: &End) -> Result<ListenerEnd, CallError> {
+        let (spec, options) = (self.topic_spec(value, end)?, self.end_options(&end.options)?);
         let context = endpoint::Context::default();
         let listener = end.middleware.open_listener(&spec, &context);
         let listener = listener.map_err(|source| self.refused(source))?;
-        Ok(Inlet::new(end.endpoint.clone(), listener, &context, manners))
+        Ok(ListenerEnd::new(end.endpoint.clone(), listener, &context, options))
     }
 
-    fn outlet(&self, value: &Resolved, end: &End) -> Result<Arc<Outlet>, CallError> {
-        let (spec, manners) = (self.topic_spec(value, end)?, self.manners(&end.options)?);
+    fn publisher(&self, value: &Resolved, end: &End) -> Result<Arc<PublisherEnd>, CallError> {
+        let (spec, options) = (self.topic_spec(value, end)?, self.end_options(&end.options)?);
         let wake = self.live.runtime().bell();
         let context = endpoint::Context { wake, ..endpoint::Context::default() };
         let publisher = end.middleware.open_publisher(&spec, &context);
         let publisher = publisher.map_err(|source| self.refused(source))?;
         let in_ros = end.middleware.traits().ros_time;
-        let outlet =
-            Outlet::new(end.endpoint.clone(), publisher, context.counters, manners, in_ros);
-        let outlet = Arc::new(outlet);
-        self.live.runtime().watch(&outlet);
-        Ok(outlet)
+        let (endpoint, counters) = (end.endpoint.clone(), context.counters);
+        let publisher = Arc::new(PublisherEnd::new(endpoint, publisher, counters, options, in_ros));
+        self.live.runtime().watch(&publisher);
+        Ok(publisher)
     }
 
     fn client(&self, data_type: DataType, end: &End) -> Result<ClientEnd, CallError> {
-        let (spec, manners) = (self.service_spec(data_type, end)?, self.manners(&end.options)?);
+        let (spec, options) = (self.service_spec(data_type, end)?, self.end_options(&end.options)?);
         let context = endpoint::Context::default();
         let client = end.middleware.open_client(&spec, &context);
         let client = client.map_err(|source| self.refused(source))?;
-        Ok(ClientEnd::new(end.endpoint.clone(), client, context.counters, manners))
+        Ok(ClientEnd::new(end.endpoint.clone(), client, context.counters, options))
     }
 
     fn server(&self, data_type: DataType, end: &End) -> Result<ServerEnd, CallError> {
-        let (spec, manners) = (self.service_spec(data_type, end)?, self.manners(&end.options)?);
+        let (spec, options) = (self.service_spec(data_type, end)?, self.end_options(&end.options)?);
         let context = endpoint::Context::default();
         let server = end.middleware.open_server(&spec, &context);
         let server = server.map_err(|source| self.refused(source))?;
-        Ok(ServerEnd::new(end.endpoint.clone(), server, &context, manners))
+        Ok(ServerEnd::new(end.endpoint.clone(), server, &context, options))
     }
 
-    fn manners(&self, options: &Options) -> Result<Manners, CallError> {
+    fn end_options(&self, options: &Options) -> Result<EndOptions, CallError> {
         self.read(|| {
-            Ok(Manners {
+            Ok(EndOptions {
                 should_wait: options.switch("should_wait")?.unwrap_or(true),
                 timeout: options.number("timeout_ms")?.map(Duration::from_millis),
                 rules: Rules::from_options(options)?,
@@ -240,7 +246,7 @@ impl Opening<'_> {
         })
     }
 
-    /// The type of a ROS message: that of the Rust type, or the one that is written.
+    /// Type of a ROS message: that of the Rust type, or the one that is written.
     fn ros_type(&self, value: &Resolved, options: &Options) -> Result<MessageType, OptionError> {
         let written = options.text("message_type")?;
         let unusable = |name: &str, reason: String| OptionError {
@@ -256,7 +262,8 @@ impl Opening<'_> {
                     wanted: format!("{own}, which is what the method returns, or left out"),
                 });
             }
-            // Its definition is the one that the Rust type was made of, whatever is installed.
+            // The definition is the one that the Rust type was generated from, whatever is
+            // installed.
             (Some(own), _) => generated(own).map_err(|error| unusable(own, error.to_string()))?,
             (None, written) => {
                 let name = written.ok_or_else(untyped)?;

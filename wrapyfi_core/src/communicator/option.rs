@@ -12,11 +12,11 @@ use crate::types::Value;
 pub enum OptionValue {
     /// `None` of an argument: as if the option were not written.
     Nothing,
-    /// On or off.
+    /// A value that is on or off.
     Switch(bool),
     /// A whole number.
     Integer(i64),
-    /// Any other number.
+    /// A number that is no integer.
     Float(f64),
     /// Text.
     Text(String),
@@ -38,7 +38,7 @@ impl fmt::Display for OptionValue {
 }
 
 impl OptionValue {
-    /// What an argument is as an option; `None` for what cannot be one.
+    /// Option of the value of an argument; `None` for values that are no option.
     pub(super) fn from_value(value: &Value) -> Option<Self> {
         match value {
             Value::Null => Some(Self::Nothing),
@@ -57,7 +57,7 @@ impl OptionValue {
         }
     }
 
-    /// A literal whose texts went through `replace`.
+    /// Converts a literal, whose texts go through `replace`.
     pub(super) fn from_literal<E>(
         literal: Literal,
         replace: &mut impl FnMut(&'static str) -> Result<Self, E>,
@@ -76,15 +76,15 @@ impl OptionValue {
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Options(BTreeMap<String, OptionValue>);
 
-/// An option with a value that means nothing.
+/// Error of an option with a value that it cannot have.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("option {name} is {found}, and should be {wanted}")]
 pub struct OptionError {
-    /// Its name.
+    /// Name of the option.
     pub name: String,
-    /// Its value.
+    /// Value that was given.
     pub found: String,
-    /// What may be written.
+    /// Values that the option may have.
     pub wanted: String,
 }
 
@@ -102,25 +102,25 @@ impl Options {
             .map(Self)
     }
 
-    /// The value under a name; `None` where it is not written or `None`.
+    /// Value of an option; `None` where it is not written or `None`.
     #[must_use]
     pub fn get(&self, name: &str) -> Option<&OptionValue> {
         self.0.get(name).filter(|value| **value != OptionValue::Nothing)
     }
 
-    /// Every option.
+    /// All options, by name.
     pub fn iter(&self) -> impl Iterator<Item = (&str, &OptionValue)> {
         self.0.iter().map(|(name, value)| (name.as_str(), value))
     }
 
-    /// The same with one option more, or another value of one.
+    /// Sets an option.
     #[must_use]
     pub fn with(mut self, name: impl Into<String>, value: OptionValue) -> Self {
         self.0.insert(name.into(), value);
         self
     }
 
-    /// The same with those of `side` over them.
+    /// Options of one side: those inside the option `side` replace the others.
     pub(super) fn with_side(&self, side: &str) -> Self {
         let mut merged = self.clone();
         if let Some(OptionValue::Map(options)) = self.get(side) {
@@ -131,10 +131,10 @@ impl Options {
         merged
     }
 
-    /// An on-or-off option.
+    /// Value of an option that is on or off.
     ///
     /// # Errors
-    /// When it is something else.
+    /// When the value is of another kind.
     pub fn switch(&self, name: &str) -> Result<Option<bool>, OptionError> {
         self.read(name, "true or false", |value| match value {
             OptionValue::Switch(value) => Some(*value),
@@ -142,10 +142,10 @@ impl Options {
         })
     }
 
-    /// A whole number that fits `T`.
+    /// Value of an option that is a whole number, as `T`.
     ///
     /// # Errors
-    /// When it is something else.
+    /// When the value is of another kind, or does not fit `T`.
     pub fn number<T: TryFrom<i64>>(&self, name: &str) -> Result<Option<T>, OptionError> {
         self.read(name, "a whole number in its range", |value| match value {
             OptionValue::Integer(value) => T::try_from(*value).ok(),
@@ -153,10 +153,10 @@ impl Options {
         })
     }
 
-    /// A text.
+    /// Value of an option that is a text.
     ///
     /// # Errors
-    /// When it is something else.
+    /// When the value is of another kind.
     pub fn text(&self, name: &str) -> Result<Option<&str>, OptionError> {
         let value = self.get(name);
         match value {
@@ -166,10 +166,10 @@ impl Options {
         }
     }
 
-    /// A text read as one of the words of `T`.
+    /// Value of an option that is a text, read as `T`.
     ///
     /// # Errors
-    /// When it is no text, or none of them.
+    /// When the value is no text, or no word of `T`.
     pub fn word<T: std::str::FromStr>(&self, name: &str) -> Result<Option<T>, OptionError>
     where
         T::Err: fmt::Display,
@@ -185,10 +185,10 @@ impl Options {
             .transpose()
     }
 
-    /// Options inside an option.
+    /// Value of an option that holds options.
     ///
     /// # Errors
-    /// When it is something else.
+    /// When the value is of another kind.
     pub fn map(&self, name: &str) -> Result<Option<&Self>, OptionError> {
         match self.get(name) {
             Some(OptionValue::Map(map)) => Ok(Some(map)),

@@ -10,10 +10,10 @@ use super::error::CallError;
 use super::option::{OptionValue, Options};
 use crate::types::{DataType, TypedError, Value, to_value};
 
-/// An argument of a call: its place, and what it holds.
+/// An argument of a call: its place and value.
 pub type Given = (usize, Result<Value, TypedError>);
 
-/// What an argument holds, as a native object.
+/// Converts an argument into a native object.
 ///
 /// # Errors
 /// When its `Serialize` fails.
@@ -25,19 +25,19 @@ pub fn argument<T: serde::Serialize + ?Sized>(value: &T) -> Result<Value, TypedE
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Resolved {
     pub(super) data_type: DataType,
-    /// `None` where an argument unselected it.
+    /// Name of the middleware; `None` where an argument selects none.
     pub(super) middleware: Option<String>,
     pub(super) topic: String,
     pub(super) ros_type: Option<&'static str>,
     options: Options,
 }
 
-/// Which way a message goes.
+/// Direction of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Side {
-    /// Out: a publisher, a server.
+    /// Outgoing: a publisher, a server.
     Publisher,
-    /// In: a listener, a client.
+    /// Incoming: a listener, a client.
     Listener,
 }
 
@@ -57,7 +57,7 @@ impl Resolved {
     }
 }
 
-/// Every value of a method.
+/// Replaces `$` in the registrations of a method.
 pub(super) fn resolve(
     class: &Class,
     index: usize,
@@ -80,7 +80,7 @@ impl FirstCall<'_> {
         let middleware = match register.middleware {
             None => Some(default.to_owned()),
             Some(written) => match self.replace(written)? {
-                // An argument that names none leaves this value out.
+                // An argument that names no middleware leaves this value out.
                 OptionValue::Nothing => None,
                 OptionValue::Text(name) if name.is_empty() || name == "none" => None,
                 OptionValue::Text(name) => Some(name),
@@ -103,7 +103,7 @@ impl FirstCall<'_> {
         }
     }
 
-    /// The argument that a text names with `$`, or the text.
+    /// Value of the argument that a text names with `$`, or the text itself.
     fn replace(&self, written: &'static str) -> Result<OptionValue, CallError> {
         let Some(name) = written.strip_prefix('$') else {
             return Ok(OptionValue::Text(written.to_owned()));

@@ -1,14 +1,14 @@
-//! What options say about images and sound, checked on both sides as Wrapyfi does.
+//! Options of images and sound, checked on both sides as Wrapyfi does.
 //!
-//! Only what is written is checked: an image method without options carries any image.
+//! An option that is not written is not checked: an image method without options carries any image.
 
 use super::option::{OptionError, Options};
-use super::payload::PayloadError;
 use super::settings::jpeg_quality;
 use crate::codec::jpeg;
 use crate::types::{AudioChunk, CompressedFormat, Encoding, Image, Payload, Pixels, RawPixels};
+use wrapyfi_data::returned::PayloadError;
 
-/// What payloads of one value must be like.
+/// Size, channels and rate that the payloads of one value must have.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub(super) struct Rules {
     width: Option<u32>,
@@ -47,7 +47,7 @@ impl Rules {
         })
     }
 
-    /// A payload that is sent: checked, and compressed where the option says how.
+    /// Checks a payload that is to be sent, and compresses it where an option says how.
     pub(super) fn apply(&self, payload: Payload) -> Result<Payload, PayloadError> {
         self.check(&payload)?;
         match (payload, self.quality) {
@@ -171,7 +171,7 @@ mod tests {
             }
         };
         assert!(length(10) * 2 < length(95), "{} {}", length(10), length(95));
-        // Its encoder is Python's matter; without a quality the endpoint compresses.
+        // The option `encoder` is for Python; without a quality the endpoint compresses.
         let options = Options::default().with("encoder", OptionValue::Text("pil".into()));
         assert_eq!(with(options).unwrap().apply(image.clone()), Ok(image.clone()));
         for (name, value, words) in [

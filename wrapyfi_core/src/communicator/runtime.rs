@@ -2,13 +2,13 @@
 //!
 //! ```text
 //!   first call ── job ──▶ ┌─────────┐ ◀── ring ── publishers whose peers come and go
-//!   async call ── timer ▶ │ runtime │ ── look ──▶ outlets: does anybody listen?
+//!   async call ── timer ▶ │ runtime │ ── look ──▶ publishers: does anybody listen?
 //!                         └─────────┘ ── flush ─▶ servers with replies that are not heard yet
 //! ```
 //!
-//! A message does not pass through it: a call takes and publishes on its own thread, so that the
-//! way is as short as the endpoint's own. What may take long (starting a middleware) is done here,
-//! where it blocks no task of an executor.
+//! A message does not pass through the thread: a call takes and publishes on its own, so that the
+//! way is as short as the endpoint's. Work that may take long, such as starting a middleware, is
+//! done here, where it blocks no task of an executor.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -18,18 +18,18 @@ use std::task::Waker;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use super::outlet::Outlet;
+use super::publisher::PublisherEnd;
 use super::server::ServerEnd;
 use crate::endpoint::Wake;
 
-/// Longest time between two looks at the outlets.
+/// Longest time between two looks at the publishers.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
-/// Shortest time: jobs ring the same bell.
+/// Shortest time between two looks, because jobs ring the same bell.
 const LOOK_AT_MOST: Duration = Duration::from_millis(1);
 
 type Job = Box<dyn FnOnce() + Send>;
 
-/// The thread, which ends with this.
+/// Handle of the thread, which ends when the handle is dropped.
 pub(super) struct Runtime {
     shared: Arc<Shared>,
     thread: Mutex<Option<JoinHandle<()>>>,
@@ -46,13 +46,13 @@ struct Shared {
 #[derive(Default)]
 struct Work {
     jobs: Vec<Job>,
-    outlets: Vec<Weak<Outlet>>,
-    /// Those that keep replies.
+    publishers: Vec<Weak<PublisherEnd>>,
+    /// Servers that keep replies.
     servers: Vec<Weak<ServerEnd>>,
     timers: BinaryHeap<Reverse<Timer>>,
 }
 
-/// Wakes a task; ordered by time, then by number.
+/// Timer of a task; ordered by time, then by number.
 struct Timer(Instant, u64, Waker);
 
 impl PartialEq for Timer {
@@ -97,7 +97,7 @@ impl Runtime {
         Self { shared, thread: Mutex::new(thread) }
     }
 
-    /// Does `job` on the thread, after those submitted before.
+    /// Runs `job` on the thread, after the jobs submitted before.
     pub(super) fn submit(&self, job: impl FnOnce() + Send + 'static) {
         if self.shared.is_over.load(Relaxed) {
             job();
@@ -114,13 +114,13 @@ impl Runtime {
         self.shared.bell.ring();
     }
 
-    /// Looks after an outlet as long as it lives.
-    pub(super) fn watch(&self, outlet: &Arc<Outlet>) {
-        self.shared.lock().outlets.push(Arc::downgrade(outlet));
+    /// Watches a publisher for as long as it lives.
+    pub(super) fn watch(&self, publisher: &Arc<PublisherEnd>) {
+        self.shared.lock().publishers.push(Arc::downgrade(publisher));
         self.shared.bell.ring();
     }
 
-    /// Sends the replies that a server keeps, as soon as they are heard.
+    /// Sends the replies that a server keeps, as soon as their clients hear.
     pub(super) fn flush(&self, server: &Arc<ServerEnd>) {
         let server = Arc::downgrade(server);
         let mut work = self.shared.lock();
@@ -131,7 +131,7 @@ impl Runtime {
         self.shared.bell.ring();
     }
 
-    /// To be rung when a publisher's peers change.
+    /// Bell to ring when a publisher's peers change.
     pub(super) fn bell(&self) -> Wake {
         self.shared.bell.clone()
     }
@@ -143,7 +143,7 @@ impl Drop for Runtime {
         self.shared.bell.ring();
         let thread = self.thread.lock().unwrap_or_else(PoisonError::into_inner).take();
         if let Some(thread) = thread
-            // The last share may go in a job.
+            // A job may drop the last reference on this very thread, which cannot join itself.
             && thread.thread().id() != std::thread::current().id()
             && thread.join().is_err()
         {
@@ -164,7 +164,7 @@ impl Shared {
             jobs.into_iter().for_each(|job| job());
             let now = Instant::now();
             if rang {
-                // Rings may come faster than looks are worth: one look covers several.
+                // One look covers several rings, which may come faster than looks are worth.
                 let earliest = looked_at.map_or(now, |last| last + LOOK_AT_MOST);
                 look_at = look_at.min(earliest);
             }
@@ -174,12 +174,12 @@ impl Shared {
                 looked_at = Some(now);
             }
         }
-        // Jobs of those who still wait.
+        // Jobs that were submitted before the stop have callers that wait for them.
         let jobs = std::mem::take(&mut self.lock().jobs);
         jobs.into_iter().for_each(|job| job());
     }
 
-    /// Wakes the tasks whose time has come; the time until the next one.
+    /// Wakes the tasks whose time has come; time until the next one.
     fn wake_due(&self, now: Instant) -> Option<Duration> {
         loop {
             let timer = {
@@ -196,9 +196,9 @@ impl Shared {
         }
     }
 
-    /// Looks at every outlet and flushes servers; when one of them wants to be looked at again.
+    /// Looks at every publisher and flushes servers; instant of the next look that one of them wants.
     fn look(&self, now: Instant) -> Option<Instant> {
-        let (flushed, looked) = (self.flush(now), self.look_at_outlets(now));
+        let (flushed, looked) = (self.flush(now), self.look_at_publishers(now));
         flushed.into_iter().chain(looked).min()
     }
 
@@ -215,39 +215,39 @@ impl Shared {
         next
     }
 
-    fn look_at_outlets(&self, now: Instant) -> Option<Instant> {
-        let outlets: Vec<_> = {
+    fn look_at_publishers(&self, now: Instant) -> Option<Instant> {
+        let publishers: Vec<_> = {
             let mut work = self.lock();
-            work.outlets.retain(|outlet| outlet.strong_count() > 0);
-            work.outlets.iter().filter_map(Weak::upgrade).collect()
+            work.publishers.retain(|publisher| publisher.strong_count() > 0);
+            work.publishers.iter().filter_map(Weak::upgrade).collect()
         };
-        outlets.iter().filter_map(|outlet| outlet.look(now)).min()
+        publishers.iter().filter_map(|publisher| publisher.look(now)).min()
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::answer::answer;
+    use super::super::oneshot::channel;
     use super::*;
 
     #[test]
     fn jobs_are_done_in_order_and_timers_wake() {
         let runtime = Runtime::start();
-        let (first, one) = answer();
-        let (second, two) = answer();
-        runtime.submit(move || first.give(1));
-        runtime.submit(move || second.give(2));
-        assert_eq!((one.wait(), two.wait()), (Some(1), Some(2)));
+        let (first, one) = channel();
+        let (second, two) = channel();
+        runtime.submit(move || first.send(1));
+        runtime.submit(move || second.send(2));
+        assert_eq!((one.recv(), two.recv()), (Some(1), Some(2)));
 
-        struct Flag(Mutex<Option<super::super::answer::Asked<()>>>);
+        struct Flag(Mutex<Option<super::super::oneshot::Sender<()>>>);
         impl std::task::Wake for Flag {
             fn wake(self: Arc<Self>) {
                 self.0.lock().unwrap().take();
             }
         }
-        let (asked, woken) = answer();
-        let flag = Arc::new(Flag(Mutex::new(Some(asked))));
+        let (sender, woken) = channel();
+        let flag = Arc::new(Flag(Mutex::new(Some(sender))));
         runtime.wake_at(Instant::now() + Duration::from_millis(1), flag.into());
-        assert_eq!(woken.wait(), None);
+        assert_eq!(woken.recv(), None);
     }
 }

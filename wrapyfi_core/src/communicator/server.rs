@@ -1,4 +1,4 @@
-//! Replies of one value: runs a method for others.
+//! The server of one value, which runs a method for clients.
 //!
 //! ```text
 //!   client elsewhere ─▶ ServerEnd ─▶ Heard: arguments, decoded one by one
@@ -14,25 +14,25 @@ use serde::de::DeserializeOwned;
 use super::bell::{Bell, Look};
 use super::client::lock;
 use super::error::CallError;
-use super::inlet::Manners;
-use super::payload::Payload;
+use super::listener::EndOptions;
 use super::rules::Rules;
 use super::runtime::Runtime;
 use super::session::Session;
 use super::wait::to_stderr;
 use crate::endpoint::{
-    self, Counters, CountersSnapshot, EndpointAddress, Link, Request, RequestId, Server,
+    self, Call, Counters, CountersSnapshot, EndpointAddress, Link, RequestId, Server,
 };
 use crate::types::{self, from_value};
+use wrapyfi_data::returned::Payload;
 
 /// Shortest time between two lines about requests that could not be served.
 const SAY_EVERY: Duration = Duration::from_secs(5);
-/// How often kept replies are looked at: that their clients hear now rings no bell here.
+/// Time between two tries to send kept replies: no bell rings when their clients begin to hear.
 const FLUSH_EVERY: Duration = Duration::from_millis(10);
-/// How long a server that is closed goes on with kept replies.
+/// Longest time for which a closed server goes on sending kept replies.
 const LINGER: Duration = Duration::from_secs(1);
 
-/// Runs a method for others.
+/// Server of one value.
 pub(super) struct ServerEnd {
     endpoint: EndpointAddress,
     rules: Rules,
@@ -52,13 +52,13 @@ impl ServerEnd {
         endpoint: EndpointAddress,
         server: Box<dyn Server>,
         context: &endpoint::Context,
-        manners: Manners,
+        options: EndOptions,
     ) -> Self {
         Self {
             endpoint,
-            rules: manners.rules,
+            rules: options.rules,
             counters: Arc::clone(&context.counters),
-            should_wait: manners.should_wait,
+            should_wait: options.should_wait,
             bell: Bell::new(context.wake.clone()),
             state: Mutex::new(Serving { server, say_at: Instant::now() }),
         }
@@ -76,7 +76,7 @@ impl ServerEnd {
         format!("a request to {}", self.endpoint)
     }
 
-    /// Sends kept replies whose clients hear now; when to do it again, where some are left.
+    /// Sends kept replies whose clients hear now; instant of the next try, where some are left.
     pub(super) fn flush(&self, now: Instant) -> Option<Instant> {
         let mut state = lock(&self.state);
         if state.server.kept() == 0 {
@@ -86,14 +86,14 @@ impl ServerEnd {
         (state.server.kept() > 0).then(|| now + FLUSH_EVERY)
     }
 
-    /// Has the library's thread send what is kept: nobody may call the method again.
+    /// Leaves kept replies to the library's thread, because the method may never be called again.
     fn leave_kept_to(self: &Arc<Self>, runtime: &Runtime) {
         if lock(&self.state).server.kept() > 0 {
             runtime.flush(self);
         }
     }
 
-    /// The next usable request.
+    /// Takes the next request that can be served.
     fn look(&self) -> Look<Option<endpoint::IncomingRequest>> {
         let mut state = lock(&self.state);
         loop {
@@ -117,13 +117,13 @@ impl ServerEnd {
     fn reply(
         &self,
         id: RequestId,
-        answer: Result<types::Payload, String>,
+        answer: Result<types::Payload, endpoint::Refusal>,
     ) -> Result<(), endpoint::ServeError> {
         let mut state = lock(&self.state);
         match state.server.reply(id, answer) {
             Ok(_) => Ok(()),
             Err(error @ endpoint::ServeError::Reply { .. }) => Err(error),
-            // The client is gone, or was too impatient: no fault of the method.
+            // The client has gone or its time-out has passed, which is no fault of the method.
             Err(error) => {
                 self.say(&mut state, &error);
                 Ok(())
@@ -145,17 +145,17 @@ impl Drop for ServerEnd {
 #[derive(Debug)]
 pub struct Heard<'a> {
     session: &'a Session,
-    request: Request,
-    /// Place of the value that was asked for, and the request; `None` once it is answered.
+    call: Call,
+    /// Place of the value whose client asked, and the request; `None` once it is answered.
     asked: Option<(usize, RequestId)>,
     first: usize,
 }
 
 impl Heard<'_> {
-    /// The argument at `index`, also known by `name`.
+    /// Takes the argument at `index`, which may also be given by `name`.
     ///
     /// # Errors
-    /// In words, when it is missing or not of this type.
+    /// When the argument is missing or not of this type, in words.
     pub fn argument<T: DeserializeOwned>(&mut self, index: usize, name: &str) -> Result<T, String> {
         let given = self.given(index, name);
         let is_missing = given.is_none();
@@ -168,10 +168,10 @@ impl Heard<'_> {
         })
     }
 
-    /// The same, or what `default` gives where the client left it out.
+    /// As [`Heard::argument`], with `default` where the client left the argument out.
     ///
     /// # Errors
-    /// In words, when it is not of this type.
+    /// When the argument is not of this type, in words.
     pub fn argument_or<T: DeserializeOwned>(
         &mut self,
         index: usize,
@@ -185,8 +185,8 @@ impl Heard<'_> {
     }
 
     fn given(&mut self, index: usize, name: &str) -> Option<types::Value> {
-        let by_place = self.request.args.get_mut(index).map(std::mem::take);
-        by_place.or_else(|| self.request.kwargs.get(name).cloned())
+        let by_place = self.call.args.get_mut(index).map(std::mem::take);
+        by_place.or_else(|| self.call.kwargs.get(name).cloned())
     }
 
     /// Tells the client why its request is not served.
@@ -202,7 +202,7 @@ impl Heard<'_> {
         let Some((index, id)) = self.asked.take() else { return };
         let server = self.session.channels.get(index).and_then(|channel| channel.server.as_ref());
         let Some(server) = server else { return };
-        if let Err(error) = server.reply(id, Err(reason.to_owned())) {
+        if let Err(error) = server.reply(id, Err(reason.into())) {
             tracing::debug!("{}: {error}", self.session.method);
         }
         self.session.leave_kept(server);
@@ -220,13 +220,13 @@ impl Drop for Heard<'_> {
 }
 
 impl Session {
-    /// True where there is a server; without one the body runs with its own arguments.
+    /// True when the method has a server; without one the body runs with its own arguments.
     #[must_use]
     pub fn serves(&self) -> bool {
         self.servers().next().is_some()
     }
 
-    /// The next request; `None` where none is there and none is to be waited for.
+    /// Takes the next request; `None` when none is there and `should_wait` is off.
     ///
     /// # Errors
     /// When the wait is ended.
@@ -236,7 +236,7 @@ impl Session {
         Ok(self.heard(index, request))
     }
 
-    /// The same for a task.
+    /// As [`Session::hear`], for a task.
     ///
     /// # Errors
     /// As [`Session::hear`].
@@ -246,8 +246,8 @@ impl Session {
         Ok(self.heard(index, request))
     }
 
-    /// Answers with the value at `index`. The first server's client is answered at once; those of
-    /// further values are waited for, because each value is asked for in turn.
+    /// Answers with the value at `index`. The client of the first value is answered at once; those
+    /// of further values are waited for, because clients ask for one value after the other.
     ///
     /// # Errors
     /// When the value has no form as a reply, or the wait is ended.
@@ -264,7 +264,7 @@ impl Session {
         self.answered(server, heard, value)
     }
 
-    /// The same for a task.
+    /// As [`Session::answer`], for a task.
     ///
     /// # Errors
     /// As [`Session::answer`].
@@ -325,14 +325,16 @@ impl Session {
 
     fn heard(&self, index: usize, request: Option<endpoint::IncomingRequest>) -> Option<Heard<'_>> {
         let endpoint::IncomingRequest { id, request, .. } = request?;
-        Some(Heard { session: self, request, asked: Some((index, id)), first: index })
+        // The server offers a function, so the request is always a call that can be read.
+        let call = request.into_call().unwrap_or_default();
+        Some(Heard { session: self, call, asked: Some((index, id)), first: index })
     }
 
     fn next_request(
         &self,
         server: &ServerEnd,
     ) -> Result<Option<endpoint::IncomingRequest>, CallError> {
-        server.bell.wait(&mut self.patience(None), || server.waited_for(), || server.look())
+        server.bell.wait(&mut self.begin_wait(None), || server.waited_for(), || server.look())
     }
 
     async fn next_request_async(
@@ -340,9 +342,9 @@ impl Session {
         server: &ServerEnd,
     ) -> Result<Option<endpoint::IncomingRequest>, CallError> {
         let Some(live) = self.live.upgrade() else { return self.next_request(server) };
-        let mut patience = self.patience(None);
+        let mut wait = self.begin_wait(None);
         let waited_for = || server.waited_for();
-        server.bell.wait_async(&mut patience, live.runtime(), waited_for, || server.look()).await
+        server.bell.wait_async(&mut wait, live.runtime(), waited_for, || server.look()).await
     }
 
     fn servers(&self) -> impl Iterator<Item = (usize, &Arc<ServerEnd>)> {
@@ -364,7 +366,7 @@ mod tests {
     /// A server whose client hears at the fourth look.
     struct HardOfHearing {
         flushes: Arc<AtomicUsize>,
-        sent: Option<super::super::answer::Asked<usize>>,
+        sent: Option<super::super::oneshot::Sender<usize>>,
     }
 
     impl Server for HardOfHearing {
@@ -375,7 +377,7 @@ mod tests {
         fn reply(
             &mut self,
             _: RequestId,
-            _: Result<types::Payload, String>,
+            _: Result<types::Payload, endpoint::Refusal>,
         ) -> Result<usize, endpoint::ServeError> {
             Ok(0)
         }
@@ -396,19 +398,19 @@ mod tests {
             if self.flushes.fetch_add(1, SeqCst) == 3
                 && let Some(sent) = self.sent.take()
             {
-                sent.give(4);
+                sent.send(4);
             }
         }
     }
 
-    fn end() -> (ServerEnd, super::super::answer::Answer<usize>, Arc<AtomicUsize>) {
-        let (asked, sent) = super::super::answer::answer();
+    fn end() -> (ServerEnd, super::super::oneshot::Receiver<usize>, Arc<AtomicUsize>) {
+        let (sender, sent) = super::super::oneshot::channel();
         let flushes = Arc::new(AtomicUsize::new(0));
-        let server = HardOfHearing { flushes: Arc::clone(&flushes), sent: Some(asked) };
+        let server = HardOfHearing { flushes: Arc::clone(&flushes), sent: Some(sender) };
         let address = EndpointAddress { middleware: "test".to_owned(), name: "/x".to_owned() };
-        let manners = Manners { should_wait: true, timeout: None, rules: Rules::default() };
+        let options = EndOptions { should_wait: true, timeout: None, rules: Rules::default() };
         let context = endpoint::Context::default();
-        (ServerEnd::new(address, Box::new(server), &context, manners), sent, flushes)
+        (ServerEnd::new(address, Box::new(server), &context, options), sent, flushes)
     }
 
     #[test]
@@ -416,7 +418,7 @@ mod tests {
         let (runtime, (end, sent, flushes)) = (Runtime::start(), end());
         let end = Arc::new(end);
         end.leave_kept_to(&runtime);
-        assert_eq!(sent.wait(), Some(4));
+        assert_eq!(sent.recv(), Some(4));
         drop((end, runtime));
         assert_eq!(flushes.load(SeqCst), 4, "nothing is kept any more");
     }
@@ -425,6 +427,6 @@ mod tests {
     fn a_server_that_is_closed_sends_what_it_kept() {
         let (end, sent, _) = end();
         drop(end);
-        assert_eq!(sent.wait(), Some(4));
+        assert_eq!(sent.recv(), Some(4));
     }
 }

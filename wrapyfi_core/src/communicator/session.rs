@@ -1,9 +1,9 @@
 //! The endpoints of one method, open for one mode.
 //!
 //! ```text
-//!   Session ─ Channel (one for each returned value) ─ outlet   publish, transceive, reemit
-//!                                                   ─ inlet    listen, receive, transceive, reemit
-//!                                                   ─ client, server   request, reply
+//!   Session ─ Channel (one for each returned value) ─ publisher       publish, transceive, reemit
+//!                                                   ─ listener        listen, receive, transceive, reemit
+//!                                                   ─ client, server  request, reply
 //!                                                   ─ nothing: its middleware is absent
 //! ```
 
@@ -13,15 +13,17 @@ use std::time::Duration;
 use super::client::ClientEnd;
 use super::context::Live;
 use super::error::CallError;
-use super::inlet::Inlet;
-use super::outlet::Outlet;
-use super::payload::{Payload, PayloadError};
+use super::listener::ListenerEnd;
+use super::oneshot;
+use super::publisher::PublisherEnd;
 use super::server::ServerEnd;
-use super::wait::{Patience, Stop};
+use super::wait::{Stop, Wait};
 use crate::endpoint::{CountersSnapshot, EndpointAddress, Link};
 use crate::types;
+use wrapyfi_data::returned::{Payload, PayloadError};
 
-/// The endpoints of one method; made by the library, used by what `#[communicator]` writes.
+/// The endpoints of one method; made by the library, used by the code that `#[communicator]`
+/// writes.
 #[derive(Debug)]
 pub struct Session {
     pub(super) method: String,
@@ -33,11 +35,11 @@ pub struct Session {
 /// The endpoints of one value; all `None` where its middleware is absent.
 #[derive(Default)]
 pub(super) struct Channel {
-    pub(super) outlet: Option<Arc<Outlet>>,
-    pub(super) inlet: Option<Inlet>,
+    pub(super) publisher: Option<Arc<PublisherEnd>>,
+    pub(super) listener: Option<ListenerEnd>,
     pub(super) client: Option<ClientEnd>,
     pub(super) server: Option<Arc<ServerEnd>>,
-    /// Where it would be, for status.
+    /// Name of the middleware that is not here, where the value has no endpoints for that reason.
     pub(super) absent: Option<String>,
 }
 
@@ -54,32 +56,32 @@ pub struct Gathered(pub(super) Vec<Option<types::Payload>>);
 /// One end of a value, for status tables.
 #[derive(Debug, Clone)]
 pub struct EndStatus {
-    /// Where it is.
+    /// Address of the endpoint.
     pub endpoint: EndpointAddress,
-    /// What it is connected to.
+    /// Connection of the endpoint.
     pub link: Link,
-    /// What went through it and what was dropped.
+    /// Numbers of messages that went through the endpoint and that it dropped.
     pub counters: CountersSnapshot,
 }
 
-/// What one returned value is connected to.
+/// Status of the endpoints of one returned value.
 #[derive(Debug, Clone, Default)]
 pub struct ValueStatus {
-    /// Its ends: none before the first call, two in `transceive` and `reemit`.
+    /// Endpoints of the value: none before the first call, two in `transceive` and `reemit`.
     pub ends: Vec<EndStatus>,
-    /// Name of the middleware that is not here, where that is why there are none.
+    /// Name of the middleware that is not here, where the value has no endpoints for that reason.
     pub absent: Option<String>,
 }
 
 impl Channel {
     fn ends(&self) -> impl Iterator<Item = (&EndpointAddress, Link, CountersSnapshot)> {
-        let outlet =
-            self.outlet.iter().map(|end| (&end.endpoint, end.link(), end.counters.snapshot()));
-        let inlet =
-            self.inlet.iter().map(|end| (&end.endpoint, end.link(), end.counters.snapshot()));
+        let publisher =
+            self.publisher.iter().map(|end| (&end.endpoint, end.link(), end.counters.snapshot()));
+        let listener =
+            self.listener.iter().map(|end| (&end.endpoint, end.link(), end.counters.snapshot()));
         let client = self.client.iter().map(ClientEnd::status);
         let server = self.server.iter().map(|server| server.status());
-        outlet.chain(inlet).chain(client).chain(server)
+        publisher.chain(listener).chain(client).chain(server)
     }
 
     pub(super) fn status(&self) -> ValueStatus {
@@ -93,41 +95,41 @@ impl Channel {
 }
 
 impl Session {
-    /// The next message of every value; waits where a value is to be waited for.
+    /// Takes the next message of every value; waits for values with the option `should_wait`.
     ///
     /// # Errors
-    /// When a wait ends without a message. What other values had is kept for the next call.
+    /// When a wait ends without a message. Messages of other values are kept for the next call.
     pub fn gather(&self) -> Result<Gathered, CallError> {
-        let mut kept = Kept { session: self, gathered: self.nothing() };
-        // Those that are waited for first: the others are looked at when they are freshest.
+        let mut guard = GatherGuard { session: self, gathered: self.nothing() };
+        // Values that are waited for come first, so that the others are taken when they are newest.
         for waits in [true, false] {
-            for (index, inlet) in self.inlets().filter(|(_, inlet)| inlet.should_wait == waits) {
-                let payload = inlet.take(&mut self.patience(inlet.timeout))?;
-                kept.gathered.set(index, payload);
+            for (index, listener) in self.listeners().filter(|(_, it)| it.should_wait == waits) {
+                let payload = listener.take(&mut self.begin_wait(listener.timeout))?;
+                guard.gathered.set(index, payload);
             }
         }
-        Ok(std::mem::take(&mut kept.gathered))
+        Ok(std::mem::take(&mut guard.gathered))
     }
 
-    /// The same for a task.
+    /// As [`Session::gather`], for a task.
     ///
     /// # Errors
     /// As [`Session::gather`].
     pub async fn gather_async(&self) -> Result<Gathered, CallError> {
         let Some(live) = self.live.upgrade() else { return self.gather() };
-        // Kept also where the task is dropped while it waits.
-        let mut kept = Kept { session: self, gathered: self.nothing() };
+        // The guard also works where the task is dropped while it waits.
+        let mut guard = GatherGuard { session: self, gathered: self.nothing() };
         for waits in [true, false] {
-            for (index, inlet) in self.inlets().filter(|(_, inlet)| inlet.should_wait == waits) {
-                let mut patience = self.patience(inlet.timeout);
-                let payload = inlet.take_async(&mut patience, live.runtime()).await?;
-                kept.gathered.set(index, payload);
+            for (index, listener) in self.listeners().filter(|(_, it)| it.should_wait == waits) {
+                let mut wait = self.begin_wait(listener.timeout);
+                let payload = listener.take_async(&mut wait, live.runtime()).await?;
+                guard.gathered.set(index, payload);
             }
         }
-        Ok(std::mem::take(&mut kept.gathered))
+        Ok(std::mem::take(&mut guard.gathered))
     }
 
-    /// The value at `index` of what was gathered.
+    /// Converts the gathered message at `index` to the returned type.
     ///
     /// # Errors
     /// When the message is not of this type, or not as an option says.
@@ -145,7 +147,7 @@ impl Session {
             endpoint: channel.ends().next().map(|(end, ..)| end.to_string()).unwrap_or_default(),
             source: Box::new(source),
         };
-        let rules = channel.inlet.as_ref().map(|inlet| &inlet.rules);
+        let rules = channel.listener.as_ref().map(|listener| &listener.rules);
         let rules = rules.or(channel.client.as_ref().map(|client| &client.rules));
         if let Some(rules) = rules {
             rules.check(&payload).map_err(wrong)?;
@@ -153,26 +155,26 @@ impl Session {
         R::from_payload(payload).map(Some).map_err(wrong)
     }
 
-    /// Waits for the first listener of every value that wants one.
+    /// Waits for the first listener of every value with the option `should_wait`.
     ///
     /// # Errors
-    /// When a wait ends without one.
+    /// When a wait ends without a listener.
     pub fn await_listeners(&self) -> Result<(), CallError> {
-        for outlet in self.outlets().filter(|outlet| !outlet.is_established()) {
-            outlet.await_listener(&mut self.patience(outlet.timeout))?;
+        for publisher in self.publishers().filter(|publisher| !publisher.is_established()) {
+            publisher.await_listener(&mut self.begin_wait(publisher.timeout))?;
         }
         Ok(())
     }
 
-    /// The same for a task.
+    /// As [`Session::await_listeners`], for a task.
     ///
     /// # Errors
     /// As [`Session::await_listeners`].
     pub async fn await_listeners_async(&self) -> Result<(), CallError> {
-        for outlet in self.outlets().filter(|outlet| !outlet.is_established()) {
+        for publisher in self.publishers().filter(|publisher| !publisher.is_established()) {
             let Some(live) = self.live.upgrade() else { return self.await_listeners() };
-            let mut patience = self.patience(outlet.timeout);
-            outlet.await_listener_async(&mut patience, live.runtime()).await?;
+            let mut wait = self.begin_wait(publisher.timeout);
+            publisher.await_listener_async(&mut wait, live.runtime()).await?;
         }
         Ok(())
     }
@@ -180,14 +182,14 @@ impl Session {
     /// Publishes the value at `index`, if anybody listens.
     ///
     /// # Errors
-    /// When it has no form as a message, or is not as an option says.
+    /// When the value cannot be encoded, or an option forbids it.
     pub fn send<K, R: Payload<K>>(&self, index: usize, value: &R) -> Result<(), CallError> {
-        let Some((outlet, payload)) = self.outgoing(index, value)? else { return Ok(()) };
-        self.published(outlet, outlet.send(&payload))
+        let Some((publisher, payload)) = self.outgoing(index, value)? else { return Ok(()) };
+        self.published(publisher, publisher.send(&payload))
     }
 
-    /// The same for a task: a transport that makes its sender wait stops the library's thread, and
-    /// no executor's.
+    /// As [`Session::send`], for a task: a transport that makes its sender wait stops the library's
+    /// thread, and no executor's.
     ///
     /// # Errors
     /// As [`Session::send`].
@@ -196,16 +198,16 @@ impl Session {
         index: usize,
         value: &R,
     ) -> Result<(), CallError> {
-        let Some((outlet, payload)) = self.outgoing(index, value)? else { return Ok(()) };
+        let Some((publisher, payload)) = self.outgoing(index, value)? else { return Ok(()) };
         let Some(live) = self.live.upgrade() else {
-            return self.published(outlet, outlet.send(&payload));
+            return self.published(publisher, publisher.send(&payload));
         };
-        let (asked, answer) = super::answer::answer();
-        let sender = Arc::clone(outlet);
-        live.runtime().submit(move || asked.give(sender.send(&payload)));
+        let (result, sent) = oneshot::channel();
+        let end = Arc::clone(publisher);
+        live.runtime().submit(move || result.send(end.send(&payload)));
         drop(live);
-        match answer.await {
-            Some(result) => self.published(outlet, result),
+        match sent.await {
+            Some(result) => self.published(publisher, result),
             None => Ok(()),
         }
     }
@@ -214,36 +216,36 @@ impl Session {
         &self,
         index: usize,
         value: &R,
-    ) -> Result<Option<(&Arc<Outlet>, types::Payload)>, CallError> {
-        let outlet = self.channels.get(index).and_then(|channel| channel.outlet.as_ref());
-        let Some(outlet) = outlet else { return Ok(None) };
-        if outlet.is_idle() {
-            outlet.skip();
+    ) -> Result<Option<(&Arc<PublisherEnd>, types::Payload)>, CallError> {
+        let publisher = self.channels.get(index).and_then(|channel| channel.publisher.as_ref());
+        let Some(publisher) = publisher else { return Ok(None) };
+        if publisher.is_idle() {
+            publisher.skip();
             return Ok(None);
         }
         let unfit = |source| CallError::Send {
             method: self.method.clone(),
-            endpoint: outlet.endpoint.to_string(),
+            endpoint: publisher.endpoint.to_string(),
             source: Box::new(source),
         };
         let Some(mut payload) = value.to_payload().map_err(unfit)? else { return Ok(None) };
-        if outlet.in_ros
+        if publisher.in_ros
             && let types::Payload::NativeObject(object) = &mut payload
         {
             object.stamp = types::Stamp::now();
         }
-        let payload = outlet.rules.apply(payload).map_err(unfit)?;
-        Ok(Some((outlet, payload)))
+        let payload = publisher.rules.apply(payload).map_err(unfit)?;
+        Ok(Some((publisher, payload)))
     }
 
     fn published(
         &self,
-        outlet: &Outlet,
+        publisher: &PublisherEnd,
         result: Result<(), crate::endpoint::PublishError>,
     ) -> Result<(), CallError> {
         result.map_err(|source| CallError::Publish {
             method: self.method.clone(),
-            endpoint: outlet.endpoint.to_string(),
+            endpoint: publisher.endpoint.to_string(),
             source: Box::new(source),
         })
     }
@@ -254,15 +256,15 @@ impl Session {
         self.ring();
     }
 
-    /// Ends every wait of now.
+    /// Ends the waits that have begun.
     pub(super) fn cancel(&self) {
         self.stop.cancel();
         self.ring();
     }
 
     fn ring(&self) {
-        self.outlets().for_each(|outlet| outlet.ring());
-        self.inlets().for_each(|(_, inlet)| inlet.ring());
+        self.publishers().for_each(|publisher| publisher.ring());
+        self.listeners().for_each(|(_, listener)| listener.ring());
         for channel in &self.channels {
             channel.client.iter().for_each(ClientEnd::ring);
             channel.server.iter().for_each(|server| server.ring());
@@ -273,33 +275,33 @@ impl Session {
         Gathered(self.channels.iter().map(|_| None).collect())
     }
 
-    pub(super) fn patience(&self, timeout: Option<Duration>) -> Patience<'_> {
-        Patience::new(&self.method, &self.stop, timeout)
+    pub(super) fn begin_wait(&self, timeout: Option<Duration>) -> Wait<'_> {
+        Wait::new(&self.method, &self.stop, timeout)
     }
 
-    fn outlets(&self) -> impl Iterator<Item = &Arc<Outlet>> {
-        self.channels.iter().filter_map(|channel| channel.outlet.as_ref())
+    fn publishers(&self) -> impl Iterator<Item = &Arc<PublisherEnd>> {
+        self.channels.iter().filter_map(|channel| channel.publisher.as_ref())
     }
 
-    fn inlets(&self) -> impl Iterator<Item = (usize, &Inlet)> {
+    fn listeners(&self) -> impl Iterator<Item = (usize, &ListenerEnd)> {
         self.channels
             .iter()
             .enumerate()
-            .filter_map(|(index, channel)| Some((index, channel.inlet.as_ref()?)))
+            .filter_map(|(index, channel)| Some((index, channel.listener.as_ref()?)))
     }
 }
 
-/// Messages that go back to their inlets unless they are taken out.
-struct Kept<'a> {
+/// Messages gathered for a call, which go back to their listeners when a wait ends without a message.
+struct GatherGuard<'a> {
     session: &'a Session,
     gathered: Gathered,
 }
 
-impl Drop for Kept<'_> {
+impl Drop for GatherGuard<'_> {
     fn drop(&mut self) {
         for (channel, payload) in self.session.channels.iter().zip(self.gathered.0.drain(..)) {
-            if let (Some(inlet), Some(payload)) = (&channel.inlet, payload) {
-                inlet.put_back(payload);
+            if let (Some(listener), Some(payload)) = (&channel.listener, payload) {
+                listener.put_back(payload);
             }
         }
     }

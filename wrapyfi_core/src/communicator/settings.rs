@@ -10,7 +10,7 @@ use crate::endpoint::QosPreset;
 use crate::plugin::{DeviceMaps, DeviceOption, Plugins};
 use crate::types::{DataType, Encoding, Map};
 
-/// Wrapyfi's options that only some middlewares have, as they read them.
+/// Options that only some middlewares have, in the form in which they read them.
 pub(super) fn for_middlewares(options: &Options) -> Result<Map, OptionError> {
     let mut map = Map::new();
     for name in ["carrier", "out_topic_connect"] {
@@ -21,14 +21,14 @@ pub(super) fn for_middlewares(options: &Options) -> Result<Map, OptionError> {
     if let Some(persistent) = options.switch("persistent")? {
         map.insert("persistent", persistent);
     }
-    // On YARP the other program is one of Wrapyfi's, unless it is said not to be.
+    // The program at the other end of YARP counts as Wrapyfi's, unless the option says otherwise.
     let yarp = options.map("yarp_kwargs")?;
     let told = yarp.map(|yarp| yarp.switch("wrapyfi_images")).transpose()?.flatten();
     map.insert("wrapyfi_images", told.unwrap_or(true));
     Ok(map)
 }
 
-/// A ROS message whose type is not said.
+/// Error of a ROS message without a type.
 pub(super) fn untyped() -> OptionError {
     OptionError {
         name: "message_type".to_owned(),
@@ -51,14 +51,14 @@ pub(super) fn other_kind(
 
 pub(super) fn is_jpg(options: &Options) -> Result<bool, OptionError> {
     match options.get("jpg") {
-        // Wrapyfi's settings of the encoder.
+        // A dict holds settings of Wrapyfi's encoder, and means JPEG.
         Some(OptionValue::Map(_)) => Ok(true),
         _ => Ok(options.switch("jpg")?.unwrap_or(false)),
     }
 }
 
-/// The quality in Wrapyfi's settings of the encoder, where it is written; its other settings choose
-/// between libraries of Python.
+/// Quality of JPEG in Wrapyfi's settings of the encoder, where it is written. The other settings
+/// choose between libraries of Python.
 pub(super) fn jpeg_quality(options: &Options) -> Result<Option<u8>, OptionError> {
     let Some(OptionValue::Map(settings)) = options.get("jpg") else { return Ok(None) };
     let fault = |name: &str, found: &OptionValue, wanted: &str| OptionError {
@@ -117,7 +117,7 @@ pub(super) fn color_order(options: &Options) -> Result<Encoding, OptionError> {
     }
 }
 
-/// The plug-ins with the device maps of the options.
+/// Adds the device maps of the options to the plug-ins.
 pub(super) fn plugins(plugins: &Plugins, options: &Options) -> Result<Plugins, OptionError> {
     let mut maps = Vec::new();
     for (name, value) in options.iter() {

@@ -1,4 +1,5 @@
-//! Where middlewares come from: started when the first value needs one, with the options it has.
+//! Sources of middlewares, each of which is started when the first value needs it, with its
+//! options.
 //!
 //! ```text
 //!   "zeromq", socket_pub_port = 5560 ─▶ Source::plan ─▶ key ─▶ started once for each key
@@ -12,38 +13,39 @@ use crate::endpoint::Middleware;
 
 /// A middleware that a communicator may use by its name.
 ///
-/// One that runs already is its own source: see
+/// A middleware that runs already is its own source: see
 /// [`ContextBuilder::middleware`](super::ContextBuilder::middleware).
 pub trait Source: Send + Sync {
     /// Name in `#[register]`.
     fn name(&self) -> &str;
 
-    /// Which instance these options ask for.
+    /// Plans the instance of the middleware that these options ask for.
     ///
     /// # Errors
-    /// When an option or the environment has a value that means nothing.
+    /// When an option or a variable has a value that it cannot have.
     fn plan(&self, wanted: &Wanted<'_>) -> Result<Planned, StartError>;
 
-    /// Why it is not available on this machine although this program knows it, if that is so: a value
-    /// on it is `None` then, as on one that was not built in.
+    /// Reason that the middleware is not available on this machine though it is built in, if so. A
+    /// value on it is then `None`, as on one that is not built in.
     fn absent(&self, options: &Options) -> Option<String> {
         _ = options;
         None
     }
 
-    /// Messages that wait at a listener, unless `queue_size` says otherwise.
+    /// Number of messages that wait at a listener, unless `queue_size` says otherwise.
     fn queue_depth(&self) -> Option<usize> {
         None
     }
 }
 
-/// What an endpoint asks of its middleware.
+/// Needs of an endpoint, by which a [`Source`] chooses the instance of its middleware.
 #[derive(Debug)]
 pub struct Wanted<'a> {
-    /// Which way it goes. The two ways of one process are kept apart where a middleware ignores its
-    /// own messages: an instance that publishes and one that listens must hear each other.
+    /// Direction of the endpoint. The two directions of one process are kept apart where a
+    /// middleware ignores its own messages: an instance that publishes and one that listens must
+    /// hear each other.
     pub side: Side,
-    /// Requests and replies, not messages.
+    /// True for requests and replies, false for messages.
     pub is_service: bool,
     /// Options of the value.
     pub options: &'a Options,
@@ -53,26 +55,26 @@ pub struct Wanted<'a> {
 
 /// An instance of a middleware, not started yet.
 pub struct Planned {
-    /// Instances of equal keys are one.
+    /// Key of the instance: endpoints with equal keys share one.
     pub key: String,
-    /// Starts it.
+    /// Function that starts the instance.
     pub start: Box<dyn FnOnce() -> Result<Arc<dyn Middleware>, StartError> + Send>,
 }
 
-/// Why a middleware does not start.
+/// Error of starting a middleware.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StartError {
-    /// An option has a value that means nothing.
+    /// An option has a value that it cannot have.
     #[error(transparent)]
     Option(#[from] OptionError),
-    /// The middleware's own words.
+    /// The middleware refuses to start, in its own words.
     #[error("{0}")]
     Refused(String),
 }
 
 impl StartError {
-    /// The middleware's own words.
+    /// Makes [`StartError::Refused`] of the middleware's own error.
     pub fn refused(reason: impl std::fmt::Display) -> Self {
         Self::Refused(reason.to_string())
     }

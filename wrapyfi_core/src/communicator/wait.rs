@@ -1,4 +1,4 @@
-//! How long a call waits, what it says meanwhile, and what ends it early.
+//! The wait of a call: its time-out, the lines it logs meanwhile, and its early end.
 
 use std::io::Write as _;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::SeqCst};
@@ -6,22 +6,22 @@ use std::time::{Duration, Instant};
 
 use super::error::CallError;
 
-/// A wait that is longer says what it waits for, then again and again.
+/// Time after which a wait logs the thing that it waits for, the first time.
 const SAY_AFTER: Duration = Duration::from_secs(1);
 const SAY_EVERY: Duration = Duration::from_secs(5);
 
-/// Writes a line to standard error where the program has no subscriber of the log: nobody would see
-/// why it stands still. False where it has one.
+/// Writes a line to standard error where the program has no subscriber of the log, because nobody
+/// would see why it stands still. False where it has one.
 pub(super) fn to_stderr(line: std::fmt::Arguments<'_>) -> bool {
     if tracing::dispatcher::has_been_set() {
         return false;
     }
-    // Where nobody reads standard error either, there is nobody to tell.
+    // A closed standard error is no reason to fail.
     drop(writeln!(std::io::stderr(), "{line}"));
     true
 }
 
-/// Ends the waits of one method.
+/// Switch that ends the waits of one method.
 #[derive(Debug, Default)]
 pub(super) struct Stop {
     ended: AtomicBool,
@@ -29,19 +29,19 @@ pub(super) struct Stop {
 }
 
 impl Stop {
-    /// Ends waits now and later: closed, or another mode.
+    /// Ends all waits, now and later, because the method was closed or has another mode.
     pub(super) fn end(&self) {
         self.ended.store(true, SeqCst);
     }
 
-    /// Ends the waits of now.
+    /// Ends the waits that have begun; later ones are not touched.
     pub(super) fn cancel(&self) {
         self.cancels.fetch_add(1, SeqCst);
     }
 }
 
-/// One wait.
-pub(super) struct Patience<'a> {
+/// Wait of one call, with its deadline.
+pub(super) struct Wait<'a> {
     method: &'a str,
     stop: &'a Stop,
     cancels: u64,
@@ -50,8 +50,8 @@ pub(super) struct Patience<'a> {
     say_at: Instant,
 }
 
-impl<'a> Patience<'a> {
-    /// Begins to wait, at most `timeout`.
+impl<'a> Wait<'a> {
+    /// Begins a wait of at most `timeout`.
     pub(super) fn new(method: &'a str, stop: &'a Stop, timeout: Option<Duration>) -> Self {
         let started = Instant::now();
         Self {
@@ -64,10 +64,10 @@ impl<'a> Patience<'a> {
         }
     }
 
-    /// How long to wait until the next look.
+    /// Time to wait until the next look.
     ///
     /// # Errors
-    /// When the wait is over.
+    /// When the wait is over: by its deadline, a cancel or the end of the method.
     pub(super) fn check(&mut self, waited_for: impl Fn() -> String) -> Result<Duration, CallError> {
         let method = || self.method.to_owned();
         if self.stop.ended.load(SeqCst) {
@@ -101,14 +101,14 @@ mod tests {
     fn a_wait_ends_by_time_by_order_and_by_the_end() {
         let what = || "godot".to_owned();
         let stop = Stop::default();
-        let mut patience = Patience::new("A::b", &stop, None);
-        assert!(patience.check(what).unwrap() <= SAY_AFTER);
-        let mut none = Patience::new("A::b", &stop, Some(Duration::ZERO));
+        let mut wait = Wait::new("A::b", &stop, None);
+        assert!(wait.check(what).unwrap() <= SAY_AFTER);
+        let mut none = Wait::new("A::b", &stop, Some(Duration::ZERO));
         let error = none.check(what).unwrap_err().to_string();
         assert!(error.starts_with("A::b: waited 0 ms for godot: start the other side"), "{error}");
         stop.cancel();
-        assert!(matches!(patience.check(what), Err(CallError::Cancelled { .. })));
-        let mut later = Patience::new("A::b", &stop, None);
+        assert!(matches!(wait.check(what), Err(CallError::Cancelled { .. })));
+        let mut later = Wait::new("A::b", &stop, None);
         assert!(later.check(what).is_ok());
         stop.end();
         assert!(matches!(later.check(what), Err(CallError::Ended { .. })));

@@ -1,12 +1,12 @@
 //! The transports. Each module implements [`crate::endpoint::Middleware`]; nothing outside it
 //! knows its types beyond its constructor.
 
-pub mod memory;
+pub use wrapyfi_endpoint::memory;
 #[cfg(feature = "ros1")]
-pub mod ros1;
+pub use wrapyfi_ros1 as ros1;
 #[cfg(feature = "ros2")]
-pub mod ros2;
+pub use wrapyfi_ros2 as ros2;
 #[cfg(feature = "yarp")]
-pub mod yarp;
+pub use wrapyfi_yarp_endpoint as yarp;
 #[cfg(feature = "zeromq")]
-pub mod zeromq;
+pub use wrapyfi_zeromq as zeromq;

@@ -1,4 +1,4 @@
-//! What is said about mistakes.
+//! Error messages for mistakes in calls, options and configurations.
 
 use std::sync::Arc;
 

@@ -104,7 +104,12 @@ fn a_program_that_waits() {
 #[test]
 fn a_program_without_a_log_says_on_stderr_what_it_waits_for() {
     let program = std::process::Command::new(std::env::current_exe().unwrap())
-        .args(["--ignored", "--exact", "requests::a_program_that_waits", "--nocapture"])
+        .args([
+            "--ignored",
+            "--exact",
+            "communicator::requests::a_program_that_waits",
+            "--nocapture",
+        ])
         .output()
         .unwrap();
     let said = String::from_utf8_lossy(&program.stderr);

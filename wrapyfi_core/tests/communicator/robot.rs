@@ -83,7 +83,7 @@ impl Robot {
         std::future::ready(number + 1).await
     }
 
-    /// Not registered: stays as it is.
+    /// A method that is not registered, and stays as it is.
     pub(super) fn runs(&self) -> u32 {
         self.runs
     }

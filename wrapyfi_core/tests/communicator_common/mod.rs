@@ -1,6 +1,4 @@
-//! What registered methods must do on every middleware, between two contexts that share a wire.
-// Each test file uses a part; in tests a panic is the right answer.
-#![allow(dead_code, unreachable_pub, clippy::unwrap_used, clippy::indexing_slicing)]
+//! Tests of registered methods on any middleware, between two contexts that share a wire.
 
 use std::sync::mpsc::RecvTimeoutError;
 use std::time::Duration;
@@ -101,7 +99,7 @@ pub fn what_is_published_is_heard(mware: &str, here: &Context, there: &Context) 
     });
 }
 
-/// What goes out comes back by the other way.
+/// A value that goes out by transceive comes back by reemit.
 pub fn transceive_meets_reemit(mware: &str, here: &Context, there: &Context) {
     let (mut ours, mut theirs) = (robot(here), robot(there));
     ours.activate(RobotMethod::Chat, Mode::Transceive).unwrap();
@@ -162,7 +160,7 @@ pub fn a_request_is_replied(mware: &str, here: &Context, there: &Context) {
     });
 }
 
-/// Nobody publishes: the wait ends.
+/// A wait ends in time where nobody publishes.
 pub fn a_wait_ends_in_time(mware: &str, here: &Context) {
     let mut ours = robot(here);
     ours.activate(RobotMethod::State, Mode::Listen).unwrap();

@@ -1,40 +1,77 @@
 //! A bus in memory whose ends fail as told, and plans for tests of the engine.
 
-// Each test program uses a part.
-#![allow(dead_code, unreachable_pub, clippy::expect_used, clippy::panic)]
+pub mod bridges;
+pub mod seeds;
+mod services;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
+use std::path::PathBuf;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use wrapyfi_core::endpoint::{
-    Context, DiscoverError, Discovered, Discovery, LearnError, Learned, Link, Listener, Middleware,
-    OpenError, PublishError, Publisher, Registry, Sample, TakeError, TopicSpec,
+    Client, Clock, Context, Counters, DiscoverError, Discovered, Discovery, DropReason, LearnError,
+    Learned, Link, Listener, Middleware, OpenError, PublishError, Publisher, Registry, Sample,
+    Server, ServiceSpec, TakeError, TopicSpec,
 };
 use wrapyfi_core::engine::{Available, Config, Plan};
 use wrapyfi_core::middleware::memory::Memory;
-use wrapyfi_core::types::{MessageType, Payload, Value};
+use wrapyfi_core::types::{MessageType, Payload, ServiceKind, Value};
+use wrapyfi_interfaces::parser::Dialect;
 use wrapyfi_interfaces::store::TypeStore;
 
-/// What goes wrong on a bus, for the ends that a bridge opens.
+/// The hand of a clock that stands until it is moved.
+#[derive(Clone)]
+pub struct Hand(Arc<Mutex<Instant>>);
+
+impl Hand {
+    pub fn new() -> Self {
+        Self(Arc::new(Mutex::new(Instant::now())))
+    }
+
+    pub fn now(&self) -> Instant {
+        *lock(&self.0)
+    }
+
+    pub fn advance(&self, time: Duration) {
+        *lock(&self.0) += time;
+    }
+
+    pub fn clock(&self) -> Clock {
+        let hand = self.clone();
+        Clock::new(move || hand.now())
+    }
+
+    pub fn context(&self) -> Context {
+        Context { clock: self.clock(), ..Context::default() }
+    }
+}
+
+/// Faults of a bus, for the ends that a bridge opens.
 #[derive(Debug, Default, Clone)]
 pub struct Faults {
     pub refuses_to_open: bool,
     pub sends_fail: bool,
-    /// Where to panic: `take`, `publish`, `open`, `look`, `learn`, `drop`.
+    /// Every third message comes after one that was sent later.
+    pub messages_are_late: bool,
+    /// Every fourth message comes twice.
+    pub messages_come_twice: bool,
+    /// Function that panics: `take`, `publish`, `send`, `reply`, `open`, `look`, `learn`, `drop`.
     pub panics_in: Option<&'static str>,
-    /// Why its discovery sees nothing.
+    /// Reason that its discovery sees nothing; `None` while it works.
     pub away: Option<String>,
-    /// Sends to topics that begin so wait until they do not any more.
+    /// Prefix of topics to which sends block until the prefix is changed.
     pub blocked: Option<String>,
 }
 
-/// What the ends of a bridge did on a bus, by topic.
+/// Messages that the ends of a bridge took and published on a topic.
 #[derive(Debug, Default, Clone, PartialEq)]
 pub struct History {
     pub opened: usize,
     pub taken: Vec<i64>,
     pub published: Vec<i64>,
+    /// Calls that the last client was given and that have not ended.
+    pub under_way: i64,
 }
 
 #[derive(Default)]
@@ -70,7 +107,7 @@ impl Faulty {
         Arc::new(Self { bus: Memory::new(name), shared: Arc::default() })
     }
 
-    /// Another bridge's view of the same bus: its faults and its history are its own.
+    /// View of another bridge on the same bus, with faults and history of its own.
     pub fn seen_by_another(&self) -> Arc<Self> {
         Arc::new(Self { bus: self.bus.clone(), shared: Arc::default() })
     }
@@ -117,6 +154,13 @@ impl Middleware for Faulty {
         self.may_open(&spec.topic)?;
         let inner = self.bus.open_listener(spec, context)?;
         let (shared, topic) = (Arc::clone(&self.shared), spec.topic.clone());
+        let inner: Box<dyn Listener> = Box::new(Unsteady {
+            inner,
+            shared: Arc::clone(&shared),
+            counters: Arc::clone(&context.counters),
+            came: 0,
+            held: VecDeque::new(),
+        });
         Ok(Box::new(FaultyEnd { inner, shared, topic }))
     }
 
@@ -128,6 +172,30 @@ impl Middleware for Faulty {
         self.may_open(&spec.topic)?;
         let inner = self.bus.open_publisher(spec, context)?;
         let (shared, topic) = (Arc::clone(&self.shared), spec.topic.clone());
+        Ok(Box::new(FaultyEnd { inner, shared, topic }))
+    }
+
+    fn open_client(
+        &self,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Client>, OpenError> {
+        self.may_open(&spec.service)?;
+        let inner = self.bus.open_client(spec, context)?;
+        // Those of the one before went with it.
+        self.shared.note(&spec.service, |history| history.under_way = 0);
+        let (shared, topic) = (Arc::clone(&self.shared), spec.service.clone());
+        Ok(Box::new(FaultyEnd { inner, shared, topic }))
+    }
+
+    fn open_server(
+        &self,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Server>, OpenError> {
+        self.may_open(&spec.service)?;
+        let inner = self.bus.open_server(spec, context)?;
+        let (shared, topic) = (Arc::clone(&self.shared), spec.service.clone());
         Ok(Box::new(FaultyEnd { inner, shared, topic }))
     }
 
@@ -143,6 +211,58 @@ impl Middleware for Faulty {
     ) -> Result<Learned, LearnError> {
         self.shared.panic_in("learn");
         self.bus.learn_topic(found, types)
+    }
+
+    fn learn_service(
+        &self,
+        found: &Discovered,
+        types: &mut TypeStore,
+    ) -> Result<ServiceKind, LearnError> {
+        self.shared.panic_in("learn");
+        self.bus.learn_service(found, types)
+    }
+}
+
+/// A listener whose transport delays and repeats messages as told.
+struct Unsteady {
+    inner: Box<dyn Listener>,
+    shared: Arc<Shared>,
+    counters: Arc<Counters>,
+    came: usize,
+    /// Messages that have come, and are delivered after others.
+    held: VecDeque<Sample>,
+}
+
+impl Listener for Unsteady {
+    fn take(&mut self) -> Result<Option<Sample>, TakeError> {
+        let Faults { messages_are_late, messages_come_twice, .. } = *lock(&self.shared.faults);
+        let Some(sample) = self.inner.take()? else {
+            return Ok(if messages_are_late { None } else { self.held.pop_front() });
+        };
+        self.came += 1;
+        if messages_come_twice && self.came.is_multiple_of(4) {
+            self.counters.received(0);
+            self.held.push_back(sample.clone());
+        }
+        if messages_are_late && self.came.is_multiple_of(3) {
+            self.held.push_back(sample);
+            return self.take();
+        }
+        Ok(Some(sample))
+    }
+
+    fn discard(&mut self) -> bool {
+        self.held.pop_front().is_some() || self.inner.discard()
+    }
+
+    fn link(&self) -> Link {
+        self.inner.link()
+    }
+}
+
+impl Drop for Unsteady {
+    fn drop(&mut self) {
+        self.held.iter().for_each(|_| self.counters.dropped(DropReason::Closed));
     }
 }
 
@@ -259,6 +379,11 @@ pub fn registry(buses: &[&Arc<Faulty>]) -> Registry {
 #[derive(Debug, Default, serde::Deserialize)]
 struct NoEndpoints {}
 
+/// A store of types without definitions.
+pub fn types() -> TypeStore {
+    TypeStore::new(Dialect::Ros2, BTreeMap::<PathBuf, String>::new())
+}
+
 /// A plan of routes as a file has them, between buses `a`, `b` and `c`.
 pub fn plan(routes: &[String]) -> Plan {
     if routes.is_empty() {
@@ -269,7 +394,7 @@ pub fn plan(routes: &[String]) -> Plan {
         Config::from_yaml(&format!("routes:\n{text}"), "bridge.yaml").expect("a configuration");
     let known =
         ["a", "b", "c"].map(|name| Available { name, check_topic: &|_| Ok(()), options: &[] });
-    Plan::new(&config, &known, &mut TypeStore::generated(), "bridge.yaml").expect("a plan")
+    Plan::new(&config, &known, &mut types(), "bridge.yaml").expect("a plan")
 }
 
 /// Waits for a condition, long.

@@ -3,8 +3,6 @@
 //! ```text
 //!   Ours (RustServices) ◀── loopback, a domain of the test ──▶ Peer (ros2-client), Bare (RustDDS)
 //! ```
-// Each test file uses a part; in tests a panic is the right answer.
-#![allow(dead_code, unreachable_pub, clippy::unwrap_used, clippy::indexing_slicing)]
 
 use std::net::Ipv4Addr;
 use std::process;
@@ -25,7 +23,7 @@ use wrapyfi_core::middleware::ros2::graph::{
 };
 use wrapyfi_core::middleware::ros2::{CycloneConfig, RustServices};
 
-use crate::ros2_common::{PATIENCE, bell, domain, name};
+use crate::ros2_common::{TIMEOUT, bell, domain, name};
 
 /// `example_interfaces/srv/AddTwoInts`, request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -35,7 +33,7 @@ pub struct Add {
 }
 impl Message for Add {}
 
-/// Its response.
+/// Response of the service.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Sum {
     pub sum: i64,
@@ -47,6 +45,7 @@ pub fn add_two_ints() -> ServiceDescription {
     ServiceDescription {
         name: format!("/add_two_ints_{}", process::id()),
         type_name: "example_interfaces/srv/AddTwoInts".into(),
+        type_hash: None,
         request_hash: None,
         response_hash: None,
         depth: 10,
@@ -54,12 +53,12 @@ pub fn add_two_ints() -> ServiceDescription {
     }
 }
 
-pub fn config(node: &str, test: u32) -> CycloneConfig {
-    CycloneConfig::loopback(name(node), domain(test))
+pub fn config(node: &str) -> CycloneConfig {
+    CycloneConfig::loopback(name(node), domain())
 }
 
-pub fn services(node: &str, test: u32) -> RustServices {
-    RustServices::new(&config(node, test)).unwrap()
+pub fn services(node: &str) -> RustServices {
+    RustServices::new(&config(node)).unwrap()
 }
 
 /// Header and whole numbers, as CDR has them.
@@ -91,13 +90,13 @@ pub fn client(services: &RustServices, service: &ServiceDescription) -> OurClien
 
 impl OurClient {
     pub fn await_peers(&self, wanted: &Peers) {
-        let met = wait_until(&self.wake, PATIENCE, || self.client.servers() == *wanted);
+        let met = wait_until(&self.wake, TIMEOUT, || self.client.servers() == *wanted);
         assert!(met, "{wanted:?} awaited, there is {:?}", self.client.servers());
     }
 
     pub fn reply(&mut self) -> Result<CdrReply, GraphError> {
         let mut taken = Ok(None);
-        let came = wait_until(&self.wake, PATIENCE, || {
+        let came = wait_until(&self.wake, TIMEOUT, || {
             taken = self.client.take();
             !matches!(taken, Ok(None))
         });
@@ -128,13 +127,13 @@ pub fn server(services: &RustServices, service: &ServiceDescription) -> OurServe
 
 impl OurServer {
     pub fn await_peers(&self, wanted: &Peers) {
-        let met = wait_until(&self.wake, PATIENCE, || self.server.clients() == *wanted);
+        let met = wait_until(&self.wake, TIMEOUT, || self.server.clients() == *wanted);
         assert!(met, "{wanted:?} awaited, there is {:?}", self.server.clients());
     }
 
     pub fn request(&mut self) -> Result<CdrRequest, GraphError> {
         let mut taken = Ok(None);
-        let came = wait_until(&self.wake, PATIENCE, || {
+        let came = wait_until(&self.wake, TIMEOUT, || {
             taken = self.server.take();
             !matches!(taken, Ok(None))
         });
@@ -145,7 +144,7 @@ impl OurServer {
     /// Answers the next request with the sum of its numbers, when its client would hear it.
     pub fn answer(&mut self) -> CdrRequest {
         let request = self.request().unwrap();
-        let heard = wait_until(&self.wake, PATIENCE, || self.server.hears(&request.id));
+        let heard = wait_until(&self.wake, TIMEOUT, || self.server.hears(&request.id));
         assert!(heard, "the client's reader is never matched");
         let sum = numbers(&request.cdr).iter().sum();
         self.server.reply(&request.id, &[&cdr(&[sum])]).unwrap();
@@ -157,8 +156,8 @@ impl OurServer {
 pub struct Peer(Node);
 
 impl Peer {
-    pub fn new(node: &str, test: u32) -> Self {
-        let context = Context::from_domain_participant(participant(test)).unwrap();
+    pub fn new(node: &str) -> Self {
+        let context = Context::from_domain_participant(participant()).unwrap();
         let node = ros2_client::NodeName::new("/", node).unwrap();
         Self(context.new_node(node, NodeOptions::new().enable_rosout(false)).unwrap())
     }
@@ -192,8 +191,8 @@ pub fn answer(server: &Server<Add, Sum>) -> bool {
     true
 }
 
-fn participant(test: u32) -> DomainParticipant {
-    DomainParticipantBuilder::new(u16::try_from(domain(test)).unwrap())
+fn participant() -> DomainParticipant {
+    DomainParticipantBuilder::new(u16::try_from(domain()).unwrap())
         .with_only_networks([Ipv4Addr::LOCALHOST])
         .same_host_loopback(true)
         .build()
@@ -211,8 +210,8 @@ pub type BareWriter<D> = DataWriter<D, CDRSerializerAdapter<D>>;
 pub type BareReader<D> = DataReader<D, CDRDeserializerAdapter<D>>;
 
 impl Bare {
-    pub fn new(test: u32) -> Self {
-        let dds = participant(test);
+    pub fn new() -> Self {
+        let dds = participant();
         let publisher = dds.create_publisher(&QosPolicies::qos_none()).unwrap();
         let subscriber = dds.create_subscriber(&QosPolicies::qos_none()).unwrap();
         Self { dds, publisher, subscriber }
@@ -253,7 +252,7 @@ impl Bare {
 
 /// Looks at `condition` until it holds.
 pub fn until(what: &str, condition: impl FnMut() -> bool) {
-    assert!(wait_until(&Wake::new(), PATIENCE, condition), "{what}");
+    assert!(wait_until(&Wake::new(), TIMEOUT, condition), "{what}");
 }
 
 /// The next sample of a bare reader, with its writer's number and identity.

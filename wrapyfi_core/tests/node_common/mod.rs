@@ -3,8 +3,6 @@
 //! ```text
 //!   Offering { NodeEndpoints } ◀── loopback, a domain of the test ──▶ Asking { AnyClient, … }
 //! ```
-// Each test file uses a part; in tests a panic is the right answer.
-#![allow(dead_code, unreachable_pub, clippy::unwrap_used, clippy::indexing_slicing)]
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -14,15 +12,15 @@ use wrapyfi_core::endpoint::{Qos, Wake};
 use wrapyfi_core::middleware::ros2::graph::{DiscoveredEndpoint, Graph, wait_until};
 use wrapyfi_core::middleware::ros2::{
     AnyClient, AnyListener, CycloneConfig, CycloneGraph, NodeEndpoints, Ros2, ServiceOptions,
-    ServiceType,
 };
 use wrapyfi_core::node::parameters::{ParameterDescriptor, ParameterStore};
+use wrapyfi_core::types::RosService;
 use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
 
-use crate::ros2_common::{PATIENCE, far_config, near_config};
+use crate::ros2_common::{TIMEOUT, far_config, near_config};
 
 pub const MAX_BYTES: usize = 1 << 20;
-/// No system's time is as early.
+/// Time in seconds that is earlier than the clock of any system.
 pub const LONG_AGO: i32 = 1_500_000_000;
 
 /// A node and what it offers.
@@ -69,8 +67,8 @@ impl Asking {
 
     /// The reply of one of the node's services.
     pub fn ask(&mut self, service: &str, type_name: &str, request: &Value) -> Value {
-        let kind = ServiceType::new(&self.resolved(type_name)).unwrap();
-        let options = ServiceOptions { timeout: PATIENCE, ..ServiceOptions::default() };
+        let kind = RosService::new(&self.resolved(type_name)).unwrap();
+        let options = ServiceOptions { timeout: TIMEOUT, ..ServiceOptions::default() };
         let name = format!("{}/{service}", self.asked);
         let mut client = AnyClient::open(&self.ros2, &name, kind, &options, &Wake::new()).unwrap();
         let request = client.request_plan().from_json(request, MAX_BYTES).unwrap();
@@ -87,7 +85,7 @@ impl Asking {
         self.ask("get_parameters", "rcl_interfaces/srv/GetParameters", &request)["values"].take()
     }
 
-    /// Whether each was set, or why not.
+    /// Result for each parameter: set, or the reason that it was not.
     pub fn set(&mut self, parameters: &[Value]) -> Value {
         let request = json!({"parameters": parameters});
         self.ask("set_parameters", "rcl_interfaces/srv/SetParameters", &request)["results"].take()
@@ -100,7 +98,7 @@ impl Asking {
         (listener, wake)
     }
 
-    /// What the other participant has beside what announces its nodes.
+    /// Endpoints of the other participant, without that of `ros_discovery_info`.
     pub fn endpoints_of(&self, other: &Offering) -> Vec<DiscoveredEndpoint> {
         let mut found = self.graph.endpoints().unwrap();
         found.retain(|endpoint| {
@@ -111,15 +109,15 @@ impl Asking {
     }
 }
 
-pub fn pair(test: u32) -> (Offering, Asking) {
-    let offering = Offering::new(&near_config("camera", test));
-    let asking = Asking::new(&far_config("tool", test), &offering);
+pub fn pair() -> (Offering, Asking) {
+    let offering = Offering::new(&near_config("camera"));
+    let asking = Asking::new(&far_config("tool"), &offering);
     (offering, asking)
 }
 
 pub fn next(listener: &mut AnyListener, wake: &Wake) -> Value {
     let mut taken = None;
-    assert!(wait_until(wake, PATIENCE, || {
+    assert!(wait_until(wake, TIMEOUT, || {
         taken = listener.take().unwrap();
         taken.is_some()
     }));
@@ -127,7 +125,7 @@ pub fn next(listener: &mut AnyListener, wake: &Wake) -> Value {
 }
 
 pub fn until(what: &str, condition: impl FnMut() -> bool) {
-    assert!(wait_until(&Wake::new(), PATIENCE, condition), "{what}");
+    assert!(wait_until(&Wake::new(), TIMEOUT, condition), "{what}");
 }
 
 pub fn boolean(name: &str, value: bool) -> Value {

@@ -1,7 +1,4 @@
 //! Raw ZeroMQ peers, as Python Wrapyfi uses them, and waiting for conditions.
-// Each test file uses a part; in tests a panic is the right answer.
-#![allow(dead_code, unreachable_pub, clippy::unwrap_used, clippy::expect_used)]
-#![allow(clippy::indexing_slicing, clippy::panic)]
 
 use std::time::{Duration, Instant};
 
@@ -9,13 +6,13 @@ use wrapyfi_core::middleware::zeromq::{BrokerConfig, BrokerMode, ZeroMqConfig};
 
 pub const MONITOR: &str = "ZEROMQ/CONNECTIONS";
 /// Long enough for the slowest machine; reached only by failures.
-pub const PATIENCE: Duration = Duration::from_secs(30);
+pub const TIMEOUT: Duration = Duration::from_secs(30);
 
 #[track_caller]
 pub fn wait_until(what: &str, mut condition: impl FnMut() -> bool) {
-    let deadline = Instant::now() + PATIENCE;
+    let deadline = Instant::now() + TIMEOUT;
     while !condition() {
-        assert!(Instant::now() < deadline, "waited {PATIENCE:?} for {what}");
+        assert!(Instant::now() < deadline, "waited {TIMEOUT:?} for {what}");
         std::thread::sleep(Duration::from_millis(5));
     }
 }
@@ -39,7 +36,7 @@ pub fn foreign(pub_port: u16, sub_port: u16) -> ZeroMqConfig {
 pub fn peer(context: &zmq::Context, kind: zmq::SocketType, port: u16) -> zmq::Socket {
     let socket = context.socket(kind).unwrap();
     socket.set_linger(0).unwrap();
-    socket.set_rcvtimeo(i32::try_from(PATIENCE.as_millis()).unwrap()).unwrap();
+    socket.set_rcvtimeo(i32::try_from(TIMEOUT.as_millis()).unwrap()).unwrap();
     socket.connect(&format!("tcp://127.0.0.1:{port}")).unwrap();
     socket
 }
@@ -63,7 +60,7 @@ pub fn bound(context: &zmq::Context, kind: zmq::SocketType) -> (zmq::Socket, u16
 /// Reads counts until `topic` has `count`.
 #[track_caller]
 pub fn wait_for_count(monitor: &zmq::Socket, topic: &str, count: u64) {
-    let deadline = Instant::now() + PATIENCE;
+    let deadline = Instant::now() + TIMEOUT;
     loop {
         let frames = monitor.recv_multipart(0).expect("counts are repeated");
         assert_eq!(frames.len(), 2);

@@ -63,7 +63,7 @@ struct Options {
 #[derive(Default)]
 struct Eye {
     camera: Option<Camera>,
-    /// Why there is no frame, where it is a fault.
+    /// Fault for which there is no frame.
     fault: Option<anyhow::Error>,
     has_ended: bool,
 }

@@ -2,7 +2,7 @@
 //! whose middleware it has; the others are `None`.
 //!
 //! ```text
-//!                            ┌─ object ─▶ yarp    (absent here: None)
+//!                            ┌─ object ─▶ yarp    (None without a name server)
 //!   read_mulret_mulmware() ──┼─ image ──▶ ros2    sensor_msgs/msg/Image
 //!                            └─ sound ──▶ zeromq
 //! ```
@@ -94,7 +94,7 @@ fn main() -> anyhow::Result<()> {
     loop {
         let (object, image, sound) =
             channels.read_mulret_mulmware(&options.image_mware, 200, 100, 44_100, 8820, 1)?;
-        // What a publisher chose not to send is no news either.
+        // A message that a publisher chose not to send is no news either.
         let (image, sound) = (image.flatten(), sound.flatten());
         if object.is_some() || image.is_some() || sound.is_some() {
             let told = json!({

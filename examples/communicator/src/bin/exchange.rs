@@ -131,7 +131,7 @@ fn main() -> anyhow::Result<()> {
     }
 }
 
-/// What tells one object from another.
+/// Facts that tell one object from another.
 fn described_object(object: &Value) -> Json {
     let ramp = object.get("ramp").and_then(Value::as_tensor);
     json!({

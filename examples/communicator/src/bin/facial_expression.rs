@@ -81,7 +81,7 @@ impl Robot {
     }
 }
 
-/// What is different between the robots: name, middleware, topics.
+/// Properties in which the robots differ: name, middleware, topics.
 struct Place {
     name: &'static str,
     mware: String,
@@ -118,7 +118,8 @@ fn eyes(source: Option<&Path>) -> anyhow::Result<Camera> {
     }
 }
 
-/// In the middle: one robot after the other is looked through and told what to show.
+/// Role in the middle: looks through one robot's camera after the other and tells each what to
+/// show.
 fn recognise(places: &[Place]) -> anyhow::Result<()> {
     let mut robots = Vec::new();
     for place in places {
@@ -148,7 +149,7 @@ fn recognise(places: &[Place]) -> anyhow::Result<()> {
     }
 }
 
-/// On a robot: its eyes go out, what comes back is shown.
+/// Role on a robot: sends its pictures and shows the expressions that come back.
 fn imitate(place: &Place, eyes: Camera) -> anyhow::Result<()> {
     let mut robot = Robot { eyes: Some(eyes), fault: None }.communicator();
     robot.activate(RobotMethod::Acquire, Mode::Publish)?;

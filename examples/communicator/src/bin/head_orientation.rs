@@ -30,7 +30,7 @@ struct Options {
     /// Place in the scene
     #[arg(long)]
     role: Role,
-    /// What the robot follows; of both, what is worn where it is there
+    /// Source that the robot follows; of both, the worn one where it is there
     #[arg(long, default_value = "both")]
     source: Source,
     /// Middleware of the eye tracker

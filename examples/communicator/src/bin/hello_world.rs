@@ -32,7 +32,7 @@ struct Options {
     /// Goes with every message
     #[arg(long, default_value = "hello")]
     msg: String,
-    /// Whether a call waits for the other side
+    /// Wait for the other side in each call
     #[arg(long, default_value_t = true, action = clap::ArgAction::Set)]
     blocking: bool,
 }

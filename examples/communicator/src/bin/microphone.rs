@@ -55,7 +55,7 @@ struct Options {
 #[derive(Default)]
 struct Ear {
     microphone: Option<Microphone>,
-    /// Why there is no sound, where it is a fault.
+    /// Fault for which there is no sound.
     fault: Option<anyhow::Error>,
     has_ended: bool,
 }

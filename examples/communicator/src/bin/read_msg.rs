@@ -1,4 +1,4 @@
-//! The first listing of docs/communicator.md, as it stands there: mirroring, in the mode that is the
+//! The first listing of docs/reference/communicator.md, as it stands there: mirroring, in the mode that is the
 //! first argument.
 
 #![allow(clippy::print_stdout, reason = "a program for the terminal")]

@@ -76,7 +76,7 @@ fn main() -> anyhow::Result<()> {
         _ => ("/example/ping", "/example/pong"),
     };
     loop {
-        // What came back here, what went back there: both sides see the answers.
+        // The answers of both ways: both sides see them.
         let note = partner.exchange(&mware, way_in, way_out, None)?;
         if let Some(note) = note.filter(|note| note.answers.is_some()) {
             println!("{}", json!({ "event": "message", "note": note }));

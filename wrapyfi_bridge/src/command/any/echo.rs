@@ -95,7 +95,7 @@ fn discover(
     Ok(None)
 }
 
-/// What hears all publishers of the topic.
+/// Quality of service that hears all publishers of the topic.
 fn offered(found: &[Discovered], topic: &str) -> Qos {
     let publishers = found.iter().filter(|e| e.name == topic && e.role == Role::Publisher);
     let all: Vec<_> = publishers.filter_map(|endpoint| endpoint.qos).collect();

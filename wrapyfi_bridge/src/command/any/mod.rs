@@ -22,7 +22,7 @@ pub mod echo;
 pub mod publish;
 pub(super) mod yaml;
 
-/// How often discovery is looked at while messages go on.
+/// Time between two looks at discovery while messages go on.
 const LOOK_EVERY: Duration = Duration::from_millis(500);
 
 /// Definitions of ROS types: in `folders` first, then where `AMENT_PREFIX_PATH` says, then those
@@ -67,7 +67,7 @@ pub(crate) fn add_standard(name: &str, folders: &[PathBuf], store: &mut TypeStor
     let Ok(theirs) = definitions(folders) else { return };
     let mut types = Types::new(Rules::built_in(), theirs);
     types.add_ros1_path(&std::env::var_os("ROS_PACKAGE_PATH").unwrap_or_default());
-    // What is wrong with it is said by the store, when it is asked.
+    // The fault of the type is reported by the store, when it is asked.
     if let Ok(found) = types.ros2_type_named(&parsed) {
         store.add_resolved(&found);
     }
@@ -109,7 +109,7 @@ impl Strangers {
     }
 }
 
-/// What another endpoint of the topic announces that we do not.
+/// Difference between the announcement of another endpoint of the topic and ours, in words.
 fn contradiction(endpoint: &Discovered, topic: &TopicDescription) -> Option<String> {
     let who = format!(
         "{} of {} ({})",

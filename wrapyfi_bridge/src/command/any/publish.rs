@@ -101,7 +101,7 @@ fn publish(
     shutdown: &Shutdown,
 ) -> Result<u64, Failure> {
     let interval = Duration::from_secs_f64(1.0 / args.rate);
-    // Who is matched now was discovered before.
+    // Peers that are matched now were discovered before.
     strangers.look_now(publisher.topic());
     let start = Instant::now();
     let mut sent = 0_u64;

@@ -3,6 +3,7 @@
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
+use wrapyfi_core::Limits;
 use wrapyfi_core::endpoint::{
     Client, Context, Latency, LatencySummary, Middleware, Reply, Request, ServiceSpec, Ticket,
 };
@@ -84,7 +85,7 @@ impl Caller {
         self.last_failure = reason;
     }
 
-    /// What is wrong with it, if something is.
+    /// Fault of the calls so far, in words; `None` where they are answered.
     pub(super) fn fault(&self) -> Option<String> {
         let Self { service, answered, failed, last_failure, .. } = self;
         match (answered, failed) {
@@ -117,12 +118,16 @@ impl Caller {
 
 /// The size of a reply in which the robot did what it was asked.
 fn agreed(reply: &Reply) -> Result<u64, String> {
-    match &reply.payload {
-        Payload::NativeObject(value) => match value.get("success").and_then(Value::as_bool) {
-            Some(true) => Ok(reply.wire_bytes as u64),
-            _ => Err(format!("the robot answered {}", canonical(value))),
-        },
-        other => Err(format!("the robot answered a {}", other.data_type())),
+    let value = match &reply.payload {
+        Payload::NativeObject(object) => object.value.clone(),
+        Payload::RosMessage(message) => message
+            .to_value(Limits::default().message_bytes)
+            .map_err(|error| format!("the robot's answer cannot be read: {error}"))?,
+        other => return Err(format!("the robot answered a {}", other.data_type())),
+    };
+    match value.get("success").and_then(Value::as_bool) {
+        Some(true) => Ok(reply.wire_bytes as u64),
+        _ => Err(format!("the robot answered {}", canonical(&value))),
     }
 }
 
@@ -136,7 +141,7 @@ mod tests {
     use super::super::{robot, routes};
     use super::*;
 
-    const PATIENCE: Duration = Duration::from_secs(20);
+    const DEADLINE: Duration = Duration::from_secs(20);
 
     fn caller(memory: &Memory) -> (Caller, Context) {
         let context = Context::default();
@@ -157,7 +162,7 @@ mod tests {
         let begun = Instant::now();
         caller.step(begun);
         let until_answered = |caller: &mut Caller, count| {
-            while caller.answered().0 < count && begun.elapsed() < PATIENCE {
+            while caller.answered().0 < count && begun.elapsed() < DEADLINE {
                 context.wake.wait(Duration::from_millis(10));
                 // The clock stands still: nothing more is due.
                 caller.step(begun);

@@ -17,7 +17,9 @@ pub(super) fn serve(mut server: Box<dyn Server>, wake: &Wake, stop: &AtomicBool)
     while !stop.load(Ordering::Relaxed) {
         match server.take() {
             Ok(Some(asked)) => {
-                if let Err(error) = server.reply(asked.id, switch(&asked.request)) {
+                if let Err(error) =
+                    server.reply(asked.id, switch(&asked.request).map_err(Into::into))
+                {
                     tracing::warn!("demo robot: {error}");
                 }
             }
@@ -29,9 +31,10 @@ pub(super) fn serve(mut server: Box<dyn Server>, wake: &Wake, stop: &AtomicBool)
     }
 }
 
-/// What the robot answers: the fields of `std_srvs/srv/SetBool`.
+/// Answer of the robot: the fields of `std_srvs/srv/SetBool`.
 fn switch(request: &Request) -> Result<Payload, String> {
-    let wanted = request.args.first().or_else(|| request.kwargs.get("data"));
+    let call = request.call().map_err(|error| error.to_string())?;
+    let wanted = call.args.first().or_else(|| call.kwargs.get("data"));
     // On YARP a bool is a number.
     let on = wanted
         .and_then(|value| value.as_bool().or_else(|| value.as_i64().map(|number| number != 0)))

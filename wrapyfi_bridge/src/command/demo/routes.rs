@@ -1,8 +1,8 @@
-//! What the demo carries, and where.
+//! Routes of the demo.
 
 use anyhow::Context as _;
 use wrapyfi_core::endpoint::EndpointAddress;
-use wrapyfi_core::engine::{Plan, RouteSpec, ServiceRouteSpec};
+use wrapyfi_core::engine::{Plan, Route};
 use wrapyfi_core::types::{MessageType, ServiceKind};
 use wrapyfi_interfaces::store::TypeStore;
 
@@ -10,7 +10,7 @@ use wrapyfi_interfaces::store::TypeStore;
 pub(super) struct Topic {
     /// Name of its route.
     pub(super) name: &'static str,
-    /// Where a source publishes.
+    /// Endpoint that a source publishes on.
     pub(super) from: &'static str,
     /// Topic of ROS 2 that the viewer looks at.
     pub(super) to: &'static str,
@@ -46,7 +46,7 @@ pub(super) const TOPICS: [Topic; 7] = [
 pub(super) const LIGHT: &str = "robot light";
 /// The robot's rpc port.
 pub(super) const LIGHT_PORT: &str = "yarp:/robot/light/rpc";
-/// What it is as a service of ROS 2.
+/// Name of that port's service on ROS 2.
 pub(super) const LIGHT_SERVICE: &str = "/robot/light";
 /// Type of that service.
 const LIGHT_TYPE: &str = "std_srvs/srv/SetBool";
@@ -60,31 +60,34 @@ pub(super) fn light() -> anyhow::Result<ServiceKind> {
 pub(super) fn plan() -> anyhow::Result<Plan> {
     let ros2 = |name: &str| format!("ros2:{name}").parse::<EndpointAddress>();
     let route = |topic: &Topic| {
-        let route = RouteSpec::new(topic.from.parse()?, ros2(topic.to)?, topic.message_type);
-        anyhow::Ok(RouteSpec { name: topic.name.to_owned(), ..route })
+        let route = Route::topic(topic.from.parse()?, ros2(topic.to)?, topic.message_type);
+        anyhow::Ok(Route { name: topic.name.to_owned(), ..route })
     };
-    let routes = TOPICS.iter().map(route).collect::<anyhow::Result<_>>()?;
-    let light = ServiceRouteSpec::new(LIGHT_PORT.parse()?, ros2(LIGHT_SERVICE)?, light()?);
-    let services = vec![ServiceRouteSpec { name: LIGHT.to_owned(), ..light }];
-    Ok(Plan { routes, services, ..Plan::default() })
+    let mut routes = TOPICS.iter().map(route).collect::<anyhow::Result<Vec<_>>>()?;
+    let light = Route::service(LIGHT_PORT.parse()?, ros2(LIGHT_SERVICE)?, light()?);
+    routes.push(Route { name: LIGHT.to_owned(), ..light });
+    Ok(Plan { routes })
 }
 
 #[cfg(test)]
 mod tests {
+    use wrapyfi_core::engine::Kind;
+
     use super::*;
     use crate::middlewares;
 
     #[test]
     fn the_routes_are_valid_and_each_goes_to_a_topic_of_its_own() {
         let plan = plan().unwrap();
-        assert_eq!(plan.routes.len(), TOPICS.len());
+        assert_eq!(plan.routes.len(), TOPICS.len() + 1);
         let mut to: Vec<_> = plan.routes.iter().map(|route| &route.to).collect();
         to.sort();
         to.dedup();
-        assert_eq!(to.len(), TOPICS.len());
+        assert_eq!(to.len(), TOPICS.len() + 1);
         let known = middlewares::Middlewares::names();
         let ends = plan.routes.iter().flat_map(|route| [&route.from, &route.to]);
         assert!(ends.into_iter().all(|end| known.contains(&end.middleware.as_str())));
-        assert_eq!(plan.services[0].kind.ros_type(), LIGHT_TYPE);
+        let light = plan.routes.last().unwrap();
+        assert!(matches!(light.kind, Kind::Service(kind) if kind.ros_type() == LIGHT_TYPE));
     }
 }

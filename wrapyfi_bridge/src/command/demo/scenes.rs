@@ -1,4 +1,4 @@
-//! What the demo's sources show, say and send: message by number.
+//! Pictures, sounds and objects of the demo's sources: message by number.
 
 use wrapyfi_core::codec::jpeg;
 use wrapyfi_core::types::{
@@ -80,7 +80,8 @@ pub(super) fn robot_sound(sequence: u64) -> anyhow::Result<Payload> {
     Ok(Payload::AudioChunk(chunk))
 }
 
-/// What a Python script would send as `{"sequence": ..., "sent_at": time.time(), "joints": np.array(...)}`.
+/// Object as a Python script sends it: `{"sequence": ..., "sent_at": time.time(), "joints":
+/// np.array(...)}`.
 pub(super) fn object(sequence: u64) -> anyhow::Result<Payload> {
     let joints: Vec<f64> = (0..6).map(|joint| f64::from(joint) * 0.1 + sequence as f64).collect();
     let mut map = Map::default();

@@ -21,7 +21,8 @@ pub(super) struct Sources {
 
 type Make = fn(u64) -> anyhow::Result<Payload>;
 
-/// What publishes: where, a type, messages per second, what makes them.
+/// Publishers of the demo: endpoint, type, messages per second, and the function that makes a
+/// message.
 const PUBLISHERS: [(&str, MessageType, u32, Make); 7] = [
     ("zeromq:/demo/camera", MessageType::Image, 30, scenes::frame),
     ("zeromq:/demo/jpeg", MessageType::CompressedImage, 10, scenes::jpeg_frame),

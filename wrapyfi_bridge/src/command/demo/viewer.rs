@@ -84,7 +84,7 @@ impl Viewer {
         silent.chain(self.caller.fault().map(|fault| (LIGHT, fault))).collect()
     }
 
-    /// What arrived, with rates over the time since the last call.
+    /// Table of the messages that arrived, with rates over `elapsed`, the time since the last call.
     pub(super) fn table(&mut self, elapsed: Duration) -> String {
         let mut out = format!(
             "{:<28}  {:<27} {:>6} {:>6} {:>6} {:>6} {:>6}\n",
@@ -146,7 +146,7 @@ impl Seen {
     }
 }
 
-/// When the source sent it, in seconds since 1970.
+/// Time at which the source sent the message, in seconds since 1970.
 fn sent_at(payload: &Payload) -> Option<f64> {
     match payload {
         Payload::Image(image) => Some(image.stamp.as_secs_f64()),

@@ -4,11 +4,9 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context as _, anyhow};
 use wrapyfi_core::Limits;
-use wrapyfi_core::endpoint::{self, Middleware as _, Role, Wake};
-use wrapyfi_core::middleware::ros2::{
-    AnyClient, CallError, Ros2, ServiceOptions, ServiceType, returned,
-};
-use wrapyfi_core::types::ServiceKind;
+use wrapyfi_core::endpoint::{CallError, Middleware as _, Role, Wake};
+use wrapyfi_core::middleware::ros2::{AnyClient, Ros2, ServiceOptions, returned};
+use wrapyfi_core::types::{RosService, ServiceKind};
 use wrapyfi_interfaces::dynamic::DynamicMessage;
 
 use super::native::{self, Arguments, Convention};
@@ -44,7 +42,7 @@ pub fn run(args: &CallArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         },
     };
     let resolved = any::resolve(&name, &args.definitions)?;
-    let service = ServiceType::new(&resolved).map_err(Failure::usage)?;
+    let service = RosService::new(&resolved).map_err(Failure::usage)?;
     let wake = Wake::new();
     let left = args.timeout.saturating_sub(begin.elapsed());
     let options = ServiceOptions { timeout: left, ..ServiceOptions::default() };
@@ -73,7 +71,7 @@ fn told(args: &CallArgs, name: &str, reply: &DynamicMessage) -> Result<String, F
     let returned = returned(kind, reply).with_context(|| format!("{}", args.endpoint))?;
     let service = || args.endpoint.name.clone();
     returned.map(|payload| summary(&payload)).map_err(|reason| {
-        let refused = endpoint::CallError::Refused { service: service(), reason };
+        let refused = CallError::Refused { service: service(), reason };
         Failure::Failed(anyhow::Error::new(refused))
     })
 }

@@ -12,7 +12,7 @@ use anyhow::anyhow;
 use bytes::Bytes;
 use wrapyfi_core::Limits;
 use wrapyfi_core::codec::{self, json};
-use wrapyfi_core::endpoint::{CallError, Context, Request, ServeError, Server, ServiceSpec};
+use wrapyfi_core::endpoint::{Call, CallError, Context, Request, ServeError, Server, ServiceSpec};
 use wrapyfi_core::endpoint::{EndpointAddress, TopicSpec};
 use wrapyfi_core::middleware::{ros1, yarp};
 use wrapyfi_core::types::{Map, Payload, ServiceKind, Stamp, Value};
@@ -39,11 +39,9 @@ pub(super) fn call(args: &CallArgs, mut options: Map, shutdown: &Shutdown) -> Re
     };
     let request = match &args.value {
         // The one argument of a function; of any other service its fields.
-        Some(text) => Request { args: vec![value("--value", text)?], ..Request::default() },
-        None => Request {
-            args: arguments("--args", args.args.as_deref())?,
-            kwargs: keywords("--kwargs", args.kwargs.as_deref())?,
-        },
+        Some(text) => Request::new([value("--value", text)?]),
+        None => Request::new(arguments("--args", args.args.as_deref())?)
+            .with(keywords("--kwargs", args.kwargs.as_deref())?),
     };
     if args.endpoint.middleware == yarp::NAME && options.get("bottle").is_none() {
         // A robot's port reads bottles, a function of Wrapyfi JSON; the name server tells them apart.
@@ -63,7 +61,8 @@ pub(super) fn call(args: &CallArgs, mut options: Map, shutdown: &Shutdown) -> Re
             context.wake.wait(until.unwrap_or(WAIT_SLICE).min(WAIT_SLICE));
             continue;
         };
-        let payload = result.map_err(failed)?.payload;
+        // Of a service of ROS, the fields of its reply.
+        let payload = converted(result.map_err(failed)?.payload, &spec).map_err(Failure::Failed)?;
         let text = if args.json { describe(&payload) } else { summary(&payload) };
         return output::line(&text.to_string());
     }
@@ -81,7 +80,7 @@ fn left(at: Instant) -> Duration {
     at.saturating_duration_since(Instant::now())
 }
 
-/// What is asked for: a function of Wrapyfi, or but for ZeroMQ any service.
+/// Kind of the service: a function of Wrapyfi, or on all middlewares but ZeroMQ any service.
 fn kind(
     name: &ServiceName,
     endpoint: &EndpointAddress,
@@ -149,15 +148,17 @@ pub(super) fn serve(args: &ServeArgs, options: Map, shutdown: &Shutdown) -> Resu
     while !shutdown.requested() && args.count.is_none_or(|count| answered < count) {
         match server.take() {
             Ok(Some(asked)) => {
-                let reply = match &constant {
-                    Some(constant) => Ok(stamped(constant)),
-                    None => returned(asked.request.args.clone(), &spec),
+                let (id, call) = (asked.id, asked.request.into_call());
+                let reply = match (&constant, &call) {
+                    (_, Err(error)) => Err(error.to_string()),
+                    (Some(constant), Ok(_)) => Ok(stamped(constant)),
+                    (None, Ok(call)) => returned(call.args.clone(), &spec),
                 };
                 if let Err(reason) = &reply {
                     tracing::warn!("{}: answered with an error: {reason}", args.endpoint);
                 }
-                let told = output::line(&shown(&asked.request, args.json));
-                if let Err(error) = server.reply(asked.id, reply) {
+                let told = output::line(&shown(&call.unwrap_or_default(), args.json));
+                if let Err(error) = server.reply(id, reply.map_err(Into::into)) {
                     tracing::warn!("a reply was not sent: {error}");
                 }
                 answered += 1;
@@ -180,7 +181,7 @@ pub(super) fn serve(args: &ServeArgs, options: Map, shutdown: &Shutdown) -> Resu
     Ok(())
 }
 
-/// What every request is answered with, where it is not its argument.
+/// Reply to every request, where it is not the request's argument.
 fn constant(args: &ServeArgs, spec: &ServiceSpec) -> Result<Option<Payload>, Failure> {
     if let Some(file) = &args.file {
         let topic = TopicSpec::new(&spec.service, spec.kind.message_type());
@@ -200,9 +201,12 @@ fn returned(mut args: Vec<Value>, spec: &ServiceSpec) -> Result<Payload, String>
 }
 
 fn convert(value: Value, spec: &ServiceSpec) -> Result<Payload, String> {
+    converted(value.into(), spec).map_err(|error| error.to_string())
+}
+
+fn converted(payload: Payload, spec: &ServiceSpec) -> anyhow::Result<Payload> {
     let (to, color_order) = (spec.kind.message_type(), spec.color_order);
-    codec::convert_payload(value.into(), to, color_order, &spec.limits, Stamp::now)
-        .map_err(|error| error.to_string())
+    Ok(codec::convert_payload(payload, to, color_order, &spec.limits, Stamp::now)?)
 }
 
 /// The payload as if it were made now.
@@ -216,9 +220,9 @@ fn stamped(payload: &Payload) -> Payload {
     payload
 }
 
-fn shown(request: &Request, as_json: bool) -> String {
-    let args = canonical(&Value::List(request.args.clone()));
-    let kwargs = canonical(&Value::Map(request.kwargs.clone()));
+fn shown(Call { args, kwargs }: &Call, as_json: bool) -> String {
+    let args = canonical(&Value::List(args.clone()));
+    let kwargs = canonical(&Value::Map(kwargs.clone()));
     if as_json {
         format!(r#"{{"type":"Request","args":{args},"kwargs":{kwargs}}}"#)
     } else {
@@ -228,9 +232,9 @@ fn shown(request: &Request, as_json: bool) -> String {
 
 /// Gives kept replies the time to go out, and says what was not served.
 fn finish(server: &mut dyn Server, context: &Context, endpoint: &EndpointAddress) {
-    /// Longer than discovery takes; the process must end within two seconds.
-    const PATIENCE: Duration = Duration::from_secs(1);
-    let end = Instant::now() + PATIENCE;
+    /// Longest wait: longer than discovery takes; the process must end within two seconds.
+    const TIMEOUT: Duration = Duration::from_secs(1);
+    let end = Instant::now() + TIMEOUT;
     while server.kept() > 0 && Instant::now() < end {
         context.wake.wait(WAIT_SLICE);
         server.flush();
@@ -271,7 +275,7 @@ mod tests {
 
     #[test]
     fn requests_are_shown_in_one_line() {
-        let request = Request::new([1.into(), "a".into()]).with(Map::from([("k", 0.5)]));
+        let request = Call { args: vec![1.into(), "a".into()], kwargs: Map::from([("k", 0.5)]) };
         assert_eq!(shown(&request, false), r#"args: [1,"a"] kwargs: {"k":0.5}"#);
         let json = r#"{"type":"Request","args":[1,"a"],"kwargs":{"k":0.5}}"#;
         assert_eq!(shown(&request, true), json);

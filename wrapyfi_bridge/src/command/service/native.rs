@@ -12,7 +12,7 @@ use wrapyfi_interfaces::dynamic::DynamicMessage;
 
 use crate::exit::Failure;
 
-/// How a type of service carries the arguments of a function.
+/// Form in which a type of service carries the arguments of a function.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Convention {
     /// `wrapyfi_msgs/srv/…`: a native object with `args` and `kwargs`.
@@ -22,7 +22,7 @@ pub(super) enum Convention {
 }
 
 impl Convention {
-    /// That of a type, where it is a function of Wrapyfi.
+    /// Convention of a type, where it is a function of Wrapyfi.
     pub(super) fn of(type_name: &str) -> Option<Self> {
         match type_name.split_once("/srv/") {
             Some(("wrapyfi_msgs", _)) => Some(Self::Ours),
@@ -106,9 +106,9 @@ impl Convention {
 /// Arguments of a call.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Arguments {
-    /// Those in order.
+    /// Arguments in order.
     pub(super) args: Vec<Value>,
-    /// Those with names.
+    /// Arguments with names.
     pub(super) kwargs: Map<String, Value>,
 }
 
@@ -154,7 +154,7 @@ pub(super) fn json(option: &str, text: &str) -> Result<Value, Failure> {
     serde_json::from_str(text).map_err(|error| Failure::Usage(format!("{option}: {error}")))
 }
 
-/// Whether a value is an object of fields of this message, not something that a message carries.
+/// True when a value is an object of fields of this message, not something that a message carries.
 pub(super) fn is_fields(value: &Value, of: &DynamicMessage) -> bool {
     let known = |name: &String| of.fields().any(|(field, _)| field == name);
     value.as_object().is_some_and(|map| !map.is_empty() && map.keys().all(known))

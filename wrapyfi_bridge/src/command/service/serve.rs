@@ -2,9 +2,9 @@
 
 use std::time::{Duration, Instant};
 
-use wrapyfi_core::endpoint::Wake;
-use wrapyfi_core::middleware::ros2::graph::GraphError;
-use wrapyfi_core::middleware::ros2::{AnyServer, ServeError, ServiceOptions, ServiceType};
+use wrapyfi_core::endpoint::{ServeError, Wake};
+use wrapyfi_core::middleware::ros2::{AnyServer, ServiceOptions};
+use wrapyfi_core::types::RosService;
 use wrapyfi_core::{Limits, Throttle};
 use wrapyfi_interfaces::dynamic::DynamicMessage;
 
@@ -24,7 +24,7 @@ use crate::shutdown::Shutdown;
 /// Exit code 2 when type, service or reply is wrong.
 pub fn run(args: &ServeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let options = args.options.of(&args.endpoint.middleware)?;
-    // What a function returns is a payload, which any kind of file holds.
+    // A function returns a payload, which any kind of file holds.
     let is_function = |name: &ServiceName| Convention::of(&name.0).is_some();
     let is_payload = args.file.is_some() && args.service_type.as_ref().is_some_and(is_function);
     if args.endpoint.middleware != "ros2" || is_payload || args.ports.any() {
@@ -34,7 +34,7 @@ pub fn run(args: &ServeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         return Err(no_type(&args.endpoint));
     };
     let resolved = any::resolve(name, &args.definitions)?;
-    let service = ServiceType::new(&resolved).map_err(Failure::usage)?;
+    let service = RosService::new(&resolved).map_err(Failure::usage)?;
     let ros2 = Middlewares::ros2_of_command()?;
     let (wake, options) = (Wake::new(), ServiceOptions::default());
     let mut server = AnyServer::open(&ros2, &args.endpoint.name, service, &options, &wake)
@@ -64,7 +64,7 @@ pub fn run(args: &ServeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
                 };
                 answered += 1;
                 let told = answer_first(
-                    || server.reply(&request.id, &reply),
+                    || server.reply(request.id, &reply),
                     answered,
                     || output::line(&shown(&request.fields, args.json)?),
                 );
@@ -78,7 +78,7 @@ pub fn run(args: &ServeArgs, shutdown: &Shutdown) -> Result<(), Failure> {
                     server.deadline().map(|at| at.saturating_duration_since(Instant::now()));
                 wake.wait(until.unwrap_or(WAIT_SLICE).min(WAIT_SLICE));
             }
-            Err(error @ ServeError::Graph(GraphError::Stack { .. })) => {
+            Err(error @ ServeError::Transport { .. }) => {
                 return Err(anyhow::Error::new(error).into());
             }
             Err(error) => {
@@ -108,16 +108,15 @@ fn answer_first(
 
 /// Gives kept replies the time to go out, and says what was not served.
 fn finish(server: &mut AnyServer, wake: &Wake) {
-    /// Longer than discovery takes; the process must end within two seconds.
-    const PATIENCE: Duration = Duration::from_secs(1);
-    let end = Instant::now() + PATIENCE;
+    /// Longest wait: longer than discovery takes; the process must end within two seconds.
+    const TIMEOUT: Duration = Duration::from_secs(1);
+    let end = Instant::now() + TIMEOUT;
     while server.kept() > 0 && Instant::now() < end {
         wake.wait(WAIT_SLICE);
         server.flush();
     }
-    let drops = server.drops();
-    if drops != wrapyfi_core::middleware::ros2::ServerDrops::default() {
-        tracing::warn!("not served: {drops}");
+    for (reason, count) in server.counters().drops {
+        tracing::warn!("{}: {count} requests or replies dropped: {reason}", server.name());
     }
 }
 

@@ -1,0 +1,162 @@
+//! Messages and names that must not pass, and must not stop what comes after them.
+
+use wrapyfi_core::endpoint::{Context, DropReason, OpenError, PublishError, TopicSpec};
+use wrapyfi_core::types::{Encoding, MessageType};
+
+use super::{skipped, text};
+use crate::ends::ready;
+use crate::payloads::{frame, number, small};
+use crate::{Side, Sink, Source, Testbed, TypeCheck, connect, wait_until};
+
+/// Over the listener's limit: counted, and the next one arrives. Over the publisher's: refused.
+pub fn what_is_too_large_is_counted_and_passed_over<R: Testbed>() {
+    let testbed = R::start();
+    if skipped(R::CAPABILITIES.wire, "sizes") {
+        return;
+    }
+    let mut wide = TopicSpec::new("/big", MessageType::Image);
+    let mut narrow = wide.clone();
+    narrow.limits.message_bytes = 40_000;
+    wide.limits.message_bytes = 1 << 20;
+    let mut source = Source::open(testbed.side(Side::Near), &wide);
+    let mut sink = Sink::open(testbed.side(Side::Far), &narrow);
+    ready::<R>(&source, &sink);
+    for round in 1..=3 {
+        source.send(&frame(120, 120, Encoding::Bgr8));
+        source.send(&frame(4, round, Encoding::Bgr8));
+        assert!(sink.receive() == frame(4, round, Encoding::Bgr8));
+        let now = sink.counters();
+        let rounds = u64::from(round);
+        assert_eq!((now.received, now.dropped_for(DropReason::Oversize)), (2 * rounds, rounds));
+    }
+    let refused = source.publisher.publish(&frame(1000, 1000, Encoding::Bgr8));
+    assert!(matches!(refused, Err(PublishError::Encode(_))), "{refused:?}");
+    source.send(&frame(5, 5, Encoding::Bgr8));
+    assert!(sink.receive() == frame(5, 5, Encoding::Bgr8));
+}
+
+/// Bytes that are no message, for every type: each one counted, and the next message arrives.
+pub fn what_is_malformed_is_counted_and_passed_over<R: Testbed>() {
+    if skipped(R::CAPABILITIES.wire, "bytes") {
+        return;
+    }
+    let bodies: [&[u8]; 6] = [
+        b"\xff\xff\xff\xff",
+        b"{",
+        &[0xff; 64],
+        b"\xff\xff\xff\x7f\0\0\0\0",
+        &[b'['; 1000],
+        b"{\"__wrapyfi__\": [\"numpy.ndarray\", \"k05VTVBZ\"]}",
+    ];
+    let mut testbed = R::start();
+    for message_type in MessageType::TOPICS {
+        let spec = TopicSpec::new(format!("/{message_type:?}"), message_type);
+        let (mut source, mut sink) = connect(&testbed, Side::Near, &spec);
+        for body in bodies {
+            testbed.inject(&spec, body);
+        }
+        let sent = bodies.len() as u64;
+        let wake = sink.context.wake.clone();
+        wait_until(&wake, "the broken messages", || {
+            assert_eq!(sink.drain(), [], "{message_type} out of broken bytes");
+            sink.counters().received == sent
+        });
+        // Messages may have come between the look into the queue and the look at the counter.
+        assert_eq!(sink.drain(), [], "{message_type} out of broken bytes");
+        let now = sink.counters();
+        let unusable = [
+            DropReason::Malformed,
+            DropReason::Nesting,
+            DropReason::Mismatch,
+            DropReason::Oversize,
+        ]
+        .map(|reason| now.dropped_for(reason));
+        assert_eq!(unusable.iter().sum::<u64>(), sent, "{message_type}: {now:?}");
+        source.send(&small::<R>(message_type));
+        assert!(sink.receive() == small::<R>(message_type), "{message_type} after broken ones");
+    }
+}
+
+/// A publisher of another type: nothing of it is delivered, and it is said or counted.
+pub fn other_types_are_never_delivered<R: Testbed>() {
+    let testbed = R::start();
+    if skipped(R::CAPABILITIES.types != TypeCheck::Unchecked, "to check types") {
+        return;
+    }
+    let spec = TopicSpec::new("/contested", MessageType::Image);
+    let mut sink = Sink::open(testbed.side(Side::Far), &spec);
+    let mut wrong = Source::open(testbed.side(Side::Near), &text("/contested"));
+    match R::CAPABILITIES.types {
+        TypeCheck::Match => {
+            sink.wait_for("the link to name the other type", |link| {
+                link.waiting_for.as_ref().is_some_and(|reason| {
+                    reason.contains(&R::type_name(MessageType::StringJson))
+                        && reason.contains(&R::type_name(MessageType::Image))
+                })
+            });
+            assert_eq!(wrong.publisher.link().peers, Some(0));
+            wrong.send(&number(1));
+        }
+        _ => {
+            wrong.wait_for_listener();
+            wrong.send(&number(1));
+            let wake = sink.context.wake.clone();
+            wait_until(&wake, "the mismatch to be counted", || {
+                assert_eq!(sink.take(), None);
+                sink.counters().dropped_for(DropReason::Mismatch) == 1
+            });
+        }
+    }
+    if !R::CAPABILITIES.several_publishers {
+        drop(wrong);
+    }
+    let mut right = Source::open(testbed.side(Side::Near), &spec);
+    ready::<R>(&right, &sink);
+    right.send(&small::<R>(MessageType::Image));
+    assert!(sink.receive() == small::<R>(MessageType::Image));
+}
+
+/// A payload that the topic's type does not carry is refused at once, as unencodable.
+pub fn a_payload_of_another_kind_is_refused<R: Testbed>() {
+    let testbed = R::start();
+    if skipped(R::CAPABILITIES.types != TypeCheck::Unchecked, "to check types") {
+        return;
+    }
+    for message_type in MessageType::TOPICS {
+        let spec = TopicSpec::new(format!("/{message_type:?}"), message_type);
+        let (mut source, mut sink) = connect(&testbed, Side::Near, &spec);
+        for other in MessageType::TOPICS {
+            if other.data_type() == message_type.data_type() {
+                continue;
+            }
+            let error = source.publisher.publish(&small::<R>(other)).unwrap_err();
+            assert_eq!(error.drop_reason(), DropReason::Unencodable, "{error}");
+        }
+        source.send(&small::<R>(message_type));
+        assert!(sink.receive() == small::<R>(message_type));
+        assert_eq!(sink.counters().received, 1);
+    }
+}
+
+/// Names the middleware cannot carry are refused at once, for good, with a reason.
+pub fn names_that_cannot_work_are_refused<R: Testbed>() {
+    let testbed = R::start();
+    let names = R::invalid_names();
+    if skipped(!names.is_empty(), "any rule for names") {
+        return;
+    }
+    for name in names {
+        for side in Side::BOTH {
+            let middleware = testbed.side(side);
+            for refused in [
+                middleware.open_listener(&text(&name), &Context::default()).err(),
+                middleware.open_publisher(&text(&name), &Context::default()).err(),
+            ] {
+                match refused {
+                    Some(error @ OpenError::InvalidName { .. }) => assert!(!error.is_transient()),
+                    other => panic!("{name:?}: {other:?}"),
+                }
+            }
+        }
+    }
+}

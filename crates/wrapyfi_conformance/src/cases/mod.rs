@@ -1,0 +1,36 @@
+//! The cases. Each one starts a testbed of its own and says in its name what must hold.
+
+mod content;
+mod delivery;
+mod discovery;
+mod faults;
+mod link;
+mod queue;
+mod restart;
+mod services;
+
+pub use content::*;
+pub use delivery::*;
+pub use discovery::*;
+pub use faults::*;
+pub use link::*;
+pub use queue::*;
+pub use restart::*;
+pub use services::*;
+
+use wrapyfi_core::endpoint::TopicSpec;
+use wrapyfi_core::types::MessageType;
+
+/// A topic of numbered native objects.
+fn text(topic: &str) -> TopicSpec {
+    TopicSpec::new(topic, MessageType::StringJson)
+}
+
+/// Says that a case does not apply; true for `if skipped(…) { return }`.
+#[track_caller]
+fn skipped(unless: bool, lacks: &str) -> bool {
+    if !unless {
+        eprintln!("SKIPPED: the middleware does not promise {lacks}");
+    }
+    !unless
+}

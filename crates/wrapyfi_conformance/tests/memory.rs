@@ -1,0 +1,32 @@
+//! The suite against topics inside one process.
+
+use wrapyfi_conformance::{Capabilities, Side, Testbed, TypeCheck, conformance_tests};
+use wrapyfi_core::endpoint::Middleware;
+use wrapyfi_core::middleware::memory::Memory;
+
+/// One bus: there is no wire, so both sides are the same.
+struct Bus(Memory);
+
+impl Testbed for Bus {
+    const CAPABILITIES: Capabilities = Capabilities {
+        wire: false,
+        waits_aloud: false,
+        keeps_last: false,
+        ignores_own: false,
+        block_waits: false,
+        types: TypeCheck::Unchecked,
+        ..Capabilities::FULL
+    };
+
+    fn start() -> Self {
+        Self(Memory::new("memory"))
+    }
+
+    fn side(&self, _side: Side) -> &dyn Middleware {
+        &self.0
+    }
+
+    fn restart(&mut self, _side: Side) {}
+}
+
+conformance_tests!(Bus);

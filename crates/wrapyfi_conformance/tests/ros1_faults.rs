@@ -1,0 +1,299 @@
+//! ROS 1 against peers that misbehave, and a master that goes and comes back.
+
+use std::io::{Read as _, Write as _};
+use std::net::TcpStream;
+
+use crate::ros1_common::{Master, RawPublisher, call, framed, greet, read_framed};
+use wrapyfi_conformance::{Sink, Source, wait_until};
+use wrapyfi_core::endpoint::{DropReason, QosPreset, TopicSpec};
+use wrapyfi_core::middleware::ros1::header::Header;
+use wrapyfi_core::middleware::ros1::xmlrpc::{Value, text};
+use wrapyfi_core::middleware::ros1::{Ros1, Ros1Config};
+use wrapyfi_core::types::{MessageType, Payload, Value as Object};
+
+const STRING: &str = "992ce8a1687cec8c8bd883ec73ca41d1";
+
+fn node(master: &Master, name: &str) -> Ros1 {
+    let config = Ros1Config {
+        master_uri: master.uri(),
+        hostname: Some("127.0.0.1".to_owned()),
+        node: Some(name.to_owned()),
+        ..Ros1Config::default()
+    };
+    Ros1::start(&config).unwrap()
+}
+
+fn strings() -> Header {
+    Header::new().with("type", "std_msgs/String").with("md5sum", STRING)
+}
+
+fn subscriber(topic: &str, md5: &str) -> Header {
+    let header = Header::new().with("callerid", "/raw").with("topic", topic);
+    header.with("type", "std_msgs/String").with("md5sum", md5)
+}
+
+/// `u32 │ u32 │ text`
+fn message(text: &str) -> Vec<u8> {
+    framed(&framed(text.as_bytes()))
+}
+
+fn plain(topic: &str) -> TopicSpec {
+    TopicSpec::new(topic, MessageType::Text)
+}
+
+fn said(text: &str) -> Payload {
+    Object::from(text).into()
+}
+
+/// Address of the node's TCPROS port, as a subscriber asks for it.
+fn data_port(node: &Ros1, topic: &str) -> String {
+    let tcpros = Value::Array(vec![Value::Array(vec![text("TCPROS")])]);
+    let params = vec![text("/raw"), text(topic), tcpros];
+    let reply = call(&node.api_uri(), "requestTopic", params).unwrap();
+    match reply.value {
+        Value::Array(parts) => match parts.as_slice() {
+            [_, Value::String(host), Value::Integer(port)] => format!("{host}:{port}"),
+            other => panic!("{other:?}"),
+        },
+        other => panic!("{other:?}"),
+    }
+}
+
+/// Whatever a peer sends instead of a header, it is told no, and others are served.
+#[test]
+fn hostile_headers_are_refused_and_others_served() {
+    let master = Master::start();
+    let node = node(&master, "near");
+    let mut source = Source::open(&node, &plain("/x"));
+    let port = data_port(&node, "/x");
+    let mut long = Header::new().encode().unwrap();
+    long[..4].copy_from_slice(&u32::MAX.to_le_bytes());
+    let beyond = framed(b"\xff\xff\xff\xffab");
+    let no_topic = Header::new().with("callerid", "/raw").encode().unwrap();
+    let stranger = subscriber("/elsewhere", "*").encode().unwrap();
+    let mismatch = subscriber("/x", "0123").encode().unwrap();
+    let http = b"GET / HTTP/1.1\r\nHost: x\r\n\r\n".to_vec();
+    for (bytes, words) in [
+        (long, "the limit is 1048576"),
+        (beyond, "needs 4294967295 bytes"),
+        (no_topic, "needs a topic or a service"),
+        (stranger, "does not publish /elsewhere"),
+        (mismatch, "std_msgs/String [992ce8a1687cec8c8bd883ec73ca41d1]"),
+        (http, "is this TCPROS at all?"),
+    ] {
+        let mut stream = TcpStream::connect(&port).unwrap();
+        stream.write_all(&bytes).unwrap();
+        let refusal = Header::decode(&read_framed(&mut stream).unwrap()).unwrap();
+        let error = refusal.get("error").unwrap();
+        assert!(error.contains(words), "{error}");
+        assert_eq!(stream.read(&mut [0]).unwrap_or(0), 0, "the connection ends");
+    }
+    let (mut stream, header) = greet(&port, &subscriber("/x", STRING));
+    assert_eq!(header.get("md5sum"), Some(STRING));
+    source.wait_for_listener();
+    source.send(&said("still here"));
+    assert_eq!(read_framed(&mut stream).unwrap(), framed(b"still here"));
+}
+
+/// Broken messages are counted, absurd sizes cut the connection, which is made anew.
+#[test]
+fn wrong_lengths_are_counted_and_survived() {
+    let master = Master::start();
+    let node = node(&master, "near");
+    let mut sink = Sink::open(&node, &plain("/x"));
+    let raw = RawPublisher::start(&master, "/raw", "/x", &strings());
+    let wake = sink.context.wake.clone();
+    let joined = |count: usize| {
+        wait_until(&wake, "the subscriber", || raw.subscribers() >= count);
+    };
+    joined(1);
+    raw.send(&framed(b"\xff\xff\xff\xffabc"));
+    raw.send(&message("one"));
+    assert_eq!(sink.receive(), said("one"));
+    assert_eq!(sink.counters().dropped_for(DropReason::Malformed), 1);
+    raw.send(b"\xff\xff\xff\xff");
+    joined(2);
+    raw.send(&message("two"));
+    assert_eq!(sink.receive(), said("two"));
+    raw.hang_up();
+    joined(1);
+    raw.send(&message("three"));
+    assert_eq!(sink.receive(), said("three"));
+}
+
+/// A publisher that latches sends its message again with a new connection: it is no news.
+#[test]
+fn a_latched_message_comes_once() {
+    let master = Master::start();
+    let node = node(&master, "near");
+    let mut sink = Sink::open(&node, &plain("/x"));
+    let raw = RawPublisher::start(&master, "/raw", "/x", &strings().with("latching", "1"));
+    let wake = sink.context.wake.clone();
+    let joined = || wait_until(&wake, "the subscriber", || raw.subscribers() == 1);
+    joined();
+    raw.send(&message("kept"));
+    assert_eq!(sink.receive(), said("kept"));
+    raw.hang_up();
+    joined();
+    raw.send(&message("kept"));
+    raw.send(&message("new"));
+    assert_eq!(sink.receive(), said("new"));
+    assert_eq!(sink.counters().dropped_for(DropReason::Duplicate), 1);
+}
+
+/// Calls to the XML-RPC port that are none, and those that nobody should make.
+#[test]
+fn hostile_calls_are_refused_and_others_answered() {
+    let master = Master::start();
+    let node = node(&master, "near");
+    let uri = node.api_uri();
+    let address = uri.trim_start_matches("http://").trim_end_matches('/');
+    let post = |body: &str| {
+        let mut stream = TcpStream::connect(address).unwrap();
+        let head = format!("POST / HTTP/1.1\r\nContent-Length: {}\r\n", body.len());
+        stream.write_all(format!("{head}Connection: close\r\n\r\n{body}").as_bytes()).unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        answer
+    };
+    let deep = "<value><array><data>".repeat(10_000);
+    let entities = "<!DOCTYPE x [<!ENTITY a \"aa\">]><methodCall>&a;</methodCall>";
+    for (body, words) in [
+        (deep.as_str(), "nests deeper than 64"),
+        (entities, "document type"),
+        ("<methodCall><methodName>rm</methodName></methodCall>", "there is no method"),
+        ("no xml", "no XML-RPC call"),
+    ] {
+        let answer = post(body);
+        assert!(answer.contains("faultString") && answer.contains(words), "{answer}");
+    }
+    let get = {
+        let mut stream = TcpStream::connect(address).unwrap();
+        stream.write_all(b"GET / HTTP/1.1\r\nConnection: close\r\n\r\n").unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        answer
+    };
+    assert!(get.starts_with("HTTP/1.1 405"), "{get}");
+    let wrong = call(&uri, "publisherUpdate", vec![text("/m"), text("/x"), text("no list")]);
+    assert_eq!(wrong.unwrap().status, -1);
+    let name = call(&uri, "getName", vec![text("/raw")]).unwrap();
+    assert_eq!(name.value, text("/near"));
+}
+
+/// Addresses of publishers that lead nowhere cost the others nothing.
+#[test]
+fn unreachable_publishers_stop_nobody() {
+    let master = Master::start();
+    let near = node(&master, "near");
+    for (n, api) in
+        ["http://127.0.0.1:9/", "http://192.0.2.1:11411/", "http://no.such.host:1/", "x"]
+            .into_iter()
+            .enumerate()
+    {
+        let who = text(format!("/gone{n}"));
+        master.ask("registerPublisher", vec![who, text("/x"), text("std_msgs/String"), text(api)]);
+    }
+    let mut sink = Sink::open(&near, &plain("/x"));
+    let far = node(&master, "far");
+    let mut source = Source::open(&far, &plain("/x"));
+    source.wait_for_listener();
+    source.send(&said("heard"));
+    assert_eq!(sink.receive(), said("heard"));
+    assert_eq!(sink.listener.link().peers, Some(1));
+}
+
+/// Several latched publishers of one node on one topic: each one's last message, once each.
+#[test]
+fn every_latched_publisher_of_a_node_is_replayed() {
+    let master = Master::start();
+    let (near, far) = (node(&master, "near"), node(&master, "far"));
+    let mut spec = plain("/x");
+    spec.qos = QosPreset::Latched.into();
+    let mut sources = [Source::open(&near, &spec), Source::open(&near, &spec)];
+    for (source, text) in sources.iter_mut().zip(["first", "second"]) {
+        source.send(&said("old"));
+        source.send(&said(text));
+    }
+    let mut sink = Sink::open(&far, &spec);
+    assert_eq!(sink.receive_many(2), [said("first"), said("second")]);
+    drop(sources);
+    sink.wait_for("nobody", |link| link.peers == Some(0));
+    assert_eq!(sink.counters().received, 2);
+}
+
+/// A node that is told to shut down leaves, and says who told it.
+#[test]
+fn a_node_that_is_told_to_shut_down_leaves() {
+    let master = Master::start();
+    let near = node(&master, "near");
+    let source = Source::open(&near, &plain("/x"));
+    let far = node(&master, "far");
+    let sink = Sink::open(&far, &plain("/x"));
+    source.wait_for_listener();
+    call(&near.api_uri(), "shutdown", vec![text("/master"), text("new node of the name")]).unwrap();
+    source.wait_for("the reason", |link| {
+        let reason = link.waiting_for.as_deref().unwrap_or_default();
+        reason.contains("/master told this node to shut down: new node of the name")
+    });
+    sink.wait_for("nobody", |link| link.peers == Some(0));
+    let wake = source.context.wake.clone();
+    wait_until(&wake, "the master to know", || {
+        let state = master.ask("getSystemState", vec![text("/raw")]);
+        !format!("{:?}", state.value).contains("/near")
+    });
+}
+
+/// The master ends: connections stay. It comes back, knowing nothing: it is told everything again.
+#[test]
+fn a_master_that_comes_back_is_told_again() {
+    let master = Master::start();
+    let port = master.port();
+    let (near, far) = (node(&master, "near"), node(&master, "far"));
+    let mut source = Source::open(&near, &plain("/x"));
+    let mut sink = Sink::open(&far, &plain("/x"));
+    source.wait_for_listener();
+    let idle = Source::open(&near, &plain("/idle"));
+    drop(master);
+    idle.wait_for("the fault", |link| {
+        link.waiting_for.as_ref().is_some_and(|reason| reason.contains("does not answer"))
+    });
+    source.send(&said("without a master"));
+    assert_eq!(sink.receive(), said("without a master"));
+    let master = Master::at(port);
+    let mut late = Sink::open(&far, &plain("/idle"));
+    let mut idle = idle;
+    idle.wait_for_listener();
+    idle.send(&said("found again"));
+    assert_eq!(late.receive(), said("found again"));
+    source.send(&said("as ever"));
+    assert_eq!(sink.receive(), said("as ever"));
+    drop((source, sink, idle, late, near, far));
+    let state = master.ask("getSystemState", vec![text("/raw")]);
+    assert_eq!(state.value, Value::Array(vec![Value::Array(vec![]); 3]), "nothing is left");
+}
+
+/// A subscriber that does not read fills its own queue only, and that is counted.
+#[test]
+fn a_slow_subscriber_stalls_nobody() {
+    let master = Master::start();
+    let (near, far) = (node(&master, "near"), node(&master, "far"));
+    let mut source = Source::open(&near, &plain("/x"));
+    let (silent, _header) = greet(&data_port(&near, "/x"), &subscriber("/x", "*"));
+    let mut sink = Sink::open(&far, &plain("/x"));
+    source.wait_for("both", |link| link.peers == Some(2));
+    let large = "x".repeat(1 << 20);
+    for n in 0..40 {
+        source.send(&said(&large));
+        source.send(&said(&n.to_string()));
+        assert_eq!(sink.receive_many(2), [said(&large), said(&n.to_string())]);
+    }
+    let dropped = |reason| source.context.counters.snapshot().dropped_for(reason);
+    assert!(dropped(DropReason::SendQueueFull) > 0);
+    assert_eq!(sink.counters().dropped(), 0);
+    // Messages that wait for a subscriber when it leaves are lost, and counted.
+    assert_eq!(dropped(DropReason::ConnectionLost), 0);
+    drop(silent);
+    source.wait_for("one", |link| link.peers == Some(1));
+    assert!(dropped(DropReason::ConnectionLost) > 0);
+}

@@ -1,0 +1,70 @@
+//! Requests and replies of the suite against ROS 2 services as Fast DDS has them.
+//!
+//! The topics of these nodes are those of `tests/ros2.rs`: only what RustDDS carries is looked at.
+
+use std::sync::Arc;
+
+use wrapyfi_conformance::{Capabilities, Domain, Side, Testbed, conformance_tests, reserve_domain};
+use wrapyfi_core::endpoint::{Middleware, ServiceSpec};
+use wrapyfi_core::middleware::ros2::graph::{CdrClient, ServiceMapping};
+use wrapyfi_core::middleware::ros2::{CycloneConfig, CycloneGraph, Ros2};
+use wrapyfi_core::node::NodeName;
+
+use crate::ros2_common::{foreign_client, send};
+
+struct FastNodes {
+    asking: Option<Box<dyn CdrClient>>,
+    wild: Option<CycloneGraph>,
+    near: Option<Ros2>,
+    far: Option<Ros2>,
+    domain: Domain,
+}
+
+fn graph(name: &str, domain: u32) -> CycloneGraph {
+    let node = NodeName::new(name, "/conformance").unwrap();
+    let mut config = CycloneConfig::loopback(node, domain);
+    config.services = ServiceMapping::FastDds;
+    CycloneGraph::new(&config).unwrap()
+}
+
+fn node(side: Side, domain: u32) -> Ros2 {
+    let name = if side == Side::Near { "near" } else { "far" };
+    Ros2::new(Arc::new(graph(name, domain)), |name| Ok(name.to_owned()))
+}
+
+impl Testbed for FastNodes {
+    const CAPABILITIES: Capabilities =
+        Capabilities { drops_large_replies_unread: true, ..Capabilities::FULL };
+
+    const KNOWN_FAULTS: &'static [(&'static str, &'static str)] = &[
+        ("every_kind_is_returned", "replies of this mapping have at most 128 KiB"),
+        ("what_is_too_large_to_return_is_told", "replies of this mapping have at most 128 KiB"),
+    ];
+
+    fn start() -> Self {
+        let domain = reserve_domain();
+        let (near, far) = (node(Side::Near, domain.id), node(Side::Far, domain.id));
+        Self { asking: None, wild: None, near: Some(near), far: Some(far), domain }
+    }
+
+    fn side(&self, side: Side) -> &dyn Middleware {
+        match side {
+            Side::Near => self.near.as_ref().unwrap(),
+            Side::Far => self.far.as_ref().unwrap(),
+        }
+    }
+
+    fn restart(&mut self, side: Side) {
+        let place = if side == Side::Near { &mut self.near } else { &mut self.far };
+        *place = None;
+        *place = Some(node(side, self.domain.id));
+    }
+
+    fn inject_request(&mut self, spec: &ServiceSpec, body: &[u8]) {
+        let wild = self.wild.get_or_insert_with(|| graph("wild", self.domain.id));
+        let client = self.asking.get_or_insert_with(|| foreign_client(wild, spec));
+        send(client, body);
+    }
+}
+
+conformance_tests!(services of FastNodes);

@@ -1,0 +1,115 @@
+//! The suite against ZeroMQ: the near side runs the broker, the far side only connects.
+
+use std::collections::BTreeMap;
+
+use wrapyfi_conformance::{Capabilities, Side, Testbed, TypeCheck, conformance_tests};
+use wrapyfi_core::endpoint::{Middleware, ServiceSpec, TopicSpec};
+use wrapyfi_core::middleware::zeromq::{BrokerMode, ZeroMq, ZeroMqConfig};
+use wrapyfi_core::types::DataType;
+
+struct Brokered {
+    // Endpoints and injectors end before the broker does.
+    raw: BTreeMap<String, zmq::Socket>,
+    far: Option<ZeroMq>,
+    near: Option<ZeroMq>,
+    /// Publishers', listeners', clients', servers'.
+    ports: [u16; 4],
+    asking: Vec<zmq::Socket>,
+}
+
+fn side([pub_port, sub_port, rep_port, req_port]: [u16; 4], broker: BrokerMode) -> ZeroMq {
+    let default = ZeroMqConfig::default();
+    let ports = ZeroMqConfig { pub_port, sub_port, rep_port, req_port, ..default };
+    let config = ZeroMqConfig { broker, service_broker: broker, ..ports };
+    ZeroMq::start(&config).unwrap()
+}
+
+/// Side that runs both brokers.
+fn near(ports: [u16; 4]) -> ZeroMq {
+    let near = side(ports, BrokerMode::Embedded);
+    near.start_services().unwrap();
+    near
+}
+
+fn far(ports: [u16; 4]) -> ZeroMq {
+    side(ports, BrokerMode::Foreign)
+}
+
+impl Testbed for Brokered {
+    const CAPABILITIES: Capabilities = Capabilities {
+        listener_knows_peers: false,
+        publisher_counts_listeners: false,
+        waits_aloud: false,
+        keeps_last: false,
+        integer_sound: false,
+        frame_id: false,
+        types: TypeCheck::Arrival,
+        ..Capabilities::FULL
+    };
+
+    fn start() -> Self {
+        let first = near([0; 4]);
+        let (rep_port, req_port) = first.start_services().unwrap();
+        let ports = [first.pub_port(), first.sub_port(), rep_port, req_port];
+        let (raw, asking) = (BTreeMap::new(), Vec::new());
+        Self { raw, near: Some(first), far: Some(far(ports)), ports, asking }
+    }
+
+    fn side(&self, side: Side) -> &dyn Middleware {
+        match side {
+            Side::Near => self.near.as_ref().unwrap(),
+            Side::Far => self.far.as_ref().unwrap(),
+        }
+    }
+
+    fn restart(&mut self, side: Side) {
+        match side {
+            Side::Near => {
+                self.near = None;
+                self.near = Some(near(self.ports));
+            }
+            Side::Far => {
+                self.far = None;
+                self.far = Some(far(self.ports));
+            }
+        }
+    }
+
+    fn inject(&mut self, spec: &TopicSpec, body: &[u8]) {
+        let topic = spec.topic.as_bytes();
+        let raw = self.raw.entry(spec.topic.clone()).or_insert_with(|| {
+            let socket = zmq::Context::new().socket(zmq::XPUB).unwrap();
+            socket.set_linger(0).unwrap();
+            socket.set_rcvtimeo(30_000).unwrap();
+            socket.connect(&format!("tcp://127.0.0.1:{}", self.ports[1])).unwrap();
+            let subscription = [b"\x01", topic].concat();
+            while socket.recv_bytes(0).unwrap() != subscription {}
+            socket
+        });
+        let header: &[u8] = b"{timestamp:1795214428.5}";
+        let frames = match spec.message_type.data_type() {
+            DataType::NativeObject => vec![topic, body],
+            _ => vec![topic, header, body],
+        };
+        raw.send_multipart(frames, 0).unwrap();
+    }
+
+    fn inject_request(&mut self, _spec: &ServiceSpec, body: &[u8]) {
+        // As Wrapyfi's clients: one that is not answered could not ask again.
+        let socket = zmq::Context::new().socket(zmq::REQ).unwrap();
+        socket.set_linger(0).unwrap();
+        socket.connect(&format!("tcp://127.0.0.1:{}", self.ports[2])).unwrap();
+        socket.send(body, 0).unwrap();
+        self.asking.push(socket);
+    }
+
+    fn invalid_names() -> Vec<String> {
+        ["", "ZEROMQ/CONNECTIONS", "ZEROMQ/CONNECTIONS/x", "/a\0", "/a\nb"]
+            .map(str::to_owned)
+            .into_iter()
+            .chain(["x".repeat(1025)])
+            .collect()
+    }
+}
+
+conformance_tests!(Brokered);

@@ -1,0 +1,257 @@
+//! Conversion of payloads to another kind, for routes whose ends carry different types.
+//!
+//! ```text
+//!   NativeObject (array, Pillow image) ◀─▶ Image
+//!   NativeObject (array, rate)         ◀─▶ AudioChunk
+//!   NativeObject (dict)                ◀─▶ Properties
+//!   NativeObject (dict of its fields)  ◀─▶ RosMessage
+//! ```
+
+use super::{DecodeError, EncodeError, ros};
+use crate::Limits;
+use crate::types::{
+    DataType, Encoding, Header, MessageType, NativeObject, Payload, Properties, RosMessage,
+    RosType, Stamp, Value,
+};
+
+/// Error of converting a payload to another kind.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ConvertError {
+    /// A native object is no image, no sound, no set of properties or no message.
+    #[error(transparent)]
+    From(#[from] DecodeError),
+    /// An image or a sound has no form as a native object.
+    #[error(transparent)]
+    To(#[from] EncodeError),
+}
+
+/// Reads properties from a native object.
+pub fn properties(value: &Value) -> Result<Properties, DecodeError> {
+    Properties::from_value(value).map_err(|error| DecodeError::Mismatch {
+        expected: "properties".to_owned(),
+        actual: format!("a {}: {error}", value.kind()),
+    })
+}
+
+/// True when [`convert_payload`] can convert one kind to the other.
+#[must_use]
+pub fn is_convertible(from: DataType, to: DataType) -> bool {
+    from == to || from == DataType::NativeObject || to == DataType::NativeObject
+}
+
+/// Converts `payload` to the kind of messages of type `to`; free where it is of that kind already.
+/// Colour arrays are in `color_order`. The header goes along; a native object without a time takes
+/// `now`.
+///
+/// # Errors
+/// A mismatch when the object is none of what [`crate::types::Image::from_value`],
+/// [`crate::types::AudioChunk::from_value`], [`crate::types::Properties::from_value`] or
+/// [`RosMessage::from_value`] reads, or a message is of another type.
+pub fn convert_payload(
+    payload: Payload,
+    to: MessageType,
+    color_order: Encoding,
+    limits: &Limits,
+    now: impl FnOnce() -> Stamp,
+) -> Result<Payload, ConvertError> {
+    use crate::types::{AudioChunk, Image};
+    let time = |object: &NativeObject| {
+        Some(object.stamp).filter(|&stamp| stamp != Stamp::default()).unwrap_or_else(now)
+    };
+    if let MessageType::Ros(ros_type) = to {
+        return ros_message(payload, ros_type, limits, time);
+    }
+    Ok(match (payload, to.data_type()) {
+        (payload, kind) if payload.data_type() == kind => payload,
+        (Payload::NativeObject(object), DataType::Image) => {
+            let image = Image::from_value(&object.value, color_order, time(&object))?;
+            Image { frame_id: object.frame_id, ..image }.into()
+        }
+        (Payload::NativeObject(object), DataType::AudioChunk) => {
+            let sound = AudioChunk::from_value(&object.value, time(&object))?;
+            AudioChunk { frame_id: object.frame_id, ..sound }.into()
+        }
+        (Payload::NativeObject(object), DataType::Properties) => properties(&object)?.into(),
+        (Payload::Properties(properties), DataType::NativeObject) => properties.to_value().into(),
+        (Payload::Image(image), DataType::NativeObject) => {
+            let value = image.to_value(color_order, limits)?;
+            NativeObject { stamp: image.stamp, frame_id: image.frame_id, value }.into()
+        }
+        (Payload::AudioChunk(sound), DataType::NativeObject) => {
+            let value = sound.to_value();
+            NativeObject { stamp: sound.stamp, frame_id: sound.frame_id, value }.into()
+        }
+        (Payload::RosMessage(message), DataType::NativeObject) => {
+            let value =
+                message.to_value(limits.message_bytes).map_err(|error| ros::fault(&error))?;
+            let Header { stamp, frame_id } = Header::of_fields(&value).unwrap_or_default();
+            NativeObject { stamp, frame_id, value }.into()
+        }
+        (other, kind) => return Err(mismatch(&kind, &other)),
+    })
+}
+
+/// Converts what came as [`convert_payload`] does; an object that is none of what messages of type `to` carry is the
+/// sender's fault.
+///
+/// # Errors
+/// As [`convert_payload`].
+pub fn received_as(
+    payload: Payload,
+    to: MessageType,
+    color_order: Encoding,
+    limits: &Limits,
+    now: Stamp,
+) -> Result<Payload, DecodeError> {
+    convert_payload(payload, to, color_order, limits, || now).map_err(|error| match error {
+        ConvertError::From(error) => error,
+        ConvertError::To(error) => {
+            DecodeError::Mismatch { expected: "a message".to_owned(), actual: error.to_string() }
+        }
+    })
+}
+
+fn mismatch(expected: &impl ToString, actual: &Payload) -> ConvertError {
+    let (expected, actual) = (expected.to_string(), ros::describe(actual));
+    EncodeError::Mismatch { expected, actual }.into()
+}
+
+fn ros_message(
+    payload: Payload,
+    to: RosType,
+    limits: &Limits,
+    time: impl FnOnce(&NativeObject) -> Stamp,
+) -> Result<Payload, ConvertError> {
+    match payload {
+        Payload::RosMessage(message) if message.ros_type == to => Ok(message.into()),
+        Payload::NativeObject(object) => {
+            let (stamp, kind) = (time(&object), object.kind());
+            let NativeObject { frame_id, value, .. } = *object;
+            let header = || Header { stamp, frame_id };
+            let read = RosMessage::from_value_with(to, value, header, limits.message_bytes);
+            Ok(read
+                .map_err(|error| DecodeError::Mismatch {
+                    expected: to.to_string(),
+                    actual: format!("a {kind}: {error}"),
+                })?
+                .into())
+        }
+        other => Err(mismatch(&to, &other)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::types::{AudioChunk, Image, Map, Picture, Pixels, RawPixels, SampleFormat, Tensor};
+    use wrapyfi_interfaces::store::TypeStore;
+
+    fn convert(payload: impl Into<Payload>, to: DataType) -> Result<Payload, ConvertError> {
+        let to = to.to_string().parse::<MessageType>().unwrap();
+        let now = Stamp { sec: 7, nanosec: 5 };
+        convert_payload(payload.into(), to, Encoding::Bgr8, &Limits::default(), || now)
+    }
+
+    #[test]
+    fn an_array_becomes_an_image_with_a_time_and_an_image_an_array() {
+        let frame =
+            Value::from(Tensor::from_elements(&[1, 2, 3], vec![1_u8, 2, 3, 4, 5, 6]).unwrap());
+        let Payload::Image(image) = convert(frame.clone(), DataType::Image).unwrap() else {
+            panic!("an image")
+        };
+        assert_eq!(image.stamp, Stamp { sec: 7, nanosec: 5 });
+        let Pixels::Raw(raw) = &image.pixels else { panic!("pixels") };
+        assert_eq!((raw.encoding, raw.width, raw.height), (Encoding::Bgr8, 2, 1));
+        let image = Image { frame_id: "eye".into(), ..image };
+        let back = NativeObject { stamp: image.stamp, frame_id: "eye".into(), value: frame };
+        assert_eq!(convert(image.clone(), DataType::NativeObject).unwrap(), back.clone().into());
+        assert_eq!(convert(back, DataType::Image).unwrap(), image.into());
+    }
+
+    #[test]
+    fn a_pillow_image_becomes_an_image_and_red_stays_red() {
+        let red = RawPixels::dense(1, 1, Encoding::Rgb8, vec![255, 0, 0]).unwrap();
+        let image = Image::new(Stamp::default(), red.clone());
+        let picture = Value::from(Picture { image, mode: None });
+        let Payload::Image(image) = convert(picture, DataType::Image).unwrap() else {
+            panic!("an image")
+        };
+        assert_eq!(image.pixels, Pixels::Raw(red));
+        let bgr = Tensor::from_elements(&[1, 1, 3], vec![0_u8, 0, 255]).unwrap();
+        let Payload::NativeObject(back) = convert(image, DataType::NativeObject).unwrap() else {
+            panic!("an object")
+        };
+        assert_eq!(back.value, bgr.into());
+    }
+
+    #[test]
+    fn sound_goes_both_ways() {
+        let sound = AudioChunk::new(
+            Stamp { sec: 7, nanosec: 5 },
+            2,
+            1,
+            8000,
+            SampleFormat::S16Le,
+            vec![1, 0, 2, 0],
+        )
+        .unwrap();
+        let value = convert(sound.clone(), DataType::NativeObject).unwrap();
+        assert_eq!(convert(value, DataType::AudioChunk).unwrap(), sound.into());
+    }
+
+    #[test]
+    fn a_header_goes_into_a_message_and_out_of_it() {
+        let joints = "sensor_msgs/msg/JointState";
+        let joints = MessageType::resolve(joints, &mut TypeStore::generated()).unwrap();
+        let into = |object: NativeObject, to| {
+            let (limits, now) = (Limits::default(), || Stamp { sec: 7, nanosec: 5 });
+            convert_payload(object.into(), to, Encoding::Bgr8, &limits, now).unwrap()
+        };
+        let dict = Value::from(Map::new());
+        for (stamp, wanted) in [(0, 7), (3, 3)] {
+            let stamp = Stamp { sec: stamp, nanosec: if stamp == 0 { 0 } else { 5 } };
+            let object = NativeObject { stamp, frame_id: "arm".into(), value: dict.clone() };
+            let Payload::RosMessage(message) = into(object, joints) else { panic!("a message") };
+            let back = convert(message, DataType::NativeObject).unwrap();
+            let Payload::NativeObject(back) = back else { panic!("an object") };
+            let wanted = Stamp { sec: wanted, nanosec: 5 };
+            assert_eq!((back.stamp, back.frame_id.as_str()), (wanted, "arm"));
+        }
+    }
+
+    #[test]
+    fn properties_are_a_dict() {
+        let rate = Value::from(Map::from([("camera", Map::from([("rate", 30)]))]));
+        let read = convert(rate, DataType::Properties).unwrap();
+        assert_eq!(read, Properties::from([("camera.rate", 30_i64)]).into());
+        let flat = Value::from(Map::from([("camera.rate", 30)]));
+        assert_eq!(convert(read, DataType::NativeObject).unwrap(), flat.into());
+        assert!(!is_convertible(DataType::Properties, DataType::Image));
+    }
+
+    #[test]
+    fn what_does_not_fit_is_a_mismatch_that_says_what_came() {
+        let refused = crate::types::Tagged {
+            refused: Some("PILImage at $: part 0 is malformed".into()),
+            ..crate::types::Tagged::new("PILImage", "{}")
+        };
+        let flat = Tensor::from_elements(&[4], vec![0_u8; 4]).unwrap();
+        let halves = Value::Tuple(vec![flat.clone().into(), 0.5.into()]);
+        for (value, to, wanted) in [
+            (Value::from("hello"), DataType::Image, "received str"),
+            (flat.into(), DataType::Image, "received uint8 of shape [4]"),
+            (refused.into(), DataType::Image, "PILImage at $: part 0"),
+            (Value::from(5), DataType::AudioChunk, "sound as (array, rate), received int"),
+            (Value::List(vec![1.into()]), DataType::AudioChunk, "received (int)"),
+            (Value::from(5), DataType::Properties, "properties are a dict"),
+            (halves, DataType::AudioChunk, "rate is float, not from 1 to 4294967295"),
+        ] {
+            let error = convert(value, to).unwrap_err();
+            assert!(error.to_string().contains(wanted), "{error}");
+            use DecodeError::{Malformed, Mismatch};
+            let from = matches!(error, ConvertError::From(Mismatch { .. } | Malformed { .. }));
+            assert!(from, "{error}");
+        }
+        assert!(!is_convertible(DataType::Image, DataType::AudioChunk));
+    }
+}

@@ -1,0 +1,36 @@
+//! JPEG files in a build without feature `jpeg`: none is read, none is written, and the error says so.
+
+use bytes::Bytes;
+
+use super::{DecodeError, EncodeError, Path};
+use crate::Limits;
+use crate::types::{Encoding, RawPixels};
+
+/// Refuses any picture.
+///
+/// # Errors
+/// Always: the build has no JPEG.
+pub fn encode(pixels: &RawPixels, _quality: u8) -> Result<Bytes, EncodeError> {
+    let RawPixels { width, height, encoding, .. } = *pixels;
+    Err(EncodeError::Unrepresentable {
+        format: "a program built without JPEG",
+        what: format!("a {encoding} image of {width}x{height} as a file"),
+        path: Path::Root.to_string(),
+        remedy: "build it with feature `jpeg`, or use type Image".to_owned(),
+    })
+}
+
+/// Refuses any file.
+///
+/// # Errors
+/// Always: the build has no JPEG.
+pub fn decode(
+    _file: &Bytes,
+    _limits: &Limits,
+    _color_order: Option<Encoding>,
+) -> Result<RawPixels, DecodeError> {
+    Err(DecodeError::Mismatch {
+        expected: "an image that is no JPEG, or a program built with feature `jpeg`".to_owned(),
+        actual: "JPEG".to_owned(),
+    })
+}

@@ -1,0 +1,140 @@
+//! Wrapyfi's JSON dialect: native objects as text.
+//!
+//! ```text
+//!   text ─▶ decode ─▶ Value       {"pose": {"__wrapyfi__": ["numpy.ndarray", "k05VTVB…"]}}
+//!             │                                              │          │
+//!             │                                             tag    base64 of a .npy file
+//!             └─ long strings are found by memchr and decoded where they stand:
+//!                one pass over the text, one allocation per array
+//!
+//!   Value ─▶ encode ─▶ text       base64 goes straight into the output
+//! ```
+//!
+//! Differences from RFC 8259 are those of Python: `NaN`, `Infinity` and `-Infinity`; integers of
+//! any size (up to 4300 digits); strings with lone surrogates; repeated members, where the last one
+//! counts. Tagged values and their rules: `docs/reference/wire/native-object.md`.
+
+pub mod base64;
+mod decode;
+mod encode;
+mod neutral;
+mod number;
+mod tags;
+mod text;
+
+pub use number::write_float;
+pub(crate) use text::{RawString, Text};
+
+use bytes::Bytes;
+
+use super::{DecodeError, EncodeError};
+use crate::Limits;
+use crate::plugin::Plugins;
+use crate::types::{Tensor, Value};
+
+/// The member that makes an object a tagged value.
+const TAG: &str = "__wrapyfi__";
+/// Digits of the longest integer, Python's own limit on both sides.
+const MAX_DIGITS: usize = 4300;
+
+/// Reads a native object. Arrays share no bytes with `text`; objects of unknown plug-ins do.
+///
+/// ```
+/// use wrapyfi_data::{Limits, codec::json};
+/// let value = json::decode(&r#"{"speed": [1, 2.5, NaN]}"#.into(), &Limits::default())?;
+/// assert_eq!(value.get("speed").unwrap().as_items().unwrap()[1].as_f64(), Some(2.5));
+/// # Ok::<(), wrapyfi_data::DecodeError>(())
+/// ```
+///
+/// # Errors
+/// When `text` is not a native object, or exceeds a limit.
+pub fn decode(text: &Bytes, limits: &Limits) -> Result<Value, DecodeError> {
+    decode_with(text, limits, &Plugins::standard())
+}
+
+/// [`decode`] with other plug-ins than the standard ones.
+///
+/// # Errors
+/// As [`decode`]. An object that its plug-in refuses is no error: it is carried as
+/// [`crate::types::Tagged`] with the reason.
+pub fn decode_with(text: &Bytes, limits: &Limits, plugins: &Plugins) -> Result<Value, DecodeError> {
+    decode::run(text, None, limits, plugins)
+}
+
+/// [`decode_with`] for messages that people and programs without Wrapyfi write too, such as
+/// `std_msgs/msg/String`: a text that is no JSON is that text.
+///
+/// ```
+/// use wrapyfi_data::{Limits, codec::json, plugin::Plugins};
+/// let read = |text: &str| json::decode_or_text(&text.to_owned().into(), &Limits::default(), &Plugins::none());
+/// assert_eq!(read(r#"{"n": 5}"#)?.get("n").unwrap().as_i64(), Some(5));
+/// assert_eq!(read("Hello World: 5")?.as_str(), Some("Hello World: 5"));
+/// # Ok::<(), wrapyfi_data::DecodeError>(())
+/// ```
+///
+/// # Errors
+/// As [`decode_with`] where a limit is exceeded, `__wrapyfi__` stands in the text, which was therefore
+/// meant as an object, or the text is no UTF-8.
+pub fn decode_or_text(
+    text: &Bytes,
+    limits: &Limits,
+    plugins: &Plugins,
+) -> Result<Value, DecodeError> {
+    decode_with(text, limits, plugins).or_else(|error| {
+        let is_plain = matches!(error, DecodeError::Malformed { .. })
+            && memchr::memmem::find(text, TAG.as_bytes()).is_none();
+        match str::from_utf8(text) {
+            Ok(plain) if is_plain => Ok(plain.into()),
+            _ => Err(error),
+        }
+    })
+}
+
+/// Reads a native object whose arrays travel beside the text: `{"__wrapyfi__": ["tensor", 0]}`
+/// stands for `tensors[0]`, whose bytes are then shared.
+///
+/// # Errors
+/// As [`decode`], and when an index has no tensor.
+pub fn decode_with_tensors(
+    text: &Bytes,
+    tensors: &[Tensor],
+    limits: &Limits,
+    plugins: &Plugins,
+) -> Result<Value, DecodeError> {
+    decode::run(text, Some(tensors), limits, plugins)
+}
+
+/// Writes a native object as Python's `json.dumps` would, in ASCII. The vector's capacity is its
+/// length: boxing it copies nothing.
+///
+/// A tensor without an origin is written as NumPy's: its device label is left out, and `bfloat16`
+/// becomes `float32`.
+///
+/// # Errors
+/// When something inside has no form in Wrapyfi's JSON; the message says where and what to do.
+pub fn encode(value: &Value) -> Result<Vec<u8>, EncodeError> {
+    encode_with(value, &Plugins::standard())
+}
+
+/// [`encode`] with other plug-ins than the standard ones.
+///
+/// # Errors
+/// As [`encode`], and when the plug-in of an object inside is not among `plugins`.
+pub fn encode_with(value: &Value, plugins: &Plugins) -> Result<Vec<u8>, EncodeError> {
+    encode::run(value, None, plugins).map(|(text, _)| text)
+}
+
+/// Writes a native object with every [`Value::Tensor`] replaced by its index in the list that is
+/// returned beside the text: what [`decode_with_tensors`] reads.
+///
+/// # Errors
+/// As [`encode`].
+pub fn encode_with_tensors(
+    value: &Value,
+    plugins: &Plugins,
+) -> Result<(Vec<u8>, Vec<Tensor>), EncodeError> {
+    encode::run(value, Some(Vec::new()), plugins)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,45 @@
+//! Bytes to values and back: no sockets, no clocks, no threads.
+//!
+//! ```text
+//!   ZeroMQ frames ─▶ frames ─▶ Payload ─▶ ros ─▶ CDR
+//!                      │          ▲
+//!        json, npy, jpeg ────────┘          every arrow also runs the other way
+//! ```
+//!
+//! | module | reads and writes | specified in |
+//! | --- | --- | --- |
+//! | [`json`] | Wrapyfi's native objects | docs/reference/wire/native-object.md |
+//! | [`npy`] | NumPy's array file | docs/reference/wire/native-object.md |
+//! | [`ros`] | the ROS messages of the data model | docs/reference/wire/ros2.md |
+//! | [`ros1`] | the ROS 1 messages of the data model | docs/reference/ros1.md |
+//! | [`jpeg`] | JPEG files, with feature `jpeg` | |
+//! | [`image_file`] | image files of other formats | |
+//! | [`pickle`] | pickles of plug-in objects, as data | docs/reference/wire/pickle.md |
+
+#[cfg(any(feature = "torch", feature = "zarr"))]
+pub(crate) mod archive;
+pub mod convert;
+mod error;
+#[cfg(feature = "pictures")]
+pub mod image_file;
+pub mod jpeg;
+#[cfg(not(feature = "jpeg"))]
+mod jpeg_absent;
+#[cfg(feature = "jpeg")]
+mod jpeg_file;
+#[cfg(feature = "jpeg")]
+mod jpeg_header;
+pub mod json;
+pub mod npy;
+mod path;
+pub mod pickle;
+pub mod picture;
+pub mod ros;
+pub mod ros1;
+pub mod sound;
+
+pub use convert::{ConvertError, convert_payload, is_convertible, received_as};
+pub use error::{DecodeError, EncodeError};
+pub use jpeg::{convert, fitted};
+
+pub(crate) use path::Path;

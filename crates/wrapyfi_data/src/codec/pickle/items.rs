@@ -1,0 +1,128 @@
+//! The parts of an object: members of a sequence, pairs of a dict.
+
+use std::fmt::Display;
+
+use super::arena::NodeId;
+use super::error::PickleError;
+use super::node::{Node, View};
+use super::trail::Step;
+
+/// Members in their order: of a `list`, `tuple`, `set`, or the arguments of a call.
+#[derive(Debug, Clone, Copy)]
+pub struct Items<'p> {
+    pub(super) owner: Node<'p>,
+    pub(super) step: fn(u32) -> Step,
+    pub(super) ids: &'p [NodeId],
+}
+
+/// As a number in a path; no pickle has so many objects that it does not fit.
+fn small(index: usize) -> u32 {
+    u32::try_from(index).unwrap_or(u32::MAX)
+}
+
+impl<'p> Items<'p> {
+    /// Number of items.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.ids.len()
+    }
+
+    /// True when there are no items.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.ids.is_empty()
+    }
+
+    /// The member number `index`, if there are so many.
+    #[must_use]
+    pub fn find(&self, index: usize) -> Option<Node<'p>> {
+        self.ids.get(index).map(|&id| self.owner.child(id, (self.step)(small(index))))
+    }
+
+    /// The member number `index`.
+    ///
+    /// # Errors
+    /// When there are not so many.
+    pub fn get(&self, index: usize) -> Result<Node<'p>, PickleError> {
+        self.find(index).ok_or_else(|| self.count(format_args!("at least {}", index + 1)))
+    }
+
+    /// All of them, when they are exactly so many: `let [shape, data] = items.exact()?`.
+    ///
+    /// # Errors
+    /// When there are more or fewer.
+    pub fn exact<const N: usize>(&self) -> Result<[Node<'p>; N], PickleError> {
+        let ids = <[NodeId; N]>::try_from(self.ids).ok();
+        let ids = ids.ok_or_else(|| self.count(N))?;
+        let mut index = 0;
+        Ok(ids.map(|id| {
+            index += 1;
+            self.owner.child(id, (self.step)(index - 1))
+        }))
+    }
+
+    fn count(&self, wanted: impl Display) -> PickleError {
+        PickleError::Unexpected {
+            path: self.owner.path(),
+            expected: format!("something with {wanted} parts"),
+            actual: format!("{} with {}", self.owner, self.len()),
+            at: self.owner.at(),
+        }
+    }
+
+    /// All of them.
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = Node<'p>> + use<'p> {
+        let Self { owner, step, ids } = *self;
+        ids.iter().enumerate().map(move |(index, &id)| owner.child(id, step(small(index))))
+    }
+}
+
+/// Pairs of a `dict` in their order.
+#[derive(Debug, Clone, Copy)]
+pub struct Pairs<'p> {
+    pub(super) owner: Node<'p>,
+    pub(super) ids: &'p [(NodeId, NodeId)],
+}
+
+impl<'p> Pairs<'p> {
+    /// Number of pairs.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.ids.len()
+    }
+
+    /// True when there are no pairs.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.ids.is_empty()
+    }
+
+    /// The value under the text `key`: the last one, as in Python. Looks at every key.
+    #[must_use]
+    pub fn find(&self, key: &str) -> Option<Node<'p>> {
+        self.ids.iter().rev().find_map(|&(id, value)| {
+            let here = self.owner.child(id, Step::State);
+            match here.view() {
+                View::Str(text) if text == key => Some(self.owner.child(value, Step::Key(id))),
+                _ => None,
+            }
+        })
+    }
+
+    /// The value under the text `key`.
+    ///
+    /// # Errors
+    /// When there is none.
+    pub fn get(&self, key: &str) -> Result<Node<'p>, PickleError> {
+        self.find(key)
+            .ok_or_else(|| self.owner.unexpected(format!("something with the key {key:?}")))
+    }
+
+    /// All of them, key and value.
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = (Node<'p>, Node<'p>)> + use<'p> {
+        let Self { owner, ids } = *self;
+        ids.iter().enumerate().map(move |(index, &(key, value))| {
+            (owner.child(key, Step::KeyAt(small(index))), owner.child(value, Step::Key(key)))
+        })
+    }
+}

@@ -1,0 +1,395 @@
+//! An object of a pickle that was read, and the values that it may be read as.
+//!
+//! A plug-in walks from the root and asks each node for the kind that should be there; where
+//! another kind is, the error says so with the path that was taken.
+
+use std::fmt;
+
+use bytes::Bytes;
+use num_bigint::BigInt;
+
+use super::arena::{Kind, NodeId, Pickle};
+use super::call::Call;
+use super::error::PickleError;
+use super::globals::Global;
+use super::items::{Items, Pairs};
+use super::trail::{Step, Trail};
+
+/// One object of a [`Pickle`]. Copying it costs nothing.
+///
+/// ```
+/// use wrapyfi_data::Limits;
+/// use wrapyfi_data::codec::pickle::{self, Allowed};
+///
+/// // pickle.dumps(("speed", 1.5), 2)
+/// let data = b"\x80\x02X\x05\0\0\0speedG?\xf8\0\0\0\0\0\0\x86.".to_vec().into();
+/// let pickle = pickle::read(&data, &[], &Allowed::BUILTINS, &Limits::default())?;
+/// let [name, value] = pickle.root().tuple()?.exact()?;
+/// assert_eq!((name.str()?, value.float()?), ("speed", 1.5));
+/// let error = value.str().unwrap_err();
+/// assert_eq!(error.to_string(), "$[1] should be a str, it is the float 1.5 (byte 12)");
+/// # Ok::<(), pickle::PickleError>(())
+/// ```
+#[derive(Clone, Copy)]
+pub struct Node<'p> {
+    pub(super) pickle: &'p Pickle,
+    pub(super) id: NodeId,
+    pub(super) trail: Trail,
+}
+
+/// Kind and content of a [`Node`], for `match`.
+#[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
+pub enum View<'p> {
+    /// `None`.
+    None,
+    /// `True` or `False`.
+    Bool(bool),
+    /// An integer that fits 64 bits signed.
+    Int(i64),
+    /// An integer that does not fit.
+    BigInt(&'p BigInt),
+    /// A float.
+    Float(f64),
+    /// Text.
+    Str(&'p str),
+    /// Text with lone surrogates, as UTF-16 code units.
+    Utf16(&'p [u16]),
+    /// `bytes`; [`Node::bytes`] shares them.
+    Bytes(&'p [u8]),
+    /// `bytearray`; [`Node::bytes`] shares it.
+    ByteArray(&'p [u8]),
+    /// A buffer that came beside the pickle.
+    Buffer {
+        /// Number of the buffer.
+        index: usize,
+        /// True where Python would make it read-only.
+        readonly: bool,
+        /// Content of the buffer.
+        content: &'p Bytes,
+    },
+    /// `list`.
+    List(Items<'p>),
+    /// `tuple`.
+    Tuple(Items<'p>),
+    /// `dict`; a key may come twice, the last one counts.
+    Dict(Pairs<'p>),
+    /// `set`; a member may come twice.
+    Set(Items<'p>),
+    /// `frozenset`; a member may come twice.
+    FrozenSet(Items<'p>),
+    /// A function or class, named as data.
+    Global(&'static Global),
+    /// A function or class applied to arguments.
+    Call(Call<'p>),
+    /// An object beside the pickle, by its id.
+    Persistent(Node<'p>),
+}
+
+type Result<T> = std::result::Result<T, PickleError>;
+
+impl<'p> Node<'p> {
+    pub(super) fn root(pickle: &'p Pickle) -> Self {
+        Self { pickle, id: pickle.root, trail: Trail::default() }
+    }
+
+    pub(super) fn child(&self, id: NodeId, step: Step) -> Self {
+        Self { pickle: self.pickle, id, trail: self.trail.and(step) }
+    }
+
+    fn kind(&self) -> &'p Kind {
+        self.pickle.kind(self.id)
+    }
+
+    /// Number of the object: two nodes with the same number are the same Python object.
+    #[must_use]
+    pub fn id(&self) -> NodeId {
+        self.id
+    }
+
+    /// Byte of the opcode that made the object, as `pickletools.dis` shows it.
+    #[must_use]
+    pub fn at(&self) -> usize {
+        self.pickle.made_at(self.id)
+    }
+
+    /// Path from the root to the object: `$._mgr.args[0]`.
+    #[must_use]
+    pub fn path(&self) -> String {
+        self.trail.show(self.pickle)
+    }
+
+    /// Error for an object of another kind than `expected`.
+    #[must_use]
+    pub fn unexpected(&self, expected: impl Into<String>) -> PickleError {
+        PickleError::Unexpected {
+            path: self.path(),
+            expected: expected.into(),
+            actual: self.to_string(),
+            at: self.at(),
+        }
+    }
+
+    /// Kind and content of the object.
+    #[must_use]
+    pub fn view(&self) -> View<'p> {
+        let pickle = self.pickle;
+        match self.kind() {
+            Kind::None => View::None,
+            Kind::Bool(value) => View::Bool(*value),
+            Kind::Int(value) => View::Int(*value),
+            Kind::BigInt(value) => View::BigInt(value),
+            Kind::Float(value) => View::Float(*value),
+            Kind::Str(span) => View::Str(pickle.str(*span)),
+            Kind::OwnedStr(text) => View::Str(text),
+            Kind::Utf16(units) => View::Utf16(units),
+            Kind::Bytes(span) => View::Bytes(pickle.bytes(*span)),
+            Kind::OwnedBytes(bytes) => View::Bytes(bytes),
+            Kind::ByteArray(span) => View::ByteArray(pickle.bytes(*span)),
+            Kind::OwnedByteArray(bytes) => View::ByteArray(bytes),
+            Kind::Buffer { index, readonly } => {
+                let index = *index as usize;
+                // The reader has checked the index.
+                match pickle.buffers.get(index) {
+                    Some(content) => View::Buffer { index, readonly: *readonly, content },
+                    None => View::None,
+                }
+            }
+            Kind::List(items) => View::List(Items { owner: *self, step: Step::Index, ids: items }),
+            Kind::Tuple(items) => {
+                View::Tuple(Items { owner: *self, step: Step::Index, ids: items })
+            }
+            Kind::Set(items) => View::Set(Items { owner: *self, step: Step::Index, ids: items }),
+            Kind::FrozenSet(items) => {
+                View::FrozenSet(Items { owner: *self, step: Step::Index, ids: items })
+            }
+            Kind::Dict(pairs) => View::Dict(Pairs { owner: *self, ids: pairs }),
+            Kind::Global(global) => View::Global(global),
+            Kind::Call(data) => View::Call(Call { node: *self, data }),
+            Kind::Persistent(id) => View::Persistent(self.child(*id, Step::Persistent)),
+        }
+    }
+
+    /// True for `None`.
+    #[must_use]
+    pub fn is_none(&self) -> bool {
+        matches!(self.kind(), Kind::None)
+    }
+
+    /// The node, or nothing where the object is `None`.
+    #[must_use]
+    pub fn option(self) -> Option<Self> {
+        (!self.is_none()).then_some(self)
+    }
+
+    /// The object as a `bool`.
+    ///
+    /// # Errors
+    /// When the object is of another kind; so for all that follow.
+    pub fn bool(&self) -> Result<bool> {
+        match self.view() {
+            View::Bool(value) => Ok(value),
+            _ => Err(self.unexpected("a bool")),
+        }
+    }
+
+    /// The object as an integer that fits 64 bits signed.
+    ///
+    /// # Errors
+    /// As [`Self::bool`].
+    pub fn int(&self) -> Result<i64> {
+        match self.view() {
+            View::Int(value) => Ok(value),
+            _ => Err(self.unexpected("an int of 64 bits")),
+        }
+    }
+
+    /// The object as an integer that can be a size or an index.
+    ///
+    /// # Errors
+    /// As [`Self::bool`].
+    pub fn size(&self) -> Result<usize> {
+        let size = self.int().ok().and_then(|value| usize::try_from(value).ok());
+        size.ok_or_else(|| self.unexpected("an int of 0 or more"))
+    }
+
+    /// The object as a float.
+    ///
+    /// # Errors
+    /// As [`Self::bool`].
+    pub fn float(&self) -> Result<f64> {
+        match self.view() {
+            View::Float(value) => Ok(value),
+            _ => Err(self.unexpected("a float")),
+        }
+    }
+
+    /// The object as text without lone surrogates.
+    ///
+    /// # Errors
+    /// As [`Self::bool`].
+    pub fn str(&self) -> Result<&'p str> {
+        match self.view() {
+            View::Str(text) => Ok(text),
+            _ => Err(self.unexpected("a str")),
+        }
+    }
+
+    /// The object as bytes, which are shared: of `bytes`, a `bytearray` or an out-of-band buffer.
+    ///
+    /// # Errors
+    /// As [`Self::bool`].
+    pub fn bytes(&self) -> Result<Bytes> {
+        match self.kind() {
+            Kind::Bytes(span) | Kind::ByteArray(span) => Ok(self.pickle.shared(*span)),
+            Kind::OwnedBytes(bytes) | Kind::OwnedByteArray(bytes) => Ok(Bytes::clone(bytes)),
+            Kind::Buffer { index, .. } => match self.pickle.buffers.get(*index as usize) {
+                Some(buffer) => Ok(buffer.clone()),
+                None => Err(self.unexpected("bytes")),
+            },
+            _ => Err(self.unexpected("bytes")),
+        }
+    }
+
+    /// The object as a `list`.
+    ///
+    /// # Errors
+    /// As [`Self::bool`].
+    pub fn list(&self) -> Result<Items<'p>> {
+        match self.view() {
+            View::List(items) => Ok(items),
+            _ => Err(self.unexpected("a list")),
+        }
+    }
+
+    /// The object as a `tuple`.
+    ///
+    /// # Errors
+    /// As [`Self::bool`].
+    pub fn tuple(&self) -> Result<Items<'p>> {
+        match self.view() {
+            View::Tuple(items) => Ok(items),
+            _ => Err(self.unexpected("a tuple")),
+        }
+    }
+
+    /// The object as a `list` or a `tuple`.
+    ///
+    /// # Errors
+    /// As [`Self::bool`].
+    pub fn sequence(&self) -> Result<Items<'p>> {
+        match self.view() {
+            View::List(items) | View::Tuple(items) => Ok(items),
+            _ => Err(self.unexpected("a list or tuple")),
+        }
+    }
+
+    /// The object as a `dict`.
+    ///
+    /// # Errors
+    /// As [`Self::bool`].
+    pub fn dict(&self) -> Result<Pairs<'p>> {
+        match self.view() {
+            View::Dict(pairs) => Ok(pairs),
+            _ => Err(self.unexpected("a dict")),
+        }
+    }
+
+    /// The object as a function or class named as data.
+    ///
+    /// # Errors
+    /// As [`Self::bool`].
+    pub fn global(&self) -> Result<&'static Global> {
+        match self.view() {
+            View::Global(global) => Ok(global),
+            _ => Err(self.unexpected("a function or class")),
+        }
+    }
+
+    /// True for exactly this function or class, named as data: `is_global("numpy.ndarray")`.
+    #[must_use]
+    pub fn is_global(&self, dotted: &str) -> bool {
+        matches!(self.kind(), Kind::Global(global) if global.is(dotted))
+    }
+
+    /// The object as a call of any function or class.
+    ///
+    /// # Errors
+    /// As [`Self::bool`].
+    pub fn any_call(&self) -> Result<Call<'p>> {
+        match self.view() {
+            View::Call(call) => Ok(call),
+            _ => Err(self.unexpected("an object")),
+        }
+    }
+
+    /// The object as a call of this function or class: `call("torch._utils._rebuild_tensor_v2")`.
+    ///
+    /// # Errors
+    /// As [`Self::bool`].
+    pub fn call(&self, dotted: &str) -> Result<Call<'p>> {
+        self.call_of(&[dotted])
+    }
+
+    /// The object as a call of one of these functions or classes.
+    ///
+    /// # Errors
+    /// As [`Self::bool`].
+    pub fn call_of(&self, dotted: &[&str]) -> Result<Call<'p>> {
+        match self.view() {
+            View::Call(call) if dotted.iter().any(|name| call.global().is(name)) => Ok(call),
+            _ => Err(self.unexpected(format!("an object of {}", dotted.join(" or ")))),
+        }
+    }
+
+    /// The id of something beside the pickle.
+    ///
+    /// # Errors
+    /// As [`Self::bool`].
+    pub fn persistent(&self) -> Result<Node<'p>> {
+        match self.view() {
+            View::Persistent(id) => Ok(id),
+            _ => Err(self.unexpected("a persistent id")),
+        }
+    }
+}
+
+impl Global {
+    /// True for `dotted`, for instance `numpy.core.multiarray._reconstruct`.
+    #[must_use]
+    pub fn is(&self, dotted: &str) -> bool {
+        dotted.strip_prefix(self.module).and_then(|rest| rest.strip_prefix('.')) == Some(self.name)
+    }
+}
+
+/// Characters of text that are shown: it comes from foreign messages.
+pub(super) const SHOWN: usize = 40;
+
+/// Writes the node in the words of an error message: `the int 5`.
+impl fmt::Display for Node<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.view() {
+            View::Bool(value) => f.write_str(if value { "True" } else { "False" }),
+            View::Int(value) => write!(f, "the int {value}"),
+            View::Float(value) => write!(f, "the float {value}"),
+            View::Str(text) => {
+                let shown: String = text.chars().take(SHOWN).collect();
+                let more = if shown.len() < text.len() { "…" } else { "" };
+                write!(f, "the str {shown:?}{more}")
+            }
+            View::Bytes(bytes) => write!(f, "{} bytes", bytes.len()),
+            View::List(items) => write!(f, "a list of {}", items.len()),
+            View::Tuple(items) => write!(f, "a tuple of {}", items.len()),
+            View::Dict(pairs) => write!(f, "a dict of {}", pairs.len()),
+            View::Global(global) => write!(f, "the name {global}"),
+            View::Call(call) => write!(f, "an object of {}", call.global()),
+            _ => f.write_str(self.kind().name()),
+        }
+    }
+}
+
+impl fmt::Debug for Node<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {self}", self.path())
+    }
+}

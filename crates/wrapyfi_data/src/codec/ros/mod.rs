@@ -1,0 +1,243 @@
+//! Payloads as ROS 2 messages.
+//!
+//! ```text
+//!   Payload::Image        ◀──▶ sensor_msgs/msg/Image, CompressedImage
+//!   Payload::AudioChunk   ◀──▶ wrapyfi_msgs/msg/AudioChunk, ROS2AudioMessage     ◀──▶ CDR
+//!   Payload::NativeObject ◀──▶ wrapyfi_msgs/msg/NativeObject, std_msgs/msg/String
+//!   Payload::RosMessage   ──── its own bytes, checked against the definition
+//! ```
+//!
+//! Properties have no message: they are the parameters of a node, behind its services. Pixels, samples
+//! and the elements of arrays are shared with the CDR bytes in both directions.
+//! Conversions that cost time, such as JPEG, belong to whoever calls: here a payload of another
+//! form is a mismatch.
+
+pub(super) mod audio;
+pub(super) mod image;
+mod native;
+mod text;
+
+use bytes::Bytes;
+use wrapyfi_interfaces::Message;
+use wrapyfi_interfaces::builtin_interfaces::msg::Time;
+use wrapyfi_interfaces::cdr::{CdrError, CdrParts};
+use wrapyfi_interfaces::rcl_interfaces::msg::Parameter;
+use wrapyfi_interfaces::sensor_msgs::msg::{CompressedImage, Image};
+use wrapyfi_interfaces::std_msgs::msg::{Header, String as Text};
+use wrapyfi_interfaces::wrapyfi_msgs::msg::{AudioChunk, NativeObject};
+use wrapyfi_interfaces::wrapyfi_ros2_interfaces::msg::ROS2AudioMessage;
+
+use super::{DecodeError, EncodeError};
+use crate::Limits;
+use crate::plugin::Plugins;
+use crate::types::{MessageType, Payload, Pixels, RosMessage, ShapeError, Stamp, swap_byte_order};
+
+/// Name of the format in errors.
+const FORMAT: &str = "CDR";
+
+/// Writes `payload` as a message of type `message_type`.
+///
+/// # Errors
+/// When the payload is not of the kind or the form that the type carries, or has no JSON form.
+pub fn encode(payload: &Payload, message_type: MessageType) -> Result<CdrParts, EncodeError> {
+    encode_with(payload, message_type, &Plugins::standard())
+}
+
+/// [`encode`] with other plug-ins than the standard ones.
+///
+/// # Errors
+/// As [`encode`].
+pub fn encode_with(
+    payload: &Payload,
+    message_type: MessageType,
+    plugins: &Plugins,
+) -> Result<CdrParts, EncodeError> {
+    match (payload, message_type) {
+        (Payload::Image(picture), MessageType::Image) => image::encode_raw(picture),
+        (Payload::Image(picture), MessageType::CompressedImage) => image::encode_file(picture),
+        (Payload::AudioChunk(sound), MessageType::AudioChunk) => audio::encode(sound),
+        (Payload::AudioChunk(sound), MessageType::UpstreamAudio) => audio::encode_upstream(sound),
+        (Payload::NativeObject(object), MessageType::NativeObject) => {
+            native::encode(object, plugins)
+        }
+        (Payload::NativeObject(value), MessageType::StringJson) => {
+            native::encode_text(value, plugins)
+        }
+        (Payload::NativeObject(value), MessageType::Text) => text::encode(value),
+        (Payload::RosMessage(message), MessageType::Ros(ros_type))
+            if message.ros_type == ros_type =>
+        {
+            Ok(CdrParts::from(message.cdr.clone()))
+        }
+        _ => Err(EncodeError::Mismatch {
+            expected: message_type.ros_type().to_owned(),
+            actual: describe(payload),
+        }),
+    }
+}
+
+/// Reads a message of type `message_type`.
+///
+/// # Errors
+/// When the bytes are no such message, exceed `limits`, or contradict themselves.
+pub fn decode(
+    cdr: &Bytes,
+    message_type: MessageType,
+    limits: &Limits,
+) -> Result<Payload, DecodeError> {
+    decode_with(cdr, message_type, limits, &Plugins::standard())
+}
+
+/// [`decode`] with other plug-ins than the standard ones.
+///
+/// # Errors
+/// As [`decode`].
+pub fn decode_with(
+    cdr: &Bytes,
+    message_type: MessageType,
+    limits: &Limits,
+    plugins: &Plugins,
+) -> Result<Payload, DecodeError> {
+    match message_type {
+        MessageType::Image => image::decode_raw(read(cdr, limits)?).map(Payload::Image),
+        MessageType::CompressedImage => image::decode_file(read(cdr, limits)?).map(Payload::Image),
+        MessageType::AudioChunk => audio::decode(read(cdr, limits)?).map(Payload::AudioChunk),
+        MessageType::UpstreamAudio => {
+            audio::decode_upstream(read(cdr, limits)?).map(Payload::AudioChunk)
+        }
+        MessageType::NativeObject => {
+            native::decode(read(cdr, limits)?, limits, plugins).map(Payload::from)
+        }
+        MessageType::StringJson => native::decode_text(cdr, limits, plugins).map(Payload::from),
+        MessageType::Text => text::decode(read(cdr, limits)?).map(Payload::from),
+        MessageType::Ros(ros_type) => {
+            let message = RosMessage::new(ros_type, cdr.clone());
+            // Bytes that are no message of the type must not travel on under its name.
+            message.check(limits.message_bytes).map_err(|error| fault(&error))?;
+            Ok(message.into())
+        }
+        // Parameters are behind services of their node, on no topic.
+        MessageType::Properties => Err(DecodeError::Mismatch {
+            expected: "the parameters of a node".to_owned(),
+            actual: format!("a message of {} bytes", cdr.len()),
+        }),
+    }
+}
+
+/// REP-2016 hash of the type, `RIHS01_…`.
+#[must_use]
+pub fn type_hash(message_type: MessageType) -> &'static str {
+    names(message_type).1
+}
+
+/// Name of the type on DDS, for instance `sensor_msgs::msg::dds_::Image_`.
+#[must_use]
+pub fn dds_type(message_type: MessageType) -> &'static str {
+    names(message_type).0
+}
+
+fn names(message_type: MessageType) -> (&'static str, &'static str) {
+    fn of<M: Message>() -> (&'static str, &'static str) {
+        (M::DDS_TYPE, M::TYPE_HASH)
+    }
+    match message_type {
+        MessageType::NativeObject => of::<NativeObject>(),
+        MessageType::StringJson | MessageType::Text => of::<Text>(),
+        MessageType::Image => of::<Image>(),
+        MessageType::CompressedImage => of::<CompressedImage>(),
+        MessageType::AudioChunk => of::<AudioChunk>(),
+        MessageType::UpstreamAudio => of::<ROS2AudioMessage>(),
+        MessageType::Properties => of::<Parameter>(),
+        MessageType::Ros(ros_type) => (ros_type.dds_type(), ros_type.type_hash()),
+    }
+}
+
+fn read<M: Message>(cdr: &Bytes, limits: &Limits) -> Result<M, DecodeError> {
+    M::decode(cdr, limits.message_bytes).map_err(|error| fault(&error))
+}
+
+/// Converts a fault in the bytes of a message to an error of codecs.
+#[must_use]
+pub fn fault(error: &CdrError) -> DecodeError {
+    match *error {
+        CdrError::TooLarge { actual, limit } => DecodeError::TooLarge {
+            what: "message",
+            path: "$".to_owned(),
+            actual: actual as u64,
+            limit: limit as u64,
+        },
+        _ => malformed(error.path(), error.to_string()),
+    }
+}
+
+/// A fault at `path` of the message, empty for the whole of it.
+fn malformed(path: &str, reason: String) -> DecodeError {
+    let path = if path.is_empty() { "$".to_owned() } else { format!("$.{path}") };
+    DecodeError::Malformed { format: FORMAT, path, reason }
+}
+
+/// The bytes of a message do not fit the fields that describe them.
+fn misfit(error: &ShapeError) -> DecodeError {
+    malformed("data", error.to_string())
+}
+
+fn header(stamp: Stamp, frame_id: &str) -> Header {
+    Header { stamp: Time { sec: stamp.sec, nanosec: stamp.nanosec }, frame_id: frame_id.to_owned() }
+}
+
+fn stamp(header: &Header) -> Stamp {
+    Stamp { sec: header.stamp.sec, nanosec: header.stamp.nanosec }
+}
+
+/// Checks that CDR can count a field of `size` bytes.
+fn countable(field: &str, size: usize) -> Result<(), EncodeError> {
+    if u32::try_from(size).is_ok() {
+        return Ok(());
+    }
+    Err(EncodeError::Unrepresentable {
+        format: FORMAT,
+        what: format!("{size} bytes in one field"),
+        path: format!("$.{field}"),
+        remedy: format!("send at most {} bytes at once", u32::MAX),
+    })
+}
+
+/// Words for a payload's kind, for mismatches.
+pub(super) fn describe(payload: &Payload) -> String {
+    match payload {
+        Payload::Image(image) => describe_pixels(&image.pixels),
+        Payload::AudioChunk(sound) => format!("{} sound", sound.format),
+        Payload::NativeObject(_) => "a native object".to_owned(),
+        Payload::Properties(properties) => format!("{} properties", properties.len()),
+        Payload::RosMessage(message) => format!("a {}", message.ros_type),
+    }
+}
+
+fn describe_pixels(pixels: &Pixels) -> String {
+    match pixels {
+        Pixels::Raw(raw) => format!("a raw {} image", raw.encoding),
+        Pixels::Compressed { format, .. } => format!("a {format} image"),
+    }
+}
+
+/// Text of a message for an error: short, and quoted.
+pub(super) fn quote(text: &str) -> String {
+    const SHOWN: usize = 40;
+    match text.char_indices().nth(SHOWN) {
+        None => format!("{text:?}"),
+        Some((end, _)) => format!("{:?}…", text.get(..end).unwrap_or_default()),
+    }
+}
+
+/// A little-endian copy of big-endian values of `width` bytes in rows of `step` bytes. Padding at
+/// the end of a row has no meaning and may change.
+fn little_endian(data: &[u8], width: usize, step: usize) -> Bytes {
+    let mut data = data.to_vec();
+    data.chunks_mut(step.max(1)).for_each(|row| swap_byte_order(row, width));
+    Bytes::from(data)
+}
+
+#[cfg(test)]
+mod native_tests;
+#[cfg(test)]
+mod tests;

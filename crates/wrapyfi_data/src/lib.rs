@@ -1,0 +1,35 @@
+//! Wrapyfi's data: values, tensors, images and sound, and the bytes as which they travel. The crate
+//! has no sockets, clocks or threads.
+//!
+//! ```text
+//!   bytes ──▶ codec ──▶ types ──▶ codec ──▶ bytes
+//!               │
+//!            plugin    what stands behind Wrapyfi's plug-in keys
+//! ```
+//!
+//! * [`types`]: the data model.
+//! * [`codec`]: Wrapyfi's JSON, `.npy`, JPEG, pickles, CDR of the ROS messages.
+//! * [`plugin`]: pandas, torch, Pillow, … and objects of your own.
+//! * [`returned`]: types that a registered method may return.
+//!
+//! A program names these through `wrapyfi_core`, which exports them under the same names.
+//!
+//! ```
+//! use wrapyfi_data::{Limits, codec::json, types::Value};
+//!
+//! let text = br#"["a", true]"#.as_slice().into();
+//! let value = json::decode(&text, &Limits::default())?;
+//! assert_eq!(value, Value::List(vec![Value::Str("a".into()), Value::Bool(true)]));
+//! # Ok::<(), wrapyfi_data::codec::DecodeError>(())
+//! ```
+
+pub mod codec;
+mod limits;
+pub mod plugin;
+pub mod returned;
+mod suggest;
+pub mod types;
+
+pub use codec::{DecodeError, EncodeError};
+pub use limits::Limits;
+pub use suggest::did_you_mean;

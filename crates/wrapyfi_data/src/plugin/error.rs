@@ -1,0 +1,56 @@
+//! Errors of plug-ins.
+
+use crate::types::Value;
+
+/// Error of a plug-in that could not read or write an object. The caller adds the key and the place
+/// of the object in the message.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum PluginError {
+    /// The parts do not follow the plug-in's format.
+    #[error("part {part} is malformed: {reason}")]
+    Malformed {
+        /// Index of the part behind the key, from 0.
+        part: usize,
+        /// Fault, with its numbers, and its place inside the part.
+        reason: String,
+    },
+    /// A part holds a global or opcode that is never read, because reading it would mean running
+    /// it.
+    #[error("part {part} names {what}, which is not on the list of what may be read")]
+    Refused {
+        /// Index of the part behind the key, from 0.
+        part: usize,
+        /// Name of the global or opcode.
+        what: String,
+    },
+    /// The object is valid, but of a kind that this plug-in does not read or write.
+    #[error("{what} is not supported; {remedy}")]
+    Unsupported {
+        /// Thing that is not supported.
+        what: String,
+        /// Thing that can be sent instead.
+        remedy: String,
+    },
+    /// A size exceeds its limit; nothing was allocated for it.
+    #[error("{what} is {actual}, the limit is {limit}")]
+    TooLarge {
+        /// Name of the thing that is too large.
+        what: String,
+        /// Size found.
+        actual: u64,
+        /// Largest allowed.
+        limit: u64,
+    },
+}
+
+impl PluginError {
+    /// Error for a value that was given to a plug-in of another type.
+    #[must_use]
+    pub fn not_mine(wanted: &str, value: &Value) -> Self {
+        Self::Unsupported {
+            what: format!("a {} where a {wanted} should be", value.kind()),
+            remedy: "give the value the origin of the plug-in that writes it".into(),
+        }
+    }
+}

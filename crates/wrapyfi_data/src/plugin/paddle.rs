@@ -1,0 +1,83 @@
+//! `PaddleTensor`: a pickled pair of name and NumPy array, and the place.
+//!
+//! ```text
+//!   ["PaddleTensor", base64 of a pickle, "gpu:0"]
+//!                       │
+//!                       └ ("generated_tensor_0", ndarray)      read as data, never run
+//! ```
+//!
+//! Paddle has no `uint16`: where its arrays say so, they hold the bits of `bfloat16`.
+//!
+//! | attribute of the origin | meaning |
+//! | --- | --- |
+//! | `name` | the tensor's name in Paddle |
+
+use super::numpy_pickle::{in_pickle, numbers};
+use super::pickle_text::PickleText;
+use super::{Body, Context, Framework, Part, Plugin, PluginError};
+use crate::codec::pickle::{self, Allowed};
+use crate::types::{Dtype, Origin, Tensor, Value};
+
+/// PaddlePaddle's tensors.
+pub(super) struct Paddle;
+
+/// Name of a tensor that has none.
+const UNNAMED: &str = "generated_tensor_0";
+
+impl Plugin for Paddle {
+    fn key(&self) -> &str {
+        Framework::Paddle.key()
+    }
+
+    fn decode(&self, body: &Body<'_>, context: &Context<'_>) -> Result<Value, PluginError> {
+        let file = body.base64(0)?;
+        let pickle =
+            pickle::read(&file, &[], &Allowed::PADDLE, context.limits).map_err(in_pickle)?;
+        let [name, data] =
+            pickle.root().tuple().and_then(|pair| pair.exact()).map_err(in_pickle)?;
+        let mut tensor = numbers(data.array().map_err(in_pickle)?, data)?;
+        if tensor.dtype() == Dtype::U16 {
+            tensor.dtype = Dtype::BF16;
+        }
+        element_type(tensor.dtype())?;
+        let name = name.str().map_err(in_pickle)?;
+        let origin = Origin::new(self.key()).with("name", name);
+        Ok(tensor.with_origin(origin).with_device(body.text(1)?).into())
+    }
+
+    fn encode(&self, value: &Value) -> Result<Vec<Part>, PluginError> {
+        let tensor = value.as_tensor().ok_or_else(|| PluginError::not_mine("tensor", value))?;
+        let file =
+            write(tensor, element_type(tensor.dtype())?).ok_or_else(|| PluginError::TooLarge {
+                what: "the pickle of the tensor".into(),
+                actual: tensor.data().len() as u64,
+                limit: u32::MAX.into(),
+            })?;
+        let place = Framework::Paddle.label(tensor.device(), "cpu");
+        Ok(vec![Part::base64(file), Part::Text(place)])
+    }
+}
+
+/// Element type on the wire for elements of this type.
+fn element_type(dtype: Dtype) -> Result<Dtype, PluginError> {
+    match dtype {
+        Dtype::BF16 => Ok(Dtype::U16),
+        Dtype::U16 | Dtype::U32 | Dtype::U64 => Err(PluginError::Unsupported {
+            what: format!("a Paddle tensor of {dtype}"),
+            remedy: "send it as int64".into(),
+        }),
+        other => Ok(other),
+    }
+}
+
+fn write(tensor: &Tensor, dtype: Dtype) -> Option<Vec<u8>> {
+    let name = tensor.origin().and_then(|origin| origin.get("name")).unwrap_or(UNNAMED);
+    let mut out = PickleText::with_room(4, tensor.data().len());
+    out.text(name)?;
+    out.numpy_reconstruct();
+    out.raw(b"R");
+    out.numpy_state(dtype, tensor.shape(), tensor.data())?;
+    // BUILD gives the array its state, TUPLE2 makes the pair.
+    out.raw(b"b\x86");
+    Some(out.finish())
+}

@@ -1,0 +1,418 @@
+//! Values of blocks and indices: NumPy arrays and pandas's own arrays, into Arrow arrays.
+//!
+//! ```text
+//!   ndarray ──────────────── one column, or one for each of its rows
+//!   DatetimeArray, TimedeltaArray, Categorical, StringArray   an ndarray and a dtype
+//!   IntegerArray, FloatingArray, BooleanArray                 values and a mask
+//!   ArrowStringArray, ArrowExtensionArray                     an array of PyArrow
+//!   PeriodArray                                               an ndarray of counts and a dtype
+//! ```
+
+use std::sync::Arc;
+
+use arrow_array::cast::AsArray as _;
+use arrow_array::types::{
+    ArrowPrimitiveType, DurationMicrosecondType, DurationMillisecondType, DurationNanosecondType,
+    DurationSecondType, Float16Type, Float32Type, Float64Type, Int8Type, Int16Type, Int32Type,
+    Int64Type, TimestampMicrosecondType, TimestampMillisecondType, TimestampNanosecondType,
+    TimestampSecondType, UInt8Type, UInt16Type, UInt32Type, UInt64Type,
+};
+use arrow_array::{
+    Array as _, ArrayRef, BooleanArray, DictionaryArray, Int8Array, Int16Array, Int32Array,
+    Int64Array, PrimitiveArray,
+};
+use arrow_buffer::{ArrowNativeType as _, BooleanBuffer, NullBuffer, ScalarBuffer};
+use bytes::Bytes;
+
+use super::super::budget::Budget;
+use super::super::pyarrow;
+use super::frame::{Column, Index, range_length};
+use super::objects::{self, Missing};
+use super::read::index;
+use crate::codec::pickle::{Call, Node, PickleError, PickledArray};
+use crate::types::{Dtype, NumpyArray, Tensor};
+
+type Result<T> = std::result::Result<T, PickleError>;
+
+/// An array with pandas's name of its type.
+pub(super) type Typed = (ArrayRef, String);
+
+/// Reads the values of a block or an index: a column for each row of a two-dimensional array.
+pub(super) fn columns(node: &Node<'_>, budget: &Budget) -> Result<Vec<Typed>> {
+    if node.is_array() {
+        return from_numpy(node, budget, None);
+    }
+    let call = node.any_call()?;
+    match call.global().name {
+        "__pyx_unpickle_NDArrayBacked" => backed(node, &call, budget),
+        "IntegerArray" | "FloatingArray" | "BooleanArray" => {
+            masked(node, &call, budget).map(|one| vec![one])
+        }
+        "Categorical.from_codes" => from_codes(&call, budget).map(|one| vec![one]),
+        "ArrowStringArray" => {
+            let array = pyarrow::array(&arrow_values(&call)?, budget)?;
+            let state = call.state()?.dict()?;
+            let dtype = string_dtype(state.find("_dtype").or_else(|| state.find("dtype")));
+            Ok(vec![(array, dtype)])
+        }
+        "ArrowExtensionArray" => {
+            let array = pyarrow::array(&arrow_values(&call)?, budget)?;
+            let dtype = format!("{}{ARROW}", pyarrow::type_name(array.data_type()));
+            Ok(vec![(array, dtype)])
+        }
+        "PeriodArray" => periods(&call.arg(0)?, &call.arg(1)?, budget),
+        _ => Err(node.unexpected("an array of pandas that is read here")),
+    }
+}
+
+/// Exactly one column.
+pub(super) fn column(node: &Node<'_>, budget: &Budget) -> Result<Typed> {
+    let one = <[Typed; 1]>::try_from(columns(node, budget)?);
+    one.map(|[one]| one).map_err(|_rows| node.unexpected("an array of one dimension"))
+}
+
+/// `__pyx_unpickle_NDArrayBacked(class, checksum, None)`, state `(dtype, ndarray, …)`.
+fn backed(node: &Node<'_>, call: &Call<'_>, budget: &Budget) -> Result<Vec<Typed>> {
+    let class = call.arg(0)?.global()?;
+    let state = call.state()?.tuple()?;
+    // Both orders were written: (dtype, array) and (array, dtype).
+    let (first, second) = (state.get(0)?, state.get(1)?);
+    let (dtype, values) = if first.is_array() { (second, first) } else { (first, second) };
+    match class.name {
+        "DatetimeArray" => from_numpy(&values, budget, zone(&dtype)?.as_ref()),
+        "TimedeltaArray" => from_numpy(&values, budget, None),
+        "PeriodArray" => periods(&values, &dtype, budget),
+        "StringArray" => {
+            let found = from_numpy(&values, budget, None)?;
+            let dtype = string_dtype(Some(dtype));
+            Ok(found.into_iter().map(|(array, _)| (array, dtype.clone())).collect())
+        }
+        "Categorical" => categorical(&dtype, &values, budget).map(|one| vec![one]),
+        _ => Err(node.unexpected("an array of pandas that is read here")),
+    }
+}
+
+/// End of the names of types that pandas takes from PyArrow: `float[pyarrow]`.
+pub(super) const ARROW: &str = "[pyarrow]";
+/// Begin of the names of types of periods: `period[M]`.
+pub(super) const PERIOD: &str = "period[";
+
+/// The array of PyArrow in one of pandas, whose releases differ in the attribute's name.
+fn arrow_values<'p>(call: &Call<'p>) -> Result<Node<'p>> {
+    let Some(state) = call.find_state() else { return call.arg(0) };
+    let state = state.dict()?;
+    state.find("_pa_array").map_or_else(|| state.get("_data"), Ok)
+}
+
+/// Numbers of periods since 1970; NaT is missing. Arrow has no type for them.
+fn periods(values: &Node<'_>, dtype: &Node<'_>, budget: &Budget) -> Result<Vec<Typed>> {
+    let name = dtype.any_call()?.arg(0)?;
+    let name = name.str()?;
+    if !name.starts_with(PERIOD) {
+        return Err(dtype.unexpected("a type of periods by its name: period[M]"));
+    }
+    let counted = from_numpy(values, budget, None)?.into_iter().map(|(array, _)| {
+        let counts = array.as_primitive_opt::<Int64Type>();
+        let counts = counts.ok_or_else(|| values.unexpected("periods as int64"))?.values().clone();
+        let nulls = not_a_time(&counts);
+        Ok((Arc::new(Int64Array::new(counts, nulls)) as ArrayRef, name.to_owned()))
+    });
+    counted.collect()
+}
+
+/// Validity of counts of a unit of time; `None` where no count is missing.
+pub(super) fn not_a_time(counts: &[i64]) -> Option<NullBuffer> {
+    let valid = NullBuffer::from_iter(counts.iter().map(|&count| count != i64::MIN));
+    (valid.null_count() > 0).then_some(valid)
+}
+
+/// `str` is pandas 3's text, whose missing values are NaN; `string` the older one with NA.
+fn string_dtype(dtype: Option<Node<'_>>) -> String {
+    let missing_is_nan = dtype
+        .and_then(|dtype| dtype.any_call().ok())
+        .and_then(|call| call.args().find(1))
+        .is_some_and(|missing| missing.float().is_ok_and(f64::is_nan));
+    if missing_is_nan { "str" } else { "string" }.to_owned()
+}
+
+/// The time zone of a `DatetimeTZDtype`; `None` for a NumPy type.
+fn zone(dtype: &Node<'_>) -> Result<Option<Arc<str>>> {
+    let call = dtype.any_call()?;
+    if call.global().is("numpy.dtype") {
+        return Ok(None);
+    }
+    // `DatetimeTZDtype(unit, tz)`, or an empty one with its state.
+    let zone = match (call.args().find(1), call.find_state()) {
+        (Some(zone), _) => zone,
+        (None, Some(state)) => state.dict()?.get("tz")?,
+        (None, None) => return Err(dtype.unexpected("a type with a time zone")),
+    };
+    let of = zone.any_call()?;
+    let name = match (of.global().module, of.global().name) {
+        ("pytz", "_UTC") => "UTC".into(),
+        ("pytz", "_p") | ("zoneinfo", "ZoneInfo._unpickle") => of.arg(0)?.str()?.into(),
+        ("pytz", "FixedOffset") => from_utc(&zone, of.arg(0)?.int()?)?,
+        ("datetime", "timezone") => {
+            let offset = of.arg(0)?.timedelta()?;
+            if offset.num_seconds() % 60 != 0 || offset.subsec_nanos() != 0 {
+                return Err(zone.unexpected("a time zone whose offset is whole minutes"));
+            }
+            from_utc(&zone, offset.num_minutes())?
+        }
+        _ => return Err(zone.unexpected("a time zone with a name or an offset")),
+    };
+    Ok(Some(name))
+}
+
+/// A zone without a name, by its minutes east of Greenwich, as Arrow writes it: `+02:00`.
+fn from_utc(zone: &Node<'_>, minutes: i64) -> Result<Arc<str>> {
+    let (hours, rest) = (minutes.unsigned_abs() / 60, minutes.unsigned_abs() % 60);
+    match (minutes, hours) {
+        (0, _) => Ok("UTC".into()),
+        (_, ..24) => {
+            let sign = if minutes < 0 { '-' } else { '+' };
+            Ok(format!("{sign}{hours:02}:{rest:02}").into())
+        }
+        _ => Err(zone.unexpected("a time zone less than a day from Greenwich")),
+    }
+}
+
+/// pandas's name of times in a zone: `datetime64[ns, Europe/Berlin]`, `datetime64[ns, UTC+02:00]`.
+pub(super) fn zoned(unit: &str, zone: &str) -> String {
+    let utc = if zone.starts_with(['+', '-']) { "UTC" } else { "" };
+    format!("datetime64[{unit}, {utc}{zone}]")
+}
+
+fn from_numpy(node: &Node<'_>, budget: &Budget, zone: Option<&Arc<str>>) -> Result<Vec<Typed>> {
+    match node.array()? {
+        PickledArray::Tensor(tensor) => {
+            let rows = rows(node, tensor.shape(), budget)?;
+            (0..rows.count).map(|row| numbers(node, &tensor, &rows, row)).collect()
+        }
+        PickledArray::Array(array) => {
+            let rows = rows(node, &array.shape, budget)?;
+            (0..rows.count).map(|row| times(node, &array, &rows, row, zone)).collect()
+        }
+        PickledArray::Objects { shape, items } => {
+            let rows = rows(node, &shape, budget)?;
+            budget.take(node, items.len().saturating_mul(size_of::<Node<'_>>()))?;
+            let items: Vec<_> = items.iter().collect();
+            (0..rows.count)
+                .map(|row| {
+                    let begin = row * rows.length;
+                    let part = items.get(begin..begin + rows.length).unwrap_or_default();
+                    let (array, missing) = objects::array(node, part, budget)?;
+                    Ok((array, object_dtype(missing)))
+                })
+                .collect()
+        }
+    }
+}
+
+fn object_dtype(missing: Option<Missing>) -> String {
+    match missing {
+        None | Some(Missing::None) => "object",
+        Some(Missing::Nan) => "object(nan)",
+        Some(Missing::Na) => "object(NA)",
+    }
+    .to_owned()
+}
+
+/// Rows of an array of one or two dimensions.
+struct Rows {
+    count: usize,
+    length: usize,
+}
+
+fn rows(node: &Node<'_>, shape: &[usize], budget: &Budget) -> Result<Rows> {
+    let rows = match *shape {
+        [length] => Rows { count: 1, length },
+        [count, length] => Rows { count, length },
+        _ => return Err(node.unexpected("an array of one or two dimensions")),
+    };
+    // Rows without elements take memory too.
+    budget.take(node, rows.count.saturating_mul(256))?;
+    Ok(rows)
+}
+
+/// The bytes of a row.
+fn row_of(data: &Bytes, rows: &Rows, row: usize, size: usize) -> Bytes {
+    let begin = row * rows.length * size;
+    data.slice(begin..begin + rows.length * size)
+}
+
+fn numbers(node: &Node<'_>, tensor: &Tensor, rows: &Rows, row: usize) -> Result<Typed> {
+    let data = row_of(tensor.data(), rows, row, tensor.dtype().size());
+    let array: ArrayRef = match tensor.dtype() {
+        Dtype::Bool => {
+            let bits = data.iter().map(|&byte| byte != 0).collect::<BooleanBuffer>();
+            Arc::new(BooleanArray::new(bits, None))
+        }
+        Dtype::I8 => primitive::<Int8Type>(data, None),
+        Dtype::I16 => primitive::<Int16Type>(data, None),
+        Dtype::I32 => primitive::<Int32Type>(data, None),
+        Dtype::I64 => primitive::<Int64Type>(data, None),
+        Dtype::U8 => primitive::<UInt8Type>(data, None),
+        Dtype::U16 => primitive::<UInt16Type>(data, None),
+        Dtype::U32 => primitive::<UInt32Type>(data, None),
+        Dtype::U64 => primitive::<UInt64Type>(data, None),
+        Dtype::F16 => primitive::<Float16Type>(data, None),
+        Dtype::F32 => primitive::<Float32Type>(data, None),
+        Dtype::F64 => primitive::<Float64Type>(data, None),
+        Dtype::BF16 | Dtype::C64 | Dtype::C128 => {
+            return Err(node.unexpected("numbers that Arrow has, not complex ones"));
+        }
+    };
+    Ok((array, tensor.dtype().name().to_owned()))
+}
+
+/// Elements where they lie, or copied where they lie unaligned.
+fn primitive<T: ArrowPrimitiveType>(data: Bytes, nulls: Option<NullBuffer>) -> ArrayRef {
+    let size = T::Native::get_byte_width();
+    let aligned = data.as_ptr().align_offset(align_of::<T::Native>()) == 0;
+    let buffer =
+        if aligned { arrow_buffer::Buffer::from(data) } else { arrow_buffer::Buffer::from(&*data) };
+    let length = buffer.len() / size;
+    Arc::new(PrimitiveArray::<T>::new(ScalarBuffer::new(buffer, 0, length), nulls))
+}
+
+/// `datetime64` and `timedelta64`; NaT is missing.
+fn times(
+    node: &Node<'_>,
+    array: &NumpyArray,
+    rows: &Rows,
+    row: usize,
+    zone: Option<&Arc<str>>,
+) -> Result<Typed> {
+    let data = row_of(&array.data, rows, row, array.itemsize);
+    let descr = array.descr.trim_matches('\'');
+    let unit = descr.split_once('[').and_then(|(_, unit)| unit.strip_suffix(']'));
+    let wrong = || node.unexpected("times in s, ms, us or ns, little-endian");
+    let unit = unit.ok_or_else(wrong)?;
+    let (chunks, _) = data.as_chunks::<8>();
+    let valid = chunks.iter().map(|&chunk| i64::from_le_bytes(chunk) != i64::MIN);
+    let nulls = NullBuffer::from_iter(valid);
+    let nulls = (nulls.null_count() > 0).then_some(nulls);
+    macro_rules! stamps {
+        ($kind:ty) => {{
+            let size = <$kind as ArrowPrimitiveType>::Native::get_byte_width();
+            let aligned = data.as_ptr().align_offset(size) == 0;
+            let buffer = if aligned {
+                arrow_buffer::Buffer::from(data.clone())
+            } else {
+                arrow_buffer::Buffer::from(&*data)
+            };
+            let values = ScalarBuffer::new(buffer, 0, rows.length);
+            let array = PrimitiveArray::<$kind>::new(values, nulls);
+            Arc::new(array.with_timezone_opt(zone.cloned())) as ArrayRef
+        }};
+    }
+    let array = match (descr.get(..3), unit) {
+        (Some("<M8"), "s") => stamps!(TimestampSecondType),
+        (Some("<M8"), "ms") => stamps!(TimestampMillisecondType),
+        (Some("<M8"), "us") => stamps!(TimestampMicrosecondType),
+        (Some("<M8"), "ns") => stamps!(TimestampNanosecondType),
+        (Some("<m8"), "s") => primitive::<DurationSecondType>(data, nulls),
+        (Some("<m8"), "ms") => primitive::<DurationMillisecondType>(data, nulls),
+        (Some("<m8"), "us") => primitive::<DurationMicrosecondType>(data, nulls),
+        (Some("<m8"), "ns") => primitive::<DurationNanosecondType>(data, nulls),
+        _ => return Err(wrong()),
+    };
+    let dtype = match (descr.get(1..2), zone) {
+        (Some("m"), _) => format!("timedelta64[{unit}]"),
+        (_, Some(zone)) => zoned(unit, zone),
+        (_, None) => format!("datetime64[{unit}]"),
+    };
+    Ok((array, dtype))
+}
+
+/// Values and a mask that is true where they are missing.
+fn masked(node: &Node<'_>, call: &Call<'_>, budget: &Budget) -> Result<Typed> {
+    // Old releases apply the class to both, new ones set them.
+    let (values, mask) = match call.find_state() {
+        Some(state) => (state.dict()?.get("_data")?, state.dict()?.get("_mask")?),
+        None => (call.arg(0)?, call.arg(1)?),
+    };
+    let (array, dtype) = column(&values, budget)?;
+    let mask = match mask.array()? {
+        PickledArray::Tensor(mask) if mask.dtype() == Dtype::Bool => mask,
+        _ => return Err(mask.unexpected("a mask of bools")),
+    };
+    if mask.shape() != [array.len()] {
+        return Err(node.unexpected(format!("a mask of {} bools", array.len())));
+    }
+    let nulls = NullBuffer::from_iter(mask.data().iter().map(|&missing| missing == 0));
+    let data = array.to_data().into_builder().nulls(Some(nulls)).build();
+    let data = data.map_err(|error| node.unexpected(format!("values with a mask: {error}")))?;
+    let name = match dtype.as_str() {
+        "bool" => "boolean".to_owned(),
+        // int64 -> Int64, uint8 -> UInt8, float32 -> Float32
+        lower => lower
+            .replacen("uint", "UInt", 1)
+            .replacen("int", "Int", 1)
+            .replacen("float", "Float", 1),
+    };
+    Ok((arrow_array::make_array(data), name))
+}
+
+/// Codes into the categories of a `CategoricalDtype`; -1 is missing.
+fn categorical(dtype: &Node<'_>, codes: &Node<'_>, budget: &Budget) -> Result<Typed> {
+    let call = dtype.any_call()?;
+    let (categories, ordered) = match call.find_state() {
+        Some(state) => {
+            let state = state.dict()?;
+            (state.get("categories")?, state.find("ordered"))
+        }
+        None => (call.arg(0)?, call.args().find(1)),
+    };
+    let ordered = ordered.is_some_and(|ordered| ordered.bool().unwrap_or(false));
+    coded(codes, &categories, ordered, budget)
+}
+
+/// `Categorical.from_codes(codes, categories, ordered)`, as this crate writes it.
+fn from_codes(call: &Call<'_>, budget: &Budget) -> Result<Typed> {
+    let [codes, categories, ordered] = call.args().exact()?;
+    coded(&codes, &categories, ordered.bool()?, budget)
+}
+
+fn coded(codes: &Node<'_>, categories: &Node<'_>, ordered: bool, budget: &Budget) -> Result<Typed> {
+    let values = listed(index(categories, budget)?, categories, budget)?.array;
+    let name = if ordered { "category(ordered)" } else { "category" };
+    Ok((dictionary(codes, values, budget)?, name.to_owned()))
+}
+
+/// The labels of an index of one level, also of a range.
+pub(super) fn listed(index: Index, node: &Node<'_>, budget: &Budget) -> Result<Column> {
+    match index {
+        Index::Column(column, _) => Ok(*column),
+        Index::Levels(_) => Err(node.unexpected("an index of one level")),
+        Index::Range { start, stop, step, name } => {
+            let length = range_length(start, stop, step);
+            budget.take(node, length.saturating_mul(8))?;
+            let count = i64::try_from(length).unwrap_or(0);
+            let labels = (0..count).map(|n| start.wrapping_add(n.wrapping_mul(step)));
+            let array: ArrayRef = Arc::new(Int64Array::from_iter_values(labels));
+            Ok(Column { label: name, dtype: "int64".into(), array })
+        }
+    }
+}
+
+/// Codes into `values`; -1 is missing.
+pub(super) fn dictionary(codes: &Node<'_>, values: ArrayRef, budget: &Budget) -> Result<ArrayRef> {
+    let (codes_array, _) = column(codes, budget)?;
+    let any = codes_array.as_any();
+    macro_rules! dictionary {
+        ($($array:ty),*) => {$(
+            if let Some(found) = any.downcast_ref::<$array>() {
+                let valid = NullBuffer::from_iter(found.values().iter().map(|&code| code >= 0));
+                let nulls = (valid.null_count() > 0).then_some(valid);
+                let keys = <$array>::new(found.values().clone(), nulls);
+                return DictionaryArray::try_new(keys, values)
+                    .map(|array| Arc::new(array) as ArrayRef)
+                    .map_err(|error| codes.unexpected(format!("codes of categories: {error}")));
+            }
+        )*};
+    }
+    dictionary!(Int8Array, Int16Array, Int32Array, Int64Array);
+    Err(codes.unexpected("codes that are signed integers"))
+}

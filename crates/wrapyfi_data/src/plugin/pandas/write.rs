@@ -1,0 +1,441 @@
+//! A [`Frame`] as a pickle that calls pandas's public constructors.
+//!
+//! ```text
+//!   pandas.DataFrame({label: pandas.Series(values, index), …}, index, columns)
+//!   pandas.Series(values, index, None, name)
+//!   pandas.Index(values, None, False, name) · pandas.RangeIndex(start, stop, step, None, False, name)
+//!   pandas.MultiIndex.from_tuples(labels of columns, None, names)
+//! ```
+//!
+//! An index of several levels, or of times that are regular, has constructors that differ from
+//! release to release: those are applied by name, as pandas does for its own,
+//! `_new_Index(pandas.DatetimeIndex, {data, freq, name})`.
+//!
+//! The index is one object for all: pandas would align series with different ones.
+
+use std::collections::HashSet;
+
+use arrow_array::cast::AsArray as _;
+use arrow_array::types::{
+    ArrowDictionaryKeyType, Float16Type, Float32Type, Float64Type, Int8Type, Int16Type, Int32Type,
+    Int64Type, UInt8Type, UInt16Type, UInt32Type, UInt64Type,
+};
+use arrow_array::{Array, ArrayRef, ArrowPrimitiveType};
+use arrow_schema::{DataType, TimeUnit};
+use bytes::Bytes;
+
+use super::super::stack::Stack;
+use super::super::{PluginError, pyarrow};
+use super::column::{ARROW, PERIOD, zoned};
+use super::frame::{Column, Frame, Index, Kind};
+use super::offsets;
+use crate::codec::json;
+use crate::codec::pickle::Writer;
+use crate::types::Value;
+
+type Result<T = ()> = std::result::Result<T, PluginError>;
+
+/// Writes a data frame, a series or an index.
+pub(super) fn frame(to: &mut Stack, frame: &Frame) -> Result {
+    match (frame.kind, &frame.columns[..]) {
+        (Kind::Index, _) => index(to, &frame.index),
+        (Kind::Series, [only]) => {
+            to.global("pandas", "Series").mark();
+            values(to, only)?;
+            index(to, &frame.index)?;
+            dtype(to, only);
+            label(to, &only.label)?;
+            to.tuple_since_mark().reduce();
+            Ok(())
+        }
+        (_, columns) => data_frame(to, frame, columns),
+    }
+}
+
+fn data_frame(to: &mut Stack, frame: &Frame, columns: &[Column]) -> Result {
+    let mut seen = HashSet::new();
+    for column in columns {
+        let key = json::encode(&column.label).unwrap_or_default();
+        if !seen.insert(key) {
+            return Err(PluginError::Unsupported {
+                what: format!("a data frame with two columns labelled {:?}", column.label),
+                remedy: "give the columns different labels".into(),
+            });
+        }
+    }
+    // The index is written first, put into the memo, and popped.
+    index(to, &frame.index)?;
+    let rows = to.remember();
+    to.pop().global("pandas", "DataFrame").mark();
+    to.mark();
+    for column in columns {
+        label(to, &column.label)?;
+        to.global("pandas", "Series").mark();
+        values(to, column)?;
+        to.recall(rows);
+        dtype(to, column);
+        to.tuple_since_mark().reduce();
+    }
+    to.dict_since_mark();
+    to.recall(rows);
+    labels(to, frame, columns)?;
+    to.tuple_since_mark().reduce();
+    Ok(())
+}
+
+/// The row of labels: a range where it is one, as pandas itself makes it.
+fn labels(to: &mut Stack, frame: &Frame, columns: &[Column]) -> Result {
+    let counted = columns.iter().zip(0..).all(|(column, n)| column.label == Value::Int(n));
+    if counted {
+        let stop = i64::try_from(columns.len()).unwrap_or(i64::MAX);
+        return range(to, 0, stop, 1, &frame.columns_name);
+    }
+    let levels = |column: &Column| match &column.label {
+        Value::Tuple(levels) => levels.len(),
+        _ => 0,
+    };
+    let count = columns.first().map_or(0, levels);
+    if count > 0 && columns.iter().all(|column| levels(column) == count) {
+        to.global("pandas", "MultiIndex.from_tuples").mark().mark();
+        for column in columns {
+            label(to, &column.label)?;
+        }
+        to.list_since_mark().none();
+        label(to, &frame.columns_name)?;
+        to.tuple_since_mark().reduce();
+        return Ok(());
+    }
+    to.global("pandas", "Index").mark().mark();
+    for column in columns {
+        label(to, &column.label)?;
+    }
+    to.list_since_mark().none().bool(false);
+    label(to, &frame.columns_name)?;
+    to.tuple_since_mark().reduce();
+    Ok(())
+}
+
+fn index(to: &mut Stack, index: &Index) -> Result {
+    match index {
+        Index::Range { start, stop, step, name } => range(to, *start, *stop, *step, name),
+        Index::Column(column, None) => labelled(to, column, &column.label),
+        Index::Column(column, Some(freq)) => {
+            let class = match column.array.data_type() {
+                DataType::Duration(_) => "TimedeltaIndex",
+                _ => "DatetimeIndex",
+            };
+            made_by_name(to, class, |to| {
+                to.str("data");
+                labelled(to, column, &Value::Null)?;
+                to.str("freq");
+                offsets::write(to, freq)?;
+                to.str("name");
+                label(to, &column.label)
+            })
+        }
+        Index::Levels(levels) => made_by_name(to, "MultiIndex", |to| {
+            let dictionaries = levels.iter().map(|level| {
+                codes(&level.array).ok_or_else(|| PluginError::Unsupported {
+                    what: format!("a level of an index of type {}", level.array.data_type()),
+                    remedy: "make it a dictionary of its labels".into(),
+                })
+            });
+            let dictionaries = dictionaries.collect::<Result<Vec<_>>>()?;
+            to.str("levels").mark();
+            for (level, (_, labels)) in levels.iter().zip(&dictionaries) {
+                let (dtype, array) = (level.dtype.clone(), ArrayRef::clone(labels));
+                labelled(to, &Column { label: Value::Null, dtype, array }, &level.label)?;
+            }
+            to.list_since_mark().str("codes").mark();
+            for (level, (codes, _)) in levels.iter().zip(&dictionaries) {
+                write_codes(to, level.array.data_type(), codes);
+            }
+            to.list_since_mark().str("names").mark();
+            for level in levels {
+                label(to, &level.label)?;
+            }
+            to.list_since_mark();
+            Ok(())
+        }),
+    }
+}
+
+/// `pandas.Index(values, dtype, copy, name)`.
+fn labelled(to: &mut Stack, column: &Column, name: &Value) -> Result {
+    to.global("pandas", "Index").mark();
+    values(to, column)?;
+    dtype(to, column);
+    to.bool(false);
+    label(to, name)?;
+    to.tuple_since_mark().reduce();
+    Ok(())
+}
+
+/// `_new_Index(class, {argument: value, …})`.
+fn made_by_name(
+    to: &mut Stack,
+    class: &'static str,
+    arguments: impl FnOnce(&mut Stack) -> Result,
+) -> Result {
+    to.global("pandas.core.indexes.base", "_new_Index").global("pandas", class).mark();
+    arguments(to)?;
+    to.dict_since_mark().tuple(2).reduce();
+    Ok(())
+}
+
+fn range(to: &mut Stack, start: i64, stop: i64, step: i64, name: &Value) -> Result {
+    to.global("pandas", "RangeIndex").mark().int(start).int(stop).int(step).none().bool(false);
+    label(to, name)?;
+    to.tuple_since_mark().reduce();
+    Ok(())
+}
+
+fn label(to: &mut Stack, named: &Value) -> Result {
+    match named {
+        Value::Null => to.none(),
+        Value::Bool(value) => to.bool(*value),
+        Value::Int(value) => to.int(*value),
+        Value::BigInt(value) => to.big_int(value),
+        Value::Float(value) => to.float(*value),
+        Value::Str(text) => to.str(text),
+        Value::Tuple(levels) => {
+            to.mark();
+            for level in levels {
+                if matches!(level, Value::Tuple(_)) {
+                    return Err(no_label(level));
+                }
+                label(to, level)?;
+            }
+            to.tuple_since_mark()
+        }
+        other => return Err(no_label(other)),
+    };
+    Ok(())
+}
+
+fn no_label(label: &Value) -> PluginError {
+    PluginError::Unsupported {
+        what: format!("a label of type {}", label.kind()),
+        remedy: "use text, a number, None, or a tuple of these".into(),
+    }
+}
+
+/// The type to ask for, where pandas would not find it in the values.
+fn dtype(to: &mut Stack, column: &Column) {
+    let own = match column.array.data_type() {
+        _ if column.dtype.ends_with(ARROW) => None,
+        DataType::Timestamp(unit, Some(zone)) => Some(zoned(unit_name(*unit), zone)),
+        _ if column.dtype.starts_with("object") => Some("object".to_owned()),
+        // `str` is what pandas 3 takes text for, and pandas 2 has no better than objects.
+        DataType::Utf8 | DataType::LargeUtf8 if column.dtype == "string" => {
+            Some("string".to_owned())
+        }
+        _ => None,
+    };
+    match own {
+        Some(name) => to.str(&name),
+        None => to.none(),
+    };
+}
+
+/// pandas's array with a mask: the column has its type, or needs it because a value is missing.
+fn masked_class(column: &Column) -> Option<&'static str> {
+    let class = match column.array.data_type() {
+        DataType::Boolean => "BooleanArray",
+        DataType::Float32 | DataType::Float64 => "FloatingArray",
+        integer if integer.is_integer() => "IntegerArray",
+        _ => return None,
+    };
+    let has_mask = column.dtype == "boolean" || column.dtype.starts_with(['I', 'U', 'F']);
+    (has_mask || column.array.null_count() > 0).then_some(class)
+}
+
+fn unit_name(unit: TimeUnit) -> &'static str {
+    match unit {
+        TimeUnit::Second => "s",
+        TimeUnit::Millisecond => "ms",
+        TimeUnit::Microsecond => "us",
+        TimeUnit::Nanosecond => "ns",
+    }
+}
+
+/// The values of a column as something that pandas takes.
+fn values(to: &mut Stack, column: &Column) -> Result {
+    let array = &column.array;
+    if column.dtype.ends_with(ARROW) {
+        return of_pyarrow(to, array);
+    }
+    if column.dtype.starts_with(PERIOD) && *array.data_type() == DataType::Int64 {
+        to.global("pandas.arrays", "PeriodArray");
+        times(to, array, "<i8");
+        to.global("pandas", "PeriodDtype").str(&column.dtype).tuple(1).reduce().tuple(2).reduce();
+        return Ok(());
+    }
+    if column.dtype.starts_with("object") {
+        return objects(to, column);
+    }
+    if let Some(class) = masked_class(column) {
+        to.global("pandas.arrays", class);
+        plain(to, column)?;
+        let mask: Vec<u8> = (0..array.len()).map(|row| u8::from(array.is_null(row))).collect();
+        to.array("|b1", array.len(), mask.into()).tuple(2).reduce();
+        return Ok(());
+    }
+    plain(to, column)
+}
+
+/// The values where none is missing, whatever stands there.
+fn plain(to: &mut Stack, column: &Column) -> Result {
+    let array = &column.array;
+    match array.data_type() {
+        DataType::Utf8 | DataType::LargeUtf8 | DataType::Binary | DataType::LargeBinary => {
+            return objects(to, column);
+        }
+        DataType::Boolean => {
+            let bytes: Vec<u8> =
+                array.as_boolean().iter().map(|value| u8::from(value == Some(true))).collect();
+            to.array("|b1", array.len(), bytes.into());
+        }
+        DataType::Int8 => numbers::<Int8Type>(to, array, "|i1"),
+        DataType::Int16 => numbers::<Int16Type>(to, array, "<i2"),
+        DataType::Int32 => numbers::<Int32Type>(to, array, "<i4"),
+        DataType::Int64 => numbers::<Int64Type>(to, array, "<i8"),
+        DataType::UInt8 => numbers::<UInt8Type>(to, array, "|u1"),
+        DataType::UInt16 => numbers::<UInt16Type>(to, array, "<u2"),
+        DataType::UInt32 => numbers::<UInt32Type>(to, array, "<u4"),
+        DataType::UInt64 => numbers::<UInt64Type>(to, array, "<u8"),
+        DataType::Float16 => numbers::<Float16Type>(to, array, "<f2"),
+        DataType::Float32 => numbers::<Float32Type>(to, array, "<f4"),
+        DataType::Float64 => numbers::<Float64Type>(to, array, "<f8"),
+        // With a zone the numbers are what pandas takes for instants; times would be local.
+        DataType::Timestamp(_, Some(_)) => times(to, array, "<i8"),
+        DataType::Timestamp(unit, None) => {
+            times(to, array, &format!("<M8[{}]", unit_name(*unit)));
+        }
+        DataType::Duration(unit) => times(to, array, &format!("<m8[{}]", unit_name(*unit))),
+        DataType::Dictionary(..) => return categories(to, column),
+        // Types that NumPy has not: lists, structs, decimals, days.
+        _ => return of_pyarrow(to, array),
+    }
+    Ok(())
+}
+
+/// pandas's array over one of PyArrow.
+fn of_pyarrow(to: &mut Stack, array: &ArrayRef) -> Result {
+    to.global("pandas.arrays", "ArrowExtensionArray");
+    pyarrow::write_array(to, &array.to_data())?;
+    to.tuple(1).reduce();
+    Ok(())
+}
+
+fn numbers<T: ArrowPrimitiveType>(to: &mut Stack, array: &ArrayRef, descr: &str) {
+    let values = array.as_primitive::<T>().values();
+    to.array(descr, array.len(), Bytes::copy_from_slice(values.inner().as_slice()));
+}
+
+/// Counts of a unit of time; missing ones are NaT.
+fn times(to: &mut Stack, array: &ArrayRef, descr: &str) {
+    let data = array.to_data();
+    let all = data.buffers().first().map(arrow_buffer::Buffer::as_slice).unwrap_or_default();
+    let (counts, _) = all.as_chunks::<8>();
+    let counts = counts.iter().skip(data.offset()).take(array.len()).enumerate();
+    let missing = i64::MIN.to_le_bytes();
+    let bytes: Vec<u8> =
+        counts.flat_map(|(row, count)| if array.is_null(row) { missing } else { *count }).collect();
+    to.array(descr, array.len(), bytes.into());
+}
+
+/// Python objects, one each.
+fn objects(to: &mut Stack, column: &Column) -> Result {
+    let array = &column.array;
+    let missing = |to: &mut Writer| match column.dtype.as_str() {
+        "object(nan)" | "str" => to.float(f64::NAN),
+        "object(NA)" => to.global("pandas", "NA"),
+        _ => to.none(),
+    };
+    macro_rules! each {
+        ($values:expr, |$to:ident, $value:ident| $write:expr) => {{
+            let values = $values;
+            to.objects(array.len(), |$to| {
+                for value in values.iter() {
+                    match value {
+                        Some($value) => $write,
+                        None => missing($to),
+                    }
+                }
+            });
+        }};
+    }
+    match array.data_type() {
+        DataType::Utf8 => each!(array.as_string::<i32>(), |to, text| to.str(text)),
+        DataType::LargeUtf8 => each!(array.as_string::<i64>(), |to, text| to.str(text)),
+        DataType::Binary => each!(array.as_binary::<i32>(), |to, bytes| to.bytes(bytes)),
+        DataType::LargeBinary => each!(array.as_binary::<i64>(), |to, bytes| to.bytes(bytes)),
+        DataType::Boolean => each!(array.as_boolean(), |to, value| to.bool(value)),
+        DataType::Float64 => {
+            each!(array.as_primitive::<Float64Type>(), |to, value| to.float(value));
+        }
+        DataType::Int64 => each!(array.as_primitive::<Int64Type>(), |to, n| to.int(n)),
+        other => {
+            return Err(PluginError::Unsupported {
+                what: format!("a column {:?} of objects of type {other}", column.label),
+                remedy: "leave out its dtype, or cast it".into(),
+            });
+        }
+    }
+    Ok(())
+}
+
+/// `pandas.Categorical.from_codes(codes, categories, ordered)`.
+fn categories(to: &mut Stack, column: &Column) -> Result {
+    let data_type = column.array.data_type();
+    let (codes, values) = codes(&column.array).ok_or_else(|| PluginError::Unsupported {
+        what: format!("categories of type {data_type}"),
+        remedy: "use codes of int8 to int64".into(),
+    })?;
+    to.global("pandas", "Categorical.from_codes");
+    write_codes(to, data_type, &codes);
+    let categories = Column { label: Value::Null, dtype: String::new(), array: values };
+    labelled(to, &categories, &Value::Null)?;
+    to.bool(column.dtype == "category(ordered)").tuple(3).reduce();
+    Ok(())
+}
+
+/// The codes of a dictionary of this type, as wide as they were; unsigned ones have room for -1.
+fn write_codes(to: &mut Stack, data_type: &DataType, codes: &[i64]) {
+    let key = match data_type {
+        DataType::Dictionary(key, _) => &**key,
+        other => other,
+    };
+    let (descr, width) = match key {
+        DataType::Int8 => ("|i1", 1),
+        DataType::Int16 => ("<i2", 2),
+        DataType::Int32 => ("<i4", 4),
+        _ => ("<i8", 8),
+    };
+    let bytes = codes.iter().flat_map(|code| code.to_le_bytes().into_iter().take(width));
+    to.array(descr, codes.len(), bytes.collect::<Vec<u8>>().into());
+}
+
+/// The codes of a dictionary, -1 where one is missing, and its labels.
+fn codes(array: &ArrayRef) -> Option<(Vec<i64>, ArrayRef)> {
+    fn of<K: ArrowDictionaryKeyType>(array: &ArrayRef) -> (Vec<i64>, ArrayRef)
+    where
+        K::Native: Into<i64>,
+    {
+        let dictionary = array.as_dictionary::<K>();
+        let codes = dictionary.keys().iter().map(|code| code.map_or(-1, Into::into));
+        (codes.collect(), ArrayRef::clone(dictionary.values()))
+    }
+    let DataType::Dictionary(key, _) = array.data_type() else { return None };
+    Some(match **key {
+        DataType::Int8 => of::<Int8Type>(array),
+        DataType::Int16 => of::<Int16Type>(array),
+        DataType::Int32 => of::<Int32Type>(array),
+        DataType::Int64 => of::<Int64Type>(array),
+        DataType::UInt8 => of::<UInt8Type>(array),
+        DataType::UInt16 => of::<UInt16Type>(array),
+        DataType::UInt32 => of::<UInt32Type>(array),
+        _ => return None,
+    })
+}

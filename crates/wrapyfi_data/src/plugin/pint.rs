@@ -1,0 +1,55 @@
+//! `PintData`: a number with its unit.
+//!
+//! ```text
+//!   ["PintData", base64 of {"magnitude": 1.5, "units": "meter"}, "Quantity"]  ◀─▶  Quantity
+//! ```
+
+use super::{Body, Context, Part, Plugin, PluginError, Plugins};
+use crate::codec::json;
+use crate::types::{Map, Quantity, Value};
+
+/// pint's `Quantity` with a single number.
+pub(super) struct Pint;
+
+impl Plugin for Pint {
+    fn key(&self) -> &str {
+        "PintData"
+    }
+
+    fn decode(&self, body: &Body<'_>, context: &Context<'_>) -> Result<Value, PluginError> {
+        let kind = body.text(1)?;
+        if kind != "Quantity" {
+            return Err(PluginError::Unsupported {
+                what: format!("a pint {kind:?}"),
+                remedy: "send a Quantity".into(),
+            });
+        }
+        let malformed = |reason: String| PluginError::Malformed { part: 0, reason };
+        let text = body.base64(0)?;
+        let limits = context.limits_within(text.len());
+        // A quantity holds no plug-in objects.
+        let text = json::decode_with(&text, &limits, &Plugins::none())
+            .map_err(|error| malformed(error.to_string()))?;
+        let magnitude = text.get("magnitude").ok_or_else(|| malformed("no magnitude".into()))?;
+        if !matches!(magnitude, Value::Int(_) | Value::BigInt(_) | Value::Float(_)) {
+            return Err(malformed(format!("magnitude is a {}, no number", magnitude.kind())));
+        }
+        let units = text.get("units").and_then(Value::as_str);
+        let units = units.ok_or_else(|| malformed("no units, or units that are no text".into()))?;
+        Ok(Quantity { magnitude: magnitude.clone(), units: units.to_owned() }.into())
+    }
+
+    fn encode(&self, value: &Value) -> Result<Vec<Part>, PluginError> {
+        let quantity =
+            value.as_quantity().ok_or_else(|| PluginError::not_mine("quantity", value))?;
+        let text = Value::Map(Map::from_iter([
+            ("magnitude", quantity.magnitude.clone()),
+            ("units", quantity.units.as_str().into()),
+        ]));
+        let text = json::encode(&text).map_err(|error| PluginError::Unsupported {
+            what: format!("a magnitude of type {}", quantity.magnitude.kind()),
+            remedy: error.to_string(),
+        })?;
+        Ok(vec![Part::base64(text), Part::Text("Quantity".into())])
+    }
+}

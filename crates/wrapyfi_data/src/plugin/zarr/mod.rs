@@ -1,0 +1,160 @@
+//! `ZarrData`: an array or a group of zarr 2, as a zip of its folder.
+//!
+//! ```text
+//!   ["ZarrData", base64 of a zip, "Array", name]          ".zarray", ".zattrs", "0.0", "0.1", …
+//!   ["ZarrData", base64 of a zip, "Group", null]          ".zgroup", "speed/.zarray", "speed/0", …
+//!
+//!   chunk ─ compressor ─▶ elements ─ its place ─▶ Tensor ;  chunks that are missing: fill_value
+//! ```
+//!
+//! An array of numbers becomes a [`Tensor`] whose origin remembers `name`, and `attrs` as JSON text.
+//! A group becomes a [`ZarrGroup`]. Both are written with one chunk each, without a compressor.
+//!
+//! Python's side loses data: Wrapyfi writes the names of a group's arrays in place of the arrays,
+//! and its reader deletes the folder before anything of it is read, so that it finds the fill value
+//! in every array and nothing in every group.
+
+mod array;
+mod blosc;
+mod chunk;
+mod group;
+
+pub use group::ZarrGroup;
+
+use super::{Body, Context, Part, Plugin, PluginError, Plugins};
+use crate::codec::archive::{Archive, Writer};
+use crate::codec::json;
+use crate::types::{ForeignObject, Origin, Value};
+
+/// zarr's `Array` and `Group`.
+pub(super) struct Zarr;
+
+const KEY: &str = "ZarrData";
+const ARRAY: &str = "Array";
+const GROUP: &str = "Group";
+
+impl Plugin for Zarr {
+    fn key(&self) -> &str {
+        KEY
+    }
+
+    fn decode(&self, body: &Body<'_>, context: &Context<'_>) -> Result<Value, PluginError> {
+        let kind = body.text(1)?;
+        let name = body.optional_text(2)?;
+        let archive = Archive::open(&body.base64(0)?).map_err(malformed)?;
+        let store = Store { archive, context };
+        match &*kind {
+            ARRAY => {
+                let Value::Tensor(tensor) = store.array("")? else {
+                    return Err(PluginError::Unsupported {
+                        what: "a zarr array whose elements are no numbers".into(),
+                        remedy: "send it as a NumPy array".into(),
+                    });
+                };
+                let mut origin = Origin::new(KEY);
+                for (key, value) in [("name", name), ("attrs", store.attributes("")?)] {
+                    if let Some(value) = value {
+                        origin = origin.with(key, value);
+                    }
+                }
+                Ok(tensor.with_origin(origin).into())
+            }
+            GROUP => Ok(ForeignObject::new(store.group("", 0)?).into()),
+            other => Err(PluginError::Unsupported {
+                what: format!("a zarr {other:?}"),
+                remedy: "send an Array or a Group".into(),
+            }),
+        }
+    }
+
+    fn encode(&self, value: &Value) -> Result<Vec<Part>, PluginError> {
+        let mut files = Files::default();
+        let (kind, name) = if let Some(group) = value.as_object::<ZarrGroup>() {
+            group.write("", &mut files)?;
+            (GROUP, None)
+        } else {
+            let tensor = value
+                .as_tensor()
+                .ok_or_else(|| PluginError::not_mine("tensor or zarr group", value))?;
+            files.array("", array::write(tensor))?;
+            let origin = tensor.origin();
+            if let Some(attributes) = origin.and_then(|origin| origin.get("attrs")) {
+                files.add(".zattrs", attributes.as_bytes())?;
+            }
+            (ARRAY, origin.and_then(|origin| origin.get("name")))
+        };
+        let name = name.map_or(Part::Value(Value::Null), |name| Part::Text(name.to_owned()));
+        Ok(vec![Part::base64(files.finish()?), Part::Text(kind.into()), name])
+    }
+}
+
+fn malformed(reason: String) -> PluginError {
+    PluginError::Malformed { part: 0, reason }
+}
+
+/// The folder that the zip holds.
+struct Store<'a> {
+    archive: Archive,
+    context: &'a Context<'a>,
+}
+
+impl Store<'_> {
+    /// The content of a file, inflated where it must be.
+    fn read(&self, name: &str) -> Result<Option<bytes::Bytes>, PluginError> {
+        let Some(member) = self.archive.member(name) else { return Ok(None) };
+        let fault = |reason| malformed(format!("zip member {name:?}: {reason}"));
+        if let Some(content) = self.archive.stored(member).map_err(fault)? {
+            return Ok(Some(content));
+        }
+        self.context.unpack(format!("zip member {name:?}"), member.size as u64)?;
+        self.archive.inflate(member).map(Some).map_err(fault)
+    }
+
+    /// `.zattrs` of the folder `path` as JSON text; `None` where there is none or it says nothing.
+    fn attributes(&self, path: &str) -> Result<Option<String>, PluginError> {
+        let name = format!("{path}.zattrs");
+        let Some(file) = self.read(&name)? else { return Ok(None) };
+        let limits = self.context.limits_within(file.len());
+        let attributes = json::decode_with(&file, &limits, &Plugins::none())
+            .map_err(|error| malformed(format!("{name}: {error}")))?;
+        match (attributes, std::str::from_utf8(&file)) {
+            (Value::Map(attributes), _) if attributes.is_empty() => Ok(None),
+            (Value::Map(_), Ok(text)) => Ok(Some(text.to_owned())),
+            (other, _) => Err(malformed(format!("{name} is a {}, no dict", other.kind()))),
+        }
+    }
+}
+
+/// The zip in the making.
+#[derive(Default)]
+struct Files(Writer);
+
+impl Files {
+    fn add(&mut self, name: &str, content: &[u8]) -> Result<(), PluginError> {
+        self.0.add(name, content).ok_or_else(too_large)
+    }
+
+    /// `.zarray` and chunk of an array in the folder `path`, empty or ending in `/`.
+    fn array(
+        &mut self,
+        path: &str,
+        (metadata, chunk): (String, Option<array::File>),
+    ) -> Result<(), PluginError> {
+        self.add(&format!("{path}.zarray"), metadata.as_bytes())?;
+        if let Some((name, data)) = chunk {
+            self.add(&format!("{path}{name}"), &data)?;
+        }
+        Ok(())
+    }
+
+    fn finish(self) -> Result<Vec<u8>, PluginError> {
+        self.0.finish().ok_or_else(too_large)
+    }
+}
+
+fn too_large() -> PluginError {
+    PluginError::Unsupported {
+        what: "a zarr folder of more than 2 GiB".into(),
+        remedy: "send it in pieces".into(),
+    }
+}

@@ -1,0 +1,274 @@
+//! Types that a registered method may return, and their conversion to payloads and back.
+//!
+//! ```text
+//!   R ── to_payload ──▶ types::Payload ──▶ publisher
+//!   R ◀─ from_payload ─ types::Payload ◀── listener
+//! ```
+
+use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use crate::codec::EncodeError;
+use crate::types::{self, AudioChunk, DataType, RosType, TypedError, from_value, to_value};
+use wrapyfi_interfaces::Message;
+use wrapyfi_interfaces::cdr::CdrError;
+use wrapyfi_interfaces::store::TypeStore;
+
+/// The data types of `#[register]` as types.
+pub mod kind {
+    /// Values of any type that serde knows.
+    #[derive(Debug, Clone, Copy)]
+    pub struct NativeObject;
+    /// A camera frame.
+    #[derive(Debug, Clone, Copy)]
+    pub struct Image;
+    /// A chunk of sound.
+    #[derive(Debug, Clone, Copy)]
+    pub struct AudioChunk;
+    /// Parameters of a node.
+    #[derive(Debug, Clone, Copy)]
+    pub struct Properties;
+    /// A message of a ROS type.
+    #[derive(Debug, Clone, Copy)]
+    pub struct RosMessage;
+}
+
+/// A type that a method registered under the data type `K` may return.
+///
+/// | `K` | types |
+/// | --- | --- |
+/// | `NativeObject` | [`types::Value`], and every `Serialize + DeserializeOwned` |
+/// | `Image` | [`types::Image`]; `Option` of it, whose `None` is not sent |
+/// | `AudioChunk` | [`types::AudioChunk`]; `Option` of it, whose `None` is not sent |
+/// | `Properties` | [`types::Properties`]; `Option` of it, whose `None` is not sent |
+/// | `RosMessage` | every generated message ([`Message`]); [`types::RosMessage`], whose type the option `message_type` names |
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` cannot be returned by a method registered under this data type",
+    label = "not carried under this data type",
+    note = "NativeObject carries `Value` and what is `Serialize + DeserializeOwned`, Image carries \
+            `types::Image`, AudioChunk carries `types::AudioChunk`, Properties carries `types::Properties`, RosMessage carries \
+            generated messages of `wrapyfi_interfaces` and `types::RosMessage`"
+)]
+pub trait Payload<K>: Sized {
+    /// Name of the ROS type that the Rust type is, where it is one.
+    const ROS_TYPE: Option<&'static str> = None;
+
+    /// Converts the value to a message; `None` where none is to be sent.
+    ///
+    /// # Errors
+    /// When the value has no form as a message.
+    fn to_payload(&self) -> Result<Option<types::Payload>, PayloadError>;
+
+    /// Converts a message to the value.
+    ///
+    /// # Errors
+    /// When the message is of another kind or type.
+    fn from_payload(payload: types::Payload) -> Result<Self, PayloadError>;
+}
+
+/// Error of converting between a returned value and a message.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum PayloadError {
+    /// The native object does not fit the Rust type, or the Rust value cannot be a native object.
+    #[error(transparent)]
+    Typed(#[from] TypedError),
+    /// The message is of another kind.
+    #[error("{actual} where {expected} should be")]
+    Kind {
+        /// Data type that the method is registered under.
+        expected: DataType,
+        /// Data type of the payload.
+        actual: DataType,
+    },
+    /// An image or a sound differs from an option.
+    #[error("{what} is {actual}, and the option says {option} = {wanted}: change one of them")]
+    Rule {
+        /// Property that was measured.
+        what: &'static str,
+        /// Name of the option.
+        option: &'static str,
+        /// Value that the option asks for.
+        wanted: String,
+        /// Value that was found.
+        actual: String,
+    },
+    /// The message is of another ROS type, or of another definition of it.
+    #[error("a message of {actual} where one of {expected} should be")]
+    RosType {
+        /// Type that the method is registered with.
+        expected: String,
+        /// Type of the message.
+        actual: String,
+    },
+    /// The bytes are no message of their type.
+    #[error(transparent)]
+    Cdr(#[from] CdrError),
+    /// The definition of a generated message cannot be used.
+    #[error("{name} cannot be used: {reason}")]
+    Definition {
+        /// The type.
+        name: &'static str,
+        /// Cause.
+        reason: String,
+    },
+    /// The middleware has no form for the value.
+    #[error(transparent)]
+    Encode(#[from] EncodeError),
+}
+
+impl<T: Serialize + DeserializeOwned> Payload<kind::NativeObject> for T {
+    fn to_payload(&self) -> Result<Option<types::Payload>, PayloadError> {
+        Ok(Some(to_value(self)?.into()))
+    }
+
+    fn from_payload(payload: types::Payload) -> Result<Self, PayloadError> {
+        match payload {
+            types::Payload::NativeObject(object) => Ok(from_value(object.value)?),
+            other => Err(other_kind(DataType::NativeObject, &other)),
+        }
+    }
+}
+
+fn other_kind(expected: DataType, found: &types::Payload) -> PayloadError {
+    PayloadError::Kind { expected, actual: found.data_type() }
+}
+
+macro_rules! media {
+    ($($kind:ident => $content:ty,)*) => {$(
+        impl Payload<kind::$kind> for $content {
+            fn to_payload(&self) -> Result<Option<types::Payload>, PayloadError> {
+                // Pixels and samples are shared.
+                Ok(Some(self.clone().into()))
+            }
+
+            fn from_payload(payload: types::Payload) -> Result<Self, PayloadError> {
+                match payload {
+                    types::Payload::$kind(content) => Ok(content),
+                    other => Err(other_kind(DataType::$kind, &other)),
+                }
+            }
+        }
+
+        impl Payload<kind::$kind> for Option<$content> {
+            fn to_payload(&self) -> Result<Option<types::Payload>, PayloadError> {
+                Ok(self.clone().map(Into::into))
+            }
+
+            fn from_payload(payload: types::Payload) -> Result<Self, PayloadError> {
+                <$content as Payload<kind::$kind>>::from_payload(payload).map(Some)
+            }
+        }
+    )*};
+}
+
+media! {
+    Image => types::Image,
+    AudioChunk => AudioChunk,
+    Properties => types::Properties,
+}
+
+impl Payload<kind::RosMessage> for types::RosMessage {
+    fn to_payload(&self) -> Result<Option<types::Payload>, PayloadError> {
+        Ok(Some(self.clone().into()))
+    }
+
+    fn from_payload(payload: types::Payload) -> Result<Self, PayloadError> {
+        match payload {
+            types::Payload::RosMessage(message) => Ok(message),
+            other => Err(other_kind(DataType::RosMessage, &other)),
+        }
+    }
+}
+
+impl<M: Message> Payload<kind::RosMessage> for M {
+    const ROS_TYPE: Option<&'static str> = Some(<M as Message>::ROS_TYPE);
+
+    fn to_payload(&self) -> Result<Option<types::Payload>, PayloadError> {
+        let ros_type = generated(<M as Message>::ROS_TYPE)?;
+        Ok(Some(types::RosMessage::new(ros_type, self.encode().to_bytes()).into()))
+    }
+
+    fn from_payload(payload: types::Payload) -> Result<Self, PayloadError> {
+        let message = <types::RosMessage as Payload<kind::RosMessage>>::from_payload(payload)?;
+        if message.ros_type.type_hash() != M::TYPE_HASH {
+            let (name, hash) = (message.ros_type.name(), message.ros_type.type_hash());
+            return Err(PayloadError::RosType {
+                expected: format!("{} ({})", <M as Message>::ROS_TYPE, M::TYPE_HASH),
+                actual: format!("{name} ({hash})"),
+            });
+        }
+        // The middleware has checked the size of the message.
+        Ok(M::decode(&message.cdr, message.cdr.len())?)
+    }
+}
+
+/// Type of a generated message, looked up once.
+///
+/// # Errors
+/// When no definition has that name, or it cannot be used.
+pub fn generated(name: &'static str) -> Result<RosType, PayloadError> {
+    static KNOWN: Mutex<BTreeMap<&'static str, RosType>> = Mutex::new(BTreeMap::new());
+    let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(ros_type) = known.get(name) {
+        return Ok(*ros_type);
+    }
+    let unusable = |reason: String| PayloadError::Definition { name, reason };
+    let resolved = TypeStore::generated().resolve_name(name);
+    let resolved = resolved.map_err(|error| unusable(error.to_string()))?;
+    let ros_type = RosType::new(&resolved).map_err(|error| unusable(error.to_string()))?;
+    known.insert(name, ros_type);
+    Ok(ros_type)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::types::{Stamp, Value};
+
+    #[test]
+    fn a_native_object_is_any_type_of_serde() {
+        let payload = Payload::<kind::NativeObject>::to_payload(&(1_u8, "a".to_owned())).unwrap();
+        let back: (u8, String) =
+            Payload::<kind::NativeObject>::from_payload(payload.unwrap()).unwrap();
+        assert_eq!(back, (1, "a".to_owned()));
+        let wrong: Result<(u8, u8), _> =
+            Payload::<kind::NativeObject>::from_payload(Value::Str("no".into()).into());
+        assert!(wrong.is_err());
+    }
+
+    #[test]
+    fn a_ros_message_is_a_generated_one_or_one_by_name() {
+        use wrapyfi_interfaces::geometry_msgs::msg::{Twist, Vector3};
+        type Text = wrapyfi_interfaces::std_msgs::msg::String;
+        let twist = Twist { linear: Vector3 { x: 1.5, ..Vector3::default() }, ..Twist::default() };
+        assert_eq!(<Twist as Payload<kind::RosMessage>>::ROS_TYPE, Some("geometry_msgs/msg/Twist"));
+        assert_eq!(<types::RosMessage as Payload<kind::RosMessage>>::ROS_TYPE, None);
+        let payload = Payload::<kind::RosMessage>::to_payload(&twist).unwrap().unwrap();
+        let by_name: types::RosMessage =
+            Payload::<kind::RosMessage>::from_payload(payload.clone()).unwrap();
+        assert_eq!(by_name.ros_type.name(), "geometry_msgs/msg/Twist");
+        let back: Twist = Payload::<kind::RosMessage>::from_payload(payload.clone()).unwrap();
+        assert_eq!(back, twist);
+        let other: Result<Text, _> = Payload::<kind::RosMessage>::from_payload(payload);
+        let error = other.unwrap_err().to_string();
+        assert!(error.starts_with("a message of geometry_msgs/msg/Twist (RIHS01_"), "{error}");
+        assert!(error.contains("where one of std_msgs/msg/String (RIHS01_"), "{error}");
+        let cut = types::RosMessage::new(by_name.ros_type, by_name.cdr.slice(..12));
+        let cut: Result<Twist, _> = Payload::<kind::RosMessage>::from_payload(cut.into());
+        assert!(matches!(cut, Err(PayloadError::Cdr(_))), "{cut:?}");
+    }
+
+    #[test]
+    fn nothing_is_not_sent_and_another_kind_is_named() {
+        let none: Option<types::Image> = None;
+        assert_eq!(Payload::<kind::Image>::to_payload(&none), Ok(None));
+        let sound =
+            AudioChunk::new(Stamp::default(), 0, 1, 8000, types::SampleFormat::F32Le, vec![]);
+        let error = <types::Image as Payload<kind::Image>>::from_payload(sound.unwrap().into());
+        assert_eq!(error.unwrap_err().to_string(), "AudioChunk where Image should be");
+    }
+}

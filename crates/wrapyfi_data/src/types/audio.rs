@@ -1,0 +1,178 @@
+//! Sound.
+//!
+//! ```text
+//!   frame 0: [ch 0][ch 1] … │ frame 1: [ch 0][ch 1] … │ …      interleaved, little-endian
+//! ```
+
+use std::fmt;
+
+use bytes::Bytes;
+
+use super::Stamp;
+use super::shape::{ShapeError, check_length};
+
+/// A chunk of sound: `wrapyfi_msgs/msg/AudioChunk` in ROS 2, `(array, rate)` in Wrapyfi.
+///
+/// `data.len()` is always `frames * channels * format.bytes_per_sample()`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct AudioChunk {
+    /// Time at which the first sample was taken; reception time where the sender does not say.
+    pub stamp: Stamp,
+    /// Coordinate frame of the microphone; empty from Wrapyfi.
+    pub frame_id: String,
+    /// Number of samples per channel in this chunk.
+    pub frames: u32,
+    /// Number of channels.
+    pub channels: u8,
+    /// Samples per second and channel, in Hz.
+    pub sample_rate: u32,
+    /// Type of one sample.
+    pub format: SampleFormat,
+    /// Interleaved samples.
+    pub data: Bytes,
+}
+
+impl AudioChunk {
+    /// Makes a chunk without a coordinate frame.
+    ///
+    /// # Errors
+    /// When `data` is not exactly `frames * channels` samples, or `channels` is 0.
+    pub fn new(
+        stamp: Stamp,
+        frames: u32,
+        channels: u8,
+        sample_rate: u32,
+        format: SampleFormat,
+        data: impl Into<Bytes>,
+    ) -> Result<Self, ShapeError> {
+        let data = data.into();
+        if channels == 0 {
+            return Err(ShapeError::NoChannels);
+        }
+        let shape = [frames as usize, usize::from(channels)];
+        check_length(&shape, format.bytes_per_sample(), data.len(), || {
+            format!("{format} sound of {frames} frames x {channels} channels")
+        })?;
+        Ok(Self { stamp, frame_id: String::new(), frames, channels, sample_rate, format, data })
+    }
+
+    /// Converts the samples to type `format`; shares the bytes when they have it already.
+    ///
+    /// A 16-bit sample is 32768 times the float: integers survive the way through floats
+    /// unchanged, floats beyond full scale are clipped.
+    #[must_use]
+    pub fn to_format(&self, format: SampleFormat) -> Self {
+        let data = match (self.format, format) {
+            (SampleFormat::S16Le, SampleFormat::F32Le) => s16_to_f32(&self.data).into(),
+            (SampleFormat::F32Le, SampleFormat::S16Le) => f32_to_s16(&self.data).into(),
+            _ => self.data.clone(),
+        };
+        Self { format, data, ..self.clone() }
+    }
+}
+
+/// Full scale of a 16-bit sample.
+const FULL_SCALE: f32 = 32768.0;
+
+fn s16_to_f32(samples: &[u8]) -> Vec<u8> {
+    let (samples, _) = samples.as_chunks::<2>();
+    samples
+        .iter()
+        .flat_map(|&sample| (f32::from(i16::from_le_bytes(sample)) / FULL_SCALE).to_le_bytes())
+        .collect()
+}
+
+#[allow(clippy::cast_possible_truncation)] // `as` saturates: that is the clipping
+fn f32_to_s16(samples: &[u8]) -> Vec<u8> {
+    let (samples, _) = samples.as_chunks::<4>();
+    samples
+        .iter()
+        .flat_map(|&sample| {
+            ((f32::from_le_bytes(sample) * FULL_SCALE).round() as i16).to_le_bytes()
+        })
+        .collect()
+}
+
+/// Type of one audio sample.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum SampleFormat {
+    /// 32-bit float, little-endian, -1.0 to 1.0, as Wrapyfi sends.
+    F32Le,
+    /// 16-bit signed integer, little-endian.
+    S16Le,
+}
+
+impl SampleFormat {
+    /// Size of one sample of one channel in bytes.
+    #[must_use]
+    pub fn bytes_per_sample(self) -> usize {
+        match self {
+            Self::F32Le => 4,
+            Self::S16Le => 2,
+        }
+    }
+
+    /// Name in `wrapyfi_msgs/msg/AudioChunk.encoding`: `FLOAT32LE` or `S16LE`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::F32Le => "FLOAT32LE",
+            Self::S16Le => "S16LE",
+        }
+    }
+
+    /// Format with this name.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        [Self::F32Le, Self::S16Le].into_iter().find(|format| format.name() == name)
+    }
+}
+
+impl fmt::Display for SampleFormat {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_must_fit_the_header() {
+        let make = |channels, len| {
+            AudioChunk::new(
+                Stamp::default(),
+                3,
+                channels,
+                44_100,
+                SampleFormat::F32Le,
+                vec![0; len],
+            )
+        };
+        assert!(make(2, 24).is_ok());
+        assert_eq!(make(0, 0).unwrap_err(), ShapeError::NoChannels);
+        let error = make(2, 23).unwrap_err().to_string();
+        assert_eq!(error, "FLOAT32LE sound of 3 frames x 2 channels needs 24 bytes, 23 are there");
+    }
+
+    #[test]
+    fn every_integer_sample_survives_floats() {
+        let data: Vec<u8> = (i16::MIN..=i16::MAX).flat_map(i16::to_le_bytes).collect();
+        let sound =
+            AudioChunk::new(Stamp::default(), 65_536, 1, 8000, SampleFormat::S16Le, data).unwrap();
+        let floats = sound.to_format(SampleFormat::F32Le);
+        assert_eq!(floats.data.get(..4), Some(&(-1.0_f32).to_le_bytes()[..]));
+        assert_eq!(floats.to_format(SampleFormat::S16Le), sound);
+    }
+
+    #[test]
+    fn loud_floats_are_clipped() {
+        let data: Vec<u8> =
+            [1.0_f32, -3.0, f32::NAN].iter().flat_map(|x| x.to_le_bytes()).collect();
+        let sound =
+            AudioChunk::new(Stamp::default(), 3, 1, 8000, SampleFormat::F32Le, data).unwrap();
+        let clipped = sound.to_format(SampleFormat::S16Le).data;
+        assert_eq!(*clipped, [0xFF, 0x7F, 0x00, 0x80, 0, 0]);
+    }
+}

@@ -1,0 +1,112 @@
+//! Rust types that can be elements of a tensor, and their bytes.
+
+use bytes::Bytes;
+use half::{bf16, f16};
+use zerocopy::{Immutable, IntoBytes, TryFromBytes};
+
+use super::dtype::Dtype;
+
+/// A Rust type that is an element of a [`super::Tensor`]: the numbers, `bool`, `half::f16`,
+/// `half::bf16`, and `[f32; 2]`, `[f64; 2]` (real, imaginary) for complex numbers.
+///
+/// Sealed: the list of [`Dtype`]s is closed.
+pub trait Element: sealed::Sealed + Copy + Send + Sync + 'static {
+    /// Element type of the Rust type.
+    const DTYPE: Dtype;
+}
+
+mod sealed {
+    pub trait Sealed: super::TryFromBytes + super::IntoBytes + super::Immutable {
+        fn read(little_endian: &[u8]) -> Option<Self>
+        where
+            Self: Sized;
+    }
+}
+
+macro_rules! elements {
+    ($($rust:ty => $dtype:ident,)*) => {$(
+        impl Element for $rust {
+            const DTYPE: Dtype = Dtype::$dtype;
+        }
+        impl sealed::Sealed for $rust {
+            fn read(little_endian: &[u8]) -> Option<Self> {
+                little_endian.try_into().ok().map(Self::from_le_bytes)
+            }
+        }
+    )*};
+}
+
+elements! {
+    i8 => I8, i16 => I16, i32 => I32, i64 => I64,
+    u8 => U8, u16 => U16, u32 => U32, u64 => U64,
+    f16 => F16, bf16 => BF16, f32 => F32, f64 => F64,
+}
+
+impl Element for bool {
+    const DTYPE: Dtype = Dtype::Bool;
+}
+
+impl sealed::Sealed for bool {
+    fn read(byte: &[u8]) -> Option<Self> {
+        byte.first().map(|&byte| byte != 0)
+    }
+}
+
+macro_rules! complex {
+    ($($part:ty => $dtype:ident,)*) => {$(
+        impl Element for [$part; 2] {
+            const DTYPE: Dtype = Dtype::$dtype;
+        }
+        impl sealed::Sealed for [$part; 2] {
+            fn read(little_endian: &[u8]) -> Option<Self> {
+                let (re, im) = little_endian.split_at_checked(size_of::<$part>())?;
+                Some([
+                    <$part as sealed::Sealed>::read(re)?,
+                    <$part as sealed::Sealed>::read(im)?,
+                ])
+            }
+        }
+    )*};
+}
+
+complex! { f32 => C64, f64 => C128, }
+
+/// Elements in place; `None` when they are unaligned or no valid `bool`s, or when this machine is
+/// big-endian.
+pub(super) fn from_bytes<T: Element>(bytes: &[u8]) -> Option<&[T]> {
+    if cfg!(target_endian = "big") && T::DTYPE.scalar_size() > 1 {
+        return None;
+    }
+    <[T]>::try_ref_from_bytes(bytes).ok()
+}
+
+/// Copies the elements. Bytes left over at the end are dropped.
+pub(super) fn copy_from_bytes<T: Element>(bytes: &[u8]) -> Vec<T> {
+    match from_bytes(bytes) {
+        Some(elements) => elements.to_vec(),
+        None => bytes.chunks_exact(T::DTYPE.size()).filter_map(T::read).collect(),
+    }
+}
+
+/// Bytes of `elements`, little-endian, without a copy on little-endian machines.
+pub(super) fn into_bytes<T: Element>(elements: Vec<T>) -> Bytes {
+    struct Owner<T>(Vec<T>);
+    impl<T: Element> AsRef<[u8]> for Owner<T> {
+        fn as_ref(&self) -> &[u8] {
+            self.0.as_bytes()
+        }
+    }
+    if cfg!(target_endian = "big") {
+        let mut bytes = elements.as_bytes().to_vec();
+        swap_byte_order(&mut bytes, T::DTYPE.scalar_size());
+        return bytes.into();
+    }
+    Bytes::from_owner(Owner(elements))
+}
+
+/// Turns big-endian scalars of `width` bytes into little-endian ones and back.
+pub(crate) fn swap_byte_order(bytes: &mut [u8], width: usize) {
+    if width > 1 {
+        bytes.chunks_exact_mut(width).for_each(<[u8]>::reverse);
+    }
+}

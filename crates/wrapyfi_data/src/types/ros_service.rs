@@ -1,0 +1,133 @@
+//! A ROS 2 service type known at run time, as small as a name.
+
+use std::collections::HashMap;
+use std::fmt;
+use std::hash::{Hash, Hasher};
+use std::sync::{Mutex, OnceLock, PoisonError};
+
+use wrapyfi_interfaces::store::ResolvedType;
+
+use super::ros_type::{MAX_ROS_TYPES, RosType, RosTypeError};
+
+/// A ROS 2 service type with its request and its response, kept as [`RosType`] is.
+///
+/// ```
+/// use wrapyfi_data::types::RosService;
+/// use wrapyfi_interfaces::store::TypeStore;
+///
+/// let mut store = TypeStore::generated();
+/// let light = RosService::new(&store.resolve_name("std_srvs/srv/SetBool")?)?;
+/// assert_eq!(light.request().name(), "std_srvs/srv/SetBool_Request");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Copy)]
+pub struct RosService(&'static Known);
+
+struct Known {
+    name: String,
+    resolved: ResolvedType,
+    request: RosType,
+    response: RosType,
+}
+
+type Services = HashMap<(String, String), RosService>;
+
+impl RosService {
+    /// Enters the service of a definition; the same definition gives the same service.
+    ///
+    /// # Errors
+    /// When the definition is no service, its parts cannot be compiled, or [`MAX_ROS_TYPES`] are
+    /// known.
+    pub fn new(resolved: &ResolvedType) -> Result<Self, RosTypeError> {
+        static SERVICES: OnceLock<Mutex<Services>> = OnceLock::new();
+        let name = resolved.name().to_string();
+        let part = |suffix: &str| match resolved.part(suffix) {
+            Some(part) => RosType::new(&part),
+            None => Err(RosTypeError::NoService { name: name.clone() }),
+        };
+        let (request, response) = (part("_Request")?, part("_Response")?);
+        let services = SERVICES.get_or_init(Mutex::default);
+        // No code under the lock panics half-way, so a poisoned map is complete.
+        let mut services = services.lock().unwrap_or_else(PoisonError::into_inner);
+        let key = (name.clone(), resolved.type_hash());
+        if let Some(known) = services.get(&key) {
+            return Ok(*known);
+        }
+        if services.len() >= MAX_ROS_TYPES {
+            return Err(RosTypeError::TooMany { name, limit: MAX_ROS_TYPES });
+        }
+        let known = Known { name, resolved: resolved.clone(), request, response };
+        let known = Self(Box::leak(Box::new(known)));
+        services.insert(key, known);
+        Ok(known)
+    }
+
+    /// ROS name, for instance `std_srvs/srv/SetBool`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        &self.0.name
+    }
+
+    /// Definition of the service, with the definitions that it refers to.
+    #[must_use]
+    pub fn resolved(self) -> &'static ResolvedType {
+        &self.0.resolved
+    }
+
+    /// Type of requests.
+    #[must_use]
+    pub fn request(self) -> RosType {
+        self.0.request
+    }
+
+    /// Type of replies.
+    #[must_use]
+    pub fn response(self) -> RosType {
+        self.0.response
+    }
+}
+
+impl PartialEq for RosService {
+    fn eq(&self, other: &Self) -> bool {
+        std::ptr::eq(self.0, other.0)
+    }
+}
+
+impl Eq for RosService {}
+
+impl Hash for RosService {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        self.0.name.hash(state);
+    }
+}
+
+impl fmt::Debug for RosService {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("RosService").field(&self.0.name).finish()
+    }
+}
+
+impl fmt::Display for RosService {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0.name)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use wrapyfi_interfaces::store::TypeStore;
+
+    use super::*;
+
+    #[test]
+    fn a_message_is_no_service() {
+        let mut store = TypeStore::generated();
+        let header = store.resolve_name("std_msgs/msg/Header").unwrap();
+        let error = RosService::new(&header).unwrap_err().to_string();
+        assert!(error.contains("std_msgs/msg/Header is no service"), "{error}");
+        let trigger = store.resolve_name("std_srvs/srv/Trigger").unwrap();
+        let (a, b) = (RosService::new(&trigger).unwrap(), RosService::new(&trigger).unwrap());
+        assert_eq!(a, b);
+        assert_eq!(a.response().plan().type_name(), "std_srvs/srv/Trigger_Response");
+    }
+}

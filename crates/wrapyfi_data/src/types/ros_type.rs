@@ -1,0 +1,221 @@
+//! A ROS 2 type known at run time, as small as a name.
+//!
+//! ```text
+//!   definition (ament index, folder, ROS 1 connection header) ─ TypeStore ─ ResolvedType
+//!                                                                              │ RosType::new
+//!   type: of a route, MessageType::Ros, RosMessage  ◀── RosType (a copy) ◀─────┘
+//! ```
+//!
+//! Types are kept for the life of the process, each definition once, so that a type can be copied and
+//! compared like a word. Their number is bounded: a peer cannot fill the memory by naming types.
+
+use std::collections::HashMap;
+use std::fmt;
+use std::hash::{Hash, Hasher};
+use std::sync::{Mutex, OnceLock, PoisonError};
+
+use wrapyfi_interfaces::dynamic::{Plan, PlanError};
+use wrapyfi_interfaces::store::ResolvedType;
+
+/// Largest number of types that a process may know.
+pub const MAX_ROS_TYPES: usize = 10_000;
+
+/// A ROS 2 message type with the types that it refers to, its hash, and the layout of its messages.
+///
+/// ```
+/// use wrapyfi_data::types::RosType;
+/// use wrapyfi_interfaces::store::TypeStore;
+///
+/// let mut store = TypeStore::generated();
+/// let header = RosType::new(&store.resolve_name("std_msgs/msg/Header")?)?;
+/// assert_eq!(header.name(), "std_msgs/msg/Header");
+/// assert!(header.type_hash().starts_with("RIHS01_"));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Copy)]
+pub struct RosType(&'static Known);
+
+struct Known {
+    name: String,
+    dds: String,
+    hash: String,
+    resolved: ResolvedType,
+    plan: Plan,
+    has_header: bool,
+    has_stamp: bool,
+}
+
+/// Error of using a definition as a message type.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RosTypeError {
+    /// The definition cannot be compiled.
+    #[error("{name} cannot be used: {fault}")]
+    Definition {
+        /// Name of the type.
+        name: String,
+        /// Cause.
+        fault: Box<PlanError>,
+    },
+    /// The definition is no service.
+    #[error("{name} is no service: write it as package/srv/Type")]
+    NoService {
+        /// Name of the type.
+        name: String,
+    },
+    /// The process knows too many types already.
+    #[error(
+        "{name} is not taken in: this process knows {limit} types already; start another one for it"
+    )]
+    TooMany {
+        /// Name of the type.
+        name: String,
+        /// [`MAX_ROS_TYPES`].
+        limit: usize,
+    },
+}
+
+type Types = HashMap<(String, String), RosType>;
+
+impl RosType {
+    /// Enters the type of a definition; the same definition gives the same type.
+    ///
+    /// # Errors
+    /// When the definition cannot be compiled, or [`MAX_ROS_TYPES`] are known.
+    pub fn new(resolved: &ResolvedType) -> Result<Self, RosTypeError> {
+        static TYPES: OnceLock<Mutex<Types>> = OnceLock::new();
+        let (name, hash) = (resolved.name().to_string(), resolved.type_hash());
+        let types = TYPES.get_or_init(Mutex::default);
+        // No code under the lock panics half-way, so a poisoned map is complete.
+        let mut types = types.lock().unwrap_or_else(PoisonError::into_inner);
+        let key = (name, hash);
+        if let Some(known) = types.get(&key) {
+            return Ok(*known);
+        }
+        if types.len() >= MAX_ROS_TYPES {
+            return Err(RosTypeError::TooMany { name: key.0, limit: MAX_ROS_TYPES });
+        }
+        let plan = resolved.plan().map_err(|fault| RosTypeError::Definition {
+            name: key.0.clone(),
+            fault: Box::new(fault),
+        })?;
+        let (name, hash) = key.clone();
+        let dds = dds_name(&name);
+        let defaults = plan.default_message();
+        let has_header = defaults.get("header.stamp.nanosec").is_some()
+            && defaults.get("header.frame_id").is_some();
+        let has_stamp = defaults.get("stamp.nanosec").is_some();
+        let resolved = resolved.clone();
+        let known = Known { name, dds, hash, resolved, plan, has_header, has_stamp };
+        let known = Self(Box::leak(Box::new(known)));
+        types.insert(key, known);
+        Ok(known)
+    }
+
+    /// ROS name, for instance `sensor_msgs/msg/JointState`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        &self.0.name
+    }
+
+    /// Name on DDS, for instance `sensor_msgs::msg::dds_::JointState_`.
+    #[must_use]
+    pub fn dds_type(self) -> &'static str {
+        &self.0.dds
+    }
+
+    /// REP-2016 hash, `RIHS01_…`.
+    #[must_use]
+    pub fn type_hash(self) -> &'static str {
+        &self.0.hash
+    }
+
+    /// Definition of the type, with the definitions that it refers to.
+    #[must_use]
+    pub fn resolved(self) -> &'static ResolvedType {
+        &self.0.resolved
+    }
+
+    /// True when messages of the type have a field `header` of type `std_msgs/msg/Header`.
+    #[must_use]
+    pub fn has_header(self) -> bool {
+        self.0.has_header
+    }
+
+    /// True when messages of the type have a field `stamp` of type `builtin_interfaces/msg/Time`.
+    #[must_use]
+    pub fn has_stamp(self) -> bool {
+        self.0.has_stamp
+    }
+
+    /// Layout by which messages of the type are read and written.
+    #[must_use]
+    pub fn plan(self) -> &'static Plan {
+        &self.0.plan
+    }
+}
+
+fn dds_name(name: &str) -> String {
+    match name.rsplit_once('/') {
+        Some((package, name)) => format!("{}::dds_::{name}_", package.replace('/', "::")),
+        None => name.to_owned(),
+    }
+}
+
+impl PartialEq for RosType {
+    fn eq(&self, other: &Self) -> bool {
+        std::ptr::eq(self.0, other.0)
+    }
+}
+
+impl Eq for RosType {}
+
+impl Hash for RosType {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        self.0.hash.hash(state);
+    }
+}
+
+impl fmt::Debug for RosType {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("RosType").field(&self.0.name).finish()
+    }
+}
+
+impl fmt::Display for RosType {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0.name)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use wrapyfi_interfaces::parser::{Dialect, TypeName};
+    use wrapyfi_interfaces::store::TypeStore;
+
+    use super::*;
+
+    #[test]
+    fn one_definition_is_one_type_and_another_is_another() {
+        let resolve = |text: &str| {
+            let name = TypeName::parse(Dialect::Ros2, "demo/msg/Pair").unwrap();
+            RosType::new(&ResolvedType::from_text(Dialect::Ros2, &name, text).unwrap()).unwrap()
+        };
+        let (a, again, other) =
+            (resolve("int32 a\n"), resolve("int32 a # the first\n"), resolve("int64 a\n"));
+        assert_eq!(a, again);
+        assert_ne!(a, other);
+        assert_eq!((a.name(), other.name()), ("demo/msg/Pair", "demo/msg/Pair"));
+        assert_ne!(a.type_hash(), other.type_hash());
+    }
+
+    #[test]
+    fn types_that_are_generated_are_known() {
+        let mut store = TypeStore::generated();
+        let image = store.resolve_name("sensor_msgs/msg/Image").unwrap();
+        let image = RosType::new(&image).unwrap();
+        assert_eq!(image.plan().type_name(), image.name());
+        assert_eq!(image.to_string(), "sensor_msgs/msg/Image");
+        assert_eq!(image.dds_type(), "sensor_msgs::msg::dds_::Image_");
+    }
+}

@@ -1,0 +1,432 @@
+//! ROS messages of any type as native objects, for middlewares and scripts that know dicts.
+//!
+//! ```text
+//!   message ─────▶ dict of its fields      sequences of numbers ─▶ arrays (uint8[] too)
+//!   dict ────────▶ JSON ─▶ Plan::from_json ─▶ fields
+//!     └─ arrays of the field's own number type ─── in bulk ──▲
+//! ```
+
+use serde_json::{Map as Object, Number, Value as Json};
+use wrapyfi_interfaces::cdr::CdrError;
+use wrapyfi_interfaces::dynamic::{DynamicMessage, DynamicValue, Primitives, ValueError};
+
+use super::ros_message::RosMessage;
+use super::ros_type::RosType;
+use super::{Map, Tensor, Value};
+
+/// Largest number of elements in an array whose number type is not that of its field, because each
+/// is read by itself.
+const MOST_CONVERTED: usize = 1 << 20;
+/// Deepest nesting of a dict that becomes a message.
+const MAX_DEPTH: usize = 64;
+
+/// Error of converting a native object to a ROS message.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RosValueError {
+    /// A field is unknown, or its value is not of the field's type.
+    #[error("{0}")]
+    Field(#[from] ValueError),
+    /// The bytes are no message of the type.
+    #[error("{0}")]
+    Bytes(#[from] CdrError),
+    /// A value has no form in a ROS message.
+    #[error("{path}: a {kind} has no form in a ROS message; {remedy}")]
+    Kind {
+        /// Place in the value, from `$`.
+        path: String,
+        /// Kind of the value.
+        kind: String,
+        /// Value to give instead.
+        remedy: &'static str,
+    },
+}
+
+impl RosMessage {
+    /// Converts the message to a dict of its fields. Sequences of numbers become arrays, so that
+    /// large ones are not taken apart.
+    ///
+    /// # Errors
+    /// As [`RosMessage::fields`].
+    pub fn to_value(&self, max_bytes: usize) -> Result<Value, CdrError> {
+        Ok(value_of(&self.fields(max_bytes)?))
+    }
+
+    /// Converts a dict of fields to a message. Missing fields have their default value.
+    ///
+    /// # Errors
+    /// When a field is unknown, a value is not of its field's type, or the message would exceed
+    /// `max_bytes`.
+    pub fn from_value(
+        ros_type: RosType,
+        value: &Value,
+        max_bytes: usize,
+    ) -> Result<Self, RosValueError> {
+        let fields = fields_of(ros_type, value, max_bytes)?;
+        Ok(Self::from_fields(ros_type, &fields)?)
+    }
+}
+
+/// Reads fields from a dict; missing ones have their default value.
+pub fn fields_of(
+    ros_type: RosType,
+    value: &Value,
+    max_bytes: usize,
+) -> Result<DynamicMessage, RosValueError> {
+    let mut bulk = Vec::new();
+    let json = json(value, &mut Path::root(ros_type, &mut bulk), 0)?;
+    let mut fields = ros_type.plan().from_json(&json, max_bytes)?;
+    let mut left = max_bytes;
+    for (path, values) in bulk {
+        left = left
+            .checked_sub(bytes_of(&values))
+            .ok_or_else(|| ValueError::TooLarge { path: path.clone(), limit: max_bytes })?;
+        fields.set(&path, values)?;
+    }
+    Ok(fields)
+}
+
+/// Reads fields from the arguments of a call: in order, by name, or one dict of them all.
+pub fn fields_of_call(
+    ros_type: RosType,
+    args: &[Value],
+    kwargs: &Map,
+    max_bytes: usize,
+) -> Result<DynamicMessage, RosValueError> {
+    if let ([whole @ Value::Map(_)], true) = (args, kwargs.is_empty()) {
+        return fields_of(ros_type, whole, max_bytes);
+    }
+    let defaults = ros_type.plan().default_message();
+    let mut names = defaults.fields().map(|(name, _)| name);
+    let mut pairs = Vec::with_capacity(args.len().saturating_add(kwargs.len()));
+    for (at, value) in args.iter().enumerate() {
+        let name = names.next().ok_or_else(|| RosValueError::Kind {
+            path: format!("$[{at}]"),
+            kind: format!("argument of {} where {ros_type} has {at} fields", value.kind()),
+            remedy: "leave it out",
+        })?;
+        pairs.push((Value::from(name), value.clone()));
+    }
+    pairs.extend(kwargs.iter().map(|(name, value)| (name.clone(), value.clone())));
+    fields_of(ros_type, &Map::from_iter(pairs).into(), max_bytes)
+}
+
+fn bytes_of(values: &Primitives) -> usize {
+    match values {
+        Primitives::Bool(v) => v.len(),
+        Primitives::I8(v) => v.len(),
+        Primitives::Bytes(v) => v.len(),
+        Primitives::I16(v) => v.len().saturating_mul(2),
+        Primitives::U16(v) => v.len().saturating_mul(2),
+        Primitives::I32(v) => v.len().saturating_mul(4),
+        Primitives::U32(v) => v.len().saturating_mul(4),
+        Primitives::F32(v) => v.len().saturating_mul(4),
+        Primitives::I64(v) => v.len().saturating_mul(8),
+        Primitives::U64(v) => v.len().saturating_mul(8),
+        Primitives::F64(v) => v.len().saturating_mul(8),
+    }
+}
+
+/// Reads the fields of a reply from the value that a function returned: a dict of fields, a list in
+/// their order, nothing, or the value of the first.
+pub fn fields_of_return(
+    ros_type: RosType,
+    value: &Value,
+    max_bytes: usize,
+) -> Result<DynamicMessage, RosValueError> {
+    match value {
+        Value::Map(_) => fields_of(ros_type, value, max_bytes),
+        Value::Null => Ok(ros_type.plan().default_message()),
+        Value::List(items) | Value::Tuple(items) => {
+            fields_of_call(ros_type, items, &Map::new(), max_bytes)
+        }
+        one => fields_of_call(ros_type, std::slice::from_ref(one), &Map::new(), max_bytes),
+    }
+}
+
+/// Converts fields to a dict.
+pub fn value_of(fields: &DynamicMessage) -> Value {
+    let pairs = fields.fields().map(|(name, field)| (Value::from(name), self::field(field)));
+    // A definition has each field once.
+    Map(pairs.collect()).into()
+}
+
+fn field(value: &DynamicValue) -> Value {
+    match value {
+        DynamicValue::Bool(value) => (*value).into(),
+        DynamicValue::I8(value) => (*value).into(),
+        DynamicValue::U8(value) => (*value).into(),
+        DynamicValue::I16(value) => (*value).into(),
+        DynamicValue::U16(value) => (*value).into(),
+        DynamicValue::I32(value) => (*value).into(),
+        DynamicValue::U32(value) => (*value).into(),
+        DynamicValue::I64(value) => (*value).into(),
+        DynamicValue::U64(value) => (*value).into(),
+        DynamicValue::F32(value) => (*value).into(),
+        DynamicValue::F64(value) => (*value).into(),
+        DynamicValue::Text(text) => text.as_str().into(),
+        DynamicValue::Message(inner) => value_of(inner),
+        DynamicValue::Primitives(values) => array(values),
+        DynamicValue::Texts(texts) => texts.iter().map(String::as_str).collect(),
+        DynamicValue::Messages(messages) => messages.iter().map(value_of).collect(),
+    }
+}
+
+fn array(values: &Primitives) -> Value {
+    fn of<T: super::Element>(values: &[T]) -> Option<Tensor> {
+        Tensor::from_elements(&[values.len()], values.to_vec()).ok()
+    }
+    let tensor = match values {
+        Primitives::Bool(values) => of(values),
+        Primitives::I8(values) => of(values),
+        Primitives::Bytes(bytes) => {
+            Tensor::new(super::Dtype::U8, [bytes.len()], bytes.clone()).ok()
+        }
+        Primitives::I16(values) => of(values),
+        Primitives::U16(values) => of(values),
+        Primitives::I32(values) => of(values),
+        Primitives::U32(values) => of(values),
+        Primitives::I64(values) => of(values),
+        Primitives::U64(values) => of(values),
+        Primitives::F32(values) => of(values),
+        Primitives::F64(values) => of(values),
+    };
+    // The shape is the number of elements, so the tensor always fits.
+    tensor.map_or(Value::Null, Value::Tensor)
+}
+
+/// Place of a value, its type's defaults, and the arrays that do not go through JSON.
+struct Path<'a> {
+    names: Vec<String>,
+    /// Fields of the type with their default values, which tell the type of each; `None` inside
+    /// sequences.
+    defaults: Option<DynamicMessage>,
+    bulk: &'a mut Vec<(String, Primitives)>,
+}
+
+impl<'a> Path<'a> {
+    fn root(ros_type: RosType, bulk: &'a mut Vec<(String, Primitives)>) -> Self {
+        Self { names: Vec::new(), defaults: Some(ros_type.plan().default_message()), bulk }
+    }
+
+    fn shown(&self) -> String {
+        std::iter::once("$")
+            .chain(self.names.iter().map(String::as_str))
+            .collect::<Vec<_>>()
+            .join(".")
+    }
+
+    /// Takes an array whose numbers are of the field's type; false for others, which go through
+    /// JSON.
+    fn take(&mut self, tensor: &Tensor) -> bool {
+        let path = self.names.join(".");
+        let field = self.defaults.as_ref().and_then(|defaults| defaults.get(&path));
+        let Some(DynamicValue::Primitives(kind)) = field else { return false };
+        let values: Option<Primitives> = match kind {
+            Primitives::Bool(_) => tensor.to_vec::<bool>().map(Into::into),
+            Primitives::I8(_) => tensor.to_vec::<i8>().map(Into::into),
+            Primitives::Bytes(_) => (tensor.dtype() == super::Dtype::U8)
+                .then(|| Primitives::Bytes(tensor.data().clone())),
+            Primitives::I16(_) => tensor.to_vec::<i16>().map(Into::into),
+            Primitives::U16(_) => tensor.to_vec::<u16>().map(Into::into),
+            Primitives::I32(_) => tensor.to_vec::<i32>().map(Into::into),
+            Primitives::U32(_) => tensor.to_vec::<u32>().map(Into::into),
+            Primitives::I64(_) => tensor.to_vec::<i64>().map(Into::into),
+            Primitives::U64(_) => tensor.to_vec::<u64>().map(Into::into),
+            Primitives::F32(_) => tensor.to_vec::<f32>().map(Into::into),
+            Primitives::F64(_) => tensor.to_vec::<f64>().map(Into::into),
+        };
+        let Some(values) = values else { return false };
+        self.bulk.push((path, values));
+        true
+    }
+}
+
+fn json(value: &Value, path: &mut Path<'_>, depth: usize) -> Result<Json, RosValueError> {
+    let refused = |path: &Path<'_>, remedy: &'static str| RosValueError::Kind {
+        path: path.shown(),
+        kind: value.kind().to_owned(),
+        remedy,
+    };
+    if depth > MAX_DEPTH {
+        return Err(refused(path, "nest at most 64 deep"));
+    }
+    Ok(match value {
+        Value::Bool(value) => Json::Bool(*value),
+        Value::Int(value) => Json::Number((*value).into()),
+        Value::BigInt(value) => match u64::try_from(value) {
+            Ok(value) => Json::Number(value.into()),
+            Err(_) => return Err(refused(path, "integers there have at most 64 bits")),
+        },
+        Value::Float(value) => float(*value),
+        Value::Str(text) => Json::String(text.clone()),
+        Value::Bytes(bytes) => {
+            let tensor = Tensor::new(super::Dtype::U8, [bytes.len()], bytes.clone()).ok();
+            match tensor {
+                Some(tensor) => numbers(&tensor, path)?,
+                None => return Err(refused(path, "give an array of uint8")),
+            }
+        }
+        Value::Tensor(tensor) => numbers(tensor, path)?,
+        Value::List(items) | Value::Tuple(items) => {
+            let defaults = path.defaults.take();
+            let read: Result<Vec<Json>, _> = items
+                .iter()
+                .enumerate()
+                .map(|(at, item)| {
+                    path.names.push(at.to_string());
+                    let read = json(item, path, depth + 1);
+                    path.names.pop();
+                    read
+                })
+                .collect();
+            path.defaults = defaults;
+            Json::Array(read?)
+        }
+        Value::Map(map) => {
+            let mut object = Object::new();
+            for (key, member) in map.iter() {
+                let Some(name) = key.as_str() else {
+                    return Err(RosValueError::Kind {
+                        path: path.shown(),
+                        kind: format!("key of type {}", key.kind()),
+                        remedy: "fields have names",
+                    });
+                };
+                path.names.push(name.to_owned());
+                let taken = matches!(member, Value::Tensor(tensor) if path.take(tensor));
+                let read = if taken { Ok(None) } else { json(member, path, depth + 1).map(Some) };
+                path.names.pop();
+                if let Some(read) = read? {
+                    object.insert(name.to_owned(), read);
+                }
+            }
+            Json::Object(object)
+        }
+        _ => return Err(refused(path, "give numbers, text, lists, arrays or dicts")),
+    })
+}
+
+fn float(value: f64) -> Json {
+    Number::from_f64(value).map_or_else(
+        || {
+            Json::String(
+                if value.is_nan() {
+                    "NaN"
+                } else if value > 0.0 {
+                    "Infinity"
+                } else {
+                    "-Infinity"
+                }
+                .to_owned(),
+            )
+        },
+        Json::Number,
+    )
+}
+
+/// Converts an array to a list of numbers, row by row whatever its shape, because fields have one
+/// dimension.
+fn numbers(tensor: &Tensor, path: &Path<'_>) -> Result<Json, RosValueError> {
+    let refused = |remedy| RosValueError::Kind {
+        path: path.shown(),
+        kind: format!("{} array of {} elements", tensor.dtype(), tensor.element_count()),
+        remedy,
+    };
+    if tensor.element_count() > MOST_CONVERTED {
+        return Err(refused("give it the number type of its field"));
+    }
+    let flat = Tensor::new(tensor.dtype(), [tensor.element_count()], tensor.data().clone())
+        .map_err(|_misfit| refused("its bytes do not fit its shape"))?;
+    let Some(Value::List(items)) = super::nested_list(&flat) else {
+        return Err(refused("complex numbers have no form there"));
+    };
+    let numbers = items.into_iter().map(|item| match item {
+        Value::Bool(value) => Json::Bool(value),
+        Value::Int(value) => Json::Number(value.into()),
+        Value::BigInt(value) => {
+            u64::try_from(&value).map_or(Json::Null, |value| Json::Number(value.into()))
+        }
+        Value::Float(value) => float(value),
+        _ => Json::Null,
+    });
+    Ok(Json::Array(numbers.collect()))
+}
+
+#[cfg(test)]
+mod tests {
+    use wrapyfi_interfaces::parser::{Dialect, TypeName};
+    use wrapyfi_interfaces::store::ResolvedType;
+
+    use super::*;
+
+    fn demo() -> RosType {
+        let name = TypeName::parse(Dialect::Ros2, "demo/msg/All").unwrap();
+        let text = "bool on\nuint64 count\nfloat32 ratio\nstring text\nuint8[] raw\nfloat64[3] at\n\
+                    string[] names\nPart[] parts\nPart part\n\
+                    ================\nMSG: demo/Part\nint16 id\nint32[] list\n";
+        RosType::new(&ResolvedType::from_text(Dialect::Ros2, &name, text).unwrap()).unwrap()
+    }
+
+    #[test]
+    fn a_message_is_a_dict_and_back() {
+        let part = |id: i64| {
+            let list = Tensor::from_elements(&[2], vec![1_i32, -2]).unwrap();
+            Value::from(Map::from([("id", Value::from(id)), ("list", list.into())]))
+        };
+        let raw = Tensor::from_elements(&[3], vec![1_u8, 2, 255]).unwrap();
+        let at = Tensor::from_elements(&[3], vec![0.5, f64::NAN, f64::INFINITY]).unwrap();
+        let value = Value::from(Map::from([
+            ("on", Value::from(true)),
+            ("count", Value::from(u64::MAX)),
+            ("ratio", 0.25.into()),
+            ("text", "ä".into()),
+            ("raw", raw.into()),
+            ("at", at.into()),
+            ("names", Value::from_iter(["a", "b"])),
+            ("parts", Value::from(vec![part(1), part(2)])),
+            ("part", part(-3)),
+        ]));
+        let message = RosMessage::from_value(demo(), &value, 1 << 16).unwrap();
+        let back = message.to_value(1 << 16).unwrap();
+        // NaN is not equal to itself: the bytes are.
+        assert_eq!(RosMessage::from_value(demo(), &back, 1 << 16).unwrap(), message);
+        for key in ["on", "count", "ratio", "text", "raw", "names", "parts", "part"] {
+            assert_eq!(back.get(key), value.get(key), "{key}");
+        }
+    }
+
+    #[test]
+    fn lists_and_other_number_types_are_read_too() {
+        let value = Value::from(Map::from([
+            ("at", Value::from_iter([1_i64, 2, 3])),
+            ("raw", Value::from(Tensor::from_elements(&[2], vec![7_i64, 8]).unwrap())),
+        ]));
+        let message = RosMessage::from_value(demo(), &value, 1 << 16).unwrap();
+        let fields = message.fields(1 << 16).unwrap();
+        assert_eq!(fields.get("at"), Some(&vec![1.0, 2.0, 3.0].into()));
+        assert_eq!(fields.get("raw"), Some(&vec![7_u8, 8].into()));
+        assert_eq!(fields.get("text").and_then(DynamicValue::as_str), Some(""));
+    }
+
+    #[test]
+    fn what_does_not_fit_is_told_with_its_path() {
+        let bytes = Tensor::from_elements(&[1 << 12], vec![0_u8; 1 << 12]).unwrap();
+        let deep = (0..80).fold(Value::Null, |inner, _| Value::from(Map::from([("part", inner)])));
+        let cases: Vec<(Value, &str)> = vec![
+            (Map::from([("speed", 1)]).into(), "speed"),
+            (Map::from([("text", 1)]).into(), "text"),
+            (Map::from([("part", Map::from([("id", 70_000)]))]).into(), "part.id"),
+            (Map::from([("at", vec![Value::from(1)])]).into(), "at"),
+            (Map::from([("raw", bytes)]).into(), "raw"),
+            (Map::from([(1, 2)]).into(), "$: a key of type int"),
+            (Map::from([("on", Value::Null)]).into(), "$.on: a None"),
+            (deep, "nest at most 64 deep"),
+            (Value::from(5), "an object with the fields of demo/msg/All"),
+        ];
+        for (value, wanted) in cases {
+            let error = RosMessage::from_value(demo(), &value, 1 << 10).unwrap_err().to_string();
+            assert!(error.contains(wanted), "{error} lacks {wanted}");
+        }
+    }
+}

@@ -1,0 +1,141 @@
+//! Wrapyfi's ZeroMQ messages: topic, header, body.
+//!
+//! ```text
+//!   NativeObject  │ topic │ JSON                   │ {timestamp:1795…, frame_id:"eye"}, where known │
+//!   Properties    │ topic │ JSON of a dict         │
+//!   ROS message   │ topic │ JSON of its fields     │
+//!   Image         │ topic │ {timestamp:1795…} │ JSON array, or JPEG file   │
+//!   AudioChunk    │ topic │ {timestamp:1795…} │ JSON (chunk, channels, rate, array) │
+//! ```
+//!
+//! The settings of the topic alone say which of them a message is. The topic frame is not looked at
+//! here; the subscriber checks it.
+
+mod audio;
+mod header;
+mod image;
+
+use bytes::Bytes;
+
+use super::convert::{properties, received_as};
+use super::{DecodeError, EncodeError, fitted, json};
+use crate::TopicSpec;
+use header::FrameHeader;
+use wrapyfi_data::types::{AudioChunk, DataType, Image, NativeObject, Payload, Stamp};
+
+/// Reads a message whose frame 0 is the topic. `received` stands in for a time stamp that is
+/// missing or cannot be read.
+///
+/// # Errors
+/// When the frames are no message of `spec`'s type or exceed its limits.
+pub fn decode(frames: &[Bytes], spec: &TopicSpec, received: Stamp) -> Result<Payload, DecodeError> {
+    let size: usize = frames.iter().map(Bytes::len).sum();
+    if size > spec.limits.message_bytes {
+        return Err(DecodeError::TooLarge {
+            what: "message",
+            path: "$".into(),
+            actual: size as u64,
+            limit: spec.limits.message_bytes as u64,
+        });
+    }
+    match (spec.message_type.data_type(), frames) {
+        (DataType::NativeObject, [_, body, header @ ..])
+            if header.len() <= 1 && header.iter().all(|header| header::is_one(header)) =>
+        {
+            let value = json::decode_with(body, &spec.limits, &spec.plugins)?;
+            let FrameHeader { stamp, frame_id, .. } =
+                header.first().map(|header| FrameHeader::read(header)).unwrap_or_default();
+            Ok(NativeObject { stamp: stamp.unwrap_or_default(), frame_id, value }.into())
+        }
+        (DataType::Properties, [_, body]) => {
+            let value = json::decode_with(body, &spec.limits, &spec.plugins)?;
+            Ok(properties(&value)?.into())
+        }
+        (DataType::RosMessage, [_, body]) => {
+            let value = json::decode_with(body, &spec.limits, &spec.plugins)?;
+            let TopicSpec { message_type, color_order, limits, .. } = spec;
+            received_as(value.into(), *message_type, *color_order, limits, received)
+        }
+        (DataType::Image, [_, header, body]) => {
+            let FrameHeader { stamp, color_order, frame_id } = FrameHeader::read(header);
+            let order = color_order.unwrap_or(spec.color_order);
+            let image = image::decode(body, stamp.unwrap_or(received), order, spec)?;
+            Ok(Image { frame_id, ..image }.into())
+        }
+        (DataType::AudioChunk, [_, header, body]) => {
+            let FrameHeader { stamp, frame_id, .. } = FrameHeader::read(header);
+            let sound = audio::decode(body, stamp.unwrap_or(received), &spec.limits)?;
+            Ok(AudioChunk { frame_id, ..sound }.into())
+        }
+        (data_type, _) => {
+            let wanted = match data_type {
+                DataType::NativeObject => "2 or 3",
+                DataType::Properties | DataType::RosMessage => "2",
+                DataType::Image | DataType::AudioChunk => "3",
+            };
+            Err(DecodeError::Mismatch {
+                expected: format!("{data_type} in {wanted} frames"),
+                actual: format!("{} frames of {size} bytes together", frames.len()),
+            })
+        }
+    }
+}
+
+/// Writes a message as Wrapyfi reads it; frame 0 is the topic. Images are compressed or
+/// decompressed to the form of the type, because Wrapyfi's listeners read one form only.
+///
+/// # Errors
+/// When `payload` is not of `spec`'s type, has no form there, or exceeds the message size.
+pub fn encode(payload: &Payload, spec: &TopicSpec) -> Result<Vec<Vec<u8>>, EncodeError> {
+    let wanted = spec.message_type.data_type();
+    let topic = spec.topic.as_bytes().to_vec();
+    let payload = fitted(payload, spec.message_type, spec.color_order, &spec.limits)?;
+    let frames = match (wanted, &*payload) {
+        (DataType::NativeObject, Payload::NativeObject(object)) => {
+            let NativeObject { stamp, frame_id, value } = object.as_ref();
+            let mut frames = vec![topic, json::encode_with(value, &spec.plugins)?];
+            // Wrapyfi's listeners read no third frame; others may count on two.
+            if *stamp != Stamp::default() || !frame_id.is_empty() {
+                frames.push(header::write(*stamp, None, frame_id));
+            }
+            frames
+        }
+        (DataType::Properties, Payload::Properties(properties)) => {
+            vec![topic, json::encode_with(&properties.to_value(), &spec.plugins)?]
+        }
+        (DataType::RosMessage, Payload::RosMessage(message)) => {
+            let value = message.to_value(spec.limits.message_bytes);
+            let value = value.map_err(|error| EncodeError::Unrepresentable {
+                format: "JSON",
+                what: format!("a malformed {}: {error}", message.ros_type),
+                path: "$".to_owned(),
+                remedy: "look at its publisher".to_owned(),
+            })?;
+            vec![topic, json::encode_with(&value, &spec.plugins)?]
+        }
+        (DataType::Image, Payload::Image(image)) => {
+            let (body, color_order) = image::encode(image, spec)?;
+            vec![topic, header::write(image.stamp, color_order, &image.frame_id), body]
+        }
+        (DataType::AudioChunk, Payload::AudioChunk(sound)) => {
+            vec![topic, header::write(sound.stamp, None, &sound.frame_id), audio::encode(sound)?]
+        }
+        _ => {
+            return Err(EncodeError::Mismatch {
+                expected: wanted.to_string(),
+                actual: payload.data_type().to_string(),
+            });
+        }
+    };
+    let size: usize = frames.iter().map(Vec::len).sum();
+    if size > spec.limits.message_bytes {
+        return Err(EncodeError::TooLarge {
+            actual: size as u64,
+            limit: spec.limits.message_bytes as u64,
+        });
+    }
+    Ok(frames)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,202 @@
+//! The mark of our clients: one frame in the envelope of a request.
+//!
+//! ```text
+//!   request  │ mark │ "" │ JSON │          reply of Python  │ mark as it was │ "" │ Wrapyfi's form │
+//!                                          reply of ours    │ mark: CDR      │ "" │ CDR            │
+//!                                                           │ mark: error    │ "" │ text           │
+//!
+//!   57 52 43 02 │ kind │ content │ 00 00 │ timeout, ms, 4 │ number, 8 │ machine, 4 │ end, ms, 8 │
+//! ```
+//!
+//! All numbers are little-endian, with the size given.
+//!
+//! ZeroMQ's envelope is every frame before the empty one. A REP socket, as Python's servers have,
+//! hands it back unread: so a reply with the mark as it was is Wrapyfi's own, and one with another
+//! kind was written by somebody who knows this page. Either names its call by the number.
+
+use wrapyfi_data::types::{DataType, MessageType};
+
+/// First bytes of a mark: `WRC`, version 2.
+const MAGIC: [u8; 4] = *b"WRC\x02";
+/// Size of a mark in bytes.
+pub const SIZE: usize = 32;
+
+/// Kind of a message with a mark.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// A request; on a reply: Wrapyfi's own form, from a server that handed the mark back.
+    Request,
+    /// A reply whose body is CDR.
+    Binary,
+    /// A reply whose body is UTF-8 text with the reason that there is none.
+    Error,
+}
+
+/// Message of the data model that a call returns.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[allow(missing_docs)]
+pub enum Content {
+    NativeObject,
+    Image,
+    CompressedImage,
+    AudioChunk,
+}
+
+impl Content {
+    const ALL: [Self; 4] =
+        [Self::NativeObject, Self::Image, Self::CompressedImage, Self::AudioChunk];
+
+    /// Message that holds a payload of this type.
+    #[must_use]
+    pub fn of(message_type: MessageType) -> Self {
+        match message_type {
+            MessageType::CompressedImage => Self::CompressedImage,
+            other => match other.data_type() {
+                DataType::Image => Self::Image,
+                DataType::AudioChunk => Self::AudioChunk,
+                _ => Self::NativeObject,
+            },
+        }
+    }
+
+    /// Type of the CDR.
+    #[must_use]
+    pub fn message_type(self) -> MessageType {
+        match self {
+            Self::NativeObject => MessageType::NativeObject,
+            Self::Image => MessageType::Image,
+            Self::CompressedImage => MessageType::CompressedImage,
+            Self::AudioChunk => MessageType::AudioChunk,
+        }
+    }
+
+    fn code(self) -> u8 {
+        match self {
+            Self::NativeObject => 1,
+            Self::Image => 2,
+            Self::CompressedImage => 3,
+            Self::AudioChunk => 4,
+        }
+    }
+}
+
+/// The mark of a call.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Mark {
+    /// Kind of this message.
+    pub kind: Kind,
+    /// Message that the caller expects, or that the reply holds.
+    pub content: Content,
+    /// Time for which the caller waits from now on, in milliseconds.
+    pub timeout_ms: u32,
+    /// Number that the caller gave the call.
+    pub number: u64,
+    /// Number of the caller's machine: on the same one clocks agree. 0 where it is not known.
+    pub machine: u32,
+    /// Time at which the caller gives up, in milliseconds of Unix time by the clock of its machine.
+    pub ends_ms: u64,
+}
+
+impl Mark {
+    /// Frame of the mark.
+    #[must_use]
+    pub fn encode(&self) -> Vec<u8> {
+        let kind = match self.kind {
+            Kind::Request => 0,
+            Kind::Binary => 1,
+            Kind::Error => 2,
+        };
+        let mut frame = MAGIC.to_vec();
+        frame.extend([kind, self.content.code(), 0, 0]);
+        frame.extend(self.timeout_ms.to_le_bytes());
+        frame.extend(self.number.to_le_bytes());
+        frame.extend(self.machine.to_le_bytes());
+        frame.extend(self.ends_ms.to_le_bytes());
+        frame
+    }
+
+    /// Reads the mark in a frame of an envelope; `None` where it is no mark of ours, or of an
+    /// unknown version. Such a caller is answered as Python's are.
+    #[must_use]
+    pub fn decode(frame: &[u8]) -> Option<Self> {
+        let frame: &[u8; SIZE] = frame.try_into().ok()?;
+        let (head, numbers) = frame.split_first_chunk::<8>()?;
+        let [m0, m1, m2, m3, kind, content, 0, 0] = *head else { return None };
+        if [m0, m1, m2, m3] != MAGIC {
+            return None;
+        }
+        let (timeout_ms, numbers) = numbers.split_first_chunk()?;
+        let (number, numbers) = numbers.split_first_chunk()?;
+        let (machine, numbers) = numbers.split_first_chunk()?;
+        let (ends_ms, _) = numbers.split_first_chunk()?;
+        let kind = match kind {
+            0 => Kind::Request,
+            1 => Kind::Binary,
+            2 => Kind::Error,
+            _ => return None,
+        };
+        let content = Content::ALL.into_iter().find(|known| known.code() == content)?;
+        Some(Self {
+            kind,
+            content,
+            timeout_ms: u32::from_le_bytes(*timeout_ms),
+            number: u64::from_le_bytes(*number),
+            machine: u32::from_le_bytes(*machine),
+            ends_ms: u64::from_le_bytes(*ends_ms),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn its_bytes() {
+        let mark = Mark {
+            kind: Kind::Binary,
+            content: Content::AudioChunk,
+            timeout_ms: 5000,
+            number: 0x0102,
+            machine: 3,
+            ends_ms: 0x0405,
+        };
+        let bytes = b"WRC\x02\x01\x04\0\0\x88\x13\0\0\x02\x01\0\0\0\0\0\0\
+                      \x03\0\0\0\x05\x04\0\0\0\0\0\0";
+        assert_eq!(mark.encode(), bytes);
+        assert_eq!(Mark::decode(bytes), Some(mark));
+        for at in [0, 3, 4, 5, 6, 7] {
+            let mut other = *bytes;
+            other[at] = 9;
+            assert_eq!(Mark::decode(&other), None, "byte {at}");
+        }
+        assert_eq!(Mark::decode(&bytes[..SIZE - 1]), None);
+        // The routing id of a ROUTER: a zero and four bytes.
+        assert_eq!(Mark::decode(&[0, 1, 2, 3, 4]), None);
+    }
+
+    proptest! {
+        #[test]
+        fn read_as_written(frame: [u8; SIZE]) {
+            if let Some(mark) = Mark::decode(&frame) {
+                prop_assert_eq!(mark.encode(), frame);
+            }
+        }
+
+        #[test]
+        fn every_mark_is_read(
+            number: u64,
+            timeout_ms: u32,
+            machine: u32,
+            ends_ms: u64,
+            choice in 0..12_usize,
+        ) {
+            let kind = [Kind::Request, Kind::Binary, Kind::Error][choice % 3];
+            let content = Content::ALL[choice / 3];
+            let mark = Mark { kind, content, timeout_ms, number, machine, ends_ms };
+            prop_assert_eq!(Mark::decode(&mark.encode()), Some(mark));
+        }
+    }
+}

@@ -1,0 +1,319 @@
+//! Requests and replies of Wrapyfi's functions on ZeroMQ, each one frame.
+//!
+//! ```text
+//!   request       [{"__wrapyfi__": ["tuple", [1, "a"]]}, {"scale": 0.5}]
+//!   NativeObject  JSON of the object
+//!   Image         {"img": [[[0, 11, 22], …], …]}            or a JPEG file
+//!   AudioChunk    {"aud": [64, 1, 44100, [[-0.5], …]]}
+//!   error         {"error": "why", "__wrapyfi__": ["datetime", "error: why"]}
+//! ```
+//!
+//! Between two programs of ours a reply has another form: the [`mark`] in front of it says so, and
+//! its body is the CDR of [`super::ros`]. `docs/reference/wire/zeromq-requests.md` explains that
+//! Python never sees it.
+//!
+//! Python Wrapyfi has no form for errors. Ours is JSON whose `__wrapyfi__` member cannot be read: a
+//! Python client of native objects raises `ValueError` with the text in it, one of images or sound
+//! `KeyError`, and neither takes it for a value or waits for ever.
+
+mod lists;
+pub mod mark;
+mod message;
+
+use std::borrow::Cow;
+
+use bytes::Bytes;
+
+use super::{DecodeError, EncodeError, convert, json, ros};
+use crate::{Call, Request, ServiceSpec};
+use mark::Content;
+pub use message::{asked_message, returned_message};
+use wrapyfi_data::types::{
+    CompressedFormat, DataType, Image, Map, MessageType, Payload, Pixels, Stamp, Value,
+};
+
+/// Call of a request, for middlewares without messages of ROS.
+pub fn call(request: &Request) -> Result<Cow<'_, Call>, EncodeError> {
+    request.call().map_err(|error| unreadable(&error))
+}
+
+/// Returned value for middlewares without messages of ROS: a message becomes a map of its fields.
+pub fn without_messages(payload: &Payload) -> Result<Cow<'_, Payload>, EncodeError> {
+    let Payload::RosMessage(message) = payload else { return Ok(Cow::Borrowed(payload)) };
+    let value = message.to_value(message.cdr.len());
+    let value = value.map_err(|error| unreadable(&ros::fault(&error)))?;
+    Ok(Cow::Owned(value.into()))
+}
+
+fn unreadable(error: &DecodeError) -> EncodeError {
+    EncodeError::Unrepresentable {
+        format: "ROS",
+        what: format!("a malformed message: {error}"),
+        path: "$".to_owned(),
+        remedy: "look at who sends it".to_owned(),
+    }
+}
+
+/// Writes a request as Wrapyfi's servers read it.
+///
+/// # Errors
+/// When an argument has no form in Wrapyfi's JSON, or the request exceeds the message size.
+pub fn encode_request(request: &Request, spec: &ServiceSpec) -> Result<Vec<u8>, EncodeError> {
+    let Call { args, kwargs } = &*call(request)?;
+    if let Some((key, _)) = kwargs.iter().find(|(key, _)| key.as_str().is_none()) {
+        return Err(EncodeError::Unrepresentable {
+            format: "request",
+            what: format!("a keyword that is {}", key.kind()),
+            path: "$[1]".into(),
+            remedy: "name arguments by text".into(),
+        });
+    }
+    let both = Value::List(vec![Value::Tuple(args.clone()), Value::Map(kwargs.clone())]);
+    let text = json::encode_with(&both, &spec.plugins)?;
+    check_size(text.len(), spec)?;
+    Ok(text)
+}
+
+/// Reads a request of any Wrapyfi client.
+///
+/// # Errors
+/// When it is no list of arguments and keyword arguments, or exceeds a limit.
+pub fn decode_request(body: &Bytes, spec: &ServiceSpec) -> Result<Request, DecodeError> {
+    let call = json::decode_with(body, &spec.limits, &spec.plugins)?;
+    let wrong = |actual: &str| DecodeError::Mismatch {
+        expected: "a request [args, kwargs]".into(),
+        actual: actual.to_owned(),
+    };
+    let (Value::List(parts) | Value::Tuple(parts)) = call else { return Err(wrong(call.kind())) };
+    match <[Value; 2]>::try_from(parts) {
+        Ok([Value::Tuple(args) | Value::List(args), Value::Map(kwargs)]) => {
+            Ok(Call { args, kwargs }.into())
+        }
+        Ok([args, kwargs]) => Err(wrong(&format!("[{}, {}]", args.kind(), kwargs.kind()))),
+        Err(parts) => Err(wrong(&format!("a list of {}", parts.len()))),
+    }
+}
+
+/// Converts a call to the value that `wrapyfi_msgs/srv` carries: `{"args": […], "kwargs": {…}}`.
+#[must_use]
+pub fn to_value(Call { args, kwargs }: &Call) -> Value {
+    Value::from(Map::from([
+        ("args", Value::List(args.clone())),
+        ("kwargs", Value::Map(kwargs.clone())),
+    ]))
+}
+
+/// Reads [`to_value`]; both members may be absent.
+///
+/// # Errors
+/// When it is no such map.
+pub fn from_value(value: Value) -> Result<Request, DecodeError> {
+    let wrong = |expected: &str, actual: &Value| DecodeError::Mismatch {
+        expected: expected.to_owned(),
+        actual: actual.kind().to_owned(),
+    };
+    let call = match value {
+        Value::Map(call) => call,
+        Value::Null => return Ok(Request::default()),
+        other => return Err(wrong("a map with args and kwargs", &other)),
+    };
+    let mut read = Call::default();
+    for (key, part) in call {
+        match (key.as_str(), part) {
+            (Some("args"), Value::List(args) | Value::Tuple(args)) => read.args = args,
+            (Some("args"), other) => return Err(wrong("a list under args", &other)),
+            (Some("kwargs"), Value::Map(kwargs)) => read.kwargs = kwargs,
+            (Some("kwargs"), other) => return Err(wrong("a map under kwargs", &other)),
+            _ => {}
+        }
+    }
+    Ok(read.into())
+}
+
+/// Writes a reply as Wrapyfi's clients read it. Pictures are compressed or decompressed to the form
+/// of the service.
+///
+/// # Errors
+/// When `payload` is not of the service's kind, has no form there, or exceeds the message size.
+pub fn encode_reply(payload: &Payload, spec: &ServiceSpec) -> Result<Vec<u8>, EncodeError> {
+    let wanted = spec.kind.data_type();
+    let payload = &*without_messages(payload)?;
+    let body = match (wanted, payload) {
+        (DataType::NativeObject, Payload::NativeObject(value)) => {
+            json::encode_with(value, &spec.plugins)?
+        }
+        (DataType::Image, Payload::Image(image)) => match form(image.clone(), spec)?.pixels {
+            Pixels::Compressed { data, .. } => data.into(),
+            Pixels::Raw(raw) => lists::write_image(raw, spec)?,
+        },
+        (DataType::AudioChunk, Payload::AudioChunk(sound)) => lists::write_sound(sound, spec)?,
+        _ => return Err(other_kind(payload, spec)),
+    };
+    check_size(body.len(), spec)?;
+    Ok(body)
+}
+
+/// Reads a reply of any Wrapyfi server: the payload, or the words of an error.
+/// `received` stands in for the time stamp, which has no place in it.
+///
+/// # Errors
+/// When it is no reply of the service's kind, or exceeds a limit.
+pub fn decode_reply(
+    body: &Bytes,
+    spec: &ServiceSpec,
+    received: Stamp,
+) -> Result<Result<Payload, String>, DecodeError> {
+    if body.len() > spec.limits.message_bytes {
+        return Err(too_large(body.len(), spec));
+    }
+    if let Some(text) = error_text(body) {
+        return Ok(Err(text));
+    }
+    Ok(Ok(match spec.kind.data_type() {
+        DataType::NativeObject => {
+            json::decode_with(body, &spec.limits, &spec.plugins).map(Payload::from)?
+        }
+        DataType::Image => {
+            let pixels = match CompressedFormat::sniff(body) {
+                Some(format) => Pixels::Compressed { format, data: body.clone() },
+                None => Pixels::Raw(lists::read_image(body, spec)?),
+            };
+            Payload::Image(reform(Image::new(received, pixels), spec)?)
+        }
+        DataType::AudioChunk => Payload::AudioChunk(lists::read_sound(body, received)?),
+        #[allow(unreachable_patterns)] // for kinds that no service returns
+        other => {
+            let (expected, actual) = ("a kind that services return".into(), other.to_string());
+            return Err(DecodeError::Mismatch { expected, actual });
+        }
+    }))
+}
+
+/// Writes the reason that there is no reply, in a form that ends the call of every Wrapyfi client.
+#[must_use]
+pub fn encode_error(text: &str) -> Vec<u8> {
+    // By hand: a dict with this member has no form in Wrapyfi's JSON.
+    let quoted = |text: &str| json::encode(&Value::from(text)).unwrap_or_default();
+    let mut error = b"{\"error\": ".to_vec();
+    error.extend(quoted(text));
+    error.extend_from_slice(b", \"__wrapyfi__\": [\"datetime\", ");
+    error.extend(quoted(&format!("{ERROR}{text}")));
+    error.extend_from_slice(b"]}");
+    error
+}
+
+/// Text before the reason in the tagged date of an error. Python fails to read such a date, which
+/// ends the call.
+const ERROR: &str = "error: ";
+/// First bytes of [`encode_error`]'s text; Python writes them only for an object with that key
+/// first.
+const ERROR_START: &[u8] = b"{\"error\": \"";
+/// Longest error that is read, in bytes; errors are a few sentences.
+const MAX_ERROR_BYTES: usize = 64 * 1024;
+
+/// Reads the text of an error that [`encode_error`] wrote.
+fn error_text(body: &Bytes) -> Option<String> {
+    if !body.starts_with(ERROR_START) || body.len() > MAX_ERROR_BYTES {
+        return None;
+    }
+    let object: serde_json::Value = serde_json::from_slice(body).ok()?;
+    let text = object.get("error")?.as_str()?;
+    let tag = object.get("__wrapyfi__")?;
+    let tagged = tag.get(0)?.as_str() == Some("datetime")
+        && tag.get(1)?.as_str()?.strip_prefix(ERROR) == Some(text);
+    tagged.then(|| text.to_owned())
+}
+
+/// Writes a reply as our clients read it: a message of the data model as CDR, and its kind.
+///
+/// # Errors
+/// As [`encode_reply`].
+pub fn encode_binary(
+    payload: &Payload,
+    spec: &ServiceSpec,
+) -> Result<(Content, Bytes), EncodeError> {
+    let content = Content::of(spec.kind.message_type());
+    let payload = &*without_messages(payload)?;
+    if payload.data_type() != spec.kind.data_type() {
+        return Err(other_kind(payload, spec));
+    }
+    let formed = match payload {
+        Payload::Image(image) => Some(Payload::Image(form(image.clone(), spec)?)),
+        _ => None,
+    };
+    let payload = formed.as_ref().unwrap_or(payload);
+    let body = ros::encode_with(payload, content.message_type(), &spec.plugins)?;
+    check_size(body.len(), spec)?;
+    Ok((content, body.to_bytes()))
+}
+
+/// Reads [`encode_binary`].
+///
+/// # Errors
+/// When the reply is of another kind than the service's, malformed, or exceeds a limit.
+pub fn decode_binary(
+    content: Content,
+    body: &Bytes,
+    spec: &ServiceSpec,
+) -> Result<Payload, DecodeError> {
+    let message_type = content.message_type();
+    if message_type.data_type() != spec.kind.data_type() {
+        return Err(DecodeError::Mismatch {
+            expected: spec.kind.data_type().to_string(),
+            actual: message_type.data_type().to_string(),
+        });
+    }
+    match ros::decode_with(body, message_type, &spec.limits, &spec.plugins)? {
+        Payload::Image(image) => reform(image, spec).map(Payload::Image),
+        other => Ok(other),
+    }
+}
+
+/// Converts a picture to the form of the service: pixels, or a file.
+fn form(image: Image, spec: &ServiceSpec) -> Result<Image, EncodeError> {
+    convert(image, spec.kind.message_type(), spec.color_order, &spec.limits)
+}
+
+/// Converts a received picture to the form that the client asked for.
+pub fn reform(image: Image, spec: &ServiceSpec) -> Result<Image, DecodeError> {
+    let wants_file = spec.kind.message_type() == MessageType::CompressedImage;
+    if wants_file == matches!(image.pixels, Pixels::Compressed { .. }) {
+        return Ok(image);
+    }
+    form(image, spec).map_err(|error| match error {
+        EncodeError::TooLarge { actual, limit } => {
+            DecodeError::TooLarge { what: "message", path: "$".into(), actual, limit }
+        }
+        other => DecodeError::Mismatch {
+            expected: spec.kind.to_string(),
+            actual: format!("a picture that has no such form: {other}"),
+        },
+    })
+}
+
+fn other_kind(payload: &Payload, spec: &ServiceSpec) -> EncodeError {
+    EncodeError::Mismatch {
+        expected: spec.kind.data_type().to_string(),
+        actual: payload.data_type().to_string(),
+    }
+}
+
+fn check_size(bytes: usize, spec: &ServiceSpec) -> Result<(), EncodeError> {
+    let limit = spec.limits.message_bytes;
+    if bytes > limit {
+        return Err(EncodeError::TooLarge { actual: bytes as u64, limit: limit as u64 });
+    }
+    Ok(())
+}
+
+fn too_large(bytes: usize, spec: &ServiceSpec) -> DecodeError {
+    DecodeError::TooLarge {
+        what: "message",
+        path: "$".into(),
+        actual: bytes as u64,
+        limit: spec.limits.message_bytes as u64,
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,364 @@
+//! Numbers of messages received, sent, and dropped by reason.
+
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::time::Duration;
+
+use serde::Serialize;
+
+use super::latency::{Latency, LatencySummary};
+use crate::codec::{ConvertError, DecodeError, EncodeError};
+
+macro_rules! drop_reasons {
+    ($($(#[$doc:meta])* $name:ident => $key:literal,)*) => {
+        /// Reason that a message was not delivered. Every lost message is counted under one of
+        /// these.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+        #[non_exhaustive]
+        pub enum DropReason { $($(#[$doc])* $name,)* }
+
+        impl DropReason {
+            /// All reasons, in the order in which tables show them.
+            pub const ALL: &'static [Self] = &[$(Self::$name,)*];
+
+            /// Name in logs, tables and JSON.
+            #[must_use]
+            pub fn as_str(self) -> &'static str {
+                match self { $(Self::$name => $key,)* }
+            }
+        }
+    };
+}
+
+drop_reasons! {
+    /// The route's queue was full: its policy chose this message.
+    QueueFull => "queue_full",
+    /// The route's queue stayed full for the whole deadline of policy `block`.
+    BlockDeadline => "block_deadline",
+    /// The message was larger than `max_message_mib`.
+    Oversize => "oversize",
+    /// The bytes were no valid message of the route's type.
+    Malformed => "malformed",
+    /// Values, bottles or types were nested deeper than the limit.
+    Nesting => "nesting",
+    /// The message was valid, but the route does not carry its kind, channels or encoding.
+    Mismatch => "mismatch",
+    /// The message was for another topic, and came by ZeroMQ's match of prefixes.
+    WrongTopic => "wrong_topic",
+    /// The message was our own publication, which came back from a broker.
+    OwnPublication => "own_publication",
+    /// The value has no form in the destination's encoding.
+    Unencodable => "unencodable",
+    /// The destination's send queue was full.
+    SendQueueFull => "send_queue_full",
+    /// The destination failed to send.
+    SendFailed => "send_failed",
+    /// The destination did not accept the message: a node refused to set a parameter.
+    Refused => "refused",
+    /// Nobody listens at the destination.
+    NoConsumer => "no_consumer",
+    /// The middleware reported that it lost the message before we saw it.
+    LostUpstream => "lost_upstream",
+    /// The message exceeded the route's `max_rate_hz`.
+    RateLimit => "rate_limit",
+    /// The message was delivered before, and came again because the listener was opened with
+    /// another quality of service.
+    Duplicate => "duplicate",
+    /// The reply came after its call had ended.
+    Late => "late",
+    /// The request exceeded the number that may be under way at once.
+    Overloaded => "overloaded",
+    /// The request was not answered in time.
+    Expired => "expired",
+    /// The message waited in the route, or was on its way through it, when the route closed.
+    Closed => "closed",
+    /// The queue of a peer was full, because the peer read more slowly than it was sent to.
+    Stalled => "stalled",
+    /// The connection was lost with the message in its queue.
+    ConnectionLost => "connection_lost",
+    /// The budget of waiting bytes (`limits: { waiting_mib }`) was full, and this peer or queue
+    /// held most.
+    OverBudget => "over_budget",
+}
+
+impl From<&DecodeError> for DropReason {
+    fn from(error: &DecodeError) -> Self {
+        match error {
+            DecodeError::Mismatch { .. } => Self::Mismatch,
+            DecodeError::TooLarge { what: "nesting", .. } => Self::Nesting,
+            DecodeError::TooLarge { .. } => Self::Oversize,
+            _ => Self::Malformed,
+        }
+    }
+}
+
+impl From<&ConvertError> for DropReason {
+    fn from(error: &ConvertError) -> Self {
+        match error {
+            ConvertError::From(error) => error.into(),
+            ConvertError::To(EncodeError::Mismatch { .. }) => Self::Mismatch,
+            _ => Self::Unencodable,
+        }
+    }
+}
+
+/// Event of an endpoint's quality of service, such as a missed deadline. No message is lost by it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum QosEvent {
+    /// A publisher let its deadline pass: the next message did not come in time.
+    DeadlineMissed,
+    /// Our publisher let the deadline pass that it promises.
+    OwnDeadlineMissed,
+    /// A publisher of the listener did not assert within its lease that it is alive. A publisher
+    /// that leaves in good order is not counted.
+    PublisherNotAlive,
+    /// Our publisher did not assert in time that it is alive.
+    OwnLivelinessLost,
+    /// An endpoint was opened again with another quality of service, to fit its peers.
+    Changed,
+}
+
+impl QosEvent {
+    /// All events, in the order in which tables show them.
+    pub const ALL: &'static [Self] = &[
+        Self::DeadlineMissed,
+        Self::OwnDeadlineMissed,
+        Self::PublisherNotAlive,
+        Self::OwnLivelinessLost,
+        Self::Changed,
+    ];
+
+    /// Name in logs, tables and JSON.
+    #[must_use]
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::DeadlineMissed => "deadline_missed",
+            Self::OwnDeadlineMissed => "own_deadline_missed",
+            Self::PublisherNotAlive => "publisher_not_alive",
+            Self::OwnLivelinessLost => "own_liveliness_lost",
+            Self::Changed => "qos_changed",
+        }
+    }
+}
+
+impl std::fmt::Display for QosEvent {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.as_str())
+    }
+}
+
+impl std::fmt::Display for DropReason {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.as_str())
+    }
+}
+
+/// Live counters of one route or endpoint, shared with the I/O threads that feed it.
+#[derive(Debug, Default)]
+pub struct Counters {
+    received: AtomicU64,
+    received_bytes: AtomicU64,
+    sent: AtomicU64,
+    sent_bytes: AtomicU64,
+    unread: AtomicU64,
+    undelivered: AtomicU64,
+    drops: [AtomicU64; DropReason::ALL.len()],
+    qos_events: [AtomicU64; QosEvent::ALL.len()],
+    latency: Latency,
+}
+
+impl Counters {
+    /// Counts a message that arrived, `bytes` long on the wire, whatever becomes of it.
+    pub fn received(&self, bytes: usize) {
+        self.received.fetch_add(1, Relaxed);
+        self.received_bytes.fetch_add(bytes as u64, Relaxed);
+    }
+
+    /// Counts a message handed to the destination, `bytes` long on its wire, `added` after it
+    /// arrived here.
+    pub fn sent(&self, bytes: usize, added: Duration) {
+        self.sent.fetch_add(1, Relaxed);
+        self.sent_bytes.fetch_add(bytes as u64, Relaxed);
+        self.latency.record(added);
+    }
+
+    /// Counts a message that was handed over, and then not delivered to all its receivers. It no
+    /// longer counts as sent.
+    pub fn undelivered(&self, reason: DropReason, bytes: usize) {
+        // A transport may find out before the message is counted as sent: these wrap, and are whole again then.
+        self.sent.fetch_sub(1, Relaxed);
+        self.sent_bytes.fetch_sub(bytes as u64, Relaxed);
+        self.dropped(reason);
+        self.undelivered.fetch_add(1, Relaxed);
+    }
+
+    /// Number of messages that [`Self::undelivered`] counted.
+    pub fn undelivered_messages(&self) -> u64 {
+        self.undelivered.load(Relaxed)
+    }
+
+    /// Counts one object that was passed on unread, because its plug-in refused it.
+    pub fn unread(&self) {
+        self.unread.fetch_add(1, Relaxed);
+    }
+
+    /// Counts one dropped message.
+    pub fn dropped(&self, reason: DropReason) {
+        self.dropped_many(reason, 1);
+    }
+
+    /// Counts `count` messages dropped for the same reason.
+    pub fn dropped_many(&self, reason: DropReason, count: u64) {
+        if let Some(counter) = self.drops.get(reason as usize) {
+            counter.fetch_add(count, Relaxed);
+        }
+    }
+
+    /// Counts an event of the quality of service, `count` times.
+    pub fn qos_event(&self, event: QosEvent, count: u64) {
+        if let Some(counter) = self.qos_events.get(event as usize) {
+            counter.fetch_add(count, Relaxed);
+        }
+    }
+
+    /// The counters now. Counters move on while they are read: sums may differ by what is in flight.
+    #[must_use]
+    pub fn snapshot(&self) -> CountersSnapshot {
+        CountersSnapshot {
+            received: self.received.load(Relaxed),
+            received_bytes: self.received_bytes.load(Relaxed),
+            sent: at_least_none(self.sent.load(Relaxed)),
+            sent_bytes: at_least_none(self.sent_bytes.load(Relaxed)),
+            unread: self.unread.load(Relaxed),
+            drops: DropReason::ALL
+                .iter()
+                .zip(&self.drops)
+                .map(|(&reason, count)| (reason, count.load(Relaxed)))
+                .filter(|&(_, count)| count > 0)
+                .collect(),
+            qos_events: QosEvent::ALL
+                .iter()
+                .zip(&self.qos_events)
+                .map(|(&event, count)| (event, count.load(Relaxed)))
+                .filter(|&(_, count)| count > 0)
+                .collect(),
+            latency: self.latency.summary(),
+        }
+    }
+}
+
+/// [`Counters`] at one moment, printable and serialisable.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct CountersSnapshot {
+    /// Number of messages that arrived.
+    pub received: u64,
+    /// Number of bytes that arrived, as the source's wire counts them.
+    pub received_bytes: u64,
+    /// Number of messages handed to the destination.
+    pub sent: u64,
+    /// Number of bytes handed to the destination.
+    pub sent_bytes: u64,
+    /// Number of objects inside messages that were passed on as they came, because their plug-in
+    /// refused to
+    /// read them: a pickle that names a function, a frame that no table holds.
+    pub unread: u64,
+    /// Number of dropped messages by reason; reasons that never happened are left out.
+    #[serde(serialize_with = "drops_as_map")]
+    pub drops: Vec<(DropReason, u64)>,
+    /// Number of each event of the quality of service; events that never happened are left out.
+    #[serde(serialize_with = "events_as_map")]
+    pub qos_events: Vec<(QosEvent, u64)>,
+    /// Time from arrival here to hand-over.
+    pub latency: LatencySummary,
+}
+
+/// Value of a counter from which another thread may have subtracted before it added: 0 where the
+/// counter has wrapped below zero.
+fn at_least_none(counter: u64) -> u64 {
+    if counter > u64::MAX / 2 { 0 } else { counter }
+}
+
+impl CountersSnapshot {
+    /// Number of dropped messages, all reasons together.
+    #[must_use]
+    pub fn dropped(&self) -> u64 {
+        self.drops.iter().map(|&(_, count)| count).sum()
+    }
+
+    /// Number of messages dropped for `reason`.
+    #[must_use]
+    pub fn dropped_for(&self, reason: DropReason) -> u64 {
+        self.drops.iter().filter(|&&(r, _)| r == reason).map(|&(_, count)| count).sum()
+    }
+
+    /// Number of times that `event` happened.
+    #[must_use]
+    pub fn qos_events_of(&self, event: QosEvent) -> u64 {
+        self.qos_events.iter().filter(|&&(e, _)| e == event).map(|&(_, count)| count).sum()
+    }
+}
+
+fn drops_as_map<S: serde::Serializer>(
+    drops: &[(DropReason, u64)],
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(drops.iter().map(|(reason, count)| (reason.as_str(), count)))
+}
+
+fn events_as_map<S: serde::Serializer>(
+    events: &[(QosEvent, u64)],
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(events.iter().map(|(event, count)| (event.as_str(), count)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_drop_is_found_under_its_reason() {
+        let counters = Counters::default();
+        counters.dropped(DropReason::Malformed);
+        counters.dropped_many(DropReason::LostUpstream, 3);
+        let now = counters.snapshot();
+        assert_eq!(now.dropped(), 4);
+        assert_eq!(now.dropped_for(DropReason::LostUpstream), 3);
+        assert_eq!(now.dropped_for(DropReason::Oversize), 0);
+        let json = serde_json::to_value(&now).unwrap();
+        assert_eq!(json["drops"]["malformed"], 1);
+    }
+
+    #[test]
+    fn what_is_not_delivered_is_not_sent_whichever_is_counted_first() {
+        let counters = Counters::default();
+        counters.sent(10, Duration::ZERO);
+        counters.undelivered(DropReason::Stalled, 10);
+        counters.undelivered(DropReason::Stalled, 5);
+        let now = counters.snapshot();
+        assert_eq!((now.sent, now.sent_bytes, now.dropped()), (0, 0, 2));
+        counters.sent(5, Duration::ZERO);
+        counters.sent(7, Duration::ZERO);
+        let now = counters.snapshot();
+        assert_eq!((now.sent, now.sent_bytes, now.dropped()), (1, 7, 2));
+    }
+
+    #[test]
+    fn reasons_index_their_counters() {
+        for (index, &reason) in DropReason::ALL.iter().enumerate() {
+            assert_eq!(reason as usize, index);
+        }
+        for (index, &event) in QosEvent::ALL.iter().enumerate() {
+            assert_eq!(event as usize, index);
+        }
+    }
+
+    #[test]
+    fn an_event_is_no_drop() {
+        let counters = Counters::default();
+        counters.qos_event(QosEvent::DeadlineMissed, 2);
+        let now = counters.snapshot();
+        assert_eq!((now.dropped(), now.qos_events_of(QosEvent::DeadlineMissed)), (0, 2));
+        let json = serde_json::to_value(&now).unwrap();
+        assert_eq!(json["qos_events"], serde_json::json!({ "deadline_missed": 2 }));
+    }
+}

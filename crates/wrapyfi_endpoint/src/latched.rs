@@ -1,0 +1,111 @@
+//! The last message of each origin, for listeners that come later.
+//!
+//! ```text
+//!   origin 1 ─▶ a1 ─▶ a2        [ b1, a2 ]  the last of each origin, the one that is kept longest first
+//!   origin 2 ─▶ b1              forget(2) ─▶ [ a2 ]
+//! ```
+//!
+//! Publishers keep messages for which their subscribers may come too late, and listeners keep
+//! messages that nobody wants yet.
+
+use std::collections::VecDeque;
+
+use super::inbox::Waits;
+
+/// Largest number of origins whose last message is kept.
+pub const MAX_ORIGINS: usize = 256;
+
+/// The last message of each origin, oldest first.
+#[derive(Debug)]
+pub struct Latched<K, T> {
+    kept: VecDeque<(K, T)>,
+    max_bytes: usize,
+}
+
+impl<K: PartialEq, T: Waits> Latched<K, T> {
+    /// An empty store, which never holds more than `max_bytes` bytes, but for a single message.
+    pub fn new(max_bytes: usize) -> Self {
+        Self { kept: VecDeque::new(), max_bytes }
+    }
+
+    /// Keeps a message in place of the one before it of the same origin; number of messages that
+    /// were dropped for it.
+    pub fn keep(&mut self, origin: K, message: T) -> u64 {
+        let mut gone = u64::from(self.forget(&origin));
+        self.kept.push_back((origin, message));
+        while self.kept.len() > 1
+            && (self.kept.len() > MAX_ORIGINS || self.bytes() > self.max_bytes)
+        {
+            self.kept.pop_front();
+            gone += 1;
+        }
+        gone
+    }
+
+    /// Takes the message that was kept longest.
+    pub fn pop(&mut self) -> Option<T> {
+        self.kept.pop_front().map(|(_, message)| message)
+    }
+
+    /// Drops the message of this origin; true where there was one.
+    pub fn forget(&mut self, origin: &K) -> bool {
+        let before = self.kept.len();
+        self.retain(|kept| kept != origin);
+        self.kept.len() < before
+    }
+
+    /// Drops the messages of all origins for which `stays` is false.
+    pub fn retain(&mut self, stays: impl Fn(&K) -> bool) {
+        self.kept.retain(|(origin, _)| stays(origin));
+    }
+
+    /// Messages kept, oldest first.
+    pub fn messages(&self) -> impl ExactSizeIterator<Item = &T> {
+        self.kept.iter().map(|(_, message)| message)
+    }
+
+    fn bytes(&self) -> usize {
+        self.messages().map(Waits::bytes).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Message(usize);
+
+    impl Waits for Message {
+        fn bytes(&self) -> usize {
+            self.0
+        }
+    }
+
+    fn sizes<K: PartialEq>(kept: &Latched<K, Message>) -> Vec<usize> {
+        kept.messages().map(|message| message.0).collect()
+    }
+
+    #[test]
+    fn the_last_of_each_origin_is_kept_until_it_goes() {
+        let mut kept = Latched::new(1000);
+        let gone = [(Some(1), 10), (Some(2), 20), (None, 5), (Some(1), 11)]
+            .map(|(origin, size)| kept.keep(origin, Message(size)));
+        assert_eq!((gone, sizes(&kept)), ([0, 0, 0, 1], vec![20, 5, 11]));
+        assert_eq!([kept.forget(&Some(2)), kept.forget(&Some(7))], [true, false]);
+        assert_eq!(sizes(&kept), [5, 11]);
+        kept.retain(Option::is_none);
+        assert_eq!(kept.pop().map(|message| message.0), Some(5));
+        assert!(kept.pop().is_none());
+    }
+
+    #[test]
+    fn bytes_and_origins_are_bounded_and_one_message_always_stays() {
+        let mut kept = Latched::new(100);
+        let gone = [(1, 50), (2, 30), (3, 40), (4, 500)]
+            .map(|(origin, size)| kept.keep(origin, Message(size)));
+        assert_eq!((gone, sizes(&kept)), ([0, 0, 1, 2], vec![500]));
+        let mut kept = Latched::new(1 << 20);
+        let gone: u64 = (0..MAX_ORIGINS + 3).map(|origin| kept.keep(origin, Message(1))).sum();
+        assert_eq!((gone, kept.messages().len()), (3, MAX_ORIGINS));
+    }
+}

@@ -1,0 +1,272 @@
+//! A middleware that could not start yet: its start is tried again, and its endpoints wait.
+//!
+//! ```text
+//!   start ── no ──▶ Late ── a thread tries again, with back-off ──▶ the middleware
+//!                    └ open: OpenError::NotStarted ─▶ the route waits and says why
+//! ```
+
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+use wrapyfi_interfaces::store::TypeStore;
+
+use super::{
+    Client, Context, DiscoverError, Discovered, Discovery, LearnError, Learned, Listener,
+    Middleware, OpenError, Publisher, Server, ServiceSpec, TopicSpec, Traits, Wake,
+};
+use crate::backoff::Backoff;
+use wrapyfi_data::types::ServiceKind;
+
+/// Fault of a try to start a middleware.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum StartFault {
+    /// The program or network that the middleware needs is not there; it may come.
+    Absent(String),
+    /// The settings can never work.
+    Hopeless(String),
+}
+
+/// Stand-in for a middleware until that can be started.
+pub struct Late {
+    name: &'static str,
+    shared: Arc<Shared>,
+}
+
+struct Shared {
+    started: OnceLock<Arc<dyn Middleware>>,
+    fault: Mutex<StartFault>,
+    over: AtomicBool,
+    bell: Wake,
+}
+
+impl Shared {
+    fn fault(&self) -> StartFault {
+        self.fault.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
+impl Late {
+    /// A middleware called `name` that did not start because of `reason`; `start` is called again
+    /// until it succeeds, on a thread of its own.
+    ///
+    /// # Errors
+    /// When the system gives no thread.
+    pub fn new(
+        name: &'static str,
+        reason: String,
+        start: impl FnMut() -> Result<Arc<dyn Middleware>, StartFault> + Send + 'static,
+    ) -> std::io::Result<Self> {
+        tracing::warn!("{name} does not start yet, its routes wait: {reason}");
+        let shared = Arc::new(Shared {
+            started: OnceLock::new(),
+            fault: Mutex::new(StartFault::Absent(reason)),
+            over: AtomicBool::new(false),
+            bell: Wake::new(),
+        });
+        let with = Arc::clone(&shared);
+        // The thread is not joined, because a start may be in the middle of asking for an address.
+        std::thread::Builder::new()
+            .name(format!("start-{name}"))
+            .spawn(move || keep_trying(name, &with, start))?;
+        Ok(Self { name, shared })
+    }
+
+    fn started(&self) -> Result<&dyn Middleware, StartFault> {
+        self.shared.started.get().map(AsRef::as_ref).ok_or_else(|| self.shared.fault())
+    }
+
+    fn open<T>(
+        &self,
+        open: impl FnOnce(&dyn Middleware) -> Result<T, OpenError>,
+    ) -> Result<T, OpenError> {
+        let middleware = self.name;
+        match self.started() {
+            Ok(started) => open(started),
+            Err(StartFault::Absent(reason)) => Err(OpenError::NotStarted { middleware, reason }),
+            Err(StartFault::Hopeless(reason)) => Err(OpenError::Refused { middleware, reason }),
+        }
+    }
+}
+
+fn keep_trying(
+    name: &str,
+    shared: &Shared,
+    mut start: impl FnMut() -> Result<Arc<dyn Middleware>, StartFault>,
+) {
+    let mut backoff = Backoff::of_process(1);
+    while !shared.over.load(Relaxed) {
+        shared.bell.wait(backoff.wait());
+        if shared.over.load(Relaxed) {
+            return;
+        }
+        let fault = match start() {
+            Ok(middleware) => {
+                tracing::info!("{name} has started");
+                // Only this thread sets it, so that it is not set yet.
+                _ = shared.started.set(middleware);
+                return;
+            }
+            Err(fault) => fault,
+        };
+        let hopeless = matches!(fault, StartFault::Hopeless(_));
+        let mut known = shared.fault.lock().unwrap_or_else(PoisonError::into_inner);
+        if *known != fault {
+            let (StartFault::Absent(reason) | StartFault::Hopeless(reason)) = &fault;
+            tracing::warn!("{name} does not start: {reason}");
+            *known = fault;
+        }
+        if hopeless {
+            return;
+        }
+    }
+}
+
+impl Drop for Late {
+    fn drop(&mut self) {
+        self.shared.over.store(true, Relaxed);
+        self.shared.bell.ring();
+    }
+}
+
+impl Middleware for Late {
+    fn name(&self) -> &str {
+        self.name
+    }
+
+    fn open_listener(
+        &self,
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Listener>, OpenError> {
+        self.open(|started| started.open_listener(spec, context))
+    }
+
+    fn open_publisher(
+        &self,
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Publisher>, OpenError> {
+        self.open(|started| started.open_publisher(spec, context))
+    }
+
+    fn open_client(
+        &self,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Client>, OpenError> {
+        self.open(|started| started.open_client(spec, context))
+    }
+
+    fn open_server(
+        &self,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Server>, OpenError> {
+        self.open(|started| started.open_server(spec, context))
+    }
+
+    fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
+        self.started().map_err(|fault| not_listed(self.name, fault))?.discover()
+    }
+
+    fn discover_closely(&self, topic: Option<&str>) -> Result<Box<dyn Discovery>, DiscoverError> {
+        self.started().map_err(|fault| not_listed(self.name, fault))?.discover_closely(topic)
+    }
+
+    fn traits(&self) -> Traits {
+        self.started().map(<dyn Middleware>::traits).unwrap_or_default()
+    }
+
+    fn learn_topic(
+        &self,
+        found: &Discovered,
+        types: &mut TypeStore,
+    ) -> Result<Learned, LearnError> {
+        match self.started() {
+            Ok(started) => started.learn_topic(found, types),
+            Err(_) => super::topic_of_name(self.name, found, types),
+        }
+    }
+
+    fn learn_service(
+        &self,
+        found: &Discovered,
+        types: &mut TypeStore,
+    ) -> Result<ServiceKind, LearnError> {
+        match self.started() {
+            Ok(started) => started.learn_service(found, types),
+            Err(_) => super::service_of_name(self.name, found, types),
+        }
+    }
+
+    fn keeps_last(&self, found: &Discovered) -> Option<bool> {
+        self.started().ok().and_then(|started| started.keeps_last(found))
+    }
+
+    fn waiting_for(&self) -> Option<String> {
+        match self.started() {
+            Ok(started) => started.waiting_for(),
+            Err(StartFault::Absent(reason) | StartFault::Hopeless(reason)) => {
+                Some(format!("{} to start: {reason}", self.name))
+            }
+        }
+    }
+}
+
+fn not_listed(middleware: &str, fault: StartFault) -> DiscoverError {
+    let middleware = middleware.to_owned();
+    match fault {
+        StartFault::Absent(reason) => DiscoverError::NotStarted { middleware, reason },
+        StartFault::Hopeless(reason) => DiscoverError::Refused { middleware, reason },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+    use crate::memory::Memory;
+    use wrapyfi_data::types::MessageType;
+
+    fn opened(late: &Late) -> Result<(), OpenError> {
+        let spec = TopicSpec::new("/t", MessageType::NativeObject);
+        late.open_listener(&spec, &Context::default()).map(drop)
+    }
+
+    #[test]
+    fn what_needs_it_waits_and_is_told_why_until_it_is_there() {
+        let (let_go, held) = std::sync::mpsc::channel::<()>();
+        let late = Late::new("memory", "nobody is there".to_owned(), move || {
+            held.recv().map_err(|_closed| StartFault::Absent("closed".to_owned()))?;
+            Ok(Arc::new(Memory::new("memory")))
+        });
+        let late = late.unwrap();
+        let error = opened(&late).unwrap_err();
+        assert!(error.is_transient());
+        assert_eq!(error.to_string(), "memory to start: nobody is there");
+        assert_eq!(late.waiting_for().unwrap(), "memory to start: nobody is there");
+        let error = late.discover().map(drop).unwrap_err();
+        assert_eq!(error.to_string(), "memory to start: nobody is there");
+        let_go.send(()).unwrap();
+        while opened(&late).is_err() {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        assert_eq!(late.waiting_for(), None);
+    }
+
+    #[test]
+    fn what_can_never_work_is_not_tried_again() {
+        let (told, tries) = std::sync::mpsc::channel::<()>();
+        let late = Late::new("memory", "nobody is there".to_owned(), move || {
+            told.send(()).unwrap();
+            Err(StartFault::Hopeless("not allowed".to_owned()))
+        });
+        let late = late.unwrap();
+        tries.recv().unwrap();
+        // The thread ends, and its end of the channel with it.
+        tries.recv().unwrap_err();
+        let error = opened(&late).unwrap_err();
+        assert!(!error.is_transient() && error.to_string().contains("not allowed"), "{error}");
+    }
+}

@@ -1,0 +1,459 @@
+//! The interface between middlewares and everything above them: listeners, publishers, clients,
+//! servers.
+//!
+//! ```text
+//!   engine, command line, communicator
+//!        │ take()                    ▲ publish()
+//!   ┌────▼─────┐               ┌─────┴─────┐
+//!   │ Listener │               │ Publisher │      one per topic, opened by a Middleware
+//!   └────▲─────┘               └─────┬─────┘
+//!     inbox (bounded, counted)       │
+//!   I/O thread ◀── socket    socket ─▼
+//! ```
+//!
+//! A middleware implements [`Middleware`] and is entered under its name in a [`Registry`]; nothing
+//! above knows its type. [`Client`] and [`Server`] do for requests and replies what [`Publisher`] and
+//! [`Listener`] do for messages.
+
+mod address;
+mod budget;
+pub mod calls;
+mod clock;
+pub mod codec;
+mod counters;
+mod discovery;
+mod inbox;
+mod latched;
+mod late;
+mod latency;
+mod learn;
+mod mark;
+pub mod memory;
+pub mod network;
+mod origin;
+#[cfg(feature = "patterns")]
+pub mod pattern;
+mod qos;
+mod qos_match;
+mod qos_pinned;
+mod registry;
+pub mod requests;
+mod service;
+mod service_error;
+mod throttle;
+mod topic_error;
+mod wake;
+pub mod wire_client;
+pub mod wire_server;
+
+use std::sync::Arc;
+use std::time::Instant;
+
+pub use wrapyfi_retry::backoff;
+#[cfg(feature = "tokio")]
+pub use wrapyfi_retry::restart;
+
+pub use address::{EndpointAddress, ParseAddressError};
+pub use budget::{Budget, PROGRESS, Share, WAITING};
+pub use calls::Ticket;
+pub use clock::{Clock, RosNow};
+pub use counters::{Counters, CountersSnapshot, DropReason, QosEvent};
+pub use discovery::{
+    AnnouncedDurability, AnnouncedQos, DiscoverError, Discovered, Discovery, NameFilter, Role,
+    Traffic,
+};
+pub use inbox::{Overflow, QueueSpec, Receiver, Sender, Waits, inbox};
+pub use latched::{Latched, MAX_ORIGINS};
+pub use late::{Late, StartFault};
+pub use latency::{Latency, LatencySummary};
+pub use learn::{LearnError, Learned};
+pub use learn::{service_of_name, topic_of_name};
+pub use mark::{BridgeMark, ParseMarkError};
+pub use origin::{Keeping, Origin};
+pub use qos::{Durability, History, Liveliness, Qos, QosPreset, Reliability};
+pub use qos_match::{MatchedQos, QosPolicy, QosWarning, listener_qos, mismatches, publisher_qos};
+pub use qos_pinned::PinnedQos;
+pub use registry::{Registry, UnknownMiddleware};
+pub use service::{
+    Call, Client, IncomingRequest, Refusal, Reply, Request, RequestId, Server, ServiceSpec,
+};
+pub use service_error::{CallError, ServeError};
+pub use throttle::Throttle;
+pub use topic_error::{OpenError, PublishError, TakeError};
+pub use wake::Wake;
+
+use wrapyfi_interfaces::store::TypeStore;
+
+use wrapyfi_data::Limits;
+use wrapyfi_data::plugin::Plugins;
+use wrapyfi_data::types::{Encoding, Map, MessageType, Payload, ServiceKind};
+
+/// A transport that carries topics: ZeroMQ, ROS 2, …
+pub trait Middleware: Send + Sync {
+    /// Name in addresses, for instance `zeromq` in `zeromq:/camera`.
+    fn name(&self) -> &str;
+
+    /// Starts receiving a topic. Returns at once: a peer that is not there yet is waited for.
+    ///
+    /// # Errors
+    /// When the topic can never be received as asked; the reason says what to change.
+    fn open_listener(
+        &self,
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Listener>, OpenError>;
+
+    /// Prepares sending to a topic. Returns at once, as [`Middleware::open_listener`] does.
+    ///
+    /// # Errors
+    /// When the topic can never be sent as asked.
+    fn open_publisher(
+        &self,
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Publisher>, OpenError>;
+
+    /// Prepares calling a service. Returns at once: a server that is not there yet is waited for.
+    ///
+    /// # Errors
+    /// When the service can never be called as asked, or the middleware has no services.
+    fn open_client(
+        &self,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Client>, OpenError> {
+        _ = context;
+        Err(self.no_services(spec))
+    }
+
+    /// Starts offering a service. Returns at once.
+    ///
+    /// # Errors
+    /// When the service can never be offered as asked, or the middleware has no services.
+    fn open_server(
+        &self,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Server>, OpenError> {
+        _ = context;
+        Err(self.no_services(spec))
+    }
+
+    /// Error of a middleware that has no services when one is to be opened.
+    fn no_services(&self, spec: &ServiceSpec) -> OpenError {
+        OpenError::NoServices { middleware: self.name().to_owned(), service: spec.service.clone() }
+    }
+
+    /// Begins to look for the endpoints of other programs. Returns at once, before any is found.
+    ///
+    /// # Errors
+    /// When the middleware has no way to list endpoints, or the transport refuses.
+    fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
+        Err(DiscoverError::Unsupported { middleware: self.name().to_owned() })
+    }
+
+    /// As [`Middleware::discover`], and also finds endpoints that show only to a program that
+    /// listens to them, which may cost their publishers something: those of `topic`, or of all
+    /// topics.
+    ///
+    /// # Errors
+    /// As [`Middleware::discover`].
+    fn discover_closely(&self, topic: Option<&str>) -> Result<Box<dyn Discovery>, DiscoverError> {
+        _ = topic;
+        self.discover()
+    }
+
+    /// Properties of this middleware on which routes by pattern depend.
+    fn traits(&self) -> Traits {
+        Traits::default()
+    }
+
+    /// Learns the type of a topic from the announcement of one of its endpoints. Returns at once:
+    /// where the endpoint has to be asked first, a later call has the answer. `types` is asked for
+    /// definitions first.
+    ///
+    /// # Errors
+    /// When the type is not known, or not yet.
+    fn learn_topic(
+        &self,
+        found: &Discovered,
+        types: &mut TypeStore,
+    ) -> Result<Learned, LearnError> {
+        topic_of_name(self.name(), found, types)
+    }
+
+    /// Type that a listener with these options receives where the topic has the type `learned`.
+    fn received_as(&self, learned: MessageType, options: &Map) -> MessageType {
+        _ = options;
+        learned
+    }
+
+    /// Learns the type of a service from its server's announcement, as [`Middleware::learn_topic`].
+    ///
+    /// # Errors
+    /// As [`Middleware::learn_topic`].
+    fn learn_service(
+        &self,
+        found: &Discovered,
+        types: &mut TypeStore,
+    ) -> Result<ServiceKind, LearnError> {
+        service_of_name(self.name(), found, types)
+    }
+
+    /// Reason that this middleware has ended for good, for instance an order to end; `None` while
+    /// it works, or may work again by itself.
+    fn ended(&self) -> Option<String> {
+        None
+    }
+
+    /// True when a discovered publisher keeps its last message for listeners that come later.
+    /// Returns at once: `None` while the publisher has not answered, and a later call has the
+    /// answer.
+    fn keeps_last(&self, found: &Discovered) -> Option<bool> {
+        Some(found.qos.is_some_and(|qos| qos.durability != AnnouncedDurability::Volatile))
+    }
+
+    /// Reason that nothing of this middleware can work at the moment, for instance a master that
+    /// does not answer; `None` where no fault is known.
+    fn waiting_for(&self) -> Option<String> {
+        None
+    }
+}
+
+/// Properties of a middleware on which routes by pattern depend.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Traits {
+    /// True where the middleware carries every ROS type as it is.
+    pub any_ros_type: bool,
+    /// True where every message has a time, which is ROS time and may be simulated.
+    pub ros_time: bool,
+    /// True where discovery leaves out this program's own endpoints and its listeners do not hear
+    /// them, so that a topic may be bridged in both directions.
+    pub tells_own: bool,
+    /// True where discovery shows the marks of other bridges' endpoints.
+    pub shows_marks: bool,
+    /// True where a listener that is there first hears a publisher at once, long before discovery
+    /// finds that publisher. A route whose destination has a listener then opens its source ahead
+    /// of it.
+    pub subscribes_first: bool,
+    /// True where messages carry no type and may be read as any type that they fit. A route then
+    /// takes the type that the listeners at its destination want.
+    pub untyped: bool,
+}
+
+/// The receiving end of a topic.
+pub trait Listener: Send {
+    /// Takes the next message, if one waits. Never blocks: [`Context::wake`] rings when one
+    /// arrives.
+    ///
+    /// # Errors
+    /// When the next message cannot be used. It is dropped; the one after it can be taken.
+    fn take(&mut self) -> Result<Option<Sample>, TakeError>;
+
+    /// Drops the next message unread, because nobody wants it; false when none waits.
+    fn discard(&mut self) -> bool {
+        !matches!(self.take(), Ok(None))
+    }
+
+    /// Passes over the next message unread, because nobody wants it yet; number of messages lost by
+    /// that, `None` when none waits. Where publishers keep their last message for later listeners
+    /// (transient local), this listener keeps the newest of each publisher too, and
+    /// [`Listener::take`] returns those first.
+    fn set_aside(&mut self) -> Option<u64> {
+        self.discard().then_some(1)
+    }
+
+    /// Number ([`Origin::publisher`]) of a publisher that kept its last message and has ended, was
+    /// killed, or is out of reach. Each is returned once, after its last message was taken; `None`
+    /// when there is no further one.
+    fn departed(&mut self) -> Option<u64> {
+        None
+    }
+
+    /// Extent to which its publishers keep their last message for listeners that come later.
+    fn keeping(&self) -> Keeping {
+        Keeping::Unknown
+    }
+
+    /// Connection of the listener now; its peers are publishers.
+    fn link(&self) -> Link;
+
+    /// Looks at the announcements of the peers, and adapts to them where the listener was opened
+    /// with [`TopicSpec::match_peers`]. Cheap while nothing changes. The owner calls it when the
+    /// bell rings and when [`Review::next`] has come.
+    fn review(&mut self, _now: Instant) -> Review {
+        Review::default()
+    }
+}
+
+/// The sending end of a topic.
+pub trait Publisher: Send {
+    /// Hands `payload` to the transport; number of bytes that go on its wire.
+    ///
+    /// # Errors
+    /// When the message was not sent.
+    fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError>;
+
+    /// As [`Publisher::publish`], for a message of a known origin. A publisher that keeps messages
+    /// keeps the last one of each origin that does so too, until [`Publisher::forget`].
+    ///
+    /// # Errors
+    /// As [`Publisher::publish`].
+    fn forward(
+        &mut self,
+        payload: &Payload,
+        origin: Option<Origin>,
+    ) -> Result<usize, PublishError> {
+        _ = origin;
+        self.publish(payload)
+    }
+
+    /// Drops the last message of an origin that has gone, so that later listeners do not get it.
+    fn forget(&mut self, publisher: u64) {
+        _ = publisher;
+    }
+
+    /// Drops the last messages of all origins, because the source that numbers them was closed.
+    fn forget_all(&mut self) {}
+
+    /// Takes [`Listener::keeping`] of the source, now and again. A publisher that was opened with
+    /// [`TopicSpec::match_peers`] offers the same durability.
+    fn follow_source(&mut self, source: Keeping) {
+        _ = source;
+    }
+
+    /// Connection of the publisher now; its peers are listeners. A publisher without peers need not
+    /// be given messages, except where [`Link::keeps_last`] is set: later listeners are sent the
+    /// last one.
+    fn link(&self) -> Link;
+
+    /// As [`Listener::review`].
+    fn review(&mut self, _now: Instant) -> Review {
+        Review::default()
+    }
+}
+
+/// Result of a look at an endpoint's peers.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Review {
+    /// Quality of service in use; `None` where the middleware has none.
+    pub qos: Option<Qos>,
+    /// Change of the quality of service that this look made, if any.
+    pub changed: Option<QosChange>,
+    /// Warnings that the owner shows its user once each: peers that do not fit, and the remedy.
+    pub warnings: Vec<String>,
+    /// Instant at which to look again even if nothing rings.
+    pub next: Option<Instant>,
+    /// Reason that fewer messages go out than are given, in words; `None` where all do.
+    pub slowed: Option<String>,
+}
+
+/// Change of an endpoint that was opened again with another quality of service.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct QosChange {
+    /// Quality of service before the change.
+    pub from: Qos,
+    /// Quality of service now.
+    pub to: Qos,
+    /// Peers that asked for the change, in a few words.
+    pub why: String,
+}
+
+/// A received message.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sample {
+    /// Content of the message.
+    pub payload: Payload,
+    /// Size on the wire in bytes, all frames.
+    pub wire_bytes: usize,
+    /// Instant at which the last byte arrived.
+    pub received_at: Instant,
+    /// Publisher that sent the message, where the listener can tell.
+    pub origin: Option<Origin>,
+}
+
+impl Waits for Sample {
+    fn bytes(&self) -> usize {
+        self.wire_bytes
+    }
+}
+
+/// State of an endpoint's connection, for status tables and for waiting.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Link {
+    /// Number of matched peers: listeners of a publisher, publishers of a listener. `None` where
+    /// the transport cannot know.
+    pub peers: Option<usize>,
+    /// Reason that nothing can flow at the moment (`broker tcp://127.0.0.1:5555 does not answer`);
+    /// `None` when the way is open.
+    pub waiting_for: Option<String>,
+    /// True when the last message is kept for listeners that come later (transient local).
+    pub keeps_last: bool,
+}
+
+/// A topic to open, with its type and the settings of the endpoint.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TopicSpec {
+    /// Name of the topic in that middleware, for instance `/camera/image_raw`.
+    pub topic: String,
+    /// Type of the messages.
+    pub message_type: MessageType,
+    /// Quality of service, where the middleware has one.
+    pub qos: Qos,
+    /// True when the endpoint fits its quality of service to its peers and follows them
+    /// ([`Listener::review`]); `qos` is used while there are none, its history and lifespan always.
+    pub match_peers: bool,
+    /// Policies that hold in place of those of `qos` and the peers.
+    pub pinned: PinnedQos,
+    /// Queue of a listener.
+    pub queue: QueueSpec,
+    /// Channel order that three-channel frames from Wrapyfi have (`encoding:` of a route);
+    /// [`Encoding::Bgr8`] by OpenCV custom.
+    pub color_order: Encoding,
+    /// Bounds on every message.
+    pub limits: Limits,
+    /// Plug-ins that read and write objects inside native objects.
+    pub plugins: Plugins,
+    /// Settings that only some middlewares have, by name, such as `carrier`; each middleware reads
+    /// those that it knows.
+    pub options: Map,
+    /// Mark of the bridge that makes the publisher by pattern; announced where the wire has room
+    /// for it.
+    pub mark: Option<BridgeMark>,
+    /// Middleware whose messages a listener passes over: those of publishers whose mark says that
+    /// they came through it, where the listener can tell.
+    pub shun: Option<String>,
+}
+
+impl TopicSpec {
+    /// A topic with default quality of service, queue and limits.
+    #[must_use]
+    pub fn new(topic: impl Into<String>, message_type: MessageType) -> Self {
+        Self {
+            topic: topic.into(),
+            message_type,
+            qos: Qos::default(),
+            match_peers: false,
+            pinned: PinnedQos::default(),
+            queue: QueueSpec::default(),
+            color_order: Encoding::Bgr8,
+            limits: Limits::default(),
+            plugins: Plugins::standard(),
+            options: Map::default(),
+            mark: None,
+            shun: None,
+        }
+    }
+}
+
+/// Bell and counters that an endpoint shares with its owner.
+#[derive(Debug, Clone, Default)]
+pub struct Context {
+    /// Bell that rings when a message arrives or the link changes.
+    pub wake: Wake,
+    /// Counters of messages received, sent and dropped. A listener counts the messages that it
+    /// receives and that its queue drops; the owner counts everything after [`Listener::take`].
+    pub counters: Arc<Counters>,
+    /// The time that decides.
+    pub clock: Clock,
+}

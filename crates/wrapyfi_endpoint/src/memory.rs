@@ -1,0 +1,284 @@
+//! Topics inside one process: for tests of everything above the middlewares, and to show how
+//! small a middleware can be.
+//!
+//! ```text
+//!   publisher ──▶ topic "/x" ──▶ inbox of every listener
+//!   client ────▶ service "/x" ──▶ one of its servers
+//! ```
+
+mod services;
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use crate::{
+    Client, Context, DiscoverError, Discovered, Discovery, Link, Listener, Middleware, OpenError,
+    PublishError, Publisher, Receiver, Role, Sample, Sender, Server, ServiceSpec, TakeError,
+    TopicSpec, Wake, inbox,
+};
+use wrapyfi_data::types::Payload;
+
+/// A bus of topics that live in this process.
+///
+/// ```
+/// use wrapyfi_endpoint::{Context, Middleware, TopicSpec};
+/// use wrapyfi_endpoint::memory::Memory;
+/// use wrapyfi_data::types::{MessageType, Payload, Value};
+/// let bus = Memory::new("memory");
+/// let spec = TopicSpec::new("/x", MessageType::NativeObject);
+/// let mut listener = bus.open_listener(&spec, &Context::default())?;
+/// bus.open_publisher(&spec, &Context::default())?.publish(&Payload::from(Value::Null))?;
+/// assert!(listener.take()?.is_some());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// A clone is the same bus.
+#[derive(Debug, Clone, Default)]
+pub struct Memory {
+    name: String,
+    bus: Arc<Mutex<Bus>>,
+}
+
+pub use services::{Carriage, Fate, Way};
+
+#[derive(Debug, Default)]
+struct Bus {
+    topics: BTreeMap<String, Topic>,
+    services: BTreeMap<String, services::Service>,
+    refusal: Option<String>,
+    carriage: Carriage,
+}
+
+#[derive(Debug, Default)]
+struct Topic {
+    publishers: usize,
+    listeners: Vec<(Sender<Sample>, Context)>,
+    /// Bells that ring when the number of peers changes.
+    watchers: Vec<Wake>,
+    fault: Option<String>,
+    /// Type with which the topic was opened last.
+    type_name: Option<&'static str>,
+}
+
+impl Memory {
+    /// Makes a bus under a name of its own, so that one process can hold several.
+    #[must_use]
+    pub fn new(name: impl Into<String>) -> Self {
+        Self { name: name.into(), bus: Arc::default() }
+    }
+
+    /// Makes every send to `topic` fail with `fault`, or heals it: for tests of what is above.
+    pub fn break_topic(&self, topic: &str, fault: Option<&str>) {
+        lock(&self.bus).topics.entry(topic.to_owned()).or_default().fault =
+            fault.map(str::to_owned);
+    }
+
+    /// Announces a publisher of a type of any name, which sends nothing, until the result is
+    /// dropped.
+    pub fn announce(&self, topic: &str, type_name: &'static str) -> impl Drop + use<> {
+        let mut bus = lock(&self.bus);
+        let entered = bus.topics.entry(topic.to_owned()).or_default();
+        entered.publishers += 1;
+        entered.type_name = Some(type_name);
+        MemoryPublisher { bus: Arc::clone(&self.bus), topic: topic.to_owned() }
+    }
+
+    /// Makes opening fail with `refusal`, or heals it.
+    pub fn refuse_to_open(&self, refusal: Option<&str>) {
+        lock(&self.bus).refusal = refusal.map(str::to_owned);
+    }
+
+    /// Sets the rule that decides the fate of requests and replies on their way, for tests of the layers above.
+    pub fn carry_services(&self, carriage: Carriage) {
+        lock(&self.bus).carriage = carriage;
+    }
+
+    fn refusal(&self, name: &str) -> Result<(), OpenError> {
+        lock(&self.bus).refusal.clone().map_or(Ok(()), |reason| {
+            Err(OpenError::Transport { middleware: "memory", topic: name.to_owned(), reason })
+        })
+    }
+
+    fn topic<R>(
+        &self,
+        spec: &TopicSpec,
+        context: &Context,
+        enter: impl FnOnce(&mut Topic) -> R,
+    ) -> Result<R, OpenError> {
+        self.refusal(&spec.topic)?;
+        let mut bus = lock(&self.bus);
+        let topic = bus.topics.entry(spec.topic.clone()).or_default();
+        topic.type_name = Some(spec.message_type.label());
+        let entered = enter(topic);
+        topic.watchers.push(context.wake.clone());
+        topic.watchers.iter().for_each(Wake::ring);
+        Ok(entered)
+    }
+}
+
+fn lock(bus: &Mutex<Bus>) -> MutexGuard<'_, Bus> {
+    bus.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Middleware for Memory {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn open_listener(
+        &self,
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Listener>, OpenError> {
+        let (sender, receiver) = inbox(spec.queue, context);
+        self.topic(spec, context, |topic| topic.listeners.push((sender, context.clone())))?;
+        Ok(Box::new(MemoryListener {
+            bus: Arc::clone(&self.bus),
+            topic: spec.topic.clone(),
+            receiver: Some(receiver),
+        }))
+    }
+
+    fn open_publisher(
+        &self,
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Publisher>, OpenError> {
+        self.topic(spec, context, |topic| topic.publishers += 1)?;
+        Ok(Box::new(MemoryPublisher { bus: Arc::clone(&self.bus), topic: spec.topic.clone() }))
+    }
+
+    fn open_client(
+        &self,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Client>, OpenError> {
+        self.refusal(&spec.service)?;
+        Ok(Box::new(services::MemoryClient::open(&self.bus, spec, context)))
+    }
+
+    fn open_server(
+        &self,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Server>, OpenError> {
+        self.refusal(&spec.service)?;
+        Ok(Box::new(services::MemoryServer::open(&self.bus, spec, context)))
+    }
+
+    fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
+        Ok(Box::new(MemoryDiscovery { bus: Arc::clone(&self.bus) }))
+    }
+}
+
+struct MemoryDiscovery {
+    bus: Arc<Mutex<Bus>>,
+}
+
+impl Discovery for MemoryDiscovery {
+    fn endpoints(&mut self) -> Result<Vec<Discovered>, DiscoverError> {
+        let bus = lock(&self.bus);
+        let found = bus.topics.iter().flat_map(|(name, topic)| {
+            [(Role::Publisher, topic.publishers), (Role::Listener, topic.listeners.len())].map(
+                |(role, count)| Discovered {
+                    count: count as u64,
+                    type_name: topic.type_name.map(str::to_owned),
+                    ..Discovered::new(name, role)
+                },
+            )
+        });
+        let served = bus.services.iter().flat_map(|(name, service)| {
+            service.ends().map(|(role, count)| Discovered {
+                count: count as u64,
+                type_name: service.type_name().map(str::to_owned),
+                ..Discovered::new(name, role)
+            })
+        });
+        Ok(found.chain(served).filter(|endpoint| endpoint.count > 0).collect())
+    }
+
+    fn waiting_for(&self) -> Option<String> {
+        None
+    }
+
+    fn is_complete(&self) -> Option<bool> {
+        Some(true)
+    }
+}
+
+struct MemoryListener {
+    bus: Arc<Mutex<Bus>>,
+    topic: String,
+    /// Queue of the listener; `None` once it is closed.
+    receiver: Option<Receiver<Sample>>,
+}
+
+impl Listener for MemoryListener {
+    fn take(&mut self) -> Result<Option<Sample>, TakeError> {
+        Ok(self.receiver.as_ref().and_then(Receiver::pop))
+    }
+
+    fn discard(&mut self) -> bool {
+        self.receiver.as_ref().and_then(Receiver::pop).is_some()
+    }
+
+    fn link(&self) -> Link {
+        let publishers =
+            lock(&self.bus).topics.get(&self.topic).map_or(0, |topic| topic.publishers);
+        Link { peers: Some(publishers), ..Link::default() }
+    }
+}
+
+impl Drop for MemoryListener {
+    fn drop(&mut self) {
+        // Closed first, because the watchers that are rung look whether it is still there.
+        self.receiver = None;
+        if let Some(topic) = lock(&self.bus).topics.get_mut(&self.topic) {
+            topic.listeners.retain(|(listener, _)| !listener.is_closed());
+            topic.watchers.iter().for_each(Wake::ring);
+        }
+    }
+}
+
+struct MemoryPublisher {
+    bus: Arc<Mutex<Bus>>,
+    topic: String,
+}
+
+impl Publisher for MemoryPublisher {
+    fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {
+        let mut bus = lock(&self.bus);
+        let topic = bus.topics.entry(self.topic.clone()).or_default();
+        if let Some(reason) = topic.fault.clone() {
+            return Err(PublishError::Transport { topic: self.topic.clone(), reason });
+        }
+        topic.listeners.retain(|(listener, _)| !listener.is_closed());
+        for (listener, context) in &topic.listeners {
+            context.counters.received(0);
+            let sample = Sample {
+                payload: payload.clone(),
+                wire_bytes: 0,
+                received_at: context.clock.now(),
+                origin: None,
+            };
+            listener.settle(sample);
+        }
+        Ok(0)
+    }
+
+    fn link(&self) -> Link {
+        let mut bus = lock(&self.bus);
+        let topic = bus.topics.entry(self.topic.clone()).or_default();
+        topic.listeners.retain(|(listener, _)| !listener.is_closed());
+        Link { peers: Some(topic.listeners.len()), ..Link::default() }
+    }
+}
+
+impl Drop for MemoryPublisher {
+    fn drop(&mut self) {
+        if let Some(topic) = lock(&self.bus).topics.get_mut(&self.topic) {
+            topic.publishers = topic.publishers.saturating_sub(1);
+            topic.watchers.iter().for_each(Wake::ring);
+        }
+    }
+}

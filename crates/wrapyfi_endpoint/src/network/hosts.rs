@@ -1,0 +1,108 @@
+//! Names of machines, and the address of ours by which another machine is reached.
+
+use std::collections::BTreeMap;
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, ToSocketAddrs, UdpSocket};
+
+/// Names of machines and their addresses, known beside what the system resolves: `hosts:` of a
+/// configuration.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Hosts(BTreeMap<String, IpAddr>);
+
+impl Hosts {
+    /// Address that the configuration has for a name.
+    #[must_use]
+    pub fn get(&self, host: &str) -> Option<IpAddr> {
+        self.0.get(&host.to_ascii_lowercase()).copied()
+    }
+
+    /// All names with their addresses.
+    pub fn iter(&self) -> impl Iterator<Item = (&str, IpAddr)> {
+        self.0.iter().map(|(host, ip)| (host.as_str(), *ip))
+    }
+
+    /// Address that the configuration has for `host`, or else `host`.
+    #[must_use]
+    pub fn or_same(&self, host: &str) -> String {
+        self.get(host).map_or_else(|| host.to_owned(), |ip| ip.to_string())
+    }
+
+    /// Resolves `host`, which may be an address itself; to an IPv4 address where there is one.
+    ///
+    /// # Errors
+    /// When it does not resolve; the text has the cause and the remedy.
+    pub fn resolve(&self, host: &str) -> Result<IpAddr, String> {
+        let bare = host.trim_matches(['[', ']']);
+        if let Some(ip) = bare.parse().ok().or_else(|| self.get(bare)) {
+            return Ok(ip);
+        }
+        let found: Vec<SocketAddr> =
+            (bare, 0).to_socket_addrs().map_err(|error| unresolved(bare, &error))?.collect();
+        // ROS 1, YARP and Wrapyfi's sockets speak IPv4 unless they are told otherwise.
+        let preferred = found.iter().find(|address| address.is_ipv4()).or(found.first());
+        preferred.map(SocketAddr::ip).ok_or_else(|| unresolved(bare, &"it has no address"))
+    }
+
+    /// Error text for a name for which the system has no address, with the remedy.
+    #[must_use]
+    pub fn unresolved(host: &str, reason: &dyn std::fmt::Display) -> String {
+        unresolved(host, reason)
+    }
+}
+
+fn unresolved(host: &str, reason: &dyn std::fmt::Display) -> String {
+    format!(
+        "host name {host:?} does not resolve on this machine ({reason}): write its address under \
+         hosts: in the configuration, or into /etc/hosts"
+    )
+}
+
+impl FromIterator<(String, IpAddr)> for Hosts {
+    fn from_iter<I: IntoIterator<Item = (String, IpAddr)>>(entries: I) -> Self {
+        Self(entries.into_iter().map(|(host, ip)| (host.to_ascii_lowercase(), ip)).collect())
+    }
+}
+
+/// Address of this machine from which `to` is reached; `None` where no way leads there. No packet
+/// is sent for it.
+#[must_use]
+pub fn facing(to: SocketAddr) -> Option<IpAddr> {
+    let any: IpAddr = match to {
+        SocketAddr::V4(_) => Ipv4Addr::UNSPECIFIED.into(),
+        SocketAddr::V6(_) => Ipv6Addr::UNSPECIFIED.into(),
+    };
+    let socket = UdpSocket::bind((any, 0)).ok()?;
+    socket.connect(to).ok()?;
+    Some(socket.local_addr().ok()?.ip())
+}
+
+/// True when this machine has the address, so that a socket can listen on it.
+#[must_use]
+pub fn is_of_this_machine(ip: IpAddr) -> bool {
+    UdpSocket::bind((ip, 0)).is_ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_looked_up_here_first() {
+        let robot = IpAddr::from([192, 0, 2, 7]);
+        let hosts: Hosts = [("Robot-Base".to_owned(), robot)].into_iter().collect();
+        assert_eq!(hosts.resolve("robot-base"), Ok(robot));
+        assert_eq!(hosts.or_same("ROBOT-BASE"), "192.0.2.7");
+        assert_eq!(hosts.or_same("other"), "other");
+        assert_eq!(hosts.resolve("[::1]"), Ok(Ipv6Addr::LOCALHOST.into()));
+        assert!(hosts.resolve("localhost").unwrap().is_loopback());
+        let error = hosts.resolve("no-such-host.invalid").unwrap_err();
+        assert!(error.contains("no-such-host.invalid") && error.contains("hosts:"), "{error}");
+    }
+
+    #[test]
+    fn loopback_faces_loopback() {
+        let local = IpAddr::from(Ipv4Addr::LOCALHOST);
+        assert_eq!(facing(SocketAddr::new(local, 9)), Some(local));
+        assert!(is_of_this_machine(local));
+        assert!(!is_of_this_machine([192, 0, 2, 7].into()));
+    }
+}

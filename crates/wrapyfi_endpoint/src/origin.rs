@@ -1,0 +1,60 @@
+//! Publishers that messages come from, for destinations that keep the last message of each.
+//!
+//! ```text
+//!   /tf_static of three nodes ─▶ Listener ─ Origin 1, 2, 3 ─▶ Publisher keeps the last of each
+//!                                   └─ departed: 2 ─────────▶ forgets that of 2
+//! ```
+
+/// The publisher that a message comes from, as far as its listener can tell publishers apart.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Origin {
+    /// Number of the publisher for as long as its listener exists. Numbers of two listeners have
+    /// nothing to do with each other.
+    pub publisher: u64,
+    /// Number of messages that the publisher keeps for later listeners: 1 where it latches in ROS
+    /// 1, its history where it is transient local in ROS 2, [`Origin::UNTOLD`] where it does not
+    /// announce that history, 0 where it keeps none.
+    pub keeps: u32,
+}
+
+impl Origin {
+    /// Value for a publisher that keeps messages and does not announce how many.
+    pub const UNTOLD: u32 = u32::MAX;
+}
+
+/// Extent to which a source's publishers keep their last message for listeners that come later.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Keeping {
+    /// The listener cannot tell.
+    #[default]
+    Unknown,
+    /// The source has no publishers now.
+    Nobody,
+    /// All publishers keep it.
+    All,
+    /// At least one publisher does not keep it.
+    NotAll,
+}
+
+impl Keeping {
+    /// Extent for `publishers`, each of which is true when it keeps its last message.
+    pub fn of(publishers: impl IntoIterator<Item = bool>) -> Self {
+        publishers.into_iter().fold(Self::Nobody, |all, keeps| match (all, keeps) {
+            (Self::Nobody | Self::All, true) => Self::All,
+            _ => Self::NotAll,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_that_does_not_keep_decides() {
+        assert_eq!(Keeping::of([]), Keeping::Nobody);
+        assert_eq!(Keeping::of([true, true]), Keeping::All);
+        assert_eq!(Keeping::of([true, false, true]), Keeping::NotAll);
+        assert_eq!(Keeping::of([false]), Keeping::NotAll);
+    }
+}

@@ -1,0 +1,83 @@
+//! Throttle for log lines that repeat.
+//!
+//! ```text
+//!   complaint ─▶ pass ─ first, or the last is long ago ─▶ log it, and how many were not
+//!                  └─ too soon ─▶ counted ── rest ─▶ the sum, when its time has come
+//! ```
+
+use std::time::{Duration, Instant};
+
+/// Throttle that lets the first of many complaints through at once, then one every
+/// [`Throttle::EVERY`], and counts those kept back.
+///
+/// ```
+/// use std::time::Instant;
+/// use wrapyfi_endpoint::Throttle;
+/// let (mut refused, now) = (Throttle::default(), Instant::now());
+/// assert_eq!(refused.pass(now), Some(0));
+/// assert_eq!(refused.pass(now), None);
+/// assert_eq!(refused.rest(now), None);
+/// assert_eq!(refused.rest(now + Throttle::EVERY), Some(1));
+/// ```
+#[derive(Debug, Clone, Default)]
+pub struct Throttle {
+    last: Option<Instant>,
+    silent: u64,
+}
+
+impl Throttle {
+    /// Least time between two lines.
+    pub const EVERY: Duration = Duration::from_secs(5);
+
+    /// Notes a complaint. It is to be logged where the result is `Some`, the number of complaints
+    /// that were not logged before it.
+    pub fn pass(&mut self, now: Instant) -> Option<u64> {
+        if self.due().is_some_and(|at| now < at) {
+            self.silent = self.silent.saturating_add(1);
+            return None;
+        }
+        self.last = Some(now);
+        Some(std::mem::take(&mut self.silent))
+    }
+
+    /// Number of complaints that were not logged, once it is time to log it: for the end of a
+    /// flood, which no further complaint would report. `None` where there are none.
+    pub fn rest(&mut self, now: Instant) -> Option<u64> {
+        if self.silent == 0 || self.due().is_some_and(|at| now < at) {
+            return None;
+        }
+        self.last = Some(now);
+        Some(std::mem::take(&mut self.silent))
+    }
+
+    /// As [`Throttle::rest`], without waiting for the time: for the end of the complaints' source.
+    pub fn finish(&mut self) -> Option<u64> {
+        let silent = std::mem::take(&mut self.silent);
+        (silent > 0).then_some(silent)
+    }
+
+    fn due(&self) -> Option<Instant> {
+        self.last.map(|at| at + Self::EVERY)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_flood_is_one_line_and_its_sum() {
+        let (mut throttle, start) = (Throttle::default(), Instant::now());
+        let passed: Vec<_> =
+            (0..1000).filter_map(|ms| throttle.pass(start + Duration::from_millis(ms))).collect();
+        assert_eq!(passed, [0]);
+        assert_eq!(throttle.rest(start + Duration::from_secs(1)), None, "too soon");
+        assert_eq!(throttle.pass(start + Throttle::EVERY), Some(999));
+        assert_eq!(throttle.pass(start + Throttle::EVERY), None);
+        assert_eq!(throttle.rest(start + 2 * Throttle::EVERY), Some(1));
+        assert_eq!(throttle.rest(start + 3 * Throttle::EVERY), None, "told already");
+        assert_eq!(throttle.pass(start + 4 * Throttle::EVERY), Some(0));
+        assert_eq!(throttle.pass(start + 4 * Throttle::EVERY), None);
+        assert_eq!((throttle.finish(), throttle.finish()), (Some(1), None));
+    }
+}

@@ -1,0 +1,169 @@
+//! Errors of opening topics, and of taking and sending messages.
+
+use super::DropReason;
+use crate::codec::DecodeError;
+use crate::network::ReachedByOthers;
+use wrapyfi_data::EncodeError;
+use wrapyfi_data::types::MessageType;
+
+/// Error of opening an endpoint.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum OpenError {
+    /// The name breaks the middleware's rules for names.
+    #[error("{middleware} topic name {topic:?} is not valid: {reason}")]
+    InvalidName {
+        /// Middleware asked.
+        middleware: &'static str,
+        /// Name of the topic as given.
+        topic: String,
+        /// Rule that the name breaks.
+        reason: String,
+    },
+    /// The middleware does not carry this type.
+    #[error("{middleware} does not carry {}; {remedy}", message_type.ros_type())]
+    UnsupportedType {
+        /// Middleware asked.
+        middleware: &'static str,
+        /// Type asked for.
+        message_type: MessageType,
+        /// Types that the middleware can carry instead.
+        remedy: String,
+    },
+    /// A setting of the endpoint has a value that the middleware does not accept.
+    #[error("{middleware}: option {option} of {topic:?} is {found}, it must be {wanted}")]
+    InvalidOption {
+        /// Middleware asked.
+        middleware: &'static str,
+        /// Name of the topic or service.
+        topic: String,
+        /// Name of the option.
+        option: String,
+        /// Value of the option.
+        found: String,
+        /// Values that the option may have.
+        wanted: String,
+    },
+    /// The middleware has topics only.
+    #[error(
+        "{middleware} has no services, so {service:?} cannot be called or offered there: use \
+         zeromq, yarp, ros or ros2"
+    )]
+    NoServices {
+        /// Middleware asked.
+        middleware: String,
+        /// Service as given.
+        service: String,
+    },
+    /// The middleware has not started; it is tried again.
+    #[error("{middleware} to start: {reason}")]
+    NotStarted {
+        /// Middleware asked.
+        middleware: &'static str,
+        /// Reason that the last try failed.
+        reason: String,
+    },
+    /// The middleware can never start with its settings.
+    #[error("{middleware} does not start: {reason}")]
+    Refused {
+        /// Middleware asked.
+        middleware: &'static str,
+        /// Setting that is wrong, and the remedy.
+        reason: String,
+    },
+    /// Other machines would reach the endpoint, and no setting permits it.
+    #[error(transparent)]
+    NotLoopback(#[from] ReachedByOthers),
+    /// The transport refused; opening again later may succeed.
+    #[error("{middleware} could not open {topic:?}: {reason}")]
+    Transport {
+        /// Middleware asked.
+        middleware: &'static str,
+        /// Name as given.
+        topic: String,
+        /// Error of the transport, in its words.
+        reason: String,
+    },
+}
+
+impl OpenError {
+    /// True when trying again later can help.
+    #[must_use]
+    pub fn is_transient(&self) -> bool {
+        matches!(self, Self::Transport { .. } | Self::NotStarted { .. })
+    }
+}
+
+/// Error of a listener whose next message could not be used.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum TakeError {
+    /// The bytes are no message of the listener's type.
+    #[error(transparent)]
+    Decode(#[from] DecodeError),
+}
+
+impl TakeError {
+    /// Reason under which the error is counted.
+    #[must_use]
+    pub fn drop_reason(&self) -> DropReason {
+        match self {
+            Self::Decode(error) => error.into(),
+        }
+    }
+}
+
+/// Error of a message that was not sent.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PublishError {
+    /// The payload has no form on this wire.
+    #[error(transparent)]
+    Encode(#[from] EncodeError),
+    /// Nobody listens, and the transport keeps nothing for later: the message was not sent.
+    #[error("nobody listens to {topic:?}")]
+    NoConsumer {
+        /// Topic published to.
+        topic: String,
+    },
+    /// The transport's send queue is full.
+    #[error(
+        "send queue of {topic:?} is full ({depth} messages): the consumer is slower than the source"
+    )]
+    QueueFull {
+        /// Topic published to.
+        topic: String,
+        /// Number of messages that the queue holds.
+        depth: usize,
+    },
+    /// The receiver did not accept all that the message asks of it.
+    #[error("{reason}")]
+    Refused {
+        /// Name published to.
+        topic: String,
+        /// Part that was refused, the receiver that refused it, and the cause.
+        reason: String,
+    },
+    /// The transport failed.
+    #[error("could not send to {topic:?}: {reason}")]
+    Transport {
+        /// Topic published to.
+        topic: String,
+        /// Error of the transport, in its words.
+        reason: String,
+    },
+}
+
+impl PublishError {
+    /// Reason under which the error is counted.
+    #[must_use]
+    pub fn drop_reason(&self) -> DropReason {
+        match self {
+            Self::Encode(_) => DropReason::Unencodable,
+            Self::NoConsumer { .. } => DropReason::NoConsumer,
+            Self::QueueFull { .. } => DropReason::SendQueueFull,
+            Self::Refused { .. } => DropReason::Refused,
+            Self::Transport { .. } => DropReason::SendFailed,
+        }
+    }
+}

@@ -1,0 +1,339 @@
+//! Admission of candidates as routes: loops, rivals, types.
+//!
+//! ```text
+//!   left out   the configuration has a route for it; it would come back to where it is from
+//!   rival      another bridge carries it, or somebody else offers the service
+//!   made       its type is known: given, told by its source, by its destination, or `type_if_unknown`
+//! ```
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use super::candidate::Candidate;
+use super::config_qos::QosConfig;
+use super::reconciler::Reconciler;
+use super::route::{Kind, Route, Typing};
+use super::route_status::RouteState;
+use wrapyfi_data::types::{DataType, MessageType, ServiceKind};
+use wrapyfi_endpoint::{BridgeMark, Discovered, Durability, EndpointAddress, LearnError, Role};
+
+/// Time after which a candidate whose route could not be made is tried again.
+const RETRY: Duration = Duration::from_secs(2);
+
+/// State of a candidate that has no route, with the reason, and the time until the next look.
+type Refusal = (RouteState, Duration);
+
+fn waiting(what: String) -> Refusal {
+    (RouteState::Waiting(what), Duration::ZERO)
+}
+
+impl Reconciler {
+    /// True for a name that the pattern leaves out though it matches: all its endpoints came from
+    /// the destination, or a route with that name is written in the configuration.
+    pub(super) fn is_left_out(
+        &self,
+        spec: &Route,
+        from: &EndpointAddress,
+        to: &EndpointAddress,
+    ) -> bool {
+        let comes_back = self.sources(spec.role(), from, &to.middleware).next().is_none();
+        comes_back || self.is_by_hand(spec, from, to)
+    }
+
+    /// True where the configuration has a route of its own for these ends.
+    pub(super) fn is_by_hand(
+        &self,
+        spec: &Route,
+        from: &EndpointAddress,
+        to: &EndpointAddress,
+    ) -> bool {
+        let role = spec.role();
+        self.explicit.keys().any(|written| {
+            written.role == role
+                && ((written.from == *from && written.to.middleware == to.middleware)
+                    || (written.to == *from && written.from.middleware == to.middleware)
+                    || written.to == *to)
+        })
+    }
+
+    /// Endpoints of a source whose messages did not come through the middleware of the destination.
+    fn sources<'s>(
+        &'s self,
+        role: Role,
+        from: &EndpointAddress,
+        to: &'s str,
+    ) -> impl Iterator<Item = &'s Discovered> {
+        let side = self.graph.get(&from.middleware);
+        let tells = side.is_some_and(|side| side.traits().tells_own);
+        let is_own = !tells && self.ours.contains_key(&(role, from.clone()));
+        let all = side.map_or(&[][..], |side| side.endpoints(role, &from.name));
+        let came_back =
+            |one: &&Discovered| one.mark.as_ref().is_some_and(|mark| mark.came_through(to));
+        all.iter().filter(move |one| !is_own && !came_back(one))
+    }
+
+    /// Another program or bridge that does what the candidate's route would do, in words.
+    pub(super) fn rival(&self, spec: &Route, candidate: &Candidate) -> Option<String> {
+        let Candidate { from, to, .. } = candidate;
+        let side = self.graph.get(&to.middleware)?;
+        let role = spec.role();
+        if !side.traits().tells_own && self.ours.contains_key(&(role, to.clone())) {
+            return None;
+        }
+        let who = |one: &Discovered| one.node.clone().unwrap_or_else(|| "another program".into());
+        side.endpoints(role, &to.name).iter().find_map(|one| match (role, &one.mark) {
+            (_, Some(mark)) if mark.bridge >= self.number => None,
+            (Role::Server, _) => {
+                Some(format!("the name {to}, under which {} offers a service", who(one)))
+            }
+            (_, Some(mark)) if mark.came_through(&from.middleware) => {
+                Some(format!("the bridge {}, which carries it to {to} already", who(one)))
+            }
+            _ => None,
+        })
+    }
+
+    /// Makes the route of a candidate, or says why there is none.
+    pub(super) fn make(&mut self, spec: &Route, candidate: &Candidate) -> Result<Route, Refusal> {
+        let Candidate { from, to, .. } = candidate;
+        let role = spec.role();
+        if spec.is_many() {
+            if let Some(rival) = self.rival(spec, candidate) {
+                return Err(waiting(rival));
+            }
+            if let Some(other) = self.taken(role, to) {
+                return Err(waiting(format!("the name {to}, to which {other} goes")));
+            }
+            if self.is_on_both_sides(role, from, to) {
+                return Err(waiting(format!(
+                    "a decision: {from} and {to} both have publishers, and {} does not tell which \
+                     are bridges'; write a route for it",
+                    self.without_marks(from, to)
+                )));
+            }
+        }
+        let sources: Vec<Discovered> = self.sources(role, from, &to.middleware).cloned().collect();
+        let mark = spec.is_many().then(|| {
+            let marks = sources.iter().filter_map(|one| one.mark.as_ref());
+            BridgeMark::of(self.number, marks, &from.middleware)
+        });
+        let name = if spec.is_many() { candidate.name(role) } else { spec.name.clone() };
+        let (from, to) = (from.clone(), to.clone());
+        let mut route =
+            Route { name, mark, from, to, names: None, typing: Typing::Given, ..spec.clone() };
+        let (from, to) = (&route.from, &route.to);
+        route.kind = match (spec.typing, spec.kind) {
+            (Typing::Given, given) => given,
+            (typing, Kind::Topic(types)) => {
+                let otherwise = (typing == Typing::LearnedIfTold).then_some(types.to);
+                let learned = match candidate.wished {
+                    Some(wished) => wished,
+                    None => {
+                        let learned = self.learn_topic(&sources, from, to, otherwise)?;
+                        let source = self.graph.get(&from.middleware);
+                        let source = source.and_then(|side| side.middleware.as_ref());
+                        let options = &spec.policy.options;
+                        source.map_or(learned, |it| it.received_as(learned, options))
+                    }
+                };
+                Kind::Topic(learned.into())
+            }
+            (typing, Kind::Service(kind)) => {
+                let otherwise = (typing == Typing::LearnedIfTold).then_some(kind);
+                Kind::Service(self.learn_service(&sources, from, otherwise)?)
+            }
+        };
+        let keeps = role == Role::Publisher
+            && (spec.policy.lazy || sources.iter().any(|one| one.qos.is_some()))
+            && self.keeps_last(spec, candidate);
+        if let QosConfig::Match(qos) = &mut route.policy.qos
+            && keeps
+        {
+            // Publishers of the source keep their last message, so the destination does too.
+            qos.durability = Durability::TransientLocal;
+        }
+        Ok(route)
+    }
+
+    /// True when a publisher of the source is known to keep its last message. Every publisher is
+    /// asked: nobody can listen to kept messages of a destination that does not offer any, so a
+    /// lazy route opens its source for them.
+    pub(super) fn keeps_last(&self, spec: &Route, candidate: &Candidate) -> bool {
+        let Candidate { from, to, .. } = candidate;
+        let side = self.graph.get(&from.middleware);
+        let Some(middleware) = side.and_then(|side| side.middleware.as_ref()) else {
+            return false;
+        };
+        let sources = self.sources(spec.role(), from, &to.middleware);
+        let mut keeps = false;
+        for one in sources {
+            keeps |= middleware.keeps_last(one) == Some(true);
+        }
+        keeps
+    }
+
+    /// Type that publishers of the source announce, where they do.
+    pub(super) fn told_by_sources(
+        &mut self,
+        spec: &Route,
+        candidate: &Candidate,
+    ) -> Option<&'static str> {
+        let Candidate { from, to, .. } = candidate;
+        if let (Kind::Topic(types), Typing::Given) = (spec.kind, spec.typing) {
+            return Some(types.to.label());
+        }
+        let sources: Vec<Discovered> =
+            self.sources(spec.role(), from, &to.middleware).cloned().collect();
+        let between_ros = self.are_both_ros(from, to);
+        let middleware = self.graph.get(&from.middleware)?.middleware.clone()?;
+        let mut told = sources.iter().filter_map(|one| {
+            let learned = middleware.learn_topic(one, &mut self.types).ok()?;
+            Some(learned.message_type(between_ros).label())
+        });
+        told.next()
+    }
+
+    /// Listeners at the destination that want another type than the route's, and a type for them.
+    pub(super) fn misfits(&mut self, spec: &Route, candidate: &Candidate) -> Misfits {
+        let Candidate { from, to, .. } = candidate;
+        let mut misfits = Misfits::default();
+        let (Kind::Topic(_), Some(carried)) = (spec.kind, candidate.carried) else {
+            return misfits;
+        };
+        let is_given = spec.typing == Typing::Given;
+        let between_ros = self.are_both_ros(from, to);
+        let untyped = self.graph.get(&from.middleware).is_some_and(|side| side.traits().untyped);
+        let Some(target) = self.graph.get(&to.middleware) else { return misfits };
+        let Some(middleware) = target.middleware.clone() else { return misfits };
+        let mut served = false;
+        for listener in target.endpoints(Role::Listener, &to.name) {
+            let Ok(learned) = middleware.learn_topic(listener, &mut self.types) else { continue };
+            let wanted = learned.message_type(between_ros);
+            if wanted.ros_type() == carried.ros_type() {
+                served = true;
+                continue;
+            }
+            if untyped && !is_given && may_be_read_as(carried, wanted) {
+                misfits.instead = misfits.instead.or(Some(wanted));
+            }
+            let who = listener.node.as_deref().unwrap_or("a listener");
+            let text = format!("{who} wants {}", wanted.ros_type());
+            misfits.named.get_or_insert(text);
+        }
+        if served {
+            misfits.instead = None;
+        }
+        misfits
+    }
+
+    fn are_both_ros(&self, from: &EndpointAddress, to: &EndpointAddress) -> bool {
+        [from, to].into_iter().all(|end| {
+            self.graph.get(&end.middleware).is_some_and(|side| side.traits().any_ros_type)
+        })
+    }
+
+    /// True when both ends have publishers of other programs and a middleware shows no marks, so
+    /// that nothing tells which of them are a bridge's.
+    fn is_on_both_sides(&self, role: Role, from: &EndpointAddress, to: &EndpointAddress) -> bool {
+        let tells = |address: &EndpointAddress| {
+            self.graph.get(&address.middleware).is_some_and(|side| side.traits().shows_marks)
+        };
+        if role != Role::Publisher || (tells(from) && tells(to)) {
+            return false;
+        }
+        let Some(side) = self.graph.get(&to.middleware) else { return false };
+        let is_ours = !side.traits().tells_own && self.ours.contains_key(&(role, to.clone()));
+        !is_ours && !side.endpoints(role, &to.name).is_empty()
+    }
+
+    fn without_marks<'a>(&self, from: &'a EndpointAddress, to: &'a EndpointAddress) -> &'a str {
+        let tells = self.graph.get(&from.middleware).is_some_and(|side| side.traits().shows_marks);
+        if tells { &to.middleware } else { &from.middleware }
+    }
+
+    fn learn_topic(
+        &mut self,
+        sources: &[Discovered],
+        from: &EndpointAddress,
+        to: &EndpointAddress,
+        otherwise: Option<MessageType>,
+    ) -> Result<MessageType, Refusal> {
+        let between_ros = self.are_both_ros(from, to);
+        let (Some(source), Some(target)) =
+            (self.graph.get(&from.middleware), self.graph.get(&to.middleware))
+        else {
+            return Err(waiting("its middlewares".to_owned()));
+        };
+        let listeners = target.endpoints(Role::Listener, &to.name);
+        let mut why = None;
+        for (side, endpoints) in [(source, sources), (target, listeners)] {
+            let Some(middleware) = &side.middleware else { continue };
+            let mut told: BTreeMap<&str, MessageType> = BTreeMap::new();
+            for one in endpoints {
+                match middleware.learn_topic(one, &mut self.types) {
+                    Ok(learned) => {
+                        let learned = learned.message_type(between_ros);
+                        told.insert(learned.label(), learned);
+                    }
+                    Err(error) => why = why.or(Some(error)),
+                }
+            }
+            if told.len() > 1 {
+                let names: Vec<&str> = told.into_keys().collect();
+                let text = format!("{} has several types: {}; give `type`", from, names.join(", "));
+                return Err((RouteState::Error(text), RETRY));
+            }
+            if let Some((_, learned)) = told.pop_first() {
+                return Ok(learned);
+            }
+        }
+        match (otherwise, why) {
+            (Some(known), None | Some(LearnError::Untold { .. })) if !sources.is_empty() => {
+                Ok(known)
+            }
+            (_, Some(error)) => Err(refused(&error)),
+            (_, None) => Err(waiting(format!("a publisher on {from}, which tells the type"))),
+        }
+    }
+
+    fn learn_service(
+        &mut self,
+        sources: &[Discovered],
+        from: &EndpointAddress,
+        otherwise: Option<ServiceKind>,
+    ) -> Result<ServiceKind, Refusal> {
+        let side = self.graph.get(&from.middleware);
+        let (Some(middleware), Some(server)) =
+            (side.and_then(|side| side.middleware.as_ref()), sources.first())
+        else {
+            return Err(waiting(format!("a server of {from}, which tells the type")));
+        };
+        match (middleware.learn_service(server, &mut self.types), otherwise) {
+            (Ok(kind), _) | (Err(LearnError::Untold { .. }), Some(kind)) => Ok(kind),
+            (Err(error), _) => Err(refused(&error)),
+        }
+    }
+}
+
+/// Listeners of other types than a route's.
+#[derive(Debug, Default, PartialEq)]
+pub(super) struct Misfits {
+    /// The first of these listeners, in words.
+    pub(super) named: Option<String>,
+    /// Type that the route may carry instead, where no listener wants its own.
+    pub(super) instead: Option<MessageType>,
+}
+
+/// True when messages without a type that look like `looks` may also be read as `wanted`.
+fn may_be_read_as(looks: MessageType, wanted: MessageType) -> bool {
+    let fields = [DataType::NativeObject, DataType::RosMessage];
+    let (looks, wanted) = (looks.data_type(), wanted.data_type());
+    looks == wanted || (fields.contains(&looks) && fields.contains(&wanted))
+}
+
+fn refused(error: &LearnError) -> Refusal {
+    // The middleware asks again by itself, and the answer may come before `RETRY`.
+    let is_on_its_way = matches!(error, LearnError::Asked { .. } | LearnError::Silent { .. });
+    let again = if is_on_its_way { Duration::ZERO } else { RETRY };
+    (RouteState::Waiting(error.to_string()), again)
+}

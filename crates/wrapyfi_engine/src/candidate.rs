@@ -1,0 +1,141 @@
+//! A source that a pattern matches: the time since which it exists, and the state of its route.
+
+use std::time::{Duration, Instant};
+
+use super::route::RouteKey;
+use super::route_status::RouteState;
+use wrapyfi_data::types::MessageType;
+use wrapyfi_endpoint::{EndpointAddress, Role};
+
+/// Longest time, in milliseconds, after which a candidate yields to a rival.
+const YIELD_SPREAD_MS: u64 = 2000;
+
+/// A source, and the destination that its route has or would have.
+#[derive(Debug)]
+pub(super) struct Candidate {
+    pub(super) from: EndpointAddress,
+    pub(super) to: EndpointAddress,
+    /// Destination that it has to go to instead.
+    pub(super) moves_to: Option<EndpointAddress>,
+    pub(super) state: State,
+    first_seen: Option<Instant>,
+    last_seen: Option<Instant>,
+    retry_at: Option<Instant>,
+    /// Instant since which a rival does what its route does.
+    rival_since: Option<Instant>,
+    /// True while its source has no publisher yet, and a listener waits at the destination.
+    pub(super) is_ahead: bool,
+    /// Type of a route that was made ahead of its publishers, which may have another.
+    pub(super) guessed_type: Option<&'static str>,
+    /// Type that its route carries.
+    pub(super) carried: Option<MessageType>,
+    /// Type that its listeners want, where it differs from the learned one and can be made of it.
+    pub(super) wished: Option<MessageType>,
+    /// Listeners that its route cannot serve, in words, as the route was told last.
+    pub(super) misfits: Option<String>,
+    /// True when its route closes the source while nobody listens. It must not where a publisher
+    /// keeps messages.
+    pub(super) rests: bool,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum State {
+    New,
+    /// There is no route; the state says why.
+    Waits(RouteState),
+    /// The route with this number runs.
+    Runs(u64),
+}
+
+impl Candidate {
+    pub(super) fn new(from: EndpointAddress, to: EndpointAddress, seen: Option<Instant>) -> Self {
+        Self {
+            from,
+            to,
+            moves_to: None,
+            state: State::New,
+            first_seen: seen,
+            last_seen: seen,
+            retry_at: None,
+            rival_since: None,
+            is_ahead: false,
+            guessed_type: None,
+            carried: None,
+            wished: None,
+            misfits: None,
+            rests: false,
+        }
+    }
+
+    /// Name of its route, which is that of any route between the two.
+    pub(super) fn name(&self, role: Role) -> String {
+        match role {
+            Role::Server => format!("{} -> {}", self.to, self.from),
+            _ => format!("{} -> {}", self.from, self.to),
+        }
+    }
+
+    /// Ends of its route.
+    pub(super) fn key(&self, role: Role) -> RouteKey {
+        RouteKey { role, from: self.from.clone(), to: self.to.clone() }
+    }
+
+    /// Forgets its state under other settings, but not the time since which the source exists.
+    pub(super) fn forget(&mut self) {
+        *self = Self {
+            last_seen: self.last_seen,
+            is_ahead: self.is_ahead,
+            ..Self::new(self.from.clone(), self.to.clone(), self.first_seen)
+        };
+    }
+
+    pub(super) fn seen(&mut self, now: Instant) {
+        self.first_seen.get_or_insert(now);
+        self.last_seen = Some(now);
+    }
+
+    /// Notes that the source was there until `now` if it was seen at `then`: nothing has changed
+    /// between.
+    pub(super) fn stayed(&mut self, then: Instant, now: Instant) {
+        if self.last_seen == Some(then) {
+            self.last_seen = Some(now);
+        }
+    }
+
+    /// True when the source was last seen at least `after` ago.
+    pub(super) fn is_gone(&self, now: Instant, after: Duration) -> bool {
+        self.last_seen.is_some_and(|at| now.saturating_duration_since(at) >= after)
+    }
+
+    /// True when a route may be made of it now.
+    pub(super) fn is_due(&self, now: Instant, settle: Duration) -> bool {
+        let settled = self.first_seen.is_none_or(|at| now.saturating_duration_since(at) >= settle);
+        settled && self.retry_at.is_none_or(|at| now >= at)
+    }
+
+    pub(super) fn retry_at(&mut self, at: Instant) {
+        self.retry_at = Some(at);
+    }
+
+    /// True when it has to give way to a rival now. The time until then differs from bridge to
+    /// bridge, so that not all of them give way at once.
+    pub(super) fn yields(&mut self, now: Instant, number: u64) -> bool {
+        let since = *self.rival_since.get_or_insert(now);
+        let spread = Duration::from_millis(number % YIELD_SPREAD_MS);
+        now.saturating_duration_since(since) >= spread
+    }
+
+    pub(super) fn has_no_rival(&mut self) {
+        self.rival_since = None;
+    }
+
+    /// Notes the reason that it has no route, and logs a new one; at level debug where it is one of
+    /// many.
+    pub(super) fn waits(&mut self, name: &str, state: RouteState, is_one_of_many: bool) {
+        if matches!(self.state, State::Runs(_)) || self.state == State::Waits(state.clone()) {
+            return;
+        }
+        state.log(name, is_one_of_many, 0);
+        self.state = State::Waits(state);
+    }
+}

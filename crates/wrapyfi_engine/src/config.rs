@@ -1,0 +1,376 @@
+//! The configuration file: YAML to plain data, nothing resolved yet.
+//!
+//! ```text
+//!   text ── from_yaml ──▶ Config ── Plan::new ──▶ Plan ── Engine::new ──▶ routes
+//!            unknown keys,          names, types,
+//!            wrong types: line      duplicates: line
+//! ```
+//!
+//! `config/example.yaml` is the manual: every key, commented.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use serde::de::{self, DeserializeOwned, IntoDeserializer, MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer};
+pub use serde_saphyr::Spanned;
+
+use super::config_devices::DevicesConfig;
+use super::config_error::ConfigError;
+use super::config_qos::QosConfig;
+use super::stamping::StampSource;
+
+/// Largest configuration file, in bytes.
+pub const MAX_CONFIG_BYTES: usize = 1 << 20;
+
+/// Largest number of entries in `routes`. An entry of two bytes takes some thousand in memory.
+pub const MAX_ROUTES: usize = 10_000;
+
+/// A configuration file. `E` describes the endpoints section, because the program knows the
+/// middlewares and the engine does not.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields, bound = "E: DeserializeOwned + Default")]
+pub struct Config<E> {
+    /// Settings of each middleware, such as the address of its broker or master.
+    #[serde(default)]
+    pub endpoints: E,
+    /// Names of machines and their addresses, beside those that the system knows.
+    #[serde(default)]
+    pub hosts: BTreeMap<String, Spanned<String>>,
+    /// Values for routes that do not set their own.
+    #[serde(default)]
+    pub defaults: Defaults,
+    /// Limits on the whole process.
+    #[serde(default)]
+    pub limits: ProcessLimits,
+    /// Folders with definitions of ROS types that are installed nowhere: `package/msg/Type.msg` below.
+    #[serde(default)]
+    pub definitions: Vec<Spanned<String>>,
+    /// Routes and patterns: [`MAX_ROUTES`] entries at most.
+    #[serde(deserialize_with = "routes")]
+    pub routes: Vec<Spanned<RouteConfig>>,
+}
+
+/// Limits on the whole process.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ProcessLimits {
+    /// MiB that may wait in all queues together (default 1024).
+    pub waiting_mib: Option<Spanned<usize>>,
+}
+
+/// Values for routes that do not set their own.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Defaults {
+    /// Number of messages that a route's queue holds (default 10).
+    pub queue_depth: usize,
+    /// Policy of a full queue (default `drop_oldest`).
+    pub overflow: OverflowConfig,
+    /// Largest message in MiB (default 64).
+    pub max_message_mib: usize,
+    /// Devices that received tensors are labelled with (default: they keep theirs).
+    pub devices: Option<Spanned<DevicesConfig>>,
+}
+
+impl Default for Defaults {
+    fn default() -> Self {
+        Self {
+            queue_depth: 10,
+            overflow: OverflowConfig::DropOldest,
+            max_message_mib: 64,
+            devices: None,
+        }
+    }
+}
+
+/// One entry of `routes`.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RouteConfig {
+    /// Source, as `middleware:/name`.
+    #[serde(default)]
+    pub from: Option<Spanned<String>>,
+    /// Destination, as `middleware:/name`.
+    #[serde(default)]
+    pub to: Option<Spanned<String>>,
+    /// Address at which a service has its server, in place of `from` and `to`.
+    #[serde(default)]
+    pub service: Option<Spanned<String>>,
+    /// Address at which the bridge offers that service.
+    #[serde(default, rename = "as")]
+    pub offered: Option<Spanned<String>>,
+    /// Time that a call of the service has, in milliseconds.
+    #[serde(default)]
+    pub timeout_ms: Option<Spanned<u64>>,
+    /// Message type: see [`wrapyfi_data::types::MessageType`]; of a service [`wrapyfi_data::types::ServiceKind`].
+    /// If left out, it is learned from the endpoints that exist.
+    #[serde(default, rename = "type")]
+    pub message_type: Option<Spanned<String>>,
+    /// Type where none is given and no endpoint announces one.
+    #[serde(default)]
+    pub type_if_unknown: Option<Spanned<String>>,
+    /// Names that a pattern takes, as regular expressions (default: all).
+    #[serde(default)]
+    pub allow: Option<Spanned<Vec<Spanned<String>>>>,
+    /// Names that a pattern leaves out, also where they are allowed.
+    #[serde(default)]
+    pub deny: Option<Spanned<Vec<Spanned<String>>>>,
+    /// True where a pattern leaves out hidden names and those that every node has (default: true).
+    #[serde(default)]
+    pub default_deny: Option<Spanned<bool>>,
+    /// Largest number of routes that a pattern makes (default: 1000).
+    #[serde(default)]
+    pub max_routes: Option<Spanned<usize>>,
+    /// True where the source is open only while somebody listens (default: true for patterns, else
+    /// false).
+    #[serde(default)]
+    pub lazy: Option<Spanned<bool>>,
+    /// Message type at the source, where it is another than at the destination (default: `type`).
+    #[serde(default)]
+    pub from_type: Option<Spanned<String>>,
+    /// Name in tables and logs (default `from -> to`).
+    #[serde(default)]
+    pub name: Option<String>,
+    /// Quality of service where a middleware has one (default: fitted to the peers, and ROS 2's
+    /// default profile while there are none).
+    #[serde(default)]
+    pub qos: Option<QosConfig>,
+    /// Channel order of three-channel frames on Wrapyfi's side: `bgr8` (default) or `rgb8`.
+    #[serde(default)]
+    pub encoding: Option<Spanned<String>>,
+    /// Coordinate frame in the header of every message (default: the source's).
+    #[serde(default)]
+    pub frame_id: Option<Spanned<String>>,
+    /// Source of the time in the header (default: [`StampSource::Source`], with `use_sim_time`
+    /// [`StampSource::RosTime`] for sources outside ROS).
+    #[serde(default)]
+    pub stamp: Option<Spanned<StampSource>>,
+    /// Number of messages that the route's queue holds.
+    #[serde(default)]
+    pub queue_depth: Option<Spanned<usize>>,
+    /// Policy of a full queue.
+    #[serde(default)]
+    pub overflow: Option<OverflowConfig>,
+    /// Highest rate passed on, in messages per second; others are dropped and counted.
+    #[serde(default)]
+    pub max_rate_hz: Option<Spanned<f64>>,
+    /// Largest message in MiB.
+    #[serde(default)]
+    pub max_message_mib: Option<Spanned<usize>>,
+    /// Devices that received tensors are labelled with; a library that stands here is not looked up
+    /// in the defaults.
+    #[serde(default)]
+    pub devices: Option<Spanned<DevicesConfig>>,
+    /// Settings that only some middlewares have, by name: `carrier`, `joints`, …
+    #[serde(default)]
+    pub options: BTreeMap<String, Spanned<serde_json::Value>>,
+    /// True where another route may have the same destination.
+    #[serde(default)]
+    pub merge: bool,
+}
+
+/// Policy of a full queue: `drop_oldest`, `drop_newest` or `{ block_ms: N }`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[allow(missing_docs)]
+pub enum OverflowConfig {
+    DropOldest,
+    DropNewest,
+    Block { block_ms: u64 },
+}
+
+impl<E: DeserializeOwned + Default> Config<E> {
+    /// Reads a configuration; `file` is its name in errors.
+    ///
+    /// # Errors
+    /// When the file is wrong; the error names file, line and column, the fault, and the nearest
+    /// spelling of an unknown key.
+    pub fn from_yaml(text: &str, file: &str) -> Result<Self, ConfigError> {
+        if text.len() > MAX_CONFIG_BYTES {
+            return Err(ConfigError::too_large(file, text.len(), MAX_CONFIG_BYTES));
+        }
+        serde_saphyr::from_str(text).map_err(|error| ConfigError::from_yaml(file, text, &error))
+    }
+}
+
+/// Reads the list of routes, and stops where there are too many.
+fn routes<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<Vec<Spanned<RouteConfig>>, D::Error> {
+    struct Routes;
+
+    impl<'de> Visitor<'de> for Routes {
+        type Value = Vec<Spanned<RouteConfig>>;
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            f.write_str("a list of routes")
+        }
+
+        fn visit_seq<A: SeqAccess<'de>>(self, mut entries: A) -> Result<Self::Value, A::Error> {
+            let mut all = Vec::new();
+            while let Some(route) = entries.next_element()? {
+                if all.len() == MAX_ROUTES {
+                    return Err(de::Error::custom(format!(
+                        "more than {MAX_ROUTES} routes: one route by pattern means many topics"
+                    )));
+                }
+                all.push(route);
+            }
+            Ok(all)
+        }
+    }
+
+    deserializer.deserialize_seq(Routes)
+}
+
+impl<'de> Deserialize<'de> for OverflowConfig {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(Deserialize)]
+        #[serde(rename_all = "snake_case")]
+        enum Word {
+            DropOldest,
+            DropNewest,
+        }
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Block {
+            block_ms: u64,
+        }
+        word_or_map(
+            deserializer,
+            "drop_oldest, drop_newest or { block_ms: N }",
+            |word: Word| {
+                Ok(match word {
+                    Word::DropOldest => Self::DropOldest,
+                    Word::DropNewest => Self::DropNewest,
+                })
+            },
+            |Block { block_ms }| Ok(Self::Block { block_ms }),
+        )
+    }
+}
+
+/// Reads a value that is either a word of enum `W` or a mapping `M`, with errors that point into
+/// the one that was written (an untagged enum would only say that nothing matched).
+pub(super) fn word_or_map<'de, D, W, M, T>(
+    deserializer: D,
+    expected: &'static str,
+    from_word: impl FnOnce(W) -> Result<T, String>,
+    from_map: impl FnOnce(M) -> Result<T, String>,
+) -> Result<T, D::Error>
+where
+    D: Deserializer<'de>,
+    W: Deserialize<'de>,
+    M: Deserialize<'de>,
+{
+    struct Either<W, M, F, G>(&'static str, F, G, std::marker::PhantomData<(W, M)>);
+
+    impl<'de, W, M, T, F, G> Visitor<'de> for Either<W, M, F, G>
+    where
+        W: Deserialize<'de>,
+        M: Deserialize<'de>,
+        F: FnOnce(W) -> Result<T, String>,
+        G: FnOnce(M) -> Result<T, String>,
+    {
+        type Value = T;
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            f.write_str(self.0)
+        }
+
+        fn visit_str<Er: de::Error>(self, word: &str) -> Result<T, Er> {
+            (self.1)(W::deserialize(word.into_deserializer())?).map_err(de::Error::custom)
+        }
+
+        fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<T, A::Error> {
+            let read = M::deserialize(de::value::MapAccessDeserializer::new(map))?;
+            (self.2)(read).map_err(de::Error::custom)
+        }
+    }
+
+    deserializer.deserialize_any(Either(expected, from_word, from_map, std::marker::PhantomData))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use wrapyfi_endpoint::{Durability, History, QosPreset};
+
+    #[derive(Debug, Default, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct NoEndpoints {}
+
+    fn parse(text: &str) -> Result<Config<NoEndpoints>, ConfigError> {
+        Config::from_yaml(text, "bridge.yaml")
+    }
+
+    #[test]
+    fn a_route_reads_with_defaults() {
+        let config =
+            parse("routes:\n  - { from: 'a:/x', to: 'b:/y', type: Image, qos: sensor_data }\n")
+                .unwrap();
+        let route = &config.routes[0].value;
+        assert_eq!(
+            [&route.from, &route.to].map(|end| end.as_ref().map(|end| end.value.as_str())),
+            [Some("a:/x"), Some("b:/y")]
+        );
+        assert_eq!(route.qos, Some(QosConfig::Fixed(QosPreset::SensorData.into())));
+        assert_eq!(config.routes[0].referenced.line(), 2);
+        assert_eq!(config.defaults.queue_depth, 10);
+    }
+
+    #[test]
+    fn policies_and_blocking_are_spelled_out() {
+        let text = "routes:\n  - from: 'a:/x'\n    to: 'b:/y'\n    type: Image\n    overflow: { block_ms: 50 }\n    qos: { durability: transient_local, depth: 3 }\n";
+        let config = parse(text).unwrap();
+        let route = &config.routes[0].value;
+        assert_eq!(route.overflow, Some(OverflowConfig::Block { block_ms: 50 }));
+        let qos = route.qos.unwrap().qos();
+        assert_eq!(qos.durability, Durability::TransientLocal);
+        assert_eq!(qos.history, History::KeepLast(3));
+    }
+
+    #[test]
+    fn an_unknown_key_is_refused_with_line_and_suggestion() {
+        let error =
+            parse("routes:\n  - from: 'a:/x'\n    two: 'b:/y'\n    type: Image\n").unwrap_err();
+        let text = error.to_string();
+        assert!(text.starts_with("bridge.yaml:3:"), "{text}");
+        assert!(
+            text.contains("unknown key `two`") && text.contains("did you mean `to`?"),
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn a_wrong_word_lists_the_right_ones() {
+        let text =
+            parse("routes:\n  - { from: 'a:/x', to: 'b:/y', type: Image, overflow: drop_oldes }\n")
+                .unwrap_err()
+                .to_string();
+        assert!(text.contains("drop_oldest"), "{text}");
+        let text = parse("routes:\n  - { from: 'a:/x', to: 'b:/y', type: Image, qos: 3 }\n")
+            .unwrap_err()
+            .to_string();
+        assert!(text.contains("sensor_data"), "{text}");
+    }
+
+    #[test]
+    fn too_many_routes_are_refused_before_they_fill_the_memory() {
+        let text = format!("routes: [{}]", "{},".repeat(MAX_ROUTES + 1));
+        let error = parse(&text).unwrap_err().to_string();
+        assert!(error.contains("more than 10000 routes"), "{error}");
+        assert_eq!(parse("routes: [{}, {}]").unwrap().routes.len(), 2);
+    }
+
+    #[test]
+    fn what_is_missing_is_named() {
+        let text = parse("routes:\n  - { to: 'b:/y', overflow: {} }\n").unwrap_err().to_string();
+        assert!(text.contains("`block_ms`"), "{text}");
+        assert!(parse("endpoints: {}\n").unwrap_err().to_string().contains("routes"));
+        assert!(parse("routes: [\n").is_err());
+        assert!(
+            parse(&" ".repeat(MAX_CONFIG_BYTES + 1)).unwrap_err().to_string().contains("1048576")
+        );
+    }
+}

@@ -1,0 +1,182 @@
+//! The driver, which keeps the routes that run in step with the plan, in tests as in production.
+//!
+//! ```text
+//!   plan ─▶ mailbox ─▶ look(now): reconciler ─ Change::Start, Stop, … ─▶ members
+//!                                                                          │ step(now)
+//!                        Engine::step: each in turn   Running: a pool of threads
+//! ```
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex};
+use std::time::Instant;
+
+use wrapyfi_interfaces::store::TypeStore;
+
+use super::member::{Member, lock};
+use super::plan::Plan;
+use super::plan_diff::{ApplyError, PlanDiff};
+use super::pool::Pool;
+use super::reconciler::{Change, Reconciler};
+use super::route_status::RouteStatus;
+use super::work::contained;
+use wrapyfi_endpoint::{Registry, Wake};
+
+/// The routes that run, with the reconciler and the pool.
+pub(super) struct Driver {
+    pub(super) pool: Arc<Pool>,
+    members: Mutex<Members>,
+    reconciler: Mutex<Reconciler>,
+    /// Statuses of the patterns.
+    found: Mutex<Vec<RouteStatus>>,
+    latest: Mutex<Latest>,
+    /// Bell that rings for a look.
+    pub(super) wake: Wake,
+}
+
+/// The plan that holds, or that the next look turns to.
+struct Latest {
+    plan: Plan,
+    registry: Registry,
+    /// Types for the patterns of a plan that is new; `None` once the reconciler has turned to it.
+    turns_to: Option<TypeStore>,
+}
+
+#[derive(Default)]
+struct Members {
+    running: BTreeMap<u64, Arc<Member>>,
+    /// Members that were told to stop.
+    closing: Vec<Arc<Member>>,
+}
+
+impl Driver {
+    pub(super) fn new(plan: Plan, registry: &Registry) -> Self {
+        let mut reconciler = Reconciler::new(registry);
+        let changes = reconciler.replace(plan.clone(), registry.clone(), registry.clock().now());
+        let driver = Self {
+            pool: Pool::new(registry.clock().clone()),
+            members: Mutex::default(),
+            found: Mutex::new(reconciler.status()),
+            reconciler: Mutex::new(reconciler),
+            latest: Mutex::new(Latest { plan, registry: registry.clone(), turns_to: None }),
+            wake: Wake::new(),
+        };
+        driver.carry_out(registry, changes);
+        driver
+    }
+
+    pub(super) fn set_types(&self, types: TypeStore) {
+        lock(&self.reconciler).types = types;
+    }
+
+    /// Takes a plan for the next look.
+    pub(super) fn apply(
+        &self,
+        plan: Plan,
+        types: TypeStore,
+        registry: Registry,
+    ) -> Result<PlanDiff, ApplyError> {
+        let unknown = plan.middlewares().find_map(|name| registry.get(name).err());
+        if let Some(unknown) = unknown {
+            return Err(ApplyError::Unknown(unknown));
+        }
+        let diff = {
+            let mut latest = lock(&self.latest);
+            let diff = latest.plan.diff(&plan);
+            *latest = Latest { plan, registry, turns_to: Some(types) };
+            diff
+        };
+        self.wake.ring();
+        Ok(diff)
+    }
+
+    /// Turns to a new plan where there is one, and looks at discovery; instant of the next look, if
+    /// nothing rings before.
+    pub(super) fn look(&self, now: Instant) -> Option<Instant> {
+        let mut reconciler = lock(&self.reconciler);
+        let next = {
+            let mut latest = lock(&self.latest);
+            let types = latest.turns_to.take();
+            types.map(|types| (types, latest.plan.clone(), latest.registry.clone()))
+        };
+        if let Some((types, plan, registry)) = next {
+            reconciler.types = types;
+            let changes = reconciler.replace(plan, registry, now);
+            self.carry_out(&reconciler.registry, changes);
+        }
+        let next = match contained(|| reconciler.scan(now)) {
+            Ok(changes) => {
+                self.carry_out(&reconciler.registry, changes);
+                reconciler.has_patterns().then(|| now + reconciler.look_again_in(now))
+            }
+            Err(panic) => Some(now + reconciler.panicked(panic, now)),
+        };
+        *lock(&self.found) = reconciler.status();
+        next
+    }
+
+    /// Carries out the reconciler's changes without waiting for a step.
+    fn carry_out(&self, registry: &Registry, changes: Vec<Change>) {
+        for change in changes {
+            let mut members = lock(&self.members);
+            let running = |id| members.running.get(&id).cloned();
+            match change {
+                Change::Start { id, route, counters } => {
+                    let key = route.key();
+                    members.closing.retain(|member| !member.is_closed());
+                    let same_end =
+                        |it: &&Arc<Member>| it.key.role == key.role && it.key.to == key.to;
+                    let after = members.closing.iter().rev().find(same_end).cloned();
+                    let pool = Arc::downgrade(&self.pool);
+                    let member = Member::new(id, *route, counters, registry, after, pool);
+                    members.running.insert(id, Arc::clone(&member));
+                    drop(members);
+                    self.pool.ring(member);
+                }
+                Change::KeepOpen { id } => {
+                    let member = running(id);
+                    drop(members);
+                    member.iter().for_each(|member| member.keep_open());
+                }
+                Change::Misfits { id, named } => {
+                    let member = running(id);
+                    drop(members);
+                    member.iter().for_each(|member| member.name_misfits(named.clone()));
+                }
+                Change::Stop { id, ending } => {
+                    let Some(member) = members.running.remove(&id) else { continue };
+                    members.closing.push(Arc::clone(&member));
+                    drop(members);
+                    member.stop(ending);
+                    // A member that has not been stepped yet has no waker that its own bell could
+                    // wake.
+                    self.pool.ring(member);
+                }
+            }
+        }
+    }
+
+    /// Members that run, those that close before the others.
+    pub(super) fn members(&self) -> Vec<Arc<Member>> {
+        let mut members = lock(&self.members);
+        members.closing.retain(|member| !member.is_closed());
+        members.closing.iter().chain(members.running.values()).cloned().collect()
+    }
+
+    /// Statuses of the routes, then of the patterns and of the names they match that have no route
+    /// yet.
+    pub(super) fn status(&self) -> Vec<RouteStatus> {
+        let running: Vec<_> = lock(&self.members).running.values().cloned().collect();
+        let found = lock(&self.found).clone();
+        running.iter().map(|member| member.status()).chain(found).collect()
+    }
+
+    /// The middlewares of the latest plan.
+    pub(super) fn registry(&self) -> Registry {
+        lock(&self.latest).registry.clone()
+    }
+
+    /// Logs of routes whose step takes too long.
+    pub(super) fn tell_blocked(&self) {
+        self.members().iter().for_each(|member| member.tell_blocked());
+    }
+}

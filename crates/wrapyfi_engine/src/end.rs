@@ -1,0 +1,96 @@
+//! One end of a route: its middleware, the open endpoint, and the reason that it is not open.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::route::Route;
+use super::route_status::RouteState;
+use super::work::contained;
+use wrapyfi_endpoint::backoff::Backoff;
+use wrapyfi_endpoint::{Middleware, OpenError, Qos, QosChange, Registry, Review, Traits};
+
+/// One end of a route: its middleware and the open endpoint.
+pub(super) struct End<T: ?Sized> {
+    /// The endpoint. It is dropped before the middleware, which may start anew then.
+    pub(super) open: Option<Box<T>>,
+    pub(super) middleware: Option<Arc<dyn Middleware>>,
+    pub(super) traits: Traits,
+    pub(super) retry_at: Option<Instant>,
+    /// Reason that the end is not open.
+    pub(super) trouble: Option<RouteState>,
+    /// Quality of service in use.
+    pub(super) qos: Option<Qos>,
+}
+
+impl<T: ?Sized> End<T> {
+    pub(super) fn new(registry: &Registry, name: &str) -> Self {
+        let (middleware, trouble) = match registry.get(name) {
+            Ok(middleware) => (Some(Arc::clone(middleware)), None),
+            Err(unknown) => (None, Some(RouteState::Error(unknown.to_string()))),
+        };
+        let traits = middleware.as_ref().map(|it| it.traits()).unwrap_or_default();
+        Self { middleware, traits, open: None, retry_at: None, trouble, qos: None }
+    }
+
+    /// Closes the endpoint; a panic in its destructor is caught and logged.
+    pub(super) fn close(&mut self) {
+        let open = self.open.take();
+        (self.qos, self.retry_at) = (None, None);
+        if let Err(panic) = contained(|| drop(open)) {
+            tracing::error!("an end of a route panicked while it was closed: {panic}");
+        }
+    }
+
+    /// Forgets the fault of the last try, except one that no further try can mend.
+    pub(super) fn at_rest(&mut self) {
+        if matches!(self.trouble, Some(RouteState::Waiting(_))) {
+            (self.trouble, self.retry_at) = (None, None);
+        }
+    }
+
+    /// Keeps the result of a review, and logs it.
+    pub(super) fn note(&mut self, review: Review, spec: &Route) -> Option<Instant> {
+        let Review { qos, changed, warnings, next, slowed: _ } = review;
+        let route = &spec.name;
+        match changed {
+            // A pattern makes many routes, whose changes would flood the log at level info.
+            Some(QosChange { from, to, why }) if spec.mark.is_some() => {
+                tracing::debug!(route, %from, %to, "quality of service changed: {why}");
+            }
+            Some(QosChange { from, to, why }) => {
+                tracing::info!(route, %from, %to, "quality of service changed: {why}");
+            }
+            None => {}
+        }
+        for warning in warnings {
+            tracing::warn!(route, "{warning}");
+        }
+        self.qos = qos;
+        next
+    }
+
+    pub(super) fn open_with(
+        &mut self,
+        now: Instant,
+        backoff: &mut Backoff,
+        open: impl FnOnce(&dyn Middleware) -> Result<Box<T>, OpenError>,
+    ) {
+        let Some(middleware) = &self.middleware else { return };
+        let given_up = matches!(self.trouble, Some(RouteState::Error(_)));
+        if self.open.is_some() || given_up || self.retry_at.is_some_and(|at| now < at) {
+            return;
+        }
+        self.retry_at = None;
+        match open(middleware.as_ref()) {
+            Ok(opened) => {
+                self.open = Some(opened);
+                self.trouble = None;
+            }
+            Err(error) if error.is_transient() => {
+                self.retry_at = Some(now + backoff.wait());
+                self.trouble = Some(RouteState::Waiting(error.to_string()));
+            }
+            Err(error) => self.trouble = Some(RouteState::Error(error.to_string())),
+        }
+    }
+}

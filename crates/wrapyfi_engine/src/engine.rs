@@ -1,0 +1,75 @@
+//! Runs the routes of a plan: step by step for tests, on threads in production.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use wrapyfi_interfaces::store::TypeStore;
+
+use super::driver::Driver;
+use super::plan::Plan;
+use super::plan_diff::{ApplyError, PlanDiff};
+use super::route_status::RouteStatus;
+use super::running::Running;
+use wrapyfi_endpoint::Registry;
+
+/// The routes of a plan, not running yet.
+pub struct Engine {
+    driver: Arc<Driver>,
+    look_at: Option<Instant>,
+}
+
+impl Engine {
+    /// Prepares the routes; nothing is opened before the first step.
+    #[must_use]
+    pub fn new(plan: Plan, registry: &Registry) -> Self {
+        Self { driver: Arc::new(Driver::new(plan, registry)), look_at: None }
+    }
+
+    /// Looks up the types that patterns learn in `types`; without this call below
+    /// `AMENT_PREFIX_PATH`, then among the definitions that are built in.
+    #[must_use]
+    pub fn with_types(self, types: TypeStore) -> Self {
+        self.driver.set_types(types);
+        self
+    }
+
+    /// As [`Running::apply`]; the next step turns to the plan.
+    ///
+    /// # Errors
+    /// As [`Running::apply`].
+    pub fn apply(
+        &mut self,
+        plan: Plan,
+        types: TypeStore,
+        registry: Registry,
+    ) -> Result<PlanDiff, ApplyError> {
+        let diff = self.driver.apply(plan, types, registry)?;
+        self.look_at = None;
+        Ok(diff)
+    }
+
+    /// Brings every route one step on; number of messages taken.
+    pub fn step(&mut self, now: Instant) -> usize {
+        if self.look_at.is_none_or(|at| now >= at) {
+            let next = self.driver.look(now);
+            self.look_at = Some(next.unwrap_or(now + super::reconciler::LOOK_EVERY));
+        }
+        let steps = self.driver.members().into_iter().filter_map(|member| member.step(now));
+        steps.map(|step| step.moved).sum()
+    }
+
+    /// Statuses of the routes, then of the patterns and of the names they match that have no route
+    /// yet.
+    #[must_use]
+    pub fn status(&self) -> Vec<RouteStatus> {
+        self.driver.status()
+    }
+
+    /// Runs the routes on threads: a few for all of them, and one that looks at discovery.
+    ///
+    /// # Errors
+    /// When the system refuses a thread.
+    pub fn start(self) -> std::io::Result<Running> {
+        Running::start(self.driver)
+    }
+}

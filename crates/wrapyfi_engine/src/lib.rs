@@ -1,0 +1,91 @@
+//! Routes: configuration, state, and the relays that move messages.
+//!
+//! ```text
+//!   bridge.yaml ─▶ Config ─▶ Plan ─▶ Engine ─ look(now): reconciler, Start, Stop ─▶ one member a route
+//!                  lines     names     │                                                │
+//!                                   status()                 step(now): reconcile, propagate, judge
+//! ```
+//!
+//! One driver steps all routes: in turn where a test gives the time, on a pool of threads in
+//! production. A plan may be replaced while they run ([`Running::apply`]).
+//!
+//! A route is data: [`Route`] is the one that is wanted, [`RouteStatus`] its state. A pattern
+//! matches many topics or services: its routes are made as these come, with the types that they
+//! announce.
+//!
+//! ```
+//! use std::{sync::Arc, time::Instant};
+//! use wrapyfi_endpoint::{Context, Middleware, Registry, TopicSpec};
+//! use wrapyfi_engine::{Engine, Plan, Route};
+//! use wrapyfi_endpoint::memory::Memory;
+//! use wrapyfi_data::types::{MessageType, Payload, Value};
+//!
+//! let bus = Arc::new(Memory::new("memory"));
+//! let mut registry = Registry::new();
+//! registry.register(bus.clone());
+//! let route = Route::topic("memory:/in".parse()?, "memory:/out".parse()?, MessageType::NativeObject);
+//! let mut engine = Engine::new(Plan { routes: vec![route] }, &registry);
+//!
+//! let mut out = bus.open_listener(&TopicSpec::new("/out", MessageType::NativeObject), &Context::default())?;
+//! let mut source = bus.open_publisher(&TopicSpec::new("/in", MessageType::NativeObject), &Context::default())?;
+//! engine.step(Instant::now()); // opens both ends
+//! source.publish(&Payload::from(Value::Int(7)))?;
+//! engine.step(Instant::now()); // moves the message
+//! assert_eq!(out.take()?.unwrap().payload, Payload::from(Value::Int(7)));
+//! assert_eq!(engine.status()[0].counters.sent, 1);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod admission;
+mod candidate;
+mod config;
+mod config_devices;
+mod config_error;
+mod config_qos;
+mod conventions;
+mod denied;
+mod discovered_graph;
+mod driver;
+mod end;
+mod engine;
+mod member;
+mod news;
+mod plan;
+mod plan_address;
+mod plan_diff;
+mod plan_entry;
+mod plan_options;
+mod pool;
+mod reconciler;
+mod reconciler_status;
+mod relay;
+mod replacement;
+mod route;
+mod route_status;
+mod running;
+mod service_relay;
+mod stamping;
+mod unheard;
+mod work;
+
+pub use config::{
+    Config, Defaults, MAX_CONFIG_BYTES, MAX_ROUTES, OverflowConfig, ProcessLimits, RouteConfig,
+    Spanned,
+};
+pub use config_devices::{DeviceWord, DevicesConfig};
+pub use config_error::{ConfigError, Problem};
+pub use config_qos::{QosConfig, QosOverride};
+pub use engine::Engine;
+pub use plan::{Available, Plan};
+pub use plan_diff::{ApplyError, PlanDiff};
+pub use plan_entry::MAX_PATTERN_ROUTES;
+pub use plan_options::known_option;
+pub use reconciler::{GONE_AFTER, LOOK_EVERY};
+pub use relay::{Relay, Step};
+pub use route::{Kind, Names, Policy, Route, RouteKey, Types, Typing};
+pub use route_status::{PatternCounts, RouteState, RouteStatus};
+pub use running::{Applier, Running};
+pub use service_relay::ServiceRelay;
+pub use stamping::StampSource;
+pub use unheard::Unheard;
+pub use wrapyfi_endpoint::pattern::NamePattern;

@@ -1,0 +1,366 @@
+//! A route among those that run: one step at a time on any thread, and the status that others see
+//! meanwhile.
+//!
+//! ```text
+//!   orders ──▶ step(now)  Work::step, whose panics end here: counted, both ends closed, back-off
+//!                 └─ publish: state and quality of service, where they changed ──▶ status()
+//! ```
+
+use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::task::Waker;
+use std::time::{Duration, Instant};
+
+use super::pool::{Place, Pool};
+use super::relay::{Relay, Step};
+use super::route::{Kind, Route, RouteKey};
+use super::route_status::{RouteState, RouteStatus};
+use super::service_relay::ServiceRelay;
+use super::work::{Work, contained};
+use wrapyfi_endpoint::Throttle;
+use wrapyfi_endpoint::backoff::Backoff;
+use wrapyfi_endpoint::{Clock, Counters, CountersSnapshot, Qos, Registry, Wake};
+
+/// Length of a step from which on it shows as blocked.
+const BLOCKED_AFTER: Duration = Duration::from_secs(1);
+/// Time between two looks of a route at whether the one before it at its destination has closed.
+const CLOSING_LOOK_EVERY: Duration = Duration::from_millis(10);
+/// Time without a panic after which the back-off begins anew.
+const CALM_AFTER: Duration = Duration::from_secs(30);
+
+pub(super) fn lock<T: ?Sized>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A route that runs.
+pub(super) struct Member {
+    pub(super) id: u64,
+    pub(super) key: RouteKey,
+    /// Name, ends and type; the rest of the status is filled in when it is asked for.
+    identity: RouteStatus,
+    is_one_of_many: bool,
+    wake: Wake,
+    counters: Arc<Counters>,
+    slot: Mutex<Slot>,
+    orders: Mutex<Orders>,
+    is_ordered: AtomicBool,
+    published: Mutex<Arc<Published>>,
+    clock: Clock,
+    /// Reference of `step_began_ms`: a step that blocks does so by the system's time.
+    epoch: Instant,
+    /// Time at which the step in progress began, in milliseconds after `epoch` plus one; 0 between
+    /// steps.
+    step_began_ms: AtomicU64,
+    panics: AtomicU64,
+    is_open: AtomicBool,
+    is_closed: AtomicBool,
+    is_told_blocked: AtomicBool,
+    /// Place of the member in the pool, and the earliest timer that it has there.
+    pub(super) place: AtomicU8,
+    pub(super) timer: Mutex<Option<Instant>>,
+    pool: Weak<Pool>,
+}
+
+/// The route at work and its back-off; locked for as long as a step takes.
+struct Slot {
+    /// The route at work; `None` once it has closed.
+    work: Option<Box<dyn Work>>,
+    shown: Arc<Published>,
+    /// Previous route at the same destination, until that has closed.
+    after: Option<Arc<Member>>,
+    reopen_at: Option<Instant>,
+    panicked_at: Option<Instant>,
+    backoff: Backoff,
+    /// Throttle for log lines of a state that stays the same while its reason changes.
+    reasons: Throttle,
+}
+
+/// Orders that reconciler and driver give a route; its next step carries them out.
+#[derive(Default)]
+struct Orders {
+    keep_open: bool,
+    misfits: Option<Option<String>>,
+    stop: Option<Ending>,
+}
+
+/// Reason that a route is to end.
+#[derive(Debug, Clone)]
+pub(super) struct Ending {
+    pub(super) why: String,
+    /// True when many routes end at once; each is then logged at level debug.
+    pub(super) is_one_of_many: bool,
+}
+
+/// State and quality of service that a route shows in status tables.
+#[derive(Debug, PartialEq)]
+struct Published {
+    state: RouteState,
+    qos: [Option<Qos>; 2],
+}
+
+impl std::task::Wake for Member {
+    fn wake(self: Arc<Self>) {
+        if let Some(pool) = self.pool.upgrade() {
+            pool.ring(self);
+        }
+    }
+}
+
+impl Member {
+    /// A route that has opened nothing yet; it begins once `after` has closed.
+    pub(super) fn new(
+        id: u64,
+        route: Route,
+        counters: Arc<Counters>,
+        registry: &Registry,
+        after: Option<Arc<Self>>,
+        pool: Weak<Pool>,
+    ) -> Arc<Self> {
+        let (key, is_one_of_many) = (route.key(), route.mark.is_some());
+        let (work, wake, identity): (Box<dyn Work>, _, _) = match route.kind {
+            Kind::Topic(_) => {
+                let relay = Relay::new(route, registry, id).counting(Arc::clone(&counters));
+                let (wake, status) = (relay.wake().clone(), relay.status());
+                (Box::new(relay), wake, status)
+            }
+            Kind::Service(_) => {
+                let relay = ServiceRelay::new(route, registry, id).counting(Arc::clone(&counters));
+                let (wake, status) = (relay.wake().clone(), relay.status());
+                (Box::new(relay), wake, status)
+            }
+        };
+        let shown = Arc::new(Published { state: identity.state.clone(), qos: [None, None] });
+        Arc::new(Self {
+            id,
+            key,
+            identity: RouteStatus { counters: CountersSnapshot::default(), ..identity },
+            is_one_of_many,
+            wake,
+            counters,
+            slot: Mutex::new(Slot {
+                work: Some(work),
+                shown: Arc::clone(&shown),
+                after,
+                reopen_at: None,
+                panicked_at: None,
+                backoff: Backoff::new(id),
+                reasons: Throttle::default(),
+            }),
+            orders: Mutex::default(),
+            is_ordered: AtomicBool::new(false),
+            published: Mutex::new(shown),
+            clock: registry.clock().clone(),
+            epoch: Instant::now(),
+            step_began_ms: AtomicU64::new(0),
+            panics: AtomicU64::new(0),
+            is_open: AtomicBool::new(false),
+            is_closed: AtomicBool::new(false),
+            is_told_blocked: AtomicBool::new(false),
+            place: AtomicU8::new(Place::IDLE),
+            timer: Mutex::default(),
+            pool,
+        })
+    }
+
+    /// Opens the source at the next step, and keeps it open whether somebody listens or not.
+    pub(super) fn keep_open(&self) {
+        self.order(|orders| orders.keep_open = true);
+    }
+
+    /// Names listeners that the route cannot serve.
+    pub(super) fn name_misfits(&self, named: Option<String>) {
+        self.order(|orders| orders.misfits = Some(named));
+    }
+
+    /// Closes the route at the next step, which may have to wait for a blocking one.
+    pub(super) fn stop(&self, end: Ending) {
+        self.order(|orders| orders.stop = Some(end));
+    }
+
+    fn order(&self, enter: impl FnOnce(&mut Orders)) {
+        enter(&mut lock(&self.orders));
+        self.is_ordered.store(true, Ordering::Release);
+        self.wake.ring();
+    }
+
+    pub(super) fn is_closed(&self) -> bool {
+        self.is_closed.load(Ordering::Acquire)
+    }
+
+    /// True while the route opens or closes its ends, for which routes that carry messages need not
+    /// wait.
+    pub(super) fn begins_or_ends(&self) -> bool {
+        !self.is_open.load(Ordering::Relaxed) || self.is_ordered.load(Ordering::Relaxed)
+    }
+
+    /// Makes a step on a thread of the pool; the bell rings the pool when the next one is due.
+    pub(super) fn turn(self: &Arc<Self>) -> Option<Step> {
+        // Asked for before the step, so that no ring is lost.
+        self.wake.notify(&Waker::from(Arc::clone(self)));
+        self.step(self.clock.now())
+    }
+
+    /// Brings the route one step on; `None` once it has closed.
+    pub(super) fn step(&self, now: Instant) -> Option<Step> {
+        let mut slot = lock(&self.slot);
+        let slot = &mut *slot;
+        if self.is_ordered.swap(false, Ordering::AcqRel) {
+            let Orders { keep_open, misfits, stop } = std::mem::take(&mut *lock(&self.orders));
+            if let Some(end) = stop {
+                self.close_now(slot, Some(&end));
+            } else if let Some(work) = &mut slot.work {
+                if keep_open {
+                    work.keep_open();
+                }
+                if let Some(named) = misfits {
+                    work.name_misfits(named);
+                }
+            }
+        }
+        let work = slot.work.as_mut()?;
+        if let Some(before) = slot.after.take_if(|before| !before.is_closed()) {
+            let what = format!("{}, which another route is leaving", self.key.to);
+            slot.after = Some(before);
+            self.publish(slot, RouteState::Waiting(what), [None, None], now);
+            return Some(Step { moved: 0, next: now + CLOSING_LOOK_EVERY });
+        }
+        slot.after = None;
+        if let Some(next) = slot.reopen_at.filter(|at| now < *at) {
+            return Some(Step { moved: 0, next });
+        }
+        slot.reopen_at = None;
+        let began = self.epoch.elapsed().as_millis().try_into().unwrap_or(u64::MAX - 1);
+        self.step_began_ms.store(began + 1, Ordering::Relaxed);
+        let stepped = contained(|| work.step(now));
+        let step = match stepped {
+            Ok(step) => {
+                self.is_open.store(work.is_open(), Ordering::Relaxed);
+                let (state, qos) = work.state();
+                if slot.shown.state != *state || slot.shown.qos != qos {
+                    let state = state.clone();
+                    self.publish(slot, state, qos, now);
+                }
+                step
+            }
+            Err(panic) => self.contain(slot, &panic, now),
+        };
+        if let Some(unlogged_before) = slot.reasons.rest(now) {
+            slot.shown.state.log(&self.identity.name, self.is_one_of_many, unlogged_before);
+        }
+        self.step_began_ms.store(0, Ordering::Relaxed);
+        if self.is_told_blocked.swap(false, Ordering::Relaxed) {
+            tracing::info!(route = self.identity.name, "goes on, its step has ended");
+        }
+        Some(step)
+    }
+
+    /// Closes the ends of a route that panicked; they are opened again after a while.
+    fn contain(&self, slot: &mut Slot, panic: &str, now: Instant) -> Step {
+        self.panics.fetch_add(1, Ordering::Relaxed);
+        if slot.panicked_at.is_none_or(|at| now.saturating_duration_since(at) >= CALM_AFTER) {
+            slot.backoff.reset();
+        }
+        slot.panicked_at = Some(now);
+        let next = now + slot.backoff.wait();
+        slot.reopen_at = Some(next);
+        if let Some(work) = &mut slot.work
+            && let Err(again) = contained(|| work.close())
+        {
+            tracing::error!(route = self.identity.name, "panicked while it closed: {again}");
+        }
+        self.is_open.store(false, Ordering::Relaxed);
+        let why = format!("a step panicked, both ends are opened again: {panic}");
+        self.publish(slot, RouteState::Error(why), [None, None], now);
+        Step { moved: 0, next }
+    }
+
+    /// Publishes the state of the route. A change of its word is logged; changes of the reason
+    /// alone are many, and go through the throttle.
+    fn publish(&self, slot: &mut Slot, state: RouteState, qos: [Option<Qos>; 2], now: Instant) {
+        if slot.shown.state != state {
+            let is_first = slot.shown.state == self.identity.state;
+            let passes = if is_first || slot.shown.state.word() != state.word() {
+                Some(slot.reasons.finish().unwrap_or(0))
+            } else {
+                slot.reasons.pass(now)
+            };
+            if let Some(unlogged_before) = passes {
+                state.log(&self.identity.name, self.is_one_of_many, unlogged_before);
+            }
+        }
+        slot.shown = Arc::new(Published { state, qos });
+        *lock(&self.published) = Arc::clone(&slot.shown);
+    }
+
+    /// Closes the route for good, and logs its numbers of messages where it `end`s before the
+    /// others.
+    fn close_now(&self, slot: &mut Slot, end: Option<&Ending>) {
+        let Some(mut work) = slot.work.take() else { return };
+        if let Err(panic) = contained(|| work.close()) {
+            tracing::error!(route = self.identity.name, "panicked while it closed: {panic}");
+        }
+        self.is_closed.store(true, Ordering::Release);
+        // Rings for the route that waits for this one's close.
+        self.wake.ring();
+        let Some(Ending { why, is_one_of_many }) = end else { return };
+        let counters = self.counters.snapshot();
+        let (received, sent, dropped) = (counters.received, counters.sent, counters.dropped());
+        let text = format!("route ended: {why}; {received} in, {sent} out, {dropped} dropped");
+        match is_one_of_many {
+            true => tracing::debug!(route = self.identity.name, "{text}"),
+            false => tracing::info!(route = self.identity.name, "{text}"),
+        }
+    }
+
+    /// Closes the route at the end of the program; false where it is in the middle of a blocking step.
+    pub(super) fn close(&self) -> bool {
+        let mut slot = match self.slot.try_lock() {
+            Ok(slot) => slot,
+            Err(std::sync::TryLockError::Poisoned(poisoned)) => poisoned.into_inner(),
+            Err(std::sync::TryLockError::WouldBlock) => return false,
+        };
+        self.close_now(&mut slot, None);
+        true
+    }
+
+    /// Duration of the step in progress; `None` below [`BLOCKED_AFTER`].
+    fn blocked_for(&self) -> Option<Duration> {
+        let began_ms = self.step_began_ms.load(Ordering::Relaxed).checked_sub(1)?;
+        let time = self.epoch.elapsed().saturating_sub(Duration::from_millis(began_ms));
+        (time >= BLOCKED_AFTER).then_some(time)
+    }
+
+    /// Logs once that the step in progress takes too long.
+    pub(super) fn tell_blocked(&self) {
+        if let Some(time) = self.blocked_for()
+            && !self.is_told_blocked.swap(true, Ordering::Relaxed)
+        {
+            let state = self.blocked_state(time);
+            tracing::warn!(route = self.identity.name, "{state}");
+        }
+    }
+
+    fn blocked_state(&self, time: Duration) -> RouteState {
+        let RouteStatus { from, to, .. } = &self.identity;
+        let seconds = time.as_secs();
+        RouteState::Degraded(format!("its step from {from} to {to} has blocked for {seconds} s"))
+    }
+
+    /// Status of the route; does not wait for a step in progress.
+    pub(super) fn status(&self) -> RouteStatus {
+        let published = Arc::clone(&lock(&self.published));
+        let state = match self.blocked_for() {
+            Some(time) => self.blocked_state(time),
+            None => published.state.clone(),
+        };
+        let [from_qos, to_qos] = published.qos;
+        RouteStatus {
+            state,
+            from_qos,
+            to_qos,
+            counters: self.counters.snapshot(),
+            panics: self.panics.load(Ordering::Relaxed),
+            ..self.identity.clone()
+        }
+    }
+}

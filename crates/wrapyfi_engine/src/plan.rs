@@ -1,0 +1,126 @@
+//! Configuration to routes: every name parsed, every conflict found before anything is opened.
+
+use std::collections::BTreeMap;
+
+use super::config::Config;
+use super::config_error::{ConfigError, Problem};
+use super::plan_entry::Reader;
+use super::route::{Kind, Route, RouteKey};
+use wrapyfi_endpoint::{EndpointAddress, Role};
+use wrapyfi_interfaces::store::TypeStore;
+
+/// A middleware that routes may name.
+#[derive(Clone, Copy)]
+pub struct Available<'a> {
+    /// Name in addresses.
+    pub name: &'a str,
+    /// Rule of the middleware for topic names; the error names the fault.
+    pub check_topic: &'a dyn Fn(&str) -> Result<(), String>,
+    /// Settings that only this middleware and few others have, as `options` of a route names them.
+    pub options: &'a [&'a str],
+}
+
+/// The routes of a configuration, checked.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Plan {
+    /// Routes and patterns, in the order of the file.
+    pub routes: Vec<Route>,
+}
+
+impl Plan {
+    /// Names of the middlewares on which routes have ends, each as often as it is named.
+    pub fn middlewares(&self) -> impl Iterator<Item = &str> {
+        let ends = self.routes.iter().flat_map(|route| [&route.from, &route.to]);
+        ends.map(|end| end.middleware.as_str())
+    }
+
+    /// True where an end of a route is on this middleware.
+    #[must_use]
+    pub fn uses(&self, middleware: &str) -> bool {
+        self.middlewares().any(|name| name == middleware)
+    }
+
+    /// True where other programs connect to an end of a route on this middleware, as they do unless
+    /// it only calls services.
+    #[must_use]
+    pub fn is_reached_on(&self, middleware: &str) -> bool {
+        self.routes.iter().any(|route| {
+            let is_called = matches!(route.kind, Kind::Service(_)) && route.is_whole();
+            route.to.middleware == middleware || (route.from.middleware == middleware && !is_called)
+        })
+    }
+
+    /// True where a service has an end on this middleware.
+    #[must_use]
+    pub fn has_services_on(&self, middleware: &str) -> bool {
+        let services = self.routes.iter().filter(|it| matches!(it.kind, Kind::Service(_)));
+        services.flat_map(|it| [&it.from, &it.to]).any(|end| end.middleware == middleware)
+    }
+
+    /// Size of the largest message of a route with an end on this middleware, in bytes.
+    #[must_use]
+    pub fn largest_message_on(&self, middleware: &str) -> usize {
+        let on =
+            |route: &&Route| [&route.from, &route.to].iter().any(|it| it.middleware == middleware);
+        let bytes = self.routes.iter().filter(on).map(|route| route.policy.limits.message_bytes);
+        bytes.max().unwrap_or(0)
+    }
+
+    /// Checks `config` against the middlewares that exist, and looks its types up in `types`; `file`
+    /// is its name in errors.
+    ///
+    /// # Errors
+    /// When there are faults, all of them: unknown middlewares and types, bad names and numbers,
+    /// routes that are given twice, destinations with two routes without `merge: true`.
+    pub fn new<E>(
+        config: &Config<E>,
+        middlewares: &[Available<'_>],
+        types: &mut TypeStore,
+        file: &str,
+    ) -> Result<Self, ConfigError> {
+        let mut reader = Reader::new(&config.defaults, middlewares, types);
+        let mut routes: Vec<Route> = Vec::with_capacity(config.routes.len());
+        let mut seen: BTreeMap<RouteKey, u64> = BTreeMap::new();
+        let mut into: BTreeMap<(Role, EndpointAddress), (u64, bool)> = BTreeMap::new();
+        if config.routes.is_empty() {
+            let message = "no routes: nothing to do".to_owned();
+            reader.problems.push(Problem { position: None, message });
+        }
+        for entry in &config.routes {
+            let Some(route) = reader.read(entry) else { continue };
+            let (line, key) = (entry.referenced.line(), route.key());
+            let place = (key.role, key.to.clone());
+            let merges = entry.value.merge;
+            let taken = into.get(&place).filter(|(_, others)| !(*others && merges));
+            let fault = match (seen.insert(key, line), taken) {
+                (Some(first), _) => {
+                    Some(format!("route {} stands already in line {first}", route.ends()))
+                }
+                (None, Some((first, _))) if !route.is_many() => Some(match route.kind {
+                    Kind::Service(_) => {
+                        format!("line {first} already offers a service as {}", route.to)
+                    }
+                    Kind::Topic(_) => format!(
+                        "line {first} already routes to {}; write merge: true on both to mix them",
+                        route.to
+                    ),
+                }),
+                _ => None,
+            };
+            reader.problems.extend(fault.map(|text| Problem::at(entry.referenced, text)));
+            if !route.is_many() {
+                into.entry(place).or_insert((line, merges));
+            }
+            routes.push(route);
+        }
+        if reader.problems.is_empty() {
+            Ok(Self { routes })
+        } else {
+            Err(ConfigError { file: file.to_owned(), problems: reader.problems })
+        }
+    }
+}
+
+#[cfg(test)]
+#[path = "plan_tests.rs"]
+mod tests;

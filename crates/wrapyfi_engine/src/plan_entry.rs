@@ -1,0 +1,376 @@
+//! Reading of an entry of `routes` as a [`Route`], with all its faults at once, each with its line.
+
+use std::time::Duration;
+
+use wrapyfi_interfaces::store::TypeStore;
+
+use super::config::{Defaults, OverflowConfig, RouteConfig, Spanned};
+use super::config_devices::DevicesConfig;
+use super::config_error::Problem;
+use super::plan::Available;
+use super::plan_address::{address, middleware_of};
+use super::plan_options;
+use super::route::{Kind, Names, Policy, Route, Types, Typing};
+use wrapyfi_data::Limits;
+use wrapyfi_data::codec::is_convertible;
+use wrapyfi_data::plugin::DeviceMaps;
+use wrapyfi_data::types::{DataType, Encoding, MessageType, ServiceKind};
+use wrapyfi_endpoint::pattern::{NamePattern, is_pattern};
+use wrapyfi_endpoint::{EndpointAddress, Overflow, QueueSpec, ServiceSpec};
+
+/// Most routes that one pattern makes, unless `max_routes` says otherwise.
+pub const MAX_PATTERN_ROUTES: usize = 1000;
+/// Largest value of `max_routes`.
+const MOST_ROUTES: usize = 10_000;
+/// Longest time that a call may be given, in milliseconds: an hour.
+const LONGEST_TIMEOUT_MS: u64 = 3_600_000;
+
+/// Reader of entries, which collects their faults.
+pub(super) struct Reader<'r> {
+    defaults: &'r Defaults,
+    default_devices: DeviceMaps,
+    middlewares: &'r [Available<'r>],
+    types: &'r mut TypeStore,
+    pub(super) problems: Vec<Problem>,
+}
+
+type Entry = Spanned<RouteConfig>;
+
+impl<'r> Reader<'r> {
+    pub(super) fn new(
+        defaults: &'r Defaults,
+        middlewares: &'r [Available<'r>],
+        types: &'r mut TypeStore,
+    ) -> Self {
+        let default_devices = DeviceMaps::default();
+        let mut reader =
+            Self { defaults, default_devices, middlewares, types, problems: Vec::new() };
+        reader.default_devices = reader.device_maps(defaults.devices.as_ref());
+        reader
+    }
+
+    /// Reads the route of an entry; `None` where a fault was noted.
+    pub(super) fn read(&mut self, entry: &Entry) -> Option<Route> {
+        let before = self.problems.len();
+        let is_service = entry.value.service.is_some() || entry.value.offered.is_some();
+        self.misplaced(entry, is_service);
+        let ends = self.ends(entry, is_service);
+        let kind = self.kind(&entry.value, is_service);
+        let policy = self.policy(entry, is_service, ends.as_ref(), kind);
+        let ((from, to, names), (kind, typing)) = (ends?, kind?);
+        let mut route = Route { names, typing, policy, ..Route::new(from, to, kind) };
+        if let Kind::Topic(types) = &mut route.kind {
+            // Between two ROS a String stays what it is; written as JSON, a plain text would get quotes.
+            let is_ros = |end: &EndpointAddress| matches!(end.middleware.as_str(), "ros" | "ros2");
+            if *types == MessageType::StringJson.into() && is_ros(&route.from) && is_ros(&route.to)
+            {
+                *types = MessageType::Text.into();
+            }
+        }
+        if let Some(name) = &entry.value.name {
+            route.name.clone_from(name);
+        }
+        (self.problems.len() == before).then_some(route)
+    }
+
+    fn complain(&mut self, at: serde_saphyr::Location, text: impl Into<String>) {
+        self.problems.push(Problem::at(at, text.into()));
+    }
+
+    fn noted<T>(&mut self, read: Result<T, Problem>) -> Option<T> {
+        read.map_err(|problem| self.problems.push(problem)).ok()
+    }
+
+    /// Notes the keys that mean nothing where they stand.
+    fn misplaced(&mut self, entry: &Entry, is_service: bool) {
+        let config = &entry.value;
+        let source = config.from.as_ref().or(config.service.as_ref());
+        if !source.is_some_and(|source| is_pattern(&source.value)) {
+            for (key, at) in [
+                ("allow", config.allow.as_ref().map(|it| it.referenced)),
+                ("deny", config.deny.as_ref().map(|it| it.referenced)),
+                ("default_deny", config.default_deny.as_ref().map(|it| it.referenced)),
+                ("max_routes", config.max_routes.as_ref().map(|it| it.referenced)),
+            ] {
+                let Some(at) = at else { continue };
+                let only = "`from` (or `service`) is no pattern such as \"ros:/(.*)\"";
+                self.complain(at, format!("{key} has no effect: {only}"));
+            }
+        }
+        if let (Some(_), Some(otherwise)) = (&config.message_type, &config.type_if_unknown) {
+            self.complain(otherwise.referenced, "type_if_unknown has no effect: type is given");
+        }
+        if let (Some(own), None) = (&config.from_type, &config.message_type) {
+            let text = "from_type needs a type: give both, or neither";
+            self.complain(own.referenced, text);
+        }
+        if !is_service {
+            if let Some(timeout) = &config.timeout_ms {
+                let text = "timeout_ms has no effect on topics: only services are answered";
+                self.complain(timeout.referenced, text);
+            }
+            return;
+        }
+        for (key, written) in [("from", &config.from), ("to", &config.to)] {
+            if let Some(written) = written {
+                let text = format!("`{key}` stands beside a service: give service and as only");
+                self.complain(written.referenced, text);
+            }
+        }
+        for (key, is_given) in [
+            ("from_type", config.from_type.is_some()),
+            ("qos", config.qos.is_some()),
+            ("encoding", config.encoding.is_some()),
+            ("frame_id", config.frame_id.is_some()),
+            ("stamp", config.stamp.is_some()),
+            ("queue_depth", config.queue_depth.is_some()),
+            ("overflow", config.overflow.is_some()),
+            ("max_rate_hz", config.max_rate_hz.is_some()),
+            ("devices", config.devices.is_some()),
+            ("lazy", config.lazy.is_some()),
+            ("merge", config.merge),
+        ] {
+            if is_given {
+                self.complain(entry.referenced, format!("{key} has no effect on a service"));
+            }
+        }
+    }
+
+    /// Reads both ends, and the names that are meant where the source is a pattern.
+    fn ends(
+        &mut self,
+        entry: &Entry,
+        is_service: bool,
+    ) -> Option<(EndpointAddress, EndpointAddress, Option<Names>)> {
+        let config = &entry.value;
+        let [(from_key, from), (to_key, to)] = match is_service {
+            true => [("service", &config.service), ("as", &config.offered)],
+            false => [("from", &config.from), ("to", &config.to)],
+        };
+        for (key, written) in [(from_key, from), (to_key, to)] {
+            if written.is_none() {
+                let text =
+                    format!("key `{key}` is missing: a route has from and to, or service and as");
+                self.complain(entry.referenced, text);
+            }
+        }
+        let is_many = from.as_ref().is_some_and(|from| is_pattern(&from.value));
+        let read = if is_many { middleware_of } else { address };
+        let mut end = |written: &Option<Spanned<String>>| {
+            let read = written.as_ref().map(|text| read(text, self.middlewares))?;
+            self.noted(read)
+        };
+        let (source, target) = (end(from), end(to));
+        let names = match &source {
+            Some(source) if is_many => {
+                let target = target.as_ref().zip(to.as_ref());
+                Some(self.names(config, source, from.as_ref()?, target, to_key)?)
+            }
+            _ => None,
+        };
+        let (source, target, from) = (source?, target?, from.as_ref()?);
+        let goes_to_itself = match &names {
+            None => source == target,
+            Some(names) => {
+                let target_of_a = names.pattern.expand("/a", &target.name);
+                source.middleware == target.middleware && target_of_a.is_some_and(|it| it == "/a")
+            }
+        };
+        if goes_to_itself {
+            let text = match (&names, is_service) {
+                (None, false) => format!("route from {source} to itself: it would loop"),
+                (None, true) => {
+                    format!("service {source} is offered as itself: it would call itself")
+                }
+                (Some(_), _) => format!("{source} to {target}: every topic would go to itself"),
+            };
+            self.complain(from.referenced, text);
+            return None;
+        }
+        Some((source, target, names))
+    }
+
+    /// Reads the names that a pattern means.
+    fn names(
+        &mut self,
+        config: &RouteConfig,
+        source: &EndpointAddress,
+        from: &Spanned<String>,
+        target: Option<(&EndpointAddress, &Spanned<String>)>,
+        to_key: &str,
+    ) -> Option<Names> {
+        let before = self.problems.len();
+        let from_key = if to_key == "as" { "service" } else { "from" };
+        let mut compile = |key: &str, text: &Spanned<String>, written: &str| {
+            let wrong = |fault| format!("{key} {written:?} is no regular expression: {fault}");
+            let compiled = NamePattern::new(written);
+            self.noted(compiled.map_err(|fault| Problem::at(text.referenced, wrong(fault))))
+        };
+        let pattern = compile(from_key, from, &source.name);
+        let mut list = |key: &str, list: &Option<Spanned<Vec<Spanned<String>>>>| {
+            let all = list.iter().flat_map(|list| &list.value);
+            all.filter_map(|text| compile(key, text, &text.value)).collect::<Vec<_>>()
+        };
+        let (allow, deny) = (list("allow", &config.allow), list("deny", &config.deny));
+        if let (Some(pattern), Some((target, to))) = (&pattern, target) {
+            if is_pattern(&target.name.replace(['$', '{', '}'], "")) {
+                let text = format!(
+                    "{to_key} {:?} is a pattern; only {from_key} is one, and {to_key} refers to its \
+                     groups by $1 or ${{name}}",
+                    to.value
+                );
+                self.complain(to.referenced, text);
+            } else if let Err(fault) = pattern.check_template(&target.name) {
+                self.complain(to.referenced, format!("{to_key} {:?}: {fault}", to.value));
+            }
+        }
+        let max_routes = config.max_routes.as_ref();
+        if let Some(own) = max_routes.filter(|own| !(1..=MOST_ROUTES).contains(&own.value)) {
+            let text =
+                format!("max_routes is {}, it must lie between 1 and {MOST_ROUTES}", own.value);
+            self.complain(own.referenced, text);
+        }
+        let max_routes = max_routes.map_or(MAX_PATTERN_ROUTES, |own| own.value);
+        let default_deny = config.default_deny.as_ref().is_none_or(|on| on.value);
+        let names = Names { pattern: pattern?, allow, deny, default_deny, max_routes };
+        (self.problems.len() == before).then_some(names)
+    }
+
+    /// Reads the types and their origin.
+    fn kind(&mut self, config: &RouteConfig, is_service: bool) -> Option<(Kind, Typing)> {
+        let (typing, written) = match (&config.message_type, &config.type_if_unknown) {
+            (Some(given), _) => (Typing::Given, Some(given)),
+            (None, Some(otherwise)) => (Typing::LearnedIfTold, Some(otherwise)),
+            (None, None) => (Typing::Learned, None),
+        };
+        if is_service {
+            let resolved = written.map(|text| {
+                ServiceKind::resolve(&text.value, self.types)
+                    .map_err(|fault| Problem::at(text.referenced, fault.to_string()))
+            });
+            let kind = resolved.unwrap_or(Ok(ServiceKind::NativeObject));
+            return Some((Kind::Service(self.noted(kind)?), typing));
+        }
+        let mut resolve = |text: &Spanned<String>| {
+            let resolved = MessageType::resolve(&text.value, self.types);
+            self.noted(resolved.map_err(|fault| Problem::at(text.referenced, fault.to_string())))
+        };
+        let from_type = config.from_type.as_ref().filter(|_| typing == Typing::Given);
+        let from = from_type.map(&mut resolve);
+        let to = written.map_or(Some(MessageType::NativeObject), resolve);
+        let types = Types { from: from.unwrap_or(to)?, to: to? };
+        let (from, to) = (types.from.data_type(), types.to.data_type());
+        if let Some(written) = from_type.filter(|_| !is_convertible(from, to)) {
+            let text = format!(
+                "from_type {} does not become type {}: {from} and {to} only become each other through \
+                 NativeObject",
+                types.from, types.to
+            );
+            self.complain(written.referenced, text);
+        }
+        Some((Kind::Topic(types), typing))
+    }
+
+    fn policy(
+        &mut self,
+        entry: &Entry,
+        is_service: bool,
+        ends: Option<&(EndpointAddress, EndpointAddress, Option<Names>)>,
+        kind: Option<(Kind, Typing)>,
+    ) -> Policy {
+        let config = &entry.value;
+        let types = match kind {
+            Some((Kind::Topic(types), Typing::Given)) => Some(types),
+            _ => None,
+        };
+        let color_order = match config.encoding.as_ref().map(|it| (it, it.value.as_str())) {
+            None | Some((_, "bgr8")) => Encoding::Bgr8,
+            Some((_, "rgb8")) => Encoding::Rgb8,
+            Some((encoding, other)) => {
+                let text = format!("encoding {other:?} is not a channel order: write bgr8 or rgb8");
+                self.complain(encoding.referenced, text);
+                Encoding::Bgr8
+            }
+        };
+        for (key, place) in [
+            ("frame_id", config.frame_id.as_ref().map(|it| it.referenced)),
+            ("stamp", config.stamp.as_ref().map(|it| it.referenced)),
+        ] {
+            if let (Some(place), Some(Types { to, .. })) = (place, types)
+                && !to.has_header()
+            {
+                self.complain(place, format!("{key} has no effect: {} has no header", to.label()));
+            }
+        }
+        let Defaults { queue_depth, max_message_mib, overflow, .. } = self.defaults;
+        let mut within = |key: &str, own: &Option<Spanned<usize>>, default: usize, most: usize| {
+            let value = own.as_ref().map_or(default, |own| own.value);
+            if !(1..=most).contains(&value) {
+                let at = own.as_ref().map_or(entry.referenced, |own| own.referenced);
+                self.complain(at, format!("{key} is {value}, it must lie between 1 and {most}"));
+            }
+            value
+        };
+        let depth = within("queue_depth", &config.queue_depth, *queue_depth, 100_000);
+        let mib = within("max_message_mib", &config.max_message_mib, *max_message_mib, 2047);
+        let overflow = match config.overflow.unwrap_or(*overflow) {
+            OverflowConfig::DropOldest => Overflow::DropOldest,
+            OverflowConfig::DropNewest => Overflow::DropNewest,
+            OverflowConfig::Block { block_ms } => Overflow::Block(Duration::from_millis(block_ms)),
+        };
+        if let Some(rate) = &config.max_rate_hz
+            && !(rate.value.is_finite() && rate.value > 0.0)
+        {
+            let text = format!("max_rate_hz is {}, it must be above 0", rate.value);
+            self.complain(rate.referenced, text);
+        }
+        let timeout = config.timeout_ms.as_ref().filter(|_| is_service);
+        if let Some(timeout) = timeout.filter(|ms| !(1..=LONGEST_TIMEOUT_MS).contains(&ms.value)) {
+            let (given, most) = (timeout.value, LONGEST_TIMEOUT_MS);
+            let text = format!("timeout_ms is {given}, it must lie between 1 and {most}");
+            self.complain(timeout.referenced, text);
+        }
+        let devices = self.device_maps(config.devices.as_ref());
+        if let (Some(own), Some(Types { from, to })) = (&config.devices, types)
+            && [from, to].iter().all(|it| it.data_type() != DataType::NativeObject)
+        {
+            let name = config.message_type.as_ref().map_or("", |text| text.value.as_str());
+            let text = format!(
+                "devices has no effect on {name}: only native objects hold tensors with a device"
+            );
+            self.complain(own.referenced, text);
+        }
+        let options = ends.map(|(from, to, _)| {
+            plan_options::read(&config.options, [from, to], self.middlewares)
+                .map_err(|found| self.problems.extend(found))
+                .unwrap_or_default()
+        });
+        let is_many = ends.is_some_and(|(_, _, names)| names.is_some());
+        let default = Policy::default();
+        Policy {
+            qos: config.qos.unwrap_or_default(),
+            queue: QueueSpec { depth, overflow },
+            max_rate_hz: config.max_rate_hz.as_ref().map(|rate| rate.value),
+            color_order,
+            frame_id: config.frame_id.as_ref().map(|frame_id| frame_id.value.clone()),
+            stamp: config.stamp.as_ref().map(|stamp| stamp.value),
+            limits: Limits { message_bytes: mib.saturating_mul(Limits::MIB), ..default.limits },
+            plugins: default.plugins.with_devices(devices.or_from(&self.default_devices)),
+            options: options.unwrap_or_default(),
+            lazy: config.lazy.as_ref().map_or(is_many && !is_service, |lazy| lazy.value),
+            timeout: timeout.map_or(ServiceSpec::TIMEOUT, |ms| Duration::from_millis(ms.value)),
+            from_override: default.from_override,
+            to_override: default.to_override,
+        }
+    }
+
+    /// Reads the device maps of a section `devices`.
+    fn device_maps(&mut self, devices: Option<&Spanned<DevicesConfig>>) -> DeviceMaps {
+        let maps = devices.map(|devices| devices.value.maps(devices.referenced));
+        maps.and_then(|maps| self.noted(maps)).unwrap_or_default()
+    }
+}
+
+#[cfg(test)]
+#[path = "plan_entry_tests.rs"]
+mod tests;

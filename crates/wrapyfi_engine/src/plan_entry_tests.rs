@@ -1,0 +1,121 @@
+//! Plans with patterns, and their faults.
+
+use serde::Deserialize;
+
+use super::super::{Config, ConfigError, Plan};
+use super::*;
+use wrapyfi_endpoint::Role;
+
+#[derive(Debug, Default, Deserialize)]
+struct NoEndpoints {}
+
+fn plan(routes: &[&str]) -> Result<Plan, ConfigError> {
+    let text: String = routes.iter().map(|route| format!("  - {{ {route} }}\n")).collect();
+    let config: Config<NoEndpoints> =
+        Config::from_yaml(&format!("routes:\n{text}"), "bridge.yaml")?;
+    let no_blanks = |topic: &str| match topic.find(' ') {
+        Some(at) => Err(format!("blank at {at}")),
+        None => Ok(()),
+    };
+    let known = |name| Available { name, check_topic: &no_blanks, options: &["carrier"] };
+    let mut types = TypeStore::generated();
+    Plan::new(&config, &[known("ros"), known("ros2")], &mut types, "bridge.yaml")
+}
+
+fn one(route: &str) -> Route {
+    plan(&[route]).unwrap().routes.remove(0)
+}
+
+fn wrong(route: &str) -> String {
+    let text = plan(&[route]).unwrap_err().to_string();
+    assert!(text.starts_with("bridge.yaml:2:"), "{text}");
+    assert_eq!(text.lines().count(), 1, "{text}");
+    text
+}
+
+fn target(pattern: &Route, name: &str) -> Option<String> {
+    pattern.target(name).map(|to| to.to_string())
+}
+
+#[test]
+fn a_pattern_names_what_it_takes_and_where_that_goes() {
+    let pattern = one("from: 'ros:/(.*)', to: 'ros2:/ros1/$1', allow: ['camera/.*', '/map'], \
+                       deny: ['.*/compressedDepth'], queue_depth: 3");
+    assert_eq!(target(&pattern, "/camera/left").as_deref(), Some("ros2:/ros1/camera/left"));
+    assert_eq!(target(&pattern, "/map").as_deref(), Some("ros2:/ros1/map"));
+    for name in ["/camera/depth/compressedDepth", "/other", "/camera/_hidden", "camera/left"] {
+        assert_eq!(target(&pattern, name), None, "{name}");
+    }
+    assert_eq!(pattern.typing, Typing::Learned);
+    assert!(pattern.policy.lazy && pattern.policy.queue.depth == 3);
+    assert_eq!(pattern.max_routes(), MAX_PATTERN_ROUTES);
+    let shown = pattern.to_string();
+    assert!(shown.starts_with("ros:/(.*) -> ros2:/ros1/$1  type learned  allow camera/.* /map"));
+}
+
+#[test]
+fn the_default_list_can_be_switched_off() {
+    let all = one("from: 'ros:/(.*)', to: 'ros2:/$1'");
+    assert_eq!(target(&all, "/rosout"), None);
+    let all = one("from: 'ros:/(.*)', to: 'ros2:/$1', default_deny: false, lazy: false");
+    assert_eq!(target(&all, "/rosout").as_deref(), Some("ros2:/rosout"));
+    assert!(!all.policy.lazy);
+}
+
+#[test]
+fn one_topic_without_a_type_is_no_pattern_and_not_lazy() {
+    let route = one("from: 'ros:/chatter', to: 'ros2:/chatter'");
+    assert!(!route.is_many());
+    assert_eq!(target(&route, "/chatter").as_deref(), Some("ros2:/chatter"));
+    assert_eq!(target(&route, "/chatter2"), None);
+    assert!(!route.policy.lazy);
+    assert_eq!(route.to_string(), "ros:/chatter -> ros2:/chatter  type learned");
+}
+
+#[test]
+fn types_may_be_given_to_a_pattern_or_stand_in() {
+    let typed = one("from: 'ros:/cam/(.*)', to: 'ros2:/cam/$1', type: Image");
+    assert_eq!((typed.typing, typed.types()), (Typing::Given, MessageType::Image.into()));
+    let else_ = one("from: 'ros:/(.*)', to: 'ros2:/$1', type_if_unknown: Text");
+    assert_eq!((else_.typing, else_.types()), (Typing::LearnedIfTold, MessageType::Text.into()));
+    let service = one("service: 'ros:/(.*)', as: 'ros2:/$1', timeout_ms: 700");
+    assert_eq!(service.role(), Role::Server);
+    assert_eq!(target(&service, "/talker/get_loggers"), None);
+    assert_eq!((service.typing, service.policy.timeout.as_millis()), (Typing::Learned, 700));
+}
+
+#[test]
+fn every_mistake_is_refused_with_its_line_and_a_remedy() {
+    for (route, why) in [
+        ("from: 'ros:/(.*', to: 'ros2:/$1'", "no regular expression"),
+        ("from: 'ros:/(.*)', to: 'ros2:/$2'", "$2 is no group"),
+        ("from: 'ros:/(.*)', to: 'ros2:/$1_raw'", "write ${1}_raw"),
+        ("from: 'ros:/(.*)', to: 'ros2:/all'", "it has no $1"),
+        ("from: 'ros:/(.*)', to: 'ros2:/(.*)'", "only from is one"),
+        ("from: 'ros:/x', to: 'ros2:/$1'", "which only `from`"),
+        ("from: 'ros:/x', to: 'ros2:/(.*)', type: Image", "which only `from`"),
+        ("from: 'rso:/(.*)', to: 'ros2:/$1'", "did you mean `ros`"),
+        ("from: 'ros:/(.*)', to: 'ros2:/$1', allow: ['(']", "allow \"(\" is no regular"),
+        ("from: 'ros:/(.*)', to: 'ros2:/$1', deny: ['[']", "deny \"[\" is no regular"),
+        ("from: 'ros:/(.*)', to: 'ros2:/$1', max_routes: 0", "between 1 and 10000"),
+        ("from: 'ros:/(.*)', to: 'ros2:/$1', from_type: Image", "from_type needs a type"),
+        ("from: 'ros:/(.*)', to: 'ros2:/$1', queue_depth: 0", "queue_depth is 0"),
+        ("from: 'ros:/(.*)', to: 'ros2:/$1', type: Imge", "no message type"),
+        ("from: 'ros:/(.*)', to: 'ros2:/$1', type_if_unknown: Imge", "no message type"),
+        ("from: 'ros:/(.*)', to: 'ros:/$1'", "would go to itself"),
+        ("from: 'ros:/a', to: 'ros2:/a', type: Image, allow: ['a']", "allow has no effect"),
+        ("from: 'ros:/a', to: 'ros2:/a', deny: ['a']", "deny has no effect"),
+        ("from: 'ros:/a', to: 'ros2:/a', max_routes: 3", "max_routes has no effect"),
+        ("from: 'ros:/a', to: 'ros2:/a', type: Image, type_if_unknown: Text", "type is given"),
+        ("from: 'ros2:/a', to: 'ros2:/a'", "loop"),
+        ("from: 'ros:/(.*)'", "`to` is missing"),
+        ("service: 'ros:/(.*)', as: 'ros2:/$1', lazy: true", "lazy has no effect on a service"),
+        ("service: 'ros:/(.*)', as: 'ros2:/$3'", "$3 is no group"),
+    ] {
+        let text = wrong(route);
+        assert!(text.contains(why), "{route}: {text}");
+    }
+    let twice = "from: 'ros:/(.*)', to: 'ros2:/$1'";
+    let text = plan(&[twice, twice]).unwrap_err().to_string();
+    assert!(text.contains("bridge.yaml:3:") && text.contains("stands already in line 2"), "{text}");
+}

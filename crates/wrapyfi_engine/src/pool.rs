@@ -1,0 +1,410 @@
+//! Threads that step routes: few for all, and more only while all are stuck.
+//!
+//! ```text
+//!   bell ─▶ ring ─┐               ┌─▶ worker: one step, then back with the time of the next
+//!   timer ────────┼─▶ ready ──────┤        at most as many as cores …
+//!   start, stop ──┴─▶ behind ─────┘        … and one more each time that none takes what waits
+//! ```
+//!
+//! A step may block: a reliable reader that stalls its writer stalls that route, and one worker. Routes that
+//! open or close come behind those that carry messages, and never have all workers.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::atomic::Ordering;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use super::member::{Member, lock};
+use super::relay::Step;
+use super::work::contained;
+use wrapyfi_endpoint::Clock;
+
+/// Largest number of workers while none is stuck, however many cores there are.
+const MOST_WORKERS: usize = 8;
+/// Largest number of workers: when so many routes are stuck, the others wait for them.
+const MOST_STUCK: usize = 256;
+/// Time without a taken step after which all workers count as stuck.
+const STUCK_AFTER: Duration = Duration::from_millis(5);
+/// Time between two looks for blocked steps, and idle time after which a surplus worker ends.
+const LOOK_EVERY: Duration = Duration::from_secs(1);
+/// Distance of a step in time from which on it may be late by up to [`TOGETHER`]: what many routes look at once in a while
+/// wakes few threads few times.
+const FAR: Duration = Duration::from_millis(400);
+/// Time between two moments at which distant steps are due, all together.
+const TOGETHER: Duration = Duration::from_millis(20);
+/// One of this many turns goes first to a route that opens or closes, however busy the others are.
+const BEHIND_EVERY: u64 = 8;
+
+/// Values of [`Member::place`].
+pub(super) struct Place;
+
+impl Place {
+    pub(super) const IDLE: u8 = 0;
+    const QUEUED: u8 = 1;
+    const RUNNING: u8 = 2;
+    /// In a step, and the bell has rung since it began.
+    const RUNG: u8 = 3;
+    const CLOSED: u8 = 4;
+}
+
+/// Workers, and the members that wait for them.
+pub(super) struct Pool {
+    state: Mutex<State>,
+    /// Signal to a worker that a member waits.
+    work: Condvar,
+    /// Signal to the timekeeper that a step is due earlier, or that no worker is free.
+    tick: Condvar,
+    /// Signal that a thread has ended.
+    ended: Condvar,
+    /// Number of workers while none is stuck.
+    base: usize,
+    /// Reference of [`Pool::together`].
+    epoch: Instant,
+    pub(super) clock: Clock,
+}
+
+#[derive(Default)]
+struct State {
+    ready: VecDeque<Arc<Member>>,
+    /// Members that open or close.
+    behind: VecDeque<Arc<Member>>,
+    timers: BTreeMap<(Instant, u64), Arc<Member>>,
+    workers: usize,
+    /// Number of threads that have not ended: workers, timekeeper and others that were spawned.
+    threads: usize,
+    idle: usize,
+    /// Number of idle workers that were told that a member waits, and have not looked yet.
+    told: usize,
+    /// Number of workers at members that open or close.
+    at_behind: usize,
+    /// Number of turns taken, of all members and of those that open or close.
+    turns: u64,
+    turns_behind: u64,
+    /// True once the timekeeper has been told that no worker is free.
+    is_watched: bool,
+    grown_at: Option<Instant>,
+    stop: bool,
+}
+
+impl State {
+    /// Largest number of workers for members that open or close.
+    fn most_at_behind(&self) -> usize {
+        self.workers.saturating_sub(1).max(1)
+    }
+
+    fn may_take_behind(&self) -> bool {
+        !self.behind.is_empty() && self.at_behind < self.most_at_behind()
+    }
+
+    /// Takes the next member; true beside it where it opens or closes.
+    fn next(&mut self) -> Option<(Arc<Member>, bool)> {
+        let first = self.turns.is_multiple_of(BEHIND_EVERY);
+        let behind = self.may_take_behind() && (first || self.ready.is_empty());
+        let taken = if behind { self.behind.pop_front() } else { self.ready.pop_front() };
+        let member = taken?;
+        self.turns += 1;
+        if behind {
+            self.turns_behind += 1;
+            self.at_behind += 1;
+        }
+        Some((member, behind))
+    }
+
+    /// True when a member waits and no worker is free to take it.
+    fn waits_in_vain(&self) -> bool {
+        let ready = !self.ready.is_empty() && self.idle == 0;
+        ready || (!self.behind.is_empty() && (self.idle == 0 || !self.may_take_behind()))
+    }
+}
+
+impl Pool {
+    pub(super) fn new(clock: Clock) -> Arc<Self> {
+        let cores = std::thread::available_parallelism().map_or(2, usize::from);
+        Arc::new(Self {
+            state: Mutex::default(),
+            work: Condvar::new(),
+            tick: Condvar::new(),
+            ended: Condvar::new(),
+            base: cores.clamp(2, MOST_WORKERS),
+            epoch: clock.now(),
+            clock,
+        })
+    }
+
+    /// Starts the timekeeper, which starts workers; `look` is called once in a while.
+    ///
+    /// # Errors
+    /// When the system refuses a thread.
+    pub(super) fn start(self: &Arc<Self>, look: impl Fn() + Send + 'static) -> std::io::Result<()> {
+        self.grow(&mut lock(&self.state))?;
+        let pool = Arc::clone(self);
+        self.spawn("route-timer", move || pool.keep_time(look))
+    }
+
+    /// Starts a thread that ends once the pool is stopped.
+    ///
+    /// # Errors
+    /// When the system refuses a thread; the pool stops then.
+    pub(super) fn spawn(
+        self: &Arc<Self>,
+        name: &str,
+        act: impl FnOnce() + Send + 'static,
+    ) -> std::io::Result<()> {
+        let pool = Arc::clone(self);
+        lock(&self.state).threads += 1;
+        let thread = std::thread::Builder::new().name(name.to_owned());
+        let started = thread.spawn(move || {
+            if let Err(panic) = contained(act) {
+                tracing::error!("a thread of the routes panicked: {panic}");
+            }
+            pool.has_ended(&mut lock(&pool.state));
+        });
+        started.map(drop).inspect_err(|_| {
+            lock(&self.state).threads -= 1;
+            self.stop();
+        })
+    }
+
+    fn has_ended(&self, state: &mut State) {
+        state.threads -= 1;
+        self.ended.notify_all();
+    }
+
+    /// Queues a member that is new, or whose bell rang.
+    pub(super) fn ring(self: &Arc<Self>, member: Arc<Member>) {
+        let place = &member.place;
+        let rung = place.fetch_update(Ordering::AcqRel, Ordering::Acquire, |place| match place {
+            Place::IDLE => Some(Place::QUEUED),
+            Place::RUNNING => Some(Place::RUNG),
+            _ => None,
+        });
+        if rung == Ok(Place::IDLE) {
+            self.enqueue(&mut lock(&self.state), member);
+        }
+    }
+
+    fn enqueue(&self, state: &mut State, member: Arc<Member>) {
+        if state.stop {
+            return;
+        }
+        let is_behind = member.begins_or_ends();
+        if is_behind {
+            state.behind.push_back(member);
+        } else {
+            state.ready.push_back(member);
+        }
+        if state.idle > state.told {
+            state.told += 1;
+            self.work.notify_one();
+        }
+        if !state.is_watched && state.waits_in_vain() {
+            state.is_watched = true;
+            self.tick.notify_one();
+        }
+    }
+
+    /// Starts one more worker.
+    fn grow(self: &Arc<Self>, state: &mut State) -> std::io::Result<()> {
+        let pool = Arc::clone(self);
+        let thread = std::thread::Builder::new().name("route-worker".to_owned());
+        thread.spawn(move || pool.work())?;
+        state.workers += 1;
+        state.threads += 1;
+        if state.workers > self.base {
+            state.grown_at = Some(Instant::now());
+        }
+        Ok(())
+    }
+
+    fn work(&self) {
+        let mut state = lock(&self.state);
+        while !state.stop {
+            let Some((member, is_behind)) = state.next() else {
+                let is_needed = state.grown_at.is_some_and(|at| at.elapsed() < LOOK_EVERY);
+                if state.workers > self.base && state.idle > 0 && !is_needed {
+                    break;
+                }
+                state.idle += 1;
+                state = self.work.wait(state).unwrap_or_else(PoisonError::into_inner);
+                state.idle -= 1;
+                state.told = state.told.saturating_sub(1);
+                continue;
+            };
+            drop(state);
+            member.place.store(Place::RUNNING, Ordering::Release);
+            let step = member.turn();
+            state = lock(&self.state);
+            if is_behind {
+                state.at_behind -= 1;
+            }
+            if state.stop {
+                drop(state);
+                // A route that was in the middle of its step at the stop is closed here, because
+                // nobody else does. The lock is free, because its ends ring when they close. The
+                // program waits for the close, in which the ends unregister from masters and name
+                // servers.
+                member.close();
+                state = lock(&self.state);
+                break;
+            }
+            self.put_back(&mut state, member, step);
+        }
+        state.workers -= 1;
+        self.has_ended(&mut state);
+    }
+
+    /// Lets a member wait for the time of its next step, or for its turn where that has come.
+    fn put_back(&self, state: &mut State, member: Arc<Member>, step: Option<Step>) {
+        let Some(Step { next, .. }) = step else {
+            member.place.store(Place::CLOSED, Ordering::Release);
+            return;
+        };
+        let (ordering, place) = (Ordering::AcqRel, &member.place);
+        let now = self.clock.now();
+        let is_due = next <= now;
+        let at_rest =
+            place.compare_exchange(Place::RUNNING, Place::IDLE, ordering, Ordering::Acquire);
+        if at_rest.is_err() || is_due {
+            // A bell that rings at this moment finds the member queued, or queues it itself.
+            if at_rest.is_err() || self.claim(&member) {
+                place.store(Place::QUEUED, Ordering::Release);
+                self.enqueue(state, member);
+            }
+            return;
+        }
+        let next = self.together(next, now);
+        let mut timer = lock(&member.timer);
+        if timer.is_none_or(|at| next < at) {
+            *timer = Some(next);
+            drop(timer);
+            let is_first = state.timers.first_key_value().is_none_or(|((at, _), _)| next < *at);
+            state.timers.insert((next, member.id), member);
+            if is_first {
+                self.tick.notify_one();
+            }
+        }
+    }
+
+    /// Time at which a step that is due at `next` is taken: with others where it is distant.
+    fn together(&self, next: Instant, now: Instant) -> Instant {
+        if next.saturating_duration_since(now) < FAR {
+            return next;
+        }
+        let since = next.saturating_duration_since(self.epoch).as_nanos();
+        let late = since.next_multiple_of(TOGETHER.as_nanos()) - since;
+        u64::try_from(late).map_or(next, |late| next + Duration::from_nanos(late))
+    }
+
+    /// Claims an idle member; true for the one caller that may queue it.
+    fn claim(&self, member: &Member) -> bool {
+        let ordering = (Ordering::AcqRel, Ordering::Acquire);
+        let claimed =
+            member.place.compare_exchange(Place::IDLE, Place::QUEUED, ordering.0, ordering.1);
+        claimed.is_ok()
+    }
+
+    /// Queues members that are due, and adds and removes workers, until the pool is stopped.
+    fn keep_time(self: &Arc<Self>, look: impl Fn()) {
+        let mut looked_at = self.clock.now();
+        // Numbers of turns taken at the moment when members were seen waiting without a worker.
+        let mut seen: Option<(Instant, (u64, u64))> = None;
+        let mut state = lock(&self.state);
+        while !state.stop {
+            let now = self.clock.now();
+            while let Some(entry) = state.timers.first_entry().filter(|it| it.key().0 <= now) {
+                let member = entry.remove();
+                *lock(&member.timer) = None;
+                if self.claim(&member) {
+                    self.enqueue(&mut state, member);
+                }
+            }
+            if now.saturating_duration_since(looked_at) >= LOOK_EVERY {
+                looked_at = now;
+                if state.workers > self.base {
+                    self.work.notify_all();
+                }
+                drop(state);
+                look();
+                state = lock(&self.state);
+            }
+            let mut pause = LOOK_EVERY;
+            if state.waits_in_vain() {
+                let turns = (state.turns, state.turns_behind);
+                let (since, before) = *seen.get_or_insert((now, turns));
+                let is_stuck = now.saturating_duration_since(since) >= STUCK_AFTER;
+                let is_same = (before.0 == turns.0 && !state.ready.is_empty())
+                    || (before.1 == turns.1 && !state.behind.is_empty());
+                if is_stuck {
+                    seen = Some((now, turns));
+                }
+                let grows = state.workers < self.base || (is_stuck && is_same);
+                if grows
+                    && state.workers < MOST_STUCK
+                    && let Err(error) = self.grow(&mut state)
+                {
+                    tracing::error!("the system gives no thread for more routes: {error}");
+                }
+                pause = STUCK_AFTER;
+            } else if seen.take().is_some() {
+                // Looks once more before workers have to report the next wait, which costs them a
+                // wake-up.
+                pause = STUCK_AFTER;
+            } else {
+                state.is_watched = false;
+            }
+            if let Some(((at, _), _)) = state.timers.first_key_value() {
+                pause = pause.min(at.saturating_duration_since(self.clock.now()));
+            }
+            state = self.pause(state, pause);
+        }
+    }
+
+    fn pause<'s>(&self, state: MutexGuard<'s, State>, pause: Duration) -> MutexGuard<'s, State> {
+        self.tick.wait_timeout(state, pause).unwrap_or_else(PoisonError::into_inner).0
+    }
+
+    /// Lets every worker end after the step that it is in.
+    pub(super) fn stop(&self) {
+        let mut state = lock(&self.state);
+        state.stop = true;
+        // Dropped after the lock: the queues hold members, which close their endpoints when
+        // dropped.
+        let held = (
+            std::mem::take(&mut state.ready),
+            std::mem::take(&mut state.behind),
+            std::mem::take(&mut state.timers),
+        );
+        drop(state);
+        drop(held);
+        self.work.notify_all();
+        self.tick.notify_all();
+    }
+
+    /// Waits until every thread has ended, at most `limit`.
+    pub(super) fn wait(&self, limit: Duration) {
+        let is_busy = |state: &mut State| state.threads > 0;
+        drop(self.ended.wait_timeout_while(lock(&self.state), limit, is_busy));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn distant_steps_come_together_and_never_early() {
+        let pool = Pool::new(Clock::default());
+        let now = Instant::now();
+        let near = now + FAR - Duration::from_millis(1);
+        assert_eq!(pool.together(near, now), near);
+        let moments: std::collections::BTreeSet<Instant> = (0..1000)
+            .map(|millis| {
+                let next = now + FAR + Duration::from_millis(millis);
+                let taken = pool.together(next, now);
+                assert!(taken >= next && taken < next + TOGETHER);
+                taken
+            })
+            .collect();
+        assert!((50..=51).contains(&moments.len()), "{}", moments.len());
+    }
+}

@@ -1,0 +1,356 @@
+//! Patterns between two buses of one process.
+
+use std::sync::Arc;
+
+use super::super::{Available, Config, Engine, PatternCounts, Plan, RouteStatus};
+use super::*;
+use wrapyfi_data::types::{MessageType, Payload, ServiceKind, Value};
+use wrapyfi_endpoint::memory::Memory;
+use wrapyfi_endpoint::{Context, Listener, Middleware as _, Publisher, ServiceSpec, TopicSpec};
+
+#[derive(Debug, Default, serde::Deserialize)]
+struct NoEndpoints {}
+
+const MS: Duration = Duration::from_millis(1);
+
+/// Two buses, `a` and `b`, and the routes between them.
+struct Bench {
+    a: Arc<Memory>,
+    b: Arc<Memory>,
+    engine: Engine,
+    now: Instant,
+}
+
+fn engine(a: &Arc<Memory>, b: &Arc<Memory>, routes: &[&str]) -> Engine {
+    let mut registry = Registry::new();
+    registry.register(Arc::clone(a) as _);
+    registry.register(Arc::clone(b) as _);
+    let text: String = routes.iter().map(|route| format!("  - {{ {route} }}\n")).collect();
+    let config: Config<NoEndpoints> =
+        Config::from_yaml(&format!("routes:\n{text}"), "bridge.yaml").unwrap();
+    let known = |name| Available { name, check_topic: &|_| Ok(()), options: &[] };
+    let mut types = TypeStore::generated();
+    let plan = Plan::new(&config, &[known("a"), known("b")], &mut types, "bridge.yaml").unwrap();
+    Engine::new(plan, &registry).with_types(TypeStore::generated())
+}
+
+impl Bench {
+    fn new(routes: &[&str]) -> Self {
+        let (a, b) = (Arc::new(Memory::new("a")), Arc::new(Memory::new("b")));
+        let engine = engine(&a, &b, routes);
+        Self { a, b, engine, now: Instant::now() }
+    }
+
+    /// Runs for `time`, in steps as a route takes them.
+    fn run(&mut self, time: Duration) {
+        let end = self.now + time;
+        while self.now < end {
+            self.now += 100 * MS;
+            self.engine.step(self.now);
+        }
+    }
+
+    fn state(&self, name: &str) -> Option<String> {
+        let status = self.engine.status();
+        status.iter().find(|route| route.name == name).map(|route| route.state.to_string())
+    }
+
+    fn counts(&self) -> PatternCounts {
+        self.engine.status().iter().find_map(|route| route.pattern).unwrap()
+    }
+
+    fn names(&self) -> Vec<String> {
+        let status = self.engine.status();
+        status.into_iter().filter(|it| it.pattern.is_none()).map(|it| it.name).collect()
+    }
+}
+
+fn publisher(bus: &Memory, topic: &str, message_type: MessageType) -> Box<dyn Publisher> {
+    bus.open_publisher(&TopicSpec::new(topic, message_type), &Context::default()).unwrap()
+}
+
+fn listener(bus: &Memory, topic: &str) -> Box<dyn Listener> {
+    let spec = TopicSpec::new(topic, MessageType::NativeObject);
+    bus.open_listener(&spec, &Context::default()).unwrap()
+}
+
+fn number(n: i64) -> Payload {
+    Payload::from(Value::Int(n))
+}
+
+const SECOND: Duration = Duration::from_secs(1);
+const ALL: &str = "from: 'a:/(.*)', to: 'b:/from_a/$1'";
+
+#[test]
+fn a_topic_that_comes_gets_a_route_that_opens_its_source_when_wanted() {
+    let mut bench = Bench::new(&[ALL]);
+    bench.run(SECOND);
+    assert_eq!(bench.state("a:/(.*) -> b:/from_a/$1").unwrap(), "waiting for a name that matches");
+    let mut source = publisher(&bench.a, "/x", MessageType::NativeObject);
+    bench.run(3 * SECOND);
+    let name = "a:/x -> b:/from_a/x";
+    assert_eq!(bench.state(name).unwrap(), "waiting for a listener on b:/from_a/x");
+    assert_eq!(bench.counts(), PatternCounts { routes: 1, made: 1, ..PatternCounts::default() });
+    // It shows on the other side, and nobody listens to the source.
+    assert_eq!(source.link().peers, Some(0));
+    let mut sink = listener(&bench.b, "/from_a/x");
+    assert_eq!(sink.link().peers, Some(1));
+    bench.run(SECOND);
+    assert_eq!(source.link().peers, Some(1));
+    source.publish(&number(7)).unwrap();
+    bench.run(SECOND);
+    assert_eq!(sink.take().unwrap().unwrap().payload, number(7));
+    assert_eq!(bench.state(name).unwrap(), "active");
+    drop(sink);
+    bench.run(3 * SECOND);
+    assert_eq!(source.link().peers, Some(0), "the source is let go");
+}
+
+/// A source that goes after a long calm has as much time to come back as any other.
+#[test]
+fn a_calm_shortens_no_time() {
+    for calm in (10..20).map(|n| n * SECOND + 300 * MS) {
+        let mut bench = Bench::new(&[ALL]);
+        let source = publisher(&bench.a, "/x", MessageType::NativeObject);
+        bench.run(3 * SECOND + calm);
+        drop(source);
+        bench.run(4 * SECOND);
+        assert_eq!(bench.counts().routes, 1, "after {calm:?}");
+        bench.run(3 * SECOND);
+        assert_eq!(bench.counts().routes, 0, "after {calm:?}");
+        // What comes is seen at once.
+        bench.run(30 * SECOND);
+        let _source = publisher(&bench.a, "/y", MessageType::NativeObject);
+        bench.run(2 * SECOND);
+        assert_eq!(bench.counts().routes, 1, "after {calm:?}");
+    }
+}
+
+/// Two sources of one name get one route, also where the one that has it comes behind the other in
+/// the alphabet.
+#[test]
+fn two_sources_of_one_name_get_one_route() {
+    let mut bench = Bench::new(&["from: 'a:/(x|y)/(.*)', to: 'b:/$2'"]);
+    let _first = publisher(&bench.a, "/y/joints", MessageType::NativeObject);
+    bench.run(3 * SECOND);
+    let _second = publisher(&bench.a, "/x/joints", MessageType::NativeObject);
+    bench.run(3 * SECOND);
+    assert_eq!(
+        bench.state("a:/y/joints -> b:/joints").unwrap(),
+        "waiting for a listener on b:/joints"
+    );
+    assert_eq!(
+        bench.state("a:/x/joints -> b:/joints").unwrap(),
+        "waiting for the name b:/joints, to which a:/y/joints goes"
+    );
+    assert_eq!(bench.counts().routes, 1);
+}
+
+/// Names of YARP become names of ROS by a slash for their colon.
+#[test]
+fn names_that_differ_by_a_colon_get_a_route_each_whichever_comes_first() {
+    let routes = ["from: 'a:/([^:]*)', to: 'b:/$1'", "from: 'a:/([^:]*):(o|i)', to: 'b:/${1}/$2'"];
+    let wanted = ["a:/x/y/o -> b:/x/y/o", "a:/x/y:o -> b:/x/y/o_"];
+    for colon_first in [true, false] {
+        let mut bench = Bench::new(&routes);
+        let (first, second) = if colon_first { ("/x/y:o", "/x/y/o") } else { ("/x/y/o", "/x/y:o") };
+        let _first = publisher(&bench.a, first, MessageType::NativeObject);
+        bench.run(3 * SECOND);
+        // Alone it needs no other name.
+        let mut names = bench.names();
+        assert!(names.len() == 1 && names[0].ends_with("-> b:/x/y/o"), "{names:?}");
+        let _second = publisher(&bench.a, second, MessageType::NativeObject);
+        bench.run(5 * SECOND);
+        names = bench.names();
+        names.sort();
+        assert_eq!(names, wanted);
+        for name in wanted {
+            let (_, to) = name.split_once("-> ").unwrap();
+            let waits = format!("waiting for a listener on {to}");
+            assert_eq!(bench.state(name), Some(waits), "{colon_first}");
+        }
+    }
+}
+
+#[test]
+fn a_route_ends_a_while_after_its_source_and_counts_on_when_that_comes_back() {
+    let mut bench = Bench::new(&["from: 'a:/(.*)', to: 'b:/$1', lazy: false"]);
+    let sink = listener(&bench.b, "/x");
+    for round in 1..=2 {
+        let mut source = publisher(&bench.a, "/x", MessageType::NativeObject);
+        bench.run(3 * SECOND);
+        source.publish(&number(round)).unwrap();
+        bench.run(SECOND);
+        drop(source);
+        bench.run(2 * SECOND);
+        assert_eq!(bench.names(), ["a:/x -> b:/x"], "a publisher that restarts finds its route");
+        let sent = bench.engine.status()[0].counters.sent;
+        assert_eq!(sent, u64::try_from(round).unwrap());
+        bench.run(5 * SECOND);
+        assert_eq!(bench.names(), Vec::<String>::new());
+        assert_eq!(sink.link().peers, Some(0));
+    }
+    let counts = bench.counts();
+    assert_eq!((counts.made, counts.ended, counts.routes), (2, 2, 0));
+}
+
+#[test]
+fn both_directions_of_all_do_not_feed_each_other() {
+    let mut bench = Bench::new(&["from: 'a:/(.*)', to: 'b:/$1'", "from: 'b:/(.*)', to: 'a:/$1'"]);
+    let _here = publisher(&bench.a, "/x", MessageType::NativeObject);
+    let _there = publisher(&bench.b, "/y", MessageType::NativeObject);
+    bench.run(10 * SECOND);
+    let mut names = bench.names();
+    names.sort();
+    assert_eq!(names, ["a:/x -> b:/x", "b:/y -> a:/y"]);
+}
+
+/// Neither bus shows marks, so the second bridge cannot know whose a topic is, and leaves it alone.
+#[test]
+fn a_second_bridge_leaves_alone_what_is_on_both_sides() {
+    let both = ["from: 'a:/(.*)', to: 'b:/$1'", "from: 'b:/(.*)', to: 'a:/$1'"];
+    let mut bench = Bench::new(&both);
+    let _here = publisher(&bench.a, "/x", MessageType::NativeObject);
+    bench.run(3 * SECOND);
+    assert_eq!(bench.names(), ["a:/x -> b:/x"]);
+    bench.engine = {
+        let first = std::mem::replace(&mut bench.engine, engine(&bench.a, &bench.b, &both));
+        bench.run(5 * SECOND);
+        let waits = bench.state("a:/x -> b:/x").unwrap();
+        assert!(
+            waits.contains("both have publishers") && waits.contains("write a route"),
+            "{waits}"
+        );
+        assert!(bench.state("b:/x -> a:/x").unwrap().contains("both have publishers"));
+        first
+    };
+}
+
+#[test]
+fn routes_of_the_configuration_come_before_patterns() {
+    let mut bench = Bench::new(&[
+        "from: 'a:/x', to: 'b:/other', type: NativeObject",
+        "from: 'a:/y', to: 'b:/z', type: NativeObject",
+        "from: 'a:/(.*)', to: 'b:/$1'",
+        "from: 'b:/(.*)', to: 'a:/$1'",
+    ]);
+    let all = ["/x", "/y", "/z", "/free"];
+    let _sources = all.map(|name| publisher(&bench.a, name, MessageType::NativeObject));
+    bench.run(5 * SECOND);
+    // /z would share its destination with /y.
+    assert_eq!(bench.names(), ["a:/x -> b:/other", "a:/y -> b:/z", "a:/free -> b:/free"]);
+}
+
+#[test]
+fn what_is_denied_is_left_out() {
+    let mut bench = Bench::new(&["from: 'a:/(.*)', to: 'b:/$1', deny: ['cam/.*']"]);
+    let all = ["/cam/left", "/rosout", "/_hidden", "/tf"];
+    let _sources = all.map(|name| publisher(&bench.a, name, MessageType::NativeObject));
+    bench.run(5 * SECOND);
+    assert_eq!(bench.names(), ["a:/tf -> b:/tf"]);
+}
+
+#[test]
+fn types_are_learned_and_those_unknown_say_so() {
+    let mut bench = Bench::new(&[ALL]);
+    let _image = publisher(&bench.a, "/cam", MessageType::Image);
+    bench.run(5 * SECOND);
+    let status = bench.engine.status();
+    assert_eq!(status[0].message_type, "sensor_msgs/msg/Image");
+    let _odd = bench.a.announce("/odd", "demo/msg/None");
+    bench.run(3 * SECOND);
+    let state = bench.state("a:/odd -> b:/from_a/odd").unwrap();
+    assert!(state.contains("a definition of demo/msg/None: "), "{state}");
+    assert_eq!((bench.counts().routes, bench.counts().waiting), (1, 1));
+}
+
+#[test]
+fn one_topic_whose_type_nobody_tells_yet_waits_for_it() {
+    let mut bench = Bench::new(&["from: 'a:/x', to: 'b:/y'"]);
+    bench.run(2 * SECOND);
+    let state = bench.state("a:/x -> b:/y").unwrap();
+    assert_eq!(state, "waiting for a publisher on a:/x, which tells the type");
+    // A listener at the other end tells it as well.
+    let _sink = listener(&bench.b, "/y");
+    bench.run(2 * SECOND);
+    assert_eq!(bench.state("a:/x -> b:/y").unwrap(), "waiting for a publisher on a:/x");
+    assert_eq!(bench.engine.status().len(), 1);
+}
+
+#[test]
+fn the_number_of_routes_is_limited_and_the_rest_counted() {
+    let mut bench = Bench::new(&["from: 'a:/(.*)', to: 'b:/$1', max_routes: 3"]);
+    let names: Vec<String> = (0..5).map(|n| format!("/t{n}")).collect();
+    let _sources: Vec<_> =
+        names.iter().map(|name| publisher(&bench.a, name, MessageType::NativeObject)).collect();
+    bench.run(4 * SECOND);
+    let counts = bench.counts();
+    assert_eq!((counts.routes, counts.over_limit), (3, 2));
+    let state = bench.state("a:/(.*) -> b:/$1").unwrap();
+    assert!(state.contains("3 routes are the limit (max_routes), 2 more"), "{state}");
+}
+
+#[test]
+fn a_destination_belongs_to_one_source() {
+    let mut bench = Bench::new(&["from: 'a:/[xy]/(.*)', to: 'b:/$1'"]);
+    let _sources =
+        ["/x/t", "/y/t"].map(|name| publisher(&bench.a, name, MessageType::NativeObject));
+    bench.run(4 * SECOND);
+    assert_eq!(bench.state("a:/x/t -> b:/t").unwrap(), "waiting for a listener on b:/t");
+    let state = bench.state("a:/y/t -> b:/t").unwrap();
+    assert_eq!(state, "waiting for the name b:/t, to which a:/x/t goes");
+}
+
+#[test]
+fn services_are_offered_on_the_other_side_and_taken_away_again() {
+    let mut bench = Bench::new(&["service: 'a:/(.*)', as: 'b:/$1'"]);
+    let spec = |name: &str| ServiceSpec::new(name, ServiceKind::NativeObject);
+    let server = bench.a.open_server(&spec("/light"), &Context::default()).unwrap();
+    let _own = bench.a.open_server(&spec("/n/get_parameters"), &Context::default()).unwrap();
+    bench.run(3 * SECOND);
+    assert_eq!(bench.state("b:/light -> a:/light").unwrap(), "active");
+    assert_eq!(bench.counts().routes, 1);
+    let client = bench.b.open_client(&spec("/light"), &Context::default()).unwrap();
+    assert_eq!(client.link().peers, Some(1));
+    drop(server);
+    bench.run(7 * SECOND);
+    assert_eq!(client.link().peers, Some(0));
+}
+
+#[test]
+fn a_name_that_somebody_offers_is_not_taken_from_them() {
+    let mut bench = Bench::new(&["service: 'a:/(.*)', as: 'b:/$1'"]);
+    let spec = ServiceSpec::new("/light", ServiceKind::NativeObject);
+    let _there = bench.b.open_server(&spec, &Context::default()).unwrap();
+    let _here = bench.a.open_server(&spec, &Context::default()).unwrap();
+    bench.run(3 * SECOND);
+    let state = bench.state("b:/light -> a:/light").unwrap();
+    assert_eq!(
+        state,
+        "waiting for the name b:/light, under which another program offers a service"
+    );
+}
+
+#[test]
+fn threads_make_and_end_routes_too() {
+    let (a, b) = (Arc::new(Memory::new("a")), Arc::new(Memory::new("b")));
+    let running = engine(&a, &b, &[ALL]).start().unwrap();
+    let until = |what: &dyn Fn(&[RouteStatus]) -> bool| {
+        let deadline = Instant::now() + 60 * SECOND;
+        while !what(&running.status()) {
+            assert!(Instant::now() < deadline, "{:?}", running.status());
+            std::thread::sleep(10 * MS);
+        }
+    };
+    let mut source = publisher(&a, "/x", MessageType::NativeObject);
+    let mut sink = listener(&b, "/from_a/x");
+    until(&|all| {
+        all.iter().any(|route| route.state == RouteState::Active && route.pattern.is_none())
+    });
+    source.publish(&number(3)).unwrap();
+    until(&|all| all.iter().any(|route| route.counters.sent == 1));
+    assert_eq!(sink.take().unwrap().unwrap().payload, number(3));
+    drop(source);
+    until(&|all| all.iter().any(|route| route.pattern.is_some_and(|it| it.ended == 1)));
+    assert_eq!(running.stop().len(), 1);
+}

@@ -1,0 +1,405 @@
+//! The data path of one route, and its state.
+//!
+//! ```text
+//!   step(now):  reconcile   open what is missing, when its back-off is over
+//!               review      fit quality of service to the peers, say who does not fit
+//!               propagate   listener.take() ──▶ rate ──▶ publisher.publish()
+//!               judge       waiting for … │ active │ degraded: … │ error: …
+//! ```
+//!
+//! A relay has no threads and no clock of its own: the caller gives the time, and so does the clock of the
+//! registry, so that a test can give any.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use super::end::End;
+use super::route::Route;
+use super::route_status::{RouteState, RouteStatus};
+use super::stamping;
+use super::work::Work;
+use wrapyfi_data::codec::convert_payload;
+use wrapyfi_data::types::Payload;
+use wrapyfi_endpoint::Throttle;
+use wrapyfi_endpoint::backoff::Backoff;
+use wrapyfi_endpoint::{
+    Clock, Context, Counters, DropReason, Listener, Publisher, Qos, Registry, Sample, Traits, Wake,
+};
+
+/// Largest number of messages moved in one step, so that a flooded route lets others have their
+/// turn.
+const BATCH: usize = 16;
+/// Time for which a loss keeps a route `degraded`.
+pub(super) const DEGRADED_FOR: Duration = Duration::from_secs(5);
+/// Time without listeners after which a lazy route closes its source.
+pub(super) const UNWANTED_FOR: Duration = Duration::from_secs(2);
+/// Time between two looks at the links when nothing rings.
+pub(super) const REVIEW_EVERY: Duration = Duration::from_millis(500);
+/// Time between two looks of a route at rest, or of one whose ends are; who comes, goes or sends rings before.
+pub(super) const REST_REVIEW_EVERY: Duration = Duration::from_secs(2);
+/// Time without a message or a change after which the ends count as at rest; longer than [`UNWANTED_FOR`].
+const CALM_AFTER: Duration = Duration::from_secs(3);
+
+/// One route at work.
+pub struct Relay {
+    spec: Route,
+    context: Context,
+    source: End<dyn Listener>,
+    sink: End<dyn Publisher>,
+    backoff: Backoff,
+    not_before: Option<Instant>,
+    /// Instant since which a lazy route has no listener.
+    unwanted_since: Option<Instant>,
+    state: RouteState,
+    /// Instant of the last message or change.
+    stirred_at: Option<Instant>,
+    /// Listeners of another type than the route's, in words.
+    misfits: Option<String>,
+    last_loss: Option<(Instant, String)>,
+    /// True while a message was taken, and is not counted yet.
+    in_hand: bool,
+    /// Reason that the destination takes less than it is given.
+    slowed: Option<String>,
+    /// Number of messages that the destination took and did not deliver, as far as they are in
+    /// `last_loss`.
+    undelivered: u64,
+    /// Throttle for losses and for objects passed on as they came: all are counted, few are logged.
+    losses: Throttle,
+    unread: Throttle,
+}
+
+/// Messages that a step moved, and the time of the next one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Step {
+    /// Number of messages taken, delivered or not.
+    pub moved: usize,
+    /// Instant at which to step again if the bell does not ring before.
+    pub next: Instant,
+}
+
+impl Relay {
+    /// A route that has opened nothing yet. `seed` spreads its back-off.
+    #[must_use]
+    pub fn new(spec: Route, registry: &Registry, seed: u64) -> Self {
+        let source = End::new(registry, &spec.from.middleware);
+        let sink = End::new(registry, &spec.to.middleware);
+        Self {
+            state: RouteState::Waiting("its first step".to_owned()),
+            context: Context { clock: registry.clock().clone(), ..Context::default() },
+            backoff: Backoff::new(seed),
+            not_before: None,
+            unwanted_since: None,
+            stirred_at: None,
+            misfits: None,
+            last_loss: None,
+            in_hand: false,
+            slowed: None,
+            undelivered: 0,
+            losses: Throttle::default(),
+            unread: Throttle::default(),
+            source,
+            sink,
+            spec,
+        }
+    }
+
+    /// Uses the counters of an earlier route with these ends.
+    #[must_use]
+    pub(super) fn counting(mut self, counters: Arc<Counters>) -> Self {
+        self.context.counters = counters;
+        self
+    }
+
+    /// True while its source is closed because nobody listens at the destination.
+    pub(super) fn is_at_rest(&self) -> bool {
+        self.spec.policy.lazy && self.source.open.is_none()
+    }
+
+    /// State that waits for a listener, with the listeners that do not count.
+    fn no_listener(&self) -> RouteState {
+        let (to, carried) = (&self.spec.to, self.spec.types().to.ros_type());
+        RouteState::Waiting(match &self.misfits {
+            Some(misfits) => format!("a listener on {to} of {carried}: {misfits}"),
+            None => format!("a listener on {to}"),
+        })
+    }
+
+    /// Bell that rings when the route has work.
+    #[must_use]
+    pub fn wake(&self) -> &Wake {
+        &self.context.wake
+    }
+
+    /// Status of the route.
+    #[must_use]
+    pub fn status(&self) -> RouteStatus {
+        RouteStatus {
+            name: self.spec.name.clone(),
+            from: self.spec.from.to_string(),
+            to: self.spec.to.to_string(),
+            message_type: self.spec.label(),
+            state: self.state.clone(),
+            from_qos: self.source.qos,
+            to_qos: self.sink.qos,
+            counters: self.context.counters.snapshot(),
+            panics: 0,
+            pattern: None,
+        }
+    }
+
+    /// Brings the route one step on. Blocks only as long as a reliable destination does.
+    pub fn step(&mut self, now: Instant) -> Step {
+        self.reconcile(now);
+        let review_at = self.review(now);
+        let moved = self.propagate(now);
+        let undelivered = self.context.counters.undelivered_messages();
+        if undelivered > self.undelivered {
+            let text = format!(
+                "{} messages did not reach everybody who listens on {}",
+                undelivered - self.undelivered,
+                self.spec.to
+            );
+            self.undelivered = undelivered;
+            self.last_loss = Some((now, text));
+        }
+        let state = self.judge(now);
+        if moved > 0 || state != self.state {
+            self.stirred_at = Some(now);
+        }
+        self.state = state;
+        let stirred_at = *self.stirred_at.get_or_insert(now);
+        let is_calm = now.saturating_duration_since(stirred_at) >= CALM_AFTER
+            && !matches!(self.state, RouteState::Degraded(_));
+        let next = match (moved == BATCH, is_calm || self.is_at_rest()) {
+            (true, _) => now,
+            (false, true) => now + REST_REVIEW_EVERY,
+            (false, false) => now + REVIEW_EVERY,
+        };
+        let due = [self.source.retry_at, self.sink.retry_at, review_at];
+        Step { moved, next: due.into_iter().flatten().fold(next, Instant::min).max(now) }
+    }
+
+    /// Opens what is to be open, the destination first, so that a message finds it open.
+    fn reconcile(&mut self, now: Instant) {
+        let Self { spec, context, source, sink, backoff, .. } = self;
+        sink.open_with(now, backoff, |middleware| {
+            middleware.open_publisher(&spec.topic_spec(&spec.to), context)
+        });
+        if let Some(publisher) = &sink.open
+            && spec.policy.lazy
+        {
+            let link = publisher.link();
+            if link.peers == Some(0) && !link.keeps_last {
+                let since = *self.unwanted_since.get_or_insert(now);
+                let open = source.open.is_some();
+                if open && now.saturating_duration_since(since) >= UNWANTED_FOR {
+                    tracing::debug!(route = %spec.name, "nobody listens: {} is closed", spec.from);
+                    (source.open, source.qos) = (None, None);
+                    if let Some(publisher) = &mut sink.open {
+                        publisher.forget_all();
+                    }
+                }
+                // A source that nobody wants is not tried again.
+                if source.open.is_none() {
+                    source.at_rest();
+                }
+                return;
+            }
+            self.unwanted_since = None;
+        }
+        if sink.open.is_some() {
+            source.open_with(now, backoff, |middleware| {
+                middleware.open_listener(&spec.topic_spec(&spec.from), context)
+            });
+        }
+        if sink.open.is_some() && source.open.is_some() {
+            backoff.reset();
+        }
+    }
+
+    /// Lets both ends look at their peers; instant of the next look.
+    fn review(&mut self, now: Instant) -> Option<Instant> {
+        if let (Some(listener), Some(publisher)) = (&self.source.open, &mut self.sink.open) {
+            publisher.follow_source(listener.keeping());
+        }
+        let source = self.source.open.as_mut().map(|listener| listener.review(now));
+        let mut sink = self.sink.open.as_mut().map(|publisher| publisher.review(now));
+        self.slowed = sink.as_mut().and_then(|found| found.slowed.take());
+        let source = source.and_then(|found| self.source.note(found, &self.spec));
+        let sink = sink.and_then(|found| self.sink.note(found, &self.spec));
+        source.into_iter().chain(sink).min()
+    }
+
+    fn propagate(&mut self, now: Instant) -> usize {
+        let (Some(listener), Some(publisher)) = (&mut self.source.open, &mut self.sink.open) else {
+            return 0;
+        };
+        let ends = [self.source.traits, self.sink.traits];
+        let link = publisher.link();
+        let unwanted = link.peers == Some(0) && !link.keeps_last;
+        let mut moved = 0;
+        while moved < BATCH {
+            self.in_hand = false;
+            if unwanted {
+                // Without a consumer the message is not even decoded.
+                let Some(lost) = listener.set_aside() else { break };
+                moved += 1;
+                self.context.counters.dropped_many(DropReason::NoConsumer, lost);
+                continue;
+            }
+            // A message is in hand from here on: where taking it panics, it is lost and counted.
+            self.in_hand = true;
+            let taken = listener.take();
+            let outcome = match taken {
+                Ok(None) => break,
+                Ok(Some(_))
+                    if !rate_allows(self.spec.policy.max_rate_hz, &mut self.not_before, now) =>
+                {
+                    moved += 1;
+                    self.context.counters.dropped(DropReason::RateLimit);
+                    continue;
+                }
+                Ok(Some(sample)) => {
+                    if let Payload::NativeObject(value) = &sample.payload {
+                        for (_, reason) in value.refusals() {
+                            self.context.counters.unread();
+                            if let Some(before) = self.unread.pass(now) {
+                                let what = "passed on an object unread";
+                                log(&self.spec.name, before, what, reason);
+                            }
+                        }
+                    }
+                    forward(&self.spec, sample, publisher.as_mut(), ends, &self.context.clock)
+                }
+                Err(error) => Err((error.drop_reason(), error.to_string())),
+            };
+            moved += 1;
+            match outcome {
+                Ok((bytes, received_at)) => {
+                    let Context { counters, clock, .. } = &self.context;
+                    counters.sent(bytes, clock.age(received_at));
+                }
+                Err((reason @ DropReason::NoConsumer, _)) => self.context.counters.dropped(reason),
+                Err((reason, text)) => {
+                    self.context.counters.dropped(reason);
+                    if let Some(before) = self.losses.pass(now) {
+                        let what = format!("dropped a message ({reason})");
+                        log(&self.spec.name, before, &what, &text);
+                    }
+                    self.last_loss = Some((now, text));
+                }
+            }
+        }
+        self.in_hand = false;
+        while let Some(gone) = listener.departed() {
+            publisher.forget(gone);
+        }
+        moved
+    }
+
+    fn judge(&self, now: Instant) -> RouteState {
+        if let Some(trouble) = self.sink.trouble.as_ref().or(self.source.trouble.as_ref()) {
+            return trouble.clone();
+        }
+        if self.spec.policy.lazy && self.source.open.is_none() && self.sink.open.is_some() {
+            let source = self.source.middleware.as_ref().and_then(|source| source.waiting_for());
+            return source.map_or_else(|| self.no_listener(), RouteState::Waiting);
+        }
+        let (Some(listener), Some(publisher)) = (&self.source.open, &self.sink.open) else {
+            return self.state.clone();
+        };
+        let (source, sink) = (listener.link(), publisher.link());
+        if let Some(what) = source.waiting_for.or(sink.waiting_for) {
+            return RouteState::Waiting(what);
+        }
+        if let Some(why) = &self.slowed {
+            return RouteState::Degraded(why.clone());
+        }
+        if let Some((at, text)) = &self.last_loss
+            && now.saturating_duration_since(*at) < DEGRADED_FOR
+        {
+            return RouteState::Degraded(text.clone());
+        }
+        if source.peers == Some(0) {
+            return RouteState::Waiting(format!("a publisher on {}", self.spec.from));
+        }
+        if sink.peers == Some(0) {
+            return self.no_listener();
+        }
+        RouteState::Active
+    }
+}
+
+impl Work for Relay {
+    fn step(&mut self, now: Instant) -> Step {
+        Self::step(self, now)
+    }
+
+    fn state(&self) -> (&RouteState, [Option<Qos>; 2]) {
+        (&self.state, [self.source.qos, self.sink.qos])
+    }
+
+    fn is_open(&self) -> bool {
+        self.sink.open.is_some() && (self.spec.policy.lazy || self.source.open.is_some())
+    }
+
+    fn keep_open(&mut self) {
+        self.spec.policy.lazy = false;
+    }
+
+    fn name_misfits(&mut self, named: Option<String>) {
+        self.misfits = named;
+    }
+
+    fn close(&mut self) {
+        if std::mem::take(&mut self.in_hand) {
+            self.context.counters.dropped(DropReason::Closed);
+        }
+        self.unwanted_since = None;
+        self.source.close();
+        self.sink.close();
+    }
+}
+
+/// Hands a message on in the type of the destination; its size there, and the instant it came.
+fn forward(
+    spec: &Route,
+    sample: Sample,
+    publisher: &mut dyn Publisher,
+    ends: [Traits; 2],
+    clock: &Clock,
+) -> Result<(usize, Instant), (DropReason, String)> {
+    let Sample { payload, received_at, origin, .. } = sample;
+    let (policy, to) = (&spec.policy, spec.types().to);
+    let mut payload =
+        convert_payload(payload, to, policy.color_order, &policy.limits, || clock.ros_now().stamp)
+            .map_err(|error| ((&error).into(), error.to_string()))?;
+    stamping::apply(spec, &mut payload, ends, received_at, clock)
+        .map_err(|error| (DropReason::Malformed, error.to_string()))?;
+    match publisher.forward(&payload, origin) {
+        Ok(bytes) => Ok((bytes, received_at)),
+        Err(error) => Err((error.drop_reason(), error.to_string())),
+    }
+}
+
+/// True when a message may pass at `now`; then books its interval.
+fn rate_allows(max_rate_hz: Option<f64>, not_before: &mut Option<Instant>, now: Instant) -> bool {
+    let Some(hz) = max_rate_hz else { return true };
+    if not_before.is_some_and(|at| now < at) {
+        return false;
+    }
+    let interval = Duration::try_from_secs_f64(1.0 / hz).unwrap_or(Duration::MAX);
+    // The interval counts from the time booked, not from now, or a source slightly above the limit
+    // would be halved.
+    let base = not_before.filter(|at| now.saturating_duration_since(*at) < interval).unwrap_or(now);
+    *not_before = base.checked_add(interval);
+    true
+}
+
+fn log(route: &str, unlogged_before: u64, what: &str, text: &str) {
+    tracing::warn!(route, unlogged_before, "{what}: {text}");
+}
+
+#[cfg(test)]
+#[path = "relay_tests.rs"]
+mod tests;

@@ -1,0 +1,450 @@
+//! A route as data: source, destination, types and settings. It can be printed, serialised,
+//! compared and replaced.
+//!
+//! ```text
+//!   { from: "zeromq:/a", to: "ros2:/a", type: Image }   one name, its type given      runs as it stands
+//!   { from: "ros:/chatter", to: "ros2:/chatter" }       one name, its type learned  ┐ routes are made once
+//!   { from: "ros:/(.*)", to: "ros2:/$1" }               a pattern: many names       ┘ what they take is there
+//! ```
+
+use std::fmt;
+use std::time::Duration;
+
+use serde::ser::{Serialize, SerializeMap as _, Serializer};
+
+use super::config_qos::{QosConfig, QosOverride};
+use super::conventions;
+use super::denied::{is_denied_service, is_denied_topic};
+use super::stamping::StampSource;
+use wrapyfi_data::Limits;
+use wrapyfi_data::plugin::Plugins;
+use wrapyfi_data::types::{Encoding, Map, MessageType, ServiceKind};
+use wrapyfi_endpoint::pattern::{Inverse, NamePattern};
+use wrapyfi_endpoint::{
+    BridgeMark, EndpointAddress, Overflow, QueueSpec, Role, ServiceSpec, TopicSpec,
+};
+
+/// Time by which a request outlives the call that the route makes for it.
+const ANSWER_MARGIN: Duration = Duration::from_secs(2);
+
+/// Key of a route: its ends. Entries of two plans with one key are about the same route.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct RouteKey {
+    /// Role of the endpoints that the route takes from: publisher for topics, server for services.
+    pub role: Role,
+    /// Source of messages, or address at which a service has its server.
+    pub from: EndpointAddress,
+    /// Destination of messages, or address at which a service is offered.
+    pub to: EndpointAddress,
+}
+
+/// A route that is to run, or a pattern that means many.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Route {
+    /// Name in tables, logs and errors.
+    pub name: String,
+    /// Source of messages, or address at which a service has its server. The name of a pattern is
+    /// its regular expression.
+    pub from: EndpointAddress,
+    /// Destination of messages, or address at which a service is offered. That of a pattern refers
+    /// to its groups.
+    pub to: EndpointAddress,
+    /// Names that a pattern means; `None` for a route with one name.
+    pub names: Option<Names>,
+    /// Messages or requests, and their types.
+    pub kind: Kind,
+    /// Origin of the types in `kind`.
+    pub typing: Typing,
+    /// Settings of the route.
+    pub policy: Policy,
+    /// Mark that the destination announces, of a route that a pattern made. Its source then passes
+    /// over messages that came through the destination's middleware before.
+    pub mark: Option<BridgeMark>,
+}
+
+/// Messages or requests, as the kind of a route.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Kind {
+    /// Messages.
+    Topic(Types),
+    /// Requests and replies.
+    Service(ServiceKind),
+}
+
+/// Types of a route's messages.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Types {
+    /// Type at the source.
+    pub from: MessageType,
+    /// Type at the destination.
+    pub to: MessageType,
+}
+
+impl From<MessageType> for Types {
+    fn from(both: MessageType) -> Self {
+        Self { from: both, to: both }
+    }
+}
+
+/// Origin of a route's types.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Typing {
+    /// The configuration gives them.
+    Given,
+    /// The endpoints at the source announce them; those of the route mean nothing.
+    Learned,
+    /// As [`Typing::Learned`]; where no endpoint announces any, those of the route hold.
+    LearnedIfTold,
+}
+
+/// Names that a pattern means.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Names {
+    /// Pattern that names must match.
+    pub pattern: NamePattern,
+    /// Names that are allowed; empty for all.
+    pub allow: Vec<NamePattern>,
+    /// Names that are left out, also where they are allowed.
+    pub deny: Vec<NamePattern>,
+    /// True where hidden names and those that every node has are left out.
+    pub default_deny: bool,
+    /// Largest number of routes.
+    pub max_routes: usize,
+}
+
+/// Settings of a route.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Policy {
+    /// Quality of service on middlewares that have one.
+    pub qos: QosConfig,
+    /// Changes to `qos` at the source, from the start of the program.
+    pub from_override: QosOverride,
+    /// Changes to `qos` at the destination, from the start of the program.
+    pub to_override: QosOverride,
+    /// Queue between source and conversion.
+    pub queue: QueueSpec,
+    /// Highest rate passed on, in messages per second.
+    pub max_rate_hz: Option<f64>,
+    /// Channel order of three-channel frames on Wrapyfi's side.
+    pub color_order: Encoding,
+    /// Coordinate frame that messages get; `None` leaves the source's.
+    pub frame_id: Option<String>,
+    /// Source of the time that messages get; `None` leaves the default.
+    pub stamp: Option<StampSource>,
+    /// Bounds on every message, request and reply.
+    pub limits: Limits,
+    /// Plug-ins that read and write objects inside native objects.
+    pub plugins: Plugins,
+    /// Settings that only some middlewares have, by name.
+    pub options: Map,
+    /// True when the source is open only while somebody listens at the destination.
+    pub lazy: bool,
+    /// Time that a call of a service has.
+    pub timeout: Duration,
+}
+
+impl Default for Policy {
+    fn default() -> Self {
+        Self {
+            qos: QosConfig::default(),
+            from_override: QosOverride::default(),
+            to_override: QosOverride::default(),
+            queue: QueueSpec::default(),
+            max_rate_hz: None,
+            color_order: Encoding::Bgr8,
+            frame_id: None,
+            stamp: None,
+            limits: Limits::default(),
+            plugins: Plugins::standard(),
+            options: Map::default(),
+            lazy: false,
+            timeout: ServiceSpec::TIMEOUT,
+        }
+    }
+}
+
+impl Route {
+    /// Makes a route of messages, with default settings.
+    #[must_use]
+    pub fn topic(from: EndpointAddress, to: EndpointAddress, message_type: MessageType) -> Self {
+        Self::new(from, to, Kind::Topic(message_type.into()))
+    }
+
+    /// Makes a route of a service that has its server at `from`, with default settings.
+    #[must_use]
+    pub fn service(from: EndpointAddress, to: EndpointAddress, kind: ServiceKind) -> Self {
+        Self::new(from, to, Kind::Service(kind))
+    }
+
+    pub(super) fn new(from: EndpointAddress, to: EndpointAddress, kind: Kind) -> Self {
+        let (names, policy, mark) = (None, Policy::default(), None);
+        let mut route = Self {
+            name: String::new(),
+            from,
+            to,
+            names,
+            kind,
+            typing: Typing::Given,
+            policy,
+            mark,
+        };
+        route.name = route.ends();
+        route
+    }
+
+    /// Ends of the route in the direction of messages or requests, such as `ros2:/a -> zeromq:/a`.
+    #[must_use]
+    pub fn ends(&self) -> String {
+        let Self { from, to, .. } = self;
+        match self.kind {
+            Kind::Topic(_) => format!("{from} -> {to}"),
+            Kind::Service(_) => format!("{to} -> {from}"),
+        }
+    }
+
+    /// Key of the route.
+    #[must_use]
+    pub fn key(&self) -> RouteKey {
+        RouteKey { role: self.role(), from: self.from.clone(), to: self.to.clone() }
+    }
+
+    /// Role of the endpoints that the route takes from.
+    #[must_use]
+    pub fn role(&self) -> Role {
+        match self.kind {
+            Kind::Topic(_) => Role::Publisher,
+            Kind::Service(_) => Role::Server,
+        }
+    }
+
+    /// True for a pattern, false for a route with one name.
+    #[must_use]
+    pub fn is_many(&self) -> bool {
+        self.names.is_some()
+    }
+
+    /// True for a route that runs as it stands, because it has one name and its type is given.
+    #[must_use]
+    pub fn is_whole(&self) -> bool {
+        !self.is_many() && self.typing == Typing::Given
+    }
+
+    /// Types of the route's messages; native objects for a service, which has none.
+    #[must_use]
+    pub fn types(&self) -> Types {
+        match self.kind {
+            Kind::Topic(types) => types,
+            Kind::Service(_) => MessageType::NativeObject.into(),
+        }
+    }
+
+    /// ROS name of the type at the destination.
+    pub(super) fn label(&self) -> &'static str {
+        match self.kind {
+            Kind::Topic(types) => types.to.label(),
+            Kind::Service(kind) => kind.ros_type(),
+        }
+    }
+
+    /// Destination of the source called `name`; `None` where the route leaves it out.
+    #[must_use]
+    pub fn target(&self, name: &str) -> Option<EndpointAddress> {
+        let Some(Names { pattern, allow, deny, default_deny, .. }) = &self.names else {
+            return (self.from.name == name).then(|| self.to.clone());
+        };
+        let is_denied = || match self.kind {
+            Kind::Topic(_) => is_denied_topic(&self.from.middleware, name),
+            Kind::Service(_) => is_denied_service(&self.from.middleware, name),
+        };
+        let is_allowed = allow.is_empty() || allow.iter().any(|one| one.matches(name));
+        if !name.starts_with('/')
+            || (*default_deny && is_denied())
+            || !is_allowed
+            || deny.iter().any(|one| one.matches(name))
+        {
+            return None;
+        }
+        let name = pattern.expand(name, &self.to.name)?;
+        Some(EndpointAddress { middleware: self.to.middleware.clone(), name })
+    }
+
+    /// Way from a name at the destination of a pattern back to the source; `None` where no name
+    /// leads back.
+    pub(super) fn inverse(&self) -> Option<Inverse> {
+        Inverse::new(&self.names.as_ref()?.pattern, &self.to.name)
+    }
+
+    /// Largest number of routes that the pattern makes.
+    pub(super) fn max_routes(&self) -> usize {
+        self.names.as_ref().map_or(1, |names| names.max_routes)
+    }
+
+    /// True when both patterns make the same routes between the same ends.
+    pub(super) fn makes_the_same(&self, other: &Self) -> bool {
+        // Routes of a pattern are named after their ends.
+        self.is_many() == other.is_many()
+            && (self.is_many() || self.name == other.name)
+            && (self.kind, self.typing) == (other.kind, other.typing)
+            && self.policy == other.policy
+    }
+
+    /// Topic to open at `address`, one of the route's two ends.
+    #[must_use]
+    pub fn topic_spec(&self, address: &EndpointAddress) -> TopicSpec {
+        let (policy, types) = (&self.policy, self.types());
+        let at_source = *address == self.from;
+        let changed = if at_source { policy.from_override } else { policy.to_override };
+        let mut spec = TopicSpec {
+            topic: address.name.clone(),
+            message_type: if at_source { types.from } else { types.to },
+            qos: policy.qos.qos(),
+            match_peers: changed.follows || matches!(policy.qos, QosConfig::Match(_)),
+            pinned: changed.pinned,
+            queue: policy.queue,
+            color_order: policy.color_order,
+            limits: policy.limits,
+            plugins: policy.plugins.clone(),
+            options: policy.options.clone(),
+            mark: self.mark.clone().filter(|_| !at_source),
+            shun: self.mark.as_ref().filter(|_| at_source).map(|_| self.to.middleware.clone()),
+        };
+        if policy.qos == QosConfig::default() {
+            conventions::apply(&mut spec, address, at_source);
+        }
+        spec
+    }
+
+    /// Service to open at `address`, one of the route's two ends.
+    #[must_use]
+    pub fn service_spec(&self, address: &EndpointAddress) -> ServiceSpec {
+        let kind = match self.kind {
+            Kind::Topic(_) => ServiceKind::NativeObject,
+            Kind::Service(kind) => kind,
+        };
+        // The margin lets the route report that the server did not answer, before the request
+        // expires.
+        let margin = if *address == self.to { ANSWER_MARGIN } else { Duration::ZERO };
+        ServiceSpec {
+            timeout: self.policy.timeout.saturating_add(margin),
+            limits: self.policy.limits,
+            options: self.policy.options.clone(),
+            mark: self.mark.clone(),
+            ..ServiceSpec::new(address.name.clone(), kind)
+        }
+    }
+
+    /// Writes the settings of a route of messages that runs as it stands.
+    fn show_settings(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let policy = &self.policy;
+        write!(f, "  queue {} ", policy.queue.depth)?;
+        match policy.queue.overflow {
+            Overflow::DropOldest => write!(f, "drop_oldest")?,
+            Overflow::DropNewest => write!(f, "drop_newest")?,
+            Overflow::Block(deadline) => write!(f, "block {} ms", deadline.as_millis())?,
+        }
+        // Quality of service that follows the peers is the default, and not written.
+        if let QosConfig::Fixed(qos) = policy.qos {
+            write!(f, "  qos {qos}")?;
+        }
+        if let Some(hz) = policy.max_rate_hz {
+            write!(f, "  at most {hz} Hz")?;
+        }
+        if policy.color_order != Encoding::Bgr8 {
+            write!(f, "  encoding {}", policy.color_order)?;
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Display for Route {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { kind, typing, policy, .. } = self;
+        write!(f, "{}  ", self.ends())?;
+        match (typing, kind) {
+            (Typing::Learned | Typing::LearnedIfTold, _) => f.write_str("type learned")?,
+            (_, Kind::Topic(types)) if types.from != types.to => {
+                write!(f, "{} as {}", types.from.label(), types.to.label())?;
+            }
+            _ => f.write_str(self.label())?,
+        }
+        match kind {
+            Kind::Topic(_) if self.is_whole() => self.show_settings(f)?,
+            Kind::Service(_) if self.is_whole() => {
+                write!(f, "  within {} ms", policy.timeout.as_millis())?;
+            }
+            _ => {}
+        }
+        if let Some(frame_id) = &policy.frame_id {
+            write!(f, "  frame_id {frame_id}")?;
+        }
+        if let Some(stamp) = policy.stamp {
+            write!(f, "  stamp {stamp}")?;
+        }
+        if self.is_whole() {
+            if let Some(devices) = policy.plugins.devices() {
+                write!(f, "  devices {devices}")?;
+            }
+            return if policy.lazy { f.write_str("  lazy") } else { Ok(()) };
+        }
+        let Some(Names { allow, deny, max_routes, .. }) = &self.names else { return Ok(()) };
+        for (word, list) in [("allow", allow), ("deny", deny)] {
+            if !list.is_empty() {
+                write!(f, "  {word} {}", written(list).join(" "))?;
+            }
+        }
+        write!(f, "  at most {max_routes} routes")
+    }
+}
+
+fn written(list: &[NamePattern]) -> Vec<String> {
+    list.iter().map(NamePattern::to_string).collect()
+}
+
+/// Serialises a route as its entry in a configuration, with the same keys for all routes of a kind.
+impl Serialize for Route {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let Self { name, from, to, names, kind, typing, policy, mark } = self;
+        let mut map = serializer.serialize_map(None)?;
+        map.serialize_entry("name", name)?;
+        let (from_key, to_key) = match kind {
+            Kind::Topic(_) => ("from", "to"),
+            Kind::Service(_) => ("service", "as"),
+        };
+        map.serialize_entry(from_key, &from.to_string())?;
+        map.serialize_entry(to_key, &to.to_string())?;
+        match typing {
+            Typing::Given => map.serialize_entry("type", self.label())?,
+            Typing::Learned => {}
+            Typing::LearnedIfTold => map.serialize_entry("type_if_unknown", self.label())?,
+        }
+        if let Some(Names { allow, deny, default_deny, max_routes, .. }) = names {
+            map.serialize_entry("allow", &written(allow))?;
+            map.serialize_entry("deny", &written(deny))?;
+            map.serialize_entry("default_deny", default_deny)?;
+            map.serialize_entry("max_routes", max_routes)?;
+        }
+        match kind {
+            Kind::Topic(types) => {
+                map.serialize_entry("from_type", types.from.label())?;
+                map.serialize_entry("qos", &policy.qos.qos())?;
+                let is_matched = matches!(policy.qos, QosConfig::Match(_));
+                map.serialize_entry("qos_match", &is_matched)?;
+                map.serialize_entry("queue_depth", &policy.queue.depth)?;
+                map.serialize_entry("overflow", &format!("{:?}", policy.queue.overflow))?;
+                map.serialize_entry("max_rate_hz", &policy.max_rate_hz)?;
+                map.serialize_entry("encoding", &policy.color_order.to_string())?;
+                map.serialize_entry("frame_id", &policy.frame_id)?;
+                map.serialize_entry("stamp", &policy.stamp.map(|it| it.to_string()))?;
+                let devices = policy.plugins.devices().map(ToString::to_string);
+                map.serialize_entry("devices", &devices)?;
+                map.serialize_entry("lazy", &policy.lazy)?;
+            }
+            Kind::Service(_) => map.serialize_entry("timeout_ms", &policy.timeout.as_millis())?,
+        }
+        map.serialize_entry("max_message_bytes", &policy.limits.message_bytes)?;
+        let option = |(name, value): (&_, &_)| format!("{name:?}: {value:?}");
+        map.serialize_entry("options", &policy.options.iter().map(option).collect::<Vec<_>>())?;
+        map.serialize_entry("mark", mark)?;
+        map.end()
+    }
+}

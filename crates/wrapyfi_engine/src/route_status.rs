@@ -1,0 +1,115 @@
+//! State of a route, which can be printed and serialised.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use wrapyfi_endpoint::{CountersSnapshot, Qos};
+
+/// State of a route. Every state but [`RouteState::Active`] says why.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[serde(tag = "state", content = "reason", rename_all = "snake_case")]
+pub enum RouteState {
+    /// Nothing can flow yet; names the thing that the route waits for.
+    Waiting(String),
+    /// Messages flow, or will as soon as there is one.
+    Active,
+    /// Messages flow, but some were lost lately; names the last cause.
+    Degraded(String),
+    /// Nothing can ever flow as configured; names the setting to change.
+    Error(String),
+}
+
+impl RouteState {
+    /// Word for the state, for tables.
+    #[must_use]
+    pub fn word(&self) -> &'static str {
+        match self {
+            Self::Waiting(_) => "waiting",
+            Self::Active => "active",
+            Self::Degraded(_) => "degraded",
+            Self::Error(_) => "error",
+        }
+    }
+
+    /// Reason of the state; `None` for [`RouteState::Active`].
+    #[must_use]
+    pub fn reason(&self) -> Option<&str> {
+        match self {
+            Self::Active => None,
+            Self::Waiting(reason) | Self::Degraded(reason) | Self::Error(reason) => Some(reason),
+        }
+    }
+
+    /// Logs that a route has come into this state, after `unlogged_before` states that were not
+    /// logged. A route that is one of many of a pattern is logged at level debug where no message
+    /// was lost.
+    pub(super) fn log(&self, route: &str, is_one_of_many: bool, unlogged_before: u64) {
+        let unlogged_before = (unlogged_before > 0).then_some(unlogged_before);
+        match self {
+            Self::Error(_) => tracing::error!(route, unlogged_before, "{self}"),
+            Self::Degraded(_) => tracing::warn!(route, unlogged_before, "{self}"),
+            _ if is_one_of_many => tracing::debug!(route, unlogged_before, "{self}"),
+            _ => tracing::info!(route, unlogged_before, "{self}"),
+        }
+    }
+}
+
+impl fmt::Display for RouteState {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.word())?;
+        match (self, self.reason()) {
+            (Self::Waiting(_), Some(what)) => write!(f, " for {what}"),
+            (_, Some(reason)) => write!(f, ": {reason}"),
+            (_, None) => Ok(()),
+        }
+    }
+}
+
+/// Status of a route at one moment.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RouteStatus {
+    /// Name from the configuration.
+    pub name: String,
+    /// Source address.
+    pub from: String,
+    /// Destination address.
+    pub to: String,
+    /// ROS name of the type that the route carries.
+    #[serde(rename = "type")]
+    pub message_type: &'static str,
+    /// State and its reason.
+    #[serde(flatten)]
+    pub state: RouteState,
+    /// Quality of service in use at the source, where its middleware has one.
+    pub from_qos: Option<Qos>,
+    /// Quality of service in use at the destination.
+    pub to_qos: Option<Qos>,
+    /// Numbers of messages that went through and that were dropped.
+    pub counters: CountersSnapshot,
+    /// Number of panics of the route, each of which closed both its ends for a while.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub panics: u64,
+    /// Numbers of routes and names, of a pattern.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pattern: Option<PatternCounts>,
+}
+
+fn is_zero(number: &u64) -> bool {
+    *number == 0
+}
+
+/// Numbers of a pattern's routes, and of names that have none.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+pub struct PatternCounts {
+    /// Number of routes that exist.
+    pub routes: usize,
+    /// Number of names without a route; each of them has a status that says why.
+    pub waiting: usize,
+    /// Number of names beyond `max_routes`.
+    pub over_limit: usize,
+    /// Number of routes made since the start.
+    pub made: u64,
+    /// Number of routes that ended.
+    pub ended: u64,
+}

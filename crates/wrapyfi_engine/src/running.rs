@@ -1,0 +1,146 @@
+//! Routes at work on threads.
+//!
+//! ```text
+//!   reconciler ── looks at what exists ──▶ starts and stops routes, waits for none of them
+//!   route-timer ─┐
+//!   route-worker ┴─ step them
+//! ```
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use wrapyfi_interfaces::store::TypeStore;
+
+use super::driver::Driver;
+use super::member::Member;
+use super::plan::Plan;
+use super::plan_diff::{ApplyError, PlanDiff};
+use super::route_status::RouteStatus;
+use wrapyfi_endpoint::Registry;
+
+/// Longest time that a stop waits for steps that block, and for a look at discovery.
+const STOP_WITHIN: Duration = Duration::from_secs(1);
+/// Largest number of routes that close at once.
+const CLOSE_AT_ONCE: usize = 16;
+/// Pause of the reconciler where there are no patterns; a new plan rings before.
+const IDLE: Duration = Duration::from_secs(3600);
+
+/// Routes at work. Dropping it stops them.
+pub struct Running {
+    driver: Arc<Driver>,
+    stop: Arc<AtomicBool>,
+}
+
+/// Handle that turns running routes to another plan, as long as they run.
+#[derive(Clone)]
+pub struct Applier(Arc<Driver>);
+
+impl Applier {
+    /// As [`Running::apply`].
+    ///
+    /// # Errors
+    /// As [`Running::apply`].
+    pub fn apply(
+        &self,
+        plan: Plan,
+        types: TypeStore,
+        registry: Registry,
+    ) -> Result<PlanDiff, ApplyError> {
+        self.0.apply(plan, types, registry)
+    }
+}
+
+impl Running {
+    pub(super) fn start(driver: Arc<Driver>) -> std::io::Result<Self> {
+        let running = Self { driver, stop: Arc::default() };
+        let driver = Arc::clone(&running.driver);
+        running.driver.pool.start(move || driver.tell_blocked())?;
+        let (driver, stop) = (Arc::clone(&running.driver), Arc::clone(&running.stop));
+        running.driver.pool.spawn("reconciler", move || {
+            while !stop.load(Ordering::Relaxed) {
+                let pause = driver
+                    .look(driver.pool.clock.now())
+                    .map_or(IDLE, |next| next.saturating_duration_since(driver.pool.clock.now()));
+                driver.wake.wait(pause);
+            }
+        })?;
+        Ok(running)
+    }
+
+    /// Turns to another plan, as a whole or not at all. Routes that are the same in both go on
+    /// untouched, also those that a pattern made where the new one makes them the same. Routes on a
+    /// middleware that `registry` has replaced begin anew. `types` has the definitions that
+    /// patterns learn. Returns the difference at once; routes begin and end soon after.
+    ///
+    /// # Errors
+    /// When the plan needs a middleware that is not in `registry`; the plan before goes on.
+    pub fn apply(
+        &self,
+        plan: Plan,
+        types: TypeStore,
+        registry: Registry,
+    ) -> Result<PlanDiff, ApplyError> {
+        self.driver.apply(plan, types, registry)
+    }
+
+    /// Middlewares of the latest plan.
+    #[must_use]
+    pub fn registry(&self) -> Registry {
+        self.driver.registry()
+    }
+
+    /// Handle that applies plans from another thread, as [`Running::apply`].
+    #[must_use]
+    pub fn applier(&self) -> Applier {
+        Applier(Arc::clone(&self.driver))
+    }
+
+    /// Statuses of the routes, then of the patterns and of the names they match that have no route
+    /// yet. It waits for no route: one in the middle of a step shows its state before it, and that
+    /// it is blocked once the step takes over a second.
+    #[must_use]
+    pub fn status(&self) -> Vec<RouteStatus> {
+        self.driver.status()
+    }
+
+    /// Stops every route, closes its ends, and returns the final statuses. It waits at most
+    /// one second for a step that blocks.
+    #[must_use]
+    pub fn stop(mut self) -> Vec<RouteStatus> {
+        self.halt();
+        self.status()
+    }
+
+    fn halt(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        self.driver.wake.ring();
+        self.driver.pool.stop();
+        // A thread whose step or look takes too long is not waited for.
+        self.driver.pool.wait(STOP_WITHIN);
+        let members = self.driver.members();
+        let close = |members: &[Arc<Member>]| {
+            for member in members {
+                if !member.close() {
+                    let RouteStatus { name, state, .. } = member.status();
+                    tracing::warn!(route = name, "is left in the middle of a step: {state}");
+                }
+            }
+        };
+        // Side by side: a reliable writer of DDS waits a second for a reader that was killed.
+        std::thread::scope(|scope| {
+            for some in members.chunks(members.len().div_ceil(CLOSE_AT_ONCE).max(1)) {
+                let thread = std::thread::Builder::new().name("route-close".to_owned());
+                if thread.spawn_scoped(scope, move || close(some)).is_err() {
+                    close(some);
+                }
+            }
+        });
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        self.halt();
+    }
+}

@@ -1,0 +1,263 @@
+//! The relay of a service route, which offers a service on another middleware than its server's.
+//!
+//! ```text
+//!   caller ──▶ Server at `as` ── take ──▶ send ── Client at `service` ──▶ the real server
+//!          ◀──────────────────── reply ◀── take ◀─────────────────────────
+//! ```
+//!
+//! Requests and replies go in the form in which they come: between ROS 1 and ROS 2 as bytes, by
+//! compiled plans.
+//!
+//! Many calls may be under way; each ends with its reply, or with an error. The relay has no
+//! threads, as [`super::Relay`].
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::end::End;
+use super::relay::{DEGRADED_FOR, REST_REVIEW_EVERY, REVIEW_EVERY, Step, UNWANTED_FOR};
+use super::route::Route;
+use super::route_status::{RouteState, RouteStatus};
+use super::work::Work;
+use wrapyfi_data::types::Payload;
+use wrapyfi_endpoint::Throttle;
+use wrapyfi_endpoint::backoff::Backoff;
+use wrapyfi_endpoint::{
+    CallError, Client, Context, Counters, Qos, Refusal, Registry, RequestId, ServeError, Server,
+    Ticket, Wake,
+};
+
+/// Largest number of requests and replies moved in one step.
+const BATCH: usize = 16;
+
+/// One service route at work.
+pub struct ServiceRelay {
+    spec: Route,
+    /// Bell and counters of the offered service, which are the route's.
+    front: Context,
+    back: Context,
+    offered: End<dyn Server>,
+    called: End<dyn Client>,
+    backoff: Backoff,
+    /// Calls under way, each with the request that it is for.
+    calls: BTreeMap<Ticket, RequestId>,
+    state: RouteState,
+    /// Instant of the last request or reply.
+    moved_at: Option<Instant>,
+    last_loss: Option<(Instant, String)>,
+    losses: Throttle,
+}
+
+impl ServiceRelay {
+    /// A route that has opened nothing yet. `seed` spreads its back-off.
+    #[must_use]
+    pub fn new(spec: Route, registry: &Registry, seed: u64) -> Self {
+        let front = Context { clock: registry.clock().clone(), ..Context::default() };
+        // One bell for both sides.
+        let back = Context { counters: Arc::default(), ..front.clone() };
+        Self {
+            offered: End::new(registry, &spec.to.middleware),
+            called: End::new(registry, &spec.from.middleware),
+            front,
+            back,
+            backoff: Backoff::new(seed),
+            calls: BTreeMap::new(),
+            state: RouteState::Waiting("its first step".to_owned()),
+            moved_at: None,
+            last_loss: None,
+            losses: Throttle::default(),
+            spec,
+        }
+    }
+
+    /// Uses the counters of an earlier route with these ends.
+    #[must_use]
+    pub(super) fn counting(mut self, counters: Arc<Counters>) -> Self {
+        self.front.counters = counters;
+        self
+    }
+
+    /// True when nobody calls, and nobody has called for [`UNWANTED_FOR`].
+    pub(super) fn is_at_rest(&self, now: Instant) -> bool {
+        let is_quiet = |at: Instant| now.saturating_duration_since(at) >= UNWANTED_FOR;
+        self.calls.is_empty() && self.moved_at.is_none_or(is_quiet)
+    }
+
+    /// Bell that rings when the route has work.
+    #[must_use]
+    pub fn wake(&self) -> &Wake {
+        &self.front.wake
+    }
+
+    /// Status of the route: received are requests, sent are replies.
+    #[must_use]
+    pub fn status(&self) -> RouteStatus {
+        RouteStatus {
+            name: self.spec.name.clone(),
+            from: self.spec.to.to_string(),
+            to: self.spec.from.to_string(),
+            message_type: self.spec.label(),
+            state: self.state.clone(),
+            from_qos: None,
+            to_qos: None,
+            counters: self.front.counters.snapshot(),
+            panics: 0,
+            pattern: None,
+        }
+    }
+
+    /// Brings the route one step on.
+    pub fn step(&mut self, now: Instant) -> Step {
+        self.reconcile(now);
+        let moved = self.ask(now).saturating_add(self.answer(now));
+        if moved > 0 {
+            self.moved_at = Some(now);
+        }
+        self.state = self.judge(now);
+        let next = match (moved >= BATCH, self.is_at_rest(now)) {
+            (true, _) => now,
+            (false, true) => now + REST_REVIEW_EVERY,
+            (false, false) => now + REVIEW_EVERY,
+        };
+        let due = [
+            self.offered.retry_at,
+            self.called.retry_at,
+            self.offered.open.as_ref().and_then(|server| server.deadline()),
+            self.called.open.as_ref().and_then(|client| client.deadline()),
+        ];
+        Step { moved, next: due.into_iter().flatten().fold(next, Instant::min).max(now) }
+    }
+
+    /// Opens what is to be open, the client of the real server first, so that a request finds it
+    /// open.
+    fn reconcile(&mut self, now: Instant) {
+        let Self { spec, front, back, offered, called, backoff, .. } = self;
+        let to = spec.service_spec(&spec.from);
+        called.open_with(now, backoff, |middleware| middleware.open_client(&to, back));
+        if called.open.is_some() {
+            let at = spec.service_spec(&spec.to);
+            offered.open_with(now, backoff, |middleware| middleware.open_server(&at, front));
+        }
+        if called.open.is_some() && offered.open.is_some() {
+            backoff.reset();
+        }
+    }
+
+    /// Hands requests on to the server.
+    fn ask(&mut self, now: Instant) -> usize {
+        let mut moved = 0;
+        while moved < BATCH {
+            let (Some(server), Some(client)) = (&mut self.offered.open, &mut self.called.open)
+            else {
+                break;
+            };
+            let asked = match server.take() {
+                Ok(None) => break,
+                Ok(Some(asked)) => asked,
+                Err(error) => {
+                    // The server has counted the request.
+                    moved += 1;
+                    self.note(now, "refused a request", &error.to_string());
+                    continue;
+                }
+            };
+            moved += 1;
+            // The call gets 95 % of the time left, so that its error still reaches the caller.
+            let age = self.front.clock.age(asked.received_at);
+            let left = self.spec.policy.timeout.saturating_sub(age);
+            match client.send(&asked.request, left / 20 * 19) {
+                Ok(ticket) => {
+                    self.calls.insert(ticket, asked.id);
+                }
+                Err(error) => self.end(now, asked.id, Err(error)),
+            }
+        }
+        moved
+    }
+
+    /// Hands replies back to the callers.
+    fn answer(&mut self, now: Instant) -> usize {
+        let mut moved = 0;
+        while moved < BATCH {
+            let Some(client) = &mut self.called.open else { break };
+            let Some((ticket, result)) = client.take() else { break };
+            moved += 1;
+            if let Some(id) = self.calls.remove(&ticket) {
+                self.end(now, id, result.map(|reply| reply.payload));
+            }
+        }
+        moved
+    }
+
+    fn end(&mut self, now: Instant, id: RequestId, result: Result<Payload, CallError>) {
+        let Some(server) = &mut self.offered.open else { return };
+        let why = result.as_ref().err().map(ToString::to_string);
+        let answer = result
+            .map_err(|error| Refusal { text: error.to_string(), reason: error.drop_reason() });
+        // A server that gave a request up has counted it.
+        let untold = match server.reply(id, answer) {
+            Ok(_) | Err(ServeError::NotWaiting { .. }) => None,
+            Err(error) => Some(error.to_string()),
+        };
+        if let Some(why) = why {
+            self.note(now, "a call failed", &why);
+        }
+        if let Some(untold) = untold {
+            self.note(now, "an answer was not sent", &untold);
+        }
+    }
+
+    fn note(&mut self, now: Instant, what: &str, text: &str) {
+        if let Some(unlogged_before) = self.losses.pass(now) {
+            tracing::warn!(route = self.spec.name, unlogged_before, "{what}: {text}");
+        }
+        self.last_loss = Some((now, text.to_owned()));
+    }
+
+    fn judge(&self, now: Instant) -> RouteState {
+        if let Some(trouble) = self.called.trouble.as_ref().or(self.offered.trouble.as_ref()) {
+            return trouble.clone();
+        }
+        let (Some(server), Some(client)) = (&self.offered.open, &self.called.open) else {
+            return self.state.clone();
+        };
+        let (server, client) = (server.link(), client.link());
+        if let Some(what) = client.waiting_for.or(server.waiting_for) {
+            return RouteState::Waiting(what);
+        }
+        if client.peers == Some(0) {
+            return RouteState::Waiting(format!("a server of {}", self.spec.from));
+        }
+        match &self.last_loss {
+            Some((at, text)) if now.saturating_duration_since(*at) < DEGRADED_FOR => {
+                RouteState::Degraded(text.clone())
+            }
+            _ => RouteState::Active,
+        }
+    }
+}
+
+impl Work for ServiceRelay {
+    fn step(&mut self, now: Instant) -> Step {
+        Self::step(self, now)
+    }
+
+    fn state(&self) -> (&RouteState, [Option<Qos>; 2]) {
+        (&self.state, [None, None])
+    }
+
+    fn is_open(&self) -> bool {
+        self.called.open.is_some() && self.offered.open.is_some()
+    }
+
+    fn close(&mut self) {
+        self.calls.clear();
+        self.offered.close();
+        self.called.close();
+    }
+}
+
+#[cfg(test)]
+#[path = "service_relay_tests.rs"]
+mod tests;

@@ -1,0 +1,162 @@
+//! Generates the structs of the interfaces this crate knows.
+//!
+//! ```text
+//!   wrapyfi_msgs/{msg,srv}           our own, the source for rosidl too
+//!   interfaces/<package>/{msg,srv}   those of ROS 2 and of Wrapyfi that we speak
+//!        └─▶ OUT_DIR/interfaces.rs   and their texts: OUT_DIR/definitions.rs
+//!   tests/data/interfaces/…          odd shapes for the unit tests, where the folder is there
+//!        └─▶ OUT_DIR/golden.rs       with the above
+//! ```
+
+// Cargo reads its instructions from a build script's output.
+#![allow(clippy::print_stdout)]
+
+#[allow(dead_code, unreachable_pub)]
+#[path = "../src/description.rs"]
+mod description;
+#[allow(dead_code, unreachable_pub)]
+#[path = "../src/hash.rs"]
+mod hash;
+#[allow(dead_code, unreachable_pub, unused_imports)]
+#[path = "../src/parser/mod.rs"]
+mod parser;
+mod rust;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::{env, fs};
+
+use parser::{
+    Dialect, InterfaceKind, MessageDefinition, ParseError, ParseFault, ServiceDefinition, TypeName,
+};
+
+/// Error of the generator.
+#[derive(Debug, thiserror::Error)]
+enum BuildError {
+    #[error("{}: {source}", path.display())]
+    File { path: PathBuf, source: std::io::Error },
+    #[error(
+        "{}: {source}; the path must be <package>/msg/<Name>.msg or <package>/srv/<Name>.srv",
+        path.display()
+    )]
+    Name { path: PathBuf, source: ParseFault },
+    #[error("{}: {source}", path.display())]
+    Parse { path: PathBuf, source: Box<ParseError> },
+    #[error(transparent)]
+    Describe(#[from] description::DescribeError),
+    #[error(transparent)]
+    Generate(#[from] rust::GenerateError),
+    #[error("environment variable {name}: {source}; run the build script through cargo")]
+    Environment { name: &'static str, source: env::VarError },
+}
+
+type Definitions = BTreeMap<TypeName, MessageDefinition>;
+
+/// Text of each file by its path below the folder of packages, for instance `std_msgs/msg/Header.msg`.
+type Texts = BTreeMap<String, String>;
+
+fn main() -> ExitCode {
+    match run() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            println!("cargo::error={error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run() -> Result<(), BuildError> {
+    let variable = |name| {
+        env::var(name).map(PathBuf::from).map_err(|source| BuildError::Environment { name, source })
+    };
+    let root = variable("CARGO_MANIFEST_DIR")?;
+    let out = variable("OUT_DIR")?;
+    println!("cargo::rerun-if-changed=build");
+    println!("cargo::rerun-if-changed=src/parser");
+    println!("cargo::rerun-if-changed=src/description.rs");
+    println!("cargo::rerun-if-changed=src/hash.rs");
+
+    let (mut definitions, mut texts) = (Definitions::new(), Texts::new());
+    read_package(&root.join("wrapyfi_msgs"), &mut definitions, &mut texts)?;
+    read_packages(&root.join("interfaces"), &mut definitions, &mut texts)?;
+    write(&out.join("interfaces.rs"), &rust::modules(&definitions)?)?;
+    write(&out.join("definitions.rs"), &format!("&{:#?}", texts.iter().collect::<Vec<_>>()))?;
+
+    let golden = root.join("tests/data/interfaces");
+    if golden.is_dir() {
+        read_packages(&golden, &mut definitions, &mut Texts::new())?;
+    }
+    write(&out.join("golden.rs"), &rust::modules(&definitions)?)
+}
+
+fn read_packages(
+    folder: &Path,
+    definitions: &mut Definitions,
+    texts: &mut Texts,
+) -> Result<(), BuildError> {
+    for package in entries(folder)? {
+        read_package(&package, definitions, texts)?;
+    }
+    Ok(())
+}
+
+/// Reads `<package>/msg/*.msg` and `<package>/srv/*.srv`; the folder's name is the package's.
+///
+/// A service comes as its request, response and event, and under its own name as the message
+/// that holds these three, whose hash is that of the service.
+fn read_package(
+    package: &Path,
+    definitions: &mut Definitions,
+    texts: &mut Texts,
+) -> Result<(), BuildError> {
+    println!("cargo::rerun-if-changed={}", package.display());
+    for kind in [InterfaceKind::Message, InterfaceKind::Service] {
+        let folder = package.join(kind.as_str());
+        // Actions are not generated; most packages have one kind only.
+        if !folder.is_dir() {
+            continue;
+        }
+        for path in entries(&folder)? {
+            let failed = |source| BuildError::File { path: path.clone(), source };
+            let text = fs::read_to_string(&path).map_err(failed)?;
+            let (package, stem) = (part(package.file_name()), part(path.file_stem()));
+            let name = TypeName::with_kind(Dialect::Ros2, &package, kind, &stem)
+                .map_err(|source| BuildError::Name { path: path.clone(), source })?;
+            for definition in parse(&name, &path, &text)? {
+                definitions.insert(definition.name.clone(), definition);
+            }
+            texts.insert(format!("{name}.{}", kind.as_str()), text);
+        }
+    }
+    Ok(())
+}
+
+fn part(part: Option<&std::ffi::OsStr>) -> String {
+    part.map(|part| part.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
+fn parse(name: &TypeName, path: &Path, text: &str) -> Result<Vec<MessageDefinition>, BuildError> {
+    match name.kind() {
+        InterfaceKind::Service => {
+            parser::parse_service(Dialect::Ros2, name, text).map(ServiceDefinition::messages)
+        }
+        _ => parser::parse_message(name, text).map(|message| vec![message]),
+    }
+    .map_err(|source| BuildError::Parse { path: path.to_owned(), source: Box::new(source) })
+}
+
+/// Entries of a folder, sorted, so that the generated file is the same everywhere.
+fn entries(folder: &Path) -> Result<Vec<PathBuf>, BuildError> {
+    println!("cargo::rerun-if-changed={}", folder.display());
+    let failed = |source| BuildError::File { path: folder.to_owned(), source };
+    let mut paths: Vec<PathBuf> = fs::read_dir(folder)
+        .and_then(|entries| entries.map(|entry| entry.map(|entry| entry.path())).collect())
+        .map_err(failed)?;
+    paths.sort();
+    Ok(paths)
+}
+
+fn write(path: &Path, text: &str) -> Result<(), BuildError> {
+    fs::write(path, text).map_err(|source| BuildError::File { path: path.to_owned(), source })
+}

@@ -1,0 +1,138 @@
+//! Errors of serialised messages.
+
+/// Error of decoding a serialised message. `path` is the field, for instance
+/// `node_entities_info_seq[2].node_name`.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum CdrError {
+    /// The message is larger than the caller allows.
+    #[error("message of {actual} bytes is over the limit of {limit} bytes")]
+    TooLarge {
+        /// Size in bytes.
+        actual: usize,
+        /// Limit in bytes.
+        limit: usize,
+    },
+    /// The first bytes announce something other than plain CDR.
+    #[error(
+        "encapsulation {found:02x?} is not plain CDR (00 00 or 00 01): the sender must offer the \
+         XCDR1 data representation"
+    )]
+    Encapsulation {
+        /// First bytes of the message, at most four.
+        found: Vec<u8>,
+    },
+    /// The message ends inside a field.
+    #[error("{path} needs {needed} bytes, {available} are left: truncated, or of another type")]
+    Truncated {
+        /// The field.
+        path: String,
+        /// Bytes it needs.
+        needed: usize,
+        /// Bytes that are left.
+        available: usize,
+    },
+    /// More bytes follow the last field than padding accounts for.
+    #[error("{left} bytes are left behind the last field: it is of another type")]
+    Trailing {
+        /// Bytes behind the last field.
+        left: usize,
+    },
+    /// A sequence or a string claims more elements than the message has room for.
+    #[error(
+        "{path} claims {claimed} elements, which need {needed} bytes, {available} are left: \
+         corrupt, or of another type"
+    )]
+    Length {
+        /// The field.
+        path: String,
+        /// Elements claimed; bytes with the terminator for a string.
+        claimed: u64,
+        /// Least number of bytes they take.
+        needed: u64,
+        /// Bytes that are left.
+        available: usize,
+    },
+    /// The last byte of a string is not NUL.
+    #[error("{path} is a string of {length} bytes that ends with {last:#04x} instead of NUL")]
+    Unterminated {
+        /// The field.
+        path: String,
+        /// Length claimed, with the terminator.
+        length: usize,
+        /// The byte where NUL should be.
+        last: u8,
+    },
+    /// A string is not UTF-8.
+    #[error("{path} is a string that is not UTF-8 from its byte {valid_up_to} on")]
+    NotUtf8 {
+        /// The field.
+        path: String,
+        /// Bytes before the fault.
+        valid_up_to: usize,
+    },
+    /// A wide string is not UTF-16.
+    #[error("{path} is a wide string that is not UTF-16 at its code unit {index}")]
+    NotUtf16 {
+        /// The field.
+        path: String,
+        /// Code units before the fault.
+        index: usize,
+    },
+}
+
+impl CdrError {
+    /// The same error, seen from the message that has the value in its field `name`.
+    #[must_use]
+    pub fn in_field(self, name: &str) -> Self {
+        self.map_path(|path| path_in_field(path, name))
+    }
+
+    /// The same error, seen from the sequence that has the value at `index`.
+    #[must_use]
+    pub fn in_element(self, index: usize) -> Self {
+        self.map_path(|path| path_in_element(path, index))
+    }
+
+    /// The field it lies in; empty for the message as a whole.
+    #[must_use]
+    pub fn path(&self) -> &str {
+        match self {
+            Self::TooLarge { .. } | Self::Encapsulation { .. } | Self::Trailing { .. } => "",
+            Self::Truncated { path, .. }
+            | Self::Length { path, .. }
+            | Self::Unterminated { path, .. }
+            | Self::NotUtf8 { path, .. }
+            | Self::NotUtf16 { path, .. } => path,
+        }
+    }
+
+    fn map_path(mut self, change: impl FnOnce(&String) -> String) -> Self {
+        match &mut self {
+            Self::TooLarge { .. } | Self::Encapsulation { .. } | Self::Trailing { .. } => {}
+            Self::Truncated { path, .. }
+            | Self::Length { path, .. }
+            | Self::Unterminated { path, .. }
+            | Self::NotUtf8 { path, .. }
+            | Self::NotUtf16 { path, .. } => *path = change(path),
+        }
+        self
+    }
+}
+
+/// `inner` of the field `name`: `name.inner`, `name[3]`.
+pub(crate) fn path_in_field(inner: &str, name: &str) -> String {
+    match inner {
+        "" => name.to_owned(),
+        inner if inner.starts_with('[') => format!("{name}{inner}"),
+        inner => format!("{name}.{inner}"),
+    }
+}
+
+/// `inner` of the element at `index`: `[3].inner`.
+pub(crate) fn path_in_element(inner: &str, index: usize) -> String {
+    match inner {
+        "" => format!("[{index}]"),
+        inner => format!("[{index}].{inner}"),
+    }
+}

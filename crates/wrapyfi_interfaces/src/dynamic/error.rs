@@ -1,0 +1,197 @@
+//! Errors of compiling a type, and of values that do not fit their type.
+
+use crate::cdr::{path_in_element, path_in_field};
+
+/// Error of compiling a type description into a plan.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum PlanError {
+    /// A type that is referred to is not described.
+    #[error("{user} has a field {field:?} of type {missing:?}, which is not described; add it")]
+    Undefined {
+        /// The type that is missing.
+        missing: String,
+        /// Type that refers to it.
+        user: String,
+        /// Field that does.
+        field: String,
+    },
+    /// A field has a type that plain CDR of ROS 2 messages does not have.
+    #[error(
+        "{message}.{field} has the type id {type_id}; known are 1 to 11, 13, 15 to 18, 21 and 22, \
+         plus 48, 96 or 144"
+    )]
+    TypeId {
+        /// The message.
+        message: String,
+        /// The field.
+        field: String,
+        /// Type id as described.
+        type_id: u8,
+    },
+    /// An array has no elements, or a size is beyond 32 bits.
+    #[error("{message}.{field} has the capacity {capacity}; it must be from 1 to 4294967295")]
+    Capacity {
+        /// The message.
+        message: String,
+        /// The field.
+        field: String,
+        /// Capacity as described.
+        capacity: u64,
+    },
+    /// Two fields have one name.
+    #[error("{message} has two fields {field:?}; rename one")]
+    Duplicate {
+        /// The message.
+        message: String,
+        /// The name.
+        field: String,
+    },
+    /// A default value is not of the type of its field.
+    #[error("the default value of {message}.{field} is not of the field's type; correct it")]
+    Default {
+        /// The message.
+        message: String,
+        /// The field.
+        field: String,
+    },
+    /// Messages are nested too deeply, or one contains itself.
+    #[error("{message} is nested more than {limit} messages deep, or contains itself")]
+    TooDeep {
+        /// The message that is one too deep.
+        message: String,
+        /// [`MAX_DEPTH`](crate::description::MAX_DEPTH).
+        limit: usize,
+    },
+    /// So many messages are nested around so few bytes that a small serialised message would take
+    /// up much memory.
+    #[error(
+        "{message} nests {values} values around {bytes} bytes, over the limit of {limit}; use \
+         fewer messages"
+    )]
+    TooThin {
+        /// The message.
+        message: String,
+        /// Values in it, nested ones included.
+        values: usize,
+        /// Least number of bytes they take.
+        bytes: usize,
+        /// Largest number of values for those bytes.
+        limit: usize,
+    },
+    /// The fixed arrays of a message are too large.
+    #[error(
+        "{message} has at least {actual} {unit}, over the limit of {limit}; use sequences for its \
+         largest arrays"
+    )]
+    TooLarge {
+        /// The message.
+        message: String,
+        /// Size that it has at least.
+        actual: usize,
+        /// `bytes` or `values`.
+        unit: &'static str,
+        /// Largest size.
+        limit: usize,
+    },
+}
+
+/// Error of a value that does not fit its type. `path` is the field, for instance
+/// `poses[2].position.x`.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ValueError {
+    /// A message has no such field.
+    #[error("{path}: {message} has no such field{}", did_you_mean(suggestion))]
+    UnknownField {
+        /// The field.
+        path: String,
+        /// Type of the message.
+        message: String,
+        /// The field that was probably meant.
+        suggestion: Option<String>,
+    },
+    /// The value is of another kind.
+    #[error("{}needs {expected}, found {found}", at(path))]
+    Kind {
+        /// The field; empty for the message as a whole.
+        path: String,
+        /// Type of the field.
+        expected: String,
+        /// Kind of the value that was given.
+        found: String,
+    },
+    /// A number is outside its type.
+    #[error("{path}: {value} is no {expected}, which goes from {low} to {high}")]
+    Range {
+        /// The field.
+        path: String,
+        /// Value as given.
+        value: String,
+        /// Type of the field.
+        expected: &'static str,
+        /// Least value.
+        low: String,
+        /// Largest value.
+        high: String,
+    },
+    /// There are too many or too few elements or characters.
+    #[error("{path} has {actual} {unit}, it must have {expected}")]
+    Count {
+        /// The field.
+        path: String,
+        /// Number that there are.
+        actual: usize,
+        /// `elements` or `characters`.
+        unit: &'static str,
+        /// `exactly N` or `at most N`.
+        expected: String,
+    },
+    /// The message would become too large.
+    #[error(
+        "{}the message needs more than the {limit} bytes allowed; send less, or raise the limit",
+        at(path)
+    )]
+    TooLarge {
+        /// The field that does not fit any more.
+        path: String,
+        /// The limit in bytes.
+        limit: usize,
+    },
+}
+
+fn did_you_mean(suggestion: &Option<String>) -> String {
+    suggestion.as_ref().map(|name| format!("; did you mean {name:?}?")).unwrap_or_default()
+}
+
+fn at(path: &str) -> String {
+    if path.is_empty() { String::new() } else { format!("{path}: ") }
+}
+
+impl ValueError {
+    /// The same error, seen from the message that has the value in its field `name`.
+    #[must_use]
+    pub(super) fn in_field(mut self, name: &str) -> Self {
+        let path = self.path_mut();
+        *path = path_in_field(path, name);
+        self
+    }
+
+    /// The same error, seen from the sequence that has the value at `index`.
+    #[must_use]
+    pub(super) fn in_element(mut self, index: usize) -> Self {
+        let path = self.path_mut();
+        *path = path_in_element(path, index);
+        self
+    }
+
+    fn path_mut(&mut self) -> &mut String {
+        match self {
+            Self::UnknownField { path, .. }
+            | Self::Kind { path, .. }
+            | Self::Range { path, .. }
+            | Self::Count { path, .. }
+            | Self::TooLarge { path, .. } => path,
+        }
+    }
+}

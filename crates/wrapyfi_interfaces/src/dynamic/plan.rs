@@ -1,0 +1,235 @@
+//! Type descriptions to plans.
+
+use std::collections::{BTreeMap, HashMap};
+use std::fmt;
+use std::sync::Arc;
+
+use super::compile_field::{default_value, element, elements_of};
+use super::shape::{ElementShape, FieldShape, Op, Run, Shape, same};
+use super::{DynamicMessage, PlanError};
+use crate::description::{HIDDEN_FIELD, IndividualTypeDescription, MAX_DEPTH, TypeDescription};
+use crate::parser::{Container, Primitive};
+
+/// Largest message whose sequences are empty, in bytes.
+pub const MAX_FIXED_SIZE: usize = 64 << 20;
+
+/// Largest number of values in a message whose sequences are empty; a fixed array of primitives
+/// is one of them.
+pub const MAX_FIXED_VALUES: usize = 1 << 20;
+
+/// Most values that a type may have for one byte. Real types have one or two.
+const VALUES_PER_BYTE: usize = 8;
+
+/// Steps that read, write and make messages of one type. Cheap to clone and to share.
+///
+/// ```
+/// use wrapyfi_interfaces::parser::{Dialect, TypeName};
+/// use wrapyfi_interfaces::store::ResolvedType;
+/// let name = TypeName::parse(Dialect::Ros2, "demo_msgs/msg/Reading").unwrap();
+/// let text = "string sensor \"left\"\nfloat64[] celsius\n";
+/// let plan = ResolvedType::from_text(Dialect::Ros2, &name, text).unwrap().plan().unwrap();
+///
+/// let mut reading = plan.default_message();
+/// reading.set("celsius", vec![20.5, 21.0]).unwrap();
+/// let cdr = plan.encode(&reading).unwrap().to_bytes();
+/// let again = plan.decode(&cdr, 1024).unwrap();
+/// assert_eq!(again, reading);
+/// assert_eq!(serde_json::to_string(&again).unwrap(), r#"{"sensor":"left","celsius":[20.5,21.0]}"#);
+/// ```
+#[derive(Clone)]
+pub struct Plan {
+    pub(super) shape: Arc<Shape>,
+}
+
+/// Plans are equal when names and types are, all the way down.
+impl PartialEq for Plan {
+    fn eq(&self, other: &Self) -> bool {
+        same(&self.shape, &other.shape)
+    }
+}
+
+impl fmt::Debug for Plan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("Plan").field(&self.shape.name).finish()
+    }
+}
+
+impl Plan {
+    /// Compiles a type. The description may come from anywhere: it is checked in full.
+    ///
+    /// # Errors
+    /// When it lacks a type, has a type that ROS 2 messages do not have, is too deep, nests many
+    /// messages around few bytes, or has fixed arrays beyond [`MAX_FIXED_SIZE`] or
+    /// [`MAX_FIXED_VALUES`].
+    pub fn compile(description: &TypeDescription) -> Result<Self, PlanError> {
+        let root = &description.type_description;
+        let types = description
+            .referenced_type_descriptions
+            .iter()
+            .map(|described| (described.type_name.as_str(), described))
+            .collect();
+        let mut compiler = Compiler { types, done: BTreeMap::new() };
+        Ok(Self { shape: compiler.shape(root, 1)? })
+    }
+
+    /// ROS name of the type, for instance `sensor_msgs/msg/JointState`.
+    #[must_use]
+    pub fn type_name(&self) -> &str {
+        &self.shape.name
+    }
+
+    /// Least number of bytes of a serialised message, without padding and header.
+    #[must_use]
+    pub fn min_size(&self) -> usize {
+        self.shape.min_size
+    }
+
+    /// A freshly made message: zeros, empty strings and sequences, and what the definition states.
+    #[must_use]
+    pub fn default_message(&self) -> DynamicMessage {
+        self.shape.default_message()
+    }
+}
+
+struct Compiler<'d> {
+    types: BTreeMap<&'d str, &'d IndividualTypeDescription>,
+    /// Shapes and how many messages deep they are.
+    done: BTreeMap<&'d str, (Arc<Shape>, usize)>,
+}
+
+impl<'d> Compiler<'d> {
+    fn shape(
+        &mut self,
+        described: &'d IndividualTypeDescription,
+        depth: usize,
+    ) -> Result<Arc<Shape>, PlanError> {
+        let name = described.type_name.as_str();
+        let mut shape = Shape {
+            name: name.to_owned(),
+            identity: [0; 32],
+            fields: Vec::with_capacity(described.fields.len()),
+            positions: HashMap::new(),
+            ops: Vec::new(),
+            min_size: 0,
+            values: 1,
+            default_size: 0,
+        };
+        let mut height = 1;
+        let hidden = matches!(described.fields.as_slice(), [only] if only.name == HIDDEN_FIELD);
+        for field in described.fields.iter().filter(|_| !hidden) {
+            let nested = field.nested_type_name.as_str();
+            let element = if field.type_id % 48 == 1 {
+                let (nested, below) = self.nested(name, &field.name, nested, depth + 1)?;
+                height = height.max(below + 1);
+                ElementShape::Message(nested)
+            } else {
+                element(name, field)?
+            };
+            let container = elements_of(name, field)?;
+            let default = default_value(name, field, &element, container)?;
+            let field = FieldShape { name: field.name.clone(), element, container, default };
+            add(&mut shape, field)?;
+        }
+        // The hidden byte of a message without fields.
+        shape.min_size = shape.min_size.max(1);
+        shape.default_size = shape.default_size.max(1);
+        let limit = shape.min_size.saturating_add(1).saturating_mul(VALUES_PER_BYTE);
+        if shape.values > limit {
+            return Err(PlanError::TooThin {
+                message: shape.name,
+                values: shape.values,
+                bytes: shape.min_size,
+                limit,
+            });
+        }
+        shape.identity = shape.digest();
+        let shape = Arc::new(shape);
+        self.done.insert(name, (Arc::clone(&shape), height));
+        Ok(shape)
+    }
+
+    fn nested(
+        &mut self,
+        user: &str,
+        field: &str,
+        name: &str,
+        depth: usize,
+    ) -> Result<(Arc<Shape>, usize), PlanError> {
+        let described = self.types.get(name).copied();
+        let described = described.ok_or_else(|| PlanError::Undefined {
+            missing: name.to_owned(),
+            user: user.to_owned(),
+            field: field.to_owned(),
+        })?;
+        // A type that contains itself is infinitely deep.
+        let too_deep = || PlanError::TooDeep { message: name.to_owned(), limit: MAX_DEPTH };
+        if depth > MAX_DEPTH {
+            return Err(too_deep());
+        }
+        if !self.done.contains_key(name) {
+            self.shape(described, depth)?;
+        }
+        let (shape, height) = self.done.get(name).ok_or_else(too_deep)?;
+        if depth + height - 1 > MAX_DEPTH {
+            return Err(too_deep());
+        }
+        Ok((Arc::clone(shape), *height))
+    }
+}
+
+/// Adds a field to a shape, its steps and its sizes.
+fn add(shape: &mut Shape, field: FieldShape) -> Result<(), PlanError> {
+    let position = shape.fields.len();
+    if shape.positions.insert(field.name.clone(), position).is_some() {
+        return Err(PlanError::Duplicate { message: shape.name.clone(), field: field.name });
+    }
+    match (single_primitive(&field), shape.ops.last_mut()) {
+        (Some(primitive), Some(Op::Run(run))) => run.push(primitive),
+        (Some(primitive), _) => {
+            let mut run = Run::new(position);
+            run.push(primitive);
+            shape.ops.push(Op::Run(run));
+        }
+        (None, _) => shape.ops.push(Op::Field(position)),
+    }
+    let count = match field.container {
+        Container::Single => 1,
+        Container::Array(size) => size as usize,
+        Container::Sequence { .. } => 0,
+    };
+    let length = if let Container::Sequence { .. } = field.container { 4 } else { 0 };
+    let (values, default_size) = match &field.element {
+        ElementShape::Primitive(primitive) => (1, primitive.size().saturating_mul(count)),
+        ElementShape::Text { .. } => (count, count.saturating_mul(4)),
+        ElementShape::Message(nested) => {
+            (nested.values.saturating_mul(count), nested.default_size.saturating_mul(count))
+        }
+    };
+    let stated = field.default.as_ref().map_or(0, super::json_in::stated_size);
+    let min_size = field.element.min_size().saturating_mul(count).saturating_add(length);
+    shape.values = shape.values.saturating_add(values);
+    shape.min_size = shape.min_size.saturating_add(min_size);
+    shape.default_size =
+        shape.default_size.saturating_add(default_size).saturating_add(length + stated);
+    let too_large = |actual, unit, limit| PlanError::TooLarge {
+        message: shape.name.clone(),
+        actual,
+        unit,
+        limit,
+    };
+    if shape.default_size > MAX_FIXED_SIZE {
+        return Err(too_large(shape.default_size, "bytes", MAX_FIXED_SIZE));
+    }
+    if shape.values > MAX_FIXED_VALUES {
+        return Err(too_large(shape.values, "values", MAX_FIXED_VALUES));
+    }
+    shape.fields.push(field);
+    Ok(())
+}
+
+fn single_primitive(field: &FieldShape) -> Option<Primitive> {
+    match (&field.element, field.container) {
+        (ElementShape::Primitive(primitive), Container::Single) => Some(*primitive),
+        _ => None,
+    }
+}

@@ -1,0 +1,269 @@
+//! Values of fields.
+
+use bytes::Bytes;
+
+use super::DynamicMessage;
+
+/// Value of a field. Numbers keep the width that the definition gives them.
+#[derive(Debug, Clone, PartialEq)]
+#[allow(missing_docs)] // the numbers' names are their documentation
+pub enum DynamicValue {
+    Bool(bool),
+    I8(i8),
+    /// `uint8`, `byte` and `char`.
+    U8(u8),
+    I16(i16),
+    U16(u16),
+    I32(i32),
+    U32(u32),
+    I64(i64),
+    U64(u64),
+    F32(f32),
+    F64(f64),
+    /// `string` and `wstring`.
+    Text(String),
+    /// A nested message.
+    Message(DynamicMessage),
+    /// Array or sequence of primitives.
+    Primitives(Primitives),
+    /// Array or sequence of strings.
+    Texts(Vec<String>),
+    /// Array or sequence of messages, all of one type.
+    Messages(Vec<DynamicMessage>),
+}
+
+/// Array or sequence of primitives, in one piece of memory.
+#[derive(Debug, Clone, PartialEq)]
+#[allow(missing_docs)]
+pub enum Primitives {
+    Bool(Vec<bool>),
+    I8(Vec<i8>),
+    /// `uint8`, `byte` and `char`; decoded ones share the memory of the serialised message.
+    Bytes(Bytes),
+    I16(Vec<i16>),
+    U16(Vec<u16>),
+    I32(Vec<i32>),
+    U32(Vec<u32>),
+    I64(Vec<i64>),
+    U64(Vec<u64>),
+    F32(Vec<f32>),
+    F64(Vec<f64>),
+}
+
+/// Runs `$body` with `$values` as the elements.
+macro_rules! with_elements {
+    ($primitives:expr, $values:ident => $body:expr) => {
+        match $primitives {
+            $crate::dynamic::Primitives::Bool($values) => $body,
+            $crate::dynamic::Primitives::I8($values) => $body,
+            $crate::dynamic::Primitives::Bytes($values) => $body,
+            $crate::dynamic::Primitives::I16($values) => $body,
+            $crate::dynamic::Primitives::U16($values) => $body,
+            $crate::dynamic::Primitives::I32($values) => $body,
+            $crate::dynamic::Primitives::U32($values) => $body,
+            $crate::dynamic::Primitives::I64($values) => $body,
+            $crate::dynamic::Primitives::U64($values) => $body,
+            $crate::dynamic::Primitives::F32($values) => $body,
+            $crate::dynamic::Primitives::F64($values) => $body,
+        }
+    };
+}
+pub(super) use with_elements;
+
+impl Primitives {
+    /// Number of elements.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        with_elements!(self, values => values.len())
+    }
+
+    /// True without elements.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The first `count` elements, or all where there are fewer.
+    #[must_use]
+    pub fn prefix(&self, count: usize) -> Self {
+        with_elements!(self, values => {
+            values.iter().take(count).copied().collect::<Vec<_>>().into()
+        })
+    }
+
+    /// Name of the elements' type in definitions; `uint8` for `byte` and `char` too.
+    #[must_use]
+    pub fn element_name(&self) -> &'static str {
+        match self {
+            Self::Bool(_) => "bool",
+            Self::I8(_) => "int8",
+            Self::Bytes(_) => "uint8",
+            Self::I16(_) => "int16",
+            Self::U16(_) => "uint16",
+            Self::I32(_) => "int32",
+            Self::U32(_) => "uint32",
+            Self::I64(_) => "int64",
+            Self::U64(_) => "uint64",
+            Self::F32(_) => "float32",
+            Self::F64(_) => "float64",
+        }
+    }
+}
+
+macro_rules! conversions {
+    ($($from:ty => $variant:ident;)*) => {$(
+        impl From<Vec<$from>> for Primitives {
+            fn from(values: Vec<$from>) -> Self {
+                Self::$variant(values)
+            }
+        }
+
+        impl From<Vec<$from>> for DynamicValue {
+            fn from(values: Vec<$from>) -> Self {
+                Self::Primitives(values.into())
+            }
+        }
+
+        impl From<$from> for DynamicValue {
+            fn from(value: $from) -> Self {
+                Self::$variant(value)
+            }
+        }
+    )*};
+}
+
+conversions! {
+    bool => Bool; i8 => I8; i16 => I16; u16 => U16; i32 => I32; u32 => U32;
+    i64 => I64; u64 => U64; f32 => F32; f64 => F64;
+}
+
+impl From<u8> for DynamicValue {
+    fn from(value: u8) -> Self {
+        Self::U8(value)
+    }
+}
+
+impl From<&str> for DynamicValue {
+    fn from(text: &str) -> Self {
+        Self::Text(text.to_owned())
+    }
+}
+
+impl From<String> for DynamicValue {
+    fn from(text: String) -> Self {
+        Self::Text(text)
+    }
+}
+
+impl From<DynamicMessage> for DynamicValue {
+    fn from(message: DynamicMessage) -> Self {
+        Self::Message(message)
+    }
+}
+
+impl From<Primitives> for DynamicValue {
+    fn from(values: Primitives) -> Self {
+        Self::Primitives(values)
+    }
+}
+
+impl From<Vec<u8>> for Primitives {
+    fn from(values: Vec<u8>) -> Self {
+        Self::Bytes(Bytes::from(values))
+    }
+}
+
+impl From<Vec<u8>> for DynamicValue {
+    fn from(values: Vec<u8>) -> Self {
+        Self::Primitives(values.into())
+    }
+}
+
+impl From<Bytes> for DynamicValue {
+    fn from(bytes: Bytes) -> Self {
+        Self::Primitives(Primitives::Bytes(bytes))
+    }
+}
+
+impl From<Vec<String>> for DynamicValue {
+    fn from(texts: Vec<String>) -> Self {
+        Self::Texts(texts)
+    }
+}
+
+impl From<Vec<DynamicMessage>> for DynamicValue {
+    fn from(messages: Vec<DynamicMessage>) -> Self {
+        Self::Messages(messages)
+    }
+}
+
+impl DynamicValue {
+    /// The text of a string.
+    #[must_use]
+    pub fn as_str(&self) -> Option<&str> {
+        match self {
+            Self::Text(text) => Some(text),
+            _ => None,
+        }
+    }
+
+    /// A number of any type; integers beyond 53 bits lose their last digits.
+    #[must_use]
+    pub fn as_f64(&self) -> Option<f64> {
+        match self {
+            Self::F32(value) => Some(f64::from(*value)),
+            Self::F64(value) => Some(*value),
+            other => other.as_integer().map(|value| value as f64),
+        }
+    }
+
+    /// An integer of any type.
+    #[must_use]
+    pub fn as_integer(&self) -> Option<i128> {
+        Some(match self {
+            Self::I8(value) => i128::from(*value),
+            Self::U8(value) => i128::from(*value),
+            Self::I16(value) => i128::from(*value),
+            Self::U16(value) => i128::from(*value),
+            Self::I32(value) => i128::from(*value),
+            Self::U32(value) => i128::from(*value),
+            Self::I64(value) => i128::from(*value),
+            Self::U64(value) => i128::from(*value),
+            _ => return None,
+        })
+    }
+
+    /// A nested message.
+    #[must_use]
+    pub fn as_message(&self) -> Option<&DynamicMessage> {
+        match self {
+            Self::Message(message) => Some(message),
+            _ => None,
+        }
+    }
+
+    /// Name of the value's kind, in the words of definitions.
+    pub(super) fn kind_name(&self) -> String {
+        match self {
+            Self::Bool(_) => "bool".to_owned(),
+            Self::I8(_) => "int8".to_owned(),
+            Self::U8(_) => "uint8".to_owned(),
+            Self::I16(_) => "int16".to_owned(),
+            Self::U16(_) => "uint16".to_owned(),
+            Self::I32(_) => "int32".to_owned(),
+            Self::U32(_) => "uint32".to_owned(),
+            Self::I64(_) => "int64".to_owned(),
+            Self::U64(_) => "uint64".to_owned(),
+            Self::F32(_) => "float32".to_owned(),
+            Self::F64(_) => "float64".to_owned(),
+            Self::Text(_) => "string".to_owned(),
+            Self::Message(message) => message.type_name().to_owned(),
+            Self::Primitives(values) => format!("{} {}", values.len(), values.element_name()),
+            Self::Texts(values) => format!("{} string", values.len()),
+            Self::Messages(values) => match values.first() {
+                None => "0 messages".to_owned(),
+                Some(first) => format!("{} {}", values.len(), first.type_name()),
+            },
+        }
+    }
+}

@@ -1,0 +1,40 @@
+//! ROS interfaces in Rust: definitions, type hashes, CDR, structs generated at build time, and
+//! any other type while running.
+//!
+//! ```text
+//!   wrapyfi_msgs/, interfaces/*/  {msg,srv}              ament index, folder, full text
+//!          │ build script: parser ─▶ description ─▶ hash        │ store ─▶ the same
+//!          ▼                                                    ▼
+//!   sensor_msgs::msg::Image { … }  : Message            dynamic::Plan, DynamicMessage ◀─▶ JSON
+//!          └─────────────────── cdr ───▶ bytes on DDS ◀─── cdr ─┘
+//! ```
+//!
+//! * [`parser`]: `.msg`, `.srv` and `.action` text to definitions.
+//! * [`description`] and [`hash`]: type descriptions and REP-2016 hashes.
+//! * [`cdr`][]: serialisation.
+//! * [`store`]: finds the definition of any type; ROS 1 checksums.
+//! * [`dynamic`]: messages of any type.
+//! * [`ros1`]: types and messages of ROS 1, to ROS 2 and back.
+//! * One module a package, laid out as in ROS: [`sensor_msgs::msg::Image`], [`std_srvs::srv::SetBool`]
+//!   with its `SetBool_Request`, `SetBool_Response` and `SetBool_Event`.
+
+pub mod cdr;
+pub mod description;
+pub mod dynamic;
+pub mod hash;
+mod message;
+pub mod parser;
+pub mod ros1;
+pub mod store;
+mod type_description;
+
+pub use message::{Message, Service, ServiceHashes};
+
+include!(concat!(env!("OUT_DIR"), "/interfaces.rs"));
+
+#[cfg(test)]
+mod golden_tests;
+#[cfg(test)]
+mod service_golden_tests;
+#[cfg(test)]
+mod test_data;

@@ -1,0 +1,100 @@
+//! Traits of every generated message and of every service.
+
+use std::fmt::Debug;
+
+use bytes::Bytes;
+
+use crate::cdr::{CdrError, CdrParts, CdrReader, CdrWriter};
+
+/// A ROS 2 message.
+///
+/// ```
+/// use wrapyfi_interfaces::{Message, std_msgs::msg::String as Text};
+/// let cdr = Text { data: "hello".into() }.encode().to_bytes();
+/// assert_eq!(Text::decode(&cdr, 1024).unwrap().data, "hello");
+/// ```
+pub trait Message: Sized + Clone + Debug + Default + PartialEq {
+    /// ROS name, for instance `sensor_msgs/msg/Image`.
+    const ROS_TYPE: &'static str;
+    /// Name on DDS, for instance `sensor_msgs::msg::dds_::Image_`.
+    const DDS_TYPE: &'static str;
+    /// REP-2016 hash, `RIHS01_…`, computed from the definition at build time.
+    const TYPE_HASH: &'static str;
+    /// Least number of bytes a serialised one takes, without padding.
+    const MIN_SIZE: usize;
+
+    /// Writes the members in order.
+    fn write(&self, writer: &mut CdrWriter);
+
+    /// Reads the members in order.
+    ///
+    /// # Errors
+    /// The first member that is not there or not valid.
+    fn read(reader: &mut CdrReader<'_>) -> Result<Self, CdrError>;
+
+    /// The serialised message with its encapsulation header. Large `uint8[]` fields are shared.
+    #[must_use]
+    fn encode(&self) -> CdrParts {
+        let mut writer = CdrWriter::new();
+        self.write(&mut writer);
+        writer.finish()
+    }
+
+    /// Reads a serialised message of at most `max_bytes` bytes. Its `uint8[]` fields share the
+    /// memory of `cdr`. Bytes behind the last member are ignored: DDS pads there.
+    ///
+    /// # Errors
+    /// When `cdr` is too large, not plain CDR, or not a message of this type.
+    fn decode(cdr: &Bytes, max_bytes: usize) -> Result<Self, CdrError> {
+        if cdr.len() > max_bytes {
+            return Err(CdrError::TooLarge { actual: cdr.len(), limit: max_bytes });
+        }
+        Self::read(&mut CdrReader::new(cdr)?)
+    }
+}
+
+/// A ROS 2 service: what is asked and what is answered.
+///
+/// ```
+/// use wrapyfi_interfaces::{Message, Service, std_srvs::srv::SetBool};
+/// fn request_type<S: Service>() -> &'static str {
+///     S::Request::ROS_TYPE
+/// }
+/// assert_eq!(request_type::<SetBool>(), "std_srvs/srv/SetBool_Request");
+/// ```
+pub trait Service {
+    /// Message that a client sends.
+    type Request: Message;
+    /// Message that the server answers.
+    type Response: Message;
+    /// Message that a client or server publishes about a call (service introspection).
+    type Event: Message;
+    /// ROS name, for instance `std_srvs/srv/SetBool`.
+    const ROS_TYPE: &'static str;
+    /// REP-2016 hash of the service as a whole. Endpoints announce those of
+    /// [`Request`](Self::Request) and [`Response`](Self::Response) instead.
+    const TYPE_HASH: &'static str;
+}
+
+/// REP-2016 hashes of a service: of the type as a whole and of its parts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ServiceHashes {
+    /// Hash of the service.
+    pub service: &'static str,
+    /// Hash of its `_Request`.
+    pub request: &'static str,
+    /// Hash of its `_Response`.
+    pub response: &'static str,
+}
+
+impl ServiceHashes {
+    /// Hashes of a generated service.
+    #[must_use]
+    pub const fn of<S: Service>() -> Self {
+        Self {
+            service: S::TYPE_HASH,
+            request: S::Request::TYPE_HASH,
+            response: S::Response::TYPE_HASH,
+        }
+    }
+}

@@ -1,0 +1,294 @@
+//! Errors of definitions, pairs of types, and messages.
+
+use std::fmt;
+
+use super::names::ros1_name;
+use crate::cdr::{CdrError, path_in_element, path_in_field};
+use crate::dynamic::PlanError;
+use crate::parser::{ParseFault, TypeName};
+use crate::store::{Looked, Md5Error, ResolveError};
+
+/// Error of finding a ROS 1 definition.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum DefinitionError {
+    /// The name is no name of a ROS 1 type.
+    #[error("{text:?} names no ROS 1 type: {fault}; it must be `package/Type`")]
+    Name {
+        /// Name as given.
+        text: String,
+        /// Fault of the line.
+        #[source]
+        fault: ParseFault,
+    },
+    /// The definition, or that of a type it refers to, could not be had.
+    #[error(transparent)]
+    Resolve(#[from] ResolveError),
+    /// A publisher's definition is not the one whose checksum it names.
+    #[error(
+        "the definition of {name} that the publisher shows has the checksum {computed}, but it says \
+         {claimed}; rebuild the publisher with one version of the package, or give a folder with that \
+         version"
+    )]
+    Checksum {
+        /// The type.
+        name: TypeName,
+        /// Checksum in the connection header; at most 32 characters of it.
+        claimed: String,
+        /// Checksum of the text.
+        computed: String,
+    },
+    /// The type has no checksum.
+    #[error(transparent)]
+    Md5(#[from] Md5Error),
+    /// No ROS 1 peer has shown the type, and nothing else has it, in ROS 2 neither.
+    #[error(
+        "the ROS 1 definition of {} is not known: no ROS 1 node has shown it yet; {looked}; start a \
+         node that publishes it, or give a folder with {}/{kind}/{}.{kind}",
+        ros1_name(name), name.package(), name.file_stem(), kind = name.kind().as_str()
+    )]
+    Unknown {
+        /// The type.
+        name: TypeName,
+        /// Places where it was looked for, in order.
+        looked: Looked,
+    },
+    /// A type that makes no message of ROS 1, for instance a part of a service on its own.
+    #[error("{name} is no {expected}; ask for the type itself")]
+    Kind {
+        /// The type.
+        name: TypeName,
+        /// `message` or `service`.
+        expected: &'static str,
+    },
+}
+
+/// A field with its type.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct TypedField {
+    /// The message.
+    pub message: TypeName,
+    /// The field, or a path into it.
+    pub field: String,
+    /// Type of the field, as a definition writes it.
+    pub field_type: String,
+}
+
+impl fmt::Display for TypedField {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} of {} is {}", self.field, self.message, self.field_type)
+    }
+}
+
+/// Error of a pair of types that has no plan.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PairError {
+    /// One of the two is too large, too deep or malformed.
+    #[error(transparent)]
+    Type(#[from] PlanError),
+    /// One of the two could not be had.
+    #[error(transparent)]
+    Resolve(#[from] ResolveError),
+    /// The ROS 1 definition could not be had.
+    #[error(transparent)]
+    Definition(#[from] DefinitionError),
+    /// A type is not among the definitions.
+    #[error("{name} is not defined; give its definition")]
+    Undefined {
+        /// The type.
+        name: TypeName,
+    },
+    /// Fields that belong together have types that do not go into each other.
+    #[error(
+        "{ros1} in ROS 1, {ros2} in ROS 2: bring the definitions together, or leave the field out \
+         with a mapping rule"
+    )]
+    Mismatch {
+        /// Field in ROS 1.
+        ros1: Box<TypedField>,
+        /// Field in ROS 2.
+        ros2: Box<TypedField>,
+    },
+    /// Both have fields, and none of one has a counterpart in the other.
+    #[error(
+        "{ros1} of ROS 1 and {ros2} of ROS 2 have no field in common; name the counterparts in a \
+         mapping rule"
+    )]
+    NothingInCommon {
+        /// ROS 1 type.
+        ros1: TypeName,
+        /// ROS 2 type.
+        ros2: TypeName,
+    },
+    /// A mapping rule names a field that is not there.
+    #[error("the mapping rule of {name} names the field {path:?}, which it does not have")]
+    RuleField {
+        /// The type that lacks the field.
+        name: TypeName,
+        /// The field.
+        path: String,
+    },
+    /// A mapping rule names a field twice, or a field and a part of it.
+    #[error("the mapping rule of {name} names {path:?} more than once")]
+    RuleTwice {
+        /// The type.
+        name: TypeName,
+        /// The field.
+        path: String,
+    },
+    /// The types unfold into too many fields.
+    #[error("{name} has over {limit} {what} with all that is in it; split it into smaller types")]
+    TooComplex {
+        /// The type.
+        name: TypeName,
+        /// `fields`, or bytes of their names.
+        what: &'static str,
+        /// The limit.
+        limit: usize,
+    },
+}
+
+/// Error of carrying a message over. `path` is the field, for instance
+/// `transforms[2].header.frame_id`; of the source, or of the target where that is at fault.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum TranscodeError {
+    /// The message is larger than the caller allows.
+    #[error("message of {actual} bytes is over the limit of {limit} bytes; raise max_message_mib")]
+    TooLarge {
+        /// Size in bytes.
+        actual: usize,
+        /// Limit in bytes.
+        limit: usize,
+    },
+    /// The other side's form of the message would be larger than the caller allows.
+    #[error(
+        "{path} makes the message at least {needed} bytes, over the limit of {limit}; raise max_message_mib"
+    )]
+    ResultTooLarge {
+        /// The field.
+        path: String,
+        /// Bytes that were needed.
+        needed: usize,
+        /// Limit in bytes.
+        limit: usize,
+    },
+    /// More elements than the caller allows.
+    #[error("{path} brings the message over the limit of {limit} texts and messages in sequences")]
+    TooMany {
+        /// The field.
+        path: String,
+        /// The limit.
+        limit: usize,
+    },
+    /// The message ends inside a field.
+    #[error("{path} needs {needed} bytes, {available} are left: truncated, or of another type")]
+    Truncated {
+        /// The field.
+        path: String,
+        /// Bytes it needs.
+        needed: usize,
+        /// Bytes that are left.
+        available: usize,
+    },
+    /// A sequence or a string claims more than the message has room for.
+    #[error(
+        "{path} claims {claimed} elements, which need {needed} bytes, {available} are left: \
+         corrupt, or of another type"
+    )]
+    Length {
+        /// The field.
+        path: String,
+        /// Elements claimed; bytes for a string.
+        claimed: u64,
+        /// Least number of bytes they take.
+        needed: u64,
+        /// Bytes that are left.
+        available: usize,
+    },
+    /// Bytes follow the last field.
+    #[error("{left} bytes are left behind the last field: it is of another type")]
+    Trailing {
+        /// Bytes behind the last field.
+        left: usize,
+    },
+    /// The ROS 2 message is not plain CDR.
+    #[error(
+        "encapsulation {found:02x?} is not plain CDR (00 00 or 00 01): the sender must offer the \
+         XCDR1 data representation"
+    )]
+    Encapsulation {
+        /// First bytes of the message, at most four.
+        found: Vec<u8>,
+    },
+    /// The last byte of a string in CDR is not NUL.
+    #[error("{path} is a string of {length} bytes that ends with {last:#04x} instead of NUL")]
+    Unterminated {
+        /// The field.
+        path: String,
+        /// Length claimed, with the terminator.
+        length: usize,
+        /// The byte where NUL should be.
+        last: u8,
+    },
+    /// A string is not UTF-8, and the caller wants such messages refused.
+    #[error("{path} is a string that is not UTF-8 from its byte {valid_up_to} on")]
+    NotUtf8 {
+        /// The field.
+        path: String,
+        /// Bytes before the fault.
+        valid_up_to: usize,
+    },
+    /// A wide string is not UTF-16.
+    #[error("{path} is a wide string that is not UTF-16 at its code unit {index}")]
+    NotUtf16 {
+        /// The field.
+        path: String,
+        /// Code units before the fault.
+        index: usize,
+    },
+    /// The target has a bound that the source exceeds.
+    #[error("{path} has {actual} elements, the ROS 2 type allows {bound}")]
+    Bound {
+        /// The field.
+        path: String,
+        /// Elements, or bytes of a string.
+        actual: usize,
+        /// The bound.
+        bound: u32,
+    },
+    /// A big-endian message could not be read.
+    #[error(transparent)]
+    Cdr(#[from] CdrError),
+}
+
+impl TranscodeError {
+    /// The same error, seen from the message that has the value in its field `name`.
+    pub(super) fn in_field(self, name: &str) -> Self {
+        self.map_path(|path| path_in_field(path, name))
+    }
+
+    /// The same error, seen from the sequence that has the value at `index`.
+    pub(super) fn in_element(self, index: usize) -> Self {
+        self.map_path(|path| path_in_element(path, index))
+    }
+
+    fn map_path(mut self, change: impl FnOnce(&String) -> String) -> Self {
+        match &mut self {
+            Self::TooLarge { .. }
+            | Self::Trailing { .. }
+            | Self::Encapsulation { .. }
+            | Self::Cdr(_) => {}
+            Self::ResultTooLarge { path, .. }
+            | Self::TooMany { path, .. }
+            | Self::Truncated { path, .. }
+            | Self::Length { path, .. }
+            | Self::Unterminated { path, .. }
+            | Self::NotUtf8 { path, .. }
+            | Self::NotUtf16 { path, .. }
+            | Self::Bound { path, .. } => *path = change(path),
+        }
+        self
+    }
+}

@@ -1,0 +1,353 @@
+//! Rules by which types and fields of the two ROS belong together.
+//!
+//! ```text
+//!   the user's rules  ─▶  built-in rules  ─▶  the same name  ─▶  demo_msgs ↔ demo_interfaces
+//! ```
+//!
+//! Rules are written as `ros1_bridge` reads them, so that its files can be used as they are:
+//!
+//! ```yaml
+//! - ros1_package_name: demo_msgs        # a package: types of the same names
+//!   ros2_package_name: demo_interfaces
+//! - ros1_package_name: demo_msgs        # a message, with its fields
+//!   ros1_message_name: Reading
+//!   ros2_package_name: demo_interfaces
+//!   ros2_message_name: Sample
+//!   fields_1_to_2: { header.stamp: stamp, Value: value }
+//! ```
+
+use std::collections::BTreeMap;
+
+use serde::Deserialize;
+
+use super::names::{allowed_in_ros2, interfaces_package, msgs_package, renamed};
+use crate::parser::{Dialect, InterfaceKind, TypeName};
+
+/// Rules for pairs of types: the user's, then our own.
+///
+/// ```
+/// use wrapyfi_interfaces::parser::{Dialect, TypeName};
+/// use wrapyfi_interfaces::ros1::Rules;
+/// let rules = r#"[{"ros1_package_name": "demo_msgs", "ros2_package_name": "lab_interfaces"}]"#;
+/// let rules: Rules = serde_json::from_str(rules).unwrap();
+/// let name = TypeName::parse(Dialect::Ros1, "demo_msgs/Reading").unwrap();
+/// assert_eq!(rules.ros2_names(&name)[0].to_string(), "lab_interfaces/msg/Reading");
+/// ```
+#[derive(Debug, Clone, PartialEq, Eq, Default, Deserialize)]
+#[serde(try_from = "Vec<Rule>")]
+pub struct Rules {
+    rules: Vec<Rule>,
+}
+
+/// One entry of a file of rules.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Rule {
+    ros1_package_name: String,
+    ros2_package_name: String,
+    ros1_message_name: Option<String>,
+    ros2_message_name: Option<String>,
+    ros1_service_name: Option<String>,
+    ros2_service_name: Option<String>,
+    fields_1_to_2: Option<Fields>,
+    request_fields_1_to_2: Option<Fields>,
+    response_fields_1_to_2: Option<Fields>,
+    /// Key of `ros1_bridge`, which allows rules outside the package they are about; ours always
+    /// may.
+    #[serde(rename = "enable_foreign_mappings")]
+    _enable_foreign_mappings: Option<bool>,
+    /// Ours: fields that `fields_1_to_2` does not name are matched by name all the same.
+    #[serde(default)]
+    match_other_fields: bool,
+}
+
+/// Paths of fields: in ROS 1, in ROS 2.
+type Fields = BTreeMap<String, String>;
+
+/// Error of a rule that contradicts itself.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("mapping rule {number} (of {package}): {reason}")]
+struct RuleError {
+    /// Number of the rule, counted from 1.
+    number: usize,
+    /// ROS 1 package of the rule.
+    package: String,
+    /// Fault and remedy.
+    reason: &'static str,
+}
+
+impl TryFrom<Vec<Rule>> for Rules {
+    type Error = RuleError;
+
+    fn try_from(rules: Vec<Rule>) -> Result<Self, RuleError> {
+        for (index, rule) in rules.iter().enumerate() {
+            rule.check().map_err(|reason| RuleError {
+                number: index + 1,
+                package: rule.ros1_package_name.clone(),
+                reason,
+            })?;
+        }
+        Ok(Self { rules })
+    }
+}
+
+/// Fields that a rule brings together.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub(super) struct FieldRule {
+    /// Paths in ROS 1 and in ROS 2.
+    pub(super) pairs: Vec<(String, String)>,
+    /// True when other fields are matched by name.
+    pub(super) others: bool,
+}
+
+/// Types that were moved or renamed on the way to ROS 2: names and fields in ROS 1, then in ROS 2.
+/// Of several types of ROS 1 that became one of ROS 2, the first is taken on the way back.
+struct BuiltIn {
+    kind: InterfaceKind,
+    ros1: (&'static str, &'static str),
+    ros2: (&'static str, &'static str),
+    /// Fields of a message, or of a request.
+    fields: Paths,
+    /// Fields of a response.
+    response: Paths,
+}
+
+/// Paths of fields in ROS 1 and in ROS 2; none where they are matched by name.
+type Paths = &'static [(&'static str, &'static str)];
+
+const fn message(
+    ros1: (&'static str, &'static str),
+    ros2: (&'static str, &'static str),
+    fields: Paths,
+) -> BuiltIn {
+    BuiltIn { kind: InterfaceKind::Message, ros1, ros2, fields, response: &[] }
+}
+
+const fn service(
+    ros1: (&'static str, &'static str),
+    ros2: (&'static str, &'static str),
+    request: Paths,
+    response: Paths,
+) -> BuiltIn {
+    BuiltIn { kind: InterfaceKind::Service, ros1, ros2, fields: request, response }
+}
+
+const TIME: Paths = &[("data.sec", "sec"), ("data.nanosec", "nanosec")];
+const LOG: Paths = &[
+    ("header.stamp", "stamp"),
+    ("level", "level"),
+    ("name", "name"),
+    ("msg", "msg"),
+    ("file", "file"),
+    ("function", "function"),
+    ("line", "line"),
+];
+const WRAPYFI_REQUEST: Paths = &[("data", "request")];
+const WRAPYFI_IMAGE: Paths = &[
+    ("header", "response.header"),
+    ("height", "response.height"),
+    ("width", "response.width"),
+    ("encoding", "response.encoding"),
+    ("is_bigendian", "response.is_bigendian"),
+    ("step", "response.step"),
+    ("data", "response.data"),
+];
+const BUILT_IN: &[BuiltIn] = &[
+    message(("std_msgs", "Time"), ("builtin_interfaces", "Time"), TIME),
+    message(("std_msgs", "Duration"), ("builtin_interfaces", "Duration"), TIME),
+    message(("rosgraph_msgs", "Log"), ("rcl_interfaces", "Log"), LOG),
+    message(("tf2_msgs", "TFMessage"), ("tf2_msgs", "TFMessage"), &[]),
+    message(("tf", "tfMessage"), ("tf2_msgs", "TFMessage"), &[]),
+    // Wrapyfi's own, which it calls otherwise in either ROS.
+    message(
+        ("wrapyfi_ros_interfaces", "ROSAudioMessage"),
+        ("wrapyfi_ros2_interfaces", "ROS2AudioMessage"),
+        &[],
+    ),
+    message(("wrapyfi_ros_interfaces", "ROSAudioMessage"), ("wrapyfi_msgs", "AudioChunk"), &[]),
+    service(("std_srvs", "Empty"), ("std_srvs", "Empty"), &[], &[]),
+    service(("roscpp", "Empty"), ("std_srvs", "Empty"), &[], &[]),
+    service(("tf2_msgs", "FrameGraph"), ("tf2_msgs", "FrameGraph"), &[], &[]),
+    service(("tf", "FrameGraph"), ("tf2_msgs", "FrameGraph"), &[], &[]),
+    service(
+        ("wrapyfi_ros_interfaces", "ROSAudioService"),
+        ("wrapyfi_ros2_interfaces", "ROS2AudioService"),
+        &[],
+        &[],
+    ),
+    service(
+        ("wrapyfi_services", "ROSNativeObject"),
+        ("wrapyfi_ros2_interfaces", "ROS2NativeObjectService"),
+        WRAPYFI_REQUEST,
+        &[("data", "response")],
+    ),
+    service(
+        ("wrapyfi_services", "ROSImage"),
+        ("wrapyfi_ros2_interfaces", "ROS2ImageService"),
+        WRAPYFI_REQUEST,
+        WRAPYFI_IMAGE,
+    ),
+];
+
+impl Rules {
+    /// Rules that are built in, without any of the user's.
+    #[must_use]
+    pub fn built_in() -> Self {
+        Self::default()
+    }
+
+    /// Adds rules that come behind those that are there.
+    #[must_use]
+    pub fn then(mut self, other: Self) -> Self {
+        self.rules.extend(other.rules);
+        self
+    }
+
+    /// Names that a ROS 1 type may have in ROS 2, the likeliest first. The last but one is the same
+    /// name, the last that of a package in `_interfaces`, where the package is in `_msgs`.
+    #[must_use]
+    pub fn ros2_names(&self, ros1: &TypeName) -> Vec<TypeName> {
+        let by_user = |whole: bool| {
+            self.rules
+                .iter()
+                .filter(move |rule| rule.is_of_type() == whole)
+                .filter_map(|rule| rule.ros2_name(ros1))
+        };
+        let built_in = BUILT_IN.iter().filter_map(|rule| rule.ros2_name(ros1));
+        let names = by_user(true).chain(by_user(false)).chain(built_in);
+        let same = allowed_in_ros2(ros1);
+        let interfaces = same.as_ref().and_then(interfaces_package);
+        unique(names.chain(same).chain(interfaces))
+    }
+
+    /// Names that a ROS 2 type may have in ROS 1, the likeliest first.
+    #[must_use]
+    pub fn ros1_names(&self, ros2: &TypeName) -> Vec<TypeName> {
+        let by_user = |whole: bool| {
+            self.rules
+                .iter()
+                .filter(move |rule| rule.is_of_type() == whole)
+                .filter_map(|rule| rule.ros1_name(ros2))
+        };
+        let built_in = BUILT_IN.iter().filter_map(|rule| rule.ros1_name(ros2));
+        let names = by_user(true).chain(by_user(false)).chain(built_in);
+        unique(names.chain(Some(ros2.clone())).chain(msgs_package(ros2)))
+    }
+
+    /// True when the two are names of one type.
+    pub(super) fn are_counterparts(&self, ros1: &TypeName, ros2: &TypeName) -> bool {
+        self.ros2_names(ros1).contains(ros2) || self.ros1_names(ros2).contains(ros1)
+    }
+
+    /// Fields of the two that belong together, where a rule says so.
+    pub(super) fn fields(&self, ros1: &TypeName, ros2: &TypeName) -> Option<FieldRule> {
+        let by_user = self
+            .rules
+            .iter()
+            .filter(|rule| rule.ros2_name(ros1).as_ref() == Some(ros2))
+            .find_map(|rule| rule.field_rule(ros1));
+        by_user.or_else(|| {
+            let of_pair = |rule: &&BuiltIn| rule.ros2_name(ros1).as_ref() == Some(ros2);
+            let paths = BUILT_IN.iter().find(of_pair)?.paths(ros1);
+            if paths.is_empty() {
+                return None;
+            }
+            let pairs = paths.iter().map(|(one, two)| ((*one).to_owned(), (*two).to_owned()));
+            Some(FieldRule { pairs: pairs.collect(), others: false })
+        })
+    }
+}
+
+fn unique(names: impl Iterator<Item = TypeName>) -> Vec<TypeName> {
+    let mut unique = Vec::new();
+    for name in names {
+        if !unique.contains(&name) {
+            unique.push(name);
+        }
+    }
+    unique
+}
+
+impl BuiltIn {
+    fn paths(&self, ros1: &TypeName) -> Paths {
+        if ros1.name().ends_with("_Response") { self.response } else { self.fields }
+    }
+
+    fn ros2_name(&self, ros1: &TypeName) -> Option<TypeName> {
+        let (package, stem) = self.ros1;
+        (ros1.kind() == self.kind && ros1.package() == package && ros1.file_stem() == stem)
+            .then(|| renamed(ros1, Dialect::Ros2, self.ros2.0, self.ros2.1))?
+    }
+
+    fn ros1_name(&self, ros2: &TypeName) -> Option<TypeName> {
+        let (package, stem) = self.ros2;
+        (ros2.kind() == self.kind && ros2.package() == package && ros2.file_stem() == stem)
+            .then(|| renamed(ros2, Dialect::Ros1, self.ros1.0, self.ros1.1))?
+    }
+}
+
+impl Rule {
+    fn check(&self) -> Result<(), &'static str> {
+        let names = |one: &Option<String>, two: &Option<String>| one.is_some() == two.is_some();
+        if !names(&self.ros1_message_name, &self.ros2_message_name) {
+            return Err("ros1_message_name and ros2_message_name go together; give both");
+        }
+        if !names(&self.ros1_service_name, &self.ros2_service_name) {
+            return Err("ros1_service_name and ros2_service_name go together; give both");
+        }
+        if self.ros1_message_name.is_some() && self.ros1_service_name.is_some() {
+            return Err("it names a message and a service; make two rules of it");
+        }
+        if self.fields_1_to_2.is_some() && self.ros1_message_name.is_none() {
+            return Err("fields_1_to_2 needs ros1_message_name and ros2_message_name");
+        }
+        let of_parts = [&self.request_fields_1_to_2, &self.response_fields_1_to_2];
+        if of_parts.iter().any(|fields| fields.is_some()) && self.ros1_service_name.is_none() {
+            return Err("request_fields_1_to_2 and response_fields_1_to_2 need ros1_service_name \
+                        and ros2_service_name");
+        }
+        Ok(())
+    }
+
+    /// True when the rule is about one type, not a package.
+    fn is_of_type(&self) -> bool {
+        self.ros1_message_name.is_some() || self.ros1_service_name.is_some()
+    }
+
+    /// Names of the definition files, where the rule is about types of that kind. A rule about a
+    /// package is about all of its types.
+    fn stems<'s>(&'s self, kind: InterfaceKind, stem: &'s str) -> Option<(&'s str, &'s str)> {
+        let (one, two) = match kind {
+            InterfaceKind::Message => (&self.ros1_message_name, &self.ros2_message_name),
+            InterfaceKind::Service => (&self.ros1_service_name, &self.ros2_service_name),
+            InterfaceKind::Action => (&None, &None),
+        };
+        match (one, two) {
+            (Some(one), Some(two)) => Some((one, two)),
+            _ if self.is_of_type() => None,
+            _ => Some((stem, stem)),
+        }
+    }
+
+    fn ros2_name(&self, ros1: &TypeName) -> Option<TypeName> {
+        let (one, two) = self.stems(ros1.kind(), ros1.file_stem())?;
+        (ros1.package() == self.ros1_package_name && ros1.file_stem() == one)
+            .then(|| renamed(ros1, Dialect::Ros2, &self.ros2_package_name, two))?
+    }
+
+    fn ros1_name(&self, ros2: &TypeName) -> Option<TypeName> {
+        let (one, two) = self.stems(ros2.kind(), ros2.file_stem())?;
+        (ros2.package() == self.ros2_package_name && ros2.file_stem() == two)
+            .then(|| renamed(ros2, Dialect::Ros1, &self.ros1_package_name, one))?
+    }
+
+    fn field_rule(&self, ros1: &TypeName) -> Option<FieldRule> {
+        let fields = match ros1.name().strip_prefix(ros1.file_stem()) {
+            Some("_Request") => &self.request_fields_1_to_2,
+            Some("_Response") => &self.response_fields_1_to_2,
+            _ => &self.fields_1_to_2,
+        };
+        let pairs = fields.as_ref()?.iter().map(|(one, two)| (one.clone(), two.clone()));
+        Some(FieldRule { pairs: pairs.collect(), others: self.match_other_fields })
+    }
+}

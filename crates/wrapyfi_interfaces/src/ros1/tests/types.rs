@@ -1,0 +1,360 @@
+//! Definitions, rules and pairs.
+
+use super::*;
+use crate::store::ResolveError;
+use crate::test_data;
+
+#[test]
+fn pairs_that_do_not_fit_say_why() {
+    let error = compile("int32 a\n", "int64 a\n").unwrap_err().to_string();
+    assert_eq!(
+        error,
+        "a of demo/msg/A is int32 in ROS 1, a of demo/msg/A is int64 in ROS 2: bring the definitions \
+         together, or leave the field out with a mapping rule"
+    );
+    for (one, two) in [
+        ("int32[] a\n", "int32[3] a\n"),
+        ("int32[2] a\n", "int32[3] a\n"),
+        ("float32 a\n", "int32 a\n"),
+        ("string a\n", "uint8[] a\n"),
+        ("time a\n", "builtin_interfaces/Duration a\n"),
+    ] {
+        assert!(matches!(compile(one, two), Err(PairError::Mismatch { .. })), "{one} {two}");
+    }
+    assert!(matches!(compile("int8 a\n", "int8 b\n"), Err(PairError::NothingInCommon { .. })));
+    // Same bits under another name are the same.
+    compile("char a\nbyte b\nuint8 c\n", "uint8 a\nint8 b\nchar c\n").unwrap();
+    compile("", "").unwrap();
+    compile("int8 a\n", "").unwrap();
+}
+
+#[test]
+fn types_that_unfold_without_end_are_refused() {
+    // Each of the two refers to the next twice: 2^40 fields.
+    let mut text = "Deep0[] a\nDeep0[] b\n".to_owned();
+    for depth in 0..40 {
+        text.push_str(&format!("{SEPARATOR}MSG: demo/Deep{depth}\n"));
+        text.push_str(&format!("Deep{next}[] a\nDeep{next}[] b\n", next = depth + 1));
+    }
+    text.push_str(&format!("{SEPARATOR}MSG: demo/Deep40\nuint8 x\n"));
+    for (one, two) in [(&text, &text), (&text, &"uint8[] b\nuint8[] y\n".to_owned())] {
+        let error = compile(one, two).unwrap_err();
+        let refused = matches!(error, PairError::TooComplex { .. } | PairError::Mismatch { .. });
+        assert!(refused, "{error}");
+    }
+    for (one, two) in [(text.as_str(), "uint8 z\n"), ("uint8 z\n", text.as_str())] {
+        let (one, two) = (format!("uint8 z\n{one}"), format!("uint8 z\n{two}"));
+        let error = compile(&one.replace("z\nuint8 z", "z"), &two.replace("z\nuint8 z", "z"));
+        assert!(matches!(error, Err(PairError::TooComplex { .. })), "{error:?}");
+    }
+    assert!(matches!(
+        compile("uint8 a\n", "uint8 a\nfloat64[4000000000] b\n"),
+        Err(PairError::Type(_))
+    ));
+}
+
+#[test]
+fn definitions_that_lack_or_repeat_are_refused() {
+    let header = |text: &str| Definition::from_header("demo/A", text).unwrap_err();
+    let error = header("B b\n");
+    assert!(matches!(&error, DefinitionError::Resolve(ResolveError::NotFound { .. })), "{error}");
+    let error = header(&format!("B b\n{SEPARATOR}MSG: demo/B\nA a\n"));
+    assert!(error.to_string().contains("contains itself"), "{error}");
+    assert!(header("B\n").to_string().contains("line 1"));
+    let error = Definition::from_header("no name", "").unwrap_err();
+    assert!(matches!(error, DefinitionError::Name { .. }), "{error}");
+    let error = Definition::from_header("a/b/C", "").unwrap_err();
+    assert!(matches!(error, DefinitionError::Name { .. }), "{error}");
+    let mut types = Types::new(Rules::built_in(), TypeStore::empty());
+    types.add_ros1_path("/none".as_ref());
+    assert_eq!(
+        types.definition("lab_msgs/Strange").unwrap_err().to_string(),
+        "the ROS 1 definition of lab_msgs/Strange is not known: no ROS 1 node has shown it yet; \
+         looked for /none/lab_msgs/msg/Strange.msg, /none/lab_msgs/Strange.msg, \
+         /none/share/lab_msgs/msg/Strange.msg; start a node that publishes it, or give a folder \
+         with lab_msgs/msg/Strange.msg"
+    );
+    types.show("lab_msgs/Strange", "*", "uint8 x\n").unwrap();
+    types.definition("lab_msgs/Strange").unwrap();
+}
+
+#[test]
+fn what_a_publisher_shows_has_the_checksum_it_names() {
+    let mut types = Types::new(Rules::built_in(), TypeStore::empty());
+    let string = "992ce8a1687cec8c8bd883ec73ca41d1";
+    // No text, or another: the one that is at hand has the checksum.
+    for text in ["string data\n", "", "uint8 other\n", "no text"] {
+        let shown = types.show("std_msgs/String", string, text).unwrap();
+        assert_eq!((shown.md5sum(), shown.text().trim()), (string, "string data"));
+    }
+    let error = types.show("lab_msgs/String", &"a".repeat(99), "string data\n").unwrap_err();
+    assert!(matches!(&error, DefinitionError::Checksum { .. }), "{error}");
+    assert!(error.to_string().contains(string) && error.to_string().len() < 400, "{error}");
+    assert!(types.definition("lab_msgs/String").is_err(), "it is not remembered");
+    let shown = types.show("lab_msgs/String", string, "string data\n").unwrap();
+    assert_eq!(types.definition("lab_msgs/String").unwrap(), shown);
+}
+
+/// A folder of packages.
+fn packages(files: &[(&str, &str)]) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for (path, text) in files {
+        let path = folder.path().join(path);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, text).unwrap();
+    }
+    folder
+}
+
+/// Types of ROS 1 below `ros1`, of ROS 2 below `ros2`.
+fn types_of(packages: &tempfile::TempDir) -> Types {
+    let mut store = TypeStore::empty();
+    store.add_folder(&packages.path().join("ros2"));
+    let mut types = Types::new(Rules::built_in(), store);
+    types.add_ros1_path(packages.path().join("ros1").as_os_str());
+    types
+}
+
+const REPORT: &str = "Header header\nsensor_msgs/CompressedImage picture\nPart[] parts\n";
+
+#[test]
+fn types_inside_one_of_a_folder_are_looked_for_along_the_same_line() {
+    let packages = packages(&[
+        ("ros1/lab_msgs/msg/Report.msg", REPORT),
+        ("ros1/lab_msgs/msg/Part.msg", "geometry_msgs/Pose pose\nlab_interfaces/Grip grip\n"),
+        ("ros1/lab_msgs/srv/Look.srv", "geometry_msgs/Point at\n---\nReport report\n"),
+        ("ros2/lab_interfaces/msg/Grip.msg", "float64 force\nbuiltin_interfaces/Time at\n"),
+        // ROS 2 has an outer type only.
+        ("ros2/lab_msgs/msg/Report.msg", &REPORT.replace("Header", "std_msgs/Header")),
+    ]);
+    let mut types = types_of(&packages);
+    let report = types.definition("lab_msgs/Report").unwrap();
+    for inside in ["std_msgs/Header\nuint32 seq", "lab_interfaces/Grip\nfloat64 force\ntime at"] {
+        assert!(report.text().contains(&format!("MSG: {inside}")), "{}", report.text());
+    }
+    let plan = types.plan(&report).unwrap();
+    assert_eq!(plan.ros2_type().to_string(), "lab_msgs/msg/Report");
+    assert!(notes(&plan).iter().all(|note| note.contains(".seq is")), "{:?}", notes(&plan));
+    types.service_plan("lab_msgs/Look", None).unwrap();
+}
+
+#[test]
+fn what_a_publisher_shows_is_used_whatever_lies_on_the_disk() {
+    let packages = packages(&[
+        ("ros1/lab_msgs/msg/Part.msg", "no definition at all\n"),
+        ("ros1/lab_msgs/msg/Old.msg", "Nowhere it\n"),
+        ("ros2/lab_msgs/msg/Part.msg", "int32[ x\n"),
+        ("ros2/lab_msgs/msg/Old.msg", "Nowhere it\n"),
+    ]);
+    let mut types = types_of(&packages);
+    for name in ["lab_msgs/Part", "lab_msgs/Old"] {
+        let ros2 = TypeName::parse(Dialect::Ros2, &name.replace('/', "/msg/")).unwrap();
+        types.definition(name).unwrap_err();
+        types.ros2_type_named(&ros2).unwrap_err();
+        let shown = types.show(name, "*", "float32 x\n").unwrap();
+        assert_eq!(types.definition(name).unwrap(), shown);
+        assert_eq!(types.plan(&shown).unwrap().ros2_type(), &ros2);
+        assert_eq!(types.ros2_type_named(&ros2).unwrap().name(), &ros2);
+    }
+}
+
+#[test]
+fn a_type_that_was_found_elsewhere_counts() {
+    let pair = resolve(Dialect::Ros2, "lab_msgs/msg/Pair", "int32 a\nint32 b\n");
+    let mut types = Types::new(Rules::built_in(), TypeStore::empty());
+    let unknown = types.towards_ros1(pair.name(), None).unwrap_err();
+    assert!(matches!(unknown, PairError::Definition(DefinitionError::Unknown { .. })), "{unknown}");
+    types.add_ros2(&pair);
+    let (definition, _plan) = types.towards_ros1(pair.name(), None).unwrap();
+    assert_eq!(definition.text(), "int32 a\nint32 b\n");
+    // The known definition stays.
+    types.add_ros2(&resolve(Dialect::Ros2, "lab_msgs/msg/Pair", "int8 a\n"));
+    assert_eq!(types.towards_ros1(pair.name(), None).unwrap().0, definition);
+}
+
+#[test]
+fn a_type_that_only_ros2_has_goes_to_ros1() {
+    let mut store = TypeStore::empty();
+    let name = TypeName::parse(Dialect::Ros2, "lab_msgs/msg/Sample").unwrap();
+    let text = "string UNIT=\"m/s\"\nuint8 MANY=3\nstd_msgs/Header header\nbuiltin_interfaces/Time t\n\
+                float64[<=4] values\nstring<=9 unit \"m\"\nwstring w\nsensor_msgs/Range[] ranges\n";
+    store.add_definition(&name, text).unwrap();
+    for (name, text) in [
+        ("std_msgs/msg/Header", "builtin_interfaces/Time stamp\nstring frame_id\n"),
+        ("sensor_msgs/msg/Range", "float32 range\nfloat32 variance\n"),
+    ] {
+        store.add_definition(&TypeName::parse(Dialect::Ros2, name).unwrap(), text).unwrap();
+    }
+    let mut types = Types::new(Rules::built_in(), store);
+    let (definition, plan) = types.towards_ros1(&name, None).unwrap();
+    let text = definition.text();
+    assert!(
+        text.starts_with(
+            "string UNIT=m/s\nuint8 MANY=3\nstd_msgs/Header header\ntime t\nfloat64[] values\n\
+             string unit\nstring w\nsensor_msgs/Range[] ranges\n\n====="
+        ),
+        "{text}"
+    );
+    // Types that ROS 1 has itself are taken from there.
+    assert!(text.contains("MSG: std_msgs/Header\nuint32 seq\ntime stamp\n"), "{text}");
+    assert!(text.contains("float32 field_of_view") && !text.contains("variance"), "{text}");
+    assert_eq!(
+        Definition::from_header("lab_msgs/Sample", text).unwrap().md5sum(),
+        definition.md5sum()
+    );
+    assert_eq!(plan.ros1_type().to_string(), "lab_msgs/msg/Sample");
+    // A service likewise.
+    let name = TypeName::parse(Dialect::Ros2, "lab_msgs/srv/Measure").unwrap();
+    let mut store = TypeStore::empty();
+    store
+        .add_definition(&name, "string<=5 what\n---\nbuiltin_interfaces/Time at\nfloat32[] v\n")
+        .unwrap();
+    let mut types = Types::new(Rules::built_in(), store);
+    let plan = types.service_towards_ros1(&name).unwrap();
+    assert_eq!(plan.definition.text(), "string what\n---\ntime at\nfloat32[] v\n");
+    assert_eq!(plan.definition.request_type(), "lab_msgs/MeasureRequest");
+    assert_eq!(to_cdr(&plan.request, b"\x01\0\0\0a").unwrap().0, b"\0\x01\0\0\x02\0\0\0a\0");
+}
+
+#[test]
+fn services_that_wrapyfi_makes_by_hand_have_its_checksums() {
+    let mut types = Types::new(Rules::built_in(), TypeStore::empty());
+    let plan = types.service_plan("wrapyfi_services/ROSImage", None).unwrap();
+    assert_eq!(plan.definition.md5sum(), "f720f2021b4bbbe86b0f93b08906381c");
+    assert_eq!(plan.definition.request_type(), "std_msgs/String");
+    assert_eq!(plan.definition.response_type(), "sensor_msgs/Image");
+    assert_eq!(plan.ros2.to_string(), "wrapyfi_ros2_interfaces/srv/ROS2ImageService");
+    let image = types.definition("sensor_msgs/Image").unwrap();
+    let image = types.plan(&image).unwrap();
+    let bytes = [&[0; 16 + 8], b"\x05\0\0\0mono8\0\x01\0\0\0\x02\0\0\0ab".as_slice()].concat();
+    assert_eq!(to_cdr(&plan.response, &bytes), to_cdr(&image, &bytes));
+    assert_eq!(to_ros1(&plan.response, &to_cdr(&image, &bytes).unwrap().0).unwrap().0, bytes);
+    let plan = types.service_plan("wrapyfi_services/ROSNativeObject", None).unwrap();
+    assert_eq!(plan.definition.md5sum(), "46a550fd1ca640b396e26ebf988aed7b");
+    assert_eq!(plan.ros2.to_string(), "wrapyfi_ros2_interfaces/srv/ROS2NativeObjectService");
+    let (cdr, _) = to_cdr(&plan.request, b"\x02\0\0\0[]").unwrap();
+    assert_eq!(cdr, b"\0\x01\0\0\x03\0\0\0[]\0");
+    assert_eq!(to_ros1(&plan.response, &cdr).unwrap().0, b"\x02\0\0\0[]");
+}
+
+#[test]
+fn odd_names_of_ros1_become_names_of_ros2() {
+    let mut types = Types::new(Rules::built_in(), TypeStore::empty());
+    let text = "uint8 frameId\nmy_part MyPart\nuint8 K\nuint8 k\n================\nMSG: Odd/my_part\nuint8 x_\n";
+    let odd = types.show("Odd/my_type", "*", text).unwrap();
+    let ros2 = types.ros2_type(odd.resolved()).unwrap();
+    assert_eq!(ros2.name().to_string(), "odd/msg/MyType");
+    assert_eq!(
+        ros2.full_text().lines().filter(|line| !line.starts_with('=')).collect::<Vec<_>>(),
+        ["uint8 frame_id", "odd/MyPart my_part", "uint8 k", "MSG: odd/MyPart", "uint8 x"]
+    );
+    let plan = types.plan(&odd).unwrap();
+    // Of two names that become one, the one that is allowed has it.
+    assert_eq!(to_cdr(&plan, b"\x01\x02\x03\x04").unwrap().0[4..], [1, 2, 4]);
+    assert_eq!(
+        notes(&plan),
+        [
+            "K is in ROS 1 only: dropped towards ROS 2, empty towards ROS 1",
+            "MyPart of ROS 1 is my_part in ROS 2",
+            "MyPart.x_ of ROS 1 is my_part.x in ROS 2",
+            "frameId of ROS 1 is frame_id in ROS 2"
+        ]
+    );
+}
+
+#[test]
+fn rules_of_ros1_bridge_choose_names_and_fields() {
+    let yaml = "
+- ros1_package_name: lab_msgs
+  ros2_package_name: lab_interfaces
+- ros1_package_name: demo
+  ros1_message_name: A
+  ros2_package_name: demo
+  ros2_message_name: A
+  fields_1_to_2: { header.stamp: when.at, Value: result, 'deep.er.x': y }
+- ros1_package_name: demo
+  ros1_service_name: Do
+  ros2_package_name: work
+  ros2_service_name: Act
+  request_fields_1_to_2: { what: job }
+";
+    let rules = read_rules(yaml).unwrap();
+    let one = format!(
+        "Header header\nfloat32 Value\nuint8 same\nDeep deep\n{SEPARATOR}MSG: std_msgs/Header\nuint32 seq\n\
+         time stamp\nstring frame_id\n{SEPARATOR}MSG: demo/Deep\nEr er\n{SEPARATOR}MSG: demo/Er\nstring s\nuint16 x\n"
+    );
+    let two = format!(
+        "uint16 y\nfloat32 result\nuint8 same\nWhen when\n{SEPARATOR}MSG: demo/When\nint8 n\n\
+         builtin_interfaces/Time at\n"
+    );
+    let plan = compile_with(&rules, &one, &two).unwrap();
+    let mut bytes = vec![9, 0, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0, 0, 0, 0, 0];
+    bytes.extend(1.5_f32.to_le_bytes());
+    bytes.extend(b"\x07\x01\0\0\0s\x05\x06");
+    let (cdr, _) = to_cdr(&plan, &bytes).unwrap();
+    let at = serde_json::json!({"sec": 1, "nanosec": 2});
+    assert_eq!(
+        read(&two, &cdr),
+        serde_json::json!({"y": 0x605, "result": 1.5, "same": 0, "when": {"n": 0, "at": at}})
+    );
+    let (back, _) = to_ros1(&plan, &cdr).unwrap();
+    let mut expected = vec![0, 0, 0, 0, 1, 0, 0, 0, 2, 0, 0, 0, 0, 0, 0, 0];
+    expected.extend(1.5_f32.to_le_bytes());
+    expected.extend(b"\0\0\0\0\0\x05\x06");
+    assert_eq!(back, expected);
+    let others = read_rules(
+        &yaml.replace("ros1_message_name: A", "ros1_message_name: A\n  match_other_fields: true"),
+    );
+    let plan = compile_with(&others.unwrap(), &one, &two).unwrap();
+    assert_eq!(read(&two, &to_cdr(&plan, &bytes).unwrap().0)["same"], 7);
+
+    let name = |text| TypeName::parse(Dialect::Ros1, text).unwrap();
+    let in_ros2 = |text| rules.ros2_names(&name(text))[0].to_string();
+    assert_eq!(in_ros2("lab_msgs/X"), "lab_interfaces/msg/X");
+    assert_eq!(in_ros2("demo/srv/Do_Request"), "work/srv/Act_Request");
+    assert_eq!(in_ros2("tf/tfMessage"), "tf2_msgs/msg/TFMessage");
+    assert_eq!(rules.ros1_names(&name("lab_interfaces/X"))[0].to_string(), "lab_msgs/msg/X");
+    let error = compile_with(&rules, "uint8 a\n", "uint8 a\n").unwrap_err();
+    assert!(matches!(error, PairError::RuleField { .. }), "{error}");
+    let twice = yaml.replace("Value: result", "Value: result, header: same");
+    let error = compile_with(&read_rules(&twice).unwrap(), &one, &two).unwrap_err();
+    assert!(matches!(error, PairError::RuleTwice { .. }), "{error}");
+}
+
+fn read_rules(yaml: &str) -> Result<Rules, serde_saphyr::Error> {
+    serde_saphyr::from_str::<Option<Rules>>(yaml).map(Option::unwrap_or_default)
+}
+
+#[test]
+fn rules_that_make_no_sense_are_refused() {
+    let refused = |yaml: &str| read_rules(yaml).unwrap_err().to_string();
+    let both = "ros1_package_name: a, ros2_package_name: b";
+    assert!(refused(&format!("[{{{both}, ros1_mesage_name: C}}]")).contains("ros1_mesage_name"));
+    assert!(refused("[{ros1_package_name: a}]").contains("ros2_package_name"));
+    for (keys, reason) in [
+        ("ros1_message_name: C", "give both"),
+        ("ros2_service_name: C", "give both"),
+        ("fields_1_to_2: {a: b}", "needs ros1_message_name"),
+        ("request_fields_1_to_2: {a: b}", "need ros1_service_name"),
+        (
+            "ros1_message_name: C, ros2_message_name: C, ros1_service_name: C, ros2_service_name: C",
+            "two rules",
+        ),
+    ] {
+        let error = refused(&format!("[{{{both}}}, {{{both}, {keys}}}]"));
+        assert!(error.contains("rule 2 (of a)") && error.contains(reason), "{error}");
+    }
+    assert_eq!(read_rules("").unwrap(), Rules::built_in());
+    read_rules(&format!("[{{{both}, enable_foreign_mappings: true}}]")).unwrap();
+}
+
+#[test]
+fn the_plan_of_an_image_is_one_copy() {
+    let mut types = Types::new(Rules::built_in(), test_data::store());
+    let image = types.definition("sensor_msgs/Image").unwrap();
+    let plan = types.plan(&image).unwrap();
+    // header, sizes, encoding, is_bigendian, step, data; twice.
+    assert!(format!("{plan:?}").contains("to_ros2: 8"), "{plan:?}");
+    let cloud = types.definition("sensor_msgs/PoseArray").unwrap_err();
+    assert!(matches!(cloud, DefinitionError::Unknown { .. }));
+}

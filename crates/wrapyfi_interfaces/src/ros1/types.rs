@@ -1,0 +1,435 @@
+//! Definitions and plans by name: what peers showed, what folders have, what can be made.
+//!
+//! ```text
+//!   ROS 1 definition   shown by a peer ─▶ folder of .msg files ─▶ standard ─▶ made from ROS 2
+//!   ROS 2 definition   ament index, folder ─▶ standard ─▶ made from ROS 1
+//! ```
+//!
+//! Each type is looked for along that line by itself, also one that is a field of another.
+
+use std::collections::BTreeMap;
+use std::ffi::OsStr;
+use std::fmt;
+
+use super::definition::{Definition, ServiceDefinition, parse_name};
+use super::derive;
+use super::error::{DefinitionError, PairError};
+use super::names::is_service_part;
+use super::plan::Plan;
+use super::rules::Rules;
+use super::standard;
+use crate::parser::{Dialect, InterfaceKind, TypeName};
+use crate::store::{Disk, Looked, ResolveError, ResolvedType, TypeStore};
+
+/// Most definitions that are remembered from peers.
+const MAX_SHOWN: usize = 4096;
+
+/// Digits of a checksum.
+const MD5_DIGITS: usize = 32;
+
+/// All that is known of types in both ROS.
+///
+/// ```
+/// use wrapyfi_interfaces::ros1::{Rules, Types};
+/// use wrapyfi_interfaces::store::TypeStore;
+/// let mut types = Types::new(Rules::built_in(), TypeStore::empty());
+/// let joints = types.definition("sensor_msgs/JointState").unwrap();
+/// assert_eq!(joints.md5sum(), "3066dcd76a6cfaef579bd0f34173e9fd");
+/// let plan = types.plan(&joints).unwrap();
+/// assert_eq!(plan.ros2_type().to_string(), "sensor_msgs/msg/JointState");
+/// ```
+pub struct Types {
+    rules: Rules,
+    shown: BTreeMap<TypeName, Definition>,
+    ros1: TypeStore,
+    ros2: TypeStore,
+}
+
+/// Plans of a service.
+#[derive(Debug, Clone)]
+pub struct ServicePlan {
+    /// The ROS 1 service: its checksum and types.
+    pub definition: ServiceDefinition,
+    /// Name of the ROS 2 service.
+    pub ros2: TypeName,
+    /// Plan of the message that the client sends.
+    pub request: Plan,
+    /// Plan of the message that the server answers.
+    pub response: Plan,
+}
+
+impl fmt::Debug for Types {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Types")
+            .field("rules", &self.rules)
+            .field("shown", &self.shown.keys())
+            .field("ros1", &self.ros1)
+            .field("ros2", &self.ros2)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Types {
+    /// Types of ROS 2 as `ros2` finds them, and no folders of ROS 1.
+    #[must_use]
+    pub fn new(rules: Rules, ros2: TypeStore) -> Self {
+        Self {
+            rules,
+            shown: BTreeMap::new(),
+            ros1: TypeStore::new(Dialect::Ros1, Disk).or(standard::ros1()),
+            ros2: ros2.or(standard::ros2()),
+        }
+    }
+
+    /// Looks where `AMENT_PREFIX_PATH` and `ROS_PACKAGE_PATH` say.
+    #[must_use]
+    pub fn from_environment(rules: Rules) -> Self {
+        let mut types = Self::new(rules, TypeStore::from_environment());
+        types.add_ros1_path(&std::env::var_os("ROS_PACKAGE_PATH").unwrap_or_default());
+        types
+    }
+
+    /// Adds folders of ROS 1 packages: a value of `ROS_PACKAGE_PATH`, or one folder.
+    pub fn add_ros1_path(&mut self, folders: &OsStr) {
+        for folder in std::env::split_paths(folders).filter(|path| !path.as_os_str().is_empty()) {
+            self.ros1.add_folder(&folder);
+        }
+    }
+
+    /// Takes over a type of ROS 2 that was found elsewhere, such as in a folder of a program's own.
+    pub fn add_ros2(&mut self, resolved: &ResolvedType) {
+        self.ros2.add_resolved(resolved);
+    }
+
+    /// The rules.
+    #[must_use]
+    pub fn rules(&self) -> &Rules {
+        &self.rules
+    }
+
+    /// Takes what a publisher shows in its connection header, `type`, `md5sum` and `message_definition`, and
+    /// remembers it for those that the type is to be published to. The last one shown under a name
+    /// counts. Where the text is not that of the checksum, for instance empty, a definition from
+    /// elsewhere that has it is taken; a checksum of `*` fits any.
+    ///
+    /// # Errors
+    /// As [`Definition::from_header`], and when no definition has the checksum: nothing is remembered
+    /// then.
+    pub fn show(
+        &mut self,
+        type_name: &str,
+        md5sum: &str,
+        text: &str,
+    ) -> Result<Definition, DefinitionError> {
+        let name = parse_name(InterfaceKind::Message, type_name)?;
+        let fits = |definition: &Definition| md5sum == "*" || definition.md5sum() == md5sum;
+        let error = match Definition::from_header(type_name, text) {
+            Ok(definition) if fits(&definition) => {
+                if self.shown.len() < MAX_SHOWN || self.shown.contains_key(&name) {
+                    self.shown.insert(name, definition.clone());
+                }
+                return Ok(definition);
+            }
+            Ok(definition) => DefinitionError::Checksum {
+                name: name.clone(),
+                claimed: md5sum.chars().take(MD5_DIGITS).collect(),
+                computed: definition.md5sum().to_owned(),
+            },
+            Err(error) => error,
+        };
+        // A folder may have an older one than the standard.
+        let stored = [&mut self.ros1, &mut standard::ros1()]
+            .map(|store| Definition::from_store(store, &name).ok());
+        let exact = stored.into_iter().flatten().find(|definition| definition.md5sum() == md5sum);
+        exact.ok_or(error)
+    }
+
+    /// The ROS 1 definition of a message, by its ROS 1 name `package/Type`.
+    ///
+    /// # Errors
+    /// [`DefinitionError::Unknown`] where nobody has it yet; it may be shown later.
+    pub fn definition(&mut self, type_name: &str) -> Result<Definition, DefinitionError> {
+        let name = parse_name(InterfaceKind::Message, type_name)?;
+        self.definition_of(&name)
+    }
+
+    fn definition_of(&mut self, name: &TypeName) -> Result<Definition, DefinitionError> {
+        if let Some(shown) = self.shown.get(name) {
+            return Ok(shown.clone());
+        }
+        match self.found_for_ros1(name, Definition::from_store) {
+            Err(DefinitionError::Resolve(error)) if is_missing(&error, name) => {
+                Definition::new(self.made_for_ros1(name)?, &BTreeMap::new())
+            }
+            found => found,
+        }
+    }
+
+    /// Asks the store of ROS 1, and again once a type inside is made that only ROS 2 has.
+    fn found_for_ros1<T>(
+        &mut self,
+        name: &TypeName,
+        from_store: impl Fn(&mut TypeStore, &TypeName) -> Result<T, DefinitionError>,
+    ) -> Result<T, DefinitionError> {
+        loop {
+            let found = from_store(&mut self.ros1, name);
+            let Err(DefinitionError::Resolve(ResolveError::NotFound { name: missing, .. })) =
+                &found
+            else {
+                return found;
+            };
+            let made = if missing == name { None } else { self.made_for_ros1(missing).ok() };
+            match made {
+                Some(made) => self.ros1.add_resolved(&made),
+                // The missing type is named in the error.
+                None => return found,
+            }
+        }
+    }
+
+    /// The ROS 1 definition of a service, by its ROS 1 name `package/Type`.
+    ///
+    /// # Errors
+    /// As [`Types::definition`]. ROS 1 servers do not show theirs.
+    pub fn service_definition(
+        &mut self,
+        type_name: &str,
+    ) -> Result<ServiceDefinition, DefinitionError> {
+        let name = parse_name(InterfaceKind::Service, type_name)?;
+        match self.found_for_ros1(&name, ServiceDefinition::from_store) {
+            Err(DefinitionError::Resolve(error)) if is_missing(&error, &name) => {
+                ServiceDefinition::new(&self.made_for_ros1(&name)?, &BTreeMap::new())
+            }
+            found => found,
+        }
+    }
+
+    /// Makes a ROS 1 type from that of ROS 2.
+    fn made_for_ros1(&mut self, name: &TypeName) -> Result<ResolvedType, DefinitionError> {
+        let mut looked = Vec::new();
+        note_looked(self.ros1.resolve(name), &mut looked);
+        for ros2 in self.rules.ros2_names(name) {
+            match self.ros2.resolve(&ros2) {
+                Ok(ros2) => {
+                    let Self { rules, shown, ros1, .. } = self;
+                    let find = |wanted: &TypeName| {
+                        let shown = shown.get(wanted).map(|one| one.resolved().clone());
+                        shown.or_else(|| ros1.resolve(wanted).ok())?.definition().cloned()
+                    };
+                    return Ok(derive::to_ros1(&ros2, name, rules, find)?);
+                }
+                Err(error) if is_missing(&error, &ros2) => note_looked(Err(error), &mut looked),
+                Err(error) => return Err(error.into()),
+            }
+        }
+        Err(DefinitionError::Unknown { name: name.clone(), looked: Looked(looked) })
+    }
+
+    /// The ROS 2 type that a ROS 1 type becomes: as installed, else made from it. What is installed
+    /// and cannot be used is passed over: the ROS 1 type is known.
+    ///
+    /// # Errors
+    /// When none can be made from it.
+    pub fn ros2_type(&mut self, ros1: &ResolvedType) -> Result<ResolvedType, ResolveError> {
+        for name in self.rules.ros2_names(ros1.name()) {
+            if let Ok(Some(found)) = self.ros2_known(&name) {
+                return Ok(found);
+            }
+        }
+        self.made_for_ros2(ros1, &derive::name_in_ros2(ros1.name(), &self.rules))
+    }
+
+    /// A ROS 2 type by name, also one that no ROS 2 is installed for, where ROS 1 has it. One that is
+    /// installed and cannot be used is passed over where a publisher has shown it.
+    ///
+    /// # Errors
+    /// When neither has it, or a definition is there and cannot be used.
+    pub fn ros2_type_named(&mut self, name: &TypeName) -> Result<ResolvedType, PairError> {
+        let unusable = match self.ros2_known(name) {
+            Ok(Some(found)) => return Ok(found),
+            Ok(None) => None,
+            Err(error) => Some(error),
+        };
+        if name.kind() == InterfaceKind::Message && !is_service_part(name) {
+            for ros1 in self.rules.ros1_names(name) {
+                if unusable.is_some() && !self.shown.contains_key(&ros1) {
+                    continue;
+                }
+                match self.definition_of(&ros1) {
+                    Ok(ros1) => return Ok(self.made_for_ros2(ros1.resolved(), name)?),
+                    Err(DefinitionError::Unknown { .. }) => {}
+                    Err(error) => return Err(error.into()),
+                }
+            }
+        }
+        match unusable {
+            Some(error) => Err(error.into()),
+            None => Ok(self.ros2.resolve(name)?),
+        }
+    }
+
+    /// A type of ROS 2 that is installed, or standard. Of the types inside it, those that only ROS 1
+    /// has are made from there.
+    pub(super) fn ros2_known(
+        &mut self,
+        name: &TypeName,
+    ) -> Result<Option<ResolvedType>, ResolveError> {
+        loop {
+            match self.ros2.resolve(name) {
+                Ok(found) => return Ok(Some(found)),
+                Err(error) if is_missing(&error, name) => return Ok(None),
+                Err(ResolveError::NotFound { name: missing, user, looked }) => {
+                    match self.made_from_ros1(&missing) {
+                        Some(made) => self.ros2.add_resolved(&made),
+                        None => {
+                            return Err(ResolveError::NotFound { name: missing, user, looked });
+                        }
+                    }
+                }
+                Err(error) => return Err(error),
+            }
+        }
+    }
+
+    fn made_from_ros1(&mut self, name: &TypeName) -> Option<ResolvedType> {
+        self.rules.ros1_names(name).iter().find_map(|ros1| {
+            let ros1 = self.definition_of(ros1).ok()?;
+            self.made_for_ros2(ros1.resolved(), name).ok()
+        })
+    }
+
+    pub(super) fn made_for_ros2(
+        &mut self,
+        ros1: &ResolvedType,
+        name: &TypeName,
+    ) -> Result<ResolvedType, ResolveError> {
+        let Self { rules, ros2, .. } = self;
+        let find = |wanted: &TypeName| ros2.resolve(wanted).ok()?.definition().cloned();
+        derive::to_ros2(ros1, name, rules, find)
+    }
+
+    /// The plan for a ROS 1 message and the ROS 2 type it becomes.
+    ///
+    /// # Errors
+    /// As [`Types::ros2_type`] and [`Plan::compile`].
+    pub fn plan(&mut self, ros1: &Definition) -> Result<Plan, PairError> {
+        let ros2 = self.ros2_type(ros1.resolved())?;
+        Plan::compile(ros1.resolved(), &ros2, &self.rules)
+    }
+
+    /// The plan for a ROS 1 message and a ROS 2 type that the user chose.
+    ///
+    /// # Errors
+    /// As [`Types::ros2_type_named`] and [`Plan::compile`].
+    pub fn plan_to(&mut self, ros1: &Definition, ros2: &TypeName) -> Result<Plan, PairError> {
+        let ros2 = self.ros2_type_named(ros2)?;
+        Plan::compile(ros1.resolved(), &ros2, &self.rules)
+    }
+
+    /// Definition and plan for what is published to ROS 1 from a ROS 2 type: under the ROS 1 name that
+    /// the user chose, else the likeliest that is known.
+    ///
+    /// # Errors
+    /// [`DefinitionError::Unknown`] where nobody has the ROS 1 type yet, and as [`Plan::compile`].
+    pub fn towards_ros1(
+        &mut self,
+        ros2: &TypeName,
+        ros1: Option<&str>,
+    ) -> Result<(Definition, Plan), PairError> {
+        let definition = match ros1 {
+            Some(name) => self.definition(name)?,
+            None => self.likeliest(ros2, Self::definition_of)?,
+        };
+        let plan = self.plan_to(&definition, ros2)?;
+        Ok((definition, plan))
+    }
+
+    /// Plans of a service by its ROS 1 name, towards the ROS 2 service that the user chose, else the
+    /// one it becomes.
+    ///
+    /// # Errors
+    /// As [`Types::service_definition`] and [`Plan::compile`].
+    pub fn service_plan(
+        &mut self,
+        ros1: &str,
+        ros2: Option<&TypeName>,
+    ) -> Result<ServicePlan, PairError> {
+        let definition = self.service_definition(ros1)?;
+        self.service_plan_of(definition, ros2)
+    }
+
+    /// Plans of a service by its ROS 2 name, for a server or client in ROS 1.
+    ///
+    /// # Errors
+    /// As [`Types::service_plan`].
+    pub fn service_towards_ros1(&mut self, ros2: &TypeName) -> Result<ServicePlan, PairError> {
+        let definition =
+            self.likeliest(ros2, |types, name| types.service_definition(&super::ros1_name(name)))?;
+        self.service_plan_of(definition, Some(ros2))
+    }
+
+    fn service_plan_of(
+        &mut self,
+        definition: ServiceDefinition,
+        ros2: Option<&TypeName>,
+    ) -> Result<ServicePlan, PairError> {
+        let names = match ros2 {
+            Some(name) => vec![name.clone()],
+            None => self.rules.ros2_names(definition.name()),
+        };
+        let mut chosen = None;
+        for name in &names {
+            if let Some(found) = self.ros2_known(name)? {
+                chosen = Some(found);
+                break;
+            }
+        }
+        let name = match (&chosen, names.first()) {
+            (Some(found), _) => found.name().clone(),
+            (None, Some(name)) => name.clone(),
+            (None, None) => definition.name().clone(),
+        };
+        let mut plan = |ros1: &ResolvedType, suffix| {
+            let part = chosen.as_ref().and_then(|found| found.part(suffix));
+            let ros2 = match part {
+                Some(part) => part,
+                None => self.made_for_ros2(ros1, &name.derived(suffix))?,
+            };
+            Plan::compile(ros1, &ros2, &self.rules)
+        };
+        let request = plan(definition.request(), "_Request")?;
+        let response = plan(definition.response(), "_Response")?;
+        Ok(ServicePlan { definition, ros2: name, request, response })
+    }
+
+    /// The first ROS 1 name of a ROS 2 type that has a definition.
+    fn likeliest<T>(
+        &mut self,
+        ros2: &TypeName,
+        mut get: impl FnMut(&mut Self, &TypeName) -> Result<T, DefinitionError>,
+    ) -> Result<T, DefinitionError> {
+        let mut first = None;
+        for name in self.rules.ros1_names(ros2) {
+            match get(self, &name) {
+                Err(error @ DefinitionError::Unknown { .. }) => first = first.or(Some(error)),
+                got => return got,
+            }
+        }
+        Err(first.unwrap_or_else(|| DefinitionError::Kind {
+            name: ros2.clone(),
+            expected: "type of ROS 1",
+        }))
+    }
+}
+
+/// True when the missing type is `name` itself.
+fn is_missing(error: &ResolveError, name: &TypeName) -> bool {
+    matches!(error, ResolveError::NotFound { name: missing, .. } if missing == name)
+}
+
+/// Adds the places where something was not found.
+fn note_looked(found: Result<ResolvedType, ResolveError>, places: &mut Vec<String>) {
+    if let Err(ResolveError::NotFound { looked: Looked(looked), .. }) = found {
+        places.extend(looked);
+    }
+}

@@ -1,0 +1,157 @@
+//! Full definition texts: a type and all it refers to in one string, as ROS 1 publishers send it
+//! in their connection header and MCAP files hold it (`ros1msg`, `ros2msg`).
+//!
+//! ```text
+//!   Header header                 the type itself, without its name
+//!   Pose pose
+//!   ====================…         80 of them
+//!   MSG: std_msgs/Header          every other type
+//!   …
+//! ```
+
+use std::collections::BTreeMap;
+
+use super::{MAX_DEFINITION_SIZE, ResolveError};
+use crate::parser::{
+    DefaultValue, Dialect, Element, InterfaceKind, Literal, MessageDefinition, ParseError,
+    TypeName, parse_action, parse_message_as, parse_service,
+};
+
+/// Fewest `=` in a row that separate two definitions.
+const SEPARATOR: &str = "========";
+
+/// Messages that the definition file of `name` gives.
+pub(super) fn parse_interface(
+    dialect: Dialect,
+    name: &TypeName,
+    text: &str,
+) -> Result<Vec<MessageDefinition>, ParseError> {
+    let interface = name.interface();
+    Ok(match name.kind() {
+        InterfaceKind::Message => vec![parse_message_as(dialect, &interface, text)?],
+        InterfaceKind::Service => parse_service(dialect, &interface, text)?.messages(),
+        InterfaceKind::Action => parse_action(dialect, &interface, text)?.messages(),
+    })
+}
+
+/// All messages in a full definition text of `name`.
+pub(super) fn parse_full(
+    dialect: Dialect,
+    name: &TypeName,
+    text: &str,
+) -> Result<BTreeMap<TypeName, MessageDefinition>, ResolveError> {
+    if text.len() > MAX_DEFINITION_SIZE {
+        return Err(ResolveError::TooLarge {
+            name: name.clone(),
+            actual: text.len(),
+            limit: MAX_DEFINITION_SIZE,
+            remedy: "the sender's text is broken",
+        });
+    }
+    let mut definitions = BTreeMap::new();
+    let mut add = |name: &TypeName, text: &str, skipped: usize| {
+        let messages = parse_interface(dialect, name, text).map_err(|mut source| {
+            source.line += skipped;
+            ResolveError::Parse {
+                place: "full definition text".to_owned(),
+                source: Box::new(source),
+            }
+        })?;
+        definitions.extend(messages.into_iter().map(|message| (message.name.clone(), message)));
+        Ok::<_, ResolveError>(())
+    };
+    let mut current = name.clone();
+    let mut first = 0; // lines before the current definition
+    let mut body = String::new();
+    let mut lines = text.lines().enumerate().peekable();
+    while let Some((index, line)) = lines.next() {
+        let is_separator =
+            line.starts_with(SEPARATOR) && line.trim_end().bytes().all(|byte| byte == b'=');
+        if !is_separator {
+            body.push_str(line);
+            body.push('\n');
+            continue;
+        }
+        add(&current, &body, first)?;
+        body.clear();
+        let Some((_, head)) = lines.next() else { return Ok(definitions) };
+        current = head
+            .strip_prefix("MSG:")
+            .and_then(|name| TypeName::parse(dialect, name.trim()).ok())
+            .ok_or_else(|| ResolveError::Separator {
+                name: name.clone(),
+                line: index + 2,
+                text: head.trim().to_owned(),
+            })?;
+        first = index + 2;
+    }
+    add(&current, &body, first)?;
+    Ok(definitions)
+}
+
+/// Writes a full definition text, without comments. `referenced` are the other types.
+pub(super) fn write_full<'d>(
+    dialect: Dialect,
+    parts: &[&MessageDefinition],
+    referenced: impl Iterator<Item = &'d MessageDefinition>,
+) -> String {
+    let parts: Vec<String> = parts.iter().map(|part| definition_text(dialect, part)).collect();
+    let mut text = parts.join("---\n");
+    for message in referenced {
+        let name = &message.name;
+        text.push_str(&"=".repeat(80));
+        text.push_str(&format!("\nMSG: {}/{}\n", name.package(), name.name()));
+        text.push_str(&definition_text(dialect, message));
+    }
+    text
+}
+
+/// One definition as text, without comments: constants first, as ROS 1 checksums want them.
+pub(crate) fn definition_text(dialect: Dialect, definition: &MessageDefinition) -> String {
+    let constants = definition
+        .constants
+        .iter()
+        .map(|constant| format!("{} {}={}\n", constant.element, constant.name, constant.written));
+    let fields = definition.fields.iter().map(|field| {
+        let element = match &field.field_type.element {
+            Element::Nested(name) if dialect == Dialect::Ros1 => {
+                ros1_builtin(name).map_or_else(|| name_in_field(name), str::to_owned)
+            }
+            element => element.to_string(),
+        };
+        let default = match &field.default {
+            None => String::new(),
+            Some(DefaultValue::One(value)) => format!(" {}", literal(value)),
+            Some(DefaultValue::Many(values)) => {
+                let values: Vec<_> = values.iter().map(literal).collect();
+                format!(" [{}]", values.join(", "))
+            }
+        };
+        format!("{element}{} {}{default}\n", field.field_type.container, field.name)
+    });
+    constants.chain(fields).collect()
+}
+
+fn name_in_field(name: &TypeName) -> String {
+    format!("{}/{}", name.package(), name.name())
+}
+
+/// Name in ROS 1 of two messages of ROS 2.
+pub(crate) fn ros1_builtin(name: &TypeName) -> Option<&'static str> {
+    match (name.package(), name.name()) {
+        ("builtin_interfaces", "Time") => Some("time"),
+        ("builtin_interfaces", "Duration") => Some("duration"),
+        _ => None,
+    }
+}
+
+fn literal(value: &Literal) -> String {
+    match value {
+        Literal::Bool(value) => value.to_string(),
+        Literal::Integer(value) => value.to_string(),
+        Literal::Float(value) => format!("{value:?}"),
+        Literal::Text(text) => {
+            format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
+        }
+    }
+}

@@ -1,0 +1,306 @@
+//! Errors and warnings of `--ros-args`. The texts are those of ROS 2, which people search for.
+
+use std::error::Error;
+use std::{fmt, io};
+
+use crate::NameError;
+
+/// A refused command line, with the warnings that came before it was refused.
+#[derive(Debug)]
+pub struct RosArgsError {
+    /// The reason.
+    pub kind: RosArgsErrorKind,
+    /// Warnings that came before the error, in order.
+    pub warnings: Vec<RosArgsWarning>,
+}
+
+impl fmt::Display for RosArgsError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.kind.fmt(f)
+    }
+}
+
+impl Error for RosArgsError {
+    /// Cause that the text does not have: the error of the system or of the YAML parser.
+    fn source(&self) -> Option<&(dyn Error + 'static)> {
+        match &self.kind {
+            RosArgsErrorKind::Parameter { reason, .. } => reason.source(),
+            RosArgsErrorKind::ParamsFile { reason, .. } => reason.source(),
+            _ => None,
+        }
+    }
+}
+
+/// Error of a command line.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RosArgsErrorKind {
+    /// More words than any launch file makes.
+    #[error("more than {max} arguments")]
+    TooManyArguments {
+        /// Most that are accepted.
+        max: usize,
+    },
+    /// The last word is a flag that wants another word.
+    #[error("Couldn't parse trailing {flag} flag. {missing}")]
+    TrailingFlag {
+        /// The flag as written.
+        flag: String,
+        /// Value that should follow the flag, in words.
+        missing: &'static str,
+    },
+    /// `--log-level` is the last word.
+    #[error("Couldn't parse trailing log level flag: '{flag}'. No log level provided.")]
+    TrailingLogLevel {
+        /// The flag as written.
+        flag: String,
+    },
+    /// A remap rule cannot be read.
+    #[error("Couldn't parse remap rule: '{flag} {rule}'. Error: {reason}")]
+    Remap {
+        /// The flag as written.
+        flag: String,
+        /// The rule as written.
+        rule: String,
+        /// Fault of the rule.
+        reason: RuleError,
+    },
+    /// A parameter on the command line cannot be read.
+    #[error("Couldn't parse parameter override rule: '{flag} {rule}'. Error: {reason}")]
+    Parameter {
+        /// The flag as written.
+        flag: String,
+        /// The rule as written.
+        rule: String,
+        /// Fault of the rule.
+        reason: ParameterRuleError,
+    },
+    /// A parameter file cannot be used.
+    #[error("Couldn't parse params file: '{flag} {path}'. Error: {reason}")]
+    ParamsFile {
+        /// The flag as written.
+        flag: String,
+        /// The path as written.
+        path: String,
+        /// Fault of the file.
+        reason: ParamsFileError,
+    },
+    /// A log level cannot be read.
+    #[error("Couldn't parse log level: '{flag} {rule}'. Error: {reason}")]
+    LogLevel {
+        /// The flag as written.
+        flag: String,
+        /// The rule as written.
+        rule: String,
+        /// Fault of the rule.
+        reason: LogLevelError,
+    },
+    /// The enclave is no absolute name.
+    #[error("Enclave name is not valid: '{reason}'. Invalid index: {}", reason.index)]
+    Enclave {
+        /// Rule that the enclave breaks.
+        reason: NameError,
+    },
+    /// Words inside a block that mean nothing to ROS.
+    #[error("found unknown ROS arguments: [{}]", quoted(.0))]
+    Unknown(Vec<String>),
+    /// A file to configure logging with was given.
+    #[error("spdlog logging backend doesn't currently support external configuration")]
+    LogConfigFile {
+        /// The path as written.
+        path: String,
+    },
+}
+
+fn quoted(words: &[String]) -> String {
+    let words: Vec<String> = words.iter().map(|word| format!("'{word}'")).collect();
+    words.join(", ")
+}
+
+/// Error of reading a remap rule, or the part of a parameter rule before its value.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RuleError {
+    /// The rule ends, or goes on with a character that no rule has.
+    #[error("Expected lexeme type ({wanted}) not found, search ended at index {index}")]
+    Missing {
+        /// Number of the lexeme that should come.
+        wanted: u8,
+        /// Byte at which the lexeme should begin.
+        index: usize,
+    },
+    /// The rule goes on with another lexeme.
+    #[error("Expected lexeme type {wanted}, got {got} at index {index}")]
+    Unexpected {
+        /// Number of the lexeme that should come.
+        wanted: u8,
+        /// Number of the lexeme that comes.
+        got: u8,
+        /// Byte at which that lexeme begins.
+        index: usize,
+    },
+    /// A part of a name is missing.
+    #[error("Expecting token or wildcard")]
+    NoToken,
+    /// `*` or `**` in a rule.
+    #[error("Wildcard '{0}' is not implemented")]
+    Wildcard(&'static str),
+    /// `\1` to `\9` in a rule.
+    #[error("Backreferences are not implemented")]
+    BackReference,
+    /// No name follows `:=`; the text of ROS 2 says no more than this.
+    #[error("error not set")]
+    NoReplacement,
+}
+
+/// Error of a `name:=value` of `-p`.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ParameterRuleError {
+    /// The name or the separator cannot be read.
+    #[error(transparent)]
+    Rule(#[from] RuleError),
+    /// The value cannot be read.
+    #[error(transparent)]
+    Value(#[from] YamlError),
+}
+
+/// Error of a parameter file.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ParamsFileError {
+    /// The file cannot be read.
+    #[error("Error opening YAML file")]
+    Open(#[source] io::Error),
+    /// The file is larger than a file of parameters should be.
+    #[error("the file is larger than {max} bytes")]
+    TooLarge {
+        /// Most that is accepted.
+        max: usize,
+    },
+    /// The file is not text.
+    #[error("the file is not UTF-8 from byte {at} on")]
+    NotUtf8 {
+        /// First byte that is no text.
+        at: usize,
+    },
+    /// The content of the file is wrong.
+    #[error(transparent)]
+    Yaml(#[from] YamlError),
+}
+
+/// The YAML parser's reason.
+pub type ParserError = Box<dyn Error + Send + Sync>;
+
+/// Error in the YAML of a file or of a value on the command line.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum YamlError {
+    /// A file is not YAML; the line is that of the last thing understood.
+    #[error("Error parsing a event near line {line}")]
+    FileSyntax {
+        /// Line, from 1.
+        line: usize,
+        /// The parser's reason.
+        #[source]
+        reason: ParserError,
+    },
+    /// A value is not YAML.
+    #[error("Error parsing an event")]
+    ValueSyntax(#[source] ParserError),
+    /// A value on the command line is no scalar and no list of scalars.
+    #[error("Unknown YAML event")]
+    ValueShape,
+    /// A parameter in a file is no scalar, no list of scalars and no group.
+    #[error("Unknown YAML event at line {0}")]
+    FileShape(usize),
+    /// A key without value.
+    #[error("No value at line {0}")]
+    NoValue(usize),
+    /// A value without key.
+    #[error("No key at line {0}")]
+    NoKey(usize),
+    /// Parameters that belong to no node.
+    #[error("There are no node names before ros__parameters at line {0}")]
+    NoNodeName(usize),
+    /// A value where a node or `ros__parameters` should be.
+    #[error("Cannot have a value before ros__parameters at line {0}")]
+    ValueBeforeParameters(usize),
+    /// A list as key, or in a list.
+    #[error("Sequences cannot be key at line {0}")]
+    SequenceAsKey(usize),
+    /// A list where a node or `ros__parameters` should be.
+    #[error("Sequences can only be values and not keys in params. Error at line {0}")]
+    SequenceBeforeParameters(usize),
+    /// `*anchor`
+    #[error("Will not support aliasing at line {0}")]
+    Alias(usize),
+    /// A list of several types.
+    #[error(
+        "Sequence should be of same type. Value type '{kind}' do not belong at line_num {line}"
+    )]
+    MixedSequence {
+        /// Type of the first value that differs.
+        kind: &'static str,
+        /// Line of the file, from 1.
+        line: usize,
+    },
+    /// A node that the graph could not have.
+    #[error(transparent)]
+    NodeName(#[from] NameError),
+    /// Two slashes in a row in the name of a node.
+    #[error("{0} contains repeated forward slash")]
+    RepeatedSlash(String),
+    /// Groups in groups.
+    #[error("nested deeper than {max} at line {line}")]
+    TooDeep {
+        /// Deepest that is accepted.
+        max: usize,
+        /// Line, from 1.
+        line: usize,
+    },
+    /// The name of a parameter or of a node is too long, with all its groups.
+    #[error("a name is longer than {max} bytes")]
+    NameTooLong {
+        /// Longest that is accepted.
+        max: usize,
+    },
+    /// All files and the command line together have too many parameters.
+    #[error("more than {max} parameters")]
+    TooManyParameters {
+        /// Most that are accepted.
+        max: usize,
+    },
+}
+
+/// Error of a log level.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum LogLevelError {
+    /// The word is no name of a severity.
+    #[error("Argument does not use a valid severity level")]
+    NoSeverity,
+    /// `:=debug`
+    #[error("Argument has an invalid logger item that name is empty")]
+    NoLogger,
+    /// The value behind `:=` is no single word.
+    #[error(transparent)]
+    Rule(#[from] RuleError),
+}
+
+/// Warning about words that were accepted or passed on, for their author.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RosArgsWarning {
+    /// `a:=b` outside a block still works, for now.
+    #[error(
+        "Found remap rule '{0}'. This syntax is deprecated. Use '--ros-args --remap {0}' instead."
+    )]
+    DeprecatedRule(String),
+    /// `__ns:=` something relative or broken.
+    #[error("Namespace not remapped to a fully qualified name (found: {0})")]
+    NamespaceNotRemapped(String),
+    /// `__node:=` something that cannot be a name.
+    #[error("Node name not remapped to invalid name: '{0}'")]
+    NodeNotRemapped(String),
+}

@@ -1,0 +1,115 @@
+//! `--log-level debug` for all loggers, `--log-level ns.talker:=debug` for one and those below.
+
+use std::collections::BTreeMap;
+
+use super::error::LogLevelError;
+use super::lexer::{Cursor, Lexeme};
+use crate::LogLevel;
+
+/// Levels of loggers by name; of several for one logger the last.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct LogLevels {
+    default: LogLevel,
+    loggers: BTreeMap<String, LogLevel>,
+}
+
+impl LogLevels {
+    /// Takes in one rule.
+    pub(super) fn add(&mut self, text: &str) -> Result<(), LogLevelError> {
+        let severity = |name| LogLevel::from_name(name).ok_or(LogLevelError::NoSeverity);
+        let mut cursor = Cursor::new(text);
+        while !matches!(cursor.peek(), Lexeme::Separator | Lexeme::Eof) {
+            cursor.accept();
+        }
+        if cursor.peek() == Lexeme::Eof {
+            self.default = severity(text)?;
+            return Ok(());
+        }
+        let logger = cursor.since(text);
+        if logger.is_empty() {
+            return Err(LogLevelError::NoLogger);
+        }
+        cursor.expect(Lexeme::Separator)?;
+        let name = cursor.expect(Lexeme::Token)?;
+        cursor.expect(Lexeme::Eof)?;
+        self.loggers.insert(logger.to_owned(), severity(name)?);
+        Ok(())
+    }
+
+    /// Level of a logger: its own, else that of the nearest one above it, else the one for all, else
+    /// `INFO`.
+    #[must_use]
+    pub fn effective(&self, logger: &str) -> LogLevel {
+        match (self.nearest(logger), self.default) {
+            (Some(level), _) => level,
+            (None, LogLevel::Unset) => LogLevel::Info,
+            (None, default) => default,
+        }
+    }
+
+    /// Level of a logger, or of the nearest one above it, where one of them has a level of its own.
+    #[must_use]
+    pub fn nearest(&self, logger: &str) -> Option<LogLevel> {
+        let above = std::iter::successors(Some(logger), |name| Some(name.rsplit_once('.')?.0));
+        above.map(|name| self.of(name)).find(|level| *level != LogLevel::Unset)
+    }
+
+    /// Level that a logger has of its own; [`LogLevel::Unset`] where it has none.
+    #[must_use]
+    pub fn of(&self, logger: &str) -> LogLevel {
+        self.loggers.get(logger).copied().unwrap_or_default()
+    }
+
+    /// Gives a logger a level of its own, or takes it away with [`LogLevel::Unset`].
+    pub fn set(&mut self, logger: &str, level: LogLevel) {
+        match level {
+            LogLevel::Unset => drop(self.loggers.remove(logger)),
+            level => drop(self.loggers.insert(logger.to_owned(), level)),
+        }
+    }
+
+    /// Level for all loggers; [`LogLevel::Unset`] when none was given.
+    #[must_use]
+    pub fn default_level(&self) -> LogLevel {
+        self.default
+    }
+
+    /// Levels of single loggers.
+    #[must_use]
+    pub fn loggers(&self) -> &BTreeMap<String, LogLevel> {
+        &self.loggers
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn loggers_inherit_from_above() {
+        let mut levels = LogLevels::default();
+        for rule in ["warn", "ns:=debug", "ns.quiet:=ERROR", "ns.loud:=unset"] {
+            levels.add(rule).unwrap();
+        }
+        assert_eq!(levels.effective("other"), LogLevel::Warn);
+        assert_eq!(levels.effective("ns.talker"), LogLevel::Debug);
+        assert_eq!(levels.effective("ns.quiet.child"), LogLevel::Error);
+        assert_eq!(levels.effective("ns.loud"), LogLevel::Debug);
+        assert_eq!([levels.of("ns.loud"), levels.of("ns")], [LogLevel::Unset, LogLevel::Debug]);
+        assert_eq!(
+            [levels.nearest("other"), levels.nearest("ns.x.y")],
+            [None, Some(LogLevel::Debug)]
+        );
+        levels.set("ns", LogLevel::Unset);
+        assert_eq!(levels.effective("ns.loud"), LogLevel::Warn);
+    }
+
+    #[test]
+    fn broken_rules_are_refused() {
+        let error = |text: &str| LogLevels::default().add(text).unwrap_err().to_string();
+        assert_eq!(error(":=debug"), "Argument has an invalid logger item that name is empty");
+        assert_eq!(error("a:=loud"), "Argument does not use a valid severity level");
+        assert_eq!(error("a:=1"), "Expected lexeme type (18) not found, search ended at index 3");
+        assert_eq!(error("a:=info:=x"), "Expected lexeme type 1, got 8 at index 7");
+    }
+}

@@ -1,0 +1,230 @@
+//! Descriptions of parameters: purpose, type, and the values that a parameter may have.
+
+use wrapyfi_interfaces::parser::{DefaultValue, Literal};
+
+use super::SetError;
+use crate::{ParameterType, ParameterValue};
+
+/// Relative difference below which two floating point numbers count as one.
+const TOLERANCE: f64 = 1e-6;
+
+/// Purpose and type of a parameter, and the values that it may have.
+///
+/// ```
+/// use wrapyfi_node::parameters::ParameterDescriptor;
+/// let rate = ParameterDescriptor::new("camera.rate")
+///     .with_description("Images per second")
+///     .with_integer_range(1, 120, 1);
+/// assert!(!rate.read_only);
+/// ```
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct ParameterDescriptor {
+    /// Name; groups end with dots, as in `camera.rate`.
+    pub name: String,
+    /// Type; [`ParameterType::NotSet`] takes that of the default value.
+    pub parameter_type: ParameterType,
+    /// Purpose of the parameter.
+    pub description: String,
+    /// Rules that a range cannot say, in words.
+    pub additional_constraints: String,
+    /// True when the parameter keeps the value with which it was declared.
+    pub read_only: bool,
+    /// True when the type of the parameter may change.
+    pub dynamic_typing: bool,
+    /// Range of an `INTEGER` or `DOUBLE`.
+    pub range: Option<ParameterRange>,
+}
+
+/// Values that a number may have. The ends are allowed whatever the step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ParameterRange {
+    /// Range of an `INTEGER`.
+    Integer {
+        /// Least value.
+        from: i64,
+        /// Largest value.
+        to: i64,
+        /// Distance of allowed values, counted from `from`; 0 allows all.
+        step: u64,
+    },
+    /// Range of a `DOUBLE`.
+    Double {
+        /// Least value.
+        from: f64,
+        /// Largest value.
+        to: f64,
+        /// Distance of allowed values, counted from `from`; 0 allows all.
+        step: f64,
+    },
+}
+
+impl ParameterDescriptor {
+    /// Describes a parameter of this name with static type and no range, which may be set.
+    #[must_use]
+    pub fn new(name: impl Into<String>) -> Self {
+        Self { name: name.into(), ..Self::default() }
+    }
+
+    /// Sets the type, for a parameter that has no value until one is given.
+    #[must_use]
+    pub fn with_type(self, parameter_type: ParameterType) -> Self {
+        Self { parameter_type, ..self }
+    }
+
+    /// Sets the purpose, in words.
+    #[must_use]
+    pub fn with_description(self, description: impl Into<String>) -> Self {
+        Self { description: description.into(), ..self }
+    }
+
+    /// Sets rules that a range cannot say, in words.
+    #[must_use]
+    pub fn with_constraints(self, constraints: impl Into<String>) -> Self {
+        Self { additional_constraints: constraints.into(), ..self }
+    }
+
+    /// Makes the parameter read-only: only the start of the node sets it.
+    #[must_use]
+    pub fn read_only(self) -> Self {
+        Self { read_only: true, ..self }
+    }
+
+    /// Lets the type change, and lets clients delete the parameter by setting no value.
+    #[must_use]
+    pub fn dynamic(self) -> Self {
+        Self { dynamic_typing: true, ..self }
+    }
+
+    /// Sets the integers that the value may be.
+    #[must_use]
+    pub fn with_integer_range(self, from: i64, to: i64, step: u64) -> Self {
+        Self { range: Some(ParameterRange::Integer { from, to, step }), ..self }
+    }
+
+    /// Sets the floating point numbers that the value may be.
+    #[must_use]
+    pub fn with_double_range(self, from: f64, to: f64, step: f64) -> Self {
+        Self { range: Some(ParameterRange::Double { from, to, step }), ..self }
+    }
+
+    /// Checks that the parameter may have this value, apart from being read-only.
+    pub(super) fn check(&self, value: &ParameterValue) -> Result<(), SetError> {
+        let found = value.parameter_type();
+        if !self.dynamic_typing && found != self.parameter_type {
+            return Err(match found {
+                ParameterType::NotSet => SetError::StaticType { name: self.name.clone() },
+                _ => SetError::WrongType {
+                    name: self.name.clone(),
+                    expected: self.parameter_type,
+                    found,
+                },
+            });
+        }
+        let size = value.size();
+        if size > super::MAX_VALUE_BYTES {
+            let (name, limit) = (self.name.clone(), super::MAX_VALUE_BYTES);
+            return Err(SetError::TooLarge { name, size, limit });
+        }
+        match (self.range, value) {
+            (Some(ParameterRange::Integer { from, to, step }), ParameterValue::Integer(value)) => {
+                self.check_integer(from, to, step, *value)
+            }
+            (Some(ParameterRange::Double { from, to, step }), ParameterValue::Double(value)) => {
+                self.check_double(from, to, step, *value)
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn check_integer(&self, from: i64, to: i64, step: u64, value: i64) -> Result<(), SetError> {
+        let (min, max) = (from.min(to), from.max(to));
+        if value == min || value == max {
+            return Ok(());
+        }
+        if value < min || value > max {
+            return Err(self.out_of_range(min, max, value));
+        }
+        // value > min, so the distance fits.
+        let distance = value.abs_diff(min);
+        if distance.checked_rem(step).unwrap_or(0) != 0 {
+            return Err(self.off_step(min, max, value, step));
+        }
+        Ok(())
+    }
+
+    fn check_double(&self, from: f64, to: f64, step: f64, value: f64) -> Result<(), SetError> {
+        let (min, max) = (from.min(to), from.max(to));
+        if is_close(value, min) || is_close(value, max) {
+            return Ok(());
+        }
+        // Not a number is in no range.
+        if !(min < value && value < max) {
+            return Err(self.out_of_range(min, max, value));
+        }
+        if step != 0.0 && !is_close(min + ((value - min) / step).round() * step, value) {
+            return Err(self.off_step(min, max, value, step));
+        }
+        Ok(())
+    }
+
+    fn out_of_range<T: Number>(&self, min: T, max: T, value: T) -> SetError {
+        let (name, kind) = (self.name.clone(), T::TYPE);
+        SetError::OutOfRange { name, kind, min: min.text(), max: max.text(), value: value.text() }
+    }
+
+    fn off_step<T: Number>(&self, min: T, max: T, value: T, step: impl Number) -> SetError {
+        SetError::OffStep {
+            name: self.name.clone(),
+            kind: T::TYPE,
+            min: min.text(),
+            max: max.text(),
+            value: value.text(),
+            step: step.text(),
+        }
+    }
+}
+
+impl ParameterRange {
+    /// Type of the values in the range.
+    #[must_use]
+    pub fn parameter_type(&self) -> ParameterType {
+        match self {
+            Self::Integer { .. } => ParameterType::Integer,
+            Self::Double { .. } => ParameterType::Double,
+        }
+    }
+}
+
+/// A number in an error, written as Python does: `1.0`, `1e+16`, `inf`.
+trait Number {
+    const TYPE: ParameterType;
+    fn text(self) -> Box<str>;
+}
+
+impl Number for i64 {
+    const TYPE: ParameterType = ParameterType::Integer;
+    fn text(self) -> Box<str> {
+        self.to_string().into()
+    }
+}
+
+impl Number for u64 {
+    const TYPE: ParameterType = ParameterType::Integer;
+    fn text(self) -> Box<str> {
+        self.to_string().into()
+    }
+}
+
+impl Number for f64 {
+    const TYPE: ParameterType = ParameterType::Double;
+    fn text(self) -> Box<str> {
+        DefaultValue::One(Literal::Float(self)).to_python().into()
+    }
+}
+
+fn is_close(a: f64, b: f64) -> bool {
+    // Equal infinities have no difference.
+    #[allow(clippy::float_cmp)]
+    let equal = a == b;
+    equal || (a - b).abs() <= TOLERANCE * a.abs().max(b.abs()) && a.is_finite() && b.is_finite()
+}

@@ -1,0 +1,54 @@
+//! Values from the command line and parameter files, for the parameters that are declared.
+
+use super::{DeclareError, ParameterDescriptor, SHOWN};
+use crate::{ParameterType, ParameterValue};
+
+/// Converts a value from outside to the type of the parameter.
+pub(super) fn override_for(
+    descriptor: &ParameterDescriptor,
+    value: &ParameterValue,
+) -> Result<ParameterValue, DeclareError> {
+    let (expected, found) = (descriptor.parameter_type, value.parameter_type());
+    if descriptor.dynamic_typing || found == expected {
+        return Ok(value.clone());
+    }
+    // `[]` on the command line is an empty list of any type.
+    Err(match (found, expected) {
+        (ParameterType::NotSet, ParameterType::ByteArray) => return Ok(Vec::<u8>::new().into()),
+        (ParameterType::NotSet, ParameterType::BoolArray) => return Ok(Vec::<bool>::new().into()),
+        (ParameterType::NotSet, ParameterType::IntegerArray) => return Ok(Vec::<i64>::new().into()),
+        (ParameterType::NotSet, ParameterType::DoubleArray) => return Ok(Vec::<f64>::new().into()),
+        (ParameterType::NotSet, ParameterType::StringArray) => {
+            return Ok(Vec::<String>::new().into());
+        }
+        _ => DeclareError::OverrideType {
+            name: descriptor.name.clone(),
+            value: value.to_string().chars().take(SHOWN).collect(),
+            found,
+            expected,
+            hint: hint(&descriptor.name, value, expected),
+        },
+    })
+}
+
+/// Example of a value of the type, as it is written on the command line.
+fn hint(name: &str, value: &ParameterValue, expected: ParameterType) -> String {
+    let example = match (expected, value) {
+        (ParameterType::Double, ParameterValue::Integer(value)) => format!("{value}.0"),
+        (ParameterType::String, ParameterValue::Integer(_) | ParameterValue::Bool(_)) => {
+            format!("'\"{value}\"'")
+        }
+        (ParameterType::NotSet, _) => "VALUE".to_owned(),
+        (ParameterType::Bool, _) => "true or false".to_owned(),
+        (ParameterType::Integer, _) => "5".to_owned(),
+        (ParameterType::Double, _) => "5.0".to_owned(),
+        (ParameterType::String, _) => "text".to_owned(),
+        // The command line has no way to write bytes.
+        (ParameterType::ByteArray, _) => return "nothing: bytes are set by a service".to_owned(),
+        (ParameterType::BoolArray, _) => "'[true, false]'".to_owned(),
+        (ParameterType::IntegerArray, _) => "'[1, 2]'".to_owned(),
+        (ParameterType::DoubleArray, _) => "'[1.0, 2.0]'".to_owned(),
+        (ParameterType::StringArray, _) => "'[a, b]'".to_owned(),
+    };
+    format!("-p {name}:={example}")
+}

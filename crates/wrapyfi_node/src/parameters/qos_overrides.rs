@@ -1,0 +1,342 @@
+//! Quality of service from outside: `qos_overrides./topic.publisher.reliability` and its like.
+//!
+//! ```text
+//!   -p qos_overrides./camera.publisher.depth:=20 ─┐
+//!                                                 ├─▶ read-only parameters ─▶ QosOverrides
+//!   the endpoint's profile: what may be changed  ─┘   with what is in force    what was changed
+//! ```
+
+use std::fmt;
+
+use super::{DeclareError, ParameterDescriptor, ParameterStore, SHOWN};
+use crate::{ParameterType, ParameterValue};
+
+/// End of a topic that an endpoint is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[allow(missing_docs)]
+pub enum EndpointRole {
+    Publisher,
+    Subscription,
+}
+
+impl fmt::Display for EndpointRole {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Publisher => "publisher",
+            Self::Subscription => "subscription",
+        })
+    }
+}
+
+macro_rules! words {
+    ($(#[$doc:meta])* $name:ident { $($variant:ident = $word:literal,)* }) => {
+        $(#[$doc])*
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+        #[allow(missing_docs)] // the names are the documentation
+        pub enum $name {
+            $($variant,)*
+        }
+
+        impl $name {
+            const WORDS: &'static [&'static str] = &[$($word,)*];
+
+            fn word(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $word,)*
+                }
+            }
+
+            fn from_word(word: &str) -> Option<Self> {
+                match word {
+                    $($word => Some(Self::$variant),)*
+                    _ => None,
+                }
+            }
+        }
+    };
+}
+
+words! {
+    /// Delivery effort.
+    ReliabilityOverride {
+        SystemDefault = "system_default",
+        Reliable = "reliable",
+        BestEffort = "best_effort",
+        BestAvailable = "best_available",
+    }
+}
+
+words! {
+    /// Treatment of a listener that comes late: transient local sends it the last messages.
+    DurabilityOverride {
+        SystemDefault = "system_default",
+        TransientLocal = "transient_local",
+        Volatile = "volatile",
+        BestAvailable = "best_available",
+    }
+}
+
+words! {
+    /// Number of messages that an endpoint keeps until they are delivered.
+    HistoryOverride {
+        SystemDefault = "system_default",
+        KeepLast = "keep_last",
+        KeepAll = "keep_all",
+    }
+}
+
+words! {
+    /// Way in which a publisher asserts that it is alive.
+    LivelinessOverride {
+        SystemDefault = "system_default",
+        Automatic = "automatic",
+        ManualByTopic = "manual_by_topic",
+        BestAvailable = "best_available",
+    }
+}
+
+/// Policies of quality of service, each where it is given.
+///
+/// As the argument of [`ParameterStore::declare_qos_overrides`] these are the policies that may be
+/// changed, with what holds otherwise; as its result, those that were changed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct QosOverrides {
+    /// True when the name goes to DDS as it is, without `rt/`.
+    pub avoid_ros_namespace_conventions: Option<bool>,
+    /// Longest time between two messages, in nanoseconds; 0 is no limit.
+    pub deadline_ns: Option<u64>,
+    /// Samples kept, where the history keeps the last.
+    pub depth: Option<u32>,
+    /// Treatment of listeners that come late.
+    pub durability: Option<DurabilityOverride>,
+    /// History: the last `depth` messages, or all.
+    pub history: Option<HistoryOverride>,
+    /// Age at which a message is no longer delivered, in nanoseconds; 0 is never. Of publishers
+    /// only.
+    pub lifespan_ns: Option<u64>,
+    /// Way in which the publisher asserts that it is alive.
+    pub liveliness: Option<LivelinessOverride>,
+    /// Silence after which the publisher counts as dead, in nanoseconds; 0 is never.
+    pub liveliness_lease_duration_ns: Option<u64>,
+    /// Delivery effort.
+    pub reliability: Option<ReliabilityOverride>,
+}
+
+/// Error of an override of quality of service.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum QosOverrideError {
+    /// The policy does not exist, or this endpoint does not let it be changed.
+    #[error(
+        "parameter {parameter}: the {role} of {topic} has no policy {policy:?} to override; it has \
+         {allowed}"
+    )]
+    Policy {
+        /// Full name of the parameter.
+        parameter: String,
+        /// Absolute name of the topic.
+        topic: String,
+        /// End of the topic.
+        role: EndpointRole,
+        /// The policy as written.
+        policy: String,
+        /// Policies that may be overridden, with commas.
+        allowed: String,
+    },
+    /// The policy cannot have this value.
+    #[error(
+        "parameter {parameter}: policy {policy} of the {role} of {topic} cannot be {value} \
+         ({found}); it can be {allowed}"
+    )]
+    Value {
+        /// Full name of the parameter.
+        parameter: String,
+        /// Absolute name of the topic.
+        topic: String,
+        /// End of the topic.
+        role: EndpointRole,
+        /// The policy.
+        policy: &'static str,
+        /// The value, cut where it is long.
+        value: String,
+        /// Type of the value that was given.
+        found: ParameterType,
+        /// Values that the policy can have.
+        allowed: String,
+    },
+    /// The parameter cannot be declared.
+    #[error(transparent)]
+    Declare(#[from] DeclareError),
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Policy {
+    AvoidRosNamespaceConventions,
+    Deadline,
+    Depth,
+    Durability,
+    History,
+    Lifespan,
+    Liveliness,
+    LivelinessLeaseDuration,
+    Reliability,
+}
+
+impl Policy {
+    const ALL: [Self; 9] = [
+        Self::AvoidRosNamespaceConventions,
+        Self::Deadline,
+        Self::Depth,
+        Self::Durability,
+        Self::History,
+        Self::Lifespan,
+        Self::Liveliness,
+        Self::LivelinessLeaseDuration,
+        Self::Reliability,
+    ];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::AvoidRosNamespaceConventions => "avoid_ros_namespace_conventions",
+            Self::Deadline => "deadline",
+            Self::Depth => "depth",
+            Self::Durability => "durability",
+            Self::History => "history",
+            Self::Lifespan => "lifespan",
+            Self::Liveliness => "liveliness",
+            Self::LivelinessLeaseDuration => "liveliness_lease_duration",
+            Self::Reliability => "reliability",
+        }
+    }
+
+    /// Values that the policy can have, in words.
+    fn allowed(self) -> String {
+        match self {
+            Self::AvoidRosNamespaceConventions => "true or false".to_owned(),
+            Self::Depth => format!("an integer from 0 to {}", i32::MAX),
+            Self::Deadline | Self::Lifespan | Self::LivelinessLeaseDuration => {
+                "a time in nanoseconds: an integer from 0".to_owned()
+            }
+            Self::Durability => DurabilityOverride::WORDS.join(", "),
+            Self::History => HistoryOverride::WORDS.join(", "),
+            Self::Liveliness => LivelinessOverride::WORDS.join(", "),
+            Self::Reliability => ReliabilityOverride::WORDS.join(", "),
+        }
+    }
+}
+
+impl QosOverrides {
+    /// Value of a policy, where it is given.
+    fn get(&self, policy: Policy) -> Option<ParameterValue> {
+        let word = |word: &str| ParameterValue::String(word.to_owned());
+        let time = |ns: u64| ParameterValue::Integer(i64::try_from(ns).unwrap_or(i64::MAX));
+        match policy {
+            Policy::AvoidRosNamespaceConventions => {
+                self.avoid_ros_namespace_conventions.map(ParameterValue::Bool)
+            }
+            Policy::Deadline => self.deadline_ns.map(time),
+            Policy::Depth => self.depth.map(|depth| ParameterValue::Integer(depth.into())),
+            Policy::Durability => self.durability.map(|it| word(it.word())),
+            Policy::History => self.history.map(|it| word(it.word())),
+            Policy::Lifespan => self.lifespan_ns.map(time),
+            Policy::Liveliness => self.liveliness.map(|it| word(it.word())),
+            Policy::LivelinessLeaseDuration => self.liveliness_lease_duration_ns.map(time),
+            Policy::Reliability => self.reliability.map(|it| word(it.word())),
+        }
+    }
+
+    /// Sets a policy, where it can have the value.
+    fn set(&mut self, policy: Policy, value: &ParameterValue) -> Option<()> {
+        let integer = match *value {
+            ParameterValue::Integer(value) => u64::try_from(value).ok(),
+            _ => None,
+        };
+        let word = match value {
+            ParameterValue::String(word) => word,
+            _ => "",
+        };
+        match policy {
+            Policy::AvoidRosNamespaceConventions => {
+                let ParameterValue::Bool(avoid) = *value else { return None };
+                self.avoid_ros_namespace_conventions = Some(avoid);
+            }
+            Policy::Deadline => self.deadline_ns = Some(integer?),
+            Policy::Depth => {
+                let depth = u32::try_from(integer?).ok()?;
+                self.depth = Some(depth).filter(|depth| i32::try_from(*depth).is_ok());
+                self.depth?;
+            }
+            Policy::Durability => self.durability = Some(DurabilityOverride::from_word(word)?),
+            Policy::History => self.history = Some(HistoryOverride::from_word(word)?),
+            Policy::Lifespan => self.lifespan_ns = Some(integer?),
+            Policy::Liveliness => self.liveliness = Some(LivelinessOverride::from_word(word)?),
+            Policy::LivelinessLeaseDuration => {
+                self.liveliness_lease_duration_ns = Some(integer?);
+            }
+            Policy::Reliability => self.reliability = Some(ReliabilityOverride::from_word(word)?),
+        }
+        Some(())
+    }
+}
+
+impl ParameterStore {
+    /// Declares a read-only parameter for each policy that `profile` gives, and returns those that
+    /// the command line changes. `id` tells several endpoints of a topic apart:
+    /// `qos_overrides./topic.publisher_ID.depth`. Parameters that are declared already keep their
+    /// values.
+    ///
+    /// # Errors
+    /// When the command line names a policy that `profile` does not give, or a value that it cannot
+    /// have.
+    pub fn declare_qos_overrides(
+        &mut self,
+        topic: &str,
+        role: EndpointRole,
+        id: Option<&str>,
+        profile: &QosOverrides,
+    ) -> Result<QosOverrides, QosOverrideError> {
+        let id = id.map(|id| format!("_{id}")).unwrap_or_default();
+        let prefix = format!("qos_overrides.{topic}.{role}{id}.");
+        // A subscription has no lifespan.
+        let has = |one: Policy| one != Policy::Lifespan || role == EndpointRole::Publisher;
+        let may_change =
+            || Policy::ALL.into_iter().filter(|one| has(*one) && profile.get(*one).is_some());
+        let mut changed = QosOverrides::default();
+        // All policies are checked before any is declared, so that an error declares none.
+        for (parameter, value) in self.overrides() {
+            let Some(name) = parameter.strip_prefix(&prefix) else { continue };
+            let policy = may_change().find(|policy| policy.name() == name).ok_or_else(|| {
+                QosOverrideError::Policy {
+                    parameter: parameter.clone(),
+                    topic: topic.to_owned(),
+                    role,
+                    policy: name.to_owned(),
+                    allowed: match may_change().map(Policy::name).collect::<Vec<_>>() {
+                        none if none.is_empty() => "none".to_owned(),
+                        names => names.join(", "),
+                    },
+                }
+            })?;
+            changed.set(policy, value).ok_or_else(|| QosOverrideError::Value {
+                parameter: parameter.clone(),
+                topic: topic.to_owned(),
+                role,
+                policy: policy.name(),
+                value: value.to_string().chars().take(SHOWN).collect(),
+                found: value.parameter_type(),
+                allowed: policy.allowed(),
+            })?;
+        }
+        for policy in may_change() {
+            let name = format!("{prefix}{}", policy.name());
+            let Some(default) = profile.get(policy) else { continue };
+            if self.describe(&name).is_none() {
+                let descriptor = ParameterDescriptor::new(name)
+                    .with_description(format!("Policy {} of the {role} of {topic}.", policy.name()))
+                    .read_only();
+                self.declare(descriptor, default)?;
+            }
+        }
+        Ok(changed)
+    }
+}

@@ -1,0 +1,84 @@
+//! Quality of service from outside.
+
+use super::*;
+use crate::{NodeName, ParameterValue};
+
+fn store_with(overrides: &[(&str, ParameterValue)]) -> ParameterStore {
+    let overrides = overrides.iter().map(|(name, value)| ((*name).to_owned(), value.clone()));
+    ParameterStore::new(&NodeName::new("node", "/ns").unwrap(), overrides.collect()).unwrap()
+}
+
+#[test]
+fn qos_overrides_are_read_only_parameters() {
+    let profile = QosOverrides {
+        depth: Some(10),
+        reliability: Some(ReliabilityOverride::Reliable),
+        history: Some(HistoryOverride::KeepLast),
+        deadline_ns: Some(0),
+        ..QosOverrides::default()
+    };
+    let camera = "qos_overrides./ns/camera.publisher";
+    let mut store = store_with(&[
+        (&format!("{camera}.reliability"), "best_effort".into()),
+        (&format!("{camera}.depth"), 20.into()),
+        (&format!("{camera}_left.depth"), 1.into()),
+        ("qos_overrides./ns/camera.subscription.depth", 2.into()),
+    ]);
+    let mut declare = |role, id| store.declare_qos_overrides("/ns/camera", role, id, &profile);
+    let changed = declare(EndpointRole::Publisher, None).unwrap();
+    let expected = QosOverrides {
+        depth: Some(20),
+        reliability: Some(ReliabilityOverride::BestEffort),
+        ..QosOverrides::default()
+    };
+    assert_eq!(changed, expected);
+    // Another publisher of the topic gets the same.
+    assert_eq!(declare(EndpointRole::Publisher, None).unwrap(), expected);
+    assert_eq!(declare(EndpointRole::Publisher, Some("left")).unwrap().depth, Some(1));
+    assert_eq!(declare(EndpointRole::Subscription, None).unwrap().depth, Some(2));
+    assert_eq!(store.unused_overrides().count(), 0);
+    let reliability = format!("{camera}.reliability");
+    assert_eq!(store.get(&reliability).unwrap(), &ParameterValue::from("best_effort"));
+    assert_eq!(
+        store.get(&format!("{camera}.history")).unwrap(),
+        &ParameterValue::from("keep_last")
+    );
+    assert!(matches!(store.set(&reliability, "reliable"), Err(SetError::ReadOnly { .. })));
+    assert!(store.describe(&format!("{camera}.durability")).is_none());
+}
+
+#[test]
+fn a_wrong_qos_override_names_topic_policy_and_values() {
+    let profile = QosOverrides {
+        depth: Some(10),
+        reliability: Some(ReliabilityOverride::Reliable),
+        lifespan_ns: Some(0),
+        deadline_ns: Some(0),
+        ..QosOverrides::default()
+    };
+    let error = |policy: &str, value: ParameterValue| {
+        let name = format!("qos_overrides./chatter.subscription.{policy}");
+        let mut store = store_with(&[(&name, value)]);
+        let role = EndpointRole::Subscription;
+        let error = store.declare_qos_overrides("/chatter", role, None, &profile).unwrap_err();
+        assert_eq!(store.names().count(), 2);
+        error.to_string()
+    };
+    assert_eq!(
+        error("reliability", "reliabel".into()),
+        "parameter qos_overrides./chatter.subscription.reliability: policy reliability of the \
+         subscription of /chatter cannot be reliabel (STRING); it can be system_default, reliable, \
+         best_effort, best_available"
+    );
+    assert_eq!(
+        error("durability", "volatile".into()),
+        "parameter qos_overrides./chatter.subscription.durability: the subscription of /chatter has \
+         no policy \"durability\" to override; it has deadline, depth, reliability"
+    );
+    assert!(error("deepth", 1.into()).contains("no policy \"deepth\""));
+    for depth in [ParameterValue::from(-1), (1_i64 << 31).into(), 1.5.into(), "10".into()] {
+        assert!(error("depth", depth).contains("an integer from 0 to 2147483647"));
+    }
+    assert!(error("deadline", (-1).into()).contains("nanoseconds"));
+    assert!(error("lifespan", 1.into()).contains("no policy \"lifespan\""));
+}

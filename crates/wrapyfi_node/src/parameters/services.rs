@@ -1,0 +1,229 @@
+//! The six services that every node offers for its parameters.
+
+use bytes::Bytes;
+use wrapyfi_interfaces::cdr::{CdrError, CdrParts};
+use wrapyfi_interfaces::rcl_interfaces::msg::{self, SetParametersResult};
+use wrapyfi_interfaces::rcl_interfaces::srv::{
+    DescribeParameters, DescribeParameters_Request, DescribeParameters_Response, GetParameterTypes,
+    GetParameterTypes_Request, GetParameterTypes_Response, GetParameters, GetParameters_Request,
+    GetParameters_Response, ListParameters, ListParameters_Request, ListParameters_Response,
+    SetParameters, SetParameters_Request, SetParameters_Response, SetParametersAtomically,
+    SetParametersAtomically_Request, SetParametersAtomically_Response,
+};
+use wrapyfi_interfaces::{Message, Service, ServiceHashes};
+
+use super::{MAX_PARAMETERS, MAX_REPLY_BYTES, Parameter, ParameterStore, SetError};
+use crate::ParameterValue;
+
+/// Bytes that a value or a descriptor takes in a reply beside its texts and numbers.
+const FIXED_BYTES: usize = 64;
+
+/// One of the services.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum ParameterService {
+    /// `~/describe_parameters`
+    Describe,
+    /// `~/get_parameters`
+    Get,
+    /// `~/get_parameter_types`
+    GetTypes,
+    /// `~/list_parameters`
+    List,
+    /// `~/set_parameters`
+    Set,
+    /// `~/set_parameters_atomically`
+    SetAtomically,
+}
+
+impl ParameterService {
+    /// All services, in the order in which nodes offer them.
+    pub const ALL: [Self; 6] =
+        [Self::Describe, Self::Get, Self::GetTypes, Self::List, Self::Set, Self::SetAtomically];
+
+    /// Number of requests and replies that nodes keep of each service.
+    pub const DEPTH: u32 = 1000;
+
+    /// Name behind that of the node, for instance `get_parameters`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Describe => "describe_parameters",
+            Self::Get => "get_parameters",
+            Self::GetTypes => "get_parameter_types",
+            Self::List => "list_parameters",
+            Self::Set => "set_parameters",
+            Self::SetAtomically => "set_parameters_atomically",
+        }
+    }
+
+    /// ROS name of the service's type, for instance `rcl_interfaces/srv/GetParameters`.
+    #[must_use]
+    pub fn type_name(self) -> &'static str {
+        match self {
+            Self::Describe => DescribeParameters::ROS_TYPE,
+            Self::Get => GetParameters::ROS_TYPE,
+            Self::GetTypes => GetParameterTypes::ROS_TYPE,
+            Self::List => ListParameters::ROS_TYPE,
+            Self::Set => SetParameters::ROS_TYPE,
+            Self::SetAtomically => SetParametersAtomically::ROS_TYPE,
+        }
+    }
+
+    /// Type hashes of the service.
+    #[must_use]
+    pub fn hashes(self) -> ServiceHashes {
+        match self {
+            Self::Describe => ServiceHashes::of::<DescribeParameters>(),
+            Self::Get => ServiceHashes::of::<GetParameters>(),
+            Self::GetTypes => ServiceHashes::of::<GetParameterTypes>(),
+            Self::List => ServiceHashes::of::<ListParameters>(),
+            Self::Set => ServiceHashes::of::<SetParameters>(),
+            Self::SetAtomically => ServiceHashes::of::<SetParametersAtomically>(),
+        }
+    }
+}
+
+impl ParameterStore {
+    /// Answers a request to one of the services. Its changes wait in
+    /// [`take_events`](Self::take_events).
+    ///
+    /// # Errors
+    /// When `request` has more than `max_bytes` bytes or is no request of this service; there is
+    /// nothing to answer then.
+    pub fn answer(
+        &mut self,
+        service: ParameterService,
+        request: &Bytes,
+        max_bytes: usize,
+    ) -> Result<CdrParts, CdrError> {
+        fn read<M: Message>(request: &Bytes, max_bytes: usize) -> Result<M, CdrError> {
+            M::decode(request, max_bytes)
+        }
+        Ok(match service {
+            ParameterService::Describe => {
+                self.describe_parameters(&read(request, max_bytes)?).encode()
+            }
+            ParameterService::Get => self.get_parameters(&read(request, max_bytes)?).encode(),
+            ParameterService::GetTypes => {
+                self.get_parameter_types(&read(request, max_bytes)?).encode()
+            }
+            ParameterService::List => self.list_parameters(&read(request, max_bytes)?).encode(),
+            ParameterService::Set => self.set_parameters(read(request, max_bytes)?).encode(),
+            ParameterService::SetAtomically => {
+                self.set_parameters_atomically(read(request, max_bytes)?).encode()
+            }
+        })
+    }
+
+    /// Answers `~/describe_parameters`: nothing at all where one of the names is not declared.
+    pub fn describe_parameters(
+        &mut self,
+        request: &DescribeParameters_Request,
+    ) -> DescribeParameters_Response {
+        let descriptors = self.each(&request.names, |store, name| {
+            let descriptor = store.describe(name)?;
+            let texts =
+                [&descriptor.name, &descriptor.description, &descriptor.additional_constraints];
+            let size = texts.iter().fold(0, |sum: usize, text| sum.saturating_add(text.len()));
+            Some((msg::ParameterDescriptor::from(descriptor), size))
+        });
+        DescribeParameters_Response { descriptors }
+    }
+
+    /// Answers `~/get_parameters`: nothing at all where one of the names is not declared or has no
+    /// value.
+    pub fn get_parameters(&mut self, request: &GetParameters_Request) -> GetParameters_Response {
+        let values = self.each(&request.names, |store, name| {
+            let value = store.get(name).ok()?;
+            Some((value.clone(), value.size()))
+        });
+        GetParameters_Response {
+            values: values.into_iter().map(msg::ParameterValue::from).collect(),
+        }
+    }
+
+    /// Answers `~/get_parameter_types`: nothing at all where one of the names is not declared.
+    pub fn get_parameter_types(
+        &mut self,
+        request: &GetParameterTypes_Request,
+    ) -> GetParameterTypes_Response {
+        let types =
+            self.each(&request.names, |store, name| Some((store.type_of(name)?.number(), 0)));
+        GetParameterTypes_Response { types: types.into() }
+    }
+
+    /// Answers `~/list_parameters`.
+    pub fn list_parameters(&mut self, request: &ListParameters_Request) -> ListParameters_Response {
+        if request.prefixes.len() > MAX_PARAMETERS {
+            self.refuse();
+            return ListParameters_Response::default();
+        }
+        ListParameters_Response { result: self.list(&request.prefixes, request.depth) }
+    }
+
+    /// Answers `~/set_parameters`: each parameter for itself, in order.
+    pub fn set_parameters(&mut self, request: SetParameters_Request) -> SetParameters_Response {
+        let (count, limit) = (request.parameters.len(), MAX_PARAMETERS);
+        if count > limit {
+            self.refuse();
+            let refused = result(Err(SetError::TooMany { count, limit }));
+            return SetParameters_Response { results: vec![refused; count] };
+        }
+        let set = |one| result(parameter(one).and_then(|one| self.set_atomically(vec![one])));
+        SetParameters_Response { results: request.parameters.into_iter().map(set).collect() }
+    }
+
+    /// Answers `~/set_parameters_atomically`: all parameters or none.
+    pub fn set_parameters_atomically(
+        &mut self,
+        request: SetParametersAtomically_Request,
+    ) -> SetParametersAtomically_Response {
+        let count = request.parameters.len();
+        if count > MAX_PARAMETERS {
+            self.refuse();
+        }
+        let parameters: Result<Vec<_>, _> = request.parameters.into_iter().map(parameter).collect();
+        let result = result(parameters.and_then(|parameters| self.set_atomically(parameters)));
+        SetParametersAtomically_Response { result }
+    }
+
+    /// Collects the result of `find` for each name. Empty where a name has no result, or where all
+    /// together exceed the size of a reply.
+    fn each<T>(
+        &mut self,
+        names: &[String],
+        find: impl Fn(&Self, &str) -> Option<(T, usize)>,
+    ) -> Vec<T> {
+        let mut found = Vec::new();
+        let mut total: usize = 0;
+        for name in names {
+            let Some((one, size)) = find(self, name) else { return Vec::new() };
+            total = total.saturating_add(size).saturating_add(FIXED_BYTES);
+            if total > MAX_REPLY_BYTES || names.len() > MAX_PARAMETERS {
+                self.refuse();
+                return Vec::new();
+            }
+            found.push(one);
+        }
+        found
+    }
+
+    fn refuse(&mut self) {
+        self.refused_requests = self.refused_requests.saturating_add(1);
+    }
+}
+
+fn parameter(message: msg::Parameter) -> Result<Parameter, SetError> {
+    let msg::Parameter { name, value } = message;
+    match ParameterValue::try_from(value) {
+        Ok(value) => Ok(Parameter { name, value }),
+        Err(unknown) => Err(SetError::UnknownType { name, number: unknown.0 }),
+    }
+}
+
+fn result(set: Result<(), SetError>) -> SetParametersResult {
+    match set {
+        Ok(()) => SetParametersResult { successful: true, reason: String::new() },
+        Err(error) => SetParametersResult { successful: false, reason: error.reason() },
+    }
+}

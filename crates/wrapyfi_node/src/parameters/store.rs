@@ -1,0 +1,386 @@
+//! The parameters of one node.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
+
+use wrapyfi_interfaces::rcl_interfaces::msg::{ListParametersResult, ParameterEvent};
+
+use super::event::{Changes, PendingEvents};
+use super::from_outside::override_for;
+use super::validators::Validators;
+use super::watch::Watches;
+use super::{
+    DeclareError, GetError, MAX_NAME_BYTES, MAX_PARAMETERS, ParameterDescriptor, ParameterWatch,
+    SHOWN, SetError, UndeclareError, list,
+};
+use crate::{NODE_SWITCHES, NodeName, ParameterType, ParameterValue};
+use wrapyfi_data::types::Stamp;
+use wrapyfi_endpoint::Wake;
+
+/// A parameter with a value.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Parameter {
+    /// Name; groups end with dots, as in `camera.rate`.
+    pub name: String,
+    /// Value; [`ParameterValue::NotSet`] deletes a parameter of dynamic type.
+    pub value: ParameterValue,
+}
+
+impl Parameter {
+    /// A parameter of this name and value.
+    #[must_use]
+    pub fn new(name: impl Into<String>, value: impl Into<ParameterValue>) -> Self {
+        Self { name: name.into(), value: value.into() }
+    }
+
+    pub(super) fn size(&self) -> usize {
+        self.name.len().saturating_add(self.value.size())
+    }
+}
+
+/// The parameters of one node, as `ros2 param` sees them.
+///
+/// ```
+/// use std::collections::BTreeMap;
+/// use wrapyfi_endpoint::Wake;
+/// use wrapyfi_node::parameters::{ParameterDescriptor, ParameterStore};
+/// use wrapyfi_node::{NodeName, ParameterValue};
+///
+/// // As `-p camera.rate:=30` gives them.
+/// let overrides = BTreeMap::from([("camera.rate".to_owned(), ParameterValue::Integer(30))]);
+/// let mut store = ParameterStore::new(&NodeName::new("camera", "/robot")?, overrides)?;
+/// let rate = ParameterDescriptor::new("camera.rate").with_integer_range(1, 60, 1);
+/// assert_eq!(store.declare(rate, 10)?, ParameterValue::Integer(30));
+///
+/// let wake = Wake::new();
+/// let watch = store.watch(&["camera"], &wake);
+/// store.set("camera.rate", 15)?;
+/// assert_eq!(watch.take()[0].value, ParameterValue::Integer(15));
+/// let error = store.set("camera.rate", 99).unwrap_err().to_string();
+/// assert_eq!(error, "Parameter camera.rate out of range. Min: 1, Max: 60, value: 99");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub struct ParameterStore {
+    /// Fully qualified name of the node.
+    node: String,
+    overrides: BTreeMap<String, ParameterValue>,
+    declared: BTreeMap<String, Declared>,
+    /// Number of parameters that were ever declared.
+    ordinal: u64,
+    validators: Validators,
+    watches: Watches,
+    events: PendingEvents,
+    pub(super) refused_requests: u64,
+}
+
+struct Declared {
+    /// Place in the order of declaration.
+    ordinal: u64,
+    descriptor: ParameterDescriptor,
+    value: ParameterValue,
+}
+
+impl ParameterStore {
+    /// The parameters of a node that has declared only `use_sim_time` (false) and
+    /// `start_type_description_service` (true, read-only), as every node does.
+    /// `overrides` are the parameters of the command line
+    /// ([`NodeOptions::parameters`](crate::NodeOptions)).
+    ///
+    /// # Errors
+    /// When an override of one of the two is neither `true` nor `false`.
+    pub fn new(
+        node: &NodeName,
+        overrides: BTreeMap<String, ParameterValue>,
+    ) -> Result<Self, DeclareError> {
+        let mut store = Self {
+            node: node.fqn(),
+            overrides,
+            declared: BTreeMap::new(),
+            ordinal: 0,
+            validators: Validators::default(),
+            watches: Watches::default(),
+            events: PendingEvents::default(),
+            refused_requests: 0,
+        };
+        let [use_sim_time, type_descriptions] = NODE_SWITCHES;
+        store.declare(ParameterDescriptor::new(use_sim_time), false)?;
+        let service = ParameterDescriptor::new(type_descriptions)
+            .with_description("Whether the node answers ~/get_type_description.")
+            .read_only();
+        store.declare(service, true)?;
+        Ok(store)
+    }
+
+    /// Declares a parameter with the value of the command line, or else `default`, and returns that
+    /// value.
+    ///
+    /// # Errors
+    /// When name or type cannot be used, the name is declared already, or the value is not allowed.
+    pub fn declare(
+        &mut self,
+        mut descriptor: ParameterDescriptor,
+        default: impl Into<ParameterValue>,
+    ) -> Result<ParameterValue, DeclareError> {
+        let default = default.into();
+        self.check_name(&descriptor.name)?;
+        let name = descriptor.name.clone();
+        let found = default.parameter_type();
+        match (descriptor.parameter_type, found) {
+            (ParameterType::NotSet, ParameterType::NotSet) if !descriptor.dynamic_typing => {
+                return Err(DeclareError::NoType { name });
+            }
+            (ParameterType::NotSet, _) => descriptor.parameter_type = found,
+            (expected, found) if found != ParameterType::NotSet && found != expected => {
+                return Err(DeclareError::DefaultType { name, expected, found });
+            }
+            _ => {}
+        }
+        if let Some(range) = descriptor.range.map(|range| range.parameter_type())
+            && !descriptor.dynamic_typing
+            && range != descriptor.parameter_type
+        {
+            let found = descriptor.parameter_type;
+            return Err(DeclareError::RangeType { name, found, range });
+        }
+        let (value, overridden) = match self.overrides.get(&name) {
+            Some(value) => (override_for(&descriptor, value)?, true),
+            None => (default, false),
+        };
+        // A typed parameter may wait for its value.
+        if value != ParameterValue::NotSet {
+            let parameter = Parameter { name: name.clone(), value: value.clone() };
+            descriptor.check(&value).and_then(|()| self.validators.ask(&[parameter])).map_err(
+                |source| match overridden {
+                    true => DeclareError::Override { source },
+                    false => DeclareError::Default { source },
+                },
+            )?;
+        }
+        if descriptor.dynamic_typing {
+            descriptor.parameter_type = value.parameter_type();
+        }
+        let declared = Declared { ordinal: self.ordinal, descriptor, value: value.clone() };
+        self.ordinal = self.ordinal.saturating_add(1);
+        self.declared.insert(name.clone(), declared);
+        if value != ParameterValue::NotSet {
+            let new = vec![Parameter { name, value: value.clone() }];
+            self.publish(Changes { new, ..Changes::default() });
+        }
+        Ok(value)
+    }
+
+    fn check_name(&self, name: &str) -> Result<(), DeclareError> {
+        let owned = || name.to_owned();
+        if name.is_empty() {
+            return Err(DeclareError::EmptyName);
+        }
+        if name.len() > MAX_NAME_BYTES {
+            let start = name.chars().take(SHOWN).collect();
+            let (length, limit) = (name.len(), MAX_NAME_BYTES);
+            return Err(DeclareError::NameTooLong { start, length, limit });
+        }
+        if name.contains('\0') {
+            return Err(DeclareError::NameNul { name: owned() });
+        }
+        if self.declared.contains_key(name) {
+            return Err(DeclareError::AlreadyDeclared { name: owned() });
+        }
+        if self.declared.len() >= MAX_PARAMETERS {
+            return Err(DeclareError::TooMany { name: owned(), limit: MAX_PARAMETERS });
+        }
+        Ok(())
+    }
+
+    /// Removes a parameter that is not read-only.
+    ///
+    /// # Errors
+    /// When no parameter of this name is declared, or it is read-only.
+    pub fn undeclare(&mut self, name: &str) -> Result<(), UndeclareError> {
+        let owned = || name.to_owned();
+        match self.declared.get(name) {
+            None => return Err(UndeclareError::NotDeclared { name: owned() }),
+            Some(declared) if declared.descriptor.read_only => {
+                return Err(UndeclareError::ReadOnly { name: owned() });
+            }
+            Some(_) => self.declared.remove(name),
+        };
+        let deleted = vec![Parameter { name: owned(), value: ParameterValue::NotSet }];
+        self.publish(Changes { deleted, ..Changes::default() });
+        Ok(())
+    }
+
+    /// Value of a parameter.
+    ///
+    /// # Errors
+    /// When no parameter of this name is declared, or it has no value.
+    pub fn get(&self, name: &str) -> Result<&ParameterValue, GetError> {
+        match self.declared.get(name) {
+            None => Err(GetError::NotDeclared { name: name.to_owned() }),
+            // A parameter of dynamic type may have no value.
+            Some(Declared { value: ParameterValue::NotSet, descriptor, .. })
+                if !descriptor.dynamic_typing =>
+            {
+                Err(GetError::NotInitialized { name: name.to_owned() })
+            }
+            Some(declared) => Ok(&declared.value),
+        }
+    }
+
+    /// Description of a parameter, where it is declared.
+    #[must_use]
+    pub fn describe(&self, name: &str) -> Option<&ParameterDescriptor> {
+        self.declared.get(name).map(|declared| &declared.descriptor)
+    }
+
+    /// Type of a parameter's value, where it is declared.
+    #[must_use]
+    pub fn type_of(&self, name: &str) -> Option<ParameterType> {
+        self.declared.get(name).map(|declared| declared.value.parameter_type())
+    }
+
+    /// Names of all parameters in the order of declaration.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        let mut names: Vec<(u64, &str)> =
+            self.declared.iter().map(|(name, one)| (one.ordinal, name.as_str())).collect();
+        names.sort_unstable();
+        names.into_iter().map(|(_, name)| name)
+    }
+
+    /// Names at most `depth` names deep below the groups `prefixes`, and their groups; 0 is any
+    /// depth, no prefix is all.
+    #[must_use]
+    pub fn list(&self, prefixes: &[String], depth: u64) -> ListParametersResult {
+        list::list(self.names(), prefixes, depth)
+    }
+
+    /// Parameters that were given from outside and are not declared: perhaps misspelt.
+    pub fn unused_overrides(&self) -> impl Iterator<Item = (&str, &ParameterValue)> {
+        self.overrides
+            .iter()
+            .filter(|(name, _)| !self.declared.contains_key(*name))
+            .map(|(name, value)| (name.as_str(), value))
+    }
+
+    /// Values given from outside, by name.
+    #[must_use]
+    pub fn overrides(&self) -> &BTreeMap<String, ParameterValue> {
+        &self.overrides
+    }
+
+    /// Fully qualified name of the node.
+    #[must_use]
+    pub fn node(&self) -> &str {
+        &self.node
+    }
+
+    /// Sets a parameter.
+    ///
+    /// # Errors
+    /// When it is not declared, read-only, or may not have the value.
+    pub fn set(&mut self, name: &str, value: impl Into<ParameterValue>) -> Result<(), SetError> {
+        self.set_atomically(vec![Parameter::new(name, value)])
+    }
+
+    /// Sets all of these parameters or none of them.
+    ///
+    /// # Errors
+    /// The first that is not declared; if all are, the first that is read-only or may not have its
+    /// value.
+    pub fn set_atomically(&mut self, parameters: Vec<Parameter>) -> Result<(), SetError> {
+        let (count, limit) = (parameters.len(), MAX_PARAMETERS);
+        if count > limit {
+            return Err(SetError::TooMany { count, limit });
+        }
+        let mut names = BTreeSet::new();
+        for Parameter { name, .. } in &parameters {
+            if !self.declared.contains_key(name) {
+                return Err(SetError::NotDeclared { name: name.clone() });
+            }
+            if !names.insert(name) {
+                return Err(SetError::Twice { name: name.clone() });
+            }
+        }
+        for Parameter { name, value } in &parameters {
+            let Some(Declared { descriptor, .. }) = self.declared.get(name) else { continue };
+            if descriptor.read_only {
+                return Err(SetError::ReadOnly { name: name.clone() });
+            }
+            descriptor.check(value)?;
+        }
+        if !parameters.is_empty() {
+            self.validators.ask(&parameters)?;
+        }
+        let mut changes = Changes::default();
+        for parameter in parameters {
+            let Some(declared) = self.declared.get_mut(&parameter.name) else { continue };
+            let before = std::mem::replace(&mut declared.value, parameter.value.clone());
+            if declared.descriptor.dynamic_typing {
+                declared.descriptor.parameter_type = parameter.value.parameter_type();
+            }
+            if parameter.value == ParameterValue::NotSet {
+                self.declared.remove(&parameter.name);
+                changes.deleted.push(parameter);
+            } else if before == ParameterValue::NotSet {
+                changes.new.push(parameter);
+            } else {
+                changes.changed.push(parameter);
+            }
+        }
+        self.publish(changes);
+        Ok(())
+    }
+
+    /// Asks `validator` before any value is declared or set, with all values of one request at
+    /// once, when type and range are right. Its error goes to the client that wanted to set them; a
+    /// validator that panics refuses them. Validators added later are asked first.
+    pub fn add_validator(
+        &mut self,
+        validator: impl FnMut(&[Parameter]) -> Result<(), String> + Send + 'static,
+    ) {
+        self.validators.add(Box::new(validator));
+    }
+
+    /// Watches parameters and groups by name, all where none is given. `wake` is rung after each
+    /// change.
+    #[must_use]
+    pub fn watch(&mut self, names: &[&str], wake: &Wake) -> ParameterWatch {
+        self.watches.add(names, wake)
+    }
+
+    fn publish(&mut self, changes: Changes) {
+        if changes.all().next().is_none() {
+            return;
+        }
+        self.watches.tell(&changes);
+        self.events.push(changes);
+    }
+
+    /// Events since the last call that are to be published on `/parameter_events`, oldest first.
+    #[must_use]
+    pub fn take_events(&mut self, stamp: Stamp) -> Vec<ParameterEvent> {
+        self.events.take(&self.node, stamp)
+    }
+
+    /// Number of events dropped because more than [`MAX_EVENTS`](super::MAX_EVENTS) waited to be
+    /// taken.
+    #[must_use]
+    pub fn lost_events(&self) -> u64 {
+        self.events.lost
+    }
+
+    /// Number of requests that got an empty answer because they, or their answer, exceeded the
+    /// limits.
+    #[must_use]
+    pub fn refused_requests(&self) -> u64 {
+        self.refused_requests
+    }
+}
+
+impl fmt::Debug for ParameterStore {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("ParameterStore")
+            .field("node", &self.node)
+            .field("parameters", &self.names().collect::<Vec<_>>())
+            .finish_non_exhaustive()
+    }
+}

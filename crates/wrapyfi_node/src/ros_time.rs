@@ -1,0 +1,235 @@
+//! The time of a node: the system's, or that of a simulation or recording from `/clock`.
+//!
+//! ```text
+//!   use_sim_time ──▶ ┌─────────┐ ◀── rosgraph_msgs/Clock
+//!                    │ RosTime │ ──▶ TimeJump: switched on or off, forward, backward
+//!   system time ───▶ └─────────┘ ──▶ now
+//! ```
+//!
+//! While simulated time is on and no clock has come, it is zero, as in other nodes of ROS 2.
+
+use std::time::Duration;
+
+use wrapyfi_interfaces::rosgraph_msgs::msg::Clock;
+
+use wrapyfi_data::types::Stamp;
+
+/// Nanoseconds of a second.
+const SECOND: i64 = 1_000_000_000;
+
+/// The time of a node. It asks no clock itself: the caller gives the system's time.
+///
+/// ```
+/// use wrapyfi_node::{RosTime, TimeJump};
+/// use wrapyfi_data::types::Stamp;
+/// use wrapyfi_interfaces::builtin_interfaces::msg::Time;
+/// use wrapyfi_interfaces::rosgraph_msgs::msg::Clock;
+///
+/// let mut time = RosTime::new(true);
+/// assert_eq!(time.now(Stamp::now()), Stamp::default());
+/// time.on_clock(&Clock { clock: Time { sec: 5, nanosec: 0 } })?;
+/// assert_eq!(time.now(Stamp::now()), Stamp { sec: 5, nanosec: 0 });
+/// let back = time.on_clock(&Clock { clock: Time { sec: 1, nanosec: 0 } })?;
+/// assert!(matches!(back, Some(TimeJump::Backward { .. })));
+/// # Ok::<(), wrapyfi_node::ClockError>(())
+/// ```
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct RosTime {
+    simulated: bool,
+    /// Time of the last message of `/clock`, in nanoseconds.
+    clock_ns: Option<i64>,
+    backward: u64,
+    refused: u64,
+}
+
+/// Jump of a node's time, which otherwise goes on like a clock.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TimeJump {
+    /// Change from the system's time to simulated time.
+    ToSimulated,
+    /// Change from simulated time to the system's.
+    ToSystem,
+    /// Simulated time went on by this much; the first clock counts from zero.
+    Forward {
+        /// Length of the jump.
+        by: Duration,
+    },
+    /// Simulated time went back: the simulation was reset, or the recording began anew. Buffers and
+    /// deadlines that are kept by time are to be dropped.
+    Backward {
+        /// Length of the jump.
+        by: Duration,
+    },
+}
+
+/// Error of a message of `/clock` that is not used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ClockError {
+    /// The time of the message is negative.
+    #[error(
+        "/clock says {sec} s; ROS time is not negative, so the message is dropped: correct its publisher"
+    )]
+    Negative {
+        /// Seconds of the message.
+        sec: i32,
+    },
+}
+
+impl RosTime {
+    /// Topic of the clock.
+    pub const TOPIC: &'static str = "/clock";
+
+    /// Makes the time of a node from its parameter `use_sim_time`.
+    #[must_use]
+    pub fn new(use_sim_time: bool) -> Self {
+        Self { simulated: use_sim_time, ..Self::default() }
+    }
+
+    /// Takes a value of `use_sim_time`; `None` where it has not changed.
+    pub fn set_simulated(&mut self, use_sim_time: bool) -> Option<TimeJump> {
+        let before = std::mem::replace(&mut self.simulated, use_sim_time);
+        (before != use_sim_time).then_some(match use_sim_time {
+            true => TimeJump::ToSimulated,
+            false => TimeJump::ToSystem,
+        })
+    }
+
+    /// True while the time is simulated.
+    #[must_use]
+    pub fn is_simulated(&self) -> bool {
+        self.simulated
+    }
+
+    /// Takes a message of `/clock`, whose time is kept also while the system's is used. `None`
+    /// where the clock stands still, or the system's time is used.
+    ///
+    /// # Errors
+    /// When the time of the message is negative. The node's time stays; such messages are counted.
+    pub fn on_clock(&mut self, message: &Clock) -> Result<Option<TimeJump>, ClockError> {
+        let clock = &message.clock;
+        if clock.sec < 0 {
+            self.refused = self.refused.saturating_add(1);
+            return Err(ClockError::Negative { sec: clock.sec });
+        }
+        // Both are 32 bits: their sum fits. Nanoseconds beyond a second are carried.
+        let now = i64::from(clock.sec) * SECOND + i64::from(clock.nanosec);
+        let before = self.clock_ns.replace(now).unwrap_or(0);
+        if !self.simulated || now == before {
+            return Ok(None);
+        }
+        let by = Duration::from_nanos(now.abs_diff(before));
+        Ok(Some(if now > before {
+            TimeJump::Forward { by }
+        } else {
+            self.backward = self.backward.saturating_add(1);
+            TimeJump::Backward { by }
+        }))
+    }
+
+    /// Time of the node, given the `system` time.
+    #[must_use]
+    pub fn now(&self, system: Stamp) -> Stamp {
+        if !self.simulated {
+            return system;
+        }
+        let ns = self.clock_ns.unwrap_or(0);
+        // Carried nanoseconds can lead beyond the last second that a stamp can hold.
+        let (sec, nanosec) = (i32::try_from(ns / SECOND), u32::try_from(ns % SECOND));
+        Stamp { sec: sec.unwrap_or(i32::MAX), nanosec: nanosec.unwrap_or(0) }
+    }
+
+    /// True once a message of `/clock` has come.
+    #[must_use]
+    pub fn has_clock(&self) -> bool {
+        self.clock_ns.is_some()
+    }
+
+    /// Number of times that simulated time went back.
+    #[must_use]
+    pub fn backward_jumps(&self) -> u64 {
+        self.backward
+    }
+
+    /// Number of messages of `/clock` that were refused because their time was negative.
+    #[must_use]
+    pub fn refused(&self) -> u64 {
+        self.refused
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use wrapyfi_interfaces::builtin_interfaces::msg::Time;
+
+    const SYSTEM: Stamp = Stamp { sec: 1_700_000_000, nanosec: 5 };
+
+    fn clock(sec: i32, nanosec: u32) -> Clock {
+        Clock { clock: Time { sec, nanosec } }
+    }
+
+    #[test]
+    fn simulated_time_is_zero_until_the_first_clock() {
+        let mut time = RosTime::new(true);
+        assert!(!time.has_clock());
+        assert_eq!(time.now(SYSTEM), Stamp::default());
+        let by = Duration::new(7, 9);
+        assert_eq!(time.on_clock(&clock(7, 9)), Ok(Some(TimeJump::Forward { by })));
+        assert_eq!(time.on_clock(&clock(7, 9)), Ok(None));
+        assert_eq!(time.now(SYSTEM), Stamp { sec: 7, nanosec: 9 });
+        let by = Duration::from_nanos(1);
+        assert_eq!(time.on_clock(&clock(7, 8)), Ok(Some(TimeJump::Backward { by })));
+        assert_eq!(time.backward_jumps(), 1);
+    }
+
+    #[test]
+    fn use_sim_time_switches_while_the_node_runs() {
+        let mut time = RosTime::new(false);
+        assert_eq!(time.on_clock(&clock(3, 0)), Ok(None));
+        assert_eq!(time.now(SYSTEM), SYSTEM);
+        assert_eq!(time.set_simulated(false), None);
+        assert_eq!(time.set_simulated(true), Some(TimeJump::ToSimulated));
+        assert_eq!(time.now(SYSTEM), Stamp { sec: 3, nanosec: 0 });
+        assert_eq!(
+            time.on_clock(&clock(1, 0)).unwrap(),
+            Some(TimeJump::Backward { by: Duration::from_secs(2) })
+        );
+        assert_eq!(time.set_simulated(false), Some(TimeJump::ToSystem));
+        assert!(!time.is_simulated());
+        assert_eq!(time.now(SYSTEM), SYSTEM);
+    }
+
+    #[test]
+    fn odd_clocks_do_no_harm() {
+        let mut time = RosTime::new(true);
+        time.on_clock(&clock(1, 0)).unwrap();
+        let error = time.on_clock(&clock(-1, 0)).unwrap_err();
+        assert!(error.to_string().starts_with("/clock says -1 s"));
+        assert_eq!((time.refused(), time.now(SYSTEM).sec), (1, 1));
+        // Nanoseconds beyond a second are carried.
+        time.on_clock(&clock(1, 2_500_000_000)).unwrap();
+        assert_eq!(time.now(SYSTEM), Stamp { sec: 3, nanosec: 500_000_000 });
+        time.on_clock(&clock(i32::MAX, u32::MAX)).unwrap();
+        assert_eq!(time.now(SYSTEM).sec, i32::MAX);
+    }
+
+    proptest! {
+        #[test]
+        fn steps_add_up(clocks in proptest::collection::vec((0..i32::MAX - 1, 0..1_000_000_000_u32), 1..20)) {
+            let mut time = RosTime::new(true);
+            let mut sum = 0_i128;
+            for (sec, nanosec) in &clocks {
+                match time.on_clock(&clock(*sec, *nanosec)).unwrap() {
+                    Some(TimeJump::Forward { by }) => sum += by.as_nanos() as i128,
+                    Some(TimeJump::Backward { by }) => sum -= by.as_nanos() as i128,
+                    other => prop_assert_eq!(other, None),
+                }
+            }
+            let now = time.now(SYSTEM);
+            prop_assert_eq!((now.sec, now.nanosec), *clocks.last().unwrap());
+            prop_assert_eq!(i128::from(now.sec) * 1_000_000_000 + i128::from(now.nanosec), sum);
+        }
+    }
+}

@@ -1,0 +1,107 @@
+//! Finds the ROS 2 that is sourced, reads its headers and compiles the type support.
+//!
+//! ```text
+//!   prefixes ─▶ include/rmw/rmw/rmw.h ─▶ bindgen ─▶ $OUT_DIR/rmw.rs
+//!               include/fastcdr       ─▶ c++     ─▶ src/type_support.cpp
+//!               lib/                  ─▶ librmw_implementation, librmw, librcutils
+//! ```
+//!
+//! The prefixes are those of `WRAPYFI_RMW_PREFIX_PATH`, which CMake sets, else of `AMENT_PREFIX_PATH`: colcon adds
+//! each package to the latter that it has built, and everything would be compiled again for the next one.
+
+#![allow(clippy::print_stdout, reason = "Cargo is told on standard output")]
+#![allow(clippy::expect_used, clippy::panic, reason = "a build script ends with its message")]
+
+fn main() {
+    println!("cargo:rerun-if-env-changed=WRAPYFI_RMW_PREFIX_PATH");
+    println!("cargo:rerun-if-changed=src/rmw.h");
+    println!("cargo:rerun-if-changed=src/type_support.h");
+    println!("cargo:rerun-if-changed=src/type_support.cpp");
+    #[cfg(feature = "installed")]
+    installed::build();
+}
+
+#[cfg(feature = "installed")]
+mod installed {
+    use std::env;
+    use std::path::{Path, PathBuf};
+
+    pub(super) fn build() {
+        let told = env::var("WRAPYFI_RMW_PREFIX_PATH").ok().filter(|path| !path.is_empty());
+        let path = told.unwrap_or_else(|| {
+            println!("cargo:rerun-if-env-changed=AMENT_PREFIX_PATH");
+            env::var("AMENT_PREFIX_PATH").unwrap_or_default()
+        });
+        let prefixes: Vec<PathBuf> = env::split_paths(&path).collect();
+        let find = |file: &str| prefixes.iter().find(|prefix| prefix.join(file).is_file());
+        if find("include/rmw/rmw/rmw.h").is_none() {
+            panic!(
+                "no rmw/rmw.h under {path:?} (AMENT_PREFIX_PATH): source a ROS 2 that has ros-base \
+                 (`. /opt/ros/<distribution>/setup.bash`), or build without the feature rmw"
+            );
+        }
+        let includes: Vec<PathBuf> = prefixes.iter().flat_map(|prefix| folders(prefix)).collect();
+        bind(&includes);
+        compile(&includes);
+        // Under names of our own: a system may have libraries of other versions, which linkers would find first. What is
+        // loaded is what the libraries call themselves.
+        let out = PathBuf::from(env::var_os("OUT_DIR").expect("Cargo sets OUT_DIR"));
+        println!("cargo:rustc-link-search=native={}", out.display());
+        for library in ["rmw_implementation", "rmw", "rcutils", "fastcdr"] {
+            let file = format!("lib/lib{library}.so");
+            let Some(prefix) = find(&file) else {
+                panic!(
+                    "no {file} under {path:?} (AMENT_PREFIX_PATH): source a ROS 2 that has ros-base"
+                );
+            };
+            let link = out.join(format!("libwrapyfi_{library}.so"));
+            _ = std::fs::remove_file(&link);
+            std::os::unix::fs::symlink(prefix.join(&file), &link)
+                .expect("OUT_DIR cannot be written");
+            println!("cargo:rustc-link-lib=dylib=wrapyfi_{library}");
+        }
+    }
+
+    /// Folders of a prefix that hold headers: `include`, and `include/<package>` of each package.
+    fn folders(prefix: &Path) -> Vec<PathBuf> {
+        let include = prefix.join("include");
+        let packages = std::fs::read_dir(&include).into_iter().flatten().flatten();
+        let packages = packages
+            .filter(|package| package.path().join(package.file_name()).is_dir())
+            .map(|package| package.path());
+        let mut folders: Vec<PathBuf> = packages.collect();
+        folders.sort();
+        folders.push(include);
+        folders
+    }
+
+    fn bind(includes: &[PathBuf]) {
+        let out = PathBuf::from(env::var_os("OUT_DIR").expect("Cargo sets OUT_DIR"));
+        bindgen::Builder::default()
+            .header("src/rmw.h")
+            .clang_args(includes.iter().map(|folder| format!("-I{}", folder.display())))
+            .allowlist_function("(rmw|rcutils|wrapyfi)_.*")
+            .allowlist_var("RMW_.*")
+            .allowlist_type("rmw_.*")
+            .default_enum_style(bindgen::EnumVariation::Consts)
+            .rust_edition(bindgen::RustEdition::Edition2024)
+            .prepend_enum_name(false)
+            .derive_default(true)
+            .generate_comments(false)
+            .layout_tests(false)
+            .generate()
+            .expect("the headers of rmw cannot be read: see clang's messages above")
+            .write_to_file(out.join("rmw.rs"))
+            .expect("OUT_DIR cannot be written");
+    }
+
+    fn compile(includes: &[PathBuf]) {
+        cc::Build::new()
+            .cpp(true)
+            .std("c++17")
+            .includes(includes)
+            .warnings(false)
+            .file("src/type_support.cpp")
+            .compile("wrapyfi_type_support");
+    }
+}

@@ -1,0 +1,54 @@
+//! Nodes, topics and services of ROS 2 through the rmw of an installed ROS 2: serialised bytes in, serialised bytes
+//! out, whatever the type.
+//!
+//! ```text
+//!   Node ── Publisher     ─ bytes ─▶ rmw_publish_serialized_message ─┐
+//!     │     Subscription  ◀─ bytes ─ rmw_take_serialized_message     │   librmw_implementation
+//!     │     Client,Server ◀─ bytes ─▶ type support of our own        ├─▶ loads the middleware that
+//!     │                                                              │   RMW_IMPLEMENTATION names
+//!     └──── graph: names, types, endpoints, one thread that waits    ┘
+//! ```
+//!
+//! Nothing here knows what the bytes mean. No package that defines a type has to be installed.
+//!
+//! The crate is empty without its feature `installed`; with it, a ROS 2 has to be sourced when it is built
+//! and when it runs.
+
+#![cfg(feature = "installed")]
+
+mod dispatch;
+mod endpoint;
+mod event;
+mod fault;
+mod graph;
+mod node;
+mod own;
+mod publisher;
+mod qos;
+mod security;
+mod service;
+mod subscription;
+mod sys;
+mod types;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+pub use endpoint::{Endpoint, Gid, Side};
+pub use event::EventCounts;
+use fault::c_text;
+pub use fault::{Fault, SendFault};
+pub use node::{DiscoveryRange, Node, NodeOptions, implementation};
+pub use publisher::Publisher;
+pub use qos::{Durability, Liveliness, Qos};
+pub use service::{Client, Received, RequestId, Server, Service};
+pub use subscription::{Message, Subscription, Taken};
+pub use types::TypeHash;
+
+/// Time that the other side may take to match what is matched here: rmw tells of this side alone, and what is sent
+/// before is lost. On Fast DDS, between two nodes of one process, that was one first request in three.
+pub const MATCH_SETTLES: Duration = Duration::from_millis(100);
+
+/// Called from a thread of the node when something has changed. It must not block: all endpoints of the node share
+/// that thread.
+pub type Notify = Arc<dyn Fn() + Send + Sync>;

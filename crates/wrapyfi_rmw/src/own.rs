@@ -1,0 +1,120 @@
+//! The endpoints of this node itself: rmw counts them as matched, and what they publish is not for this node.
+
+use std::collections::{HashMap, HashSet};
+
+use super::{Gid, Qos, Side};
+
+/// Endpoints of one node.
+#[derive(Debug, Default)]
+pub(crate) struct Own {
+    /// The middleware counts the node's own endpoints as matched with each other.
+    are_counted: bool,
+    gids: HashSet<Gid>,
+    topics: HashMap<(String, Side), Vec<Kind>>,
+}
+
+/// Properties that decide whether two endpoints of a topic match.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Kind {
+    pub(crate) type_name: String,
+    pub(crate) qos: Qos,
+}
+
+impl Own {
+    /// Endpoints of a node on the middleware `implementation`, none so far.
+    pub(crate) fn on(implementation: &str) -> Self {
+        // CycloneDDS does not match what is to be ignored.
+        Self { are_counted: implementation != "rmw_cyclonedds_cpp", ..Self::default() }
+    }
+
+    pub(crate) fn add(&mut self, topic: &str, side: Side, kind: &Kind) {
+        self.topics.entry((topic.to_owned(), side)).or_default().push(kind.clone());
+    }
+
+    pub(crate) fn remove(&mut self, topic: &str, side: Side, kind: &Kind) {
+        let key = (topic.to_owned(), side);
+        let Some(kinds) = self.topics.get_mut(&key) else { return };
+        if let Some(at) = kinds.iter().position(|one| one == kind) {
+            kinds.swap_remove(at);
+        }
+        if kinds.is_empty() {
+            self.topics.remove(&key);
+        }
+    }
+
+    pub(crate) fn add_gid(&mut self, gid: Gid) {
+        self.gids.insert(gid);
+    }
+
+    pub(crate) fn remove_gid(&mut self, gid: &Gid) {
+        self.gids.remove(gid);
+    }
+
+    /// True when a publisher of the node has the identity.
+    pub(crate) fn has(&self, gid: &Gid) -> bool {
+        self.gids.contains(gid)
+    }
+
+    /// Identities of the node's publishers.
+    pub(crate) fn gids(&self) -> impl Iterator<Item = &Gid> {
+        self.gids.iter()
+    }
+
+    /// Number of the node's own endpoints that the middleware counts as matched with one on `side`.
+    pub(crate) fn matching(&self, topic: &str, side: Side, kind: &Kind) -> usize {
+        if !self.are_counted {
+            return 0;
+        }
+        let other = match side {
+            Side::Publishers => Side::Subscriptions,
+            Side::Subscriptions => Side::Publishers,
+        };
+        let others = self.topics.get(&(topic.to_owned(), other));
+        let matches = |one: &&Kind| {
+            one.type_name == kind.type_name
+                && match side {
+                    Side::Publishers => kind.qos.satisfies(&one.qos),
+                    Side::Subscriptions => one.qos.satisfies(&kind.qos),
+                }
+        };
+        others.map_or(0, |others| others.iter().filter(matches).count())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Durability, Liveliness};
+
+    fn kind(reliable: bool) -> Kind {
+        let qos = Qos {
+            reliable,
+            durability: Durability::Volatile,
+            depth: Some(10),
+            deadline: None,
+            lifespan: None,
+            liveliness: Liveliness::Automatic,
+            lease: None,
+        };
+        Kind { type_name: "a/msg/B".to_owned(), qos }
+    }
+
+    #[test]
+    fn only_those_that_match_are_counted() {
+        let mut own = Own::on("rmw_fastrtps_cpp");
+        own.add("/a", Side::Subscriptions, &kind(true));
+        own.add("/a", Side::Subscriptions, &kind(false));
+        own.add("/b", Side::Subscriptions, &kind(true));
+        assert_eq!(own.matching("/a", Side::Publishers, &kind(true)), 2);
+        assert_eq!(own.matching("/a", Side::Publishers, &kind(false)), 1);
+        assert_eq!(own.matching("/a", Side::Subscriptions, &kind(true)), 0);
+        own.are_counted = false;
+        assert_eq!(own.matching("/a", Side::Publishers, &kind(true)), 0);
+        own.are_counted = true;
+        own.remove("/a", Side::Subscriptions, &kind(true));
+        assert_eq!(own.matching("/a", Side::Publishers, &kind(true)), 1);
+        own.remove("/a", Side::Subscriptions, &kind(false));
+        own.remove("/b", Side::Subscriptions, &kind(true));
+        assert!(own.topics.is_empty());
+    }
+}

@@ -1,0 +1,421 @@
+//! Calls a service: finds its server, and has one connection for each call under way.
+//!
+//! ```text
+//!   send ─▶ Calls ─▶ call task ─ idle connection, or a new one ─▶ request ─▶ reply ─▶ take
+//!   seeker: lookupService ─▶ probe ─▶ where the server is, and again while it does not answer
+//! ```
+//!
+//! TCPROS answers the requests of one connection one after the other, so calls that are under way at
+//! once take several. A connection that has answered is kept for the next call.
+
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::time::{Duration, Instant};
+
+use bytes::Bytes;
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+use tokio::net::TcpStream;
+use tokio::sync::{Notify, watch};
+use tokio::task::AbortHandle;
+use tokio::time::{timeout, timeout_at};
+
+use super::body::{Bodies, Body};
+use super::config::NodeUri;
+use super::core::Core;
+use super::header::Header;
+use super::services::{self, MAX_ERROR_BYTES, ServiceForm, ServiceType};
+use super::splitter;
+use super::tcpros;
+use wrapyfi_data::DecodeError;
+use wrapyfi_data::EncodeError;
+use wrapyfi_data::types::Payload;
+use wrapyfi_endpoint::backoff::Backoff;
+use wrapyfi_endpoint::calls::{Calls, Stage};
+use wrapyfi_endpoint::restart::restarted;
+use wrapyfi_endpoint::wire_client::{ClientWire, WireClient};
+use wrapyfi_endpoint::{
+    CallError, Context, Link, OpenError, PROGRESS, Request, ServiceSpec, Share,
+};
+
+/// Longest time between two looks for a server that is not there.
+const SEEK: Duration = Duration::from_secs(1);
+/// Time between two looks for a server that is there: it may have moved.
+const RESEEK: Duration = Duration::from_secs(5);
+/// Time after the end of a call in which its reply is still read, and counted as late.
+const LATE: Duration = Duration::from_secs(30);
+/// Connections that are kept for the next call.
+const IDLE: usize = 8;
+
+/// A request as it will be sent.
+pub(super) struct Outgoing {
+    frame: Bytes,
+    deadline: Instant,
+}
+
+/// Result of one call on its connection.
+enum Outcome {
+    Reply(Bytes),
+    Refused(String),
+    TooLarge(usize),
+    Failed(String),
+}
+
+struct Ended {
+    sequence: i64,
+    outcome: Outcome,
+    bytes: usize,
+    at: Instant,
+}
+
+/// State that a client shares with the tasks of its calls.
+struct Line {
+    core: Weak<Core>,
+    service: String,
+    wire_type: ServiceType,
+    limit_bytes: usize,
+    context: Context,
+    ended: Mutex<VecDeque<Ended>>,
+    idle: Mutex<Vec<TcpStream>>,
+    /// Address of the server's node; `None` while no server is known.
+    place: watch::Sender<Option<NodeUri>>,
+    /// Reason why no server is known, in words; `None` while one is.
+    why: Mutex<Option<String>>,
+    /// Signal that the server should be looked for.
+    seek: Notify,
+}
+
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Calls one service.
+pub(super) struct Ros1Client {
+    core: Arc<Core>,
+    form: ServiceForm,
+    line: Arc<Line>,
+    seeker: AbortHandle,
+    /// Tasks whose calls may have ended without them.
+    tasks: VecDeque<AbortHandle>,
+    sequence: i64,
+}
+
+impl Ros1Client {
+    pub(super) fn open(
+        core: &Arc<Core>,
+        service: &str,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> Result<WireClient<Self>, OpenError> {
+        let form = ServiceForm::new(core, spec)?;
+        let line = Arc::new(Line {
+            core: Arc::downgrade(core),
+            service: service.to_owned(),
+            wire_type: form.wire_type.clone(),
+            limit_bytes: spec.limits.message_bytes,
+            context: context.clone(),
+            ended: Mutex::default(),
+            idle: Mutex::default(),
+            place: watch::channel(None).0,
+            why: Mutex::default(),
+            seek: Notify::new(),
+        });
+        let (kept, told, seed) = (Arc::clone(&line), Arc::clone(&line), core.next_id());
+        let seeker = restarted(
+            format!("the search for service {service}"),
+            move |what| told.found(None, Some(what)),
+            move || seek(Arc::clone(&kept), seed),
+        );
+        let seeker = core.handle.spawn(seeker).abort_handle();
+        let tasks = VecDeque::new();
+        let wire = Self { core: Arc::clone(core), form, line, seeker, tasks, sequence: 0 };
+        Ok(WireClient::new(wire, &spec.service, spec.pending, context))
+    }
+}
+
+/// Turns the result of a call into the payload of its reply, or into the caller's error.
+fn read(outcome: Outcome, form: &ServiceForm) -> Result<Payload, CallError> {
+    let service = form.spec.service.clone();
+    match outcome {
+        Outcome::Reply(body) => {
+            form.decode_reply(&body).map_err(|fault| CallError::Reply { service, fault })
+        }
+        Outcome::Refused(reason) => Err(CallError::Refused { service, reason }),
+        Outcome::Failed(reason) => Err(CallError::Transport { service, reason }),
+        Outcome::TooLarge(size) => {
+            let (what, path) = ("message", "$".to_owned());
+            let (actual, limit) = (size as u64, form.spec.limits.message_bytes as u64);
+            let fault = DecodeError::TooLarge { what, path, actual, limit };
+            Err(CallError::Reply { service, fault })
+        }
+    }
+}
+
+impl Line {
+    fn end(&self, sequence: i64, outcome: Outcome, bytes: usize) {
+        let at = self.context.clock.now();
+        locked(&self.ended).push_back(Ended { sequence, outcome, bytes, at });
+        self.context.wake.ring();
+    }
+
+    /// Description of the missing server, and the reason.
+    fn missing(&self) -> String {
+        let fault = self.core.upgrade().and_then(|core| core.fault());
+        fault
+            .or_else(|| locked(&self.why).clone())
+            .unwrap_or_else(|| format!("a ROS 1 node that offers {}", self.service))
+    }
+
+    /// Notes where the server is, or why nowhere.
+    fn found(&self, place: Option<NodeUri>, why: Option<String>) {
+        *locked(&self.why) = why;
+        let changed = self.place.send_if_modified(|now| {
+            let changes = *now != place;
+            *now = place;
+            changes
+        });
+        if changed {
+            locked(&self.idle).clear();
+            self.context.wake.ring();
+        }
+    }
+
+    /// The server at `place` did not answer.
+    fn lost(&self, place: &NodeUri, why: &str) {
+        if self.place.borrow().as_ref() == Some(place) {
+            self.found(None, Some(format!("the server of {}: {why}", self.service)));
+            self.seek.notify_one();
+        }
+    }
+
+    fn header(&self, caller: &str) -> Header {
+        Header::new()
+            .with("callerid", caller)
+            .with("service", &self.service)
+            .with("tcp_nodelay", "1")
+    }
+
+    /// A kept connection that still stands.
+    fn kept(&self) -> Option<TcpStream> {
+        loop {
+            let stream = locked(&self.idle).pop()?;
+            // One that has something to say was closed, or is out of step.
+            if matches!(stream.try_read(&mut [0]), Err(e) if e.kind() == std::io::ErrorKind::WouldBlock)
+            {
+                return Some(stream);
+            }
+        }
+    }
+
+    fn keep(&self, stream: TcpStream) {
+        let mut idle = locked(&self.idle);
+        if idle.len() < IDLE {
+            idle.push(stream);
+        }
+    }
+
+    /// A connection to the server, or the words with which it refuses.
+    async fn connect(&self) -> Result<TcpStream, String> {
+        if let Some(stream) = self.kept() {
+            return Ok(stream);
+        }
+        let mut places = self.place.subscribe();
+        loop {
+            let place = match places.wait_for(Option::is_some).await {
+                Ok(place) => place.clone(),
+                Err(_) => return Err("the client has ended".to_owned()),
+            };
+            let Some(place) = place else { continue };
+            let Some(core) = self.core.upgrade() else {
+                return Err("the node has ended".to_owned());
+            };
+            let own = self
+                .header(core.name.full())
+                .with("type", &self.wire_type.name)
+                .with("md5sum", &self.wire_type.md5)
+                .with("persistent", "1");
+            drop(core);
+            let mut stream = match tcpros::connect(&place.host, place.port).await {
+                Ok(stream) => stream,
+                Err(why) => {
+                    self.lost(&place, &why);
+                    continue;
+                }
+            };
+            match tcpros::greet(&mut stream, &own).await {
+                Ok(header) => match header.get("error") {
+                    Some(error) => return Err(services::shortened(error).to_owned()),
+                    None => return Ok(stream),
+                },
+                Err(error) => self.lost(&place, &error.to_string()),
+            }
+        }
+    }
+}
+
+/// One call, from its connection to its reply.
+async fn call(line: Arc<Line>, sequence: i64, Outgoing { frame, deadline }: Outgoing) {
+    let deadline = tokio::time::Instant::from_std(deadline);
+    let mut stream = match timeout_at(deadline, line.connect()).await {
+        // The caller has given up: no request goes out.
+        Err(_elapsed) => return,
+        Ok(Err(refusal)) => return line.end(sequence, Outcome::Refused(refusal), 0),
+        Ok(Ok(stream)) => stream,
+    };
+    if let Err(error) = stream.write_all(&frame).await {
+        let text = format!("the connection broke while it asked: {error}");
+        return line.end(sequence, Outcome::Failed(text), 0);
+    }
+    let late = deadline.checked_add(LATE).unwrap_or(deadline);
+    match timeout_at(late, hear(&mut stream, line.limit_bytes)).await {
+        // Nobody counts on it any more.
+        Err(_elapsed) => {}
+        Ok(Err(ended)) => {
+            let text = format!("no answer came: {ended}");
+            line.end(sequence, Outcome::Failed(text), 0);
+        }
+        Ok(Ok((outcome, bytes))) => {
+            // The rest of a reply that is too large is still to come.
+            if !matches!(outcome, Outcome::TooLarge(_)) {
+                line.keep(stream);
+            }
+            line.end(sequence, outcome, bytes);
+        }
+    }
+}
+
+async fn hear(stream: &mut TcpStream, limit: usize) -> Result<(Outcome, usize), splitter::Ended> {
+    let success = stream.read_u8().await? != 0;
+    let limit = if success { limit } else { MAX_ERROR_BYTES };
+    let bodies = Bodies::new(limit, PROGRESS, Share::default());
+    let size = bodies.size(stream).await?.ok_or(splitter::Ended::Closed)?;
+    if size > limit {
+        return Ok((Outcome::TooLarge(size), size));
+    }
+    let body = bodies.read(stream, size, "the reply").await.map_err(|(ended, _begun)| ended)?;
+    let outcome = match body {
+        Body::Whole(body) if success => Outcome::Reply(body),
+        Body::Whole(body) => Outcome::Refused(String::from_utf8_lossy(&body).into_owned()),
+        Body::Passed { reason, .. } => Outcome::Failed(reason),
+    };
+    Ok((outcome, size + 5))
+}
+
+/// Knows where the server is, for as long as the client lives.
+async fn seek(line: Arc<Line>, seed: u64) {
+    let mut backoff = Backoff::of_process(seed);
+    loop {
+        let known = line.place.borrow().clone();
+        let wait = match look(&line, known.as_ref()).await {
+            Some(Ok(place)) => {
+                backoff.reset();
+                line.found(Some(place), None);
+                RESEEK
+            }
+            Some(Err(why)) => {
+                line.found(None, why);
+                backoff.wait().min(SEEK)
+            }
+            None => return,
+        };
+        if timeout(wait, line.seek.notified()).await.is_ok() {
+            // It was just found to be gone: the master may still name it.
+            tokio::time::sleep(backoff.wait().min(SEEK)).await;
+        }
+    }
+}
+
+/// Asks the master for the node that offers the service. A master that was restarted knows no node,
+/// so the address `known` stays then; `None` when this node has ended.
+async fn look(line: &Line, known: Option<&NodeUri>) -> Option<Result<NodeUri, Option<String>>> {
+    let core = line.core.upgrade()?;
+    let (place, is_listed) = match core.master.lookup_service(&line.service).await {
+        Ok(Some(place)) => (place, true),
+        // One that was restarted knows nobody: the server may still be there.
+        Ok(None) => match known {
+            Some(known) => (known.clone(), false),
+            None => return Some(Err(None)),
+        },
+        // The known address stays: calls need no master.
+        Err(error) => return Some(known.cloned().ok_or_else(|| Some(error.awaited()))),
+    };
+    if is_listed && known == Some(&place) {
+        return Some(Ok(place));
+    }
+    // The master also names servers that were killed.
+    let probe = line.header(core.name.full()).with("md5sum", "*").with("probe", "1");
+    drop(core);
+    let answer = match tcpros::connect(&place.host, place.port).await {
+        Ok(mut stream) => {
+            tcpros::greet(&mut stream, &probe).await.map_err(|error| error.to_string())
+        }
+        Err(why) => Err(why),
+    };
+    Some(match answer {
+        Ok(header) => match header.get("error") {
+            Some(_) if !is_listed => Err(None),
+            Some(error) => {
+                let refusal = services::shortened(error);
+                Err(Some(format!("the server of {}, which refuses: {refusal}", line.service)))
+            }
+            None => Ok(place),
+        },
+        Err(_) if !is_listed => Err(None),
+        Err(why) => Err(Some(format!("the server of {}: {why}", line.service))),
+    })
+}
+
+impl ClientWire for Ros1Client {
+    type Written = Outgoing;
+
+    fn write(
+        &self,
+        request: &Request,
+        deadline: Instant,
+    ) -> Result<(Outgoing, usize), EncodeError> {
+        let frame = self.form.encode_request(request)?;
+        let bytes = frame.len();
+        Ok((Outgoing { frame, deadline }, bytes))
+    }
+
+    fn turn(&mut self, calls: &mut Calls<Outgoing>) {
+        self.tasks.retain(|task| !task.is_finished());
+        while self.line.place.borrow().is_some() && calls.next_to_send().is_some() {
+            self.sequence += 1;
+            let Some(outgoing) = calls.send(self.sequence) else { break };
+            let line = Arc::clone(&self.line);
+            let task = self.core.handle.spawn(call(line, self.sequence, outgoing));
+            self.tasks.push_back(task.abort_handle());
+            // Those that wait for late replies are given up first.
+            if self.tasks.len() > self.form.spec.pending.saturating_mul(2)
+                && let Some(oldest) = self.tasks.pop_front()
+            {
+                oldest.abort();
+            }
+        }
+        let ended = std::mem::take(&mut *locked(&self.line.ended));
+        for Ended { sequence, outcome, bytes, at } in ended {
+            let form = &self.form;
+            calls.answered(sequence, bytes, at, || read(outcome, form));
+        }
+    }
+
+    fn missing(&self, stage: Stage) -> String {
+        match stage {
+            Stage::Waiting => self.line.missing(),
+            Stage::Sent => "its server has not answered".to_owned(),
+        }
+    }
+
+    fn link(&self) -> Link {
+        let found = self.line.place.borrow().is_some();
+        let waiting_for = (!found).then(|| self.line.missing());
+        Link { peers: Some(usize::from(found)), waiting_for, keeps_last: false }
+    }
+}
+
+impl Drop for Ros1Client {
+    fn drop(&mut self) {
+        self.seeker.abort();
+        self.tasks.iter().for_each(AbortHandle::abort);
+    }
+}

@@ -1,0 +1,365 @@
+//! Settings of a ROS 1 node: the master's address, the node's name, and the address at which other
+//! nodes find it.
+//!
+//! ```text
+//!   ROS_MASTER_URI, ROS_HOSTNAME, ROS_IP, ROS_NAMESPACE ─▶ Ros1Config ─▶ Ros1::start
+//! ```
+
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+
+use wrapyfi_interfaces::ros1::Rules;
+
+use super::names::{NameError, NodeName};
+use wrapyfi_endpoint::network::{
+    Hosts, Insecure, Place, ReachedByOthers, facing, is_of_this_machine, is_on,
+};
+
+/// Port of a master whose address names none.
+const MASTER_PORT: u16 = 11311;
+
+/// Settings of [`Ros1`](super::Ros1).
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Ros1Config {
+    /// Address of the master (`ROS_MASTER_URI`).
+    pub master_uri: String,
+    /// Name or address under which other nodes reach this one (`ROS_HOSTNAME`, else `ROS_IP`).
+    /// Without one: loopback where the master is there, else the address that faces the master.
+    pub hostname: Option<String>,
+    /// Namespace of relative names (`ROS_NAMESPACE`).
+    pub namespace: String,
+    /// Name of the node. Without one it is `wrapyfi` and a number that nobody else has, as Python
+    /// Wrapyfi's anonymous node. A node that takes a name which another has ends that one.
+    pub node: Option<String>,
+    /// Names that mean others: `from`, `to`.
+    pub remaps: Vec<(String, String)>,
+    /// Rules by which types of ROS 1 and ROS 2 belong together, before the rules that are built in.
+    pub mapping_rules: Rules,
+    /// Allows sockets on addresses that other machines reach (`WRAPYFI_ROS_INSECURE`). ROS 1 has no
+    /// authentication and no encryption: whoever reaches the port may publish and call.
+    pub insecure: Insecure,
+    /// Addresses of names that the system need not know.
+    pub hosts: Hosts,
+    /// Most connections from other nodes at once.
+    pub connections: usize,
+}
+
+impl Default for Ros1Config {
+    fn default() -> Self {
+        Self {
+            master_uri: format!("http://localhost:{MASTER_PORT}"),
+            hostname: None,
+            namespace: "/".to_owned(),
+            node: None,
+            remaps: Vec::new(),
+            mapping_rules: Rules::built_in(),
+            insecure: Insecure::default(),
+            hosts: Hosts::default(),
+            connections: 256,
+        }
+    }
+}
+
+/// Error of the settings of a ROS 1 node.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ConfigError {
+    /// The master's address is none.
+    #[error(
+        "master_uri {uri:?} (ROS_MASTER_URI) is no address of a master: {reason}; write it as \
+         http://host:11311"
+    )]
+    MasterUri {
+        /// Address as configured.
+        uri: String,
+        /// Rule that the address breaks.
+        reason: String,
+    },
+    /// A name breaks the rules.
+    #[error(transparent)]
+    Name(#[from] NameError),
+    /// A host name has no address now.
+    #[error("{setting}: {reason}")]
+    Host {
+        /// Setting or variable that names the host.
+        setting: &'static str,
+        /// Reason why the host has no address.
+        reason: String,
+    },
+    /// Other machines would reach the sockets.
+    #[error(transparent)]
+    Open(#[from] ReachedByOthers),
+    /// A switch that is neither on nor off.
+    #[error("{name}={value:?} is neither True nor False")]
+    Switch {
+        /// Variable.
+        name: &'static str,
+        /// Value of the variable.
+        value: String,
+    },
+    /// Set, but to nothing.
+    #[error("{name} is set to nothing: give it a value or unset it")]
+    Empty {
+        /// Variable.
+        name: &'static str,
+    },
+    /// The value of a variable is not text.
+    #[error("{name} is not UTF-8 text")]
+    NotText {
+        /// Variable.
+        name: &'static str,
+    },
+}
+
+/// An address on the net as ROS 1 writes it: `http://host:port/`.
+#[derive(Debug, Clone, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub(super) struct NodeUri {
+    pub(super) host: String,
+    pub(super) port: u16,
+}
+
+impl std::fmt::Display for NodeUri {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if self.host.contains(':') {
+            write!(f, "http://[{}]:{}/", self.host, self.port)
+        } else {
+            write!(f, "http://{}:{}/", self.host, self.port)
+        }
+    }
+}
+
+impl NodeUri {
+    /// Reads `scheme://host:port/`; without a port the one of a master.
+    pub(super) fn parse(text: &str) -> Result<Self, String> {
+        const LONGEST: usize = 512;
+        if text.len() > LONGEST {
+            return Err(format!("it is {} bytes long, the limit is {LONGEST}", text.len()));
+        }
+        // rosrpc:// is the address of a service.
+        let rest = ["http://", "rosrpc://"].iter().find_map(|scheme| text.strip_prefix(scheme));
+        let rest = rest.ok_or("it does not begin with http://")?;
+        let authority = rest.split(['/', '?', '#']).next().unwrap_or_default();
+        if authority.contains('@') {
+            return Err("it holds a user name, for which ROS 1 has no use".to_owned());
+        }
+        let (host, port) = match authority.strip_prefix('[').and_then(|v6| v6.split_once(']')) {
+            Some((host, "")) => (host, None),
+            Some((host, port)) => (host, Some(port.strip_prefix(':').ok_or("no port behind ]")?)),
+            None => match authority.rsplit_once(':') {
+                Some((host, port)) => (host, Some(port)),
+                None => (authority, None),
+            },
+        };
+        if host.is_empty() {
+            return Err("it names no host".to_owned());
+        }
+        if host.contains(|letter: char| letter.is_control() || letter.is_whitespace()) {
+            return Err(format!("{host:?} is no host"));
+        }
+        let port = match port {
+            None => MASTER_PORT,
+            Some(port) => match port.parse() {
+                Ok(port) if port > 0 => port,
+                _ => return Err(format!("{port:?} is no port from 1 to 65535")),
+            },
+        };
+        Ok(Self { host: host.to_owned(), port })
+    }
+}
+
+/// Addresses and names that follow from the settings.
+#[derive(Debug, Clone)]
+pub(super) struct Resolved {
+    pub(super) master: NodeUri,
+    pub(super) node: NodeName,
+    /// Host name or address that other nodes are told.
+    pub(super) advertised: String,
+    /// Address on which the node's sockets listen.
+    pub(super) bind: IpAddr,
+    /// Address of the master where it is on another machine.
+    pub(super) afar: Option<IpAddr>,
+}
+
+impl Ros1Config {
+    /// The defaults, changed by `ROS_MASTER_URI`, `ROS_HOSTNAME`, `ROS_IP`, `ROS_NAMESPACE` and
+    /// `WRAPYFI_ROS_INSECURE`.
+    ///
+    /// # Errors
+    /// When a variable has a value that means nothing; the error names it.
+    pub fn from_env() -> Result<Self, ConfigError> {
+        Self::from_lookup(|name| match std::env::var(name) {
+            Ok(value) => Ok(Some(value)),
+            Err(std::env::VarError::NotPresent) => Ok(None),
+            Err(std::env::VarError::NotUnicode(_)) => Err(ConfigError::NotText { name }),
+        })
+    }
+
+    fn from_lookup(
+        lookup: impl Fn(&'static str) -> Result<Option<String>, ConfigError>,
+    ) -> Result<Self, ConfigError> {
+        let text = |name| match lookup(name)? {
+            Some(value) if value.trim().is_empty() => Err(ConfigError::Empty { name }),
+            Some(value) => Ok(Some(value.trim().to_owned())),
+            None => Ok(None),
+        };
+        let name = "WRAPYFI_ROS_INSECURE";
+        let is_insecure = match text(name)? {
+            None => false,
+            Some(value) => is_on(&value).ok_or(ConfigError::Switch { name, value })?,
+        };
+        let default = Self::default();
+        let hostname = match text("ROS_HOSTNAME")? {
+            Some(hostname) => Some(hostname),
+            None => text("ROS_IP")?,
+        };
+        let mut insecure = Insecure::default();
+        insecure.said(Place::Environment, hostname.is_some(), is_insecure);
+        // An empty namespace is the root, also in ROS 1's own tools.
+        let namespace = lookup("ROS_NAMESPACE")?.unwrap_or(default.namespace);
+        let master_uri = text("ROS_MASTER_URI")?.unwrap_or(default.master_uri);
+        Ok(Self { master_uri, hostname, namespace, insecure, ..Self::default() })
+    }
+
+    /// Checks everything that can be known before anything starts. May ask the system for the address
+    /// of a host name.
+    pub(super) fn resolve(&self) -> Result<Resolved, ConfigError> {
+        let master = NodeUri::parse(&self.master_uri)
+            .map_err(|reason| ConfigError::MasterUri { uri: self.master_uri.clone(), reason })?;
+        let name = self.node.clone().unwrap_or_else(anonymous);
+        let mut node = NodeName::new(&name, &self.namespace)?;
+        for (from, to) in &self.remaps {
+            node.remap(from, to)?;
+        }
+        let resolved = |setting, host: &str| {
+            let found = self.hosts.resolve(host);
+            found.map_err(|reason| ConfigError::Host { setting, reason })
+        };
+        let address = resolved("master_uri (ROS_MASTER_URI)", &master.host)?;
+        let (advertised, own) = match &self.hostname {
+            Some(hostname) => {
+                let own = resolved("hostname (ROS_HOSTNAME, ROS_IP)", hostname)?;
+                (hostname.trim_matches(['[', ']']).to_owned(), own)
+            }
+            None if address.is_loopback() => (address.to_string(), address),
+            None => {
+                // No packet is sent for it.
+                let own = facing(SocketAddr::new(address, master.port));
+                let own = own.ok_or_else(|| ConfigError::Host {
+                    setting: "master_uri (ROS_MASTER_URI)",
+                    reason: format!("no way leads from this machine to {address}"),
+                })?;
+                (own.to_string(), own)
+            }
+        };
+        self.insecure.check(super::NAME, "a ROS 1 node", own)?;
+        let afar = (!is_of_this_machine(address)).then_some(address);
+        let master = NodeUri { host: self.hosts.or_same(&master.host), ..master };
+        // A host name may stand for another address on other machines: any of ours will do.
+        let bind = if own.is_loopback() { own } else { unspecified(own) };
+        Ok(Resolved { master, node, advertised, bind, afar })
+    }
+}
+
+fn unspecified(like: IpAddr) -> IpAddr {
+    match like {
+        IpAddr::V4(_) => Ipv4Addr::UNSPECIFIED.into(),
+        IpAddr::V6(_) => std::net::Ipv6Addr::UNSPECIFIED.into(),
+    }
+}
+
+/// `wrapyfi` and what no other node has: the process, and a count of the time in it.
+fn anonymous() -> String {
+    use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+    static NEXT: AtomicU64 = AtomicU64::new(0);
+    let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+    let millis = since.map_or(0, |since| since.as_millis());
+    format!("wrapyfi_{}_{millis}_{}", std::process::id(), NEXT.fetch_add(1, Relaxed))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn from(pairs: &[(&str, &str)]) -> Result<Ros1Config, ConfigError> {
+        Ros1Config::from_lookup(|name| {
+            Ok(pairs.iter().find(|(n, _)| *n == name).map(|(_, v)| (*v).to_owned()))
+        })
+    }
+
+    #[test]
+    fn an_empty_environment_is_the_default() {
+        assert_eq!(from(&[]), Ok(Ros1Config::default()));
+        let resolved = Ros1Config::default().resolve().unwrap();
+        assert!(resolved.bind.is_loopback());
+        assert_eq!(resolved.master, NodeUri { host: "localhost".into(), port: 11311 });
+        assert!(resolved.node.full().starts_with("/wrapyfi_"), "{}", resolved.node.full());
+    }
+
+    #[test]
+    fn variables_replace_defaults_and_the_host_name_wins() {
+        let config = from(&[
+            ("ROS_MASTER_URI", "http://10.0.0.1:11411"),
+            ("ROS_IP", "10.0.0.2"),
+            ("ROS_HOSTNAME", "127.0.0.1"),
+            ("ROS_NAMESPACE", "/arm"),
+        ])
+        .unwrap();
+        assert_eq!(config.hostname.as_deref(), Some("127.0.0.1"));
+        assert_eq!(config.namespace, "/arm");
+        let resolved = config.resolve().unwrap();
+        assert_eq!(resolved.master, NodeUri { host: "10.0.0.1".into(), port: 11411 });
+        assert_eq!(resolved.advertised, "127.0.0.1");
+        assert!(resolved.node.full().starts_with("/arm/wrapyfi_"));
+    }
+
+    #[test]
+    fn other_machines_are_let_in_only_by_word() {
+        let open = from(&[("ROS_IP", "10.0.0.2")]).unwrap();
+        let refused = open.resolve().unwrap_err();
+        assert!(matches!(refused, ConfigError::Open(_)), "{refused}");
+        assert!(refused.to_string().contains("WRAPYFI_ROS_INSECURE=1"), "{refused}");
+        let allowed = Ros1Config { insecure: true.into(), ..open }.resolve().unwrap();
+        assert!(allowed.bind.is_unspecified());
+        assert_eq!(allowed.advertised, "10.0.0.2");
+        assert!(from(&[("WRAPYFI_ROS_INSECURE", "True")]).unwrap().insecure.is_allowed);
+    }
+
+    #[test]
+    fn values_without_meaning_are_named() {
+        assert!(from(&[("ROS_IP", " ")]).unwrap_err().to_string().contains("ROS_IP"));
+        assert!(from(&[("WRAPYFI_ROS_INSECURE", "perhaps")]).is_err());
+        for uri in ["localhost:11311", "http://", "http://a:0", "http://a:x", "http://a b:1", "x"] {
+            let config = Ros1Config { master_uri: uri.to_owned(), ..Ros1Config::default() };
+            let error = config.resolve().unwrap_err().to_string();
+            assert!(error.contains("ROS_MASTER_URI") && error.contains(uri), "{error}");
+        }
+        let node = Ros1Config { node: Some("1x".to_owned()), ..Ros1Config::default() };
+        assert!(matches!(node.resolve(), Err(ConfigError::Name(_))));
+    }
+
+    #[test]
+    fn a_master_whose_name_is_not_known_yet_may_become_known() {
+        let master_uri = "http://no-such-host.invalid:11311".to_owned();
+        let config = Ros1Config { master_uri, ..Ros1Config::default() };
+        let error = config.resolve().unwrap_err();
+        assert!(matches!(error, ConfigError::Host { .. }), "{error}");
+        assert!(error.to_string().contains("no-such-host.invalid"), "{error}");
+        let local = IpAddr::from(Ipv4Addr::LOCALHOST);
+        let hosts = [("no-such-host.invalid".to_owned(), local)].into_iter().collect();
+        let resolved = Ros1Config { hosts, ..config }.resolve().unwrap();
+        assert_eq!((resolved.master.host.as_str(), resolved.afar), ("127.0.0.1", None));
+    }
+
+    #[test]
+    fn addresses_read_as_nodes_write_them() {
+        let read = |text: &str| NodeUri::parse(text).unwrap();
+        let uri = |host: &str, port| NodeUri { host: host.to_owned(), port };
+        assert_eq!(read("http://robot:1234/"), uri("robot", 1234));
+        assert_eq!(read("rosrpc://robot:1234"), uri("robot", 1234));
+        assert_eq!(read("http://[::1]:5/"), uri("::1", 5));
+        assert_eq!(read("http://robot"), uri("robot", 11311));
+        assert_eq!(read("http://[::1]:5/").to_string(), "http://[::1]:5/");
+        for wrong in ["http://user@robot:1/", "ftp://robot:1/", "http://[::1]5", ""] {
+            assert!(NodeUri::parse(wrong).is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,97 @@
+//! Types of ROS 1 topics and services, as routes between middlewares need them: in ROS 2's terms.
+//!
+//! ```text
+//!   demo/Pose ─ definition: shown by its publisher (probe), else known ─▶ demo/msg/Pose
+//! ```
+//!
+//! A definition from a folder may be older than the one that is published.
+
+use std::sync::Arc;
+
+use wrapyfi_interfaces::store::TypeStore;
+
+use super::NAME;
+use super::core::Core;
+use super::probe::{Answer, Told, ask};
+use wrapyfi_data::types::{RosService, RosType, ServiceKind};
+use wrapyfi_endpoint::{Discovered, LearnError, Learned, Role};
+
+fn undefined(type_name: &str, reason: &dyn std::fmt::Display) -> LearnError {
+    LearnError::Undefined { type_name: type_name.to_owned(), reason: reason.to_string() }
+}
+
+/// Type and latching that the node at the other end has told of this topic or service.
+fn told(core: &Arc<Core>, found: &Discovered) -> Result<Told, LearnError> {
+    let name = found.name.clone();
+    let Some(node) = &found.node else {
+        return Err(LearnError::Untold { middleware: NAME.to_owned() });
+    };
+    match ask(core, found.role, &found.name, node) {
+        Answer::Told(told) => Ok(told),
+        Answer::Asked => Err(LearnError::Asked { name }),
+        Answer::Failed(reason, _) => {
+            Err(LearnError::Silent { name, reason: format!("{node}: {reason}") })
+        }
+    }
+}
+
+/// True when a publisher latches, which only its own header tells; `None` while it has not told
+/// yet.
+pub(super) fn latches(core: &Arc<Core>, found: &Discovered) -> Option<bool> {
+    told(core, found).ok().map(|told| told.latches)
+}
+
+/// The ROS 2 type of a topic.
+pub(super) fn topic(
+    core: &Arc<Core>,
+    found: &Discovered,
+    store: &mut TypeStore,
+) -> Result<Learned, LearnError> {
+    let announced = found.type_name.clone().filter(|name| name != "*");
+    // A subscriber cannot be asked.
+    let told = (found.role == Role::Publisher).then(|| told(core, found));
+    let (type_name, silent) = match (told, announced) {
+        (Some(Ok(told)), _) => (told.type_name, None),
+        (Some(Err(error @ LearnError::Asked { .. })), _) | (Some(Err(error)), None) => {
+            return Err(error);
+        }
+        (None, None) => return Err(LearnError::Untold { middleware: NAME.to_owned() }),
+        (silent, Some(name)) => (name, silent.and_then(Result::err)),
+    };
+    let mut types = core.types();
+    let definition = types
+        .definition(&type_name)
+        .map_err(|error| silent.unwrap_or_else(|| undefined(&type_name, &error)))?;
+    let names = types.rules().ros2_names(definition.name());
+    let resolved = match names.iter().find_map(|name| store.resolve(name).ok()) {
+        Some(resolved) => resolved,
+        None => {
+            types.ros2_type(definition.resolved()).map_err(|error| undefined(&type_name, &error))?
+        }
+    };
+    RosType::new(&resolved).map(Learned::Ros).map_err(|error| undefined(&type_name, &error))
+}
+
+/// The ROS 2 type of a service, or the function of Wrapyfi that it is.
+pub(super) fn service(
+    core: &Arc<Core>,
+    found: &Discovered,
+    store: &mut TypeStore,
+) -> Result<ServiceKind, LearnError> {
+    let type_name = told(core, found)?.type_name;
+    match type_name.as_str() {
+        "wrapyfi_services/ROSNativeObject" => return Ok(ServiceKind::NativeObject),
+        "wrapyfi_services/ROSImage" => return Ok(ServiceKind::Image),
+        "wrapyfi_ros_interfaces/ROSAudioService" => return Ok(ServiceKind::AudioChunk),
+        _ => {}
+    }
+    let mut types = core.types();
+    let definition =
+        types.service_definition(&type_name).map_err(|error| undefined(&type_name, &error))?;
+    let names = types.rules().ros2_names(definition.name());
+    let resolved = match names.iter().find_map(|name| store.resolve(name).ok()) {
+        Some(resolved) => resolved,
+        None => types.ros2_service(&type_name).map_err(|error| undefined(&type_name, &error))?,
+    };
+    RosService::new(&resolved).map(ServiceKind::Ros).map_err(|error| undefined(&type_name, &error))
+}

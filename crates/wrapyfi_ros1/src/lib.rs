@@ -1,0 +1,331 @@
+//! ROS 1 over the network: topics, services and parameters of a running `roscore`, with nothing of
+//! ROS 1 installed here.
+//!
+//! ```text
+//!                      master (roscore)
+//!        register, look up ▲      │ publisherUpdate, paramUpdate
+//!   ┌──────────────────────┴──────▼──────────────────────────┐
+//!   │ Core: endpoints by name     slave API (XML-RPC)        │
+//!   └──▲─────────────────────────────────────────────────────┘
+//!      │ one TCPROS connection for each pair of publisher and listener, for each call under way
+//!   Ros1Listener ◀═══ publishers      Ros1Publisher ═══▶ subscribers      Ros1Client, Ros1Server
+//! ```
+//!
+//! One instance is one node of ROS 1. Its sockets live on two threads of a runtime of their own; a
+//! publisher writes to its subscribers on the caller's thread as long as they keep up.
+//!
+//! | module | one idea |
+//! | --- | --- |
+//! | `config`, `names` | environment and settings; what names mean |
+//! | `header`, `xmlrpc`, `splitter` | bytes of connections, without sockets |
+//! | `http`, `master`, `slave`, `slave_info` | XML-RPC: calls, the master's API, ours |
+//! | `core`, `registrations`, `registrar` | the node; what the master should know, and that it does |
+//! | `tcpros` | connections: opened, accepted, refused |
+//! | `whereabouts` | which machines the addresses of other nodes mean |
+//! | `request`, `intake`, `listener` | a topic received |
+//! | `publication`, `kept`, `outlet` | a topic sent, what is kept of it, one subscriber |
+//! | `services`, `service_host`, `server`, `client` | services |
+//! | `parameters` | properties |
+//! | `form` | messages of any type as payloads |
+//! | `discovery`, `presence`, `marks` | what other nodes have, whether they live, what bridges made |
+//! | `learn`, `probe` | the types of it; nodes asked for what the master does not tell |
+
+mod body;
+mod client;
+mod config;
+mod core;
+mod discovery;
+mod form;
+pub mod header;
+mod http;
+mod intake;
+mod learn;
+mod listener;
+mod marks;
+mod master;
+mod names;
+mod outlet;
+mod parameters;
+mod presence;
+mod probe;
+mod publication;
+mod registrar;
+mod registrations;
+mod request;
+mod server;
+mod service_host;
+mod services;
+mod slave;
+mod slave_info;
+mod splitter;
+mod tcpros;
+mod whereabouts;
+pub mod xmlrpc;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::runtime::{Builder, Runtime};
+use tokio::time::timeout;
+use wrapyfi_interfaces::parser::TypeName;
+use wrapyfi_interfaces::ros1::{PairError, Rules};
+use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
+
+pub use config::{ConfigError, Ros1Config};
+pub use master::MasterError;
+pub use names::{NameError, NodeName, check_name};
+
+use self::config::{NodeUri, Resolved};
+use self::core::Core;
+use self::tcpros::Port;
+use wrapyfi_data::types::ServiceKind;
+use wrapyfi_endpoint::restart::restarted;
+use wrapyfi_endpoint::{
+    Client, Context, DiscoverError, Discovered, Discovery, LearnError, Learned, Listener,
+    Middleware, OpenError, Publisher, Server, ServiceSpec, TopicSpec, Traits,
+};
+
+/// Name of this middleware in addresses.
+pub const NAME: &str = "ros";
+
+/// Threads on which the sockets live: one more than a topic that is large can keep busy.
+const THREADS: usize = 2;
+/// Longest time in which the node says goodbye to the master and sends its last messages.
+const GOODBYE: Duration = Duration::from_millis(1500);
+
+/// The middleware `ros`.
+///
+/// Dropping it tells the master, sends what is queued, and closes all connections, within two seconds.
+pub struct Ros1 {
+    core: Arc<Core>,
+    /// `None` once it is dropped.
+    runtime: Option<Runtime>,
+}
+
+/// Error of starting ROS 1.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum StartError {
+    /// The settings cannot work.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
+    /// The system gave no socket or no thread.
+    #[error("ROS 1 could not start: {0}")]
+    System(#[from] std::io::Error),
+}
+
+impl StartError {
+    /// True when no later try can succeed, because the settings are wrong.
+    #[must_use]
+    pub fn is_hopeless(&self) -> bool {
+        matches!(self, Self::Config(error) if !matches!(error, ConfigError::Host { .. }))
+    }
+}
+
+impl Ros1 {
+    /// Opens the node's two ports and begins to look for the master, which need not run yet.
+    ///
+    /// # Errors
+    /// When the settings cannot work, or the system gives no sockets.
+    pub fn start(config: &Ros1Config) -> Result<Self, StartError> {
+        let Resolved { master, node, advertised, bind, afar } = config.resolve()?;
+        let whereabouts = whereabouts::Whereabouts::new(config.hosts.clone(), afar);
+        let runtime = Builder::new_multi_thread()
+            .worker_threads(THREADS)
+            .thread_name("wrapyfi-ros1")
+            .enable_all()
+            .build()?;
+        let (api_socket, api_port) = runtime.block_on(Port::bind(bind, config.connections))?;
+        let (data_socket, data_port) = runtime.block_on(Port::bind(bind, config.connections))?;
+        let api = NodeUri { host: advertised.clone(), port: api_port };
+        let data = NodeUri { host: advertised, port: data_port };
+        let master = master::Master::new(master, node.full(), &api.to_string(), whereabouts);
+        let core = Core::new(node, master, api, data, runtime.handle().clone());
+        if config.mapping_rules != Rules::built_in() {
+            core.use_rules(config.mapping_rules.clone());
+        }
+        let (answers, accepting) = (Arc::downgrade(&core), Arc::downgrade(&core));
+        runtime.spawn(restarted(
+            "the XML-RPC port of this ROS 1 node".to_owned(),
+            |_| {},
+            move || http::serve(Arc::clone(&api_socket), Arc::new(slave::Slave(answers.clone()))),
+        ));
+        runtime.spawn(restarted(
+            "the TCPROS port of this ROS 1 node".to_owned(),
+            |_| {},
+            move || tcpros::accept(Arc::clone(&data_socket), accepting.clone()),
+        ));
+        let (registering, told) = (Arc::clone(&core), Arc::clone(&core));
+        runtime.spawn(restarted(
+            "the registration of this ROS 1 node".to_owned(),
+            move |what| told.set_fault(Some(what)),
+            move || registrar::keep(Arc::clone(&registering)),
+        ));
+        tracing::info!(node = core.name.full(), master = %core.master.uri(), "ROS 1: node started");
+        Ok(Self { core, runtime: Some(runtime) })
+    }
+
+    /// Absolute name of the node.
+    #[must_use]
+    pub fn node_name(&self) -> &str {
+        self.core.name.full()
+    }
+
+    /// Address of the node's XML-RPC server, as the master tells others.
+    #[must_use]
+    pub fn api_uri(&self) -> String {
+        self.core.api.to_string()
+    }
+
+    /// The ROS 2 type `name`: as installed, else made from what a publisher that was asked has shown, a
+    /// folder of ROS 1 packages has, or is standard.
+    ///
+    /// # Errors
+    /// When nobody has it, or a definition is there and cannot be used.
+    pub fn type_named(&self, name: &TypeName) -> Result<ResolvedType, PairError> {
+        self.core.types().ros2_type_named(name)
+    }
+
+    fn resolve(&self, name: &str) -> Result<String, OpenError> {
+        self.core.name.resolve(name).map_err(|error| OpenError::InvalidName {
+            middleware: NAME,
+            topic: name.to_owned(),
+            reason: error.reason,
+        })
+    }
+}
+
+impl Middleware for Ros1 {
+    fn name(&self) -> &str {
+        NAME
+    }
+
+    fn open_listener(
+        &self,
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Listener>, OpenError> {
+        let topic = self.resolve(&spec.topic)?;
+        Ok(match form::wanted(&self.core, spec.message_type) {
+            Some(wire_type) => {
+                let core = &self.core;
+                Box::new(listener::Ros1Listener::open(core, &topic, wire_type, spec, context))
+            }
+            None => {
+                Box::new(parameters::ParameterListener::open(&self.core, &topic, spec, context))
+            }
+        })
+    }
+
+    fn open_publisher(
+        &self,
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Publisher>, OpenError> {
+        let topic = self.resolve(&spec.topic)?;
+        Ok(match form::offered(&self.core, spec)? {
+            Some(offer) => {
+                let core = &self.core;
+                Box::new(publication::Ros1Publisher::open(core, &topic, offer, spec, context))
+            }
+            None => {
+                Box::new(parameters::ParameterPublisher::open(&self.core, &topic, spec, context))
+            }
+        })
+    }
+
+    fn open_client(
+        &self,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Client>, OpenError> {
+        let service = self.resolve(&spec.service)?;
+        Ok(Box::new(client::Ros1Client::open(&self.core, &service, spec, context)?))
+    }
+
+    fn open_server(
+        &self,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Server>, OpenError> {
+        let service = self.resolve(&spec.service)?;
+        Ok(Box::new(server::Ros1Server::open(&self.core, &service, spec, context)?))
+    }
+
+    fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
+        Ok(Box::new(discovery::Ros1Discovery::new(&self.core)))
+    }
+
+    fn traits(&self) -> Traits {
+        Traits {
+            any_ros_type: true,
+            ros_time: true,
+            tells_own: true,
+            shows_marks: true,
+            subscribes_first: true,
+            untyped: false,
+        }
+    }
+
+    fn learn_topic(
+        &self,
+        found: &Discovered,
+        types: &mut TypeStore,
+    ) -> Result<Learned, LearnError> {
+        learn::topic(&self.core, found, types)
+    }
+
+    fn learn_service(
+        &self,
+        found: &Discovered,
+        types: &mut TypeStore,
+    ) -> Result<ServiceKind, LearnError> {
+        learn::service(&self.core, found, types)
+    }
+
+    fn ended(&self) -> Option<String> {
+        self.core.state().ended.clone()
+    }
+
+    fn keeps_last(&self, found: &Discovered) -> Option<bool> {
+        learn::latches(&self.core, found)
+    }
+
+    fn waiting_for(&self) -> Option<String> {
+        self.core.fault()
+    }
+}
+
+impl Drop for Ros1 {
+    fn drop(&mut self) {
+        let Some(runtime) = self.runtime.take() else { return };
+        let core = Arc::clone(&self.core);
+        core.end("this program has ended its ROS 1 node".to_owned());
+        // A thread of its own: the owner's may belong to a runtime, which must not block.
+        let end =
+            std::thread::Builder::new().name("wrapyfi-ros1-end".to_owned()).spawn(move || {
+                runtime.block_on(async {
+                    let goodbye = async {
+                        core.lingering.over().await;
+                        registrar::leave(&core).await;
+                    };
+                    if timeout(GOODBYE, goodbye).await.is_err() {
+                        tracing::warn!("ROS 1: ended before the master and all subscribers knew");
+                    }
+                });
+                runtime.shutdown_timeout(Duration::from_millis(200));
+            });
+        if let Ok(end) = end {
+            _ = end.join();
+        }
+    }
+}
+
+impl std::fmt::Debug for Ros1 {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Ros1")
+            .field("node", &self.core.name.full())
+            .field("master", &self.core.master.uri().to_string())
+            .finish_non_exhaustive()
+    }
+}

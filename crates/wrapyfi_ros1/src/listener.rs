@@ -1,0 +1,115 @@
+//! Receives a topic: takes from the inbox and decodes.
+//!
+//! ```text
+//!   Intake ─▶ inbox ─▶ take ─▶ ROS 1 bytes ─▶ payload
+//!                └─ set_aside ─▶ the newest of each publisher that latches ─┘
+//! ```
+
+use std::sync::Arc;
+
+use super::core::Core;
+use super::form;
+use super::intake::{Arrival, Intake, Wanted};
+use wrapyfi_endpoint::codec::ros1::Ros1Type;
+use wrapyfi_endpoint::{
+    Context, DropReason, Keeping, Latched, Link, Listener, Origin, Receiver, Sample, TakeError,
+    TopicSpec, inbox,
+};
+
+/// Receives one topic.
+pub(super) struct Ros1Listener {
+    core: Arc<Core>,
+    topic: String,
+    intake: Arc<Intake>,
+    inbox: Receiver<Arrival>,
+    spec: TopicSpec,
+    /// Latched messages that came while nobody wanted them, by publisher.
+    aside: Latched<u64, Arrival>,
+}
+
+impl Ros1Listener {
+    pub(super) fn open(
+        core: &Arc<Core>,
+        topic: &str,
+        wire_type: Ros1Type,
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> Self {
+        let (sender, receiver) = inbox(spec.queue, context);
+        let limit = spec.limits.message_bytes;
+        let type_name = wire_type.name.clone();
+        let shun = spec.shun.clone();
+        let wanted = Wanted { wire_type, message_type: spec.message_type, limit, shun };
+        let intake = Intake::new(core, topic, wanted, sender);
+        core.listen(topic, &type_name, &intake);
+        Self {
+            core: Arc::clone(core),
+            topic: topic.to_owned(),
+            intake,
+            inbox: receiver,
+            spec: spec.clone(),
+            aside: Latched::new(spec.limits.message_bytes),
+        }
+    }
+
+    fn next(&mut self) -> Option<Arrival> {
+        self.aside.pop().or_else(|| self.inbox.pop())
+    }
+}
+
+impl Listener for Ros1Listener {
+    fn take(&mut self) -> Result<Option<Sample>, TakeError> {
+        let Some(arrival) = self.next() else { return Ok(None) };
+        let Arrival { message, received_at, plan, source, latched } = arrival;
+        let payload = form::decode(&message, plan.as_ref(), &self.spec)?;
+        let origin = Some(Origin { publisher: source, keeps: u32::from(latched) });
+        Ok(Some(Sample { payload, wire_bytes: message.len() + 4, received_at, origin }))
+    }
+
+    fn discard(&mut self) -> bool {
+        self.next().is_some()
+    }
+
+    fn set_aside(&mut self) -> Option<u64> {
+        let arrival = self.inbox.pop()?;
+        if !arrival.latched {
+            return Some(1);
+        }
+        Some(self.aside.keep(arrival.source, arrival))
+    }
+
+    fn departed(&mut self) -> Option<u64> {
+        // Not before the last of its messages.
+        if !self.inbox.is_empty() {
+            return None;
+        }
+        let gone = self.intake.departed()?;
+        if self.aside.forget(&gone) {
+            self.intake.counters().dropped(DropReason::NoConsumer);
+        }
+        Some(gone)
+    }
+
+    fn keeping(&self) -> Keeping {
+        self.intake.keeping()
+    }
+
+    fn link(&self) -> Link {
+        let (peers, why) = self.intake.connected();
+        let waiting_for = (peers == 0).then(|| {
+            self.core
+                .fault()
+                .or(why)
+                .unwrap_or_else(|| format!("a ROS 1 node that publishes {}", self.topic))
+        });
+        Link { peers: Some(peers), waiting_for, keeps_last: false }
+    }
+}
+
+impl Drop for Ros1Listener {
+    fn drop(&mut self) {
+        let aside = self.aside.messages().len() as u64;
+        self.intake.counters().dropped_many(DropReason::NoConsumer, aside);
+        self.core.unlisten(&self.topic, &self.intake);
+    }
+}

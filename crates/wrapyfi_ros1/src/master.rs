@@ -1,0 +1,301 @@
+//! Calls of a node to its master: publishers, services and parameters.
+//!
+//! Every method of the master's API that a node uses, with its values read into ours. Source: the pages
+//! `Master API` and `Parameter Server API` of the ROS 1 documentation.
+
+use std::sync::Arc;
+
+use super::config::NodeUri;
+use super::http::{self, HttpError};
+use super::whereabouts::Whereabouts;
+use super::xmlrpc::{Reply, SUCCESS, Value, text};
+
+/// Error of a call to the master.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum MasterError {
+    /// The master does not answer, or not as a master.
+    #[error("master {0}")]
+    Unreachable(String),
+    /// The master refused the call.
+    #[error("the master refused {method}: {reason}")]
+    Refused {
+        /// Method of the master's API that was called.
+        method: &'static str,
+        /// Reason in the master's words.
+        reason: String,
+    },
+    /// The master's answer has another shape than the method's.
+    #[error("the master answered {method} with {actual}")]
+    Odd {
+        /// Method of the master's API that was called.
+        method: &'static str,
+        /// Answer that came, shortened.
+        actual: String,
+    },
+}
+
+impl MasterError {
+    /// Description of the event that ends the failure, for the status.
+    pub(super) fn awaited(&self) -> String {
+        match self {
+            Self::Unreachable(_) => self.to_string(),
+            other => format!("the master to answer otherwise: {other}"),
+        }
+    }
+
+    pub(super) fn is_unreachable(&self) -> bool {
+        matches!(self, Self::Unreachable(_))
+    }
+}
+
+impl From<HttpError> for MasterError {
+    fn from(error: HttpError) -> Self {
+        let (uri, what) = error.parts();
+        Self::Unreachable(format!("{uri} (it {what})"))
+    }
+}
+
+/// Names, and who stands behind each.
+pub(super) type Owners = Vec<(String, Vec<String>)>;
+
+/// Everything that is registered.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub(super) struct SystemState {
+    pub(super) publishers: Owners,
+    pub(super) subscribers: Owners,
+    pub(super) services: Owners,
+}
+
+/// The master, as one node sees it.
+#[derive(Debug, Clone)]
+pub(super) struct Master {
+    uri: NodeUri,
+    /// Name of the node.
+    caller: String,
+    /// Address of the node's own XML-RPC server.
+    api: String,
+    /// Machines that the addresses mean which the master tells.
+    pub(super) whereabouts: Arc<Whereabouts>,
+}
+
+impl Master {
+    pub(super) fn new(uri: NodeUri, caller: &str, api: &str, whereabouts: Whereabouts) -> Self {
+        let whereabouts = Arc::new(whereabouts);
+        Self { uri, caller: caller.to_owned(), api: api.to_owned(), whereabouts }
+    }
+
+    pub(super) fn uri(&self) -> &NodeUri {
+        &self.uri
+    }
+
+    async fn ask(
+        &self,
+        method: &'static str,
+        params: impl IntoIterator<Item = Value>,
+    ) -> Result<Value, MasterError> {
+        let Reply { status, text: reason, value } = self.raw(method, params).await?;
+        if status == SUCCESS { Ok(value) } else { Err(MasterError::Refused { method, reason }) }
+    }
+
+    async fn raw(
+        &self,
+        method: &str,
+        params: impl IntoIterator<Item = Value>,
+    ) -> Result<Reply, HttpError> {
+        let params = [text(&self.caller)].into_iter().chain(params).collect();
+        http::call(&self.uri, method, params).await
+    }
+
+    /// Enters a subscription; the addresses of the nodes that publish.
+    pub(super) async fn register_subscriber(
+        &self,
+        topic: &str,
+        type_name: &str,
+    ) -> Result<Vec<String>, MasterError> {
+        let method = "registerSubscriber";
+        let params = [text(topic), text(type_name), text(&self.api)];
+        let value = self.ask(method, params).await?;
+        string_list(&value).ok_or_else(|| odd(method, &value))
+    }
+
+    pub(super) async fn unregister_subscriber(&self, topic: &str) -> Result<(), MasterError> {
+        self.ask("unregisterSubscriber", [text(topic), text(&self.api)]).await.map(drop)
+    }
+
+    /// Enters a publication. The master tells the subscribers.
+    pub(super) async fn register_publisher(
+        &self,
+        topic: &str,
+        type_name: &str,
+    ) -> Result<(), MasterError> {
+        let params = [text(topic), text(type_name), text(&self.api)];
+        self.ask("registerPublisher", params).await.map(drop)
+    }
+
+    pub(super) async fn unregister_publisher(&self, topic: &str) -> Result<(), MasterError> {
+        self.ask("unregisterPublisher", [text(topic), text(&self.api)]).await.map(drop)
+    }
+
+    /// Enters a service at `address` (`rosrpc://host:port`). One that had the name loses it.
+    pub(super) async fn register_service(
+        &self,
+        service: &str,
+        address: &str,
+    ) -> Result<(), MasterError> {
+        let params = [text(service), text(address), text(&self.api)];
+        self.ask("registerService", params).await.map(drop)
+    }
+
+    pub(super) async fn unregister_service(
+        &self,
+        service: &str,
+        address: &str,
+    ) -> Result<(), MasterError> {
+        self.ask("unregisterService", [text(service), text(address)]).await.map(drop)
+    }
+
+    /// Address of the node that offers a service; `None` where nobody does.
+    pub(super) async fn lookup_service(
+        &self,
+        service: &str,
+    ) -> Result<Option<NodeUri>, MasterError> {
+        self.lookup("lookupService", service).await
+    }
+
+    /// Address of a node; `None` where the master does not know it.
+    pub(super) async fn lookup_node(&self, node: &str) -> Result<Option<NodeUri>, MasterError> {
+        self.lookup("lookupNode", node).await
+    }
+
+    async fn lookup(
+        &self,
+        method: &'static str,
+        name: &str,
+    ) -> Result<Option<NodeUri>, MasterError> {
+        let reply = self.raw(method, [text(name)]).await?;
+        match &reply.value {
+            _ if reply.status != SUCCESS => Ok(None),
+            Value::String(uri) => {
+                NodeUri::parse(uri).map(|uri| Some(self.whereabouts.of(uri))).map_err(|reason| {
+                    MasterError::Odd { method, actual: format!("{uri:?}: {reason}") }
+                })
+            }
+            other => Err(odd(method, other)),
+        }
+    }
+
+    /// The master's address in its own words.
+    pub(super) async fn own_uri(&self) -> Result<Value, MasterError> {
+        self.ask("getUri", []).await
+    }
+
+    /// The master's process: another one after a restart.
+    pub(super) async fn pid(&self) -> Result<i32, MasterError> {
+        match self.ask("getPid", []).await? {
+            Value::Integer(pid) => Ok(pid),
+            other => Err(odd("getPid", &other)),
+        }
+    }
+
+    pub(super) async fn system_state(&self) -> Result<SystemState, MasterError> {
+        let method = "getSystemState";
+        let value = self.ask(method, []).await?;
+        let read = |value: &Value| {
+            let [publishers, subscribers, services] = array(value)? else { return None };
+            Some(SystemState {
+                publishers: owners(publishers)?,
+                subscribers: owners(subscribers)?,
+                services: owners(services)?,
+            })
+        };
+        read(&value).ok_or_else(|| odd(method, &value))
+    }
+
+    /// Types of the topics, as their publishers or subscribers named them.
+    pub(super) async fn topic_types(&self) -> Result<Vec<(String, String)>, MasterError> {
+        let method = "getTopicTypes";
+        let value = self.ask(method, []).await?;
+        let pair = |pair: &Value| match array(pair)? {
+            [Value::String(topic), Value::String(name)] => Some((topic.clone(), name.clone())),
+            _ => None,
+        };
+        let all = array(&value).and_then(|all| all.iter().map(pair).collect());
+        all.ok_or_else(|| odd(method, &value))
+    }
+
+    /// The value of a parameter, or of all below a name; `None` where there is none.
+    pub(super) async fn get_param(&self, key: &str) -> Result<Option<Value>, MasterError> {
+        let Reply { status, value, .. } = self.raw("getParam", [text(key)]).await?;
+        Ok((status == SUCCESS).then_some(value))
+    }
+
+    pub(super) async fn set_param(&self, key: &str, value: Value) -> Result<(), MasterError> {
+        self.ask("setParam", [text(key), value]).await.map(drop)
+    }
+
+    pub(super) async fn delete_param(&self, key: &str) -> Result<(), MasterError> {
+        self.ask("deleteParam", [text(key)]).await.map(drop)
+    }
+
+    /// Has the master tell this node when a parameter changes; its value now, an empty struct where
+    /// there is none.
+    pub(super) async fn subscribe_param(&self, key: &str) -> Result<Value, MasterError> {
+        self.ask("subscribeParam", [text(&self.api), text(key)]).await
+    }
+
+    pub(super) async fn unsubscribe_param(&self, key: &str) -> Result<(), MasterError> {
+        self.ask("unsubscribeParam", [text(&self.api), text(key)]).await.map(drop)
+    }
+}
+
+fn array(value: &Value) -> Option<&[Value]> {
+    match value {
+        Value::Array(items) => Some(items),
+        _ => None,
+    }
+}
+
+/// A list of texts.
+pub(super) fn string_list(value: &Value) -> Option<Vec<String>> {
+    let string = |item: &Value| match item {
+        Value::String(text) => Some(text.clone()),
+        _ => None,
+    };
+    array(value)?.iter().map(string).collect()
+}
+
+fn owners(value: &Value) -> Option<Owners> {
+    let pair = |pair: &Value| match array(pair)? {
+        [Value::String(name), nodes] => Some((name.clone(), string_list(nodes)?)),
+        _ => None,
+    };
+    array(value)?.iter().map(pair).collect()
+}
+
+fn odd(method: &'static str, value: &Value) -> MasterError {
+    const SHOWN: usize = 200;
+    let mut actual = format!("{value:?}");
+    if let Some((end, _)) = actual.char_indices().nth(SHOWN) {
+        actual.truncate(end);
+    }
+    MasterError::Odd { method, actual }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_waited_for_is_named_first() {
+        let uri = "http://127.0.0.1:11311".to_owned();
+        let gone = HttpError::Refused { uri: uri.clone(), reason: "refused".to_owned() };
+        let text = "master http://127.0.0.1:11311 (it does not answer: refused)";
+        assert_eq!(MasterError::from(gone).awaited(), text);
+        let slow = HttpError::Unreachable { uri, reason: "did not answer x within 5 s".to_owned() };
+        let text = "master http://127.0.0.1:11311 (it did not answer x within 5 s)";
+        assert_eq!(MasterError::from(slow).awaited(), text);
+        let no = MasterError::Refused { method: "x", reason: "no".to_owned() };
+        assert!(no.awaited().starts_with("the master to answer otherwise: "), "{}", no.awaited());
+    }
+}

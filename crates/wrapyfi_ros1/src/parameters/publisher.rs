@@ -1,0 +1,144 @@
+//! Sets the parameters of a namespace, one after the other.
+//!
+//! ```text
+//!   publish { gain: 2.5, camera.rate: 30 } ─▶ queue ─▶ task ─▶ setParam /x/gain 2.5, …
+//!                                                        └─▶ watched: it is us who says so
+//! ```
+
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+
+use tokio::sync::Notify;
+
+use super::values::{to_xml, under};
+use super::watched;
+use crate::core::{Core, Lingers};
+use crate::xmlrpc;
+use wrapyfi_data::EncodeError;
+use wrapyfi_data::types::{DataType, Payload};
+use wrapyfi_endpoint::{Context, Counters, DropReason, Link, PublishError, Publisher, TopicSpec};
+
+/// Sets one namespace.
+pub(crate) struct ParameterPublisher {
+    core: Arc<Core>,
+    key: String,
+    max_bytes: usize,
+    outbox: Arc<Outbox>,
+}
+
+#[derive(Default)]
+struct Outbox {
+    queue: Mutex<Queue>,
+    work: Notify,
+}
+
+#[derive(Default)]
+struct Queue {
+    /// `None` deletes.
+    parameters: VecDeque<(String, Option<xmlrpc::Value>)>,
+    /// The publisher is gone.
+    closed: bool,
+    /// Held while something waits.
+    lingers: Option<Lingers>,
+}
+
+impl Outbox {
+    /// Parameters that may wait for the master.
+    const LIMIT: usize = 10_000;
+
+    fn queue(&self) -> MutexGuard<'_, Queue> {
+        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl ParameterPublisher {
+    pub(crate) fn open(core: &Arc<Core>, key: &str, spec: &TopicSpec, context: &Context) -> Self {
+        let outbox = Arc::<Outbox>::default();
+        core.handle.spawn(send(
+            Arc::downgrade(core),
+            Arc::clone(&outbox),
+            Arc::clone(&context.counters),
+        ));
+        let max_bytes = spec.limits.message_bytes;
+        Self { core: Arc::clone(core), key: key.to_owned(), max_bytes, outbox }
+    }
+}
+
+/// Tells the master what waits, in order.
+async fn send(core: Weak<Core>, outbox: Arc<Outbox>, counters: Arc<Counters>) {
+    loop {
+        let (next, closed) = {
+            let mut queue = outbox.queue();
+            let next = queue.parameters.pop_front();
+            if next.is_none() {
+                queue.lingers = None;
+            }
+            (next, queue.closed)
+        };
+        let Some((key, value)) = next else {
+            if closed {
+                return;
+            }
+            outbox.work.notified().await;
+            continue;
+        };
+        let Some(core) = core.upgrade() else { return };
+        if !watched::setting(&core, &key, value.as_ref()) {
+            continue;
+        }
+        let done = match value {
+            Some(value) => core.master.set_param(&key, value).await,
+            None => core.master.delete_param(&key).await,
+        };
+        watched::was_set(&core, &key, done.is_ok());
+        if let Err(error) = done {
+            counters.dropped(DropReason::SendFailed);
+            tracing::warn!(key, "ROS 1: a parameter was not set: {error}");
+        }
+    }
+}
+
+impl Publisher for ParameterPublisher {
+    fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {
+        let Payload::Properties(properties) = payload else {
+            let (expected, actual) = (DataType::Properties, payload.data_type());
+            let (expected, actual) = (expected.to_string(), actual.to_string());
+            return Err(EncodeError::Mismatch { expected, actual }.into());
+        };
+        let size = properties.size();
+        if size > self.max_bytes {
+            let (actual, limit) = (size as u64, self.max_bytes as u64);
+            return Err(EncodeError::TooLarge { actual, limit }.into());
+        }
+        if let Some(reason) = self.core.fault() {
+            return Err(PublishError::Transport { topic: self.key.clone(), reason });
+        }
+        let mut queue = self.outbox.queue();
+        if queue.parameters.len().saturating_add(properties.len()) > Outbox::LIMIT {
+            let (topic, depth) = (self.key.clone(), Outbox::LIMIT);
+            return Err(PublishError::QueueFull { topic, depth });
+        }
+        for (name, value) in properties.iter() {
+            queue.parameters.push_back((under(&self.key, name), to_xml(value)));
+        }
+        if queue.lingers.is_none() {
+            queue.lingers = Some(self.core.lingering.begin());
+        }
+        drop(queue);
+        self.outbox.work.notify_one();
+        Ok(size)
+    }
+
+    fn link(&self) -> Link {
+        let fault = self.core.fault();
+        Link { peers: Some(usize::from(fault.is_none())), waiting_for: fault, keeps_last: false }
+    }
+}
+
+impl Drop for ParameterPublisher {
+    fn drop(&mut self) {
+        // Waiting changes are still sent, and then the task ends.
+        self.outbox.queue().closed = true;
+        self.outbox.work.notify_one();
+    }
+}

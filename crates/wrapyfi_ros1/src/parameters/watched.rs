@@ -1,0 +1,300 @@
+//! Yields the parameters of a namespace: all of them first, then what changes.
+//!
+//! ```text
+//!   the master: { gain: 2 } ─▶ differs from what is known ─▶ untold ─▶ take
+//!   this node sets gain: 3 ──▶ known, and not told; what was asked for before says nothing of it
+//! ```
+
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use super::values::{Flat, flatten, size, to_value, within};
+use crate::core::Core;
+use crate::xmlrpc;
+use wrapyfi_data::DecodeError;
+use wrapyfi_data::types::{Map, ParameterValue, Properties, Value};
+use wrapyfi_endpoint::{Context, Counters, Link, Listener, Sample, TakeError, TopicSpec, Wake};
+
+/// Answers of the master are younger than this.
+const LONGEST_ASKED: Duration = Duration::from_secs(60);
+/// Faulty parameters that wait to be told.
+const MAX_FAULTS: usize = 100;
+
+/// A listener's part in the node.
+pub(crate) struct Watched {
+    key: String,
+    wake: Wake,
+    counters: Arc<Counters>,
+    state: Mutex<State>,
+}
+
+#[derive(Default)]
+struct State {
+    book: Book,
+    received_at: Option<Instant>,
+}
+
+/// Parameters of a namespace that are known, and the changes that the listener has not taken yet.
+#[derive(Debug, Default)]
+struct Book {
+    /// The master has said something.
+    heard: bool,
+    /// Parameters as the master said last, or as this node has set them since.
+    known: Properties,
+    untold: Properties,
+    /// Entries whose value fits no parameter, with the reason, as the master last had them.
+    faulty: BTreeMap<String, String>,
+    faults: VecDeque<String>,
+    /// Set by this node: when the master had it; `None` until it has.
+    own: BTreeMap<String, Option<Instant>>,
+}
+
+impl Book {
+    /// Takes what the master said to a question of `asked`.
+    fn heard(&mut self, flat: Flat, asked: Instant) {
+        self.heard = true;
+        let Flat { parameters: mut newer, faults } = flat;
+        self.own.retain(|_, done| done.is_none_or(|at| at.elapsed() < LONGEST_ASKED));
+        for (name, done) in &self.own {
+            if done.is_some_and(|at| at < asked) {
+                continue;
+            }
+            // The master may have been asked before it was set.
+            let ours = self.known.get(name).cloned().unwrap_or(ParameterValue::NotSet);
+            newer.apply(&Properties::from([(name.as_str(), ours)]));
+        }
+        let changes = self.known.changes_to(&newer);
+        for (name, value) in changes {
+            self.untold.insert(name, value);
+        }
+        self.known = newer;
+        let before = std::mem::replace(&mut self.faulty, faults.into_iter().collect());
+        let news = self.faulty.iter().filter(|(name, why)| before.get(*name) != Some(*why));
+        for (_, why) in news {
+            if self.faults.len() < MAX_FAULTS {
+                self.faults.push_back(why.clone());
+            }
+        }
+    }
+
+    /// Notes that this node is about to set a parameter; false where it is known to have the value
+    /// already.
+    fn setting(&mut self, name: &str, value: &ParameterValue) -> bool {
+        let now = self.known.get(name).unwrap_or(&ParameterValue::NotSet);
+        if now == value && !self.untold.names().any(|untold| untold == name) {
+            return false;
+        }
+        self.known.apply(&Properties::from([(name, value.clone())]));
+        // A change that was not taken yet is outdated.
+        let untold = std::mem::take(&mut self.untold);
+        self.untold = untold.into_iter().filter(|(untold, _)| untold != name).collect();
+        self.own.insert(name.to_owned(), None);
+        true
+    }
+
+    /// The master has it, or refused it: then it says itself what it has.
+    fn was_set(&mut self, name: &str, done: bool) {
+        if done {
+            self.own.insert(name.to_owned(), Some(Instant::now()));
+        } else {
+            self.own.remove(name);
+        }
+    }
+}
+
+impl Watched {
+    pub(crate) fn wake(&self) -> &Wake {
+        &self.wake
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(super) fn give(&self, value: &xmlrpc::Value, asked: Instant) {
+        let mut state = self.state();
+        let flat = flatten(value.clone());
+        state.book.heard(flat, asked);
+        let news = !state.book.untold.is_empty() || !state.book.faults.is_empty();
+        if !news {
+            return;
+        }
+        state.received_at = Some(Instant::now());
+        drop(state);
+        self.counters.received(size(value));
+        self.wake.ring();
+    }
+}
+
+/// Notes that this node is about to set `path`, or to delete it; false where every listener here
+/// knows that it is so already.
+pub(super) fn setting(core: &Core, path: &str, value: Option<&xmlrpc::Value>) -> bool {
+    let one = |name: &str| {
+        let value = value.cloned().map_or(Value::Null, to_value);
+        let pair = (Value::from(name), value);
+        let read = Properties::from_value(&Value::Map(std::iter::once(pair).collect::<Map>()));
+        read.ok()?.get(name).cloned()
+    };
+    let mut needed = None;
+    for_each(core, path, |watched, name| {
+        let Some(value) = one(name) else { return };
+        let differs = watched.state().book.setting(name, &value);
+        needed = Some(needed.unwrap_or(false) | differs);
+    });
+    // A parameter without a listener has no known value.
+    needed.unwrap_or(true)
+}
+
+/// The master has what this node has set, unless it refused.
+pub(super) fn was_set(core: &Core, path: &str, done: bool) {
+    for_each(core, path, |watched, name| watched.state().book.was_set(name, done));
+}
+
+/// Every listener here to whose namespace a parameter belongs, and its name there.
+fn for_each(core: &Core, path: &str, mut act: impl FnMut(&Watched, &str)) {
+    let all: Vec<Arc<Watched>> = core.state().parameters.values().flatten().cloned().collect();
+    for watched in all {
+        if let Some(name) = within(&watched.key, path) {
+            act(&watched, &name);
+        }
+    }
+}
+
+/// Listens to one namespace.
+pub(crate) struct ParameterListener {
+    core: Arc<Core>,
+    watched: Arc<Watched>,
+    /// Something was told.
+    told: bool,
+    /// The next message is all that is known: who is told now was not told what led there.
+    whole: bool,
+}
+
+impl ParameterListener {
+    pub(crate) fn open(core: &Arc<Core>, key: &str, _: &TopicSpec, context: &Context) -> Self {
+        let watched = Arc::new(Watched {
+            key: key.to_owned(),
+            wake: context.wake.clone(),
+            counters: Arc::clone(&context.counters),
+            state: Mutex::default(),
+        });
+        core.watch(key, &watched);
+        Self { core: Arc::clone(core), watched, told: false, whole: false }
+    }
+}
+
+impl Listener for ParameterListener {
+    fn take(&mut self) -> Result<Option<Sample>, TakeError> {
+        let mut state = self.watched.state();
+        if let Some(why) = state.book.faults.pop_front() {
+            let expected = "a parameter that ROS 2 has a type for".to_owned();
+            return Err(DecodeError::Mismatch { expected, actual: why }.into());
+        }
+        let begins = self.whole && state.book.heard && !state.book.known.is_empty();
+        if state.book.untold.is_empty() && !begins {
+            return Ok(None);
+        }
+        let changes = std::mem::take(&mut state.book.untold);
+        let told = if self.whole { state.book.known.clone() } else { changes };
+        self.whole = false;
+        self.told = true;
+        let received_at = state.received_at.unwrap_or_else(Instant::now);
+        let wire_bytes = told.size();
+        Ok(Some(Sample { payload: told.into(), wire_bytes, received_at, origin: None }))
+    }
+
+    fn discard(&mut self) -> bool {
+        let mut state = self.watched.state();
+        if state.book.faults.pop_front().is_some() {
+            return true;
+        }
+        // Whoever comes later begins with all of them. What nobody was told yet still waits.
+        self.whole = self.told;
+        false
+    }
+
+    fn link(&self) -> Link {
+        Link { peers: None, waiting_for: self.core.fault(), keeps_last: false }
+    }
+}
+
+impl Drop for ParameterListener {
+    fn drop(&mut self) {
+        self.core.unwatch(&self.watched.key, &self.watched);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn flat<const N: usize>(pairs: [(&str, i64); N]) -> Flat {
+        Flat { parameters: Properties::from(pairs), faults: Vec::new() }
+    }
+
+    fn told(book: &mut Book) -> Vec<(String, ParameterValue)> {
+        std::mem::take(&mut book.untold).into_iter().collect()
+    }
+
+    fn one(name: &str, value: impl Into<ParameterValue>) -> (String, ParameterValue) {
+        (name.to_owned(), value.into())
+    }
+
+    #[test]
+    fn all_are_told_first_then_what_changed_and_what_vanished() {
+        let (mut book, now) = (Book::default(), Instant::now());
+        book.heard(flat([("a", 1), ("b", 2)]), now);
+        assert_eq!(told(&mut book), [one("a", 1_i64), one("b", 2_i64)]);
+        book.heard(flat([("a", 1), ("b", 3)]), now);
+        assert_eq!(told(&mut book), [one("b", 3_i64)]);
+        book.heard(flat([("b", 3)]), now);
+        assert_eq!(told(&mut book), [one("a", ParameterValue::NotSet)]);
+        book.heard(flat([("b", 3)]), now);
+        assert_eq!(told(&mut book), []);
+    }
+
+    #[test]
+    fn what_this_node_sets_is_not_told_and_others_are_heard_after_it() {
+        let (mut book, before) = (Book::default(), Instant::now());
+        book.heard(flat([("a", 1)]), before);
+        told(&mut book);
+        assert!(book.setting("a", &ParameterValue::Integer(2)));
+        // Asked before it was set, or while.
+        book.heard(flat([("a", 1)]), before);
+        book.was_set("a", true);
+        book.heard(flat([("a", 1)]), before);
+        assert_eq!(told(&mut book), []);
+        assert!(!book.setting("a", &ParameterValue::Integer(2)), "it is so already");
+        let after = Instant::now() + Duration::from_millis(1);
+        book.heard(flat([("a", 2)]), after);
+        assert_eq!(told(&mut book), []);
+        book.heard(flat([("a", 1)]), after);
+        assert_eq!(told(&mut book), [one("a", 1_i64)], "set back by somebody else");
+        assert!(book.setting("a", &ParameterValue::NotSet));
+        book.was_set("a", true);
+        book.heard(flat([]), Instant::now() + Duration::from_millis(1));
+        assert_eq!(told(&mut book), []);
+    }
+
+    #[test]
+    fn what_the_master_refused_it_says_itself() {
+        let (mut book, now) = (Book::default(), Instant::now());
+        book.heard(flat([("a", 1)]), now);
+        told(&mut book);
+        assert!(book.setting("a", &ParameterValue::Integer(2)));
+        book.was_set("a", false);
+        book.heard(flat([("a", 1)]), now);
+        assert_eq!(told(&mut book), [one("a", 1_i64)]);
+    }
+
+    #[test]
+    fn a_fault_is_told_once_while_it_stays_the_same() {
+        let (mut book, now) = (Book::default(), Instant::now());
+        for (why, count) in [("no", 1), ("no", 0), ("never", 1)] {
+            let faults = vec![("rows".to_owned(), why.to_owned())];
+            book.heard(Flat { parameters: Properties::new(), faults }, now);
+            assert_eq!(std::mem::take(&mut book.faults).len(), count, "{why}");
+        }
+    }
+}

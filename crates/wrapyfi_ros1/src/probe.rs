@@ -1,0 +1,178 @@
+//! Asks publishers and servers for what the master does not tell.
+//!
+//! ```text
+//!   topic    lookupNode ─▶ requestTopic ─▶ TCPROS header ─▶ type, checksum, definition ─▶ Types; latches
+//!   service  lookupService ─▶ TCPROS header with probe=1 ─▶ type
+//! ```
+//!
+//! To be asked is to have a subscriber for a moment, so a publisher is asked once, and only where a route
+//! has to know. The definition that it shows is remembered with all others.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use tokio::time::timeout;
+
+use super::config::NodeUri;
+use super::core::Core;
+use super::header::Header;
+use super::request::{request_topic, shortened};
+use super::tcpros;
+use wrapyfi_endpoint::Role;
+
+/// Longest time that one of them has to answer.
+const ANSWER: Duration = Duration::from_secs(3);
+/// Time after which somebody who did not answer is asked again.
+const AGAIN: Duration = Duration::from_secs(5);
+/// Most answers that are remembered.
+const MAX_ANSWERS: usize = 20_000;
+/// Most questions under way at once.
+const MAX_ASKED: usize = 64;
+
+/// Key of a question: role, topic or service, and the node that is asked.
+type Whom = (Role, String, String);
+
+/// Questions and answers.
+#[derive(Default)]
+pub(super) struct Probes(Mutex<BTreeMap<Whom, Answer>>);
+
+/// State of a question.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) enum Answer {
+    /// Question that was asked and has no answer yet.
+    Asked,
+    Told(Told),
+    /// Failed question: the reason and the time.
+    Failed(String, Instant),
+}
+
+/// Type that a publisher or a server has told of its topic or service.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Told {
+    /// ROS 1 name of the type.
+    pub(super) type_name: String,
+    /// A publisher sends its last message to whoever comes.
+    pub(super) latches: bool,
+    /// Address that gave the answer.
+    place: NodeUri,
+}
+
+impl Probes {
+    fn answers(&self) -> MutexGuard<'_, BTreeMap<Whom, Answer>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Returns the answer of `node` about the type of its topic or service, and asks the node where
+/// none is known.
+pub(super) fn ask(core: &Arc<Core>, role: Role, name: &str, node: &str) -> Answer {
+    let whom = (role, name.to_owned(), node.to_owned());
+    let mut answers = core.probes.answers();
+    match answers.get(&whom) {
+        Some(Answer::Failed(_, at)) if at.elapsed() >= AGAIN => {}
+        Some(answer) => return answer.clone(),
+        None => {}
+    }
+    let under_way = answers.values().filter(|answer| **answer == Answer::Asked).count();
+    if under_way >= MAX_ASKED {
+        return Answer::Asked;
+    }
+    if answers.len() >= MAX_ANSWERS {
+        answers.retain(|_, answer| *answer == Answer::Asked);
+    }
+    let before = answers.insert(whom.clone(), Answer::Asked);
+    drop(answers);
+    let core_of_task = Arc::downgrade(core);
+    core.handle.spawn(async move {
+        let Some(core) = core_of_task.upgrade() else { return };
+        let (role, name, node) = &whom;
+        let told = timeout(ANSWER, async {
+            match role {
+                Role::Server => service(&core, name).await,
+                _ => topic(&core, name, node).await,
+            }
+        });
+        let silent = || Err(format!("it did not answer within {} s", ANSWER.as_secs()));
+        let answer = match told.await.unwrap_or_else(|_elapsed| silent()) {
+            Ok(told) => Answer::Told(told),
+            Err(reason) => Answer::Failed(shortened(&reason), Instant::now()),
+        };
+        core.probes.answers().insert(whom, answer);
+    });
+    // The failure before stands until a better answer is known.
+    before.unwrap_or(Answer::Asked)
+}
+
+/// Forgets whoever is not named: a node that comes back may have another type.
+pub(super) fn keep_only(core: &Core, there: impl Fn(Role, &str, &str) -> bool) {
+    core.probes
+        .answers()
+        .retain(|(role, name, node), answer| *answer == Answer::Asked || there(*role, name, node));
+}
+
+async fn topic(core: &Core, name: &str, node: &str) -> Result<Told, String> {
+    let uri = core.master.lookup_node(node).await.map_err(|error| error.to_string())?;
+    let uri = uri.ok_or_else(|| format!("the master knows no node {node}"))?;
+    let (host, port) = request_topic(core, &uri, name).await?;
+    let own = Header::new()
+        .with("callerid", core.name.full())
+        .with("topic", name)
+        .with("type", "*")
+        .with("md5sum", "*")
+        .with("message_definition", "");
+    let place = NodeUri { host, port };
+    let header = greeted(&place, &own).await?;
+    let type_name = type_in(&header)?;
+    let text = header.get("message_definition").unwrap_or_default();
+    if !text.is_empty() {
+        let md5sum = header.get("md5sum").unwrap_or("*");
+        let shown = core.types().show(&type_name, md5sum, text);
+        shown.map_err(|error| error.to_string())?;
+    }
+    Ok(Told { type_name, latches: header.is_set("latching"), place })
+}
+
+async fn service(core: &Core, name: &str) -> Result<Told, String> {
+    let place = core.master.lookup_service(name).await.map_err(|error| error.to_string())?;
+    let place = place.ok_or("the master knows it no more")?;
+    let header = greeted(&place, &probe_of(core, name)).await?;
+    Ok(Told { type_name: type_in(&header)?, latches: false, place })
+}
+
+/// True when a server that has told its type still answers for the service at the same address.
+pub(super) async fn still_serves(core: &Core, service: &str, node: &str) -> bool {
+    let whom = (Role::Server, service.to_owned(), node.to_owned());
+    let told = match core.probes.answers().get(&whom) {
+        Some(Answer::Told(told)) => told.clone(),
+        _ => return false,
+    };
+    let own = probe_of(core, service);
+    let greeting = timeout(ANSWER, greeted(&told.place, &own));
+    greeting.await.is_ok_and(|header| header.is_ok_and(|header| header.get("error").is_none()))
+}
+
+/// Header with which a server is asked for its type, without a call.
+fn probe_of(core: &Core, service: &str) -> Header {
+    Header::new()
+        .with("callerid", core.name.full())
+        .with("service", service)
+        .with("md5sum", "*")
+        .with("probe", "1")
+}
+
+/// The header of who is at `place`; the connection ends with it.
+async fn greeted(place: &NodeUri, own: &Header) -> Result<Header, String> {
+    let mut stream = tcpros::connect(&place.host, place.port).await?;
+    tcpros::greet(&mut stream, own).await.map_err(|error| error.to_string())
+}
+
+fn type_in(header: &Header) -> Result<String, String> {
+    if let Some(error) = header.get("error") {
+        return Err(format!("it refuses to tell: {error}"));
+    }
+    match header.get("type") {
+        Some(name) if name != "*" && !name.is_empty() => Ok(name.to_owned()),
+        _ => Err("it does not tell its type".to_owned()),
+    }
+}

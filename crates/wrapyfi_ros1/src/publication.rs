@@ -1,0 +1,395 @@
+//! A topic that this node publishes, of one type: its publishers here, its subscribers elsewhere.
+//!
+//! ```text
+//!   Ros1Publisher ┐                        ┌▶ Outlet ─▶ subscriber
+//!   Ros1Publisher ┴─▶ Publication ─────────┴▶ Outlet ─▶ subscriber
+//!                       └ Latched: for who comes later
+//! ```
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use tokio::io::AsyncWriteExt as _;
+use wrapyfi_interfaces::ros1::Plan;
+
+use super::core::Core;
+use super::form;
+use super::header::Header;
+use super::intake::MARK;
+use super::marks::Marked;
+use super::outlet::{Frame, Outlet};
+use super::slave_info::BusLink;
+use super::tcpros::Accepted;
+use wrapyfi_data::EncodeError;
+use wrapyfi_data::Limits;
+use wrapyfi_data::types::{Encoding, Image, MessageType, Payload, Pixels};
+use wrapyfi_endpoint::codec;
+use wrapyfi_endpoint::codec::ros1::Ros1Type;
+use wrapyfi_endpoint::{
+    BridgeMark, Context, Counters, Durability, History, Keeping, Latched, Link, MAX_ORIGINS,
+    Origin, PublishError, Publisher, Role, TopicSpec, Wake,
+};
+
+/// Messages that a publisher without a depth keeps for a slow subscriber.
+const KEEP_ALL: usize = 1000;
+
+pub(super) struct Publication {
+    topic: String,
+    wire_type: Ros1Type,
+    /// Mark of the bridge that made the publication by pattern.
+    mark: Option<BridgeMark>,
+    state: Mutex<State>,
+}
+
+#[derive(Default)]
+struct State {
+    publishers: BTreeMap<u64, Entry>,
+    outlets: Vec<Arc<Outlet>>,
+    closed: bool,
+}
+
+/// One publisher of this node.
+struct Entry {
+    latches: bool,
+    /// The last message of each origin, `None` being the publisher itself. In ROS 1 each node keeps its own; a
+    /// route keeps those of all nodes that publish at its other end.
+    kept: Latched<Option<u64>, Frame>,
+    /// True once the log says that not all messages are kept.
+    warned: bool,
+    depth: usize,
+    counters: Arc<Counters>,
+    wake: Wake,
+}
+
+impl Publication {
+    pub(super) fn new(topic: &str, wire_type: Ros1Type, mark: Option<BridgeMark>) -> Self {
+        Self { topic: topic.to_owned(), wire_type, mark, state: Mutex::default() }
+    }
+
+    pub(super) fn topic(&self) -> &str {
+        &self.topic
+    }
+
+    pub(super) fn wire_type(&self) -> &Ros1Type {
+        &self.wire_type
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// True while somebody here publishes.
+    pub(super) fn in_use(&self) -> bool {
+        !self.state().publishers.is_empty()
+    }
+
+    /// The bells of its publishers.
+    pub(super) fn wakes(&self) -> Vec<Wake> {
+        self.state().publishers.values().map(|entry| entry.wake.clone()).collect()
+    }
+
+    fn ring(&self) {
+        self.wakes().iter().for_each(Wake::ring);
+    }
+
+    /// Connections of the publication, for the slave API.
+    pub(super) fn links(&self) -> Vec<BusLink> {
+        self.state().outlets.iter().map(|outlet| outlet.link()).collect()
+    }
+
+    /// Ends its connections when what is queued is sent.
+    pub(super) fn close(&self) {
+        let mut state = self.state();
+        state.closed = true;
+        state.outlets.iter().for_each(|outlet| outlet.finish());
+    }
+
+    fn subscribers(&self) -> usize {
+        self.state().outlets.len()
+    }
+
+    /// Sends to all subscribers; how many there are.
+    fn send(&self, publisher: u64, frame: &Frame, keep: Keep) -> usize {
+        let mut state = self.state();
+        let State { publishers, outlets, .. } = &mut *state;
+        let Some(entry) = publishers.get_mut(&publisher) else { return 0 };
+        if let Keep::LastOf(origin) = keep {
+            entry.kept.forget(&origin);
+            let is_full = entry.kept.keep(origin, frame.clone()) > 0;
+            if is_full && !std::mem::replace(&mut entry.warned, true) {
+                tracing::warn!(
+                    topic = self.topic,
+                    "ROS 1: of the latched messages of many publishers the oldest are not kept: \
+                     {MAX_ORIGINS} of together max_message_mib are the limit"
+                );
+            }
+        }
+        for outlet in outlets.iter() {
+            outlet.push(frame, entry.depth, &entry.counters);
+        }
+        outlets.len()
+    }
+
+    /// Serves a subscriber until either end closes.
+    pub(super) async fn serve(&self, accepted: Accepted, core: &Arc<Core>) {
+        let Accepted { mut stream, header, peer, place } = accepted;
+        let caller = header.get("callerid").unwrap_or("(unnamed)").to_owned();
+        let asked = header.get("type").unwrap_or("*");
+        if asked != "*" && asked != self.wire_type.name && header.get("md5sum") != Some("*") {
+            // The same fields under another name: usable, and odd.
+            tracing::debug!(
+                topic = self.topic,
+                "ROS 1: {caller} calls the type {asked}, which is {} here",
+                self.wire_type.name
+            );
+        }
+        let latches = self.state().publishers.values().any(|entry| entry.latches);
+        let own = Header::new()
+            .with("callerid", core.name.full())
+            .with("topic", &self.topic)
+            .with("type", &self.wire_type.name)
+            .with("md5sum", &self.wire_type.md5)
+            .with("message_definition", &self.wire_type.definition)
+            .with("latching", if latches { "1" } else { "0" });
+        let own = match &self.mark {
+            Some(mark) => own.with(MARK, mark.to_string()),
+            None => own,
+        };
+        let Ok(own) = own.encode() else { return };
+        if stream.write_all(&own).await.is_err() {
+            return;
+        }
+        let lingers = core.lingering.begin();
+        let outlet = Arc::new(Outlet::new(core.next_id(), &caller, peer.to_string(), stream));
+        if !self.enter(&outlet) {
+            return;
+        }
+        tracing::debug!(topic = self.topic, "ROS 1: {caller} subscribes");
+        self.ring();
+        outlet.run().await;
+        self.state().outlets.retain(|one| !Arc::ptr_eq(one, &outlet));
+        self.ring();
+        drop((place, lingers));
+    }
+
+    /// Lets a subscriber in: it gets what is kept first, and then every message.
+    fn enter(&self, outlet: &Arc<Outlet>) -> bool {
+        let mut state = self.state();
+        if state.closed {
+            return false;
+        }
+        for entry in state.publishers.values() {
+            for kept in entry.kept.messages() {
+                outlet.push(kept, KEEP_ALL, &entry.counters);
+            }
+        }
+        state.outlets.push(Arc::clone(outlet));
+        true
+    }
+}
+
+/// Rule by which a publication keeps a message for later subscribers: not at all, or as the last
+/// one of a source.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Keep {
+    No,
+    LastOf(Option<u64>),
+}
+
+/// Sends to one topic.
+pub(super) struct Ros1Publisher {
+    id: u64,
+    core: Arc<Core>,
+    publication: Arc<Publication>,
+    spec: TopicSpec,
+    plan: Option<Plan>,
+    sequence: u32,
+    /// True when the publisher was opened as one that latches, whatever it publishes.
+    latches: bool,
+    /// All that its source publishes is kept there.
+    source_latches: bool,
+    marked: Option<Marked>,
+}
+
+impl Ros1Publisher {
+    pub(super) fn open(
+        core: &Arc<Core>,
+        topic: &str,
+        (wire_type, plan): (Ros1Type, Option<Plan>),
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> Self {
+        let md5 = wire_type.md5.clone();
+        let latches = spec.qos.durability == Durability::TransientLocal;
+        let depth = match spec.qos.history {
+            History::KeepLast(depth) => usize::try_from(depth).unwrap_or(KEEP_ALL),
+            History::KeepAll => KEEP_ALL,
+        };
+        let id = core.next_id();
+        let entry = Entry {
+            latches,
+            kept: Latched::new(spec.limits.message_bytes),
+            warned: false,
+            depth,
+            counters: Arc::clone(&context.counters),
+            wake: context.wake.clone(),
+        };
+        let publication = core.advertise(
+            topic,
+            &md5,
+            || Publication::new(topic, wire_type, spec.mark.clone()),
+            |publication| {
+                publication.state().publishers.insert(id, entry);
+            },
+        );
+        let marked = spec.mark.clone().map(|mark| Marked {
+            role: Role::Publisher,
+            name: topic.to_owned(),
+            node: core.name.full().to_owned(),
+            mark,
+        });
+        if let Some(marked) = &marked {
+            core.mark(marked);
+        }
+        let (core, spec, sequence) = (Arc::clone(core), spec.clone(), 0);
+        Self { id, core, publication, spec, plan, sequence, latches, source_latches: false, marked }
+    }
+
+    fn encode(&mut self, payload: &Payload) -> Result<Frame, EncodeError> {
+        let pieces = form::encode(payload, self.plan.as_ref(), self.sequence, &self.spec)?;
+        self.sequence = self.sequence.wrapping_add(1);
+        let size: usize = pieces.iter().map(bytes::Bytes::len).sum();
+        let (actual, limit) = (size as u64, u64::from(u32::MAX));
+        Frame::new(pieces).ok_or(EncodeError::TooLarge { actual, limit })
+    }
+
+    /// While nobody subscribes nothing is encoded, unless it is kept.
+    fn send(&mut self, payload: &Payload, keep: Keep) -> Result<usize, PublishError> {
+        if keep == Keep::No && self.publication.subscribers() == 0 {
+            return Err(PublishError::NoConsumer { topic: self.spec.topic.clone() });
+        }
+        let frame = self.encode(payload)?;
+        let reached = self.publication.send(self.id, &frame, keep);
+        if reached == 0 && keep == Keep::No {
+            return Err(PublishError::NoConsumer { topic: self.spec.topic.clone() });
+        }
+        Ok(frame.len())
+    }
+}
+
+/// The payload in the form that the type carries: pixels, or a file. Wrapyfi's listeners take colour
+/// as `bgr8` only, so pixels in the other order are turned, unless `color_order` asks for that order.
+pub(super) fn formed<'p>(
+    payload: &'p Payload,
+    message_type: MessageType,
+    color_order: Encoding,
+    limits: &Limits,
+) -> Result<Cow<'p, Payload>, EncodeError> {
+    let payload = codec::fitted(payload, message_type, color_order, limits)?;
+    Ok(match &*payload {
+        Payload::Image(image @ Image { pixels: Pixels::Raw(raw), .. })
+            if (raw.encoding, color_order) == (Encoding::Rgb8, Encoding::Bgr8) =>
+        {
+            let pixels = Pixels::Raw(raw.clone().swap_red_blue());
+            Cow::Owned(Payload::Image(Image { pixels, ..image.clone() }))
+        }
+        _ => payload,
+    })
+}
+
+impl Publisher for Ros1Publisher {
+    fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {
+        let keep = if self.latches { Keep::LastOf(None) } else { Keep::No };
+        self.send(payload, keep)
+    }
+
+    fn forward(
+        &mut self,
+        payload: &Payload,
+        origin: Option<Origin>,
+    ) -> Result<usize, PublishError> {
+        match origin {
+            Some(Origin { publisher, keeps: 1.. }) if self.latches || self.spec.match_peers => {
+                self.send(payload, Keep::LastOf(Some(publisher)))
+            }
+            _ => self.publish(payload),
+        }
+    }
+
+    fn forget(&mut self, publisher: u64) {
+        if let Some(entry) = self.publication.state().publishers.get_mut(&self.id) {
+            entry.kept.forget(&Some(publisher));
+        }
+    }
+
+    fn forget_all(&mut self) {
+        if let Some(entry) = self.publication.state().publishers.get_mut(&self.id) {
+            entry.kept.retain(Option::is_none);
+        }
+    }
+
+    fn follow_source(&mut self, source: Keeping) {
+        let keeps_last = match source {
+            Keeping::All => true,
+            Keeping::NotAll => false,
+            // Publishers that are gone may come back as they were.
+            Keeping::Unknown | Keeping::Nobody => return,
+        };
+        if !self.spec.match_peers || keeps_last == self.source_latches {
+            return;
+        }
+        self.source_latches = keeps_last;
+        if let Some(entry) = self.publication.state().publishers.get_mut(&self.id) {
+            entry.latches = self.latches || keeps_last;
+        }
+    }
+
+    fn link(&self) -> Link {
+        let peers = self.publication.subscribers();
+        let waiting_for = (peers == 0).then(|| {
+            let nobody = || format!("a ROS 1 node that subscribes to {}", self.publication.topic);
+            self.core.fault().unwrap_or_else(nobody)
+        });
+        let keeps_last = self.latches || self.source_latches;
+        Link { peers: Some(peers), waiting_for, keeps_last }
+    }
+}
+
+impl Drop for Ros1Publisher {
+    fn drop(&mut self) {
+        self.publication.state().publishers.remove(&self.id);
+        if let Some(marked) = &self.marked {
+            self.core.unmark(marked);
+        }
+        self.core.unadvertise(&self.publication.topic, &self.publication);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use wrapyfi_data::types::RawPixels;
+
+    fn encoding_of(pixels: RawPixels, color_order: Encoding) -> (Encoding, Vec<u8>) {
+        let payload = Payload::Image(Image::new(wrapyfi_data::types::Stamp::default(), pixels));
+        let formed = formed(&payload, MessageType::Image, color_order, &Limits::default()).unwrap();
+        let Payload::Image(Image { pixels: Pixels::Raw(raw), .. }) = formed.into_owned() else {
+            panic!("pixels stay pixels");
+        };
+        (raw.encoding, raw.data.to_vec())
+    }
+
+    #[test]
+    fn colour_is_as_wrapyfi_takes_it_unless_the_other_order_is_asked_for() {
+        let pixel =
+            |encoding, bytes: &[u8]| RawPixels::dense(1, 1, encoding, bytes.to_vec()).unwrap();
+        let red = || pixel(Encoding::Rgb8, &[255, 1, 0]);
+        assert_eq!(encoding_of(red(), Encoding::Bgr8), (Encoding::Bgr8, vec![0, 1, 255]));
+        assert_eq!(encoding_of(red(), Encoding::Rgb8), (Encoding::Rgb8, vec![255, 1, 0]));
+        let blue = || pixel(Encoding::Bgr8, &[255, 1, 0]);
+        assert_eq!(encoding_of(blue(), Encoding::Rgb8), (Encoding::Bgr8, vec![255, 1, 0]));
+        let grey = pixel(Encoding::Mono8, &[9]);
+        assert_eq!(encoding_of(grey, Encoding::Bgr8), (Encoding::Mono8, vec![9]));
+    }
+}

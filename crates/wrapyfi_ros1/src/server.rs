@@ -1,0 +1,102 @@
+//! Offers a service: requests of the host's connections, answers back to them.
+
+use std::sync::Arc;
+
+use bytes::Bytes;
+
+use super::NAME;
+use super::core::Core;
+use super::marks::Marked;
+use super::service_host::{Ask, ServiceHost};
+use super::services::ServiceForm;
+use wrapyfi_data::DecodeError;
+use wrapyfi_data::EncodeError;
+use wrapyfi_data::types::Payload;
+use wrapyfi_endpoint::requests::{Asked, Requests};
+use wrapyfi_endpoint::wire_server::{ServerWire, WireServer};
+use wrapyfi_endpoint::{Context, Link, OpenError, Request, Role, ServeError, ServiceSpec};
+
+/// Offers one service.
+pub(super) struct Ros1Server {
+    core: Arc<Core>,
+    service: String,
+    marked: Option<Marked>,
+    form: ServiceForm,
+    host: Arc<ServiceHost>,
+}
+
+impl Ros1Server {
+    pub(super) fn open(
+        core: &Arc<Core>,
+        service: &str,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> Result<WireServer<Self>, OpenError> {
+        let form = ServiceForm::new(core, spec)?;
+        let requests = Arc::new(Requests::new(spec, context));
+        let host = Arc::new(ServiceHost::new(service, &form, Arc::clone(&requests)));
+        if !core.offer(service, &host) {
+            return Err(OpenError::Transport {
+                middleware: NAME,
+                topic: spec.service.clone(),
+                reason: format!("this node offers {service} already; a name has one server"),
+            });
+        }
+        let marked = spec.mark.clone().map(|mark| Marked {
+            role: Role::Server,
+            name: service.to_owned(),
+            node: core.name.full().to_owned(),
+            mark,
+        });
+        if let Some(marked) = &marked {
+            core.mark(marked);
+        }
+        let (core, service) = (Arc::clone(core), service.to_owned());
+        Ok(WireServer::new(Self { core, service, marked, form, host }, requests, spec))
+    }
+}
+
+impl ServerWire for Ros1Server {
+    type Ask = Ask;
+    type Answer = Vec<Bytes>;
+
+    /// A client that has gone took its request along.
+    fn is_given_up(&self, asked: &Asked<Ask>) -> bool {
+        asked.ask.answer.is_closed()
+    }
+
+    fn read(&self, ask: &Ask) -> Result<Request, DecodeError> {
+        self.form.decode_request(&ask.body)
+    }
+
+    fn write(&self, _ask: &Ask, payload: &Payload) -> Result<Vec<Bytes>, EncodeError> {
+        self.form.encode_reply(payload)
+    }
+
+    fn send(
+        &mut self,
+        ask: Ask,
+        answer: Result<Vec<Bytes>, &str>,
+    ) -> Result<Option<usize>, ServeError> {
+        let bytes = 5 + match &answer {
+            Ok(pieces) => pieces.iter().map(Bytes::len).sum(),
+            Err(why) => why.len(),
+        };
+        Ok(ask.answer.send(answer.map_err(str::to_owned)).is_ok().then_some(bytes))
+    }
+
+    fn link(&self) -> Link {
+        let fault = self.core.fault();
+        Link { peers: Some(self.host.clients()), waiting_for: fault, keeps_last: false }
+    }
+}
+
+impl Drop for Ros1Server {
+    fn drop(&mut self) {
+        if let Some(marked) = &self.marked {
+            self.core.unmark(marked);
+        }
+        self.host.close();
+        self.core.withdraw(&self.service);
+    }
+}

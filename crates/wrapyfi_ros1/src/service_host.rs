@@ -1,0 +1,215 @@
+//! The connections of a service that this node offers.
+//!
+//! ```text
+//!   client ─ header ─▶ fits? ─ request ─▶ Requests ─▶ take
+//!            ◀─ 1 size reply │ 0 size why ◀── oneshot ◀─ reply
+//! ```
+//!
+//! One request at a time on a connection, as TCPROS has it. A client that goes away takes its request
+//! along, if nobody has taken it yet.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+
+use bytes::{BufMut as _, Bytes};
+use tokio::io::AsyncWriteExt as _;
+use tokio::net::TcpStream;
+use tokio::sync::{Notify, oneshot};
+
+use super::body::{Bodies, Body};
+use super::core::Core;
+use super::header::Header;
+use super::services::{ServiceForm, ServiceType, shortened};
+use super::tcpros::{self, Accepted};
+use wrapyfi_endpoint::requests::Requests;
+use wrapyfi_endpoint::{Context, DropReason, PROGRESS, Share, Wake};
+
+/// Answer to a request: the pieces of the reply, or the reason why there is none.
+pub(super) type Answer = Result<Vec<Bytes>, String>;
+
+/// A request, and the way back.
+pub(super) struct Ask {
+    pub(super) body: Bytes,
+    pub(super) answer: oneshot::Sender<Answer>,
+}
+
+pub(super) struct ServiceHost {
+    service: String,
+    wire_type: ServiceType,
+    limit_bytes: usize,
+    requests: Arc<Requests<Ask>>,
+    clients: AtomicUsize,
+    /// Signal that the service ends.
+    end: Notify,
+}
+
+impl ServiceHost {
+    pub(super) fn new(service: &str, form: &ServiceForm, requests: Arc<Requests<Ask>>) -> Self {
+        Self {
+            service: service.to_owned(),
+            wire_type: form.wire_type.clone(),
+            limit_bytes: form.spec.limits.message_bytes,
+            requests,
+            clients: AtomicUsize::new(0),
+            end: Notify::new(),
+        }
+    }
+
+    fn context(&self) -> &Context {
+        self.requests.context()
+    }
+
+    pub(super) fn wake(&self) -> &Wake {
+        &self.context().wake
+    }
+
+    pub(super) fn clients(&self) -> usize {
+        self.clients.load(Relaxed)
+    }
+
+    /// Ends all connections; who waits is told.
+    pub(super) fn close(&self) {
+        for ask in self.requests.close() {
+            let text = format!("{:?} ended before it took the request", self.service);
+            _ = ask.answer.send(Err(text));
+        }
+        self.end.notify_waiters();
+    }
+
+    /// Serves a client until either end closes.
+    pub(super) async fn serve(&self, accepted: Accepted, core: &Arc<Core>) {
+        let caller = accepted.caller().to_owned();
+        let Accepted { mut stream, header, place, .. } = accepted;
+        let md5 = header.get("md5sum").unwrap_or_default();
+        if md5 != "*" && md5 != self.wire_type.md5 {
+            let wire_type = &self.wire_type;
+            let text = format!(
+                "{caller} calls {} as {} [{md5}], but it is {} [{}]: call it as that",
+                self.service,
+                header.get("type").unwrap_or("another type"),
+                wire_type.name,
+                wire_type.md5,
+            );
+            tracing::warn!("ROS 1: refused a client: {text}");
+            self.context().counters.dropped(DropReason::Mismatch);
+            return tcpros::refuse(&mut stream, &text).await;
+        }
+        let own = Header::new()
+            .with("callerid", core.name.full())
+            .with("service", &self.service)
+            .with("type", &self.wire_type.name)
+            .with("md5sum", &self.wire_type.md5)
+            .with("request_type", &self.wire_type.request)
+            .with("response_type", &self.wire_type.response);
+        let Ok(own) = own.encode() else { return };
+        if stream.write_all(&own).await.is_err() || header.is_set("probe") {
+            return;
+        }
+        let lingers = core.lingering.begin();
+        if self.requests.is_closed() {
+            return;
+        }
+        self.clients.fetch_add(1, Relaxed);
+        self.wake().ring();
+        let persistent = matches!(header.get("persistent"), Some("1" | "true" | "True"));
+        self.converse(&mut stream, persistent).await;
+        self.clients.fetch_sub(1, Relaxed);
+        self.wake().ring();
+        drop((place, lingers));
+    }
+
+    async fn converse(&self, stream: &mut TcpStream, persistent: bool) {
+        let bodies = Bodies::new(self.limit_bytes, PROGRESS, Share::default());
+        loop {
+            let end = self.end.notified();
+            tokio::pin!(end);
+            end.as_mut().enable();
+            if self.requests.is_closed() {
+                return;
+            }
+            let request = tokio::select! {
+                request = self.hear(stream, &bodies) => request,
+                () = end => return,
+            };
+            let answer = match request {
+                None => return,
+                Some(Err(refusal)) => Err(refusal),
+                Some(Ok(body)) => {
+                    let (answer, receiver) = oneshot::channel();
+                    let bytes = body.len() + 4;
+                    match self.requests.put(Ask { body, answer }, bytes) {
+                        Err((_, refusal)) => Err(refusal.to_string()),
+                        Ok(()) => match wait(stream, receiver).await {
+                            Some(answer) => answer,
+                            None => return,
+                        },
+                    }
+                }
+            };
+            if write(stream, answer).await.is_err() || !persistent {
+                return;
+            }
+        }
+    }
+
+    /// The next request; `None` at the end of the connection.
+    async fn hear(&self, stream: &mut TcpStream, bodies: &Bodies) -> Option<Result<Bytes, String>> {
+        let size = bodies.size(stream).await.ok()??;
+        let counters = &self.context().counters;
+        match bodies.read(stream, size, "the request").await {
+            Ok(Body::Whole(body)) => Some(Ok(body)),
+            Ok(Body::Passed { why, reason }) => {
+                counters.received(size);
+                counters.dropped(why);
+                Some(Err(reason))
+            }
+            Err((ended, begun)) => {
+                tracing::debug!(service = self.service, "ROS 1: a request was cut short: {ended}");
+                counters.received(begun);
+                counters.dropped(ended.drop_reason());
+                None
+            }
+        }
+    }
+}
+
+/// Waits for the answer; `None` where the client goes first.
+async fn wait(stream: &TcpStream, mut answer: oneshot::Receiver<Answer>) -> Option<Answer> {
+    let ended = || "the server ended before it answered".to_owned();
+    let mut next = [0];
+    tokio::select! {
+        answer = &mut answer => return Some(answer.unwrap_or_else(|_e| Err(ended()))),
+        peeked = stream.peek(&mut next) => match peeked {
+            Ok(0) | Err(_) => return None,
+            // It asks already for what comes next.
+            Ok(_) => {}
+        },
+    }
+    Some(answer.await.unwrap_or_else(|_e| Err(ended())))
+}
+
+async fn write(stream: &mut TcpStream, answer: Answer) -> std::io::Result<()> {
+    let (success, pieces) = match answer {
+        Ok(pieces) => (1, pieces),
+        Err(text) => (0, vec![Bytes::copy_from_slice(shortened(&text).as_bytes())]),
+    };
+    let size: usize = pieces.iter().map(Bytes::len).sum();
+    let size = u32::try_from(size).map_err(std::io::Error::other)?;
+    let mut start = Vec::with_capacity(5);
+    start.put_u8(success);
+    start.put_u32_le(size);
+    let mut all = std::collections::VecDeque::from(pieces);
+    // Small pieces in one packet.
+    while let Some(piece) = all.front() {
+        if piece.len() > 16 * 1024 {
+            break;
+        }
+        start.extend_from_slice(piece);
+        all.pop_front();
+    }
+    stream.write_all(&start).await?;
+    for piece in all {
+        stream.write_all(&piece).await?;
+    }
+    stream.flush().await
+}

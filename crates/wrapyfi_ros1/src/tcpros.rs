@@ -1,0 +1,221 @@
+//! TCPROS connections: how they are opened, and to whom an accepted one belongs.
+//!
+//! ```text
+//!   accept ─▶ header ─┬ service=/add ─▶ ServiceHost
+//!                     ├ topic=/scan  ─▶ Publication of that type
+//!                     └ neither      ─▶ error=…, closed
+//! ```
+
+use std::io;
+use std::net::{IpAddr, SocketAddr};
+use std::sync::{Arc, Weak};
+use std::time::Duration;
+
+use socket2::{SockRef, TcpKeepalive};
+use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::time::timeout;
+
+use super::core::Core;
+use super::header::{Header, HeaderError};
+use wrapyfi_endpoint::network::Hosts;
+
+/// Longest time until a connection stands, an unreachable host's included.
+const CONNECT: Duration = Duration::from_secs(5);
+/// Longest time until the other side has told its header.
+const GREETING: Duration = Duration::from_secs(10);
+/// Silence after which the system asks whether the other side is still there.
+const KEEPALIVE: Duration = Duration::from_secs(5);
+/// Time between two such questions, of which three may stay unanswered.
+const KEEPALIVE_AGAIN: Duration = Duration::from_secs(1);
+/// Wait after a failed accept: there are no file descriptors left.
+const RETRY_ACCEPT: Duration = Duration::from_millis(100);
+
+/// Error of waiting for a connection header.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum GreetingError {
+    #[error("the connection failed: {0}")]
+    Io(#[from] io::Error),
+    #[error(transparent)]
+    Header(#[from] HeaderError),
+    #[error("no connection header came within {} s", GREETING.as_secs())]
+    Silent,
+}
+
+/// Sets the socket options of every TCPROS connection.
+pub(super) fn prepare(stream: &TcpStream) -> io::Result<()> {
+    // Nagle and delayed acknowledgements together hold small messages back for 40 ms.
+    stream.set_nodelay(true)?;
+    let keepalive =
+        TcpKeepalive::new().with_time(KEEPALIVE).with_interval(KEEPALIVE_AGAIN).with_retries(3);
+    SockRef::from(stream).set_tcp_keepalive(&keepalive)
+}
+
+/// A connection to a node.
+pub(super) async fn connect(host: &str, port: u16) -> Result<TcpStream, String> {
+    let failed = |error: io::Error| format!("{host}:{port} does not answer: {error}");
+    match timeout(CONNECT, reach(host, port)).await {
+        Ok(Ok(stream)) => {
+            prepare(&stream).map_err(failed)?;
+            Ok(stream)
+        }
+        Ok(Err(error)) => Err(failed(error)),
+        Err(_) => Err(format!("{host}:{port} did not answer within {} s", CONNECT.as_secs())),
+    }
+}
+
+/// A socket to a machine; an error says where it is the name that leads nowhere.
+pub(super) async fn reach(host: &str, port: u16) -> io::Result<TcpStream> {
+    let found = tokio::net::lookup_host((host, port)).await;
+    let found = found.map_err(|error| io::Error::other(Hosts::unresolved(host, &error)))?;
+    TcpStream::connect(found.collect::<Vec<_>>().as_slice()).await
+}
+
+/// Tells the other side our header and hears its.
+pub(super) async fn greet(stream: &mut TcpStream, own: &Header) -> Result<Header, GreetingError> {
+    stream.write_all(&own.encode()?).await?;
+    hear(stream).await
+}
+
+/// Reads a header.
+async fn hear(stream: &mut TcpStream) -> Result<Header, GreetingError> {
+    let read = async {
+        let mut size = [0; 4];
+        stream.read_exact(&mut size).await?;
+        let mut body = vec![0; Header::declared_size(size)?];
+        stream.read_exact(&mut body).await?;
+        Ok(Header::decode(&body)?)
+    };
+    timeout(GREETING, read).await.unwrap_or(Err(GreetingError::Silent))
+}
+
+/// Refuses a connection, in words that the other side logs.
+pub(super) async fn refuse(stream: &mut TcpStream, error: &str) {
+    let Ok(header) = Header::new().with("error", error).encode() else { return };
+    // It may be gone already.
+    _ = stream.write_all(&header).await;
+    _ = stream.shutdown().await;
+}
+
+/// A connection that was accepted.
+pub(super) struct Accepted {
+    pub(super) stream: TcpStream,
+    pub(super) header: Header,
+    pub(super) peer: SocketAddr,
+    /// Place of the connection among those that may be open at once.
+    pub(super) place: OwnedSemaphorePermit,
+}
+
+impl Accepted {
+    /// Name of the node at the other end, as it says.
+    pub(super) fn caller(&self) -> &str {
+        self.header.get("callerid").unwrap_or("(unnamed)")
+    }
+}
+
+/// A port that others connect to, and how many may at once. It outlives the task that accepts them.
+pub(super) struct Port {
+    pub(super) listener: TcpListener,
+    pub(super) connections: usize,
+    pub(super) places: Arc<Semaphore>,
+}
+
+impl Port {
+    /// A free port.
+    pub(super) async fn bind(ip: IpAddr, connections: usize) -> io::Result<(Arc<Self>, u16)> {
+        let listener = TcpListener::bind(SocketAddr::new(ip, 0)).await?;
+        let number = listener.local_addr()?.port();
+        let places = Arc::new(Semaphore::new(connections));
+        Ok((Arc::new(Self { listener, connections, places }), number))
+    }
+}
+
+/// Accepts connections until it is aborted. Those beyond the limit are refused at once.
+pub(super) async fn accept(port: Arc<Port>, core: Weak<Core>) {
+    let Port { listener, connections, places } = &*port;
+    loop {
+        let (mut stream, peer) = match listener.accept().await {
+            Ok(accepted) => accepted,
+            Err(error) => {
+                tracing::warn!("ROS 1: no connection can be accepted: {error}");
+                tokio::time::sleep(RETRY_ACCEPT).await;
+                continue;
+            }
+        };
+        let core = core.clone();
+        match Arc::clone(places).try_acquire_owned() {
+            Ok(place) => {
+                tokio::spawn(async move { welcome(stream, peer, place, &core).await });
+            }
+            Err(_) => {
+                tracing::warn!(
+                    %peer,
+                    "ROS 1: refused a connection: {connections} are open, which is the limit"
+                );
+                let text = format!("{connections} connections are open, which is the limit");
+                // It fits into the socket's buffer: nobody is waited for.
+                tokio::spawn(async move { timeout(CONNECT, refuse(&mut stream, &text)).await });
+            }
+        }
+    }
+}
+
+async fn welcome(
+    mut stream: TcpStream,
+    peer: SocketAddr,
+    place: OwnedSemaphorePermit,
+    core: &Weak<Core>,
+) {
+    if let Err(error) = prepare(&stream) {
+        tracing::debug!(%peer, "ROS 1: {error}");
+        return;
+    }
+    let header = match hear(&mut stream).await {
+        Ok(header) => header,
+        Err(error) => {
+            tracing::warn!(%peer, "ROS 1: refused a connection: {error}");
+            refuse(&mut stream, &error.to_string()).await;
+            return;
+        }
+    };
+    let Some(core) = core.upgrade() else { return };
+    let mut accepted = Accepted { stream, header, peer, place };
+    if let Some(service) = accepted.header.get("service") {
+        let host = core.state().services.get(service).cloned();
+        match host {
+            Some(host) => return host.serve(accepted, &core).await,
+            None => {
+                let text = format!("{} does not offer service {service}", core.name.full());
+                return refuse(&mut accepted.stream, &text).await;
+            }
+        }
+    }
+    let Some(topic) = accepted.header.get("topic") else {
+        let text = "a connection header needs a topic or a service";
+        return refuse(&mut accepted.stream, text).await;
+    };
+    let all = core.state().topics.get(topic).cloned().unwrap_or_default();
+    let wanted = accepted.header.get("md5sum").unwrap_or_default();
+    let fitting = all.iter().find(|one| one.wire_type().fits(wanted));
+    match (fitting, all.first()) {
+        (Some(publication), _) => publication.serve(accepted, &core).await,
+        (None, Some(other)) => {
+            let (other, wants) = (other.wire_type(), accepted.header.get("type").unwrap_or("*"));
+            let text = format!(
+                "{} wants topic {topic} to be {wants} [{wanted}], but {} publishes {} [{}]: have \
+                 both use the same definition",
+                accepted.caller(),
+                core.name.full(),
+                other.name,
+                other.md5,
+            );
+            tracing::warn!("ROS 1: refused a subscriber: {text}");
+            refuse(&mut accepted.stream, &text).await;
+        }
+        (None, None) => {
+            let text = format!("{} does not publish {topic}", core.name.full());
+            refuse(&mut accepted.stream, &text).await;
+        }
+    }
+}

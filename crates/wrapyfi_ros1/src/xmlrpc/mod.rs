@@ -1,0 +1,194 @@
+//! XML-RPC, in which ROS 1 nodes talk to their master and to each other: text to values.
+//!
+//! ```text
+//!   POST body ── bounds ──▶ dxr ──▶ Call { method, params }
+//!                size, nesting, elements; no DOCTYPE, no CDATA
+//!   Reply { status, text, value } ──▶ [1, "ready", value] ──▶ dxr ──▶ body of the answer
+//! ```
+//!
+//! No socket. Every ROS 1 method answers with a list of three: a status, words, and the value.
+
+mod bounds;
+
+use dxr::{Fault, FaultResponse, MethodCall, MethodResponse};
+
+pub use bounds::{BoundsError, MAX_BYTES, MAX_DEPTH, MAX_ELEMENTS};
+pub use dxr::Value;
+
+/// Status of a call that did what it was asked for.
+pub const SUCCESS: i32 = 1;
+/// Status of a call that could not do it.
+pub const FAILURE: i32 = 0;
+/// Status of a call that was wrong.
+pub const ERROR: i32 = -1;
+
+/// A method and what it is called with.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Call {
+    /// The method, for instance `requestTopic`.
+    pub method: String,
+    /// Parameters of the method; the first is the caller's name by custom.
+    pub params: Vec<Value>,
+}
+
+/// Answer of a ROS 1 method.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Reply {
+    /// [`SUCCESS`], [`FAILURE`] or [`ERROR`].
+    pub status: i32,
+    /// Words for people.
+    pub text: String,
+    /// The value that was asked for.
+    pub value: Value,
+}
+
+/// Error of a text that is read or written as XML-RPC of ROS 1.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum XmlRpcError {
+    /// Larger, deeper or otherwise than any node sends.
+    #[error(transparent)]
+    Bounds(#[from] BoundsError),
+    /// The text is no XML-RPC.
+    #[error("this is no XML-RPC {what}: {reason}")]
+    Malformed {
+        /// `call` or `answer`.
+        what: &'static str,
+        /// Message of the parser, shortened.
+        reason: String,
+    },
+    /// The other side could not even run the method.
+    #[error("fault {code}: {text}")]
+    Fault {
+        /// Number of the fault.
+        code: i32,
+        /// Reason in the other side's words.
+        text: String,
+    },
+    /// An answer that is no `[status, text, value]`.
+    #[error("the answer is no [status, text, value] but {actual}")]
+    NoReply {
+        /// Value that came instead, shortened.
+        actual: String,
+    },
+    /// The values have no form in XML.
+    #[error("cannot be written as XML-RPC: {reason}")]
+    Unwritable {
+        /// Reason in words.
+        reason: String,
+    },
+}
+
+impl Reply {
+    /// A value that was asked for.
+    #[must_use]
+    pub fn success(text: impl Into<String>, value: Value) -> Self {
+        Self { status: SUCCESS, text: text.into(), value }
+    }
+
+    /// Answer without a value, with the reason; `0` stands in the value's place.
+    #[must_use]
+    pub fn error(text: impl Into<String>) -> Self {
+        Self { status: ERROR, text: text.into(), value: Value::Integer(0) }
+    }
+}
+
+/// A text as a value.
+#[must_use]
+pub fn text(text: impl Into<String>) -> Value {
+    Value::String(text.into())
+}
+
+/// Several texts as a value.
+#[must_use]
+pub fn texts<T: Into<String>>(items: impl IntoIterator<Item = T>) -> Value {
+    Value::Array(items.into_iter().map(text).collect())
+}
+
+/// Writes a call.
+///
+/// # Errors
+/// When a value has no form in XML.
+pub fn encode_call(method: &str, params: Vec<Value>) -> Result<String, XmlRpcError> {
+    let call = MethodCall { name: method.into(), params };
+    call.to_xml().map(|xml| declared(&xml)).map_err(|error| unwritable(&error))
+}
+
+/// Reads a call.
+///
+/// # Errors
+/// When it exceeds a limit, or is none.
+pub fn decode_call(body: &[u8]) -> Result<Call, XmlRpcError> {
+    let xml = bounds::check(body)?;
+    let call = MethodCall::from_xml(xml).map_err(|_e| malformed("call", xml))?;
+    Ok(Call { method: call.name.into_owned(), params: call.params })
+}
+
+/// Writes an answer.
+///
+/// # Errors
+/// When a value has no form in XML.
+pub fn encode_reply(reply: Reply) -> Result<String, XmlRpcError> {
+    let value =
+        Value::Array(vec![Value::Integer(reply.status), Value::String(reply.text), reply.value]);
+    MethodResponse { value }.to_xml().map(|xml| declared(&xml)).map_err(|error| unwritable(&error))
+}
+
+/// Writes that a call could not be run at all.
+///
+/// # Errors
+/// When the text has no form in XML.
+pub fn encode_fault(text: &str) -> Result<String, XmlRpcError> {
+    let fault = Fault::new(1, text.to_owned());
+    FaultResponse { fault }.to_xml().map(|xml| declared(&xml)).map_err(|error| unwritable(&error))
+}
+
+/// Reads an answer.
+///
+/// # Errors
+/// When it exceeds a limit, is none, or is a fault.
+pub fn decode_reply(body: &[u8]) -> Result<Reply, XmlRpcError> {
+    let xml = bounds::check(body)?;
+    let Ok(MethodResponse { value }) = MethodResponse::from_xml(xml) else {
+        return Err(match FaultResponse::from_xml(xml) {
+            Ok(FaultResponse { fault }) => {
+                XmlRpcError::Fault { code: fault.code(), text: shortened(fault.string()) }
+            }
+            Err(_) => malformed("answer", xml),
+        });
+    };
+    let no_reply =
+        |value: &Value| XmlRpcError::NoReply { actual: shortened(&format!("{value:?}")) };
+    let Value::Array(parts) = value else { return Err(no_reply(&value)) };
+    match <[Value; 3]>::try_from(parts) {
+        Ok([Value::Integer(status), Value::String(text), value]) => {
+            Ok(Reply { status, text, value })
+        }
+        Ok(parts) => Err(no_reply(&Value::Array(parts.into()))),
+        Err(parts) => Err(no_reply(&Value::Array(parts))),
+    }
+}
+
+fn declared(xml: &str) -> String {
+    format!("<?xml version=\"1.0\"?>\n{xml}\n")
+}
+
+fn malformed(what: &'static str, xml: &str) -> XmlRpcError {
+    XmlRpcError::Malformed { what, reason: format!("{:?}", shortened(xml)) }
+}
+
+fn unwritable(error: &dxr::Error) -> XmlRpcError {
+    XmlRpcError::Unwritable { reason: shortened(&error.to_string()) }
+}
+
+/// Foreign text for a log line.
+fn shortened(text: &str) -> String {
+    const SHOWN: usize = 200;
+    match text.char_indices().nth(SHOWN) {
+        None => text.to_owned(),
+        Some((end, _)) => format!("{}…", text.get(..end).unwrap_or_default()),
+    }
+}
+
+#[cfg(test)]
+mod tests;

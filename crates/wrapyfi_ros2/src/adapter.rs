@@ -1,0 +1,181 @@
+//! Adapter that carries the graph of a node.
+//!
+//! ```text
+//!   asked for             RMW_IMPLEMENTATION       a program without `rmw`    a program with it
+//!   nothing               rmw_cyclonedds_cpp       CycloneDDS inside          CycloneDDS inside
+//!   nothing               none, no ROS 2 sourced   CycloneDDS inside          CycloneDDS inside
+//!   nothing               none, ROS 2 sourced      CycloneDDS inside          the one that ROS 2 loads
+//!   nothing               any other                CycloneDDS inside          that one
+//!   cyclone               any                      CycloneDDS inside          CycloneDDS inside
+//!   rmw                   any                      an error                   the one that ROS 2 loads
+//! ```
+//!
+//! The adapter is asked for by `endpoints.ros2.graph`, else by `WRAPYFI_ROS2_GRAPH`.
+//!
+//! An environment in which ROS 2 loads `rmw_cyclonedds_cpp` is served as well by CycloneDDS inside,
+//! which needs nothing installed.
+
+use std::sync::Arc;
+
+use serde::Deserialize;
+
+use super::config::CycloneConfig;
+use super::cyclone_graph::{CycloneError, CycloneGraph};
+use super::environment::Environment;
+use super::graph::{Graph, ServiceMapping};
+
+/// Library that carries the graph of a node.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Adapter {
+    /// CycloneDDS inside the program.
+    Cyclone,
+    /// The middleware of the installed ROS 2.
+    Rmw,
+}
+
+/// Feature and environment that a build needs for a middleware other than CycloneDDS, in words for
+/// an error.
+macro_rules! build {
+    () => {
+        "build wrapyfi_bridge where a ROS 2 that has it is sourced: `colcon build --packages-up-to wrapyfi_bridge`, which turns the feature rmw on (-DWRAPYFI_RMW=ON)"
+    };
+}
+pub(super) use build;
+
+/// Error of a node that joins the graph.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum JoinError {
+    /// CycloneDDS refused.
+    #[error(transparent)]
+    Cyclone(#[from] CycloneError),
+    /// The middleware of the installed ROS 2 refused, or cannot be loaded.
+    #[error(
+        "the middleware of ROS 2 could not create the node: {0}; install the one that RMW_IMPLEMENTATION names, name another, or set WRAPYFI_ROS2_GRAPH=cyclone"
+    )]
+    Rmw(String),
+    /// The program was built without the feature `rmw`; the text says who asked for it.
+    #[error(
+        "{0} asks for the middleware of ROS 2, which this program was built without: {build}",
+        build = build!()
+    )]
+    NotBuilt(String),
+}
+
+/// A node on the graph.
+pub struct Joined {
+    /// The graph.
+    pub graph: Arc<dyn Graph>,
+    /// Name of what carries it, and why that was chosen.
+    pub carried_by: String,
+}
+
+/// Joins the graph as the node of `config`: through `wanted`, or what `environment` means. `enclave` is the node's
+/// name for security, `/` where it has none.
+///
+/// # Errors
+/// When the middleware refuses, or is none that this program can speak through.
+pub fn join(
+    config: &CycloneConfig,
+    environment: &Environment,
+    wanted: Option<Adapter>,
+    enclave: &str,
+) -> Result<Joined, JoinError> {
+    let (wanted, asked_by) = match (wanted, environment.graph) {
+        (Some(wanted), _) => (Some(wanted), "endpoints.ros2.graph"),
+        (None, wanted) => (wanted, "WRAPYFI_ROS2_GRAPH"),
+    };
+    // A sourced ROS 2 without a setting means its default.
+    let means_other = environment.services != ServiceMapping::Cyclone;
+    match wanted {
+        Some(Adapter::Rmw) => on_rmw(config, asked_by, enclave),
+        Some(Adapter::Cyclone) => on_cyclone(config, asked_by),
+        None if cfg!(feature = "rmw") && means_other => {
+            if loads_cyclone()? {
+                let config = CycloneConfig { services: ServiceMapping::Cyclone, ..config.clone() };
+                return on_cyclone(&config, "the rmw of this ROS 2 is rmw_cyclonedds_cpp");
+            }
+            on_rmw(config, &environment.stack_reason, enclave)
+        }
+        None => on_cyclone(config, &environment.stack_reason),
+    }
+}
+
+fn on_cyclone(config: &CycloneConfig, reason: &str) -> Result<Joined, JoinError> {
+    tracing::info!(
+        domain = config.domain_id,
+        range = ?config.discovery.range,
+        services = config.services.rmw(),
+        reason,
+        "ROS 2 is on CycloneDDS inside this program"
+    );
+    if !cfg!(feature = "rmw") && config.services != ServiceMapping::Cyclone {
+        tracing::info!(concat!(
+            "topics of CycloneDDS and Fast DDS interoperate; to speak through the middleware of ROS 2 itself, ",
+            build!()
+        ));
+    }
+    let graph = Arc::new(CycloneGraph::new(config)?);
+    Ok(Joined { graph, carried_by: format!("CycloneDDS inside ({reason})") })
+}
+
+/// True when the middleware that ROS 2 loads is CycloneDDS's.
+#[cfg(feature = "rmw")]
+fn loads_cyclone() -> Result<bool, JoinError> {
+    let loaded = wrapyfi_rmw::implementation();
+    let loaded = loaded.map_err(|fault| JoinError::Rmw(fault.to_string()))?;
+    Ok(loaded == "rmw_cyclonedds_cpp")
+}
+
+#[cfg(not(feature = "rmw"))]
+fn loads_cyclone() -> Result<bool, JoinError> {
+    Ok(true)
+}
+
+#[cfg(feature = "rmw")]
+fn on_rmw(config: &CycloneConfig, reason: &str, enclave: &str) -> Result<Joined, JoinError> {
+    let refused = |fault: wrapyfi_rmw::Fault| JoinError::Rmw(fault.to_string());
+    let rmw = wrapyfi_rmw::implementation().map_err(refused)?;
+    tracing::info!(
+        domain = config.domain_id,
+        range = ?config.discovery.range,
+        reason,
+        "ROS 2 is on {rmw}, through the rmw of this ROS 2"
+    );
+    if let Some(interface) = &config.interface {
+        tracing::warn!(
+            "endpoints.ros2.interface: {interface} has no effect on {rmw}: set its own configuration"
+        );
+    }
+    let graph = Arc::new(super::rmw_graph::RmwGraph::new(config, enclave).map_err(refused)?);
+    Ok(Joined { graph, carried_by: format!("{rmw} ({reason})") })
+}
+
+#[cfg(not(feature = "rmw"))]
+fn on_rmw(_: &CycloneConfig, asked_by: &str, _: &str) -> Result<Joined, JoinError> {
+    Err(JoinError::NotBuilt(asked_by.to_owned()))
+}
+
+#[cfg(all(test, not(feature = "rmw")))]
+mod tests {
+    use super::*;
+    use crate::environment;
+    use wrapyfi_node::NodeName;
+
+    #[test]
+    fn who_asks_for_what_was_not_built_is_told_what_to_build() {
+        let set = |name: &str| (name == "WRAPYFI_ROS2_GRAPH").then(|| "rmw".to_owned());
+        let environment = environment::read(set).unwrap();
+        let config = CycloneConfig::loopback(NodeName::new("n", "/").unwrap(), 0);
+        for (wanted, asked_by) in
+            [(None, "WRAPYFI_ROS2_GRAPH"), (Some(Adapter::Rmw), "endpoints.ros2.graph")]
+        {
+            let error = join(&config, &environment, wanted, "/").err().unwrap();
+            assert_eq!(error, JoinError::NotBuilt(asked_by.to_owned()));
+            let said = error.to_string();
+            assert!(said.starts_with(asked_by), "{said}");
+            assert!(said.contains("colcon build --packages-up-to wrapyfi_bridge"), "{said}");
+        }
+    }
+}

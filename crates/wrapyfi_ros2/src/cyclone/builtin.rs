@@ -1,0 +1,210 @@
+//! The endpoints that discovery has found, from Cyclone's built-in topics.
+//!
+//! ```text
+//!   DCPSPublication, DCPSSubscription ── take all ──▶ EndpointFound { guid, topic, type, … }
+//!                          │ listener
+//!                          └─▶ notify, then BuiltinReader::take ──▶ found, or gone
+//! ```
+//!
+//! Contract: samples are lent by Cyclone and returned before the call ends; what leaves this
+//! module is copied.
+#![allow(unsafe_code)]
+
+use std::ffi::{CStr, c_char, c_void};
+use std::ptr;
+use std::sync::Arc;
+
+use super::entity::{Entity, ReturnCode};
+use super::events::{Events, Listener};
+use super::qos::announced;
+use crate::graph::Notify;
+use wrapyfi_endpoint::{AnnouncedQos, Reliability};
+
+/// Samples taken at once.
+const BATCH: usize = 32;
+
+/// An endpoint known to the participant, its own ones included.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct EndpointFound {
+    /// True for writers.
+    pub(crate) is_writer: bool,
+    /// GUID.
+    pub(crate) guid: [u8; 16],
+    /// DDS topic.
+    pub(crate) topic: String,
+    /// DDS type.
+    pub(crate) type_name: String,
+    /// USER_DATA.
+    pub(crate) user_data: Vec<u8>,
+    /// The policies it announces.
+    pub(crate) qos: AnnouncedQos,
+}
+
+/// All endpoints alive now.
+pub(crate) fn endpoints(participant: &Entity) -> Result<Vec<EndpointFound>, ReturnCode> {
+    let mut found = Vec::new();
+    for is_writer in [true, false] {
+        // SAFETY: default QoS, no listener; the pseudo-topic exists in every participant.
+        let reader = Entity::adopt(unsafe {
+            cyclors::dds_create_reader(
+                participant.handle(),
+                builtin_topic(is_writer),
+                ptr::null(),
+                ptr::null(),
+            )
+        })?;
+        while take_batch(&reader, is_writer, &mut |_, endpoint| found.extend(endpoint))? {}
+    }
+    Ok(found)
+}
+
+/// Hears of endpoints that come, change and go.
+///
+/// Fields drop in this order: the reader before what its listener points to.
+pub(crate) struct BuiltinReader {
+    reader: Entity,
+    is_writer: bool,
+    _events: Arc<Events>,
+}
+
+impl BuiltinReader {
+    /// Reader of all writers, or of all readers. `notify` is called from a DDS thread when
+    /// something waits, also for endpoints that exist already, and possibly before this returns.
+    pub(crate) fn new(
+        participant: &Entity,
+        is_writer: bool,
+        notify: Notify,
+    ) -> Result<Self, ReturnCode> {
+        let events = Events::new("DCPS", Reliability::Reliable, notify);
+        let listener = Listener::for_news(&events);
+        // SAFETY: default QoS; the listener is copied by the call, `events` outlives the reader.
+        let reader = Entity::adopt(unsafe {
+            cyclors::dds_create_reader(
+                participant.handle(),
+                builtin_topic(is_writer),
+                ptr::null(),
+                listener.as_ptr(),
+            )
+        })?;
+        Ok(Self { reader, is_writer, _events: events })
+    }
+
+    /// Takes what waits: every endpoint with its number, `None` for one that is gone. The number is
+    /// the one that samples carry as their publisher's.
+    pub(crate) fn take(
+        &self,
+        mut each: impl FnMut(u64, Option<EndpointFound>),
+    ) -> Result<(), ReturnCode> {
+        while take_batch(&self.reader, self.is_writer, &mut each)? {}
+        Ok(())
+    }
+}
+
+impl Drop for BuiltinReader {
+    fn drop(&mut self) {
+        // SAFETY: a null listener removes ours; the call waits for callbacks under way.
+        let code = unsafe { cyclors::dds_set_listener(self.reader.handle(), ptr::null()) };
+        if let Err(error) = ReturnCode::check(code) {
+            tracing::debug!(%error, "a reader of discovery was gone before its owner");
+        }
+    }
+}
+
+fn builtin_topic(is_writer: bool) -> i32 {
+    if is_writer {
+        cyclors::DDS_BUILTIN_TOPIC_DCPSPUBLICATION
+    } else {
+        cyclors::DDS_BUILTIN_TOPIC_DCPSSUBSCRIPTION
+    }
+}
+
+/// Takes one batch; false when nothing is left.
+fn take_batch(
+    reader: &Entity,
+    is_writer: bool,
+    each: &mut impl FnMut(u64, Option<EndpointFound>),
+) -> Result<bool, ReturnCode> {
+    let mut samples: [*mut c_void; BATCH] = [ptr::null_mut(); BATCH];
+    // SAFETY: plain numbers, for which zeros are valid.
+    let mut infos: [cyclors::dds_sample_info_t; BATCH] = unsafe { std::mem::zeroed() };
+    // SAFETY: room for BATCH samples and infos; null pointers ask Cyclone to lend the samples.
+    let taken = ReturnCode::check(unsafe {
+        cyclors::dds_take(
+            reader.handle(),
+            samples.as_mut_ptr(),
+            infos.as_mut_ptr(),
+            BATCH,
+            u32::try_from(BATCH).unwrap_or(1),
+        )
+    })?;
+    if taken == 0 {
+        return Ok(false);
+    }
+    for (sample, info) in samples.iter().zip(&infos).take(usize::try_from(taken).unwrap_or(0)) {
+        let alive = info.instance_state == cyclors::dds_instance_state_DDS_IST_ALIVE;
+        // SAFETY: samples of these topics are of this type and lent until returned below.
+        let endpoint = unsafe { sample.cast::<cyclors::dds_builtintopic_endpoint_t>().as_ref() };
+        let endpoint = match endpoint {
+            Some(endpoint) if alive && info.valid_data => endpoint,
+            _ => {
+                if !alive {
+                    each(info.instance_handle, None);
+                }
+                continue;
+            }
+        };
+        // SAFETY: names are null or NUL-terminated.
+        let (topic, type_name) = unsafe { (text(endpoint.topic_name), text(endpoint.type_name)) };
+        // The readers with which we look are not on the wire.
+        if topic.starts_with("DCPS") {
+            continue;
+        }
+        let found = EndpointFound {
+            is_writer,
+            guid: endpoint.key.v,
+            topic,
+            type_name,
+            // SAFETY: the QoS belongs to the lent sample.
+            user_data: unsafe { user_data(endpoint.qos) },
+            // SAFETY: as above.
+            qos: unsafe { announced(endpoint.qos) },
+        };
+        each(info.instance_handle, Some(found));
+    }
+    // SAFETY: returns exactly what was lent.
+    ReturnCode::check(unsafe {
+        cyclors::dds_return_loan(reader.handle(), samples.as_mut_ptr(), taken)
+    })?;
+    Ok(true)
+}
+
+/// # Safety
+/// `name` is null or NUL-terminated and alive.
+unsafe fn text(name: *const c_char) -> String {
+    if name.is_null() {
+        return String::new();
+    }
+    // SAFETY: by contract.
+    unsafe { CStr::from_ptr(name) }.to_string_lossy().into_owned()
+}
+
+/// USER_DATA of a QoS object.
+///
+/// # Safety
+/// `qos` is null or a QoS object that is alive.
+pub(super) unsafe fn user_data(qos: *const cyclors::dds_qos_t) -> Vec<u8> {
+    let mut data: *mut c_void = ptr::null_mut();
+    let mut bytes = 0;
+    // SAFETY: by contract; the call copies the data into memory that we free.
+    if qos.is_null() || !unsafe { cyclors::dds_qget_userdata(qos, &raw mut data, &raw mut bytes) } {
+        return Vec::new();
+    }
+    if data.is_null() {
+        return Vec::new();
+    }
+    // SAFETY: `bytes` bytes were allocated and filled.
+    let copy = unsafe { std::slice::from_raw_parts(data.cast::<u8>(), bytes) }.to_vec();
+    // SAFETY: allocated by Cyclone, freed once.
+    unsafe { cyclors::dds_free(data) };
+    copy
+}

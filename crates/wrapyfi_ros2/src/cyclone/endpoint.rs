@@ -1,0 +1,264 @@
+//! Writers and readers of serialised messages.
+//!
+//! ```text
+//!   RawWriter.write(pieces) ─▶ serdata ─▶ dds_writecdr        RawReader.take() ◀─ dds_takecdr
+//!        │                                                        │
+//!      Endpoint { entity, topic, events }: listener cleared, then deleted, then events freed
+//! ```
+//!
+//! Contract: calls use the endpoint's own handles; samples are owned by [`Sample`] from the moment
+//! a call returns them.
+#![allow(unsafe_code)]
+
+use std::mem::MaybeUninit;
+use std::ptr;
+use std::sync::Arc;
+
+use bytes::Bytes;
+
+use super::entity::{Entity, ReturnCode};
+use super::events::{Events, Listener};
+use super::matched::{self, Peer, Side};
+use super::qos::{EndpointQos, QosObject};
+use super::sequence::Gaps;
+use super::serdata::Sample;
+
+/// Fields drop in this order: the entity before its topic, both before the events.
+struct Endpoint {
+    entity: Entity,
+    _topic: Entity,
+    events: Arc<Events>,
+}
+
+impl Drop for Endpoint {
+    fn drop(&mut self) {
+        // SAFETY: a null listener removes ours; the call waits for callbacks under way.
+        let code = unsafe { cyclors::dds_set_listener(self.entity.handle(), ptr::null()) };
+        if let Err(error) = ReturnCode::check(code) {
+            tracing::debug!(%error, "endpoint was gone before its owner");
+        }
+    }
+}
+
+/// Writes serialised messages.
+pub(crate) struct RawWriter(Endpoint);
+
+/// Error of a write.
+#[derive(Debug)]
+pub(crate) enum WriteFault {
+    /// Cyclone's word.
+    Code(ReturnCode),
+    /// Ours.
+    Message(String),
+}
+
+impl RawWriter {
+    /// A writer of `topic`, a DDS topic and type name.
+    pub(crate) fn new(
+        participant: &Entity,
+        topic: (&str, &str),
+        qos: &EndpointQos<'_>,
+        events: Arc<Events>,
+    ) -> Result<Self, ReturnCode> {
+        let topic = participant.topic(topic.0, topic.1)?;
+        let qos = QosObject::for_writer(qos);
+        let listener = Listener::for_writer(&events);
+        // SAFETY: QoS and listener are copied by the call; `events` lives as long as the writer.
+        let entity = Entity::adopt(unsafe {
+            cyclors::dds_create_writer(
+                participant.handle(),
+                topic.handle(),
+                qos.as_ptr(),
+                listener.as_ptr(),
+            )
+        })?;
+        Ok(Self(Endpoint { entity, _topic: topic, events }))
+    }
+
+    /// Writes the message made of `parts`.
+    pub(crate) fn write(&self, parts: &[&[u8]]) -> Result<(), WriteFault> {
+        let handle = self.0.entity.handle();
+        let mut sertype = ptr::null();
+        // SAFETY: writes one pointer, which stays valid while the writer lives.
+        ReturnCode::check(unsafe { cyclors::dds_get_entity_sertype(handle, &raw mut sertype) })
+            .map_err(WriteFault::Code)?;
+        // SAFETY: the type of a writer that `self` keeps alive.
+        let sample = unsafe { Sample::from_parts(sertype, parts) }.map_err(WriteFault::Message)?;
+        // SAFETY: the call consumes the reference, also when it fails.
+        ReturnCode::check(unsafe { cyclors::dds_writecdr(handle, sample.into_raw()) })
+            .map_err(WriteFault::Code)?;
+        Ok(())
+    }
+
+    /// Writes a sample without data, so that [`RawWriter::all_acknowledged`] tells whether the
+    /// readers matched now take part: a volatile reader passes over what was written before it
+    /// heard of its writer, and neither side is told.
+    pub(crate) fn probe(&self) -> Result<(), WriteFault> {
+        let handle = self.0.entity.handle();
+        let mut sertype = ptr::null();
+        // SAFETY: writes one pointer, which stays valid while the writer lives.
+        ReturnCode::check(unsafe { cyclors::dds_get_entity_sertype(handle, &raw mut sertype) })
+            .map_err(WriteFault::Code)?;
+        // SAFETY: the type of a writer that `self` keeps alive.
+        let sample = unsafe { Sample::empty(sertype) }
+            .ok_or_else(|| WriteFault::Message("no memory for a sample".to_owned()))?;
+        // SAFETY: the call consumes the reference, also when it fails; it keeps status and time,
+        // which `dds_writecdr` would reset.
+        ReturnCode::check(unsafe { cyclors::dds_forwardcdr(handle, sample.into_raw()) })
+            .map_err(WriteFault::Code)?;
+        Ok(())
+    }
+
+    /// True when reliable readers have acknowledged every message. Never blocks.
+    pub(crate) fn all_acknowledged(&self) -> bool {
+        self.wait_for_acks(0).is_ok()
+    }
+
+    /// Waits until reliable readers have everything, at most `timeout_ns`.
+    pub(crate) fn wait_for_acks(&self, timeout_ns: i64) -> Result<(), ReturnCode> {
+        // SAFETY: plain values.
+        ReturnCode::check(unsafe {
+            cyclors::dds_wait_for_acks(self.0.entity.handle(), timeout_ns)
+        })?;
+        Ok(())
+    }
+
+    /// The readers it is matched with.
+    pub(crate) fn readers(&self) -> Result<Vec<Peer>, ReturnCode> {
+        matched::peers(&self.0.entity, Side::Writer)
+    }
+
+    /// GUID of the writer.
+    pub(crate) fn guid(&self) -> Result<[u8; 16], ReturnCode> {
+        self.0.entity.guid()
+    }
+
+    /// Counters of the events that Cyclone reported about the writer.
+    pub(crate) fn events(&self) -> &Events {
+        &self.0.events
+    }
+}
+
+/// Takes serialised messages.
+pub(crate) struct RawReader {
+    endpoint: Endpoint,
+    gaps: Gaps,
+}
+
+/// Result of taking one sample from a reader.
+pub(crate) enum Taken {
+    /// Nothing: no message waits.
+    Nothing,
+    /// A message.
+    Message(RawSample),
+    /// A message of so many bytes was over the limit and is gone.
+    TooLarge(usize),
+}
+
+/// A message and what came with it.
+pub(crate) struct RawSample {
+    /// Encapsulation header and body.
+    pub(crate) cdr: Bytes,
+    /// Source timestamp in nanoseconds since 1970.
+    pub(crate) source_timestamp_ns: i64,
+    /// Handle of the sample's writer, for [`RawReader::writer`].
+    pub(crate) writer: u64,
+}
+
+impl RawReader {
+    /// A reader of `topic`, a DDS topic and type name.
+    pub(crate) fn new(
+        participant: &Entity,
+        topic: (&str, &str),
+        qos: &EndpointQos<'_>,
+        events: Arc<Events>,
+    ) -> Result<Self, ReturnCode> {
+        let topic = participant.topic(topic.0, topic.1)?;
+        let qos = QosObject::for_reader(qos);
+        let listener = Listener::for_reader(&events);
+        // SAFETY: QoS and listener are copied by the call; `events` lives as long as the reader.
+        let entity = Entity::adopt(unsafe {
+            cyclors::dds_create_reader(
+                participant.handle(),
+                topic.handle(),
+                qos.as_ptr(),
+                listener.as_ptr(),
+            )
+        })?;
+        Ok(Self { endpoint: Endpoint { entity, _topic: topic, events }, gaps: Gaps::default() })
+    }
+
+    /// The next message, unless it is larger than `max_bytes`.
+    pub(crate) fn take(&mut self, max_bytes: usize) -> Result<Taken, ReturnCode> {
+        loop {
+            let mut serdata = ptr::null_mut();
+            let mut info = MaybeUninit::<cyclors::dds_sample_info_t>::zeroed();
+            // SAFETY: room for one sample and its info.
+            let taken = ReturnCode::check(unsafe {
+                cyclors::dds_takecdr(
+                    self.endpoint.entity.handle(),
+                    &raw mut serdata,
+                    1,
+                    info.as_mut_ptr(),
+                    cyclors::DDS_ANY_STATE,
+                )
+            })?;
+            if taken == 0 {
+                return Ok(Taken::Nothing);
+            }
+            // SAFETY: one sample was taken; its reference is ours.
+            let Some(sample) = (unsafe { Sample::adopt(serdata) }) else {
+                return Ok(Taken::Nothing);
+            };
+            // SAFETY: filled by the call, and zeros are valid too.
+            let info = unsafe { info.assume_init() };
+            // News about an instance has no data and no size.
+            if !info.valid_data {
+                continue;
+            }
+            if let Some(number) = sample.sequence() {
+                self.gaps.note(info.publication_handle, number);
+            }
+            let bytes = sample.len();
+            return Ok(if bytes > max_bytes {
+                Taken::TooLarge(bytes)
+            } else {
+                Taken::Message(RawSample {
+                    cdr: sample.into_bytes(),
+                    source_timestamp_ns: info.source_timestamp,
+                    writer: info.publication_handle,
+                })
+            });
+        }
+    }
+
+    /// Messages that were lost before those that were taken, since the last call.
+    pub(crate) fn take_lost(&mut self) -> u64 {
+        self.gaps.take()
+    }
+
+    /// The writers it is matched with.
+    pub(crate) fn writers(&self) -> Result<Vec<Peer>, ReturnCode> {
+        matched::peers(&self.endpoint.entity, Side::Reader)
+    }
+
+    /// Handles of the matched writers, as their samples carry them.
+    pub(crate) fn writer_handles(&self) -> Result<Vec<u64>, ReturnCode> {
+        matched::handles(&self.endpoint.entity, Side::Reader)
+    }
+
+    /// The writer of a sample, while it is matched.
+    pub(crate) fn writer(&self, handle: u64) -> Option<Peer> {
+        matched::peer(&self.endpoint.entity, Side::Reader, handle)
+    }
+
+    /// GUID of the reader.
+    pub(crate) fn guid(&self) -> Result<[u8; 16], ReturnCode> {
+        self.endpoint.entity.guid()
+    }
+
+    /// Counters of the events that Cyclone reported about the reader.
+    pub(crate) fn events(&self) -> &Events {
+        &self.endpoint.events
+    }
+}

@@ -1,0 +1,328 @@
+//! Events of an endpoint: Cyclone's listener callbacks, kept as counters and a doorbell.
+//!
+//! ```text
+//!   receive thread ─▶ callback ─▶ Events { matched, lost, … } ─▶ notify()
+//!                        ▲ arg
+//!                 Arc held by the endpoint, freed after the endpoint is deleted
+//! ```
+//!
+//! Contract: the argument of every callback is a pointer to an [`Events`] whose `Arc` the endpoint
+//! keeps until Cyclone can call no more. Callbacks take no lock of ours and never panic into C.
+#![allow(unsafe_code)]
+
+use std::ffi::c_void;
+use std::fmt;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+use std::sync::atomic::{
+    AtomicU32, AtomicU64, AtomicUsize,
+    Ordering::{Acquire, Relaxed, Release},
+};
+
+use crate::graph::Notify;
+use wrapyfi_endpoint::Reliability;
+
+/// Counters of the events that Cyclone reported about one endpoint.
+pub(crate) struct Events {
+    topic: String,
+    reliability: Reliability,
+    notify: Notify,
+    matched: AtomicUsize,
+    /// Number of changes of `matched`.
+    changes: AtomicU64,
+    lost: AtomicU64,
+    /// Policy of the last refused peer; 0 when none was refused.
+    policy: AtomicU32,
+    deadlines: AtomicU64,
+    livelinesses: AtomicU64,
+}
+
+impl Events {
+    /// Counters of a new endpoint, all zero.
+    pub(crate) fn new(topic: &str, reliability: Reliability, notify: Notify) -> Arc<Self> {
+        Arc::new(Self {
+            topic: topic.to_owned(),
+            reliability,
+            notify,
+            matched: AtomicUsize::new(0),
+            changes: AtomicU64::new(0),
+            lost: AtomicU64::new(0),
+            policy: AtomicU32::new(0),
+            deadlines: AtomicU64::new(0),
+            livelinesses: AtomicU64::new(0),
+        })
+    }
+
+    /// Deadlines that passed since the last call: those of writers for a reader, else our own.
+    pub(crate) fn take_missed_deadlines(&self) -> u64 {
+        self.deadlines.swap(0, Relaxed)
+    }
+
+    /// Number of times since the last call that a writer which a reader hears was no longer alive,
+    /// or a writer of ours was not alive in time.
+    pub(crate) fn take_lost_liveliness(&self) -> u64 {
+        self.livelinesses.swap(0, Relaxed)
+    }
+
+    /// Peers matched now.
+    pub(crate) fn matched(&self) -> usize {
+        self.matched.load(Relaxed)
+    }
+
+    /// Grows whenever a peer comes or goes.
+    pub(crate) fn changes(&self) -> u64 {
+        self.changes.load(Acquire)
+    }
+
+    /// Samples lost since the last call.
+    pub(crate) fn take_lost(&self) -> u64 {
+        self.lost.swap(0, Relaxed)
+    }
+
+    /// Name of the policy over which the last peer was refused.
+    pub(crate) fn incompatible(&self) -> Option<&'static str> {
+        match self.policy.load(Relaxed) {
+            0 => None,
+            policy => Some(policy_name(policy)),
+        }
+    }
+
+    fn ring(&self) {
+        if catch_unwind(AssertUnwindSafe(|| (self.notify)())).is_err() {
+            // Formatting a plain line may panic only if the subscriber does: swallow that too.
+            _ = catch_unwind(|| tracing::error!("a callback for DDS events panicked"));
+        }
+    }
+
+    fn set_matched(&self, count: u32) {
+        self.matched.store(usize::try_from(count).unwrap_or(usize::MAX), Relaxed);
+        self.changes.fetch_add(1, Release);
+        self.ring();
+    }
+
+    fn refused(&self, policy: u32, peer: Peer) {
+        self.policy.store(policy, Relaxed);
+        // The endpoint's owner tells the user, with names and values.
+        _ = catch_unwind(AssertUnwindSafe(|| {
+            tracing::debug!(
+                topic = self.topic,
+                policy = policy_name(policy),
+                "{peer} does not match, its quality of service is incompatible"
+            );
+        }));
+        self.ring();
+    }
+
+    fn add_lost(&self, change: i32) {
+        self.add(&self.lost, change);
+    }
+
+    fn add(&self, counter: &AtomicU64, change: i32) {
+        // News without a change, such as a publisher that is alive again, wakes nobody.
+        if let Ok(change @ 1..) = u64::try_from(change) {
+            counter.fetch_add(change, Relaxed);
+            self.ring();
+        }
+    }
+}
+
+/// Kind of the endpoints that an endpoint is matched with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Peer {
+    Publisher,
+    Subscriber,
+}
+
+impl fmt::Display for Peer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Publisher => "a publisher",
+            Self::Subscriber => "a subscriber",
+        })
+    }
+}
+
+/// Name of a policy as ROS 2 writes it.
+fn policy_name(policy: u32) -> &'static str {
+    match policy {
+        cyclors::dds_qos_policy_id_DDS_DURABILITY_QOS_POLICY_ID => "durability",
+        cyclors::dds_qos_policy_id_DDS_PRESENTATION_QOS_POLICY_ID => "presentation",
+        cyclors::dds_qos_policy_id_DDS_DEADLINE_QOS_POLICY_ID => "deadline",
+        cyclors::dds_qos_policy_id_DDS_LATENCYBUDGET_QOS_POLICY_ID => "latency budget",
+        cyclors::dds_qos_policy_id_DDS_OWNERSHIP_QOS_POLICY_ID => "ownership",
+        cyclors::dds_qos_policy_id_DDS_LIVELINESS_QOS_POLICY_ID => "liveliness",
+        cyclors::dds_qos_policy_id_DDS_PARTITION_QOS_POLICY_ID => "partition",
+        cyclors::dds_qos_policy_id_DDS_RELIABILITY_QOS_POLICY_ID => "reliability",
+        cyclors::dds_qos_policy_id_DDS_DESTINATIONORDER_QOS_POLICY_ID => "destination order",
+        cyclors::dds_qos_policy_id_DDS_TYPE_CONSISTENCY_ENFORCEMENT_QOS_POLICY_ID => "type",
+        cyclors::dds_qos_policy_id_DDS_DATA_REPRESENTATION_QOS_POLICY_ID => "data representation",
+        _ => "another policy",
+    }
+}
+
+/// Owns a `dds_listener_t`, which the create call of an endpoint copies.
+pub(super) struct Listener(*mut cyclors::dds_listener_t);
+
+impl Listener {
+    /// Listener of a reader. `events` must outlive the reader.
+    pub(super) fn for_reader(events: &Arc<Events>) -> Self {
+        let listener = Self::new(events);
+        // SAFETY: the functions below accept the argument that `new` gave.
+        unsafe {
+            cyclors::dds_lset_data_available(listener.0, Some(on_data));
+            cyclors::dds_lset_subscription_matched(listener.0, Some(on_reader_matched));
+            cyclors::dds_lset_sample_lost(listener.0, Some(on_lost));
+            cyclors::dds_lset_sample_rejected(listener.0, Some(on_rejected));
+            cyclors::dds_lset_requested_incompatible_qos(listener.0, Some(on_writer_refused));
+            cyclors::dds_lset_requested_deadline_missed(listener.0, Some(on_writer_late));
+            cyclors::dds_lset_liveliness_changed(listener.0, Some(on_writer_alive_or_not));
+        }
+        listener
+    }
+
+    /// Listener of a writer. `events` must outlive the writer.
+    pub(super) fn for_writer(events: &Arc<Events>) -> Self {
+        let listener = Self::new(events);
+        // SAFETY: as above.
+        unsafe {
+            cyclors::dds_lset_publication_matched(listener.0, Some(on_writer_matched));
+            cyclors::dds_lset_offered_incompatible_qos(listener.0, Some(on_reader_refused));
+            cyclors::dds_lset_offered_deadline_missed(listener.0, Some(on_late));
+            cyclors::dds_lset_liveliness_lost(listener.0, Some(on_not_alive));
+        }
+        listener
+    }
+
+    /// Listener of a reader of a built-in topic: rings when something waits. `events` must outlive
+    /// it.
+    pub(super) fn for_news(events: &Arc<Events>) -> Self {
+        let listener = Self::new(events);
+        // SAFETY: as above.
+        unsafe { cyclors::dds_lset_data_available(listener.0, Some(on_data)) };
+        listener
+    }
+
+    fn new(events: &Arc<Events>) -> Self {
+        // SAFETY: the pointer is only stored; callbacks read it while the Arc lives.
+        Self(unsafe { cyclors::dds_create_listener(Arc::as_ptr(events).cast_mut().cast()) })
+    }
+
+    pub(super) fn as_ptr(&self) -> *const cyclors::dds_listener_t {
+        self.0
+    }
+}
+
+impl Drop for Listener {
+    fn drop(&mut self) {
+        // SAFETY: created in `new`, freed once; endpoints hold their own copy.
+        unsafe { cyclors::dds_delete_listener(self.0) };
+    }
+}
+
+/// Runs `react` on the events behind a callback's argument.
+///
+/// # Safety
+/// `arg` is the pointer that [`Listener::new`] stored, and its `Arc` is alive.
+unsafe fn with(arg: *mut c_void, react: impl FnOnce(&Events)) {
+    // SAFETY: by this function's contract.
+    if let Some(events) = unsafe { arg.cast::<Events>().as_ref() } {
+        react(events);
+    }
+}
+
+unsafe extern "C" fn on_data(_: i32, arg: *mut c_void) {
+    // SAFETY: Cyclone passes the listener's argument.
+    unsafe { with(arg, Events::ring) }
+}
+
+unsafe extern "C" fn on_reader_matched(
+    _: i32,
+    status: cyclors::dds_subscription_matched_status_t,
+    arg: *mut c_void,
+) {
+    // SAFETY: as above.
+    unsafe { with(arg, |events| events.set_matched(status.current_count)) }
+}
+
+unsafe extern "C" fn on_writer_matched(
+    _: i32,
+    status: cyclors::dds_publication_matched_status_t,
+    arg: *mut c_void,
+) {
+    // SAFETY: as above.
+    unsafe { with(arg, |events| events.set_matched(status.current_count)) }
+}
+
+unsafe extern "C" fn on_lost(_: i32, status: cyclors::dds_sample_lost_status_t, arg: *mut c_void) {
+    // SAFETY: as above.
+    unsafe { with(arg, |events| events.add_lost(status.total_count_change)) }
+}
+
+unsafe extern "C" fn on_rejected(
+    _: i32,
+    status: cyclors::dds_sample_rejected_status_t,
+    arg: *mut c_void,
+) {
+    // A reliable writer sends a rejected sample again; only the others have lost it.
+    // SAFETY: as above.
+    unsafe {
+        with(arg, |events| match events.reliability {
+            Reliability::Reliable => events.ring(),
+            Reliability::BestEffort => events.add_lost(status.total_count_change),
+        });
+    }
+}
+
+unsafe extern "C" fn on_writer_refused(
+    _: i32,
+    status: cyclors::dds_requested_incompatible_qos_status_t,
+    arg: *mut c_void,
+) {
+    // SAFETY: as above.
+    unsafe { with(arg, |events| events.refused(status.last_policy_id, Peer::Publisher)) }
+}
+
+unsafe extern "C" fn on_reader_refused(
+    _: i32,
+    status: cyclors::dds_offered_incompatible_qos_status_t,
+    arg: *mut c_void,
+) {
+    // SAFETY: as above.
+    unsafe { with(arg, |events| events.refused(status.last_policy_id, Peer::Subscriber)) }
+}
+
+unsafe extern "C" fn on_writer_late(
+    _: i32,
+    status: cyclors::dds_requested_deadline_missed_status_t,
+    arg: *mut c_void,
+) {
+    // SAFETY: as above.
+    unsafe { with(arg, |events| events.add(&events.deadlines, status.total_count_change)) }
+}
+
+unsafe extern "C" fn on_late(
+    _: i32,
+    status: cyclors::dds_offered_deadline_missed_status_t,
+    arg: *mut c_void,
+) {
+    // SAFETY: as above.
+    unsafe { with(arg, |events| events.add(&events.deadlines, status.total_count_change)) }
+}
+
+unsafe extern "C" fn on_writer_alive_or_not(
+    _: i32,
+    status: cyclors::dds_liveliness_changed_status_t,
+    arg: *mut c_void,
+) {
+    // SAFETY: as above.
+    unsafe { with(arg, |events| events.add(&events.livelinesses, status.not_alive_count_change)) }
+}
+
+unsafe extern "C" fn on_not_alive(
+    _: i32,
+    status: cyclors::dds_liveliness_lost_status_t,
+    arg: *mut c_void,
+) {
+    // SAFETY: as above.
+    unsafe { with(arg, |events| events.add(&events.livelinesses, status.total_count_change)) }
+}

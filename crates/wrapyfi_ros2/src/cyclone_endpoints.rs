@@ -1,0 +1,162 @@
+//! Writers and readers of a node on CycloneDDS.
+//!
+//! ```text
+//!   CycloneWriter ─ RawWriter ─┐                 CycloneReader ─ RawReader ─┐
+//!         └──── Listed ────────┴──▶ Node ◀──────────── Listed ──────────────┘
+//! ```
+//!
+//! Each keeps the node alive and is listed in it.
+
+use std::sync::Arc;
+
+use super::cyclone::{Events, RawReader, RawWriter, ReturnCode, Taken, WriteFault};
+use super::cyclone_graph::{MAX_BLOCKING, Node};
+use super::discovery_info::{EndpointKind, Gid};
+use super::graph::{CdrReader, CdrSample, CdrWriter, GraphError, QosEvents, TopicDescription};
+use super::pacing::Pacing;
+
+/// An endpoint's entry in its node, removed on drop.
+pub(super) struct Listed {
+    node: Arc<Node>,
+    kind: EndpointKind,
+    gid: Gid,
+}
+
+impl Listed {
+    pub(super) fn new(node: &Arc<Node>, kind: EndpointKind, gid: Gid) -> Self {
+        node.info().add(kind, gid);
+        Self { node: Arc::clone(node), kind, gid }
+    }
+}
+
+impl Drop for Listed {
+    fn drop(&mut self) {
+        self.node.info().remove(self.kind, &self.gid);
+    }
+}
+
+/// Fields drop in this order: the writer, then its entry.
+pub(super) struct CycloneWriter {
+    pacing: Pacing,
+    raw: RawWriter,
+    topic: String,
+    _listed: Listed,
+}
+
+impl CycloneWriter {
+    pub(super) fn new(raw: RawWriter, topic: &str, pacing: Pacing, listed: Listed) -> Self {
+        Self { pacing, raw, topic: topic.to_owned(), _listed: listed }
+    }
+}
+
+impl CdrWriter for CycloneWriter {
+    fn write(&mut self, parts: &[&[u8]]) -> Result<(), GraphError> {
+        let bytes = parts.iter().map(|part| part.len()).sum();
+        if !self.pacing.admit(&self.raw, bytes) {
+            return Err(timeout(&self.topic));
+        }
+        write(&self.raw, &self.topic, parts)
+    }
+
+    fn slowed(&self) -> Option<String> {
+        self.pacing.slowed()
+    }
+
+    fn matched(&self) -> usize {
+        self.raw.events().matched()
+    }
+
+    fn incompatible(&self) -> Option<&'static str> {
+        self.raw.events().incompatible()
+    }
+
+    fn qos_events(&self) -> QosEvents {
+        qos_events(self.raw.events())
+    }
+}
+
+/// Writes a message to `topic`.
+pub(super) fn write(raw: &RawWriter, topic: &str, parts: &[&[u8]]) -> Result<(), GraphError> {
+    raw.write(parts).map_err(|fault| match fault {
+        WriteFault::Code(code) if code.is_timeout() => timeout(topic),
+        WriteFault::Code(code) => stack("writing", topic, code),
+        WriteFault::Message(reason) => {
+            GraphError::Stack { operation: "writing", topic: topic.to_owned(), reason }
+        }
+    })
+}
+
+fn timeout(topic: &str) -> GraphError {
+    let timeout_ms = u64::try_from(MAX_BLOCKING.as_millis()).unwrap_or(u64::MAX);
+    GraphError::Timeout { topic: topic.to_owned(), timeout_ms }
+}
+
+/// Fields drop in this order: the reader, then its entry.
+pub(super) struct CycloneReader {
+    raw: RawReader,
+    topic: String,
+    max_bytes: usize,
+    _listed: Listed,
+}
+
+impl CycloneReader {
+    pub(super) fn new(raw: RawReader, topic: &TopicDescription, listed: Listed) -> Self {
+        let (topic, max_bytes) = (topic.name.clone(), topic.max_bytes);
+        Self { raw, topic, max_bytes, _listed: listed }
+    }
+}
+
+impl CdrReader for CycloneReader {
+    fn take(&mut self) -> Result<Option<CdrSample>, GraphError> {
+        match self.raw.take(self.max_bytes) {
+            Ok(Taken::Nothing) => Ok(None),
+            Ok(Taken::Message(sample)) => Ok(Some(CdrSample {
+                cdr: sample.cdr,
+                source_timestamp_ns: sample.source_timestamp_ns,
+                publisher: sample.writer,
+            })),
+            Ok(Taken::TooLarge(actual)) => Err(GraphError::TooLarge {
+                topic: self.topic.clone(),
+                actual,
+                limit: self.max_bytes,
+            }),
+            Err(code) => Err(stack("taking", &self.topic, code)),
+        }
+    }
+
+    fn matched(&self) -> usize {
+        self.raw.events().matched()
+    }
+
+    fn publishers(&self) -> Option<Vec<u64>> {
+        self.raw.writer_handles().ok()
+    }
+
+    fn publisher_gid(&self, publisher: u64) -> Option<[u8; 16]> {
+        self.raw.writer(publisher).map(|peer| peer.guid)
+    }
+
+    fn lost(&mut self) -> u64 {
+        self.raw.take_lost()
+    }
+
+    fn incompatible(&self) -> Option<&'static str> {
+        self.raw.events().incompatible()
+    }
+
+    fn qos_events(&self) -> QosEvents {
+        qos_events(self.raw.events())
+    }
+}
+
+fn qos_events(events: &Events) -> QosEvents {
+    QosEvents {
+        deadlines_missed: events.take_missed_deadlines(),
+        liveliness_lost: events.take_lost_liveliness(),
+    }
+}
+
+/// Error for a call that CycloneDDS refused.
+pub(super) fn stack(operation: &'static str, topic: &str, code: ReturnCode) -> GraphError {
+    GraphError::Stack { operation, topic: topic.to_owned(), reason: code.to_string() }
+}

@@ -1,0 +1,341 @@
+//! [`Graph`] on CycloneDDS: one participant, one node.
+//!
+//! ```text
+//!   CycloneGraph ──▶ Node { discovery info, participant, domain lease }
+//!                      ▲ kept alive by its endpoints: cyclone_endpoints, cyclone_service
+//! ```
+
+use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use super::config::CycloneConfig;
+use super::cyclone::{self, EndpointQos, Entity, Events, RawReader, RawWriter, ReturnCode};
+use super::cyclone_endpoints::{CycloneReader, CycloneWriter, Listed, stack};
+use super::cyclone_service::{CycloneClient, CycloneServer, Ends};
+use super::dds_terms::{ENCLAVE, discovered, end_user_data, marked, to_dds, user_data};
+use super::discovery_info::{DiscoveryInfo, EndpointKind, Gid};
+use super::domain::{DomainError, DomainLease};
+use super::graph::{
+    CdrClient, CdrReader, CdrServer, CdrWriter, DiscoveredEndpoint, Graph, GraphError, NodeWatch,
+    Notify, PeerWatch, Replay, ServiceDescription, ServiceMapping, TopicDescription, WriterTraits,
+};
+use super::names;
+use super::owners::Owners;
+use super::pacing::Pacing;
+use super::peer_index::PeerIndex;
+use super::services::Services;
+use wrapyfi_endpoint::{BridgeMark, History, Qos, Reliability};
+use wrapyfi_node::NodeName;
+
+/// Longest time that a write waits for reliable readers; only keep-all writers wait, the others
+/// overwrite
+/// their oldest. A lost acknowledgement is repeated with the next
+/// heartbeat, 100 ms later, so less would drop messages that were about to go; much more would let
+/// one stopped subscriber hold up everything that the same thread propagates.
+pub(super) const MAX_BLOCKING: Duration = Duration::from_millis(500);
+
+/// Error of creating a node on CycloneDDS.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum CycloneError {
+    /// The node's domain cannot be joined.
+    #[error(transparent)]
+    Domain(#[from] DomainError),
+    /// Cyclone refused the participant or its announcement.
+    #[error("CycloneDDS could not create the node: {0}")]
+    Participant(String),
+}
+
+/// A node on CycloneDDS.
+#[derive(Clone)]
+pub struct CycloneGraph(Arc<Node>);
+
+/// Fields drop in this order: announcement, what watches discovery, participant, domain.
+pub(super) struct Node {
+    name: NodeName,
+    peers: Mutex<Option<Arc<PeerIndex>>>,
+    info: Mutex<DiscoveryInfo>,
+    participant: Entity,
+    gid: Gid,
+    /// Clients and servers created so far, which are numbered.
+    service_ends: AtomicU32,
+    services: Services,
+    _domain: DomainLease,
+}
+
+impl CycloneGraph {
+    /// Joins the domain and announces the node.
+    ///
+    /// # Errors
+    /// When another node of this process uses the domain with another configuration, or Cyclone
+    /// refuses.
+    pub fn new(config: &CycloneConfig) -> Result<Self, CycloneError> {
+        let domain = DomainLease::acquire(config.domain_id, &config.sources())?;
+        let fault = |code: ReturnCode| CycloneError::Participant(code.to_string());
+        let participant = Entity::participant(config.domain_id, ENCLAVE).map_err(fault)?;
+        let gid = participant.guid().map_err(fault)?;
+        let info = DiscoveryInfo::new(&participant, &config.node).map_err(fault)?;
+        info.publish();
+        tracing::info!(
+            node = config.node.fqn(),
+            domain = config.domain_id,
+            range = ?config.discovery.range,
+            "ROS 2 node on CycloneDDS"
+        );
+        let graph = Self(Arc::new(Node {
+            name: config.node.clone(),
+            peers: Mutex::new(None),
+            info: Mutex::new(info),
+            participant,
+            gid,
+            service_ends: AtomicU32::new(1),
+            services: Services::new(config),
+            _domain: domain,
+        }));
+        graph.0.services.announce(&graph.0);
+        Ok(graph)
+    }
+
+    pub(super) fn of(node: &Arc<Node>) -> Self {
+        Self(Arc::clone(node))
+    }
+
+    /// GUID of the participant, as `ros_discovery_info` carries it.
+    #[must_use]
+    pub fn gid(&self) -> [u8; 16] {
+        self.0.gid
+    }
+
+    /// Like [`Graph::subscribe`], with the names of DDS: for topics that are no ROS topics, such as
+    /// `ros_discovery_info`.
+    ///
+    /// # Errors
+    /// When Cyclone refuses.
+    pub fn subscribe_dds(
+        &self,
+        topic: &TopicDescription,
+        on_data: Notify,
+    ) -> Result<Box<dyn CdrReader>, GraphError> {
+        let fault = |code| stack("creating a reader", &topic.name, code);
+        let events = Events::new(&topic.name, topic.qos.reliability, on_data);
+        let user_data = user_data(topic);
+        let names = (topic.name.as_str(), topic.type_name.as_str());
+        let raw = RawReader::new(&self.0.participant, names, &qos(topic, &user_data), events)
+            .map_err(fault)?;
+        let gid = raw.guid().map_err(fault)?;
+        let listed = Listed::new(&self.0, EndpointKind::Reader, gid);
+        Ok(Box::new(CycloneReader::new(raw, topic, listed)))
+    }
+
+    /// Like [`Graph::advertise`], with the names of DDS.
+    ///
+    /// # Errors
+    /// When Cyclone refuses.
+    pub fn advertise_dds(
+        &self,
+        topic: &TopicDescription,
+        on_match: Notify,
+    ) -> Result<Box<dyn CdrWriter>, GraphError> {
+        self.write_dds(topic, WriterTraits::default(), on_match)
+    }
+
+    fn write_dds(
+        &self,
+        topic: &TopicDescription,
+        WriterTraits { replay, mark }: WriterTraits<'_>,
+        on_match: Notify,
+    ) -> Result<Box<dyn CdrWriter>, GraphError> {
+        let fault = |code| stack("creating a writer", &topic.name, code);
+        let events = Events::new(&topic.name, topic.qos.reliability, on_match);
+        let user_data = marked(user_data(topic), mark);
+        let names = (topic.name.as_str(), topic.type_name.as_str());
+        let qos = EndpointQos { replay, ..qos(topic, &user_data) };
+        let raw = RawWriter::new(&self.0.participant, names, &qos, events).map_err(fault)?;
+        let gid = raw.guid().map_err(fault)?;
+        let listed = Listed::new(&self.0, EndpointKind::Writer, gid);
+        let pacing = Pacing::new(&self.0, topic);
+        Ok(Box::new(CycloneWriter::new(raw, &topic.name, pacing, listed)))
+    }
+
+    /// The two endpoints of a client (`clientid`) or a server (`serviceid`), the GUID of the writer,
+    /// and their entries in the node.
+    fn ends(
+        &self,
+        service: &ServiceDescription,
+        id_key: &'static str,
+        mark: Option<&BridgeMark>,
+        on_event: &Notify,
+    ) -> Result<(Ends, Gid, [Listed; 2]), GraphError> {
+        let fault = |reason: String| GraphError::Stack {
+            operation: "creating a service's endpoints",
+            topic: service.name.clone(),
+            reason,
+        };
+        let code = |code: ReturnCode| fault(code.to_string());
+        let names = names::service_to_dds(&service.name, &service.type_name)
+            .map_err(|error| fault(error.to_string()))?;
+        let node = &self.0;
+        let id = names::end_id(&node.gid, node.service_ends.fetch_add(1, Relaxed));
+        let data =
+            |hash: &Option<String>| marked(end_user_data(id_key, &id, hash.as_deref()), mark);
+        let requests = (names.requests(), data(&service.request_hash));
+        let replies = (names.replies(), data(&service.response_hash));
+        let (written, read) =
+            if id_key == "clientid" { (requests, replies) } else { (replies, requests) };
+        let qos = |user_data| EndpointQos {
+            qos: Qos { history: History::KeepLast(service.depth), ..Qos::default() },
+            max_blocking: MAX_BLOCKING,
+            user_data,
+            // A node may call its own services.
+            ignore_local: false,
+            replay: Replay::History,
+        };
+        let events = || Events::new(&service.name, Reliability::Reliable, Arc::clone(on_event));
+        // As ROS 2 does: the reader first, so that no reply finds nobody.
+        let reader = RawReader::new(&node.participant, read.0, &qos(&read.1), events());
+        let reader = reader.map_err(code)?;
+        let writer = RawWriter::new(&node.participant, written.0, &qos(&written.1), events());
+        let writer = writer.map_err(code)?;
+        let gid = writer.guid().map_err(code)?;
+        let listed = [
+            Listed::new(node, EndpointKind::Reader, reader.guid().map_err(code)?),
+            Listed::new(node, EndpointKind::Writer, gid),
+        ];
+        Ok((Ends::new(&service.name, writer, reader, service.max_bytes), gid, listed))
+    }
+}
+
+impl Graph for CycloneGraph {
+    fn node(&self) -> &NodeName {
+        &self.0.name
+    }
+
+    fn advertise(
+        &self,
+        topic: &TopicDescription,
+        on_match: Notify,
+    ) -> Result<Box<dyn CdrWriter>, GraphError> {
+        self.advertise_dds(&to_dds(topic)?, on_match)
+    }
+
+    fn advertise_with(
+        &self,
+        topic: &TopicDescription,
+        traits: WriterTraits<'_>,
+        on_match: Notify,
+    ) -> Result<Box<dyn CdrWriter>, GraphError> {
+        self.write_dds(&to_dds(topic)?, traits, on_match)
+    }
+
+    fn subscribe(
+        &self,
+        topic: &TopicDescription,
+        on_data: Notify,
+    ) -> Result<Box<dyn CdrReader>, GraphError> {
+        self.subscribe_dds(&to_dds(topic)?, on_data)
+    }
+
+    fn service_mapping(&self) -> ServiceMapping {
+        self.0.services.mapping()
+    }
+
+    fn client(
+        &self,
+        service: &ServiceDescription,
+        on_event: Notify,
+    ) -> Result<Box<dyn CdrClient>, GraphError> {
+        if let Some(other) = self.0.services.elsewhere(service)? {
+            return other.client(service, on_event);
+        }
+        let (ends, guid, listed) = self.ends(service, "clientid", None, &on_event)?;
+        Ok(Box::new(CycloneClient::new(ends, guid, listed)))
+    }
+
+    fn server(
+        &self,
+        service: &ServiceDescription,
+        on_event: Notify,
+    ) -> Result<Box<dyn CdrServer>, GraphError> {
+        self.server_marked(service, None, on_event)
+    }
+
+    fn server_marked(
+        &self,
+        service: &ServiceDescription,
+        mark: Option<&BridgeMark>,
+        on_event: Notify,
+    ) -> Result<Box<dyn CdrServer>, GraphError> {
+        // There, there is no room for a mark.
+        if let Some(other) = self.0.services.elsewhere(service)? {
+            return other.server(service, on_event);
+        }
+        let (ends, _, listed) = self.ends(service, "serviceid", mark, &on_event)?;
+        Ok(Box::new(CycloneServer::new(ends, listed)))
+    }
+
+    fn endpoints(&self) -> Result<Vec<DiscoveredEndpoint>, GraphError> {
+        let found = cyclone::endpoints(&self.0.participant)
+            .map_err(|code| stack("listing endpoints", &self.0.name.fqn(), code))?;
+        Ok(found
+            .into_iter()
+            .map(|endpoint| {
+                let mut endpoint = discovered(endpoint, &self.0.gid);
+                endpoint.is_own |= self.0.services.owns(&endpoint.gid);
+                endpoint
+            })
+            .collect())
+    }
+
+    fn watch(
+        &self,
+        topic: &str,
+        publishers: bool,
+        on_change: Notify,
+    ) -> Result<Box<dyn PeerWatch>, GraphError> {
+        let index = self.0.peer_index().map_err(|code| stack("watching", topic, code))?;
+        let topic = names::topic_to_dds(topic);
+        Ok(Box::new(index.watch(Arc::clone(&self.0), topic, publishers, on_change)))
+    }
+
+    fn nodes(&self) -> Result<Box<dyn NodeWatch>, GraphError> {
+        Ok(Box::new(Owners::listen(self)?))
+    }
+}
+
+impl Node {
+    pub(super) fn info(&self) -> MutexGuard<'_, DiscoveryInfo> {
+        self.info.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Index of the endpoints that discovery has found, by topic; started by the first call.
+    fn peer_index(&self) -> Result<Arc<PeerIndex>, ReturnCode> {
+        let mut peers = self.peers.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(index) = &*peers {
+            return Ok(Arc::clone(index));
+        }
+        let index = PeerIndex::new(&self.participant, self.gid)?;
+        *peers = Some(Arc::clone(&index));
+        Ok(index)
+    }
+}
+
+impl Drop for Node {
+    fn drop(&mut self) {
+        self.info().retire();
+        if let Some(index) = self.peers.get_mut().unwrap_or_else(PoisonError::into_inner) {
+            index.close();
+        }
+    }
+}
+
+fn qos<'a>(topic: &TopicDescription, user_data: &'a str) -> EndpointQos<'a> {
+    // A node does not hear itself: this is what keeps routes from looping.
+    EndpointQos {
+        qos: topic.qos,
+        max_blocking: MAX_BLOCKING,
+        user_data,
+        ignore_local: true,
+        replay: Replay::History,
+    }
+}

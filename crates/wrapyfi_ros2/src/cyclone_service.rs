@@ -1,0 +1,317 @@
+//! Services on CycloneDDS, as `rmw_cyclonedds_cpp` maps them.
+//!
+//! ```text
+//!   CycloneClient   writer rq/…Request ──▶ reader   CycloneServer
+//!                   reader rr/…Reply  ◀── writer
+//!                   identity in front of every body: service_header
+//! ```
+//!
+//! All clients of a service hear all its replies; each keeps its own.
+
+use std::cell::{Cell, RefCell};
+use std::collections::{HashMap, HashSet};
+use std::time::{Duration, Instant};
+
+use super::cyclone::{RawReader, RawSample, RawWriter, Taken};
+use super::graph::{
+    CdrClient, CdrReply, CdrRequest, CdrServer, GraphError, Peers, RequestId, ServiceMapping,
+};
+use super::service::LOOK_AGAIN;
+use super::service_header::{self, HEADER, LEAST};
+use super::vendor::{EndKey, mapping_of, pair};
+
+/// Clients whose endpoints a server remembers.
+const MAX_CLIENTS: usize = 1024;
+/// Writers whose peers are remembered.
+const MAX_WRITERS: usize = 1024;
+/// Time that the other ends have to confirm that they hear; after it they count as hearing.
+const CONFIRM: Duration = Duration::from_secs(1);
+/// Service mapping of this module.
+const OURS: ServiceMapping = ServiceMapping::Cyclone;
+
+/// Origin of a sample: the key that its sender's endpoints have in common, and the sender's mapping
+/// where that is not ours.
+type Origin = (EndKey, Option<ServiceMapping>);
+
+/// The two endpoints of a client or a server.
+pub(super) struct Ends {
+    /// Service, for messages.
+    pub(super) service: String,
+    /// Writer of requests for a client, of replies for a server.
+    pub(super) writer: RawWriter,
+    /// Reader of replies for a client, of requests for a server.
+    pub(super) reader: RawReader,
+    /// Largest message without its identity.
+    pub(super) max_bytes: usize,
+    /// Origins of samples, by the handle of the sample's writer.
+    writers: RefCell<HashMap<u64, Option<Origin>>>,
+    /// Change of the writer's matches that was probed last, the time of the probe, and true when
+    /// all had confirmed it at the last look.
+    probed: Cell<(u64, Instant, bool)>,
+}
+
+impl Ends {
+    pub(super) fn new(
+        service: &str,
+        writer: RawWriter,
+        reader: RawReader,
+        max_bytes: usize,
+    ) -> Self {
+        let (service, writers) = (service.to_owned(), RefCell::default());
+        let probed = Cell::new((0, Instant::now(), true));
+        Self { service, writer, reader, max_bytes, writers, probed }
+    }
+
+    /// The next sample, the identity still in it.
+    fn take(&mut self) -> Result<Option<RawSample>, GraphError> {
+        match self.reader.take(self.max_bytes.saturating_add(HEADER)) {
+            Ok(Taken::Nothing) => Ok(None),
+            Ok(Taken::Message(sample)) => Ok(Some(sample)),
+            Ok(Taken::TooLarge(actual)) => Err(GraphError::TooLarge {
+                topic: self.service.clone(),
+                actual: actual.saturating_sub(HEADER),
+                limit: self.max_bytes,
+            }),
+            Err(code) => Err(self.fault("taking", &code.to_string())),
+        }
+    }
+
+    /// Sender of a sample; `None` where the writer is gone.
+    fn origin(&self, sample: &RawSample) -> Option<Origin> {
+        let mut writers = self.writers.borrow_mut();
+        if writers.len() >= MAX_WRITERS {
+            writers.clear();
+        }
+        let known = writers.entry(sample.writer).or_insert_with(|| {
+            let peer = self.reader.writer(sample.writer)?;
+            let theirs = mapping_of(&peer.guid).filter(|&theirs| theirs != OURS);
+            Some((EndKey::new(&peer.guid, &peer.user_data), theirs))
+        });
+        known.clone()
+    }
+
+    /// True when the readers that are matched now would hear a message written now. A match on our
+    /// side is not enough: see [`RawWriter::probe`].
+    fn heard(&self) -> bool {
+        let changes = self.writer.events().changes();
+        let (mut known, mut since, mut confirmed) = self.probed.get();
+        if known != changes {
+            (known, since) = (changes, Instant::now());
+            // A probe that cannot be written counts as confirmed: a message fails likewise, and
+            // says why.
+            confirmed = self.writer.probe().is_err();
+        }
+        confirmed = confirmed || self.writer.all_acknowledged() || since.elapsed() >= CONFIRM;
+        self.probed.set((known, since, confirmed));
+        confirmed
+    }
+
+    /// When to ask [`Ends::heard`] again, where it has said no: nobody is told of acknowledgements.
+    /// Soon after a match, then ever less often, until [`CONFIRM`] is over. What it said counts, not
+    /// what it would say now: that would keep the news from whoever was told no.
+    fn look_again(&self) -> Option<Duration> {
+        let (_, since, confirmed) = self.probed.get();
+        (!confirmed).then(|| (since.elapsed() / 4).max(LOOK_AGAIN))
+    }
+
+    fn send(&self, client: u64, sequence: i64, parts: &[&[u8]]) -> Result<(), GraphError> {
+        let mut room = [0; HEADER];
+        let joined = service_header::join(client, sequence, parts, &mut room)
+            .ok_or_else(|| self.fault("writing", "the message has no encapsulation header"))?;
+        super::cyclone_endpoints::write(&self.writer, &self.service, &joined)
+    }
+
+    /// The other ends; `requests` says whether the writer is that of requests.
+    fn peers(&self, writer_is_requests: bool) -> Peers {
+        let readers = self.writer.readers().unwrap_or_default();
+        let writers = self.reader.writers().unwrap_or_default();
+        let (requests, replies) =
+            if writer_is_requests { (&readers, &writers) } else { (&writers, &readers) };
+        let keyed = |peer: &super::cyclone::Peer| EndKey::new(&peer.guid, &peer.user_data);
+        pair(
+            requests.iter().map(|peer| (&peer.guid, keyed(peer))),
+            replies.iter().map(|peer| (&peer.guid, keyed(peer))),
+            OURS,
+        )
+    }
+
+    fn no_identity(&self, what: &'static str, actual: usize) -> GraphError {
+        GraphError::NoIdentity { what, service: self.service.clone(), actual, least: LEAST }
+    }
+
+    fn fault(&self, operation: &'static str, reason: &str) -> GraphError {
+        GraphError::Stack { operation, topic: self.service.clone(), reason: reason.to_owned() }
+    }
+}
+
+/// A client. `L` is what lists its endpoints in the node while it lives.
+pub(super) struct CycloneClient<L> {
+    ends: Ends,
+    id: u64,
+    sequence: i64,
+    _listed: L,
+}
+
+impl<L> CycloneClient<L> {
+    /// A client whose identity is made of the GUID of its request writer.
+    pub(super) fn new(ends: Ends, guid: [u8; 16], listed: L) -> Self {
+        let id = service_header::client_id(guid);
+        Self { ends, id, sequence: 0, _listed: listed }
+    }
+}
+
+impl<L: Send> CdrClient for CycloneClient<L> {
+    fn send(&mut self, parts: &[&[u8]]) -> Result<i64, GraphError> {
+        let sequence = self.sequence.saturating_add(1);
+        self.ends.send(self.id, sequence, parts)?;
+        self.sequence = sequence;
+        Ok(sequence)
+    }
+
+    fn take(&mut self) -> Result<Option<CdrReply>, GraphError> {
+        while let Some(sample) = self.ends.take()? {
+            // Replies to clients of the other vendor, which are on the same topic.
+            if self.ends.origin(&sample).is_some_and(|(_, theirs)| theirs.is_some()) {
+                continue;
+            }
+            let reply = service_header::split(&sample.cdr)
+                .ok_or_else(|| self.ends.no_identity("reply", sample.cdr.len()))?;
+            if reply.client == self.id {
+                return Ok(Some(CdrReply {
+                    sequence: reply.sequence,
+                    cdr: reply.cdr,
+                    source_timestamp_ns: sample.source_timestamp_ns,
+                }));
+            }
+        }
+        Ok(None)
+    }
+
+    fn servers(&self) -> Peers {
+        match self.ends.peers(true) {
+            Peers::Ready(_) if !self.ends.heard() => Peers::Half,
+            peers => peers,
+        }
+    }
+
+    fn look_again(&self) -> Option<Duration> {
+        self.ends.look_again()
+    }
+
+    fn lost(&mut self) -> u64 {
+        self.ends.reader.events().take_lost()
+    }
+}
+
+/// Keys of the clients whose requests came last.
+#[derive(Default)]
+struct Clients {
+    /// Keys by client, with the number of the client's last request.
+    known: HashMap<u64, (EndKey, u64)>,
+    requests: u64,
+}
+
+impl Clients {
+    /// A request of a client whose endpoints are those of `key`. Where there is no room, the client
+    /// that was silent for longest is forgotten: its replies are sent without waiting.
+    fn note(&mut self, client: u64, key: EndKey) {
+        if self.known.len() >= MAX_CLIENTS && !self.known.contains_key(&client) {
+            let oldest = self.known.iter().min_by_key(|(_, (_, request))| *request);
+            if let Some((&oldest, _)) = oldest {
+                self.known.remove(&oldest);
+            }
+        }
+        self.requests = self.requests.saturating_add(1);
+        self.known.insert(client, (key, self.requests));
+    }
+
+    fn key(&self, client: u64) -> Option<&EndKey> {
+        self.known.get(&client).map(|(key, _)| key)
+    }
+}
+
+/// A server. `L` as in [`CycloneClient`].
+pub(super) struct CycloneServer<L> {
+    ends: Ends,
+    clients: Clients,
+    /// Clients that hear replies, with the number of the writer's matches for which that holds.
+    hearing: RefCell<(u64, HashSet<EndKey>)>,
+    _listed: L,
+}
+
+impl<L> CycloneServer<L> {
+    pub(super) fn new(ends: Ends, listed: L) -> Self {
+        let hearing = RefCell::new((u64::MAX, HashSet::new()));
+        Self { ends, clients: Clients::default(), hearing, _listed: listed }
+    }
+}
+
+impl<L: Send> CdrServer for CycloneServer<L> {
+    fn take(&mut self) -> Result<Option<CdrRequest>, GraphError> {
+        let Some(sample) = self.ends.take()? else { return Ok(None) };
+        let origin = self.ends.origin(&sample);
+        if let Some((_, Some(theirs))) = origin {
+            let service = self.ends.service.clone();
+            return Err(GraphError::ForeignMapping { service, ours: OURS, theirs });
+        }
+        let request = service_header::split(&sample.cdr)
+            .ok_or_else(|| self.ends.no_identity("request", sample.cdr.len()))?;
+        if let Some((key, _)) = origin {
+            self.clients.note(request.client, key);
+        }
+        Ok(Some(CdrRequest {
+            id: service_header::request_id(request.client, request.sequence),
+            cdr: request.cdr,
+            source_timestamp_ns: sample.source_timestamp_ns,
+        }))
+    }
+
+    fn hears(&self, id: &RequestId) -> bool {
+        let Some(key) = self.clients.key(service_header::client(id)) else { return true };
+        let (known, hearing) = &mut *self.hearing.borrow_mut();
+        let changes = self.ends.writer.events().changes();
+        if *known != changes {
+            let Ok(readers) = self.ends.writer.readers() else { return true };
+            *hearing =
+                readers.iter().map(|peer| EndKey::new(&peer.guid, &peer.user_data)).collect();
+            *known = changes;
+        }
+        hearing.contains(key) && self.ends.heard()
+    }
+
+    fn look_again(&self) -> Option<Duration> {
+        self.ends.look_again()
+    }
+
+    fn reply(&mut self, id: &RequestId, parts: &[&[u8]]) -> Result<(), GraphError> {
+        self.ends.send(service_header::client(id), id.sequence, parts)
+    }
+
+    fn clients(&self) -> Peers {
+        self.ends.peers(false)
+    }
+
+    fn lost(&mut self) -> u64 {
+        self.ends.reader.events().take_lost()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_the_client_that_was_silent_for_longest_is_forgotten() {
+        let key = |client: u64| EndKey::new(&[0; 16], format!("clientid= {client};").as_bytes());
+        let mut clients = Clients::default();
+        let many = MAX_CLIENTS as u64;
+        (0..many).for_each(|client| clients.note(client, key(client)));
+        clients.note(0, key(0));
+        clients.note(many, key(many));
+        assert_eq!(clients.known.len(), MAX_CLIENTS);
+        assert_eq!(clients.key(1), None);
+        for client in [0].into_iter().chain(2..=many) {
+            assert_eq!(clients.key(client), Some(&key(client)));
+        }
+    }
+}

@@ -1,0 +1,106 @@
+//! Topics and endpoints in ROS's terms and in DDS's.
+//!
+//! ```text
+//!   TopicDescription /chatter ── to_dds, user_data ──▶ rt/chatter, typehash=RIHS01_…;
+//!   EndpointFound rt/chatter ── discovered ──▶ DiscoveredEndpoint /chatter, type, hash
+//! ```
+
+use super::cyclone;
+use super::discovery_info::Gid;
+use super::graph::{DiscoveredEndpoint, GraphError, TopicDescription};
+use super::names;
+use wrapyfi_endpoint::BridgeMark;
+use wrapyfi_node::NodeName;
+
+/// A topic with the names that DDS has for it and its type.
+pub(super) fn to_dds(topic: &TopicDescription) -> Result<TopicDescription, GraphError> {
+    let fault = |reason: String| GraphError::Stack {
+        operation: "naming",
+        topic: topic.name.clone(),
+        reason,
+    };
+    NodeName::check_topic(&topic.name).map_err(|error| fault(error.to_string()))?;
+    let type_name =
+        names::type_to_dds(&topic.type_name).map_err(|error| fault(error.to_string()))?;
+    Ok(TopicDescription { name: names::topic_to_dds(&topic.name), type_name, ..topic.clone() })
+}
+
+/// An endpoint in ROS's terms; `own` is the participant's GUID.
+pub(super) fn discovered(endpoint: cyclone::EndpointFound, own: &Gid) -> DiscoveredEndpoint {
+    DiscoveredEndpoint {
+        is_publisher: endpoint.is_writer,
+        type_hash: type_hash(&endpoint.user_data),
+        mark: mark(&endpoint.user_data),
+        gid: endpoint.guid,
+        qos: endpoint.qos,
+        is_own: endpoint.guid.first_chunk::<12>() == own.first_chunk::<12>(),
+        type_name: names::type_from_dds(&endpoint.type_name)
+            .unwrap_or_else(|| endpoint.type_name.clone()),
+        dds_type: endpoint.type_name,
+        topic: names::topic_from_dds(&endpoint.topic).unwrap_or(&endpoint.topic).to_owned(),
+        dds_topic: endpoint.topic,
+    }
+}
+
+/// Key of a bridge's mark in USER_DATA. Letters and digits alone: the rmw of ROS 2 passes over all of the
+/// USER_DATA, the type hash with it, where another character is in a key.
+const MARK: &str = "wrapyfibridge=";
+
+/// USER_DATA of a participant: where its security settings would lie.
+pub(super) const ENCLAVE: &str = "enclave=/;";
+
+/// USER_DATA of an end of a service, as `rmw_cyclonedds_cpp` has it: `serviceid` or `clientid`, which
+/// both endpoints of the end share, and the type hash.
+pub(super) fn end_user_data(key: &str, id: &str, type_hash: Option<&str>) -> String {
+    let hash = type_hash.map(|hash| format!("typehash={hash};")).unwrap_or_default();
+    format!("{key}= {id};{hash}")
+}
+
+/// USER_DATA of an endpoint: its type hash.
+pub(super) fn user_data(topic: &TopicDescription) -> String {
+    topic.type_hash.as_ref().map(|hash| format!("typehash={hash};")).unwrap_or_default()
+}
+
+/// Adds the mark of a bridge to USER_DATA, as a pair of its own that others pass over.
+pub(super) fn marked(user_data: String, mark: Option<&BridgeMark>) -> String {
+    match mark {
+        Some(mark) => format!("{user_data}{MARK}{mark};"),
+        None => user_data,
+    }
+}
+
+/// The mark of a bridge in USER_DATA, where there is one.
+fn mark(user_data: &[u8]) -> Option<BridgeMark> {
+    let text = std::str::from_utf8(user_data).ok()?;
+    text.trim_end_matches('\0').split(';').find_map(|pair| pair.strip_prefix(MARK))?.parse().ok()
+}
+
+/// The type hash in USER_DATA, where there is one.
+pub(super) fn type_hash(user_data: &[u8]) -> Option<String> {
+    let text = std::str::from_utf8(user_data).ok()?;
+    text.trim_end_matches('\0')
+        .split(';')
+        .find_map(|pair| pair.strip_prefix("typehash="))
+        .map(ToOwned::to_owned)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mark_stands_beside_the_type_hash() {
+        let wanted = BridgeMark { bridge: 7, path: vec!["ros".into()] };
+        let text = marked("typehash=RIHS01_ab;".to_owned(), Some(&wanted));
+        assert_eq!(type_hash(text.as_bytes()).as_deref(), Some("RIHS01_ab"));
+        assert_eq!(mark(text.as_bytes()), Some(wanted));
+        assert_eq!(mark(b"typehash=RIHS01_ab;wrapyfibridge=nonsense;"), None);
+        for pair in text.split_terminator(';') {
+            let (key, _) = pair.split_once('=').unwrap();
+            assert!(
+                key.bytes().all(|byte| byte.is_ascii_alphanumeric()),
+                "rmw does not read {key}"
+            );
+        }
+    }
+}

@@ -1,0 +1,93 @@
+//! The ROS 2 graph as [`Discovery`] shows it: topics and services of other participants.
+//!
+//! ```text
+//!   DDS built-in topics ─ Graph::endpoints ─┐
+//!   ros_discovery_info ── NodeWatch ────────┴─▶ Discovered { /chatter, publisher, type, node, … }
+//! ```
+
+use std::sync::Arc;
+
+use super::NAME;
+use super::graph::{DiscoveredEndpoint, Graph, GraphError, NodeWatch};
+use super::names::{self, RosName};
+use wrapyfi_endpoint::{DiscoverError, Discovered, Discovery, Role};
+
+/// Looks at one graph.
+pub(super) struct Ros2Discovery {
+    graph: Arc<dyn Graph>,
+    nodes: Box<dyn NodeWatch>,
+    carried_by: Option<Arc<str>>,
+}
+
+impl Ros2Discovery {
+    pub(super) fn new(
+        graph: &Arc<dyn Graph>,
+        carried_by: Option<Arc<str>>,
+    ) -> Result<Self, DiscoverError> {
+        let nodes = graph.nodes().map_err(|error| transport(&error))?;
+        Ok(Self { graph: Arc::clone(graph), nodes, carried_by })
+    }
+}
+
+fn transport(error: &GraphError) -> DiscoverError {
+    DiscoverError::Transport { middleware: NAME.to_owned(), reason: error.to_string() }
+}
+
+impl Discovery for Ros2Discovery {
+    fn endpoints(&mut self) -> Result<Vec<Discovered>, DiscoverError> {
+        self.nodes.update();
+        let found = self.graph.endpoints().map_err(|error| transport(&error))?;
+        let foreign = found.into_iter().filter(|endpoint| !endpoint.is_own);
+        let mut found: Vec<_> = foreign
+            .filter_map(|endpoint| {
+                let node = self.nodes.owner(&endpoint.gid).map(str::to_owned);
+                discovered(endpoint, node)
+            })
+            .collect();
+        found.sort_by(|a, b| (&a.name, a.role, &a.node).cmp(&(&b.name, b.role, &b.node)));
+        Ok(found)
+    }
+
+    fn waiting_for(&self) -> Option<String> {
+        None
+    }
+
+    fn carried_by(&self) -> Option<&str> {
+        self.carried_by.as_deref()
+    }
+}
+
+/// One endpoint in ROS's terms. A service is seen once on each side: by the requests that its
+/// server reads, and by those that a client writes.
+fn discovered(endpoint: DiscoveredEndpoint, node: Option<String>) -> Option<Discovered> {
+    let (name, role, type_name) = match names::from_dds(&endpoint.dds_topic) {
+        RosName::Topic(name) => {
+            let role = if endpoint.is_publisher { Role::Publisher } else { Role::Listener };
+            (name.to_owned(), role, endpoint.type_name)
+        }
+        RosName::Requests(name) => {
+            let role = if endpoint.is_publisher { Role::Client } else { Role::Server };
+            let service = names::service_type_from_dds(&endpoint.dds_type);
+            (name.to_owned(), role, service.unwrap_or(endpoint.dds_type))
+        }
+        RosName::Replies(_) => return None,
+        // Discovery's own, on every participant.
+        RosName::Dds(super::discovery_info::TOPIC) => return None,
+        RosName::Dds(name) => {
+            let role = if endpoint.is_publisher { Role::Publisher } else { Role::Listener };
+            // A name without a leading slash is no ROS name, and cannot be mistaken for one.
+            (name.to_owned(), role, endpoint.dds_type)
+        }
+    };
+    Some(Discovered {
+        name,
+        role,
+        type_name: Some(type_name),
+        type_hash: endpoint.type_hash,
+        qos: Some(endpoint.qos),
+        node,
+        count: 1,
+        traffic: None,
+        mark: endpoint.mark,
+    })
+}

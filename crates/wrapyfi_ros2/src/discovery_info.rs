@@ -1,0 +1,129 @@
+//! `ros_discovery_info`: which node owns which endpoints, as `ros2 node list` and `info` show it.
+//!
+//! ```text
+//!   endpoint created / destroyed ─▶ DiscoveryInfo { participant, node, readers, writers }
+//!                                        │ whole message, every time
+//!                                        ▼
+//!                       ros_discovery_info (reliable, transient local, keep-last 1)
+//! ```
+//!
+//! The last message of a process names no node.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use wrapyfi_interfaces::Message;
+use wrapyfi_interfaces::rmw_dds_common::msg::{self, NodeEntitiesInfo, ParticipantEntitiesInfo};
+
+use super::cyclone::{EndpointQos, Entity, Events, RawWriter, ReturnCode, WriteFault};
+use super::graph::Replay;
+use wrapyfi_endpoint::{Durability, History, Qos, Reliability};
+use wrapyfi_node::NodeName;
+
+/// DDS topic; it has no ROS prefix.
+pub(super) const TOPIC: &str = "ros_discovery_info";
+
+/// A DDS GUID as ROS writes it.
+pub(super) type Gid = [u8; 16];
+
+/// List of the node that an endpoint is in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum EndpointKind {
+    Reader,
+    Writer,
+}
+
+/// The node's entry, and the writer that announces it.
+pub(super) struct DiscoveryInfo {
+    writer: RawWriter,
+    participant: Gid,
+    node: NodeEntitiesInfo,
+    /// Endpoints of the node on another participant: readers, writers.
+    elsewhere: (Vec<Gid>, Vec<Gid>),
+}
+
+impl DiscoveryInfo {
+    /// Creates the writer; nothing is announced yet.
+    pub(super) fn new(participant: &Entity, node: &NodeName) -> Result<Self, ReturnCode> {
+        let user_data = format!("typehash={};", ParticipantEntitiesInfo::TYPE_HASH);
+        let qos = EndpointQos {
+            qos: Qos {
+                reliability: Reliability::Reliable,
+                durability: Durability::TransientLocal,
+                history: History::KeepLast(1),
+                ..Qos::default()
+            },
+            max_blocking: Duration::from_millis(100),
+            user_data: &user_data,
+            ignore_local: true,
+            replay: Replay::History,
+        };
+        let events = Events::new(TOPIC, Reliability::Reliable, Arc::new(|| {}));
+        let names = (TOPIC, ParticipantEntitiesInfo::DDS_TYPE);
+        let writer = RawWriter::new(participant, names, &qos, events)?;
+        let participant = participant.guid()?;
+        let node = NodeEntitiesInfo {
+            node_namespace: node.namespace().to_owned(),
+            node_name: node.name().to_owned(),
+            ..NodeEntitiesInfo::default()
+        };
+        Ok(Self { writer, participant, node, elsewhere: Default::default() })
+    }
+
+    /// Adds an endpoint and announces.
+    pub(super) fn add(&mut self, kind: EndpointKind, gid: Gid) {
+        self.list(kind).push(msg::Gid { data: gid });
+        self.publish();
+    }
+
+    /// Removes an endpoint and announces.
+    pub(super) fn remove(&mut self, kind: EndpointKind, gid: &Gid) {
+        self.list(kind).retain(|known| known.data != *gid);
+        self.publish();
+    }
+
+    #[cfg_attr(not(feature = "fastdds-services"), allow(dead_code))]
+    /// Replaces what the node has on another participant, and announces.
+    pub(super) fn set_elsewhere(&mut self, readers: &[Gid], writers: &[Gid]) {
+        if (self.elsewhere.0.as_slice(), self.elsewhere.1.as_slice()) != (readers, writers) {
+            self.elsewhere = (readers.to_vec(), writers.to_vec());
+            self.publish();
+        }
+    }
+
+    /// Announces the node as it is.
+    pub(super) fn publish(&self) {
+        let mut node = self.node.clone();
+        let gids = |gids: &[Gid]| gids.iter().map(|&data| msg::Gid { data }).collect::<Vec<_>>();
+        node.reader_gid_seq.extend(gids(&self.elsewhere.0));
+        node.writer_gid_seq.extend(gids(&self.elsewhere.1));
+        self.write(vec![node]);
+    }
+
+    /// Announces that the node is gone and gives readers a moment to hear it.
+    pub(super) fn retire(&self) {
+        self.write(Vec::new());
+        if let Err(error) = self.writer.wait_for_acks(50_000_000) {
+            tracing::debug!(%error, "{TOPIC}: the end was not acknowledged by all");
+        }
+    }
+
+    fn list(&mut self, kind: EndpointKind) -> &mut Vec<msg::Gid> {
+        match kind {
+            EndpointKind::Reader => &mut self.node.reader_gid_seq,
+            EndpointKind::Writer => &mut self.node.writer_gid_seq,
+        }
+    }
+
+    fn write(&self, nodes: Vec<NodeEntitiesInfo>) {
+        let gid = msg::Gid { data: self.participant };
+        let cdr = ParticipantEntitiesInfo { gid, node_entities_info_seq: nodes }.encode();
+        let parts: Vec<&[u8]> = cdr.pieces().iter().map(AsRef::as_ref).collect();
+        // The next announcement repeats everything, so that a lost one is no reason to fail.
+        match self.writer.write(&parts) {
+            Ok(()) => {}
+            Err(WriteFault::Code(error)) => tracing::warn!(%error, "{TOPIC} was not sent"),
+            Err(WriteFault::Message(error)) => tracing::warn!(error, "{TOPIC} was not sent"),
+        }
+    }
+}

@@ -1,0 +1,127 @@
+//! The Cyclone domains of this process: the only process-wide state.
+//!
+//! ```text
+//!   node ──┐
+//!   node ──┼─ DomainLease ──▶ DOMAINS[id] { configuration, users, domain }
+//!   node ──┘                  last lease gone ──▶ domain deleted
+//! ```
+//!
+//! Cyclone has one configuration per domain id and process, so a second node that asks for another
+//! one is refused rather than silently given the first.
+
+use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
+
+use super::cyclone::Entity;
+
+static DOMAINS: Mutex<BTreeMap<u32, Shared>> = Mutex::new(BTreeMap::new());
+
+struct Shared {
+    configuration: String,
+    users: usize,
+    _domain: Entity,
+}
+
+/// Error of joining a DDS domain.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum DomainError {
+    /// A node of this process is on the domain with another configuration.
+    #[error(
+        "domain {id} is already in use in this process with another configuration; all nodes of a process on one domain must share discovery settings and CYCLONEDDS_URI (in use: {in_use}; asked for: {asked})"
+    )]
+    Clash {
+        /// Domain id.
+        id: u32,
+        /// Configuration in use.
+        in_use: String,
+        /// Configuration asked for.
+        asked: String,
+    },
+    /// Other code of this process created the domain.
+    #[error(
+        "domain {id} was created by other code of this process; its configuration cannot be ours"
+    )]
+    Foreign {
+        /// Domain id.
+        id: u32,
+    },
+    /// Cyclone refused; its log says why.
+    #[error(
+        "CycloneDDS could not open domain {id}: {reason}; its log lines say why, CYCLONEDDS_URI is the usual cause"
+    )]
+    Refused {
+        /// Domain id.
+        id: u32,
+        /// Cyclone's words.
+        reason: String,
+    },
+}
+
+/// A share in a domain, given back on drop.
+#[derive(Debug)]
+pub(super) struct DomainLease(u32);
+
+impl DomainLease {
+    /// Opens domain `id`, or joins it where its configuration is the same.
+    pub(super) fn acquire(id: u32, configuration: &str) -> Result<Self, DomainError> {
+        let mut domains = DOMAINS.lock().unwrap_or_else(PoisonError::into_inner);
+        match domains.get_mut(&id) {
+            Some(shared) if shared.configuration == configuration => shared.users += 1,
+            Some(shared) => {
+                return Err(DomainError::Clash {
+                    id,
+                    in_use: shared.configuration.clone(),
+                    asked: configuration.to_owned(),
+                });
+            }
+            None => {
+                let domain = Entity::domain(id, configuration).map_err(|code| {
+                    if code.is_precondition() {
+                        DomainError::Foreign { id }
+                    } else {
+                        DomainError::Refused { id, reason: code.to_string() }
+                    }
+                })?;
+                log_receive_buffer();
+                let configuration = configuration.to_owned();
+                domains.insert(id, Shared { configuration, users: 1, _domain: domain });
+            }
+        }
+        Ok(Self(id))
+    }
+}
+
+impl Drop for DomainLease {
+    fn drop(&mut self) {
+        // The lock is held while Cyclone stops its threads, so that nobody opens the domain half
+        // closed. Callbacks never take this lock.
+        let mut domains = DOMAINS.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(shared) = domains.get_mut(&self.0) {
+            shared.users -= 1;
+            if shared.users == 0 {
+                domains.remove(&self.0);
+            }
+        }
+    }
+}
+
+/// Says once what the kernel grants of the receive buffer we ask for: Cyclone does not tell.
+fn log_receive_buffer() {
+    static ONCE: std::sync::Once = std::sync::Once::new();
+    ONCE.call_once(|| {
+        let wanted = super::config::RECEIVE_BUFFER;
+        let limit = std::fs::read_to_string("/proc/sys/net/core/rmem_max")
+            .ok()
+            .and_then(|text| text.trim().parse::<u64>().ok());
+        match limit {
+            Some(limit) if limit < wanted => tracing::info!(
+                granted = limit,
+                wanted,
+                "the kernel caps socket receive buffers; for large messages raise it: sysctl -w net.core.rmem_max={wanted}"
+            ),
+            Some(_) => tracing::debug!(granted = wanted, "socket receive buffer"),
+            None => {}
+        }
+    });
+}

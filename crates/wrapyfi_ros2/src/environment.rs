@@ -1,0 +1,335 @@
+//! Environment variables of discovery, read as every ROS 2 node reads them.
+//!
+//! ```text
+//!   ROS_DOMAIN_ID ───────────────────┐
+//!   ROS_LOCALHOST_ONLY ──────────────┤            domain id, Discovery,
+//!   ROS_AUTOMATIC_DISCOVERY_RANGE ───┼─ read() ─▶ Cyclone sources,
+//!   ROS_STATIC_PEERS ────────────────┤            why this DDS stack,
+//!   RMW_IMPLEMENTATION, ROS_DISTRO ──┤            mapping of services, adapter, warnings to be logged
+//!   WRAPYFI_ROS2_GRAPH ──────────────┤
+//!   CYCLONEDDS_URI ──────────────────┘
+//! ```
+//!
+//! [`read`] is pure: it is given a lookup and logs nothing; [`Environment::log`] does.
+
+use super::adapter::{Adapter, build};
+use super::graph::ServiceMapping;
+
+/// Highest domain id: above it the port numbers of DDS leave their range.
+pub const MAX_DOMAIN_ID: u32 = 232;
+
+/// Range in which a node looks for others, `ROS_AUTOMATIC_DISCOVERY_RANGE`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub enum DiscoveryRange {
+    /// Every host that multicast reaches.
+    #[default]
+    Subnet,
+    /// Range of this host only, without multicast.
+    Localhost,
+    /// Range of the process itself.
+    Off,
+    /// Whatever the DDS stack does when nothing is said.
+    SystemDefault,
+}
+
+/// Settings by which other participants are found.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Discovery {
+    /// Range in which participants are looked for.
+    pub range: DiscoveryRange,
+    /// Addresses asked one by one, `ROS_STATIC_PEERS`.
+    pub static_peers: Vec<String>,
+}
+
+/// Settings that were read from the environment.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Environment {
+    /// DDS domain.
+    pub domain_id: u32,
+    /// Settings by which other participants are found.
+    pub discovery: Discovery,
+    /// `CYCLONEDDS_URI`, where set: sources that override our configuration.
+    pub cyclonedds_uri: Option<String>,
+    /// Form in which services are mapped to DDS: topics of all vendors understand each other,
+    /// services do not.
+    pub services: ServiceMapping,
+    /// Reason for the choice of the DDS stack, for the log at start.
+    pub stack_reason: String,
+    /// Library that carries the graph, `WRAPYFI_ROS2_GRAPH`; `None` where it is not set.
+    pub graph: Option<Adapter>,
+    /// Lines to be logged as warnings.
+    pub warnings: Vec<String>,
+}
+
+impl Environment {
+    /// Writes the warnings to the log.
+    pub fn log(&self) {
+        for warning in &self.warnings {
+            tracing::warn!("{warning}");
+        }
+    }
+}
+
+/// A value with which no ROS 2 node starts.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum EnvironmentError {
+    /// The domain is not a number.
+    #[error("ROS_DOMAIN_ID is not an integral number: {0:?}")]
+    DomainNotIntegral(String),
+    /// Ports for this domain do not exist.
+    #[error("ROS_DOMAIN_ID={0} is out of range: domains are 0 to {MAX_DOMAIN_ID}")]
+    DomainOutOfRange(String),
+    /// Zenoh is another network than DDS.
+    #[error(
+        "RMW_IMPLEMENTATION=rmw_zenoh_cpp is no DDS, and this program was built without it: {build}; else set RMW_IMPLEMENTATION=rmw_cyclonedds_cpp for all nodes",
+        build = build!()
+    )]
+    Zenoh,
+    /// A middleware nobody knows.
+    #[error(
+        "RMW_IMPLEMENTATION={0} is not known here: set rmw_cyclonedds_cpp or rmw_fastrtps_cpp, unset it, or {build}",
+        build = build!()
+    )]
+    UnknownRmw(String),
+    /// Neither of the two adapters.
+    #[error("WRAPYFI_ROS2_GRAPH={0} is neither cyclone nor rmw")]
+    UnknownGraph(String),
+}
+
+/// Reads the variables through `lookup`, for instance `|name| std::env::var(name).ok()`.
+///
+/// # Errors
+/// Values with which no node can start; each says what to change.
+pub fn read(lookup: impl Fn(&str) -> Option<String>) -> Result<Environment, EnvironmentError> {
+    let set = |name: &str| lookup(name).filter(|value| !value.is_empty());
+    let mut warnings = Vec::new();
+    let rmw = set("RMW_IMPLEMENTATION");
+    let (services, stack_reason) = services(rmw.as_deref(), set("ROS_DISTRO").as_deref())?;
+    Ok(Environment {
+        domain_id: domain_id(set("ROS_DOMAIN_ID"))?,
+        discovery: discovery(&set, &mut warnings),
+        cyclonedds_uri: set("CYCLONEDDS_URI"),
+        services,
+        stack_reason,
+        graph: set("WRAPYFI_ROS2_GRAPH").map(|word| graph(&word)).transpose()?,
+        warnings,
+    })
+}
+
+fn graph(word: &str) -> Result<Adapter, EnvironmentError> {
+    match word {
+        "cyclone" => Ok(Adapter::Cyclone),
+        "rmw" => Ok(Adapter::Rmw),
+        other => Err(EnvironmentError::UnknownGraph(other.to_owned())),
+    }
+}
+
+fn domain_id(value: Option<String>) -> Result<u32, EnvironmentError> {
+    let Some(text) = value else { return Ok(0) };
+    let number = text.trim_start();
+    // rcl reads the number in C's notation: 0x10 and 010 are numbers too.
+    let unsigned = number.strip_prefix('+').unwrap_or(number);
+    let parsed = if let Some(hex) = unsigned.strip_prefix("0x").or(unsigned.strip_prefix("0X")) {
+        i128::from_str_radix(hex, 16)
+    } else if unsigned.len() > 1 && unsigned.starts_with('0') {
+        i128::from_str_radix(unsigned, 8)
+    } else {
+        unsigned.parse()
+    };
+    match parsed {
+        Ok(-1) => Ok(0),
+        Ok(id) => u32::try_from(id)
+            .ok()
+            .filter(|&id| id <= MAX_DOMAIN_ID)
+            .ok_or(EnvironmentError::DomainOutOfRange(text)),
+        Err(error) => Err(match error.kind() {
+            std::num::IntErrorKind::PosOverflow | std::num::IntErrorKind::NegOverflow => {
+                EnvironmentError::DomainOutOfRange(text)
+            }
+            _ => EnvironmentError::DomainNotIntegral(text),
+        }),
+    }
+}
+
+fn discovery(set: &impl Fn(&str) -> Option<String>, warnings: &mut Vec<String>) -> Discovery {
+    if let Some(value) = set("ROS_LOCALHOST_ONLY") {
+        warnings.push(
+            "ROS_LOCALHOST_ONLY is deprecated but still honored if it is enabled. Use \
+             ROS_AUTOMATIC_DISCOVERY_RANGE and ROS_STATIC_PEERS instead."
+                .into(),
+        );
+        let enabled = value == "1";
+        warnings.push(format!(
+            "'localhost_only' is {}, 'automatic_discovery_range' and 'static_peers' will be {}.",
+            if enabled { "enabled" } else { "disabled" },
+            if enabled { "ignored" } else { "used" },
+        ));
+        if enabled {
+            return Discovery { range: DiscoveryRange::Localhost, static_peers: Vec::new() };
+        }
+    }
+    let range = match set("ROS_AUTOMATIC_DISCOVERY_RANGE").as_deref() {
+        None | Some("SUBNET") => DiscoveryRange::Subnet,
+        Some("LOCALHOST") => DiscoveryRange::Localhost,
+        Some("OFF") => DiscoveryRange::Off,
+        Some("SYSTEM_DEFAULT") => DiscoveryRange::SystemDefault,
+        Some(other) => {
+            warnings.push(format!(
+                "Invalid value '{other}' specified for 'ROS_AUTOMATIC_DISCOVERY_RANGE', \
+                 assuming localhost only"
+            ));
+            DiscoveryRange::Localhost
+        }
+    };
+    let peers = set("ROS_STATIC_PEERS").unwrap_or_default();
+    let mut static_peers: Vec<String> =
+        peers.split(';').map(str::trim).filter(|peer| !peer.is_empty()).map(Into::into).collect();
+    match range {
+        DiscoveryRange::Off => static_peers.clear(),
+        DiscoveryRange::SystemDefault if !static_peers.is_empty() => {
+            warnings.push(format!(
+                "{} static peers were specified, but discovery is set to use the RMW \
+                 implementation default, so these static peers will be ignored.",
+                static_peers.len()
+            ));
+            static_peers.clear();
+        }
+        _ => {}
+    }
+    Discovery { range, static_peers }
+}
+
+/// Service mapping that every node of this environment chooses, and the reason in words.
+fn services(
+    rmw: Option<&str>,
+    distro: Option<&str>,
+) -> Result<(ServiceMapping, String), EnvironmentError> {
+    let reason = match (rmw, distro) {
+        (None, None) => "RMW_IMPLEMENTATION and ROS_DISTRO are not set".to_owned(),
+        (None, Some(distro)) => {
+            format!("RMW_IMPLEMENTATION is not set; Fast DDS is the default of {distro}")
+        }
+        (Some(rmw), _) => format!("RMW_IMPLEMENTATION={rmw}"),
+    };
+    match rmw {
+        Some("rmw_cyclonedds_cpp") => return Ok((ServiceMapping::Cyclone, reason)),
+        None if distro.is_none() => return Ok((ServiceMapping::Cyclone, reason)),
+        // A library that is missing says so when it is loaded.
+        _ if cfg!(feature = "rmw") => return Ok((ServiceMapping::FastDds, reason)),
+        None | Some("rmw_fastrtps_cpp" | "rmw_fastrtps_dynamic_cpp") => {}
+        Some("rmw_zenoh_cpp") => return Err(EnvironmentError::Zenoh),
+        Some(other) => return Err(EnvironmentError::UnknownRmw(other.into())),
+    }
+    Ok((ServiceMapping::FastDds, reason))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn with(pairs: &[(&str, &str)]) -> Result<Environment, EnvironmentError> {
+        read(|name| {
+            pairs.iter().find(|(key, _)| *key == name).map(|(_, value)| (*value).to_owned())
+        })
+    }
+
+    #[test]
+    fn domain_ids_are_read_as_rcl_reads_them() {
+        for (text, id) in [("", 0), ("-1", 0), ("5", 5), (" 7", 7), ("0x10", 16), ("232", 232)] {
+            assert_eq!(with(&[("ROS_DOMAIN_ID", text)]).unwrap().domain_id, id, "{text:?}");
+        }
+        assert_eq!(with(&[]).unwrap().domain_id, 0);
+        let fault = |text: &str| with(&[("ROS_DOMAIN_ID", text)]).unwrap_err();
+        assert_eq!(fault("abc"), EnvironmentError::DomainNotIntegral("abc".into()));
+        assert_eq!(fault("5abc"), EnvironmentError::DomainNotIntegral("5abc".into()));
+        for out in ["233", "-2", "4294967296", "99999999999999999999999999999999999999999"] {
+            assert_eq!(fault(out), EnvironmentError::DomainOutOfRange(out.into()));
+        }
+        assert!(fault("abc").to_string().contains("ROS_DOMAIN_ID is not an integral number"));
+    }
+
+    #[test]
+    fn ranges_and_peers() {
+        let range = |value| with(&[("ROS_AUTOMATIC_DISCOVERY_RANGE", value)]).unwrap();
+        assert_eq!(range("").discovery.range, DiscoveryRange::Subnet);
+        assert_eq!(range("SUBNET").discovery.range, DiscoveryRange::Subnet);
+        assert_eq!(range("OFF").discovery.range, DiscoveryRange::Off);
+        assert_eq!(range("SYSTEM_DEFAULT").discovery.range, DiscoveryRange::SystemDefault);
+        let bogus = range("localhost");
+        assert_eq!(bogus.discovery.range, DiscoveryRange::Localhost);
+        assert_eq!(
+            bogus.warnings,
+            [
+                "Invalid value 'localhost' specified for 'ROS_AUTOMATIC_DISCOVERY_RANGE', assuming localhost only"
+            ]
+        );
+        let peers = |range| {
+            with(&[
+                ("ROS_AUTOMATIC_DISCOVERY_RANGE", range),
+                ("ROS_STATIC_PEERS", "192.168.77.9;10.1.2.3;"),
+            ])
+            .unwrap()
+        };
+        assert_eq!(peers("SUBNET").discovery.static_peers, ["192.168.77.9", "10.1.2.3"]);
+        assert_eq!(peers("LOCALHOST").discovery.static_peers.len(), 2);
+        assert!(peers("OFF").discovery.static_peers.is_empty());
+        assert!(peers("OFF").warnings.is_empty());
+        let ignored = peers("SYSTEM_DEFAULT");
+        assert!(ignored.discovery.static_peers.is_empty());
+        assert!(ignored.warnings[0].starts_with("2 static peers were specified"));
+    }
+
+    #[test]
+    fn localhost_only_wins_and_warns() {
+        let on = with(&[
+            ("ROS_LOCALHOST_ONLY", "1"),
+            ("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF"),
+            ("ROS_STATIC_PEERS", "10.0.0.1"),
+        ])
+        .unwrap();
+        assert_eq!(on.discovery.range, DiscoveryRange::Localhost);
+        assert!(on.discovery.static_peers.is_empty());
+        assert_eq!(on.warnings.len(), 2);
+        assert!(on.warnings[1].ends_with("will be ignored."));
+        let off =
+            with(&[("ROS_LOCALHOST_ONLY", "0"), ("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")]).unwrap();
+        assert_eq!(off.discovery.range, DiscoveryRange::Off);
+        assert!(off.warnings[1].ends_with("will be used."));
+    }
+
+    #[test]
+    fn the_graph_is_one_of_two() {
+        let graph = |word| with(&[("WRAPYFI_ROS2_GRAPH", word)]).map(|found| found.graph);
+        assert_eq!(graph(""), Ok(None));
+        assert_eq!(graph("cyclone"), Ok(Some(Adapter::Cyclone)));
+        assert_eq!(graph("rmw"), Ok(Some(Adapter::Rmw)));
+        let fault = graph("zenoh").unwrap_err();
+        assert_eq!(fault.to_string(), "WRAPYFI_ROS2_GRAPH=zenoh is neither cyclone nor rmw");
+    }
+
+    #[test]
+    fn topics_are_on_cyclone_whatever_dds_is_asked_for() {
+        for (rmw, services) in [
+            ("", ServiceMapping::Cyclone),
+            ("rmw_cyclonedds_cpp", ServiceMapping::Cyclone),
+            ("rmw_fastrtps_cpp", ServiceMapping::FastDds),
+        ] {
+            assert_eq!(with(&[("RMW_IMPLEMENTATION", rmw)]).unwrap().services, services, "{rmw}");
+        }
+        let jazzy = with(&[("ROS_DISTRO", "jazzy")]).unwrap();
+        assert_eq!(jazzy.services, ServiceMapping::FastDds);
+        assert!(jazzy.stack_reason.contains("jazzy"));
+        let both = [("ROS_DISTRO", "jazzy"), ("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp")];
+        assert_eq!(with(&both).unwrap().services, ServiceMapping::Cyclone);
+        #[cfg(not(feature = "rmw"))]
+        {
+            let zenoh = with(&[("RMW_IMPLEMENTATION", "rmw_zenoh_cpp")]).unwrap_err();
+            assert_eq!(zenoh, EnvironmentError::Zenoh);
+            assert!(zenoh.to_string().contains("rmw_cyclonedds_cpp"));
+            let unknown = with(&[("RMW_IMPLEMENTATION", "rmw_nope_cpp")]).unwrap_err();
+            assert_eq!(unknown, EnvironmentError::UnknownRmw("rmw_nope_cpp".into()));
+        }
+    }
+}

@@ -1,0 +1,196 @@
+//! Reactions of an endpoint to its peers: complaints about those that do not fit, a decision to be
+//! opened again, and the count of the events of its quality of service.
+//!
+//! ```text
+//!   peers changed, or a time has come ─▶ Follower::look ─▶ switch to …, because …
+//!                                                      └─▶ complaints, the next time
+//!   deadlines, liveliness ─▶ EventLog ─▶ counters, a line every LOG_EVERY at most
+//! ```
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use super::diagnosis::Diagnosis;
+use super::graph::{DiscoveredEndpoint, QosEvents};
+use super::matching::{Decision, Matching};
+use wrapyfi_endpoint::{Counters, Link, Qos, QosEvent};
+
+/// Events of an endpoint are logged at most this often; all are counted.
+pub(super) const LOG_EVERY: Duration = Duration::from_secs(5);
+
+/// One endpoint's view of its peers.
+pub(super) struct Follower {
+    diagnosis: Diagnosis,
+    /// None where the quality of service is fixed.
+    matching: Option<Matching>,
+    /// Changes that were looked at.
+    seen: u64,
+    next: Option<Instant>,
+}
+
+/// Steps that follow from one look at the peers.
+#[derive(Debug, Default)]
+pub(super) struct Look {
+    /// Open the endpoint again with this, because of that.
+    pub(super) switch: Option<(Qos, String)>,
+    /// Complaints about peers, for the user.
+    pub(super) complaints: Vec<String>,
+    /// Time of the next look.
+    pub(super) next: Option<Instant>,
+}
+
+impl Follower {
+    pub(super) fn new(diagnosis: Diagnosis, matching: Option<Matching>) -> Self {
+        Self { diagnosis, matching, seen: 0, next: None }
+    }
+
+    pub(super) fn link(
+        &self,
+        matched: usize,
+        incompatible: Option<&'static str>,
+        own: &Qos,
+        keeps_last: bool,
+    ) -> Link {
+        self.diagnosis.link(matched, incompatible, own, keeps_last)
+    }
+
+    /// Grows when peers come, change or go.
+    pub(super) fn changes(&self) -> u64 {
+        self.diagnosis.changes()
+    }
+
+    /// Peers that carry the endpoint's type.
+    pub(super) fn peers(&self) -> Vec<DiscoveredEndpoint> {
+        self.diagnosis.peers()
+    }
+
+    /// Looks at the peers of an endpoint that has `own`, if there is news or it is time.
+    pub(super) fn look(&mut self, own: &Qos, now: Instant) -> Look {
+        let changes = self.diagnosis.changes();
+        if changes == self.seen && self.next.is_none_or(|next| now < next) {
+            return Look { next: self.next, ..Look::default() };
+        }
+        self.seen = changes;
+        self.next = None;
+        if let Some(matching) = &mut self.matching {
+            let peers = self.diagnosis.peers();
+            let announced: Vec<_> = peers.iter().map(|peer| peer.qos).collect();
+            match matching.decide(own, &announced, now) {
+                Decision::Keep => {}
+                Decision::Wait(until) => {
+                    self.diagnosis.prepare_names();
+                    self.next = Some(until);
+                    return Look { next: self.next, ..Look::default() };
+                }
+                Decision::Switch(found) => {
+                    let mut why = self.diagnosis.reason(&peers, own, &found.qos);
+                    for warning in &found.warnings {
+                        why.push_str("; ");
+                        why.push_str(&warning.to_string());
+                    }
+                    // Complaints are about what it has then.
+                    self.next = Some(now);
+                    return Look {
+                        switch: Some((found.qos, why)),
+                        next: self.next,
+                        ..Look::default()
+                    };
+                }
+            }
+        }
+        let (complaints, next) = self.diagnosis.complaints(own, now);
+        self.next = next;
+        Look { switch: None, complaints, next }
+    }
+
+    /// The endpoint could not be opened again: not before `at`.
+    pub(super) fn retry(&mut self, at: Instant) {
+        self.next = Some(at);
+    }
+}
+
+/// Counts deadlines and liveliness, and logs them without flooding the log.
+pub(super) struct EventLog {
+    counters: Arc<Counters>,
+    topic: String,
+    listens: bool,
+    last: Option<Instant>,
+    silent: u64,
+}
+
+impl EventLog {
+    pub(super) fn new(counters: &Arc<Counters>, topic: &str, listens: bool) -> Self {
+        Self {
+            counters: Arc::clone(counters),
+            topic: topic.to_owned(),
+            listens,
+            last: None,
+            silent: 0,
+        }
+    }
+
+    /// Books what happened since the last call.
+    pub(super) fn note(&mut self, events: QosEvents, now: Instant) {
+        let (deadline, liveliness) = if self.listens {
+            (QosEvent::DeadlineMissed, QosEvent::PublisherNotAlive)
+        } else {
+            (QosEvent::OwnDeadlineMissed, QosEvent::OwnLivelinessLost)
+        };
+        for (event, count) in
+            [(deadline, events.deadlines_missed), (liveliness, events.liveliness_lost)]
+        {
+            if count > 0 {
+                self.counters.qos_event(event, count);
+                self.log(event, count, now);
+            }
+        }
+    }
+
+    fn log(&mut self, event: QosEvent, count: u64, now: Instant) {
+        if self.last.is_some_and(|at| now.saturating_duration_since(at) < LOG_EVERY) {
+            self.silent = self.silent.saturating_add(count);
+            return;
+        }
+        let unlogged_before = std::mem::take(&mut self.silent);
+        tracing::warn!(topic = self.topic, count, unlogged_before, "{}", in_words(event));
+        self.last = Some(now);
+    }
+}
+
+fn in_words(event: QosEvent) -> &'static str {
+    match event {
+        QosEvent::DeadlineMissed => "a publisher let its deadline pass",
+        QosEvent::OwnDeadlineMissed => "nothing was published within the deadline",
+        QosEvent::PublisherNotAlive => "a publisher is no longer alive",
+        QosEvent::OwnLivelinessLost => "the publisher was silent for longer than its lease",
+        QosEvent::Changed => "quality of service changed",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn events_are_counted_all_and_logged_seldom() {
+        let counters = Arc::new(Counters::default());
+        let mut log = EventLog::new(&counters, "/t", true);
+        let start = Instant::now();
+        let late = QosEvents { deadlines_missed: 2, liveliness_lost: 0 };
+        for ms in 0..100 {
+            log.note(late, start + Duration::from_millis(ms));
+        }
+        assert_eq!((log.last, log.silent), (Some(start), 198));
+        log.note(QosEvents { liveliness_lost: 1, ..late }, start + LOG_EVERY);
+        assert_eq!((log.last, log.silent), (Some(start + LOG_EVERY), 1));
+        let now = counters.snapshot();
+        assert_eq!(now.qos_events_of(QosEvent::DeadlineMissed), 202);
+        assert_eq!(now.qos_events_of(QosEvent::PublisherNotAlive), 1);
+        let mut own = EventLog::new(&counters, "/t", false);
+        own.note(QosEvents { deadlines_missed: 3, liveliness_lost: 4 }, start);
+        let now = counters.snapshot();
+        assert_eq!(now.qos_events_of(QosEvent::OwnDeadlineMissed), 3);
+        assert_eq!(now.qos_events_of(QosEvent::OwnLivelinessLost), 4);
+        assert_eq!(now.dropped(), 0);
+    }
+}

@@ -1,0 +1,176 @@
+//! A node as the rest of the program uses it: from any thread, without waiting for the network.
+//!
+//! ```text
+//!   any thread ─ parameters, log, now ─▶ NodeHandle ─ shared state, doorbell ─▶ the node's thread
+//! ```
+
+use std::cell::Cell;
+use std::collections::VecDeque;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use wrapyfi_interfaces::rosgraph_msgs::msg::Clock;
+
+use wrapyfi_data::types::Stamp;
+use wrapyfi_endpoint::{Clock as NodeClock, RosNow, Wake};
+use wrapyfi_node::parameters::ParameterStore;
+use wrapyfi_node::type_description::TypeDescriptions;
+use wrapyfi_node::{LogLine, RosTime, TimeJump};
+
+/// Log lines that may wait for the node's thread.
+const MAX_LINES: usize = 1000;
+
+thread_local! {
+    static IN_NODE_THREAD: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Marks the calling thread as a node's own: what it logs is not published.
+pub(super) fn in_node_thread() {
+    IN_NODE_THREAD.set(true);
+}
+
+/// State that the node's thread and the rest of the program share.
+pub(super) struct Shared {
+    store: Mutex<ParameterStore>,
+    types: Mutex<TypeDescriptions>,
+    time: Mutex<RosTime>,
+    lines: Mutex<VecDeque<(Stamp, LogLine)>>,
+    lost_lines: AtomicU64,
+    refused_requests: AtomicU64,
+    unheard_replies: AtomicU64,
+    pub(super) wake: Wake,
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Shared {
+    pub(super) fn new(store: ParameterStore, time: RosTime, wake: Wake) -> Self {
+        Self {
+            store: Mutex::new(store),
+            types: Mutex::default(),
+            time: Mutex::new(time),
+            lines: Mutex::default(),
+            lost_lines: AtomicU64::new(0),
+            refused_requests: AtomicU64::new(0),
+            unheard_replies: AtomicU64::new(0),
+            wake,
+        }
+    }
+
+    pub(super) fn store(&self) -> MutexGuard<'_, ParameterStore> {
+        lock(&self.store)
+    }
+
+    pub(super) fn types(&self) -> MutexGuard<'_, TypeDescriptions> {
+        lock(&self.types)
+    }
+
+    pub(super) fn take_lines(&self) -> VecDeque<(Stamp, LogLine)> {
+        std::mem::take(&mut *lock(&self.lines))
+    }
+
+    pub(super) fn now(&self) -> Stamp {
+        lock(&self.time).now(Stamp::now())
+    }
+
+    pub(super) fn count_refused(&self) {
+        self.refused_requests.fetch_add(1, Relaxed);
+    }
+
+    pub(super) fn set_unheard(&self, replies: u64) {
+        self.unheard_replies.store(replies, Relaxed);
+    }
+
+    pub(super) fn set_simulated(&self, simulated: bool) {
+        let jump = lock(&self.time).set_simulated(simulated);
+        if let Some(jump) = jump {
+            let to = if jump == TimeJump::ToSimulated { RosTime::TOPIC } else { "the system" };
+            tracing::info!("the node's time comes from {to}");
+        }
+    }
+
+    pub(super) fn on_clock(&self, clock: &Clock) {
+        let jump = lock(&self.time).on_clock(clock);
+        match jump {
+            Ok(Some(TimeJump::Backward { by })) => {
+                tracing::warn!("{} went back by {} s", RosTime::TOPIC, by.as_secs_f64());
+            }
+            Ok(_) => {}
+            Err(error) => tracing::warn!("{error}"),
+        }
+    }
+}
+
+/// A node as the rest of the program uses it. Copies are the same node; they may outlive it, and
+/// do nothing then.
+#[derive(Clone)]
+pub struct NodeHandle(pub(super) Arc<Shared>);
+
+impl NodeHandle {
+    /// Declares, reads, sets or watches parameters. What changes is published on
+    /// `/parameter_events`. Not to be called from a validator of the store.
+    pub fn parameters<R>(&self, use_them: impl FnOnce(&mut ParameterStore) -> R) -> R {
+        let result = use_them(&mut self.0.store());
+        self.0.wake.ring();
+        result
+    }
+
+    /// Adds or removes types that `~/get_type_description` answers for.
+    pub fn types<R>(&self, use_them: impl FnOnce(&mut TypeDescriptions) -> R) -> R {
+        use_them(&mut self.0.types())
+    }
+
+    /// Publishes a line on `/rosout`. Never blocks on the network; when too many wait, the oldest
+    /// is dropped and counted.
+    pub fn log(&self, line: LogLine) {
+        if IN_NODE_THREAD.get() {
+            return;
+        }
+        let stamp = self.0.now();
+        let mut lines = lock(&self.0.lines);
+        if lines.len() >= MAX_LINES {
+            lines.pop_front();
+            self.0.lost_lines.fetch_add(1, Relaxed);
+        }
+        lines.push_back((stamp, line));
+        drop(lines);
+        self.0.wake.ring();
+    }
+
+    /// The time of the node: of `/clock` while `use_sim_time` is true, else of the system.
+    #[must_use]
+    pub fn now(&self) -> Stamp {
+        self.0.now()
+    }
+
+    /// The same as a clock for routes.
+    #[must_use]
+    pub fn clock(&self) -> NodeClock {
+        let shared = Arc::clone(&self.0);
+        NodeClock::default().with_ros_time(move || {
+            let time = lock(&shared.time);
+            RosNow { stamp: time.now(Stamp::now()), simulated: time.is_simulated() }
+        })
+    }
+
+    /// Log lines that were dropped because too many waited, so far.
+    #[must_use]
+    pub fn lost_lines(&self) -> u64 {
+        self.0.lost_lines.load(Relaxed)
+    }
+
+    /// Requests to the node that were refused unanswered: malformed, too large, or of another
+    /// vendor's clients. A DDS stack that fails counts once until it says something else.
+    #[must_use]
+    pub fn refused_requests(&self) -> u64 {
+        self.0.refused_requests.load(Relaxed)
+    }
+
+    /// Replies of the node that their clients did not hear in time, or that DDS refused.
+    #[must_use]
+    pub fn unheard_replies(&self) -> u64 {
+        self.0.unheard_replies.load(Relaxed)
+    }
+}

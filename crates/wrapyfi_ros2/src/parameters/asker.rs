@@ -1,0 +1,124 @@
+//! A client of one service whose type is known when this is built.
+//!
+//! ```text
+//!   S::Request ─ CDR ─▶ Ros2Client ─▶ … ─ CDR ─▶ S::Response
+//! ```
+
+use std::marker::PhantomData;
+use std::time::Instant;
+
+use wrapyfi_interfaces::store::TypeStore;
+use wrapyfi_interfaces::{Message, Service};
+
+use super::ParameterClientError;
+use crate::graph::Peers;
+use crate::service::Ros2Client;
+use crate::{Ros2, ServiceOptions, no_service};
+use wrapyfi_data::types::{Payload, RosMessage, RosService, ServiceKind};
+use wrapyfi_endpoint::wire_client::WireClient;
+use wrapyfi_endpoint::{
+    CallError, Client, Context, OpenError, Reply, Request, ServiceSpec, Ticket, Wake,
+};
+use wrapyfi_node::parameters::ParameterService;
+
+pub(super) struct Asker<S> {
+    client: WireClient<Ros2Client>,
+    service: RosService,
+    /// Name of the service, behind the name of the node.
+    name: &'static str,
+    node: String,
+    options: ServiceOptions,
+    _service: PhantomData<fn() -> S>,
+}
+
+impl<S: Service> Asker<S> {
+    pub(super) fn open(
+        ros2: &Ros2,
+        node: &str,
+        which: ParameterService,
+        options: &ServiceOptions,
+        wake: &Wake,
+    ) -> Result<Self, ParameterClientError> {
+        let name = which.name();
+        let service = service::<S>()?;
+        let spec = options.spec(&format!("{node}/{name}"), service);
+        let context = Context { wake: wake.clone(), ..Context::default() };
+        let client = Ros2Client::open(ros2, &spec, options.depth, &context)?;
+        let (node, options) = (node.to_owned(), options.clone());
+        Ok(Self { client, service, name, node, options, _service: PhantomData })
+    }
+
+    /// Servers there are now.
+    pub(super) fn servers(&self) -> Peers {
+        self.client.wire().servers()
+    }
+
+    /// Time of the next poll though nothing rang.
+    pub(super) fn deadline(&self) -> Option<Instant> {
+        self.client.deadline()
+    }
+
+    /// Begins a call that [`Asker::poll`] will end.
+    pub(super) fn begin(&mut self, request: &S::Request) -> Result<Ticket, ParameterClientError> {
+        let request = self.message(request);
+        Ok(self.client.send(&request, self.options.timeout)?)
+    }
+
+    /// A call that has ended.
+    pub(super) fn poll(&mut self) -> Option<(Ticket, Result<S::Response, ParameterClientError>)> {
+        let (ticket, result) = self.client.take()?;
+        Some((ticket, self.response(result)))
+    }
+
+    pub(super) fn cancel(&mut self, ticket: Ticket) {
+        self.client.cancel(ticket);
+    }
+
+    /// Calls, and waits for the reply.
+    pub(super) fn ask(
+        &mut self,
+        request: &S::Request,
+    ) -> Result<S::Response, ParameterClientError> {
+        let request = self.message(request);
+        let result = self.client.call(&request, self.options.timeout);
+        self.response(result)
+    }
+
+    /// A reply that cannot be used.
+    pub(super) fn fault(&self, fault: impl Into<String>) -> ParameterClientError {
+        let (node, service) = (self.node.clone(), self.name);
+        ParameterClientError::Reply { node, service, fault: fault.into() }
+    }
+
+    fn message(&self, request: &S::Request) -> Request {
+        Request::Message(RosMessage::new(self.service.request(), request.encode().to_bytes()))
+    }
+
+    fn response(
+        &self,
+        result: Result<Reply, CallError>,
+    ) -> Result<S::Response, ParameterClientError> {
+        let reply = match result {
+            Ok(reply) => reply,
+            Err(CallError::TimedOut { service, timeout_ms, .. })
+                if self.client.wire().servers() == Peers::None =>
+            {
+                let node = self.node.clone();
+                return Err(ParameterClientError::Absent { node, service, timeout_ms });
+            }
+            Err(error) => return Err(error.into()),
+        };
+        let Payload::RosMessage(message) = reply.payload else {
+            return Err(self.fault("no message"));
+        };
+        S::Response::decode(&message.cdr, usize::MAX).map_err(|e| self.fault(e.to_string()))
+    }
+}
+
+fn service<S: Service>() -> Result<RosService, OpenError> {
+    let refused = |error: &dyn std::error::Error| {
+        no_service(&ServiceSpec::new(S::ROS_TYPE, ServiceKind::NativeObject), error)
+    };
+    let resolved = TypeStore::generated().resolve_name(S::ROS_TYPE);
+    RosService::new(&resolved.map_err(|error| refused(&error))?).map_err(|error| refused(&error))
+}

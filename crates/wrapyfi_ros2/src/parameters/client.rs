@@ -1,0 +1,311 @@
+//! Reads and sets the parameters of another node.
+
+use std::collections::HashSet;
+
+use wrapyfi_interfaces::rcl_interfaces::msg;
+use wrapyfi_interfaces::rcl_interfaces::srv::{
+    DescribeParameters, DescribeParameters_Request, GetParameterTypes, GetParameterTypes_Request,
+    GetParameters, GetParameters_Request, ListParameters, ListParameters_Request, SetParameters,
+    SetParameters_Request, SetParametersAtomically, SetParametersAtomically_Request,
+};
+
+use super::asker::Asker;
+use super::{CHUNK, MAX_NAMES, ParameterClientError, RefusedParameter, node_name, options};
+use crate::graph::Peers;
+use crate::{Ros2, ServiceOptions};
+use wrapyfi_data::types::{ParameterType, ParameterValue, Properties};
+use wrapyfi_endpoint::Wake;
+use wrapyfi_node::parameters::{Parameter, ParameterDescriptor, ParameterService};
+
+/// Reads and sets the parameters of another node. Every method waits for the node: as long as the
+/// time-out of the options, for each request that it takes. Clients of services are opened when they
+/// are wanted.
+///
+/// ```no_run
+/// use wrapyfi_endpoint::Wake;
+/// use wrapyfi_ros2::{ParameterClient, Ros2, ServiceOptions};
+/// use wrapyfi_data::types::Properties;
+/// # fn example(ros2: &Ros2) -> Result<(), Box<dyn std::error::Error>> {
+/// let options = ServiceOptions::default();
+/// let mut talker = ParameterClient::open(ros2, "/talker", &options, &Wake::new())?;
+/// println!("{:?}", talker.list()?);
+/// let gain = talker.get(&["gain"])?;
+/// talker.set(&Properties::from([("gain", 2.5)]))?;
+/// # Ok(())
+/// # }
+/// ```
+pub struct ParameterClient {
+    ros2: Ros2,
+    node: String,
+    options: ServiceOptions,
+    wake: Wake,
+    list: Option<Asker<ListParameters>>,
+    get: Option<Asker<GetParameters>>,
+    types: Option<Asker<GetParameterTypes>>,
+    describe: Option<Asker<DescribeParameters>>,
+    set: Option<Asker<SetParameters>>,
+    set_together: Option<Asker<SetParametersAtomically>>,
+}
+
+/// The client of a service, opened at its first use.
+macro_rules! asker {
+    ($self:ident, $slot:ident, $which:ident) => {{
+        let Self { ros2, node, options, wake, $slot, .. } = $self;
+        match $slot {
+            Some(asker) => asker,
+            None => {
+                let asker = Asker::open(ros2, node, ParameterService::$which, options, wake)?;
+                $slot.insert(asker)
+            }
+        }
+    }};
+}
+
+impl ParameterClient {
+    /// A client of `node`, a name in our namespace unless it is absolute. The node need not be there.
+    /// `wake` is rung when it comes or goes; it is waited on by every method.
+    ///
+    /// # Errors
+    /// When no node can be called so, or DDS refuses.
+    pub fn open(
+        ros2: &Ros2,
+        node: &str,
+        given: &ServiceOptions,
+        wake: &Wake,
+    ) -> Result<Self, ParameterClientError> {
+        let node = node_name(ros2, node)?;
+        let options = options(given);
+        // One at once, which knows whether the node is there.
+        let set = Asker::open(ros2, &node, ParameterService::Set, &options, wake)?;
+        Ok(Self {
+            ros2: ros2.clone(),
+            node,
+            options,
+            wake: wake.clone(),
+            list: None,
+            get: None,
+            types: None,
+            describe: None,
+            set: Some(set),
+            set_together: None,
+        })
+    }
+
+    /// Full name of the node.
+    #[must_use]
+    pub fn node(&self) -> &str {
+        &self.node
+    }
+
+    /// Readiness of the node's parameter services.
+    #[must_use]
+    pub fn servers(&self) -> Peers {
+        self.set.as_ref().map_or(Peers::None, Asker::servers)
+    }
+
+    /// Names of all parameters, in the order in which the node tells them.
+    ///
+    /// # Errors
+    /// When the node is absent, does not answer, or has more than 65536.
+    pub fn list(&mut self) -> Result<Vec<String>, ParameterClientError> {
+        let asker = asker!(self, list, List);
+        let names = asker.ask(&ListParameters_Request::default())?.result.names;
+        if names.len() > MAX_NAMES {
+            return Err(too_many(&self.node, names.len()));
+        }
+        Ok(names)
+    }
+
+    /// Values of the parameters of these names. One that is declared and has no value is
+    /// [`ParameterValue::NotSet`].
+    ///
+    /// # Errors
+    /// When the node is absent or does not answer, or has not declared one of them.
+    pub fn get<N: AsRef<str>>(&mut self, names: &[N]) -> Result<Properties, ParameterClientError> {
+        let mut found = Properties::new();
+        for names in names.chunks(CHUNK) {
+            let names: Vec<String> = names.iter().map(|name| name.as_ref().to_owned()).collect();
+            match self.get_all_or_none(&names)? {
+                Some(values) => found.extend(values),
+                None => {
+                    self.check_declared(&names)?;
+                    for name in names {
+                        let one = self.get_all_or_none(std::slice::from_ref(&name))?;
+                        match one {
+                            Some(value) => found.extend(value),
+                            None => _ = found.insert(name, ParameterValue::NotSet),
+                        }
+                    }
+                }
+            }
+        }
+        Ok(found)
+    }
+
+    /// All parameters with their values.
+    ///
+    /// # Errors
+    /// When the node is absent or does not answer.
+    pub fn get_all(&mut self) -> Result<Properties, ParameterClientError> {
+        let names = self.list()?;
+        self.get(&names)
+    }
+
+    /// Descriptions of these parameters: purpose, type and permitted values.
+    ///
+    /// # Errors
+    /// As [`ParameterClient::get`].
+    pub fn describe<N: AsRef<str>>(
+        &mut self,
+        names: &[N],
+    ) -> Result<Vec<ParameterDescriptor>, ParameterClientError> {
+        let mut found = Vec::new();
+        for names in names.chunks(CHUNK) {
+            let names: Vec<String> = names.iter().map(|name| name.as_ref().to_owned()).collect();
+            let asker = asker!(self, describe, Describe);
+            let request = DescribeParameters_Request { names: names.clone() };
+            let descriptors = asker.ask(&request)?.descriptors;
+            if descriptors.len() != names.len() {
+                let fault = asker.fault(counts(descriptors.len(), names.len()));
+                self.check_declared(&names)?;
+                return Err(fault);
+            }
+            for descriptor in descriptors {
+                let read = ParameterDescriptor::try_from(descriptor);
+                found.push(read.map_err(|error| asker.fault(error.to_string()))?);
+            }
+        }
+        Ok(found)
+    }
+
+    /// Sets parameters, each for itself; one without a value is deleted, where the node allows it. An
+    /// empty list takes the type that the node has declared.
+    ///
+    /// # Errors
+    /// When the node is absent or does not answer, or refused some of them: which, and why.
+    pub fn set(&mut self, properties: &Properties) -> Result<(), ParameterClientError> {
+        if properties.is_empty() {
+            return Ok(());
+        }
+        let parameters = self.typed(properties)?;
+        let asker = asker!(self, set, Set);
+        let results = asker.ask(&SetParameters_Request { parameters })?.results;
+        let of = properties.len();
+        if results.len() != of {
+            return Err(asker.fault(counts(results.len(), of)));
+        }
+        let refused: Vec<RefusedParameter> = properties
+            .names()
+            .zip(results)
+            .filter(|(_, result)| !result.successful)
+            .map(|(name, result)| RefusedParameter { name: name.to_owned(), reason: result.reason })
+            .collect();
+        if refused.is_empty() {
+            return Ok(());
+        }
+        Err(ParameterClientError::Refused { node: self.node.clone(), refused, of })
+    }
+
+    /// Sets all of these parameters, or none of them.
+    ///
+    /// # Errors
+    /// As [`ParameterClient::set`].
+    pub fn set_atomically(&mut self, properties: &Properties) -> Result<(), ParameterClientError> {
+        let parameters = self.typed(properties)?;
+        let asker = asker!(self, set_together, SetAtomically);
+        let result = asker.ask(&SetParametersAtomically_Request { parameters })?.result;
+        if result.successful {
+            return Ok(());
+        }
+        let (node, of) = (self.node.clone(), properties.len());
+        Err(ParameterClientError::RefusedTogether { node, of, reason: result.reason })
+    }
+
+    /// Values in the order of `names`, or none where the node lacks one of them.
+    fn get_all_or_none(
+        &mut self,
+        names: &[String],
+    ) -> Result<Option<Vec<(String, ParameterValue)>>, ParameterClientError> {
+        let asker = asker!(self, get, Get);
+        let values = asker.ask(&GetParameters_Request { names: names.to_vec() })?.values;
+        if values.len() != names.len() {
+            return Ok(None);
+        }
+        let mut found = Vec::with_capacity(values.len());
+        for (name, value) in names.iter().zip(values) {
+            let value = ParameterValue::try_from(value);
+            let value = value.map_err(|error| asker.fault(format!("{name}: {error}")))?;
+            found.push((name.clone(), value));
+        }
+        Ok(Some(found))
+    }
+
+    fn check_declared(&mut self, names: &[String]) -> Result<(), ParameterClientError> {
+        let declared: HashSet<String> = self.list()?.into_iter().collect();
+        let names: Vec<String> =
+            names.iter().filter(|name| !declared.contains(*name)).cloned().collect();
+        if names.is_empty() {
+            return Ok(());
+        }
+        Err(ParameterClientError::NotDeclared { node: self.node.clone(), names })
+    }
+
+    /// The parameters as messages, where empty lists have the type that the node has declared.
+    fn typed(
+        &mut self,
+        properties: &Properties,
+    ) -> Result<Vec<msg::Parameter>, ParameterClientError> {
+        let mut types = Vec::new();
+        let names: Vec<String> = properties
+            .iter()
+            .filter(|(_, value)| is_empty_list(value))
+            .map(|(name, _)| name.to_owned())
+            .collect();
+        for name in names {
+            let asker = asker!(self, types, GetTypes);
+            let request = GetParameterTypes_Request { names: vec![name.clone()] };
+            let kind = asker.ask(&request)?.types.first().copied();
+            types.push((name, kind.and_then(ParameterType::from_number)));
+        }
+        let mut types = types.into_iter().peekable();
+        let parameters = properties.iter().map(|(name, value)| {
+            let kind = types.next_if(|(empty, _)| empty == name).and_then(|(_, kind)| kind);
+            let value = kind.and_then(empty_list).unwrap_or_else(|| value.clone());
+            msg::Parameter::from(Parameter::new(name, value))
+        });
+        Ok(parameters.collect())
+    }
+}
+
+/// A list that says nothing of its type.
+fn is_empty_list(value: &ParameterValue) -> bool {
+    match value {
+        ParameterValue::ByteArray(values) => values.is_empty(),
+        ParameterValue::BoolArray(values) => values.is_empty(),
+        ParameterValue::IntegerArray(values) => values.is_empty(),
+        ParameterValue::DoubleArray(values) => values.is_empty(),
+        ParameterValue::StringArray(values) => values.is_empty(),
+        _ => false,
+    }
+}
+
+/// The empty list of this type.
+fn empty_list(kind: ParameterType) -> Option<ParameterValue> {
+    Some(match kind {
+        ParameterType::ByteArray => ParameterValue::ByteArray(Vec::new()),
+        ParameterType::BoolArray => ParameterValue::BoolArray(Vec::new()),
+        ParameterType::IntegerArray => ParameterValue::IntegerArray(Vec::new()),
+        ParameterType::DoubleArray => ParameterValue::DoubleArray(Vec::new()),
+        ParameterType::StringArray => ParameterValue::StringArray(Vec::new()),
+        _ => return None,
+    })
+}
+
+pub(super) fn counts(answers: usize, questions: usize) -> String {
+    format!("{answers} answers to {questions} names")
+}
+
+pub(super) fn too_many(node: &str, actual: usize) -> ParameterClientError {
+    let (node, what) = (node.to_owned(), "names of parameters:");
+    ParameterClientError::TooMuch { node, what, actual, limit: MAX_NAMES }
+}

@@ -1,0 +1,117 @@
+//! Errors of reading and setting the parameters of another node.
+
+use std::fmt;
+
+use crate::graph::GraphError;
+use wrapyfi_endpoint::{CallError, OpenError};
+
+/// A parameter that a node did not set.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RefusedParameter {
+    /// Name of the parameter.
+    pub name: String,
+    /// Reason in the words of the node.
+    pub reason: String,
+}
+
+impl fmt::Display for RefusedParameter {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let reason = if self.reason.is_empty() { "no reason given" } else { &self.reason };
+        write!(f, "{}: {reason}", self.name)
+    }
+}
+
+/// Error of reading or setting the parameters of another node.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ParameterClientError {
+    /// The name cannot be that of a node.
+    #[error("{node:?} is no name of a node: {reason}")]
+    Name {
+        /// Name as given.
+        node: String,
+        /// The rule it breaks.
+        reason: String,
+    },
+    /// Nobody serves the parameters of such a node.
+    #[error(
+        "there is no node {node} with parameters: nobody offered {service} within {timeout_ms} ms"
+    )]
+    Absent {
+        /// Full name of the node.
+        node: String,
+        /// Service asked for.
+        service: String,
+        /// Time waited.
+        timeout_ms: u64,
+    },
+    /// The node has no parameters of these names.
+    #[error("node {node} has not declared {}", list(.names))]
+    NotDeclared {
+        /// Full name of the node.
+        node: String,
+        /// The names it lacks.
+        names: Vec<String>,
+    },
+    /// The node set some of the parameters, or none, but not all.
+    #[error("node {node} refused {} of {of} parameters: {}", .refused.len(), list(.refused))]
+    Refused {
+        /// Full name of the node.
+        node: String,
+        /// Parameters that the node did not set.
+        refused: Vec<RefusedParameter>,
+        /// Parameters in the request.
+        of: usize,
+    },
+    /// The node set none of the parameters, which were to be set together.
+    #[error("node {node} refused to set {of} parameters together: {reason}")]
+    RefusedTogether {
+        /// Full name of the node.
+        node: String,
+        /// Parameters in the request.
+        of: usize,
+        /// Reason in the words of the node.
+        reason: String,
+    },
+    /// The node answered what no node should.
+    #[error("{service} of node {node} answered what cannot be used: {fault}")]
+    Reply {
+        /// Full name of the node.
+        node: String,
+        /// Service that answered.
+        service: &'static str,
+        /// Fault of the answer.
+        fault: String,
+    },
+    /// The node has more parameters than are read.
+    #[error("node {node} has {what} {actual}, the limit is {limit}")]
+    TooMuch {
+        /// Full name of the node.
+        node: String,
+        /// Thing of which there is too much: `names of parameters:` or `bytes of parameters:`.
+        what: &'static str,
+        /// Number of them.
+        actual: usize,
+        /// The limit.
+        limit: usize,
+    },
+    /// The call failed.
+    #[error(transparent)]
+    Call(#[from] CallError),
+    /// A client could not be opened.
+    #[error(transparent)]
+    Open(#[from] OpenError),
+    /// DDS refused.
+    #[error(transparent)]
+    Graph(#[from] GraphError),
+}
+
+/// A few of several things.
+fn list<T: fmt::Display>(things: &[T]) -> String {
+    const SHOWN: usize = 8;
+    let mut text: Vec<_> = things.iter().take(SHOWN).map(ToString::to_string).collect();
+    if things.len() > SHOWN {
+        text.push(format!("and {} more", things.len() - SHOWN));
+    }
+    text.join("; ")
+}

@@ -1,0 +1,70 @@
+//! An endpoint that sets the parameters of a node.
+
+use super::listener::link;
+use super::{ParameterClient, ParameterClientError};
+use crate::graph::{Peers, ServiceMapping};
+use crate::{Ros2, ServiceOptions};
+use wrapyfi_data::EncodeError;
+use wrapyfi_data::Limits;
+use wrapyfi_data::types::{DataType, Payload};
+use wrapyfi_endpoint::{Context, Link, PublishError, Publisher, TopicSpec, Wake};
+
+/// Sets parameters of one node. Each message waits for the node's answer.
+pub(crate) struct PropertiesPublisher {
+    client: ParameterClient,
+    mapping: ServiceMapping,
+    max_bytes: usize,
+    wake: Wake,
+}
+
+impl PropertiesPublisher {
+    pub(crate) fn open(
+        ros2: &Ros2,
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> Result<Self, ParameterClientError> {
+        let max_bytes = spec.limits.message_bytes;
+        // No longer than the end of the program may wait for it.
+        let options =
+            ServiceOptions { max_bytes, timeout: Limits::SHUTDOWN, ..ServiceOptions::default() };
+        Ok(Self {
+            client: ParameterClient::open(ros2, &spec.topic, &options, &context.wake)?,
+            mapping: ros2.graph().service_mapping(),
+            max_bytes,
+            wake: context.wake.clone(),
+        })
+    }
+}
+
+impl Publisher for PropertiesPublisher {
+    fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {
+        let Payload::Properties(properties) = payload else {
+            let (expected, actual) = (DataType::Properties, payload.data_type());
+            let (expected, actual) = (expected.to_string(), actual.to_string());
+            return Err(EncodeError::Mismatch { expected, actual }.into());
+        };
+        let size = properties.size();
+        if size > self.max_bytes {
+            let (actual, limit) = (size as u64, self.max_bytes as u64);
+            return Err(EncodeError::TooLarge { actual, limit }.into());
+        }
+        if self.client.servers() == Peers::None {
+            let topic = self.client.node().to_owned();
+            return Err(PublishError::NoConsumer { topic });
+        }
+        let set = self.client.set(properties);
+        // Waiting for the answer has heard what rang for others.
+        self.wake.ring();
+        set.map(|()| size).map_err(|error| {
+            let (topic, reason) = (self.client.node().to_owned(), error.to_string());
+            match error {
+                ParameterClientError::Refused { .. } => PublishError::Refused { topic, reason },
+                _ => PublishError::Transport { topic, reason },
+            }
+        })
+    }
+
+    fn link(&self) -> Link {
+        link(self.client.node(), &self.client.servers(), self.mapping, None)
+    }
+}

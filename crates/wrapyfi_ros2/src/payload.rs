@@ -1,0 +1,49 @@
+//! Payloads as CDR: the one place where this middleware meets the codecs.
+//!
+//! ```text
+//!   Payload ─ convert raw <-> file ─ encode ─▶ pieces ─▶ CdrWriter
+//!   CdrReader ─▶ Bytes ─ decode ─▶ Payload
+//! ```
+
+use bytes::Bytes;
+use wrapyfi_interfaces::cdr::CdrParts;
+
+use wrapyfi_data::DecodeError;
+use wrapyfi_data::EncodeError;
+use wrapyfi_data::Limits;
+use wrapyfi_data::plugin::Plugins;
+use wrapyfi_data::types::{Encoding, MessageType, Payload};
+use wrapyfi_endpoint::codec::{self, ros};
+
+/// `payload` as a message of `message_type`, in pieces. An image of the other form is converted:
+/// a file for `CompressedImage`, pixels for `Image`.
+pub(super) fn encode(
+    payload: &Payload,
+    message_type: MessageType,
+    color_order: Encoding,
+    limits: &Limits,
+    plugins: &Plugins,
+) -> Result<CdrParts, EncodeError> {
+    let payload = codec::fitted(payload, message_type, color_order, limits)?;
+    let parts = ros::encode_with(&payload, message_type, plugins)?;
+    if parts.len() > limits.message_bytes {
+        let (actual, limit) = (parts.len() as u64, limits.message_bytes as u64);
+        return Err(EncodeError::TooLarge { actual, limit });
+    }
+    Ok(parts)
+}
+
+/// The payload of a message of `message_type`.
+pub(super) fn decode(
+    cdr: &Bytes,
+    message_type: MessageType,
+    limits: &Limits,
+    plugins: &Plugins,
+) -> Result<Payload, DecodeError> {
+    ros::decode_with(cdr, message_type, limits, plugins)
+}
+
+/// REP-2016 hash of a type.
+pub(super) fn type_hash(message_type: MessageType) -> String {
+    ros::type_hash(message_type).to_owned()
+}

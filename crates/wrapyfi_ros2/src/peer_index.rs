@@ -1,0 +1,295 @@
+//! The endpoints of other participants, by topic, as discovery tells of them.
+//!
+//! ```text
+//!   DCPSPublication ──┐ callback: take what is new             ┌─▶ watches of that topic and side:
+//!   DCPSSubscription ─┴──────────▶ PeerIndex { topic ▶ peers } ┴   changes + 1, notify
+//! ```
+//!
+//! One for a node, whatever the number of its topics: an event costs what is known about its own
+//! topic, and wakes only those who asked about that.
+
+use std::collections::{BTreeMap, HashMap};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+
+use super::cyclone::{BuiltinReader, EndpointFound, Entity, ReturnCode};
+use super::cyclone_graph::Node;
+use super::dds_terms::discovered;
+use super::discovery_info::Gid;
+use super::graph::{DiscoveredEndpoint, Notify, PeerWatch};
+
+/// Endpoints that are kept: strangers announce them.
+const MAX_ENDPOINTS: usize = 65_536;
+
+/// A DDS topic, and which side of it: true for writers.
+type Side = (String, bool);
+
+/// Index of the endpoints that discovery has found.
+pub(super) struct PeerIndex {
+    own: Gid,
+    readers: Mutex<Vec<BuiltinReader>>,
+    known: Mutex<Known>,
+    overflowed: AtomicBool,
+}
+
+#[derive(Default)]
+struct Known {
+    sides: HashMap<Side, OneSide>,
+    /// Side of the topic on which an endpoint is, by the endpoint's number.
+    places: HashMap<u64, Side>,
+}
+
+#[derive(Default)]
+struct OneSide {
+    peers: BTreeMap<u64, EndpointFound>,
+    watches: Vec<Weak<Watched>>,
+}
+
+struct Watched {
+    changes: AtomicU64,
+    notify: Notify,
+}
+
+impl PeerIndex {
+    /// Begins to listen; `own` is the participant's GUID, whose endpoints are no peers.
+    pub(super) fn new(participant: &Entity, own: Gid) -> Result<Arc<Self>, ReturnCode> {
+        let index = Arc::new(Self::empty(own));
+        let mut readers = Vec::new();
+        for is_writer in [true, false] {
+            // Weak, because the index owns the readers that own the callback.
+            let weak = Arc::downgrade(&index);
+            let notify = Arc::new(move || {
+                if let Some(index) = weak.upgrade() {
+                    index.drain();
+                }
+            });
+            readers.push(BuiltinReader::new(participant, is_writer, notify)?);
+        }
+        *index.lock_readers() = readers;
+        // Samples may have come before the readers were in their place, when the callback found
+        // none.
+        index.drain();
+        Ok(index)
+    }
+
+    fn empty(own: Gid) -> Self {
+        Self {
+            own,
+            readers: Mutex::default(),
+            known: Mutex::default(),
+            overflowed: AtomicBool::new(false),
+        }
+    }
+
+    /// Watches one side of a DDS topic, and keeps `node` for as long.
+    pub(super) fn watch(
+        self: Arc<Self>,
+        node: Arc<Node>,
+        topic: String,
+        publishers: bool,
+        notify: Notify,
+    ) -> Watch {
+        let (side, watched) = self.add_watch(topic, publishers, notify);
+        Watch { index: self, side, watched, _node: node }
+    }
+
+    fn add_watch(&self, topic: String, publishers: bool, notify: Notify) -> (Side, Arc<Watched>) {
+        let watched = Arc::new(Watched { changes: AtomicU64::new(1), notify });
+        let side = (topic, publishers);
+        let mut known = self.lock();
+        known.sides.entry(side.clone()).or_default().watches.push(Arc::downgrade(&watched));
+        (side, watched)
+    }
+
+    /// Hears no more. Called by the owner: readers must not be dropped by a callback that held the
+    /// last share of the index, because dropping them waits for that callback.
+    pub(super) fn close(&self) {
+        let readers = std::mem::take(&mut *self.lock_readers());
+        drop(readers);
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Known> {
+        self.known.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn lock_readers(&self) -> MutexGuard<'_, Vec<BuiltinReader>> {
+        self.readers.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn drain(&self) {
+        let mut rung = Vec::new();
+        // Held all the while, so that two threads do not apply news in the wrong order.
+        for reader in self.lock_readers().iter() {
+            let taken = reader.take(|number, endpoint| rung.extend(self.apply(number, endpoint)));
+            if let Err(error) = taken {
+                tracing::warn!(%error, "cannot read what discovery found");
+            }
+        }
+        for watched in rung {
+            (watched.notify)();
+        }
+    }
+
+    /// Enters an endpoint, or removes it; those to be watched.
+    fn apply(&self, number: u64, endpoint: Option<EndpointFound>) -> Vec<Arc<Watched>> {
+        let mut known = self.lock();
+        let Known { sides, places } = &mut *known;
+        let side = match endpoint {
+            Some(endpoint) => {
+                if endpoint.guid.first_chunk::<12>() == self.own.first_chunk() {
+                    return Vec::new();
+                }
+                if places.len() >= MAX_ENDPOINTS && !places.contains_key(&number) {
+                    if !self.overflowed.swap(true, Relaxed) {
+                        tracing::warn!(
+                            "more than {MAX_ENDPOINTS} endpoints: routes are not fitted to further \
+                             ones"
+                        );
+                    }
+                    return Vec::new();
+                }
+                let side = (endpoint.topic.clone(), endpoint.is_writer);
+                places.insert(number, side.clone());
+                sides.entry(side.clone()).or_default().peers.insert(number, endpoint);
+                side
+            }
+            None => {
+                let Some(side) = places.remove(&number) else { return Vec::new() };
+                if let Some(one) = sides.get_mut(&side) {
+                    one.peers.remove(&number);
+                }
+                side
+            }
+        };
+        let Some(one) = sides.get_mut(&side) else { return Vec::new() };
+        let watched: Vec<_> = one.watches.iter().filter_map(Weak::upgrade).collect();
+        one.watches.retain(|watch| watch.strong_count() > 0);
+        if one.peers.is_empty() && one.watches.is_empty() {
+            sides.remove(&side);
+        }
+        for watch in &watched {
+            watch.changes.fetch_add(1, Relaxed);
+        }
+        watched
+    }
+
+    fn peers(&self, side: &Side) -> Vec<DiscoveredEndpoint> {
+        let found: Vec<_> = match self.lock().sides.get(side) {
+            Some(one) => one.peers.values().cloned().collect(),
+            None => Vec::new(),
+        };
+        let mut peers: Vec<_> =
+            found.into_iter().map(|endpoint| discovered(endpoint, &self.own)).collect();
+        peers.sort_by_key(|peer| peer.gid);
+        peers
+    }
+
+    fn forget(&self, side: &Side, watched: &Arc<Watched>) {
+        let mut known = self.lock();
+        if let Some(one) = known.sides.get_mut(side) {
+            one.watches.retain(|watch| watch.as_ptr() != Arc::as_ptr(watched));
+            if one.peers.is_empty() && one.watches.is_empty() {
+                known.sides.remove(side);
+            }
+        }
+    }
+}
+
+/// Watches one side of a topic until it is dropped. Fields drop in this order: the index before
+/// the node whose participant it reads from.
+pub(super) struct Watch {
+    watched: Arc<Watched>,
+    side: Side,
+    index: Arc<PeerIndex>,
+    _node: Arc<Node>,
+}
+
+impl PeerWatch for Watch {
+    fn peers(&self) -> Vec<DiscoveredEndpoint> {
+        self.index.peers(&self.side)
+    }
+
+    fn changes(&self) -> u64 {
+        self.watched.changes.load(Relaxed)
+    }
+}
+
+impl Drop for Watch {
+    fn drop(&mut self) {
+        self.index.forget(&self.side, &self.watched);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use wrapyfi_endpoint::Qos;
+
+    const OWN: Gid = [7; 16];
+
+    fn endpoint(topic: &str, is_writer: bool, participant: u8) -> EndpointFound {
+        EndpointFound {
+            is_writer,
+            guid: [participant; 16],
+            topic: topic.to_owned(),
+            type_name: "std_msgs::msg::dds_::String_".to_owned(),
+            user_data: Vec::new(),
+            qos: Qos::default().into(),
+        }
+    }
+
+    fn watch(index: &PeerIndex, topic: &str, publishers: bool) -> (Side, Arc<Watched>) {
+        index.add_watch(topic.to_owned(), publishers, Arc::new(|| {}))
+    }
+
+    #[test]
+    fn only_the_side_concerned_is_told() {
+        let index = PeerIndex::empty(OWN);
+        let (side, watched) = watch(&index, "rt/a", true);
+        assert_eq!(index.apply(1, Some(endpoint("rt/a", true, 1))).len(), 1);
+        for other in [
+            endpoint("rt/b", true, 1),
+            endpoint("rt/a", false, 1),
+            endpoint("rt/a", true, 7), // our own
+        ] {
+            assert_eq!(index.apply(2, Some(other)).len(), 0);
+        }
+        assert_eq!(watched.changes.load(Relaxed), 2);
+        let peers = index.peers(&side);
+        assert_eq!(peers.len(), 1);
+        assert_eq!((peers[0].topic.as_str(), peers[0].is_publisher), ("/a", true));
+        assert_eq!(peers[0].type_name, "std_msgs/msg/String");
+    }
+
+    #[test]
+    fn what_changes_is_replaced_and_what_goes_is_gone() {
+        let index = PeerIndex::empty(OWN);
+        let (side, watched) = watch(&index, "rt/a", false);
+        index.apply(5, Some(endpoint("rt/a", false, 1)));
+        let mut changed = endpoint("rt/a", false, 1);
+        changed.qos.deadline = Some(std::time::Duration::from_secs(1));
+        index.apply(5, Some(changed.clone()));
+        assert_eq!(index.peers(&side)[0].qos, changed.qos);
+        index.apply(5, None);
+        index.apply(5, None);
+        assert_eq!(index.peers(&side), []);
+        assert_eq!(watched.changes.load(Relaxed), 4);
+    }
+
+    #[test]
+    fn nothing_is_left_of_topics_that_are_over() {
+        let index = PeerIndex::empty(OWN);
+        let (side, watched) = watch(&index, "rt/a", true);
+        index.apply(1, Some(endpoint("rt/a", true, 1)));
+        index.apply(1, None);
+        index.forget(&side, &watched);
+        for number in 0..500 {
+            index.apply(number, Some(endpoint(&format!("rt/t{number}"), true, 1)));
+        }
+        for number in 0..500 {
+            index.apply(number, None);
+        }
+        let known = index.lock();
+        assert!(known.sides.is_empty() && known.places.is_empty());
+    }
+}

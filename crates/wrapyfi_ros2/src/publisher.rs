@@ -1,0 +1,347 @@
+//! Sends a topic: encoding, DDS writer.
+//!
+//! ```text
+//!   publish ─▶ encode ─▶ [header][fields][pixels] ─▶ CdrWriter, one copy
+//! ```
+//!
+//! A publisher that follows its subscribers' quality of service is opened again when one asks for
+//! more. Every message goes through one writer, so none comes twice:
+//!
+//! ```text
+//!   old writer ── used ──────────────┬── lingers, for what is not acknowledged ── closed
+//!   new writer ── is discovered ─────┴── used
+//! ```
+//!
+//! Messages that a publisher at the other end keeps for later subscribers go through a writer of
+//! their own (`origins`).
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use wrapyfi_interfaces::cdr::CdrParts;
+
+use super::diagnosis::{Diagnosis, Names};
+use super::follow::{EventLog, Follower};
+use super::graph::{
+    CdrWriter, DiscoveredEndpoint, Graph, GraphError, Notify, Replay, TopicDescription,
+    WriterTraits,
+};
+use super::matching::{CALM, Matching};
+use super::origins::{MAX_ORIGINS, Origins};
+use super::payload;
+use wrapyfi_data::EncodeError;
+use wrapyfi_data::Limits;
+use wrapyfi_data::plugin::Plugins;
+use wrapyfi_data::types::{Encoding, MessageType, Payload};
+use wrapyfi_endpoint::{
+    AnnouncedDurability, BridgeMark, Context, DropReason, Durability, History, Keeping, Link,
+    Origin, PinnedQos, PublishError, Publisher, Qos, QosChange, QosEvent, QosPolicy, Reliability,
+    Review, TopicSpec,
+};
+
+/// Time that a new writer has to become known to all subscribers, and an old one to send the
+/// messages that it holds.
+const HANDOVER: Duration = Duration::from_secs(1);
+
+/// A ROS 2 publisher.
+pub(super) struct Ros2Publisher {
+    graph: Arc<dyn Graph>,
+    /// Topic with the quality of service in use, or soon in use.
+    topic: TopicDescription,
+    /// Used.
+    writer: Box<dyn CdrWriter>,
+    /// Used from then on.
+    new: Option<(Box<dyn CdrWriter>, Instant)>,
+    /// Closed then.
+    old: Option<(Box<dyn CdrWriter>, Instant)>,
+    on_match: Notify,
+    context: Context,
+    events: EventLog,
+    message_type: MessageType,
+    origins: Origins,
+    /// State of the publishers at the other end, whether they keep their last message, where that
+    /// is followed.
+    source: Keeping,
+    /// Messages that the writer gives to later readers.
+    replay: Replay,
+    follows: bool,
+    /// The source is followed again from then on: the last try failed.
+    follow_again: Option<Instant>,
+    /// True once the log says that there are too many origins.
+    warned_full: bool,
+    pinned: PinnedQos,
+    color_order: Encoding,
+    limits: Limits,
+    plugins: Plugins,
+    follower: Follower,
+    mark: Option<BridgeMark>,
+}
+
+impl Ros2Publisher {
+    pub(super) fn open(
+        graph: &Arc<dyn Graph>,
+        names: &Arc<Names>,
+        topic: &TopicDescription,
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> Result<Self, GraphError> {
+        let wake = context.wake.clone();
+        let on_match: Notify = Arc::new(move || wake.ring());
+        let message_type = spec.message_type;
+        let diagnosis = Diagnosis::new(
+            names,
+            topic,
+            message_type.ros_type(),
+            false,
+            (spec.match_peers, spec.pinned),
+            Arc::clone(&on_match),
+        )?;
+        let matching = spec.match_peers.then(|| Matching::new(false, topic.qos, spec.pinned));
+        let traits = WriterTraits { mark: spec.mark.as_ref(), ..WriterTraits::default() };
+        Ok(Self {
+            graph: Arc::clone(graph),
+            writer: graph.advertise_with(topic, traits, Arc::clone(&on_match))?,
+            mark: spec.mark.clone(),
+            new: None,
+            old: None,
+            topic: topic.clone(),
+            on_match,
+            context: context.clone(),
+            events: EventLog::new(&context.counters, &topic.name, false),
+            message_type,
+            origins: Origins::default(),
+            source: Keeping::Unknown,
+            replay: Replay::History,
+            follows: spec.match_peers,
+            follow_again: None,
+            warned_full: false,
+            pinned: spec.pinned,
+            color_order: spec.color_order,
+            limits: spec.limits,
+            plugins: spec.plugins.clone(),
+            follower: Follower::new(diagnosis, matching),
+        })
+    }
+
+    /// Opens a writer with `qos` beside the one there is.
+    fn reopen(&mut self, qos: Qos, now: Instant) -> Result<(), GraphError> {
+        let topic = TopicDescription { qos, ..self.topic.clone() };
+        let replay = self.wanted_replay();
+        let traits = WriterTraits { replay, mark: self.mark.as_ref() };
+        let writer = self.graph.advertise_with(&topic, traits, Arc::clone(&self.on_match))?;
+        self.topic = topic;
+        self.replay = replay;
+        // One that was new until now was never used.
+        self.new = Some((writer, now + HANDOVER));
+        Ok(())
+    }
+
+    /// Messages that later readers are to be given: those that the publishers at the other end
+    /// keep, where they are followed and known.
+    fn wanted_replay(&self) -> Replay {
+        match self.source {
+            Keeping::Unknown => Replay::History,
+            Keeping::All => Replay::Newest(1),
+            Keeping::Nobody | Keeping::NotAll => Replay::Nothing,
+        }
+    }
+
+    /// Quality of service that the publishers at the other end demand, and the reason in words;
+    /// `None` while it is the present one.
+    fn after_source(&self) -> Option<(Qos, String)> {
+        let qos = self.topic.qos;
+        let keeps = qos.durability == Durability::TransientLocal;
+        let why = match self.source {
+            Keeping::All if !keeps => "its publishers keep their last message for who comes later",
+            Keeping::All if self.replay == Replay::Nothing => {
+                "its publishers keep their last message now"
+            }
+            Keeping::NotAll if keeps && self.replay != Replay::Nothing => {
+                "its publishers keep nothing for who comes later"
+            }
+            _ => return None,
+        };
+        Some((Qos { durability: Durability::TransientLocal, ..qos }, why.to_owned()))
+    }
+
+    /// Opens the writer of an origin that keeps messages, unless it is open: true where there is one.
+    fn has_own_writer(&mut self, origin: Origin, now: Instant) -> Result<bool, GraphError> {
+        let Origin { publisher: origin, keeps } = origin;
+        if self.origins.has(origin) {
+            return Ok(true);
+        }
+        if self.origins.is_full() {
+            if !std::mem::replace(&mut self.warned_full, true) {
+                tracing::warn!(
+                    topic = self.topic.name,
+                    "more than {MAX_ORIGINS} publishers keep their last message: those of the \
+                     others are kept together, the newest only"
+                );
+            }
+            return Ok(false);
+        }
+        let qos = Qos {
+            durability: Durability::TransientLocal,
+            reliability: Reliability::Reliable,
+            ..self.topic.qos
+        };
+        let topic = TopicDescription { qos: self.pinned.apply(qos), ..self.topic.clone() };
+        if topic.qos.durability == Durability::Volatile {
+            return Ok(false);
+        }
+        let on_match = Arc::clone(&self.on_match);
+        let traits = WriterTraits { replay: Replay::Newest(keeps), mark: self.mark.as_ref() };
+        let writer = self.graph.advertise_with(&topic, traits, on_match)?;
+        let volatile =
+            |peer: &DiscoveredEndpoint| peer.qos.durability == AnnouncedDurability::Volatile;
+        let opens = self.follower.peers().iter().any(volatile).then(|| now + HANDOVER);
+        self.origins.enter(origin, writer, opens);
+        // To be rung when messages may go.
+        if opens.is_some() {
+            (self.on_match)();
+        }
+        Ok(true)
+    }
+
+    fn encode(&self, payload: &Payload) -> Result<CdrParts, EncodeError> {
+        let (order, limits) = (self.color_order, &self.limits);
+        payload::encode(payload, self.message_type, order, limits, &self.plugins)
+    }
+
+    fn fault(&self, error: GraphError) -> PublishError {
+        match (error, self.topic.qos.history) {
+            (GraphError::Timeout { topic, .. }, History::KeepLast(depth)) => {
+                let depth = usize::try_from(depth).unwrap_or(usize::MAX);
+                PublishError::QueueFull { topic, depth }
+            }
+            // A keep-all queue is bounded by bytes: the stack's own words say more.
+            (error, _) => PublishError::Transport {
+                topic: self.topic.name.clone(),
+                reason: error.to_string(),
+            },
+        }
+    }
+
+    /// Hands over from one writer to the next, and closes the one before; when to look again.
+    fn hand_over(&mut self, now: Instant) -> Option<Instant> {
+        if self.old.as_ref().is_some_and(|&(_, closes)| now >= closes) {
+            self.old = None;
+        }
+        match self.new.take() {
+            // Nobody hears the old one: there is nothing to wait for.
+            Some((new, due)) if now >= due || self.writer.matched() == 0 => {
+                let old = std::mem::replace(&mut self.writer, new);
+                self.old = Some((old, now + HANDOVER));
+            }
+            waiting => self.new = waiting,
+        }
+        let due = |slot: &Option<(Box<dyn CdrWriter>, Instant)>| slot.as_ref().map(|&(_, at)| at);
+        due(&self.new).into_iter().chain(due(&self.old)).min()
+    }
+}
+
+impl Publisher for Ros2Publisher {
+    fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {
+        let cdr = self.encode(payload)?;
+        let parts: Vec<&[u8]> = cdr.pieces().iter().map(AsRef::as_ref).collect();
+        self.writer.write(&parts).map_err(|error| self.fault(error))?;
+        Ok(cdr.len())
+    }
+
+    fn forward(
+        &mut self,
+        payload: &Payload,
+        origin: Option<Origin>,
+    ) -> Result<usize, PublishError> {
+        let now = self.context.clock.now();
+        // A history that is asked for is one of all.
+        let one = self.topic.qos.durability == Durability::TransientLocal
+            && self.topic.qos.history == History::KeepLast(1);
+        let kept = self.follows || one;
+        let Some(origin) = origin.filter(|origin| kept && origin.keeps > 0) else {
+            return self.publish(payload);
+        };
+        let publisher = origin.publisher;
+        if !self.has_own_writer(origin, now).map_err(|error| self.fault(error))? {
+            return self.publish(payload);
+        }
+        let cdr = self.encode(payload)?;
+        let bytes = cdr.len();
+        match self.origins.write(publisher, cdr, now) {
+            Some(Ok(lost)) => {
+                let lost = u64::try_from(lost).unwrap_or(u64::MAX);
+                self.context.counters.dropped_many(DropReason::SendQueueFull, lost);
+                Ok(bytes)
+            }
+            Some(Err(error)) => Err(self.fault(error)),
+            None => self.publish(payload),
+        }
+    }
+
+    fn forget(&mut self, publisher: u64) {
+        self.origins.forget(publisher, self.context.clock.now(), HANDOVER);
+    }
+
+    fn forget_all(&mut self) {
+        self.origins.forget_all(self.context.clock.now(), HANDOVER);
+    }
+
+    fn follow_source(&mut self, source: Keeping) {
+        // A policy that is set from outside is not followed. Publishers that are gone may come back
+        // as they were.
+        let follows = self.follows && !self.pinned.holds(QosPolicy::Durability);
+        let is_news = match source {
+            Keeping::Unknown => false,
+            Keeping::Nobody => self.source == Keeping::Unknown,
+            Keeping::All | Keeping::NotAll => true,
+        };
+        if follows && is_news {
+            self.source = source;
+        }
+    }
+
+    fn link(&self) -> Link {
+        let keeps_last = self.topic.qos.durability == Durability::TransientLocal
+            && self.replay != Replay::Nothing;
+        let (writer, matched) = match &self.new {
+            Some((new, _)) => (new, self.writer.matched().max(new.matched())),
+            None => (&self.writer, self.writer.matched()),
+        };
+        let matched = matched.max(self.origins.matched());
+        self.follower.link(matched, writer.incompatible(), &self.topic.qos, keeps_last)
+    }
+
+    fn review(&mut self, now: Instant) -> Review {
+        self.events.note(self.writer.qos_events(), now);
+        self.events.note(self.origins.qos_events(), now);
+        let mut look = self.follower.look(&self.topic.qos, now);
+        if self.follow_again.is_none_or(|at| now >= at) {
+            look.switch = look.switch.or_else(|| self.after_source());
+        }
+        let (origins_next, faults) = self.origins.look(now);
+        for error in faults {
+            self.context.counters.dropped(DropReason::SendFailed);
+            tracing::warn!(topic = self.topic.name, "a message that was held is lost: {error}");
+        }
+        let mut review = Review { warnings: look.complaints, next: look.next, ..Review::default() };
+        if let Some((to, why)) = look.switch {
+            let from = self.topic.qos;
+            match self.reopen(to, now) {
+                Ok(()) => {
+                    self.context.counters.qos_event(QosEvent::Changed, 1);
+                    review.changed = Some(QosChange { from, to, why });
+                }
+                Err(error) => {
+                    self.follower.retry(now + CALM);
+                    self.follow_again = Some(now + CALM);
+                    review.warnings.push(format!("cannot be opened again with {to}: {error}"));
+                }
+            }
+        }
+        let others = self.hand_over(now).into_iter().chain(origins_next);
+        review.next = review.next.into_iter().chain(others).min();
+        review.qos = Some(self.topic.qos);
+        review.slowed = self.writer.slowed();
+        review
+    }
+}

@@ -1,0 +1,316 @@
+//! Writers, readers, clients and servers of a node on rmw.
+
+use std::cell::Cell;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use wrapyfi_rmw::{
+    Client, EventCounts, Fault, MATCH_SETTLES, Node, Publisher, Received, SendFault, Server,
+    Service, Side, Subscription, Taken,
+};
+
+use super::graph::{
+    CdrClient, CdrReader, CdrReply, CdrRequest, CdrSample, CdrServer, CdrWriter, GraphError,
+    Notify, Peers, QosEvents, RequestId, ServiceDescription, TopicDescription,
+};
+use super::rmw_graph::{Shared, hash_from_text, stack, to_rmw};
+use wrapyfi_endpoint::{History, Qos};
+
+/// Longest time in milliseconds that rmw waits for reliable readers of which no message may be
+/// lost.
+const MAX_BLOCKING_MS: u64 = 100;
+
+/// Time for which a server stays after its last reply. The client's reader may not have matched it yet: the reply is sent
+/// again when it does, unless the server has gone. rmw tells nobody whether a reply has arrived.
+const REPLY_LINGER: Duration = Duration::from_millis(500);
+
+pub(super) struct RmwWriter {
+    publisher: Publisher,
+    topic: String,
+    returned: Cell<QosEvents>,
+}
+
+impl RmwWriter {
+    pub(super) fn new(publisher: Publisher, topic: &str) -> Self {
+        Self { publisher, topic: topic.to_owned(), returned: Cell::default() }
+    }
+}
+
+impl CdrWriter for RmwWriter {
+    fn write(&mut self, parts: &[&[u8]]) -> Result<(), GraphError> {
+        self.publisher.publish(parts).map_err(|fault| unsent(&self.topic, fault))
+    }
+
+    fn matched(&self) -> usize {
+        self.publisher.matched()
+    }
+
+    fn incompatible(&self) -> Option<&'static str> {
+        self.publisher.events().incompatible
+    }
+
+    fn qos_events(&self) -> QosEvents {
+        since(&self.returned, &self.publisher.events())
+    }
+}
+
+pub(super) struct RmwReader {
+    subscription: Subscription,
+    topic: String,
+    max_bytes: usize,
+    lost: u64,
+    returned: Cell<QosEvents>,
+    shared: Arc<Shared>,
+}
+
+impl RmwReader {
+    pub(super) fn new(
+        subscription: Subscription,
+        topic: &TopicDescription,
+        shared: Arc<Shared>,
+    ) -> Self {
+        Self {
+            subscription,
+            topic: topic.name.clone(),
+            max_bytes: topic.max_bytes,
+            lost: 0,
+            returned: Cell::default(),
+            shared,
+        }
+    }
+}
+
+impl RmwReader {
+    /// Publishers of other nodes on the topic.
+    fn found(&self) -> Vec<[u8; 16]> {
+        let found = self.shared.on(&self.shared.spelled(&self.topic), Side::Publishers);
+        let others = found.into_iter().flatten().filter(|(_, found)| !found.is_own);
+        others.map(|(_, found)| found.gid).collect()
+    }
+}
+
+impl CdrReader for RmwReader {
+    fn take(&mut self) -> Result<Option<CdrSample>, GraphError> {
+        match self.subscription.take(self.max_bytes) {
+            Ok(Taken::Nothing) => Ok(None),
+            Ok(Taken::Message(message)) => Ok(Some(CdrSample {
+                cdr: message.bytes,
+                source_timestamp_ns: message.source_timestamp_ns,
+                publisher: self.shared.publishers.number(&message.publisher),
+            })),
+            Ok(Taken::TooLarge(actual)) => {
+                let (topic, limit) = (self.topic.clone(), self.max_bytes);
+                Err(GraphError::TooLarge { topic, actual, limit })
+            }
+            Err(fault) => Err(stack("taking", &self.topic, &fault)),
+        }
+    }
+
+    fn matched(&self) -> usize {
+        self.subscription.matched()
+    }
+
+    fn publishers(&self) -> Option<Vec<u64>> {
+        let number = |gid: &[u8; 16]| self.shared.publishers.number(gid);
+        self.shared.names_publishers().then(|| self.found().iter().map(number).collect())
+    }
+
+    fn publisher_gid(&self, publisher: u64) -> Option<[u8; 16]> {
+        if self.shared.names_publishers() {
+            return self.shared.publishers.gid(publisher);
+        }
+        // Messages carry no identity: the sender is known only where there is one publisher.
+        match *self.found() {
+            [only] => Some(only),
+            _ => None,
+        }
+    }
+
+    fn lost(&mut self) -> u64 {
+        let lost = self.subscription.events().lost;
+        let more = lost.saturating_sub(self.lost);
+        self.lost = lost;
+        more
+    }
+
+    fn incompatible(&self) -> Option<&'static str> {
+        self.subscription.events().incompatible
+    }
+
+    fn qos_events(&self) -> QosEvents {
+        since(&self.returned, &self.subscription.events())
+    }
+}
+
+/// Number of events since `returned`, which is set to the present counts.
+fn since(returned: &Cell<QosEvents>, counts: &EventCounts) -> QosEvents {
+    let now = QosEvents {
+        deadlines_missed: counts.deadlines_missed,
+        liveliness_lost: counts.liveliness_lost,
+    };
+    let before = returned.replace(now);
+    QosEvents {
+        deadlines_missed: now.deadlines_missed.saturating_sub(before.deadlines_missed),
+        liveliness_lost: now.liveliness_lost.saturating_sub(before.liveliness_lost),
+    }
+}
+
+pub(super) fn unsent(topic: &str, fault: SendFault) -> GraphError {
+    match fault {
+        SendFault::Refused(fault) => stack("writing", topic, &fault),
+        _ => GraphError::Timeout { topic: topic.to_owned(), timeout_ms: MAX_BLOCKING_MS },
+    }
+}
+
+pub(super) fn service_qos(service: &ServiceDescription) -> wrapyfi_rmw::Qos {
+    to_rmw(&Qos { history: History::KeepLast(service.depth), ..Qos::default() })
+}
+
+fn described(service: &ServiceDescription) -> Service<'_> {
+    let hash = |text: &Option<String>| text.as_deref().and_then(hash_from_text);
+    Service {
+        name: &service.name,
+        type_name: &service.type_name,
+        hashes: [&service.type_hash, &service.request_hash, &service.response_hash].map(hash),
+        qos: service_qos(service),
+    }
+}
+
+pub(super) fn uncreated(service: &ServiceDescription) -> impl FnOnce(Fault) -> GraphError {
+    |fault| stack("creating a service's endpoints", &service.name, &fault)
+}
+
+/// The message of what was taken, or the error of one that was too large.
+fn within(
+    received: Received,
+    service: &ServiceDescription,
+) -> Result<(bytes::Bytes, Received), GraphError> {
+    match &received.cdr {
+        Ok(cdr) => Ok((cdr.clone(), received)),
+        Err(actual) => Err(GraphError::TooLarge {
+            topic: service.name.clone(),
+            actual: *actual,
+            limit: service.max_bytes,
+        }),
+    }
+}
+
+pub(super) struct RmwClient {
+    client: Client,
+    service: ServiceDescription,
+    /// Time since which a server is there, and true when that was too short at the last look.
+    there_since: Cell<Option<(Instant, bool)>>,
+    /// Servers come and go with the graph.
+    _watch: Arc<wrapyfi_rmw::Notify>,
+}
+
+impl RmwClient {
+    pub(super) fn new(
+        node: &Node,
+        service: &ServiceDescription,
+        on_event: &Notify,
+    ) -> Result<Self, GraphError> {
+        let made = node.client(&described(service), Arc::clone(on_event));
+        let client = made.map_err(uncreated(service))?;
+        let watch = node.watch_graph(Arc::clone(on_event));
+        Ok(Self { client, service: service.clone(), there_since: Cell::default(), _watch: watch })
+    }
+}
+
+impl CdrClient for RmwClient {
+    fn send(&mut self, parts: &[&[u8]]) -> Result<i64, GraphError> {
+        self.client.send(parts).map_err(|fault| unsent(&self.service.name, fault))
+    }
+
+    fn take(&mut self) -> Result<Option<CdrReply>, GraphError> {
+        let taken = self.client.take(self.service.max_bytes);
+        let taken = taken.map_err(|fault| stack("taking", &self.service.name, &fault))?;
+        let Some(received) = taken else { return Ok(None) };
+        let (cdr, received) = within(received, &self.service)?;
+        let (sequence, source_timestamp_ns) = (received.id.sequence, received.source_timestamp_ns);
+        Ok(Some(CdrReply { sequence, cdr, source_timestamp_ns }))
+    }
+
+    fn servers(&self) -> Peers {
+        if !self.client.has_server() {
+            self.there_since.set(None);
+            return Peers::None;
+        }
+        let since = self.there_since.get().map_or_else(Instant::now, |(since, _)| since);
+        let is_new = since.elapsed() < MATCH_SETTLES;
+        self.there_since.set(Some((since, is_new)));
+        if is_new { Peers::Half } else { Peers::Ready(self.client.servers().max(1)) }
+    }
+
+    fn look_again(&self) -> Option<Duration> {
+        let (since, was_new) = self.there_since.get()?;
+        was_new.then(|| MATCH_SETTLES.saturating_sub(since.elapsed()))
+    }
+
+    fn lost(&mut self) -> u64 {
+        0
+    }
+}
+
+pub(super) struct RmwServer {
+    server: Server,
+    service: ServiceDescription,
+    last_reply: Option<Instant>,
+    /// Clients come and go with the graph.
+    _watch: Arc<wrapyfi_rmw::Notify>,
+}
+
+impl RmwServer {
+    pub(super) fn new(
+        node: &Node,
+        service: &ServiceDescription,
+        on_event: &Notify,
+    ) -> Result<Self, GraphError> {
+        let made = node.server(&described(service), Arc::clone(on_event));
+        let server = made.map_err(uncreated(service))?;
+        let watch = node.watch_graph(Arc::clone(on_event));
+        Ok(Self { server, service: service.clone(), last_reply: None, _watch: watch })
+    }
+}
+
+impl CdrServer for RmwServer {
+    fn take(&mut self) -> Result<Option<CdrRequest>, GraphError> {
+        let taken = self.server.take(self.service.max_bytes);
+        let taken = taken.map_err(|fault| stack("taking", &self.service.name, &fault))?;
+        let Some(received) = taken else { return Ok(None) };
+        let (cdr, received) = within(received, &self.service)?;
+        let id = RequestId { client: received.id.client, sequence: received.id.sequence };
+        Ok(Some(CdrRequest { id, cdr, source_timestamp_ns: received.source_timestamp_ns }))
+    }
+
+    /// True: rmw itself waits until the client hears its reply.
+    fn hears(&self, _: &RequestId) -> bool {
+        true
+    }
+
+    fn reply(&mut self, id: &RequestId, parts: &[&[u8]]) -> Result<(), GraphError> {
+        let id = wrapyfi_rmw::RequestId { client: id.client, sequence: id.sequence };
+        let sent = self.server.reply(&id, parts);
+        self.last_reply = Some(Instant::now());
+        sent.map_err(|fault| unsent(&self.service.name, fault))
+    }
+
+    fn clients(&self) -> Peers {
+        match self.server.clients() {
+            0 => Peers::None,
+            clients => Peers::Ready(clients),
+        }
+    }
+
+    fn lost(&mut self) -> u64 {
+        0
+    }
+}
+
+impl Drop for RmwServer {
+    fn drop(&mut self) {
+        if let Some(at) = self.last_reply {
+            std::thread::sleep(REPLY_LINGER.saturating_sub(at.elapsed()));
+        }
+    }
+}

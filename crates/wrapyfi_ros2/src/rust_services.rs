@@ -1,0 +1,218 @@
+//! ROS 2 services as `rmw_fastrtps_cpp` writes them, over RustDDS.
+//!
+//! ```text
+//!   RustServices ── client, server ──▶ Participant (while there is one of them)
+//!     settings     what RustDDS can be told of the node's settings
+//!     participant  RustDDS, its announcement (announce), its thread (watch, greeting), its end (goodbye)
+//!     client, server  the traits, on a Pair of endpoints
+//!     pair         writer, reader, remotes: whom they are matched with
+//!     outgoing     what is written; large: replies in fragments, which RustDDS cannot identify
+//!     identity     which request; adapter: CDR bytes
+//! ```
+//!
+//! Fast DDS names a request in the inline QoS of its sample, for which CycloneDDS has no call.
+//! RustDDS has one, so that these services need a participant of their own beside the one that
+//! carries the topics. It exists only while a service does.
+//!
+//! RustDDS has no type hashes in USER_DATA (ROS 2 shows none for these endpoints), no static peers
+//! and no domain tags. It takes memory for the size that the header of a fragmented sample claims,
+//! before any limit of ours applies.
+
+mod adapter;
+mod announce;
+#[cfg(test)]
+mod captured_tests;
+mod changes;
+mod client;
+#[cfg(test)]
+mod foreign_tests;
+mod fragments;
+mod goodbye;
+mod greeting;
+mod identity;
+mod large;
+mod numbers;
+mod outgoing;
+mod pair;
+mod participant;
+mod remotes;
+mod server;
+mod settings;
+mod watch;
+
+use std::sync::{Arc, Mutex, PoisonError, Weak};
+
+pub use announce::ServiceEndpoints;
+pub use settings::RustServicesError;
+
+use self::changes::Changes;
+use self::client::Client;
+use self::participant::{Participant, Topics};
+use self::server::Server;
+use self::settings::Settings;
+use super::config::CycloneConfig;
+use super::graph::{CdrClient, CdrServer, GraphError, Notify, ServiceDescription};
+use super::names;
+use wrapyfi_node::NodeName;
+
+/// Services of one node in the mapping of Fast DDS.
+///
+/// Dropping it leaves its clients and servers alive; the last of them ends the participant, which
+/// takes a few hundred milliseconds.
+#[derive(Clone)]
+pub struct RustServices(Arc<Shared>);
+
+struct Shared {
+    settings: Settings,
+    participant: Mutex<Weak<Participant>>,
+    changes: Arc<Changes>,
+}
+
+impl RustServices {
+    /// Services of the node that `config` describes: on its domain, within its discovery range, on
+    /// its interface. Nothing is created yet. Settings that do not reach services are logged.
+    ///
+    /// # Errors
+    /// When the settings cannot be honoured.
+    pub fn new(config: &CycloneConfig) -> Result<Self, RustServicesError> {
+        let settings = Settings::new(config)?;
+        for warning in &settings.warnings {
+            tracing::warn!("{warning}");
+        }
+        Ok(Self(Arc::new(Shared {
+            settings,
+            participant: Mutex::default(),
+            changes: Arc::default(),
+        })))
+    }
+
+    /// Name of the node that owns the services.
+    #[must_use]
+    pub fn node(&self) -> &NodeName {
+        &self.0.settings.node
+    }
+
+    /// Settings that have no effect on services, each in one line for the log.
+    #[must_use]
+    pub fn warnings(&self) -> &[String] {
+        &self.0.settings.warnings
+    }
+
+    /// GUID of the participant, while there is a service.
+    #[must_use]
+    pub fn gid(&self) -> Option<[u8; 16]> {
+        self.existing().map(|participant| participant.gid())
+    }
+
+    /// Readers and writers that exist now, for the announcement of the node under its own name.
+    #[must_use]
+    pub fn endpoints(&self) -> ServiceEndpoints {
+        self.0.changes.endpoints()
+    }
+
+    /// Calls `on_change` now and after every service that comes or goes, in order, with what exists
+    /// then; of changes at the same time with the last. It may use these services in any way, but
+    /// whoever creates or drops one waits for it.
+    pub fn on_change(&self, on_change: impl Fn(&ServiceEndpoints) + Send + 'static) {
+        self.0.changes.notify_by(Box::new(on_change));
+    }
+
+    /// Creates a client and announces it. `on_event` is called from a thread of the services when
+    /// replies or matches change, possibly before this returns.
+    ///
+    /// # Errors
+    /// When a name is invalid or RustDDS refuses.
+    pub fn client(
+        &self,
+        service: &ServiceDescription,
+        on_event: Notify,
+    ) -> Result<Box<dyn CdrClient>, GraphError> {
+        let (requests, replies) = dds_names(service)?;
+        let topics = Topics { written: requests, read: replies, service };
+        let opened = self.participant()?.open("creating a client", &topics, on_event)?;
+        Ok(Box::new(Client::new(opened)))
+    }
+
+    /// Creates a server and announces it. `on_event` is called as for [`RustServices::client`].
+    ///
+    /// # Errors
+    /// When a name is invalid or RustDDS refuses.
+    pub fn server(
+        &self,
+        service: &ServiceDescription,
+        on_event: Notify,
+    ) -> Result<Box<dyn CdrServer>, GraphError> {
+        let (requests, replies) = dds_names(service)?;
+        let topics = Topics { written: replies, read: requests, service };
+        let opened = self.participant()?.open("creating a server", &topics, on_event)?;
+        Ok(Box::new(Server::new(opened)))
+    }
+
+    fn existing(&self) -> Option<Arc<Participant>> {
+        self.0.participant.lock().unwrap_or_else(PoisonError::into_inner).upgrade()
+    }
+
+    /// The participant, created where there is none.
+    fn participant(&self) -> Result<Arc<Participant>, GraphError> {
+        let mut known = self.0.participant.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(participant) = known.upgrade() {
+            return Ok(participant);
+        }
+        let participant = Participant::new(&self.0.settings, &self.0.changes)?;
+        *known = Arc::downgrade(&participant);
+        Ok(participant)
+    }
+}
+
+/// DDS topic and type.
+type Named = (String, String);
+
+/// Names of the requests and of the replies of a service.
+fn dds_names(service: &ServiceDescription) -> Result<(Named, Named), GraphError> {
+    let fault = |reason: String| GraphError::Stack {
+        operation: "naming",
+        topic: service.name.clone(),
+        reason,
+    };
+    NodeName::check_topic(&service.name).map_err(|error| fault(error.to_string()))?;
+    let names = names::service_to_dds(&service.name, &service.type_name)
+        .map_err(|error| fault(error.to_string()))?;
+    let owned = |(topic, type_name): (&str, &str)| (topic.to_owned(), type_name.to_owned());
+    Ok((owned(names.requests()), owned(names.replies())))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn service(name: &str, type_name: &str) -> ServiceDescription {
+        ServiceDescription {
+            name: name.into(),
+            type_name: type_name.into(),
+            type_hash: None,
+            request_hash: None,
+            response_hash: None,
+            depth: 10,
+            max_bytes: 1000,
+        }
+    }
+
+    #[test]
+    fn names_are_those_of_ros() {
+        let (requests, replies) =
+            dds_names(&service("/add_two_ints", "example_interfaces/srv/AddTwoInts")).unwrap();
+        let type_of = |half| format!("example_interfaces::srv::dds_::AddTwoInts_{half}_");
+        assert_eq!(requests, ("rq/add_two_intsRequest".into(), type_of("Request")));
+        assert_eq!(replies, ("rr/add_two_intsReply".into(), type_of("Response")));
+    }
+
+    #[test]
+    fn names_that_are_none_are_refused() {
+        for (name, type_name) in
+            [("add", "a/srv/B"), ("/a b", "a/srv/B"), ("/a", "B"), ("/a", "a/srv/B/C")]
+        {
+            let error = dds_names(&service(name, type_name)).unwrap_err();
+            assert!(matches!(error, GraphError::Stack { operation: "naming", .. }), "{error:?}");
+        }
+    }
+}

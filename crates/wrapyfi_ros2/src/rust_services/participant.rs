@@ -1,0 +1,211 @@
+//! The participant of the services of a node, from the first service to the last.
+//!
+//! ```text
+//!   client, server ─ Arc ─▶ Participant { watch, announcement, RustDDS }
+//!                           ends: thread, empty announcement, RustDDS's own threads, goodbye
+//! ```
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use rustdds::dds::CreateError;
+use rustdds::policy::{Durability, History, Reliability, ResourceLimits};
+use rustdds::{
+    DomainParticipant, DomainParticipantBuilder, Publisher, QosPolicies, QosPolicyBuilder,
+    RTPSEntity as _, Subscriber, Topic, TopicKind,
+};
+
+use super::announce::Announcement;
+use super::changes::Changes;
+use super::goodbye::Goodbye;
+use super::outgoing::{MAX_BLOCKING, Writer};
+use super::pair::{Pair, Reader};
+use super::settings::{Settings, WholeSamples};
+use super::watch::{AddError, Watch};
+use crate::discovery_info::{Gid, TOPIC};
+use crate::graph::{GraphError, Notify, ServiceDescription};
+
+/// Fields drop in this order, after the announcement's end.
+pub(super) struct Participant {
+    watch: Watch,
+    announcement: Mutex<Announcement>,
+    changes: Arc<Changes>,
+    whole: WholeSamples,
+    publisher: Publisher,
+    subscriber: Subscriber,
+    dds: DomainParticipant,
+    /// Last: what RustDDS still said would make it be there again.
+    _goodbye: Goodbye,
+}
+
+/// Names and quality of service of the two topics of a service.
+pub(super) struct Topics<'a> {
+    /// DDS topic and type of what is written.
+    pub(super) written: (String, String),
+    /// Topic and type that the end reads.
+    pub(super) read: (String, String),
+    /// The service.
+    pub(super) service: &'a ServiceDescription,
+}
+
+impl Participant {
+    /// Joins the domain.
+    pub(super) fn new(
+        settings: &Settings,
+        changes: &Arc<Changes>,
+    ) -> Result<Arc<Self>, GraphError> {
+        let node = settings.node.fqn();
+        let fault = |error: &dyn std::fmt::Display| GraphError::Stack {
+            operation: "creating the participant of services",
+            topic: node.clone(),
+            reason: error.to_string(),
+        };
+        let mut builder = DomainParticipantBuilder::new(settings.domain_id)
+            .socket_receive_buffer_size(SOCKET_BUFFER)
+            .socket_send_buffer_size(SOCKET_BUFFER);
+        if let Some(networks) = &settings.networks {
+            builder = builder.with_only_networks(networks.iter().copied());
+        }
+        let dds = builder.build().map_err(|error| fault(&error))?;
+        let watch = Watch::new(&dds, settings).map_err(|error| fault(&error))?;
+        let make = || {
+            let publisher = dds.create_publisher(&QosPolicies::qos_none())?;
+            let subscriber = dds.create_subscriber(&QosPolicies::qos_none())?;
+            let topic = topic(&dds, (TOPIC, Announcement::DDS_TYPE), &Announcement::qos())?;
+            let announcement = Announcement::new(&publisher, &topic, dds.guid(), &settings.node)?;
+            Ok((publisher, subscriber, announcement))
+        };
+        let (publisher, subscriber, announcement) =
+            make().map_err(|error: CreateError| fault(&error))?;
+        tracing::info!(
+            node,
+            domain = settings.domain_id,
+            networks = ?settings.networks,
+            "services of the Fast DDS mapping are on RustDDS"
+        );
+        let goodbye = Goodbye::new(settings, &announcement.gid());
+        Ok(Arc::new(Self {
+            watch,
+            announcement: Mutex::new(announcement),
+            changes: Arc::clone(changes),
+            whole: settings.whole,
+            publisher,
+            subscriber,
+            dds,
+            _goodbye: goodbye,
+        }))
+    }
+
+    /// GUID of the participant.
+    pub(super) fn gid(&self) -> Gid {
+        self.announcement().gid()
+    }
+
+    /// Creates one end of a service and announces it.
+    pub(super) fn open(
+        self: &Arc<Self>,
+        operation: &'static str,
+        topics: &Topics<'_>,
+        notify: Notify,
+    ) -> Result<Opened, GraphError> {
+        let service = topics.service;
+        let pair = self
+            .watch
+            .add(|| self.endpoints_of(topics), |ends| Pair::new(service, self.whole, ends, notify))
+            .map_err(|error| GraphError::Stack {
+                operation,
+                topic: service.name.clone(),
+                reason: match error {
+                    AddError::Create(error) => error.to_string(),
+                    AddError::Io(error) => error.to_string(),
+                },
+            })?;
+        let (reader, writer) = (pair.reader_guid().to_bytes(), pair.writer_guid().to_bytes());
+        self.change(|announcement| announcement.add(reader, writer));
+        Ok(Opened { pair, _listed: Listed { participant: Arc::clone(self), reader, writer } })
+    }
+
+    fn endpoints_of(&self, topics: &Topics<'_>) -> Result<(Writer, Reader), CreateError> {
+        let qos = qos(topics.service.depth);
+        let named = |(name, type_name): &(String, String)| {
+            topic(&self.dds, (name.as_str(), type_name.as_str()), &qos)
+        };
+        let (written, read) = (named(&topics.written)?, named(&topics.read)?);
+        // The reader first, so that a client can hear the reply to what its writer sends.
+        let reader = self.subscriber.create_simple_datareader_no_key(&read, Some(qos.clone()))?;
+        let writer = self.publisher.create_datawriter_no_key(&written, Some(qos.clone()))?;
+        Ok((writer, reader))
+    }
+
+    /// Changes the announcement, then tells the owner without a lock.
+    fn change(&self, change: impl FnOnce(&mut Announcement)) {
+        {
+            let mut announcement = self.announcement();
+            change(&mut announcement);
+            self.changes.set(announcement.endpoints());
+        }
+        self.changes.notify();
+    }
+
+    fn announcement(&self) -> MutexGuard<'_, Announcement> {
+        self.announcement.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Drop for Participant {
+    fn drop(&mut self) {
+        self.announcement().retire();
+    }
+}
+
+/// One end of a service. Fields drop in this order: its endpoints, then their entry, then perhaps
+/// the participant.
+pub(super) struct Opened {
+    /// Endpoints of the client or server.
+    pub(super) pair: Arc<Pair>,
+    _listed: Listed,
+}
+
+/// The entry of a service in the announcement, removed on drop.
+struct Listed {
+    participant: Arc<Participant>,
+    reader: Gid,
+    writer: Gid,
+}
+
+impl Drop for Listed {
+    fn drop(&mut self) {
+        self.participant.change(|announcement| announcement.remove(&self.reader, &self.writer));
+    }
+}
+
+/// Asked of the kernel for sockets: RustDDS sends large samples in one burst.
+const SOCKET_BUFFER: usize = 4 << 20;
+
+/// Unacknowledged samples after which a writer waits, where the depth says less.
+const MIN_WINDOW: i32 = 64;
+
+fn qos(depth: u32) -> QosPolicies {
+    let depth = i32::try_from(depth.max(1)).unwrap_or(i32::MAX);
+    let max_samples = depth.max(MIN_WINDOW);
+    let blocking_ms = i64::try_from(MAX_BLOCKING.as_millis()).unwrap_or(i64::MAX);
+    QosPolicyBuilder::new()
+        .reliability(Reliability::Reliable {
+            max_blocking_time: rustdds::Duration::from_millis(blocking_ms),
+        })
+        .durability(Durability::Volatile)
+        .history(History::KeepLast { depth })
+        .resource_limits(ResourceLimits {
+            max_samples,
+            max_instances: 1,
+            max_samples_per_instance: max_samples,
+        })
+        .build()
+}
+
+fn topic(
+    dds: &DomainParticipant,
+    (name, type_name): (&str, &str),
+    qos: &QosPolicies,
+) -> Result<Topic, CreateError> {
+    dds.create_topic(name.to_owned(), type_name.to_owned(), qos, TopicKind::NoKey)
+}

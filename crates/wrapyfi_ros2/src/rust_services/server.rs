@@ -1,0 +1,80 @@
+//! Server of the Fast DDS mapping.
+//!
+//! ```text
+//!   take ◀─ request n { reply reader } ── rq/…       RequestId { reply reader, n }
+//!   hears ─ is that reader matched? without it the reply is lost
+//!   reply ─ { reply reader, n } ─▶ rr/…
+//! ```
+
+use rustdds::GUID;
+
+use super::adapter::Received;
+use super::identity;
+use super::outgoing::Identity;
+use super::participant::Opened;
+use super::remotes;
+use crate::graph::{CdrRequest, CdrServer, GraphError, Peers, RequestId, ServiceMapping};
+
+/// Takes requests, sends replies.
+pub(super) struct Server(Opened);
+
+impl Server {
+    pub(super) fn new(opened: Opened) -> Self {
+        Self(opened)
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        // A program that ends after its last reply must not take it along.
+        self.0.pair.farewell();
+    }
+}
+
+impl CdrServer for Server {
+    fn take(&mut self) -> Result<Option<CdrRequest>, GraphError> {
+        let pair = &self.0.pair;
+        let Some(taken) = pair.take()? else { return Ok(None) };
+        if remotes::is_cyclone(&taken.writer) {
+            return Err(GraphError::ForeignMapping {
+                service: pair.service().to_owned(),
+                ours: ServiceMapping::FastDds,
+                theirs: ServiceMapping::Cyclone,
+            });
+        }
+        match taken.received {
+            Received::Message(cdr) => Ok(Some(CdrRequest {
+                id: identity::request_id(taken.related, taken.writer, taken.number),
+                cdr,
+                source_timestamp_ns: taken.source_timestamp_ns,
+            })),
+            Received::TooLarge(actual) => Err(GraphError::TooLarge {
+                topic: pair.service().to_owned(),
+                actual,
+                limit: pair.max_bytes(),
+            }),
+        }
+    }
+
+    fn hears(&self, id: &RequestId) -> bool {
+        let remotes = self.0.pair.remotes();
+        if GUID::from_bytes(id.client).entity_id.entity_kind.is_reader() {
+            remotes.has_reader(&id.client)
+        } else {
+            // Named by its request writer: the reply reader is one of the same participant.
+            remotes.has_reader_beside(&id.client)
+        }
+    }
+
+    fn reply(&mut self, id: &RequestId, parts: &[&[u8]]) -> Result<(), GraphError> {
+        self.0.pair.write(parts, Identity::Always(identity::of_reply(id))).map(|_| ())
+    }
+
+    fn clients(&self) -> Peers {
+        self.0.pair.peers()
+    }
+
+    fn lost(&mut self) -> u64 {
+        self.0.pair.take_lost()
+    }
+}

@@ -1,0 +1,164 @@
+//! Calls a service by the bytes of its requests and replies.
+//!
+//! ```text
+//!   Request ─ Form ─ CDR ─▶ Calls ─ a server is there ─▶ CdrClient
+//!   Reply ◀─ Form ◀─ CDR ─────────────────────────────── CdrClient
+//! ```
+//!
+//! A call made before a server is found waits for it: no request is sent before both halves of the
+//! match are there, because neither would be repeated.
+
+use std::time::{Duration, Instant};
+
+use bytes::Bytes;
+
+use super::LOOK_AGAIN;
+use super::form::Form;
+use crate::any::ringing;
+use crate::graph::{CdrClient, GraphError, Peers, ServiceMapping};
+use crate::{Ros2, no_service};
+use wrapyfi_data::EncodeError;
+use wrapyfi_endpoint::Throttle;
+use wrapyfi_endpoint::calls::{Calls, Stage};
+use wrapyfi_endpoint::wire_client::{ClientWire, WireClient};
+use wrapyfi_endpoint::{CallError, Context, Link, OpenError, Request, ServiceSpec};
+
+/// Calls one service.
+pub(in super::super) struct Ros2Client {
+    cdr: Box<dyn CdrClient>,
+    form: Form,
+    mapping: ServiceMapping,
+    context: Context,
+    dropped: Throttle,
+}
+
+impl Ros2Client {
+    /// A client of `spec.service`, which is expanded and remapped as the node's names are. DDS keeps
+    /// `depth` requests and replies.
+    pub(in super::super) fn open(
+        ros2: &Ros2,
+        spec: &ServiceSpec,
+        depth: u32,
+        context: &Context,
+    ) -> Result<WireClient<Self>, OpenError> {
+        let form =
+            Form::new(&ServiceSpec { service: ros2.resolve(&spec.service)?, ..spec.clone() })?;
+        let cdr = ros2.graph().client(&form.describe(depth), ringing(&context.wake));
+        let cdr = cdr.map_err(|error| no_service(spec, &error))?;
+        let (mapping, context) = (ros2.graph().service_mapping(), context.clone());
+        let (service, pending) = (form.spec.service.clone(), spec.pending);
+        let wire =
+            Self { cdr, form, mapping, context: context.clone(), dropped: Throttle::default() };
+        Ok(WireClient::new(wire, &service, pending, &context))
+    }
+
+    /// Servers there are now.
+    pub(in super::super) fn servers(&self) -> Peers {
+        self.cdr.servers()
+    }
+
+    fn send(&mut self, calls: &mut Calls<Bytes>) {
+        while let Some(request) = calls.next_to_send() {
+            if !matches!(self.cdr.servers(), Peers::Ready(_)) {
+                return;
+            }
+            match self.cdr.send(&[request]) {
+                Ok(sequence) => drop(calls.send(sequence)),
+                // Its readers do not keep up: it stays first in the row.
+                Err(GraphError::Timeout { .. }) => return,
+                Err(error) => {
+                    let (service, reason) = (calls.service().to_owned(), error.to_string());
+                    calls.refused(CallError::Transport { service, reason });
+                }
+            }
+        }
+    }
+}
+
+impl ClientWire for Ros2Client {
+    type Written = Bytes;
+
+    fn write(&self, request: &Request, _: Instant) -> Result<(Bytes, usize), EncodeError> {
+        let cdr = self.form.encode_request(request)?;
+        let bytes = cdr.len();
+        Ok((cdr, bytes))
+    }
+
+    /// Does not wait for a reply; where a request is to be sent and its readers do not keep up, DDS may
+    /// hold it up for half a second.
+    fn turn(&mut self, calls: &mut Calls<Bytes>) {
+        self.send(calls);
+        loop {
+            match self.cdr.take() {
+                Ok(Some(reply)) => {
+                    let (form, service) = (&self.form, calls.service().to_owned());
+                    let (bytes, now) = (reply.cdr.len(), calls.clock().now());
+                    calls.answered(reply.sequence, bytes, now, || {
+                        match form.decode_reply(&reply.cdr) {
+                            Ok(Ok(payload)) => Ok(payload),
+                            Ok(Err(reason)) => Err(CallError::Refused { service, reason }),
+                            Err(fault) => Err(CallError::Reply { service, fault }),
+                        }
+                    });
+                }
+                Ok(None) => return,
+                // A reply that cannot be read names no call: its call will say that it waited.
+                Err(error) => {
+                    if let Some(unlogged_before) = self.dropped.pass(calls.clock().now()) {
+                        let service = &self.form.spec.service;
+                        tracing::warn!(service, unlogged_before, "dropped a reply: {error}");
+                    }
+                    let Some(reason) = super::drop_reason(&error) else { return };
+                    self.context.counters.received(0);
+                    self.context.counters.dropped(reason);
+                }
+            }
+        }
+    }
+
+    fn missing(&self, stage: Stage) -> String {
+        match (stage, self.cdr.servers()) {
+            (Stage::Sent, Peers::Ready(_)) => "its server has not answered".to_owned(),
+            (Stage::Sent, _) => "its server is gone".to_owned(),
+            (Stage::Waiting, Peers::None) => "no node offers it".to_owned(),
+            (Stage::Waiting, Peers::Half) => {
+                "its server is found by half only, or has not confirmed that it hears".to_owned()
+            }
+            (Stage::Waiting, Peers::Ready(_)) => "its server was found too late".to_owned(),
+            (Stage::Waiting, Peers::Foreign(theirs)) => foreign(theirs, self.mapping),
+        }
+    }
+
+    fn link(&self) -> Link {
+        let name = &self.form.spec.service;
+        let (peers, waiting_for) = match self.cdr.servers() {
+            Peers::Ready(servers) => (servers, None),
+            Peers::None => (0, Some(format!("a server of {name}"))),
+            Peers::Half => (0, Some(format!("a server of {name}, found by half"))),
+            Peers::Foreign(theirs) => {
+                (0, Some(format!("a server of {name} that does not speak {}", theirs.rmw())))
+            }
+        };
+        Link { peers: Some(peers), waiting_for, keeps_last: false }
+    }
+
+    fn look_again(&self) -> Option<Duration> {
+        match self.cdr.servers() {
+            // Since the last turn, or its readers do not keep up.
+            Peers::Ready(_) => Some(LOOK_AGAIN),
+            _ => self.cdr.look_again(),
+        }
+    }
+}
+
+/// Difference that separates the two ends of a service, and its remedy, in words.
+fn foreign(theirs: ServiceMapping, ours: ServiceMapping) -> String {
+    format!(
+        "the other end runs {}, whose services do not understand those of {}: set \
+         RMW_IMPLEMENTATION={} here, or {} there",
+        theirs.rmw(),
+        ours.rmw(),
+        theirs.rmw(),
+        ours.rmw()
+    )
+}

@@ -1,0 +1,204 @@
+//! Serves a service by the bytes of its requests and replies.
+//!
+//! ```text
+//!   CdrServer ─ CDR ─▶ Requests ─ Form ─▶ take
+//!   CdrServer ◀─ the client hears ◀─ kept ◀─ CDR ◀─ Form ◀─ reply
+//! ```
+//!
+//! A reply is not sent before its client's half of the match is there: discovery may bring a request
+//! first, and a reply that nobody hears is lost.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use bytes::Bytes;
+
+use super::form::Form;
+use super::replies::{Replies, Reply, Unsent};
+use crate::any::ringing;
+use crate::graph::{GraphError, Peers, RequestId};
+use crate::{Ros2, no_service};
+use wrapyfi_data::DecodeError;
+use wrapyfi_data::EncodeError;
+use wrapyfi_data::types::Payload;
+use wrapyfi_endpoint::calls::ends;
+use wrapyfi_endpoint::requests::Requests;
+use wrapyfi_endpoint::wire_server::{ServerWire, WireServer};
+use wrapyfi_endpoint::{Context, DropReason, Link, OpenError, Request, ServeError, ServiceSpec};
+
+/// Serves one service.
+pub(in super::super) struct Ros2Server {
+    replies: Replies,
+    form: Form,
+    context: Context,
+    /// Replies that were not heard, as far as they are counted.
+    unheard: u64,
+}
+
+/// A request, and until when it may be answered.
+pub(in super::super) struct Ask {
+    id: RequestId,
+    cdr: Bytes,
+    until: Instant,
+}
+
+impl Ros2Server {
+    /// A server of `spec.service`, which is expanded and remapped as the node's names are. DDS keeps
+    /// `depth` requests and replies.
+    pub(in super::super) fn open(
+        ros2: &Ros2,
+        spec: &ServiceSpec,
+        depth: u32,
+        context: &Context,
+    ) -> Result<WireServer<Self>, OpenError> {
+        let form =
+            Form::new(&ServiceSpec { service: ros2.resolve(&spec.service)?, ..spec.clone() })?;
+        let (mark, bell) = (spec.mark.as_ref(), ringing(&context.wake));
+        let cdr = ros2.graph().server_marked(&form.describe(depth), mark, bell);
+        let cdr = cdr.map_err(|error| no_service(spec, &error))?;
+        let replies = Replies::new(cdr, &form.spec.service, spec.pending, &context.clock);
+        let spec = form.spec.clone();
+        let requests = Arc::new(Requests::new(&spec, context));
+        let wire = Self { replies, form, context: context.clone(), unheard: 0 };
+        Ok(WireServer::new(wire, requests, &spec))
+    }
+
+    /// Clients there are now.
+    pub(super) fn clients(&self) -> Peers {
+        self.replies.clients()
+    }
+
+    /// Counts what was lost since the last look.
+    fn count_losses(&mut self) {
+        let unheard = self.replies.unheard();
+        let counters = &self.context.counters;
+        counters.dropped_many(DropReason::NoConsumer, unheard.saturating_sub(self.unheard));
+        counters.dropped_many(DropReason::LostUpstream, self.replies.lost());
+        self.unheard = unheard;
+    }
+
+    /// Tells a client why it has no reply, where its type has room for it.
+    fn tell(&mut self, id: RequestId, why: &str) -> Result<Option<usize>, GraphError> {
+        let Some(cdr) = self.form.error_reply(why) else { return Ok(None) };
+        let bytes = cdr.len();
+        let until = ends(self.context.clock.now(), self.form.spec.timeout);
+        self.replies.send(Reply { id, cdr, until })?;
+        Ok(Some(bytes))
+    }
+
+    /// Tells a client that DDS refused its reply.
+    fn tell_unsent(&mut self, id: RequestId, error: &GraphError) {
+        // One that does not keep up would hold up the refusal as well.
+        if !matches!(error, GraphError::Timeout { .. })
+            && let Err(error) = self.tell(id, &error.to_string())
+        {
+            tracing::debug!(service = self.form.spec.service, %error, "a refusal was not sent");
+        }
+    }
+
+    fn transport(&self, error: &GraphError) -> ServeError {
+        let (service, reason) = (self.form.spec.service.clone(), error.to_string());
+        ServeError::Transport { service, reason }
+    }
+}
+
+impl ServerWire for Ros2Server {
+    type Ask = Ask;
+    type Answer = Bytes;
+    // A client that does not keep up would hold up the end.
+    const TELLS_END: bool = false;
+
+    fn fetch(&mut self, requests: &Requests<Ask>) -> Result<(), ServeError> {
+        self.count_losses();
+        let taken = match self.replies.take() {
+            Ok(None) => return Ok(()),
+            Ok(Some(taken)) => taken,
+            Err(error) => {
+                let Some(reason) = super::drop_reason(&error) else {
+                    return Err(self.transport(&error));
+                };
+                self.context.counters.received(0);
+                self.context.counters.dropped(reason);
+                let (service, fault) = (self.form.spec.service.clone(), error.to_string());
+                return Err(ServeError::Request { service, fault, reason });
+            }
+        };
+        let until = ends(self.context.clock.now(), self.form.spec.timeout);
+        let bytes = taken.cdr.len();
+        let refused = requests.put(Ask { id: taken.id, cdr: taken.cdr, until }, bytes);
+        refused.map_err(|(Ask { id, .. }, error)| {
+            if let Err(unsent) = self.tell(id, &error.to_string()) {
+                tracing::debug!(service = self.form.spec.service, %unsent, "a refusal was not sent");
+            }
+            error
+        })
+    }
+
+    fn read(&self, ask: &Ask) -> Result<Request, DecodeError> {
+        self.form.decode_request(&ask.cdr)
+    }
+
+    fn write(&self, _ask: &Ask, payload: &Payload) -> Result<Bytes, EncodeError> {
+        self.form.encode_reply(payload)
+    }
+
+    fn send(
+        &mut self,
+        Ask { id, until, .. }: Ask,
+        answer: Result<Bytes, &str>,
+    ) -> Result<Option<usize>, ServeError> {
+        let why = answer.as_ref().err().copied();
+        let sent = match answer {
+            Ok(cdr) => {
+                let bytes = cdr.len();
+                self.replies.send(Reply { id, cdr, until }).map(|()| Some(bytes))
+            }
+            Err(why) => self.tell(id, why),
+        };
+        self.count_losses();
+        let service = || self.form.spec.service.clone();
+        match (sent, why) {
+            (Ok(None), Some(why)) => Err(ServeError::Reply {
+                service: service(),
+                fault: EncodeError::Unrepresentable {
+                    format: self.form.spec.kind.ros_type(),
+                    what: format!("an error ({why})"),
+                    path: "$".to_owned(),
+                    remedy:
+                        "the client waits for its time-out; the types of wrapyfi_msgs/srv have \
+                             room for errors"
+                            .to_owned(),
+                },
+            }),
+            (Ok(bytes), _) => Ok(bytes),
+            (Err(error), _) => {
+                self.tell_unsent(id, &error);
+                Err(self.transport(&error))
+            }
+        }
+    }
+
+    fn link(&self) -> Link {
+        let clients = match self.replies.clients() {
+            Peers::Ready(clients) => clients,
+            Peers::None | Peers::Half | Peers::Foreign(_) => 0,
+        };
+        Link { peers: Some(clients), ..Link::default() }
+    }
+
+    fn kept(&self) -> usize {
+        self.replies.kept()
+    }
+
+    /// A client whose reply DDS refuses is told.
+    fn flush(&mut self) {
+        for Unsent { id, error } in self.replies.flush() {
+            self.tell_unsent(id, &error);
+        }
+        self.count_losses();
+    }
+
+    fn deadline(&self) -> Option<Instant> {
+        self.replies.deadline()
+    }
+}

@@ -1,0 +1,57 @@
+//! A bottle and an image as YARP sends them: written, read, shown.
+//!
+//! ```text
+//!   cargo run -p wrapyfi_yarp --example payloads
+//! ```
+
+// The printed text is the purpose of this program.
+#![allow(clippy::print_stdout)]
+
+use std::error::Error;
+
+use bytes::Bytes;
+use wrapyfi_yarp::sig::{Image, PixelCode, Stamp};
+use wrapyfi_yarp::{Bottle, Dialect, Limits, Value};
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let limits = Limits::default();
+
+    // A command to a motor of an iCub, from its parts.
+    let mut command = Bottle::new();
+    command.push(Value::vocab("set"));
+    command.push(Value::vocab("pos"));
+    command.push(2);
+    command.push(10.5);
+    for dialect in [Dialect::V3, Dialect::V4] {
+        let bytes = Bytes::from(command.encode(dialect)?);
+        let (read, used) = Bottle::decode(&bytes, dialect, &limits)?;
+        println!("{dialect}: {used} bytes: {}", read.to_text());
+        // The other dialect does not take it for something else: it says what is wrong.
+        if let Err(error) = Bottle::decode_whole(&bytes, dialect.other(), &limits) {
+            println!("    as {}: {error}", dialect.other());
+        }
+    }
+    println!("as JSON: {}", serde_json::to_string(&command)?);
+
+    // Two rows of three pixels, without padding between them.
+    let pixels: Vec<u8> = (0..18).collect();
+    let image = Image::from_packed(PixelCode::Rgb, 3, 2, pixels.into())?;
+    // As a camera sends it: rows at multiples of 8 bytes.
+    let payload = Bytes::from(image.with_quantum(8)?.encode()?);
+    let read = Image::decode(&payload, &limits)?;
+    println!(
+        "{} x {} pixels {}, {} bytes from row to row",
+        read.width(),
+        read.height(),
+        read.pixel(),
+        read.header().stride
+    );
+    for row in read.rows() {
+        println!("    {row:?}");
+    }
+    println!("the same bytes as a bottle: {}", read.to_bottle()?.to_text());
+
+    let stamp = Stamp { count: 42, time_s: 1_700_000_000.5 };
+    println!("its envelope: {}", stamp.to_envelope());
+    Ok(())
+}

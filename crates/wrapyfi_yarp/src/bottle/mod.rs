@@ -1,0 +1,269 @@
+//! Bottles: YARP's self-describing lists, as bytes and as text.
+//!
+//! ```text
+//!   01 01 00 00  02 00 00 00 …  ──decode──▶  Bottle { values: [Int32(1), Int32(2)] }  ──▶  "1 2"
+//!   00 00 00 00  05 00 00 00 …  ◀──encode──          (serde: any other format)        ◀──
+//! ```
+//!
+//! Strings and blobs share the bytes they were read from. A list of numbers of one type is copied
+//! in one go, as YARP writes it: without a code for each.
+
+mod error;
+mod kind;
+mod property;
+mod read;
+mod scan;
+mod serde;
+mod text_read;
+mod text_write;
+mod value;
+mod write;
+
+use bytes::Bytes;
+
+pub use error::{BottleError, EncodeError, TextError};
+pub use property::Property;
+pub use scan::BottleScan;
+pub use text_read::text_is_complete;
+pub(crate) use text_write::significant;
+pub use value::{Text, Value, Vocab, Vocab64};
+
+use read::Reader;
+use text_read::TextReader;
+use text_write::is_key;
+
+use crate::{Dialect, Limits};
+
+/// A list of values: what YARP sends unless it sends an image, a sound or a vector.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Bottle {
+    /// The elements in order.
+    pub values: Vec<Value>,
+}
+
+/// State of a bottle whose bytes are still arriving, found by [`Bottle::frame`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Frame {
+    /// The bottle takes so many bytes, and they are all there.
+    Complete(usize),
+    /// Least number of further bytes that are needed before anything more can be said.
+    NeedMore(usize),
+}
+
+impl Bottle {
+    /// A bottle without elements.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { values: Vec::new() }
+    }
+
+    /// Reads the bottle at the start of `bytes`; what follows it is left alone. Returns it with the
+    /// number of bytes it took. Strings and blobs share `bytes`.
+    ///
+    /// # Errors
+    /// When the bytes are not a whole bottle of that dialect, or exceed `limits`.
+    pub fn decode(
+        bytes: &Bytes,
+        dialect: Dialect,
+        limits: &Limits,
+    ) -> Result<(Self, usize), BottleError> {
+        let mut reader = Reader::new(bytes, dialect, limits);
+        let bottle = reader.bottle(0)?;
+        Ok((bottle, reader.end()?))
+    }
+
+    /// [`Bottle::decode`] of a message whose length is known: the bottle has to fill `bytes`.
+    ///
+    /// # Errors
+    /// As [`Bottle::decode`], and when bytes are left over.
+    pub fn decode_whole(
+        bytes: &Bytes,
+        dialect: Dialect,
+        limits: &Limits,
+    ) -> Result<Self, BottleError> {
+        let (bottle, used) = Self::decode(bytes, dialect, limits)?;
+        let length = bytes.len();
+        if used < length {
+            return Err(BottleError::Surplus { used, length, dialect });
+        }
+        Ok(bottle)
+    }
+
+    /// [`Bottle::decode_whole`] from a peer whose dialect is not known: in `preferred`, and in the
+    /// other one where that does not fit the length. Returns the dialect that did; an empty bottle,
+    /// or one without floats, fits both. Only for bytes whose length comes from a frame: what a
+    /// sender of the wrong dialect means shows in nothing else.
+    ///
+    /// # Errors
+    /// When neither fits: the error of `preferred`.
+    pub fn decode_either(
+        bytes: &Bytes,
+        preferred: Dialect,
+        limits: &Limits,
+    ) -> Result<(Self, Dialect), BottleError> {
+        let error = match Self::decode_whole(bytes, preferred, limits) {
+            Ok(bottle) => return Ok((bottle, preferred)),
+            Err(error) => error,
+        };
+        let other = preferred.other();
+        match Self::decode_whole(bytes, other, limits) {
+            Ok(bottle) => Ok((bottle, other)),
+            Err(_) => Err(error),
+        }
+    }
+
+    /// Length of the bottle at the start of `bytes`, without building it: replies to requests come
+    /// with no length before them. [`BottleScan`] does the same without starting again.
+    ///
+    /// # Errors
+    /// When the bytes so far cannot be the start of a bottle, or exceed `limits`.
+    pub fn frame(bytes: &[u8], dialect: Dialect, limits: &Limits) -> Result<Frame, BottleError> {
+        BottleScan::new(dialect, limits).advance(bytes)
+    }
+
+    /// The bottle as bytes, as YARP writes it.
+    ///
+    /// # Errors
+    /// When the dialect has no code for a value, or a length exceeds 31 bits.
+    pub fn encode(&self, dialect: Dialect) -> Result<Vec<u8>, EncodeError> {
+        let mut bytes = Vec::new();
+        self.encode_into(&mut bytes, dialect)?;
+        Ok(bytes)
+    }
+
+    /// [`Bottle::encode`] behind what `out` holds. After an error, `out` is as it was.
+    ///
+    /// # Errors
+    /// As [`Bottle::encode`].
+    pub fn encode_into(&self, out: &mut Vec<u8>, dialect: Dialect) -> Result<(), EncodeError> {
+        let start = out.len();
+        write::bottle(self, out, dialect).inspect_err(|_| out.truncate(start))
+    }
+
+    /// Reads YARP's text form, as typed into `yarp write` or sent over the text carriers. Like
+    /// YARP, it takes any text: an unfinished list or string at the end is dropped.
+    ///
+    /// # Errors
+    /// When the text exceeds `limits`.
+    pub fn from_text(text: &[u8], limits: &Limits) -> Result<Self, TextError> {
+        Self::from_text_as(text, Dialect::V3, limits)
+    }
+
+    /// [`Bottle::from_text`]; in [`Dialect::V4`], `[abcdefgh]` with more than four letters is a
+    /// 64-bit vocab, which V3 cuts to four.
+    ///
+    /// # Errors
+    /// As [`Bottle::from_text`].
+    pub fn from_text_as(text: &[u8], dialect: Dialect, limits: &Limits) -> Result<Self, TextError> {
+        let (length, limit) = (text.len(), limits.max_message_bytes);
+        if length > limit {
+            return Err(TextError::TooLong { length, limit });
+        }
+        TextReader::new(dialect, limits).bottle(text, 0)
+    }
+
+    /// The text form, on one line, with U+FFFD for bytes that are not UTF-8.
+    #[must_use]
+    pub fn to_text(&self) -> String {
+        String::from_utf8_lossy(&self.to_text_bytes()).into_owned()
+    }
+
+    /// The text form, on one line, with every byte of its strings. As in YARP, reading it back loses
+    /// the widths of numbers, dictionaries (they become lists), letters of vocabs beyond ASCII, and
+    /// strings that are `null`, `inf` or `nan`, which have no quotes. Use serde where nothing may be
+    /// lost.
+    #[must_use]
+    pub fn to_text_bytes(&self) -> Vec<u8> {
+        let mut text = Vec::new();
+        text_write::bottle(self, &mut text);
+        text
+    }
+
+    /// The value that belongs to `key`: in `(speed 3) name arm`, 3 to `speed` and `arm` to `name`.
+    /// The key may be a string, a vocab or a number. Where the first element that matches has
+    /// nothing behind it, there is no value, as in YARP.
+    #[must_use]
+    pub fn find(&self, key: &str) -> Option<&Value> {
+        let (index, element) = self.keyed(key)?;
+        match element {
+            Value::List(list) => list.values.get(1),
+            _ => self.values.get(index + 1),
+        }
+    }
+
+    /// The whole list that begins with `key`: in `(limits 0 10) 7`, `limits 0 10`.
+    #[must_use]
+    pub fn find_group(&self, key: &str) -> Option<&Self> {
+        match self.keyed(key)? {
+            (_, Value::List(list)) => Some(list),
+            _ => None,
+        }
+    }
+
+    /// The first element that is `key`, or a list that begins with it.
+    fn keyed(&self, key: &str) -> Option<(usize, &Value)> {
+        self.values.iter().enumerate().find(|(_, element)| match element {
+            Value::List(list) => list.values.first().is_some_and(|first| is_key(first, key)),
+            other => is_key(other, key),
+        })
+    }
+
+    /// Number of elements.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.values.len()
+    }
+
+    /// True when the bottle has no elements.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.values.is_empty()
+    }
+
+    /// The element at `index`, from 0.
+    #[must_use]
+    pub fn get(&self, index: usize) -> Option<&Value> {
+        self.values.get(index)
+    }
+
+    /// Appends an element.
+    pub fn push(&mut self, value: impl Into<Value>) {
+        self.values.push(value.into());
+    }
+}
+
+impl From<Vec<Value>> for Bottle {
+    fn from(values: Vec<Value>) -> Self {
+        Self { values }
+    }
+}
+
+impl FromIterator<Value> for Bottle {
+    fn from_iter<T: IntoIterator<Item = Value>>(values: T) -> Self {
+        Self { values: values.into_iter().collect() }
+    }
+}
+
+impl Extend<Value> for Bottle {
+    fn extend<T: IntoIterator<Item = Value>>(&mut self, values: T) {
+        self.values.extend(values);
+    }
+}
+
+impl IntoIterator for Bottle {
+    type Item = Value;
+    type IntoIter = std::vec::IntoIter<Value>;
+
+    fn into_iter(self) -> Self::IntoIter {
+        self.values.into_iter()
+    }
+}
+
+impl<'a> IntoIterator for &'a Bottle {
+    type Item = &'a Value;
+    type IntoIter = std::slice::Iter<'a, Value>;
+
+    fn into_iter(self) -> Self::IntoIter {
+        self.values.iter()
+    }
+}

@@ -1,0 +1,479 @@
+//! Requests to a name server.
+//!
+//! ```text
+//!   NAME_SERVER query /cam\n ──▶          one line, answered by lines up to "*** end of message":
+//!                                         query, register, unregister, list, set, check, route, announce
+//!   CONNACK admin, d, subscribe … ──▶     over text_ack, answered by a bottle: subscribe, get, topics
+//! ```
+//!
+//! Each request has a connection of its own, as in YARP, is given up after a time, and reads no more
+//! than the limits allow: whoever answers at that address need not be a name server.
+
+use std::collections::BTreeMap;
+use std::net::IpAddr;
+use std::sync::Arc;
+use std::time::Duration;
+
+use bytes::BytesMut;
+use tokio::io::AsyncWriteExt;
+use tokio::sync::Semaphore;
+
+use super::conf::{ConfError, Located, NameServerConf, locate};
+use super::environment::Environment;
+use super::exchange::{Exchange, ExchangeError, shown};
+use super::name_fault;
+use super::reply::{self, AnswerReader, Lined};
+use crate::port::names::{NameRequest, Registration};
+use crate::wire::{Command, Step};
+use crate::{Bottle, Limits, Value};
+
+mod register;
+mod seam;
+
+/// Time for which YARP's own programs wait for a name server.
+pub const DEFAULT_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// Error of a request to a name server.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum NameError {
+    /// The name cannot be that of a port.
+    #[error("port name {name:?} {reason}: write for instance /robot/camera:o")]
+    BadName {
+        /// Name.
+        name: String,
+        /// Rule that the name breaks.
+        reason: String,
+    },
+    /// There was no answer.
+    #[error("name server: {command:?}: {source}")]
+    Exchange {
+        /// Command that was sent.
+        command: String,
+        /// Failure of the exchange.
+        source: ExchangeError,
+    },
+    /// The answer belongs to no name server.
+    #[error("name server at {address}: {command:?} was answered {answer:?}, which makes no sense")]
+    Nonsense {
+        /// Host and port.
+        address: String,
+        /// Command that was sent.
+        command: String,
+        /// Answer that came, shortened.
+        answer: String,
+    },
+    /// The name server refused the command.
+    #[error("name server: {command:?} was refused: {answer}")]
+    Refused {
+        /// Command that was sent.
+        command: String,
+        /// Reason in the name server's words.
+        answer: String,
+    },
+}
+
+/// Rule by which a persistent connection ends by itself.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Persistence {
+    /// Never.
+    #[default]
+    Open,
+    /// Connection that lasts with its sender.
+    From,
+    /// Connection that lasts with its receiver.
+    To,
+}
+
+/// A connection that the name server makes whenever both ports are there.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PersistentConnection {
+    /// Sender, perhaps with a carrier.
+    pub src: String,
+    /// Receiver, perhaps with a carrier.
+    pub dest: String,
+    /// Rule by which the connection ends by itself.
+    pub persistence: Persistence,
+}
+
+/// Most requests at once. YARP's name server has room for five connections that wait; whoever finds none
+/// tries again after a second.
+const AT_ONCE: usize = 2;
+
+/// Asks one name server. Cheap to clone.
+#[derive(Debug, Clone)]
+pub struct NameClient(Arc<Settings>);
+
+#[derive(Debug, Clone)]
+struct Settings {
+    server: NameServerConf,
+    namespace: String,
+    timeout: Duration,
+    limits: Limits,
+    hosts: BTreeMap<String, IpAddr>,
+    room: Arc<Semaphore>,
+}
+
+impl NameClient {
+    /// A client of the name server at this address, whose name is `/root`.
+    #[must_use]
+    pub fn new(server: NameServerConf) -> Self {
+        Self(Arc::new(Settings {
+            server,
+            namespace: super::conf::DEFAULT_NAMESPACE.to_owned(),
+            timeout: DEFAULT_TIMEOUT,
+            limits: Limits::default(),
+            hosts: BTreeMap::new(),
+            room: Arc::new(Semaphore::new(AT_ONCE)),
+        }))
+    }
+
+    /// A client of the name server that this machine's configuration names.
+    ///
+    /// # Errors
+    /// When there is no usable configuration; the error names the file.
+    pub fn from_environment(environment: &Environment) -> Result<Self, ConfError> {
+        let Located { conf, namespace, .. } = locate(environment)?;
+        Ok(Self::new(conf).with_namespace(namespace))
+    }
+
+    /// The same with addresses of machines whose names the system need not know, that of the name
+    /// server and those under which ports are registered.
+    #[must_use]
+    pub fn with_hosts(mut self, hosts: impl IntoIterator<Item = (String, IpAddr)>) -> Self {
+        let settings = Arc::make_mut(&mut self.0);
+        settings.hosts = hosts.into_iter().collect();
+        let server = settings.hosts.get(&settings.server.host);
+        if let Some(ip) = server {
+            settings.server.host = ip.to_string();
+        }
+        self
+    }
+
+    /// The same for a name server of another name.
+    #[must_use]
+    pub fn with_namespace(mut self, namespace: impl Into<String>) -> Self {
+        Arc::make_mut(&mut self.0).namespace = namespace.into();
+        self
+    }
+
+    /// The same with another time that a request may take, connecting included.
+    #[must_use]
+    pub fn with_timeout(mut self, timeout: Duration) -> Self {
+        Arc::make_mut(&mut self.0).timeout = timeout;
+        self
+    }
+
+    /// The same with other limits on answers.
+    #[must_use]
+    pub fn with_limits(mut self, limits: Limits) -> Self {
+        Arc::make_mut(&mut self.0).limits = limits;
+        self
+    }
+
+    /// Address of the name server.
+    #[must_use]
+    pub fn server(&self) -> &NameServerConf {
+        &self.0.server
+    }
+
+    /// The port name of the name server.
+    #[must_use]
+    pub fn namespace(&self) -> &str {
+        &self.0.namespace
+    }
+
+    /// Longest time that a request may take.
+    #[must_use]
+    pub fn timeout(&self) -> Duration {
+        self.0.timeout
+    }
+
+    /// Limits of answers.
+    #[must_use]
+    pub fn limits(&self) -> &Limits {
+        &self.0.limits
+    }
+
+    pub(crate) fn exchange(&self) -> Exchange<'_> {
+        let Settings { server, timeout, limits, .. } = &*self.0;
+        Exchange { host: &server.host, port: server.port, timeout: *timeout, limits }
+    }
+
+    /// Address of a port; `None` where the name server does not know it.
+    ///
+    /// # Errors
+    /// As [`NameError`]; likewise below.
+    pub async fn query(&self, name: &str) -> Result<Option<Registration>, NameError> {
+        self.checked(name)?;
+        let command = format!("query {name}");
+        let answer = self.one_line(&command, "\n").await?;
+        self.registration(&command, &answer)
+    }
+
+    /// Registers a port, which takes the name from whoever had it.
+    pub async fn register(&self, request: &NameRequest) -> Result<Registration, NameError> {
+        let command = self.register_command(request)?;
+        // YARP's own ports end this line with both bytes, and the others with one.
+        let answer = self.one_line(&command, "\r\n").await?;
+        match self.registration(&command, &answer)? {
+            Some(registration) => Ok(registration),
+            None => Err(self.refused(&command, &answer)),
+        }
+    }
+
+    /// Forgets a port; one that is not known is no error.
+    pub async fn unregister(&self, name: &str) -> Result<(), NameError> {
+        self.checked(name)?;
+        let command = format!("unregister {name}");
+        let answer = self.one_line(&command, "\n").await?;
+        match answer.lines.iter().find(|line| line.starts_with(b"refused")) {
+            Some(_) => Err(self.refused(&command, &answer)),
+            None => Ok(()),
+        }
+    }
+
+    /// The ports whose names begin with these components; all for an empty prefix.
+    pub async fn list(&self, prefix: &str) -> Result<Vec<Registration>, NameError> {
+        let command = if prefix.is_empty() {
+            "list".to_owned()
+        } else {
+            self.checked(
+                prefix.strip_suffix('/').filter(|rest| !rest.is_empty()).unwrap_or(prefix),
+            )?;
+            format!("list {prefix}")
+        };
+        let answer = self.one_line(&command, "\n").await?;
+        let read = |line: &bytes::Bytes| {
+            reply::registration(line).ok_or_else(|| self.nonsense(&command, line))
+        };
+        answer.lines.iter().map(read).collect()
+    }
+
+    /// Sets a property of a port to these values, which the name server sorts. None where the port
+    /// is not known.
+    pub async fn set(
+        &self,
+        name: &str,
+        key: &str,
+        values: &[Value],
+    ) -> Result<Option<Vec<String>>, NameError> {
+        self.checked(name)?;
+        let words = ["set", name, key].map(Value::from).into_iter().chain(values.iter().cloned());
+        let words: Bottle = words.collect();
+        let texts = words.values.into_iter().map(|value| match value {
+            // Slashes need no quotes between blanks, and old name servers know none.
+            Value::String(text) if plain(text.as_bytes()) => text.to_string_lossy().into_owned(),
+            other => Bottle::from(vec![other]).to_text(),
+        });
+        let command = texts.collect::<Vec<_>>().join(" ");
+        let answer = self.one_line(&command, "\r\n").await?;
+        match answer.lines.first() {
+            None => Ok(None),
+            Some(line) => match reply::property(line, name, key) {
+                Some(values) => Ok(Some(values)),
+                None if line.starts_with(b"refused") => Err(self.refused(&command, &answer)),
+                None => Err(self.nonsense(&command, line)),
+            },
+        }
+    }
+
+    /// The values of a property; empty where there is none, and where the port is not known.
+    pub async fn get(&self, name: &str, key: &str) -> Result<Bottle, NameError> {
+        self.checked(name)?;
+        self.ask(["bot", "get", name, key].map(Value::from).into_iter().collect()).await
+    }
+
+    /// True when a property has this value; `None` where the name server does not know the port.
+    pub async fn check(
+        &self,
+        name: &str,
+        key: &str,
+        value: &Value,
+    ) -> Result<Option<bool>, NameError> {
+        self.checked(name)?;
+        let words = [Value::from("check"), name.into(), key.into(), value.clone()];
+        let command = Bottle::from_iter(words).to_text();
+        let answer = self.one_line(&command, "\n").await?;
+        match answer.lines.first() {
+            None => Ok(None),
+            Some(line) if line.ends_with(b" present true") => Ok(Some(true)),
+            Some(line) if line.ends_with(b" present false") => Ok(Some(false)),
+            Some(line) => Err(self.nonsense(&command, line)),
+        }
+    }
+
+    /// Carrier and name by which one port should connect to another, as in `tcp://cam`.
+    pub async fn route(&self, from: &str, to: &str) -> Result<String, NameError> {
+        self.checked(from)?;
+        self.checked(to)?;
+        let command = format!("route {from} {to}");
+        let answer = self.one_line(&command, "\n").await?;
+        let line = answer.lines.first().cloned().unwrap_or_default();
+        let way = std::str::from_utf8(&line).ok().and_then(|line| Some(line.rsplit_once(" = ")?.1));
+        way.map(str::to_owned).ok_or_else(|| self.nonsense(&command, &line))
+    }
+
+    /// Says that a port is there, which makes persistent connections happen, or that it does not
+    /// answer.
+    pub async fn announce(&self, name: &str, alive: bool) -> Result<(), NameError> {
+        self.checked(name)?;
+        let command = format!("announce {name}{}", if alive { "" } else { " 0" });
+        let answer = self.one_line(&command, "\n").await?;
+        if &*answer.end == b"[ok]" { Ok(()) } else { Err(self.refused(&command, &answer)) }
+    }
+
+    /// Asks for a connection whenever both ports are there. The receiver may have a carrier before
+    /// it: `tcp://view`.
+    pub async fn subscribe(
+        &self,
+        src: &str,
+        dest: &str,
+        persistence: Persistence,
+    ) -> Result<(), NameError> {
+        let mode = match persistence {
+            Persistence::Open => None,
+            Persistence::From => Some("from"),
+            Persistence::To => Some("to"),
+        };
+        self.ok(["subscribe", src, dest].into_iter().chain(mode)).await
+    }
+
+    /// Takes that back. A connection that exists stays.
+    pub async fn unsubscribe(&self, src: &str, dest: &str) -> Result<(), NameError> {
+        self.ok(["unsubscribe", src, dest]).await
+    }
+
+    /// The persistent connections, those of one port where a name is given.
+    pub async fn subscriptions(
+        &self,
+        name: Option<&str>,
+    ) -> Result<Vec<PersistentConnection>, NameError> {
+        let request: Bottle = ["subscribe"].into_iter().chain(name).map(Value::from).collect();
+        let command = request.to_text();
+        let answer = self.ask(request).await?;
+        let mut entries = answer.values.iter();
+        if !entries.next().is_some_and(|first| first.is_word("subscriptions")) {
+            return Err(self.nonsense(&command, &answer.to_text_bytes()));
+        }
+        let read = |entry: &Value| {
+            let entry = entry.as_list()?;
+            let text = |key: &str| entry.find(key).and_then(Value::as_str).map(str::to_owned);
+            let persistence = match text("mode").as_deref() {
+                Some("from") => Persistence::From,
+                Some("to") => Persistence::To,
+                _ => Persistence::Open,
+            };
+            Some(PersistentConnection { src: text("src")?, dest: text("dest")?, persistence })
+        };
+        entries
+            .map(|entry| {
+                read(entry).ok_or_else(|| self.nonsense(&command, &answer.to_text_bytes()))
+            })
+            .collect()
+    }
+
+    /// Any command, as `yarp name` takes them, with its answer as a bottle.
+    pub async fn ask(&self, request: Bottle) -> Result<Bottle, NameError> {
+        let data = Command::Data { reply: true, envelope: None };
+        let exchange = self.exchange();
+        exchange
+            .in_time(async {
+                let _turn = self.0.room.acquire().await;
+                exchange.bottle(&data, &request).await
+            })
+            .await
+            .map_err(|source| NameError::Exchange {
+                command: shown(&request.to_text_bytes()),
+                source,
+            })
+    }
+
+    async fn ok<'a>(&self, words: impl IntoIterator<Item = &'a str>) -> Result<(), NameError> {
+        let request: Bottle = words.into_iter().map(Value::from).collect();
+        for value in request.values.iter().skip(1).take(2) {
+            self.checked(&super::Target::parse(value.as_str().unwrap_or_default()).name)?;
+        }
+        let command = request.to_text();
+        let answer = self.ask(request).await?;
+        match answer.get(0) {
+            Some(first) if first.is_word("ok") => Ok(()),
+            Some(first) if first.is_word("fail") => {
+                Err(NameError::Refused { command, answer: answer.to_text() })
+            }
+            _ => Err(self.nonsense(&command, &answer.to_text_bytes())),
+        }
+    }
+
+    /// One line, and the lines of its answer.
+    async fn one_line(&self, command: &str, end: &str) -> Result<Lined, NameError> {
+        let exchange = self.exchange();
+        let request = format!("NAME_SERVER {command}{end}");
+        exchange
+            .in_time(async {
+                let _turn = self.0.room.acquire().await;
+                let mut stream = exchange.open().await?;
+                stream.write_all(request.as_bytes()).await.map_err(|error| exchange.io(error))?;
+                let (mut buffer, mut reader) =
+                    (BytesMut::new(), AnswerReader::new(exchange.limits));
+                loop {
+                    match reader.poll(&mut buffer).map_err(|fault| exchange.too_long(fault))? {
+                        Step::Event(answer) => return Ok(answer),
+                        Step::Need(_) => exchange.fill(&mut stream, &mut buffer).await?,
+                    }
+                }
+            })
+            .await
+            .map_err(|source| NameError::Exchange { command: command.to_owned(), source })
+    }
+
+    fn registration(
+        &self,
+        command: &str,
+        answer: &Lined,
+    ) -> Result<Option<Registration>, NameError> {
+        match answer.lines.first() {
+            None if answer.end.starts_with(b"***") => Ok(None),
+            None => Err(self.nonsense(command, &answer.end)),
+            Some(line) if line.starts_with(b"refused") => Err(self.refused(command, answer)),
+            Some(line) => match reply::registration(line) {
+                Some(mut registration) => {
+                    if let Some(ip) = self.0.hosts.get(&registration.host) {
+                        registration.host = ip.to_string();
+                    }
+                    Ok(Some(registration))
+                }
+                None => Err(self.nonsense(command, line)),
+            },
+        }
+    }
+
+    fn checked(&self, name: &str) -> Result<(), NameError> {
+        match name_fault(name, self.0.limits.max_name_bytes) {
+            None => Ok(()),
+            Some(reason) => Err(NameError::BadName { name: shown(name.as_bytes()), reason }),
+        }
+    }
+
+    fn nonsense(&self, command: &str, answer: &[u8]) -> NameError {
+        let NameServerConf { host, port } = &self.0.server;
+        NameError::Nonsense {
+            address: format!("{host}:{port}"),
+            command: command.to_owned(),
+            answer: shown(answer),
+        }
+    }
+
+    fn refused(&self, command: &str, answer: &Lined) -> NameError {
+        let line = answer.lines.first().unwrap_or(&answer.end);
+        NameError::Refused { command: command.to_owned(), answer: shown(line) }
+    }
+}
+
+/// True when a string can go between blanks as it is, and is read as a string again.
+fn plain(text: &[u8]) -> bool {
+    let word = |byte: &u8| byte.is_ascii_alphanumeric() || b"/_:-.+".contains(byte);
+    text.iter().all(word)
+        && text.first().is_some_and(|byte| byte.is_ascii_alphabetic() || *byte == b'/')
+        && !matches!(text, b"true" | b"false" | b"null" | b"inf" | b"nan")
+}

@@ -1,0 +1,290 @@
+//! The file that says where the name server is: `yarp.conf`.
+//!
+//! ```text
+//!   $YARP_NAMESPACE, or yarp_namespace.conf ──▶ "/root" ──▶ yarp.conf
+//!                                           └─▶ "/icub01" ─▶ _icub01.conf
+//!   yarp.conf: "127.0.0.1 10000 yarp"  or  [name] host, port, mode
+//! ```
+//!
+//! There is no address to fall back to: without a file nobody knows a name server.
+
+use std::io::ErrorKind;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use super::environment::{DEFAULT_PORT, Environment, EnvironmentError, safe_name};
+
+/// The namespace where none is set, and so the port name of most name servers.
+pub const DEFAULT_NAMESPACE: &str = "/root";
+
+/// Largest size of a configuration file in bytes.
+const MAX_CONF_BYTES: u64 = 64 * 1024;
+
+/// Address of a name server.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct NameServerConf {
+    /// Address or name of its machine.
+    pub host: String,
+    /// TCP port of the name server, and the first of the range it gives to ports.
+    pub port: u16,
+}
+
+/// A name server as this machine's configuration names it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Located {
+    /// Address of the name server.
+    pub conf: NameServerConf,
+    /// Port name of the name server.
+    pub namespace: String,
+    /// The file that says so.
+    pub file: PathBuf,
+}
+
+/// Error of the configuration that should name the name server.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ConfError {
+    /// No variable says where configuration files are.
+    #[error(
+        "no folder for yarp.conf: set YARP_CONFIG_HOME, XDG_CONFIG_HOME or HOME, or give the \
+         address of the name server"
+    )]
+    NoFolder,
+    /// The file does not exist.
+    #[error(
+        "{} does not exist: start a name server with --write, or give its address", file.display()
+    )]
+    Missing {
+        /// File that was looked for.
+        file: PathBuf,
+    },
+    /// The file is there and cannot be read.
+    #[error("{} cannot be read: {source}", file.display())]
+    Unreadable {
+        /// File.
+        file: PathBuf,
+        /// Error of the system.
+        source: std::io::Error,
+    },
+    /// Too long to be a configuration.
+    #[error("{} has {bytes} bytes, more than the {MAX_CONF_BYTES} a configuration has", file.display())]
+    TooLong {
+        /// File.
+        file: PathBuf,
+        /// Size of the file.
+        bytes: u64,
+    },
+    /// The file does not hold an address.
+    #[error("{}: {reason}", file.display())]
+    Malformed {
+        /// File.
+        file: PathBuf,
+        /// Fault of the file, and the form that would be right.
+        reason: String,
+    },
+    /// The file cannot be written.
+    #[error("{} cannot be written: {source}", file.display())]
+    Unwritable {
+        /// File.
+        file: PathBuf,
+        /// Error of the system.
+        source: std::io::Error,
+    },
+    /// A variable means nothing.
+    #[error(transparent)]
+    Environment(#[from] EnvironmentError),
+}
+
+impl ConfError {
+    /// True when nobody has said where a name server is, rather than said it wrongly.
+    #[must_use]
+    pub fn is_missing(&self) -> bool {
+        matches!(self, Self::Missing { .. } | Self::NoFolder)
+    }
+}
+
+impl From<SocketAddr> for NameServerConf {
+    fn from(address: SocketAddr) -> Self {
+        Self { host: address.ip().to_string(), port: address.port() }
+    }
+}
+
+impl From<([u8; 4], u16)> for NameServerConf {
+    fn from(address: ([u8; 4], u16)) -> Self {
+        SocketAddr::from(address).into()
+    }
+}
+
+/// `HOST:PORT`.
+impl FromStr for NameServerConf {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if let Ok(address) = text.parse::<SocketAddr>() {
+            return Ok(address.into());
+        }
+        let wrong =
+            || format!("{text:?} is no address: write it as 127.0.0.1:10000 or robot:10000");
+        let (host, port) = text.rsplit_once(':').ok_or_else(wrong)?;
+        let letter = |letter: char| letter.is_ascii_alphanumeric() || "-._".contains(letter);
+        match port.parse() {
+            Ok(port) if !host.is_empty() && host.chars().all(letter) => {
+                Ok(Self { host: host.to_owned(), port })
+            }
+            _ => Err(wrong()),
+        }
+    }
+}
+
+impl NameServerConf {
+    /// Reads what a configuration file says: `HOST PORT [MODE]`, or the group `[name]` of an ini
+    /// file with `host`, `port` and `mode`.
+    ///
+    /// # Errors
+    /// The fault of the text, in words.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        if text.trim_start().starts_with('[') {
+            return Self::parse_ini(text);
+        }
+        let mut words = text.split(['"', ' ', '\t', '\r', '\n']).filter(|word| !word.is_empty());
+        let (Some(host), Some(port)) = (words.next(), words.next()) else {
+            return Err(
+                "names no host and port: write for instance 127.0.0.1 10000 yarp".to_owned()
+            );
+        };
+        Self::checked(host, port, words.next())
+    }
+
+    fn parse_ini(text: &str) -> Result<Self, String> {
+        let (mut group, mut host, mut port, mut mode) = ("", None, None, None);
+        for line in text.lines().map(str::trim) {
+            if let Some(name) = line.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')) {
+                group = name.trim();
+                continue;
+            }
+            if group != "name" || line.starts_with('#') || line.starts_with("//") {
+                continue;
+            }
+            let mut words = line.splitn(2, [' ', '\t', '=']);
+            let key = words.next().unwrap_or_default();
+            let value = words.next().unwrap_or_default().trim_matches([' ', '\t', '=', '"']);
+            match key {
+                "host" => host = Some(value),
+                "port" => port = Some(value),
+                "mode" => mode = Some(value),
+                _ => {}
+            }
+        }
+        match (host, port) {
+            (Some(host), Some(port)) if !host.is_empty() => Self::checked(host, port, mode),
+            _ => Err("has no group [name] with host and port".to_owned()),
+        }
+    }
+
+    fn checked(host: &str, port: &str, mode: Option<&str>) -> Result<Self, String> {
+        let number = match port.parse() {
+            Ok(number) if number != 0 => number,
+            _ => return Err(format!("{port:?} is not a port: write a number from 1 to 65535")),
+        };
+        match mode {
+            None | Some("yarp" | "//") => Ok(Self { host: host.to_owned(), port: number }),
+            Some(other) => Err(format!(
+                "mode {other:?} is a name server of another kind: only yarp is known here"
+            )),
+        }
+    }
+
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// When it is missing, unreadable, or no configuration; the error names it.
+    pub fn read(file: &Path) -> Result<Self, ConfError> {
+        let text = read_text(file)?.ok_or_else(|| ConfError::Missing { file: file.to_owned() })?;
+        Self::parse(&text).map_err(|reason| ConfError::Malformed { file: file.to_owned(), reason })
+    }
+
+    /// Writes the file that [`Self::read`] and YARP's own programs read, and its folder.
+    ///
+    /// # Errors
+    /// When the system refuses.
+    pub fn write(&self, file: &Path) -> Result<(), ConfError> {
+        let refused = |source| ConfError::Unwritable { file: file.to_owned(), source };
+        if let Some(folder) = file.parent() {
+            std::fs::create_dir_all(folder).map_err(refused)?;
+        }
+        std::fs::write(file, format!("{} {} yarp\n", self.host, self.port)).map_err(refused)
+    }
+}
+
+/// The namespace: `$YARP_NAMESPACE`, else the first word of `yarp_namespace.conf`, else
+/// [`DEFAULT_NAMESPACE`].
+///
+/// # Errors
+/// When that file is there and cannot be read.
+pub fn namespace(environment: &Environment) -> Result<String, ConfError> {
+    let first = |text: &str| {
+        text.split_ascii_whitespace().next().map(|word| word.trim_matches('"').to_owned())
+    };
+    if let Some(name) = environment.text("YARP_NAMESPACE").and_then(first) {
+        return Ok(name);
+    }
+    let Some(folder) = environment.config_home() else { return Ok(DEFAULT_NAMESPACE.to_owned()) };
+    let text = read_text(&folder.join("yarp_namespace.conf"))?;
+    Ok(text.as_deref().and_then(first).unwrap_or_else(|| DEFAULT_NAMESPACE.to_owned()))
+}
+
+/// The file that says where the name server of `namespace` is.
+///
+/// # Errors
+/// When no variable names a folder.
+pub fn file_of(environment: &Environment, namespace: &str) -> Result<PathBuf, ConfError> {
+    let folder = environment.config_home().ok_or(ConfError::NoFolder)?;
+    Ok(folder.join(if namespace == DEFAULT_NAMESPACE {
+        "yarp.conf".to_owned()
+    } else {
+        safe_name(namespace) + ".conf"
+    }))
+}
+
+/// Finds the name server as a YARP program does.
+///
+/// # Errors
+/// When the configuration does not say where it is; the error names the file.
+pub fn locate(environment: &Environment) -> Result<Located, ConfError> {
+    let namespace = namespace(environment)?;
+    let file = file_of(environment, &namespace)?;
+    Ok(Located { conf: NameServerConf::read(&file)?, namespace, file })
+}
+
+/// The text of a file; none where there is no such file.
+fn read_text(file: &Path) -> Result<Option<String>, ConfError> {
+    let unreadable = |source| ConfError::Unreadable { file: file.to_owned(), source };
+    match std::fs::metadata(file) {
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+        Err(error) => return Err(unreadable(error)),
+        Ok(meta) if meta.len() > MAX_CONF_BYTES => {
+            return Err(ConfError::TooLong { file: file.to_owned(), bytes: meta.len() });
+        }
+        Ok(_) => {}
+    }
+    let bytes = std::fs::read(file).map_err(unreadable)?;
+    match String::from_utf8(bytes) {
+        Ok(text) => Ok(Some(text)),
+        Err(_) => Err(ConfError::Malformed {
+            file: file.to_owned(),
+            reason: "is not UTF-8 text".to_owned(),
+        }),
+    }
+}
+
+impl Default for NameServerConf {
+    /// Address that `yarpserver --write` writes on a machine of its own.
+    fn default() -> Self {
+        Self { host: "127.0.0.1".to_owned(), port: DEFAULT_PORT }
+    }
+}
+
+#[cfg(test)]
+#[path = "conf_tests.rs"]
+mod tests;

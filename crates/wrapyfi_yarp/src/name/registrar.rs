@@ -1,0 +1,449 @@
+//! Keeps ports registered, whatever happens to the name server.
+//!
+//! ```text
+//!            register("/cam") ──▶ RegistrationGuard ── dropped or unregister() ──▶ unregistered
+//!                 │
+//!   Registrar ────┴── one connection to the name server, open all the time
+//!                       │ it ends              ──▶ wait for the name server, register all again
+//!                       └ every 5 s: "query" of the next name ──▶ gone? register it again
+//! ```
+//!
+//! The connection stays open because a name server that ends closes it, so its restart is noticed
+//! at once without a question. The question every few seconds goes over the same connection, one
+//! name after the other, whatever their number: it finds a server that is there but has forgotten
+//! us (`yarp clean` during a pause of ours), and a machine that vanished without closing anything.
+//! A name that another program registered meanwhile belongs to that program: it is logged once, and
+//! left alone.
+
+use std::collections::BTreeMap;
+use std::ops::Bound;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use bytes::BytesMut;
+use tokio::net::TcpStream;
+use tokio::sync::{Notify, watch};
+use tokio::task::JoinHandle;
+use wrapyfi_retry::Backoff;
+use wrapyfi_retry::restart::restarted;
+
+use super::client::{NameClient, NameError};
+use super::exchange::{Exchange, ExchangeError};
+use super::reply;
+use crate::port::names::{NameRequest, Registration};
+use crate::wire::{Carrier, Command};
+
+mod seam;
+
+/// Settings by which ports are kept registered.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RegistrarOptions {
+    /// Time between two questions, whatever the number of names.
+    pub check_every: Duration,
+    /// Shortest time between two attempts to reach a name server that is away; it doubles up to
+    /// `check_every`.
+    pub retry_from: Duration,
+}
+
+impl Default for RegistrarOptions {
+    fn default() -> Self {
+        Self { check_every: Duration::from_secs(5), retry_from: Duration::from_millis(100) }
+    }
+}
+
+/// Record of a registrar's work, and its state.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct RegistrarStatus {
+    /// True when the name server answered the last question.
+    pub connected: bool,
+    /// Number of times that the connection to the name server was lost.
+    pub lost: u64,
+    /// Registrations made again.
+    pub renewed: u64,
+    /// Names that somebody else has now.
+    pub taken: Vec<String>,
+    /// Last failure, in words.
+    pub failure: Option<String>,
+}
+
+/// Keeps ports registered. Cheap to clone; ends with its last clone and the last [`RegistrationGuard`].
+#[derive(Debug, Clone)]
+pub struct Registrar(Arc<RegistrarTask>);
+
+#[derive(Debug)]
+struct RegistrarTask {
+    shared: Arc<Shared>,
+    task: JoinHandle<()>,
+}
+
+impl Drop for RegistrarTask {
+    fn drop(&mut self) {
+        self.task.abort();
+    }
+}
+
+#[derive(Debug)]
+struct Shared {
+    client: NameClient,
+    options: RegistrarOptions,
+    names: Mutex<BTreeMap<String, Wanted>>,
+    status: watch::Sender<RegistrarStatus>,
+    /// The first name came: there is something to watch.
+    wake: Notify,
+}
+
+/// A port that should be registered.
+#[derive(Debug, Clone)]
+struct Wanted {
+    at: Registration,
+    type_name: Option<String>,
+    /// Properties, so that they come back with the name.
+    properties: BTreeMap<String, Vec<crate::Value>>,
+    announced: bool,
+    taken: bool,
+}
+
+/// A port that is kept registered. Dropping it stops that and, without waiting, unregisters it.
+#[derive(Debug)]
+pub struct RegistrationGuard {
+    registrar: Registrar,
+    at: Registration,
+    done: bool,
+}
+
+impl Registrar {
+    /// Starts without names; nothing is connected before the first one. Runs on the current tokio
+    /// runtime.
+    #[must_use]
+    pub fn start(client: NameClient, options: RegistrarOptions) -> Self {
+        let shared = Arc::new(Shared {
+            client,
+            options,
+            names: Mutex::default(),
+            status: watch::Sender::default(),
+            wake: Notify::new(),
+        });
+        let (told, kept) = (Arc::clone(&shared), Arc::clone(&shared));
+        let task = tokio::spawn(restarted(
+            "the registration of YARP ports".to_owned(),
+            move |why| told.failed(&why),
+            move || watch_over(Arc::clone(&kept)),
+        ));
+        Self(Arc::new(RegistrarTask { shared, task }))
+    }
+
+    /// The client it asks with.
+    #[must_use]
+    pub fn client(&self) -> &NameClient {
+        &self.0.shared.client
+    }
+
+    /// State of the registrar, and a signal of its changes.
+    #[must_use]
+    pub fn status(&self) -> watch::Receiver<RegistrarStatus> {
+        self.0.shared.status.subscribe()
+    }
+
+    /// Registers a port and keeps it registered at the address it got. Listen there, then
+    /// [`RegistrationGuard::announce`] it.
+    ///
+    /// # Errors
+    /// When the name server does not answer or refuses: nothing is kept then.
+    pub async fn register(&self, request: &NameRequest) -> Result<RegistrationGuard, NameError> {
+        let at = self.client().register(request).await?;
+        Ok(self.keep(at, request.type_name.clone()))
+    }
+
+    /// Keeps a port that is registered already.
+    #[must_use]
+    pub fn keep(&self, at: Registration, type_name: Option<String>) -> RegistrationGuard {
+        self.0.shared.insert(at.clone(), type_name);
+        RegistrationGuard { registrar: self.clone(), at, done: false }
+    }
+}
+
+impl RegistrationGuard {
+    /// Name and address under which the port is registered.
+    #[must_use]
+    pub fn registration(&self) -> &Registration {
+        &self.at
+    }
+
+    /// Sets a property, now and whenever the port is registered again.
+    ///
+    /// # Errors
+    /// When the name server does not answer or refuses.
+    pub async fn set(&self, key: &str, values: Vec<crate::Value>) -> Result<(), NameError> {
+        self.registrar.client().set(&self.at.name, key, &values).await?;
+        self.registrar.0.shared.change(&self.at.name, |wanted| {
+            wanted.properties.insert(key.to_owned(), values);
+        });
+        Ok(())
+    }
+
+    /// Says that the port listens, which makes persistent connections happen; again whenever it is
+    /// registered again.
+    ///
+    /// # Errors
+    /// When the name server does not answer.
+    pub async fn announce(&self) -> Result<(), NameError> {
+        self.registrar.0.shared.change(&self.at.name, |wanted| wanted.announced = true);
+        self.registrar.client().announce(&self.at.name, true).await
+    }
+
+    /// Stops keeping the port, and unregisters it unless somebody else has its name by now.
+    ///
+    /// # Errors
+    /// When the name server does not answer; the port is no longer kept all the same.
+    pub async fn unregister(mut self) -> Result<(), NameError> {
+        self.done = true;
+        let shared = &self.registrar.0.shared;
+        match shared.forget(&self.at.name) {
+            Some(wanted) => release(&shared.client, &wanted).await,
+            None => Ok(()),
+        }
+    }
+}
+
+/// Unregisters a port, unless somebody else has its name by now.
+async fn release(client: &NameClient, wanted: &Wanted) -> Result<(), NameError> {
+    let at = &wanted.at;
+    let found = if wanted.taken { None } else { client.query(&at.name).await? };
+    match found {
+        Some(found) if (&found.host, found.port) == (&at.host, at.port) => {
+            client.unregister(&at.name).await
+        }
+        _ => Ok(()),
+    }
+}
+
+impl Drop for RegistrationGuard {
+    fn drop(&mut self) {
+        if self.done {
+            return;
+        }
+        let shared = &self.registrar.0.shared;
+        let Some(wanted) = shared.forget(&self.at.name) else { return };
+        let client = shared.client.clone();
+        // Without a runtime the process is ending: yarp clean will find out.
+        if let Ok(runtime) = tokio::runtime::Handle::try_current() {
+            runtime.spawn(async move {
+                if let Err(error) = release(&client, &wanted).await {
+                    tracing::warn!(target: "wrapyfi_yarp::name", %error, "port stays registered");
+                }
+            });
+        }
+    }
+}
+
+impl Shared {
+    fn names(&self) -> std::sync::MutexGuard<'_, BTreeMap<String, Wanted>> {
+        self.names.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn insert(&self, at: Registration, type_name: Option<String>) {
+        let name = at.name.clone();
+        let properties = BTreeMap::new();
+        let wanted = Wanted { at, type_name, properties, announced: false, taken: false };
+        self.names().insert(name, wanted);
+        self.wake.notify_one();
+    }
+
+    fn forget(&self, name: &str) -> Option<Wanted> {
+        let forgotten = self.names().remove(name);
+        if forgotten.as_ref().is_some_and(|wanted| wanted.taken) {
+            self.status.send_modify(|status| status.taken.retain(|known| known != name));
+        }
+        forgotten
+    }
+
+    /// Registration that is wanted for a name now; `None` when it was unregistered.
+    fn wanted(&self, name: &str) -> Option<Wanted> {
+        self.names().get(name).cloned()
+    }
+
+    fn change(&self, name: &str, how: impl FnOnce(&mut Wanted)) {
+        if let Some(wanted) = self.names().get_mut(name) {
+            how(wanted);
+        }
+    }
+
+    /// The name after this one, from the beginning behind the last one.
+    fn after(&self, name: &str) -> Option<Wanted> {
+        let names = self.names();
+        let behind = (Bound::Excluded(name.to_owned()), Bound::Unbounded);
+        names.range(behind).next().or_else(|| names.iter().next()).map(|(_, wanted)| wanted.clone())
+    }
+
+    fn is_empty(&self) -> bool {
+        self.names().is_empty()
+    }
+
+    fn failed(&self, reason: &dyn std::fmt::Display) {
+        self.status.send_modify(|status| {
+            status.connected = false;
+            status.failure = Some(reason.to_string());
+        });
+    }
+
+    /// Makes sure that one port is registered where it is.
+    async fn renew(&self, name: &str) -> Result<(), NameError> {
+        if let Some(other) = self.client.query(name).await? {
+            self.compare(&other);
+            return Ok(());
+        }
+        // As it is now: a port that was opened again meanwhile has another number.
+        while let Some(wanted) = self.wanted(name) {
+            self.register(&wanted).await?;
+            if self.wanted(name).is_none_or(|now| now.at == wanted.at) {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    async fn register(&self, wanted: &Wanted) -> Result<(), NameError> {
+        let Registration { name, host, port, carrier } = &wanted.at;
+        let request = NameRequest {
+            name: name.clone(),
+            carrier: Some(carrier.clone()),
+            host: Some(host.clone()),
+            port: Some(*port),
+            type_name: wanted.type_name.clone(),
+        };
+        self.client.register(&request).await?;
+        for (key, values) in &wanted.properties {
+            self.client.set(name, key, values).await?;
+        }
+        if wanted.announced {
+            self.client.announce(name, true).await?;
+        }
+        tracing::info!(target: "wrapyfi_yarp::name", name, "registered again");
+        self.status.send_modify(|status| status.renewed += 1);
+        Ok(())
+    }
+
+    /// Compares a registration that was found with the one that is wanted: another program may have
+    /// taken the name.
+    fn compare(&self, found: &Registration) {
+        let name = &found.name;
+        let taken = {
+            let mut names = self.names();
+            // Unregistered meanwhile.
+            let Some(wanted) = names.get_mut(name) else { return };
+            let taken = (&found.host, found.port) != (&wanted.at.host, wanted.at.port);
+            if taken == wanted.taken {
+                return;
+            }
+            wanted.taken = taken;
+            taken
+        };
+        if taken {
+            tracing::warn!(
+                target: "wrapyfi_yarp::name",
+                "port name {name} was taken by {}:{}: choose another name for one of them",
+                found.host, found.port
+            );
+        }
+        self.status.send_modify(|status| {
+            status.taken.retain(|known| known != name);
+            if taken {
+                status.taken.push(name.clone());
+            }
+        });
+    }
+}
+
+/// Watches the name server as long as there are names.
+async fn watch_over(shared: Arc<Shared>) {
+    let RegistrarOptions { check_every, retry_from } = shared.options;
+    let mut backoff = Backoff::of_name("YARP's name server")
+        .starting_at(retry_from)
+        .up_to(check_every.max(retry_from));
+    loop {
+        if shared.is_empty() {
+            shared.wake.notified().await;
+            continue;
+        }
+        let names: Vec<String> = shared.names().keys().cloned().collect();
+        let exchange = shared.client.exchange();
+        let opened = exchange.in_time(exchange.greet(Carrier::TextAck, "anon_registrar")).await;
+        let ended: Box<dyn std::fmt::Display + Send> = match opened {
+            Ok(connection) => {
+                let mut renewed = Ok(());
+                for name in &names {
+                    renewed = shared.renew(name).await;
+                    if renewed.is_err() {
+                        break;
+                    }
+                }
+                match renewed {
+                    Ok(()) => {
+                        backoff.reset();
+                        shared.status.send_modify(|status| status.connected = true);
+                        match stay(&shared, &exchange, connection).await {
+                            None => continue,
+                            Some(error) => {
+                                shared.status.send_modify(|status| status.lost += 1);
+                                Box::new(error)
+                            }
+                        }
+                    }
+                    Err(error) => Box::new(error),
+                }
+            }
+            Err(error) => Box::new(error),
+        };
+        tracing::debug!(target: "wrapyfi_yarp::name", error = %ended, "name server lost");
+        shared.failed(&ended);
+        drop(ended);
+        backoff.pause().await;
+    }
+}
+
+/// Watches one connection until it ends, or until there are no names: then none.
+async fn stay(
+    shared: &Shared,
+    exchange: &Exchange<'_>,
+    (mut stream, mut buffer): (TcpStream, BytesMut),
+) -> Option<ExchangeError> {
+    let mut name = String::new();
+    loop {
+        let waited = tokio::time::timeout(shared.options.check_every, heard(&stream)).await;
+        if waited.is_ok() {
+            return Some(exchange.closed());
+        }
+        let wanted = shared.after(&name)?;
+        name.clone_from(&wanted.at.name);
+        let question = format!("query {name}");
+        let data = Command::Data { reply: true, envelope: None };
+        let asked = exchange.ask(&mut stream, &mut buffer, &data, Some(question.as_bytes()));
+        match exchange.in_time(asked).await {
+            Err(error) => return Some(error),
+            Ok(answer) => match answer.first().and_then(|line| reply::registration(line)) {
+                Some(found) => shared.compare(&found),
+                None => {
+                    if let Err(error) = shared.renew(&name).await {
+                        tracing::warn!(target: "wrapyfi_yarp::name", %error, name, "not registered");
+                        shared
+                            .status
+                            .send_modify(|status| status.failure = Some(error.to_string()));
+                    }
+                }
+            },
+        }
+    }
+}
+
+/// Waits until the name server hangs up, or says something: unasked it does not.
+async fn heard(stream: &TcpStream) {
+    loop {
+        if stream.readable().await.is_err() {
+            return;
+        }
+        match stream.try_read(&mut [0; 1]) {
+            Err(error) if error.kind() == std::io::ErrorKind::WouldBlock => {}
+            _ => return,
+        }
+    }
+}

@@ -1,0 +1,239 @@
+//! udp and mcast: where datagrams go to, and where they come from.
+//!
+//! ```text
+//!   sender ── TCP: header, name ─▶ receiver          udp:   ◀── number of its UDP port, TCP closes
+//!                                                    mcast: group address behind the name, TCP closes
+//!          ══ UDP: CRC, counter, bytes ═══▶ Assembler ─▶ inbox
+//! ```
+
+use std::io;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, SocketAddrV4};
+use std::sync::Arc;
+
+use socket2::{Domain, Protocol, SockRef, Socket, Type};
+use tokio::io::AsyncWriteExt as _;
+use tokio::net::UdpSocket;
+
+use super::connection::Entered;
+use super::core::Core;
+use super::link::LinkError;
+use super::message::Payload;
+use super::names::NameRequest;
+use super::outbox::Outbox;
+use super::outputs::Kind;
+use super::pace::Pace;
+use super::room::{Begun, progress};
+use super::session::Session;
+use super::target::{self, Way};
+use crate::wire::datagram::Assembler;
+use crate::wire::{Command, number};
+
+/// Bytes that the system is asked to keep of a socket's datagrams: an image or two.
+const SOCKET_BUFFER: usize = 4 << 20;
+/// Largest datagram there is.
+const DATAGRAM: usize = 65_536;
+/// Group that YARP sends to when the name server gives none.
+const DEFAULT_GROUP: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::new(224, 3, 1, 1), 11_000);
+
+/// Asks for large buffers; the system gives what it allows.
+pub(super) fn widen(socket: &UdpSocket) {
+    let socket = SockRef::from(socket);
+    socket.set_recv_buffer_size(SOCKET_BUFFER).ok();
+    socket.set_send_buffer_size(SOCKET_BUFFER).ok();
+}
+
+/// A multicast group that this port sends to, on one interface.
+#[derive(Debug)]
+pub(super) struct Group {
+    interface: Ipv4Addr,
+    pub(super) address: SocketAddrV4,
+    /// The name under which the group is registered.
+    name: Option<String>,
+    pub(super) outbox: Arc<Outbox>,
+}
+
+impl Core {
+    /// The group of this port on the interface that leads to `contact`; made when it is the first.
+    pub(super) async fn group(self: &Arc<Self>, contact: &str) -> Result<Arc<Group>, LinkError> {
+        let interface = interface_to(contact).await?;
+        let known = self.connections().outputs.iter().find_map(|output| match &output.kind {
+            Kind::Group(group) if group.interface == interface => Some(Arc::clone(group)),
+            _ => None,
+        });
+        if let Some(group) = known {
+            return Ok(group);
+        }
+        let names = self.network.names();
+        let request = NameRequest {
+            name: "...".to_owned(),
+            carrier: Some("mcast".to_owned()),
+            ..NameRequest::default()
+        };
+        let (mut name, mut address) = (None, DEFAULT_GROUP);
+        match names.register(&request).await {
+            Ok(found) => {
+                let ip = found.host.parse::<Ipv4Addr>().ok().filter(Ipv4Addr::is_multicast);
+                if let Some(ip) = ip.filter(|_| found.port > 0) {
+                    address = SocketAddrV4::new(ip, found.port);
+                }
+                // Whoever removes this port's name removes the group with it.
+                names.set(&self.name, "owns", std::slice::from_ref(&found.name)).await.ok();
+                name = Some(found.name);
+            }
+            Err(error) => {
+                tracing::warn!(target: "wrapyfi_yarp::port", name = self.name, %error, "no group");
+            }
+        }
+        let socket = group_sender(interface, address)?;
+        let outbox = Arc::new(Outbox::of(self));
+        let group = Arc::new(Group { interface, address, name, outbox: Arc::clone(&outbox) });
+        let largest = self.network.0.max_datagram;
+        let core = Arc::clone(self);
+        tokio::spawn(async move {
+            let way = Way::Datagrams { socket, largest, pace: Pace::new() };
+            if let Err(error) = target::run(way, &outbox).await {
+                let name = &core.name;
+                tracing::warn!(target: "wrapyfi_yarp::port", name, %error, "group ended");
+                core.counters.add("output_ended");
+            }
+            outbox.end();
+        });
+        Ok(group)
+    }
+
+    /// Ends the group when nobody is left to send to.
+    pub(super) async fn leave_group(&self, group: Arc<Group>) {
+        let used =
+            self.connections().outputs.iter().any(
+                |output| matches!(&output.kind, Kind::Group(other) if Arc::ptr_eq(other, &group)),
+            );
+        if used {
+            return;
+        }
+        group.outbox.close();
+        if let Some(name) = &group.name
+            && let Err(error) = self.network.names().unregister(name).await
+        {
+            tracing::debug!(target: "wrapyfi_yarp::port", name, %error, "group stays registered");
+        }
+    }
+}
+
+/// The address that datagrams to `contact` leave from.
+async fn interface_to(contact: &str) -> Result<Ipv4Addr, LinkError> {
+    let connect = |error| LinkError::Connect { address: contact.to_owned(), error };
+    let probe = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).await?;
+    probe.connect(contact).await.map_err(connect)?;
+    match probe.local_addr()?.ip() {
+        IpAddr::V4(interface) => Ok(interface),
+        IpAddr::V6(_) => Err(connect(io::ErrorKind::Unsupported.into())),
+    }
+}
+
+fn group_sender(interface: Ipv4Addr, group: SocketAddrV4) -> io::Result<UdpSocket> {
+    let socket = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))?;
+    socket.set_nonblocking(true)?;
+    socket.bind(&SocketAddr::from((interface, 0)).into())?;
+    socket.set_multicast_if_v4(&interface)?;
+    socket.set_multicast_loop_v4(true)?;
+    socket.connect(&SocketAddr::V4(group).into())?;
+    let socket = UdpSocket::from_std(socket.into())?;
+    widen(&socket);
+    Ok(socket)
+}
+
+fn group_receiver(interface: Ipv4Addr, group: SocketAddrV4) -> io::Result<UdpSocket> {
+    let socket = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))?;
+    socket.set_nonblocking(true)?;
+    // Every receiver of this machine has the same address.
+    socket.set_reuse_address(true)?;
+    socket.bind(&SocketAddr::V4(group).into())?;
+    socket.join_multicast_v4(group.ip(), &interface)?;
+    let socket = UdpSocket::from_std(socket.into())?;
+    widen(&socket);
+    Ok(socket)
+}
+
+/// Goes on where a session of udp or mcast has read its header.
+pub(super) async fn receive(core: Arc<Core>, session: Session, group: Option<SocketAddrV4>) {
+    let (name, carrier) = (session.sender().name, session.carrier_text());
+    let Some(mut stream) = session.into_tcp() else { return };
+    let opened = async {
+        let local = stream.local_addr()?.ip();
+        match group {
+            Some(group) if group.ip().is_multicast() => match local {
+                IpAddr::V4(interface) => group_receiver(interface, group),
+                IpAddr::V6(_) => Err(io::ErrorKind::Unsupported.into()),
+            },
+            Some(_) => Err(io::ErrorKind::InvalidInput.into()),
+            None => {
+                let socket = UdpSocket::bind((local, 0)).await?;
+                widen(&socket);
+                let port = i32::from(socket.local_addr()?.port());
+                stream.write_all(&number::encode(port)).await?;
+                Ok(socket)
+            }
+        }
+    };
+    let socket = match opened.await {
+        Ok(socket) => socket,
+        Err(error) => {
+            let port = &core.name;
+            tracing::warn!(target: "wrapyfi_yarp::port", port, name, %error, "no datagrams");
+            core.counters.add("no_datagrams");
+            return;
+        }
+    };
+    drop(stream);
+    let entered = Entered::new(&core, name, carrier, true, true);
+    tokio::select! {
+        biased;
+        () = entered.stop.notified() => {}
+        error = read(&core, &entered, &socket) => {
+            let port = &core.name;
+            tracing::warn!(target: "wrapyfi_yarp::port", port, %error, "datagrams ended");
+        }
+    }
+}
+
+async fn read(core: &Core, entered: &Entered, socket: &UdpSocket) -> io::Error {
+    let mut datagram = vec![0; DATAGRAM];
+    let mut assembler = Assembler::new(core.network.limits());
+    let mut room = Begun::new(core.session.rooms);
+    let mut envelope = None;
+    loop {
+        if let Err(fault) = room.hold(assembler.begun()) {
+            core.counters.count(&fault);
+            assembler.restart();
+            continue;
+        }
+        let received = socket.recv(&mut datagram);
+        let limit = core.session.progress_timeout;
+        let size = match progress(assembler.has_begun(), limit, received).await {
+            Ok(Ok(size)) => size,
+            Ok(Err(error)) => return error,
+            Err(fault) => {
+                core.counters.count(&fault);
+                assembler.restart();
+                continue;
+            }
+        };
+        match assembler.push(datagram.get(..size).unwrap_or_default()) {
+            Ok(None) => {}
+            Ok(Some(message)) => {
+                if let Command::Data { envelope: fresh, .. } = message.command {
+                    envelope = fresh.or(envelope);
+                    match Payload::received(
+                        message.body,
+                        core.network.dialect(),
+                        core.network.limits(),
+                    ) {
+                        Ok(payload) => entered.offer(payload, envelope.clone()).await,
+                        Err(fault) => core.counters.count(&fault),
+                    }
+                }
+            }
+            Err(fault) => core.counters.count(&fault),
+        }
+    }
+}

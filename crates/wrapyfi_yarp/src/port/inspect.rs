@@ -1,0 +1,194 @@
+//! Properties and connections of a port, asked of the port on one connection.
+//!
+//! ```text
+//!   ─▶ [prop] [get] /cam   (port ((is_input 0) (is_output 1) (is_rpc 0) (type "yarp/image")))
+//!   ─▶ [list] [out]        /view
+//!   ─▶ [list] [in]
+//! ```
+
+use bytes::Bytes;
+use tokio::time::timeout;
+
+use super::link::{Link, LinkError};
+use super::network::Network;
+use super::tools::{ADMIN, AdminError};
+use crate::wire::{Carrier, Command, Sender};
+use crate::{Bottle, Value};
+
+/// Directions of a port, as its program has set them up. Most programs of YARP leave both open.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Modes {
+    /// True when the port takes connections that bring data.
+    pub input: bool,
+    /// True when the port takes connections that take data away.
+    pub output: bool,
+    /// True when the port is for requests: a server where it is an input, else a client.
+    pub rpc: bool,
+}
+
+/// Answers of a port about itself.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Inspection {
+    /// Directions of the port; `None` where it does not tell.
+    pub modes: Option<Modes>,
+    /// Type that its program has promised, or that it has read: `yarp/image`.
+    pub type_name: Option<String>,
+    /// Ports that bring data, without the tools that ask.
+    pub inputs: Vec<String>,
+    /// Ports that take data away.
+    pub outputs: Vec<String>,
+}
+
+impl Network {
+    /// Asks a port what it is and how it is connected. `contact` is its address (`127.0.0.1:10002`);
+    /// the name server is asked for it where there is none.
+    ///
+    /// # Errors
+    /// As [`AdminError`].
+    pub async fn inspect(
+        &self,
+        name: &str,
+        contact: Option<&str>,
+    ) -> Result<Inspection, AdminError> {
+        self.inspected(name, contact, true).await
+    }
+
+    /// As [`Network::inspect`], of its connections alone: a port of YARP starts `lsb_release` before it says what
+    /// it is.
+    ///
+    /// # Errors
+    /// As [`AdminError`].
+    pub async fn inspect_connections(
+        &self,
+        name: &str,
+        contact: Option<&str>,
+    ) -> Result<Inspection, AdminError> {
+        self.inspected(name, contact, false).await
+    }
+
+    async fn inspected(
+        &self,
+        name: &str,
+        contact: Option<&str>,
+        whole: bool,
+    ) -> Result<Inspection, AdminError> {
+        let looked_up;
+        let contact = match contact {
+            Some(contact) => contact,
+            None => {
+                looked_up = self.registered(name).await?.contact();
+                &looked_up
+            }
+        };
+        let limit = self.0.timeouts.admin;
+        let asked = timeout(limit, self.interview(name, contact, whole)).await;
+        let asked = asked.unwrap_or(Err(LinkError::Timeout(limit)));
+        asked.map_err(|error| AdminError::Port { name: name.to_owned(), error })
+    }
+
+    async fn interview(
+        &self,
+        name: &str,
+        contact: &str,
+        whole: bool,
+    ) -> Result<Inspection, LinkError> {
+        let options = self.link_options();
+        let sender = Sender::new(ADMIN);
+        let (mut link, _) = Link::open(contact, Carrier::TextAck, &sender, &[], &options).await?;
+        let mut ask = async |request: Bottle| {
+            let unsendable = |error: crate::bottle::EncodeError| LinkError::Unsendable {
+                carrier: Carrier::TextAck,
+                reason: error.to_string(),
+            };
+            let payload: Bytes = request.encode(self.dialect()).map_err(unsendable)?.into();
+            let answer = link.request(&Command::Admin, &payload).await?.unwrap_or_default();
+            if answer.is_empty() {
+                return Ok(Bottle::new());
+            }
+            Bottle::decode(&answer, self.dialect(), self.limits())
+                .map(|(bottle, _)| bottle)
+                .map_err(LinkError::from)
+        };
+        let words = |words: [&str; 2]| words.map(Value::vocab);
+        let mut itself: Bottle = words(["prop", "get"]).into_iter().collect();
+        itself.push(name);
+        let itself = if whole { ask(itself).await? } else { Bottle::new() };
+        let outputs = ask(words(["list", "out"]).into_iter().collect()).await?;
+        let inputs = ask(words(["list", "in"]).into_iter().collect()).await?;
+        // The answers stand even where the port did not hear the goodbye.
+        link.quit().await.ok();
+        let names = |list: Bottle| {
+            let names = list.into_iter().filter_map(|value| value.as_str().map(str::to_owned));
+            names.filter(|name| name.starts_with('/')).collect()
+        };
+        let (modes, type_name) = read(&itself);
+        Ok(Inspection { modes, type_name, inputs: names(inputs), outputs: names(outputs) })
+    }
+}
+
+/// The group `port` of an answer.
+fn read(itself: &Bottle) -> (Option<Modes>, Option<String>) {
+    let Some(port) = itself.find("port").and_then(Value::as_list) else { return (None, None) };
+    let flag = |key: &str| port.find(key).and_then(Value::as_i64).map(|value| value != 0);
+    let modes = match (flag("is_input"), flag("is_output"), flag("is_rpc")) {
+        (Some(input), Some(output), rpc) => {
+            Some(Modes { input, output, rpc: rpc.unwrap_or_default() })
+        }
+        _ => None,
+    };
+    let type_name = port.find("type").and_then(Value::as_str).filter(|name| !name.is_empty());
+    (modes, type_name.map(str::to_owned))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Limits;
+    use crate::port::{InputOptions, OutputOptions, PortOptions};
+
+    #[test]
+    fn what_yarps_ports_say_is_read() {
+        // YARP 3.12.3, a camera of frameGrabber_nws_yarp.
+        let said = r#"(sched ((policy 0) (priority 0) (tid 31241))) (process ((arguments "--write") (name yarpdev) (pid 31239) (policy 0) (priority 0))) (platform ((hostname "127.0.0.1") (os Linux))) (port ((is_input 0) (is_output 1) (is_rpc 0) (type "yarp/image")))"#;
+        let said = Bottle::from_text(said.as_bytes(), &Limits::default()).unwrap();
+        let modes = Modes { input: false, output: true, rpc: false };
+        assert_eq!(read(&said), (Some(modes), Some("yarp/image".to_owned())));
+        assert_eq!(read(&Bottle::from(vec![Value::vocab("fail"), "no".into()])), (None, None));
+        assert_eq!(read(&Bottle::new()), (None, None));
+    }
+
+    #[tokio::test]
+    async fn ours_say_what_they_are() {
+        let network = Network::builder().listen([127, 0, 0, 1].into()).build();
+        let reader = network.open_input("/reader", &InputOptions::default()).await.unwrap();
+        let port = PortOptions { type_name: Some("yarp/image".into()), ..PortOptions::default() };
+        let options = OutputOptions { port, ..OutputOptions::default() };
+        let writer = network.open_output("/writer", &options).await.unwrap();
+        writer.connect("tcp://reader").await.unwrap();
+        let client = network.open_rpc_client("/ask", &PortOptions::default()).await.unwrap();
+        let options = PortOptions { rpc: true, ..PortOptions::default() };
+        let server = network.open_rpc_server("/rpc", &options).await.unwrap();
+        for (name, modes, type_name, inputs, outputs) in [
+            ("/reader", (true, false, false), None, vec!["/writer".to_owned()], vec![]),
+            ("/writer", (false, true, false), Some("yarp/image"), vec![], vec!["/reader".into()]),
+            ("/ask", (false, true, true), None, vec![], vec![]),
+            ("/rpc", (true, false, true), None, vec![], vec![]),
+        ] {
+            let (input, output, rpc) = modes;
+            let wanted = Inspection {
+                modes: Some(Modes { input, output, rpc }),
+                type_name: type_name.map(str::to_owned),
+                inputs,
+                outputs,
+            };
+            let contact = network.query(name).await.unwrap().unwrap().contact();
+            for contact in [None, Some(contact.as_str())] {
+                assert_eq!(network.inspect(name, contact).await.unwrap(), wanted, "{name}");
+            }
+        }
+        let wanted = Inspection { outputs: vec!["/reader".to_owned()], ..Inspection::default() };
+        assert_eq!(network.inspect_connections("/writer", None).await.unwrap(), wanted);
+        drop((reader, writer, client, server));
+        assert!(network.inspect("/nobody", None).await.is_err());
+    }
+}

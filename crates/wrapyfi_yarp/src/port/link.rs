@@ -1,0 +1,349 @@
+//! A connection that we open to a port: what writes, asks, and administers.
+//!
+//! ```text
+//!   connect ─▶ header ─▶ answer, or the unix socket ─▶ { command + payload ─▶ [◀─ reply] [◀─ ack] }* ─▶ goodbye
+//! ```
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use bytes::{Bytes, BytesMut};
+use tokio::net::TcpStream;
+use tokio::time::timeout;
+
+use super::stream::Stream;
+use super::unix::Meeting;
+use crate::bottle::{BottleError, BottleScan, Frame};
+use crate::liveness::{self, Silence};
+use crate::wire::message::{self, read_ack};
+use crate::wire::text::{self, BottleLines, Lines};
+use crate::wire::{Body, Carrier, Command, Fault, Sender, Step, bare, header, number};
+use crate::{Dialect, Limits};
+
+/// Error of a connection to a port.
+#[derive(Debug, thiserror::Error)]
+pub enum LinkError {
+    /// The connection could not be made.
+    #[error("cannot connect to {address}: {error}")]
+    Connect {
+        /// Address that was tried.
+        address: String,
+        /// Error of the system.
+        error: std::io::Error,
+    },
+    /// The peer broke a rule.
+    #[error(transparent)]
+    Fault(#[from] Fault),
+    /// The socket failed.
+    #[error("the connection failed: {0}")]
+    Io(#[from] std::io::Error),
+    /// The peer closed the connection.
+    #[error("the peer closed the connection")]
+    Closed,
+    /// The peer did not answer in time.
+    #[error("no answer within {0:?}")]
+    Timeout(
+        /// The time allowed.
+        Duration,
+    ),
+    /// A reply that cannot be read.
+    #[error("the reply is no bottle: {0}")]
+    Reply(#[from] BottleError),
+    /// The message has no form on this carrier.
+    #[error("the message cannot be sent over {carrier}: {reason}")]
+    Unsendable {
+        /// The carrier.
+        carrier: Carrier,
+        /// Reason in words.
+        reason: String,
+    },
+}
+
+/// Settings that all links of a network have in common.
+#[derive(Debug, Clone)]
+pub(super) struct LinkOptions {
+    pub(super) dialect: Dialect,
+    pub(super) limits: Limits,
+    /// Longest time of connecting and of the answer to the header.
+    pub(super) timeout: Duration,
+    /// Folder of the unix sockets.
+    pub(super) runtime_folder: Option<PathBuf>,
+}
+
+/// An open connection of a stream carrier.
+#[derive(Debug)]
+pub(super) struct Link {
+    stream: Stream,
+    buffer: BytesMut,
+    carrier: Carrier,
+    options: LinkOptions,
+    silence: Silence,
+}
+
+impl Link {
+    /// Connects and shakes hands; also gives the number of the answer, udp's port.
+    pub(super) async fn open(
+        address: &str,
+        carrier: Carrier,
+        sender: &Sender,
+        behind_name: &[u8],
+        options: &LinkOptions,
+    ) -> Result<(Self, i32), LinkError> {
+        let opening = async {
+            let connect = |error| LinkError::Connect { address: address.to_owned(), error };
+            let stream = TcpStream::connect(address).await.map_err(connect)?;
+            stream.set_nodelay(true)?;
+            liveness::set_writer(&stream);
+            let meeting = if carrier.is_unix() {
+                let folder = options.runtime_folder.as_deref();
+                Some(Meeting::new(folder, stream.local_addr()?, stream.peer_addr()?, false)?)
+            } else {
+                None
+            };
+            let mut link = Self::over(Stream::Tcp(stream), carrier, options.clone());
+            let mut head = header::encode(carrier, sender, &link.options.limits)?;
+            head.extend_from_slice(behind_name);
+            link.write_raw(&[&head]).await?;
+            if let Some(meeting) = meeting {
+                link.stream = Stream::Unix(meeting.connect().await?);
+            }
+            let number = loop {
+                match header::read_answer(carrier, &mut link.buffer, &link.options.limits)? {
+                    Step::Event(number) => break number,
+                    Step::Need(more) => link.fill(more).await?,
+                }
+            };
+            Ok((link, number))
+        };
+        timeout(options.timeout, opening).await.unwrap_or(Err(LinkError::Timeout(options.timeout)))
+    }
+
+    /// A connection turned around: the header was the peer's.
+    pub(super) fn reversed(stream: TcpStream, options: LinkOptions) -> Self {
+        liveness::set_writer(&stream);
+        Self::over(Stream::Tcp(stream), Carrier::Text, options)
+    }
+
+    fn over(stream: Stream, carrier: Carrier, options: LinkOptions) -> Self {
+        Self { stream, buffer: BytesMut::new(), carrier, options, silence: Silence::default() }
+    }
+
+    pub(super) fn carrier(&self) -> Carrier {
+        self.carrier
+    }
+
+    /// The addresses of both ends, its own first.
+    pub(super) fn addresses(&self) -> std::io::Result<(SocketAddr, SocketAddr)> {
+        let tcp = self.stream.tcp().ok_or(std::io::ErrorKind::Unsupported)?;
+        Ok((tcp.local_addr()?, tcp.peer_addr()?))
+    }
+
+    pub(super) fn stream(&self) -> &Stream {
+        &self.stream
+    }
+
+    /// Writes a message. Not cancel-safe.
+    pub(super) async fn write(
+        &mut self,
+        command: &Command,
+        payload: &Bytes,
+    ) -> Result<(), LinkError> {
+        if self.carrier.is_text() {
+            let body = Body::Binary(payload.clone());
+            let bottle = body.bottle(self.options.dialect, &self.options.limits);
+            let bottle = bottle.map_err(|error| LinkError::Unsendable {
+                carrier: self.carrier,
+                reason: error.to_string(),
+            })?;
+            let message = text::message(command, Some(&bottle.to_text_bytes()));
+            return self.write_raw(&[&message]).await;
+        }
+        let head = match self.carrier.is_unix() {
+            true => bare::head(command),
+            false => message::head(command, &[payload.len()])?,
+        };
+        self.write_raw(&[&head, payload]).await
+    }
+
+    /// Waits for an acknowledgement, on carriers that have them. Not cancel-safe on text.
+    pub(super) async fn acknowledged(&mut self) -> Result<(), LinkError> {
+        if !self.carrier.acknowledges() {
+            return Ok(());
+        }
+        let mut lines = Lines::new(&self.options.limits);
+        loop {
+            let step = match self.carrier {
+                Carrier::Tcp => read_ack(&mut self.buffer)?,
+                Carrier::UnixStreamAck => bare::read_ack(&mut self.buffer)?,
+                _ => match lines.poll(&mut self.buffer)? {
+                    Step::Event(line) if line == text::ACK => Step::Event(()),
+                    // A reply that nobody asked for.
+                    Step::Event(_) => continue,
+                    Step::Need(more) => Step::Need(more),
+                },
+            };
+            match step {
+                Step::Event(()) => return Ok(()),
+                Step::Need(more) => self.fill(more).await?,
+            }
+        }
+    }
+
+    /// Sends a request and waits for its reply and acknowledgement; `None` when the peer only
+    /// acknowledged. Not cancel-safe: close the connection then.
+    pub(super) async fn request(
+        &mut self,
+        command: &Command,
+        payload: &Bytes,
+    ) -> Result<Option<Bytes>, LinkError> {
+        self.write(command, payload).await?;
+        match self.carrier {
+            Carrier::TextAck => {
+                let mut lines = Lines::new(&self.options.limits);
+                let mut reply: Option<Vec<u8>> = None;
+                loop {
+                    match lines.poll(&mut self.buffer)? {
+                        Step::Event(line) if line == text::ACK => break,
+                        Step::Event(line) => {
+                            let reply = reply.get_or_insert_default();
+                            if !reply.is_empty() {
+                                reply.push(b'\n');
+                            }
+                            reply.extend_from_slice(&line);
+                            let limit = self.options.limits.max_line_bytes;
+                            if reply.len() > limit {
+                                return Err(Fault::LineTooLong(limit).into());
+                            }
+                        }
+                        Step::Need(more) => self.fill(more).await?,
+                    }
+                }
+                reply.map(|text| self.bytes_of(text.into())).transpose()
+            }
+            Carrier::Text => {
+                let mut lines = BottleLines::new(&self.options.limits);
+                loop {
+                    match lines.poll(&mut self.buffer)? {
+                        Step::Event(line) => return self.bytes_of(line).map(Some),
+                        Step::Need(more) => self.fill(more).await?,
+                    }
+                }
+            }
+            _ => {
+                let reply = self.binary_reply().await?;
+                if reply.is_some() {
+                    self.acknowledged().await?;
+                }
+                Ok(reply)
+            }
+        }
+    }
+
+    /// The binary form of a reply that came as text.
+    fn bytes_of(&self, text: Bytes) -> Result<Bytes, LinkError> {
+        let bad = |reason: String| LinkError::Fault(Fault::BadPayload(reason));
+        let (dialect, limits) = (self.options.dialect, &self.options.limits);
+        let bottle = Body::Text(text).bottle(dialect, limits);
+        let bottle = bottle.map_err(|error| bad(error.to_string()))?;
+        Ok(bottle.encode(dialect).map_err(|error| bad(error.to_string()))?.into())
+    }
+
+    async fn binary_reply(&mut self) -> Result<Option<Bytes>, LinkError> {
+        let begin = |dialect| BottleScan::new(dialect, &self.options.limits);
+        let (mut scan, mut other) =
+            (begin(self.options.dialect), Some(begin(self.options.dialect.other())));
+        // A bottle cannot begin with these letters: as a number they are no list.
+        let ack: &[u8] = match self.carrier {
+            Carrier::Tcp => &number::ACK,
+            Carrier::UnixStreamAck => &bare::ACK,
+            _ => &[],
+        };
+        loop {
+            if !ack.is_empty() && self.buffer.starts_with(ack) {
+                self.acknowledged().await?;
+                return Ok(None);
+            }
+            let more = match self.buffer.len() {
+                length @ 0..8 => 8 - length,
+                _ => match (scan.advance(&self.buffer), other.take()) {
+                    (Ok(Frame::Complete(size)), _) => {
+                        return Ok(Some(self.buffer.split_to(size).freeze()));
+                    }
+                    (Ok(Frame::NeedMore(more)), rest) => {
+                        other = rest;
+                        more.max(1)
+                    }
+                    // A code that only the other dialect has shows who wrote this.
+                    (Err(BottleError::OtherDialect { .. }), Some(rest)) => {
+                        scan = rest;
+                        continue;
+                    }
+                    (Err(error), _) => return Err(error.into()),
+                },
+            };
+            self.fill(more).await?;
+        }
+    }
+
+    /// Says goodbye and closes.
+    pub(super) async fn quit(mut self) -> Result<(), LinkError> {
+        let goodbye = match self.carrier.is_text() {
+            true => text::message(&Command::Quit, None),
+            false if self.carrier.is_unix() => bare::head(&Command::Quit),
+            false => message::quit(),
+        };
+        self.write_raw(&[&goodbye]).await?;
+        self.acknowledged().await
+    }
+
+    /// Waits until the peer closes or is gone, throwing away what it says; why. Cancel-safe.
+    pub(super) async fn ended(&mut self) -> LinkError {
+        loop {
+            self.buffer.clear();
+            if let Err(error) = self.fill(1024).await {
+                return error;
+            }
+        }
+    }
+
+    /// True when the peer has closed in the meantime, as far as the system knows.
+    pub(super) fn is_closed(&self) -> bool {
+        // Bytes that nobody asked for mean that the connection is out of step.
+        !self.buffer.is_empty() || self.stream.has_more()
+    }
+
+    /// Writes bytes as they are.
+    pub(super) async fn write_raw(&mut self, parts: &[&[u8]]) -> Result<(), LinkError> {
+        self.silence.sent();
+        tokio::select! {
+            biased;
+            written = self.stream.write_all(parts) => Ok(written?),
+            error = self.silence.gone(self.stream.tcp()) => Err(error.into()),
+        }
+    }
+
+    /// One line, without its end.
+    pub(super) async fn line(&mut self) -> Result<Bytes, LinkError> {
+        let mut lines = Lines::new(&self.options.limits);
+        loop {
+            match lines.poll(&mut self.buffer)? {
+                Step::Event(line) => return Ok(line),
+                Step::Need(more) => self.fill(more).await?,
+            }
+        }
+    }
+
+    async fn fill(&mut self, more: usize) -> Result<(), LinkError> {
+        self.buffer.reserve(more.max(4 * 1024));
+        let read = tokio::select! {
+            biased;
+            read = self.stream.read(&mut self.buffer) => read?,
+            error = self.silence.gone(self.stream.tcp()) => return Err(error.into()),
+        };
+        match read {
+            0 => Err(LinkError::Closed),
+            _ => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,107 @@
+//! Ports over tokio: what sends, receives, asks and answers.
+//!
+//! ```text
+//!   Network ── names, dialect, limits
+//!      ├─ open_output ─▶ OutputPort ══ tcp, fast_tcp, text, text_ack, udp, mcast ══▶ InputPort
+//!      ├─ open_rpc_client ─▶ RpcClient ◀══ requests and replies ══▶ RpcServer
+//!      └─ connect, exists, admin: what `yarp connect` and its kin do
+//! ```
+//!
+//! ```no_run
+//! use wrapyfi_yarp::Bottle;
+//! use wrapyfi_yarp::port::{InputOptions, Network, OutputOptions};
+//!
+//! # async fn f() -> Result<(), Box<dyn std::error::Error>> {
+//! let network = Network::builder().build();
+//! let reader = network.open_input("/reader", &InputOptions::default()).await?;
+//! let writer = network.open_output("/writer", &OutputOptions::default()).await?;
+//! writer.connect("fast_tcp://reader").await?;
+//! writer.write_bottle(&Bottle::from(vec!["hello".into(), 42.into()]))?;
+//! let message = reader.recv().await.ok_or("closed")?;
+//! assert_eq!(message.bottle()?.to_text(), "hello 42");
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! Ports run on the tokio runtime that they are opened on: a task for each connection, none that
+//! wakes without a reason. Anybody may connect and disconnect them at any time, as YARP's tools do.
+//!
+//! * [`session`]: connections that others open, also for a name server's own use.
+//! * [`names`]: the seam to name servers, and [`names::NameTable`] for those who have none.
+//!
+//! # Requests
+//!
+//! One request at a time on a connection, since YARP's replies have no number. A client whose call ran
+//! out of time closes the connection, so that a late reply is never taken for the next one; the next call
+//! connects again. An acknowledgement in place of a reply is `None`: the other end reads and does not
+//! answer. A server answers a request that its program dropped with an empty bottle, because a client of
+//! YARP waits for ever otherwise. `Network::serve` answers by a function on the connection's own task,
+//! which is the fastest way.
+//!
+//! # What is refused
+//!
+//! Sizes are checked before anything is kept (`Limits`), and every refusal has a counter:
+//!
+//! | counter | what happened | then |
+//! | --- | --- | --- |
+//! | `unknown_header` | the first eight bytes begin no carrier | YARP's help text, closed |
+//! | `unsupported_carrier`, `missing_modifier` | a carrier or modifier that only YARP's own process has; the first one of a port is said in the log | closed |
+//! | `no_pictures` | mjpeg at a port that has none | HTTP status 406, closed |
+//! | `name_length`, `negative_length`, `message_too_large`, `line_too_long` | a length that cannot be, or exceeds a limit | closed |
+//! | `handshake_timeout` | no complete header in time | closed |
+//! | `too_many_connections` | more than `Limits::max_connections` | closed |
+//! | `replaced` | a second connection of a name | the first is closed |
+//! | `bad_command` | a message without a port command | left out, not acknowledged |
+//! | `no_index` | bytes where a message must begin | left out, eight at a time; closed after 1 MiB |
+//! | `truncated` | the connection ended inside a message | the message is lost |
+//! | `bad_datagram`, `lost_datagram` | a checksum, or a gap | the message is lost |
+//! | `bad_payload` | a text or a request that cannot be read | acknowledged, not delivered |
+//! | `inbox_full` | a datagram message for a full strict queue | the message is lost |
+//!
+//! Messages whose declared length and payload disagree are read by their length here, and by their
+//! payload in YARP. Both find the next message; after a payload that does not decode, only ours
+//! does.
+
+mod administration;
+mod connection;
+mod core;
+mod counters;
+mod datagrams;
+mod inbox;
+mod inspect;
+mod link;
+mod message;
+pub mod names;
+mod network;
+mod open;
+mod outbox;
+mod outputs;
+mod pace;
+mod pictures;
+mod ports;
+mod room;
+mod rpc_client;
+mod rpc_server;
+pub mod session;
+mod spare;
+mod stream;
+mod target;
+mod tools;
+mod unix;
+
+pub use core::Connected;
+pub use counters::Counters;
+pub use inbox::{Acknowledge, Reading};
+pub use inspect::{Inspection, Modes};
+pub use link::LinkError;
+pub use message::{Fate, Loss, Message, Payload, PayloadKind, Received};
+pub use network::{Network, NetworkBuilder, Timeouts};
+pub use open::{OpenError, PortOptions};
+pub use outbox::Overflow;
+pub use outputs::{ConnectError, ConnectionStatus, Written};
+pub use ports::{InputOptions, InputPort, OutputOptions, OutputPort, Port};
+pub use room::{Room, Rooms};
+pub use rpc_client::{CallError, RpcClient};
+pub use rpc_server::{Request, RpcServer};
+pub use session::Answer;
+pub use tools::AdminError;

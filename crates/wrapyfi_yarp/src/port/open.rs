@@ -1,0 +1,182 @@
+//! Opening of a port: its name, its socket, and who is told.
+//!
+//! ```text
+//!   listen ─▶ number ─▶ register ─▶ set offers, accepts, ips, process ─▶ announce
+//! ```
+
+use std::io;
+use std::net::{IpAddr, SocketAddr};
+
+use tokio::net::TcpListener;
+
+use super::names::{NameRequest, NamesError, Registration};
+use super::network::Network;
+use crate::name::environment::{EnvironmentError, PortNaming};
+use crate::wire::Carrier;
+
+/// Address that a port listens on, and its registration.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PortOptions {
+    /// Listen here, instead of at any free number.
+    pub address: Option<SocketAddr>,
+    /// Register the name.
+    pub register: bool,
+    /// Take the name even when a port of that name lives.
+    pub replace: bool,
+    /// Type of what it carries, as YARP registers it: `yarp/image`.
+    pub type_name: Option<String>,
+    /// Tell those who ask what the port is that it answers requests, as YARP's `setRpcMode` does.
+    pub rpc: bool,
+    /// Take connections of carrier mjpeg. Where the messages are no pictures it brings nothing: such a
+    /// connection is then refused, and the log says why.
+    pub pictures: bool,
+}
+
+impl Default for PortOptions {
+    fn default() -> Self {
+        let (rpc, pictures) = (false, true);
+        Self { address: None, register: true, replace: false, type_name: None, rpc, pictures }
+    }
+}
+
+/// Error of opening a port.
+#[derive(Debug, thiserror::Error)]
+pub enum OpenError {
+    /// The name is none.
+    #[error(
+        "{name:?} is no port name: it begins with a slash and has no blanks, no slash at its end and \
+         at most {limit} bytes, or is `...` for a name that the server chooses"
+    )]
+    Name {
+        /// Name as given.
+        name: String,
+        /// Most bytes.
+        limit: usize,
+    },
+    /// A port of that name lives.
+    #[error("a port {0} lives already: close it, take another name, or set PortOptions::replace")]
+    Taken(
+        /// The name.
+        String,
+    ),
+    /// A variable of the environment cannot be followed.
+    #[error(transparent)]
+    Environment(#[from] EnvironmentError),
+    /// The name server did not register it.
+    #[error("cannot register port {name}: {error}")]
+    Register {
+        /// The port.
+        name: String,
+        /// Error of the name server.
+        error: NamesError,
+    },
+    /// The address cannot be listened on.
+    #[error("port {name} cannot listen on {address}: {error}")]
+    Listen {
+        /// The port.
+        name: String,
+        /// Address that was tried.
+        address: SocketAddr,
+        /// Error of the system.
+        error: io::Error,
+    },
+}
+
+/// A socket with the name that it has now.
+#[derive(Debug)]
+pub(super) struct Opened {
+    pub(super) name: String,
+    pub(super) listener: TcpListener,
+    pub(super) address: SocketAddr,
+    /// Address as others know it: host and number.
+    pub(super) contact: String,
+}
+
+/// Registers and listens.
+pub(super) async fn open(
+    network: &Network,
+    name: &str,
+    options: &PortOptions,
+) -> Result<Opened, OpenError> {
+    let limit = network.limits().max_name_bytes;
+    let anonymous = name == "...";
+    let well_formed = name.len() > 1
+        && name.len() <= limit
+        && name.starts_with('/')
+        && !name.ends_with('/')
+        && !name.contains(|letter: char| letter.is_whitespace() || "()\"\\,".contains(letter));
+    if !anonymous && !well_formed {
+        return Err(OpenError::Name { name: name.to_owned(), limit });
+    }
+    let shared = &*network.0;
+    let naming = match options.register {
+        true => shared.environment.port_naming(name)?,
+        // Nobody hears of it.
+        false => PortNaming { name: name.to_owned(), port: None },
+    };
+    let name = naming.name.as_str();
+    if options.register && !options.replace && !anonymous && network.exists(name).await {
+        return Err(OpenError::Taken(name.to_owned()));
+    }
+    let host = match &shared.host {
+        Some(host) => Some(host.clone()),
+        None => shared.environment.own_ip(None)?.map(|ip| ip.to_string()),
+    };
+    // Any free number, and that is registered: those that a name server gives away are given away again
+    // when it is started anew, and a program that is told one where we listen does not start.
+    let any = || SocketAddr::new(shared.listen, naming.port.unwrap_or(0));
+    let wanted = options.address.unwrap_or_else(any);
+    let listener = listen(name, wanted).await?;
+    let address = listener.local_addr().map_err(|error| OpenError::Listen {
+        name: name.to_owned(),
+        address: wanted,
+        error,
+    })?;
+    let mut registered = None;
+    if options.register {
+        let own_host = (!address.ip().is_unspecified()).then(|| address.ip().to_string());
+        let request = NameRequest {
+            name: name.to_owned(),
+            host: host.or(own_host),
+            port: Some(address.port()),
+            type_name: options.type_name.clone(),
+            ..NameRequest::default()
+        };
+        let answer = shared.names.register(&request).await;
+        let failed = |error| OpenError::Register { name: name.to_owned(), error };
+        registered = Some(answer.map_err(failed)?);
+    }
+    let (name, host) = match registered {
+        Some(Registration { name, host, .. }) => (name, host),
+        None => (name.to_owned(), address.ip().to_string()),
+    };
+    let contact = format!("{host}:{}", address.port());
+    Ok(Opened { name, listener, address, contact })
+}
+
+async fn listen(name: &str, address: SocketAddr) -> Result<TcpListener, OpenError> {
+    TcpListener::bind(address).await.map_err(|error| OpenError::Listen {
+        name: name.to_owned(),
+        address,
+        error,
+    })
+}
+
+/// Tells what the port can do, and that it lives. Nothing depends on it but tools that look, and
+/// persistent connections: what fails is said to the log.
+pub(super) async fn announce(network: &Network, name: &str, host: IpAddr) {
+    let names = network.names();
+    let carriers: Vec<String> = Carrier::ALL.map(|carrier| carrier.name().to_owned()).into();
+    let process = vec![std::process::id().to_string()];
+    let ips = if host.is_unspecified() { Vec::new() } else { vec![host.to_string()] };
+    let properties =
+        [("offers", &carriers), ("accepts", &carriers), ("ips", &ips), ("process", &process)];
+    for (key, values) in properties.into_iter().filter(|(_, values)| !values.is_empty()) {
+        if let Err(error) = names.set(name, key, values).await {
+            tracing::debug!(target: "wrapyfi_yarp::port", name, key, %error, "property not set");
+        }
+    }
+    if let Err(error) = names.announce(name, true).await {
+        tracing::warn!(target: "wrapyfi_yarp::port", name, %error, "port not announced");
+    }
+}

@@ -1,0 +1,437 @@
+//! Outputs of a port: made, listed, taken away.
+//!
+//! ```text
+//!   [add] "tcp://dst" ─▶ query dst ─▶ end the old output to it ─▶ connect ─▶ Outbox + task
+//! ```
+
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use tokio::net::UdpSocket;
+use tokio::time::timeout;
+
+use super::core::Core;
+use super::datagrams::{self, Group};
+use super::link::{Link, LinkError};
+use super::message::Message;
+use super::outbox::{Outbox, Put};
+use super::pace::Pace;
+use super::rpc_client::RpcLink;
+use super::target::{self, Way};
+use crate::wire::{Carrier, Fault, Sender, UnknownCarrier, admin, header};
+
+/// Time that a receiver has to find that it lacks a modifier: it answers the header first, and then
+/// closes.
+const MODIFIER: Duration = Duration::from_millis(500);
+
+/// Destination of an output.
+#[derive(Debug, Clone)]
+pub(super) enum Kind {
+    /// A queue and a task.
+    Queue(Arc<Outbox>),
+    /// A multicast group: shared by all outputs to it.
+    Group(Arc<Group>),
+    /// The server of a client of requests.
+    Rpc(Arc<RpcLink>),
+}
+
+/// An output, as the port knows it.
+#[derive(Debug)]
+pub(super) struct Output {
+    pub(super) id: u64,
+    pub(super) name: String,
+    pub(super) carrier: Carrier,
+    pub(super) carrier_text: String,
+    /// Address that the receiver listens on.
+    pub(super) contact: String,
+    pub(super) kind: Kind,
+    /// Socket of the connection, on which the type of service is set.
+    pub(super) socket: Option<Arc<std::os::fd::OwnedFd>>,
+}
+
+/// Error of adding an output, as a whole sentence.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct ConnectError(
+    /// Sentence, as `yarp connect` shows it.
+    pub String,
+);
+
+impl Core {
+    /// Connects to `destination`, `/name` or `carrier://name`; the sentence that says so.
+    pub(super) async fn add_output(
+        self: &Arc<Self>,
+        destination: &str,
+    ) -> Result<String, ConnectError> {
+        let unknown = || ConnectError(admin::unknown_destination(destination));
+        let unreachable = |error: &dyn std::fmt::Display| {
+            let name = &self.name;
+            tracing::debug!(target: "wrapyfi_yarp::port", name, destination, %error, "connect");
+            ConnectError(admin::unreachable_destination(destination))
+        };
+        let refused = |reason: &dyn std::fmt::Display| {
+            let name = &self.name;
+            tracing::warn!(target: "wrapyfi_yarp::port", name, destination, "connect refused: {reason}");
+            ConnectError(admin::refused_destination(destination, reason))
+        };
+        let (carrier, name) = admin::split_destination(destination).ok_or_else(unknown)?;
+        let mut sender = Sender::new(self.name.clone());
+        let carrier = carrier.map(|carrier| sender.qualify(carrier));
+        let pull = carrier == Some(Carrier::Mjpeg.name());
+        if !self.role.outputs && !pull {
+            return Err(ConnectError(admin::NO_OUTPUTS.to_owned()));
+        }
+        if let Some(modifier) = sender.sender_modifier() {
+            let kind = &modifier.key;
+            let what = modifier.value.as_deref().unwrap_or_default();
+            let reason =
+                format!("modifier {kind}.{what} is not available here: connect without it");
+            return Err(refused(&reason));
+        }
+        if pull && !self.pictures {
+            return Err(refused(&Fault::NoPictures(self.name.clone())));
+        }
+        let _one_at_a_time = self.adding.lock().await;
+        if self.role.client && !self.connections().outputs.is_empty() {
+            return Err(ConnectError(admin::ONE_OUTPUT.to_owned()));
+        }
+        let found = self.network.names().query(&name).await;
+        let found = found.map_err(|error| unreachable(&error))?.ok_or_else(unknown)?;
+        let carrier: Carrier = match carrier {
+            Some(carrier) => carrier.parse().map_err(|error: UnknownCarrier| refused(&error))?,
+            None => found.carrier.parse().unwrap_or(Carrier::Tcp),
+        };
+        let carrier = carrier.qualified(&sender);
+        let contact = found.contact();
+        let made = if pull {
+            self.pull(&name, &contact).await
+        } else {
+            self.remove_output(&name).await;
+            self.make_output(&name, carrier, &sender, contact).await
+        };
+        made.map_err(|error| match &error {
+            LinkError::Fault(fault) if fault.is_refusal() => refused(fault),
+            _ => unreachable(&error),
+        })?;
+        Ok(admin::added(&self.name, destination))
+    }
+
+    async fn make_output(
+        self: &Arc<Self>,
+        name: &str,
+        carrier: Carrier,
+        sender: &Sender,
+        contact: String,
+    ) -> Result<(), LinkError> {
+        let carrier_text = sender.carrier_text(carrier);
+        let options = self.network.link_options();
+        if self.role.client {
+            let link = RpcLink::new(contact.clone(), carrier, sender.clone(), options);
+            link.connect().await?;
+            let kind = Kind::Rpc(Arc::new(link));
+            let name = name.to_owned();
+            self.enter_output(|id| Output {
+                id,
+                name,
+                carrier,
+                carrier_text,
+                contact,
+                kind,
+                socket: None,
+            });
+            return Ok(());
+        }
+        if carrier == Carrier::Mcast {
+            let group = self.group(&contact).await?;
+            let behind = header::encode_group(group.address);
+            if let Err(error) = Link::open(&contact, carrier, sender, &behind, &options).await {
+                self.leave_group(group).await;
+                return Err(error);
+            }
+            let kind = Kind::Group(group);
+            let name = name.to_owned();
+            self.enter_output(|id| Output {
+                id,
+                name,
+                carrier,
+                carrier_text,
+                contact,
+                kind,
+                socket: None,
+            });
+            return Ok(());
+        }
+        let (mut link, number) = Link::open(&contact, carrier, sender, &[], &options).await?;
+        if sender.foreign_modifier().is_some()
+            && let Ok(error) = timeout(MODIFIER, link.ended()).await
+        {
+            return Err(error);
+        }
+        let (way, socket) = match carrier {
+            Carrier::Udp => {
+                let (local, peer) = link.addresses()?;
+                drop(link);
+                let socket = udp_to(local, peer, number).await?;
+                let largest = self.network.0.max_datagram;
+                let copy = copy_of(&socket);
+                (Way::Datagrams { socket, largest, pace: Pace::new() }, copy)
+            }
+            _ => {
+                let copy = copy_of(link.stream());
+                (Way::Stream(link), copy)
+            }
+        };
+        self.start(name, carrier, carrier_text, contact, way, socket);
+        Ok(())
+    }
+
+    /// Enters an output and starts its task.
+    pub(super) fn start(
+        self: &Arc<Self>,
+        name: &str,
+        carrier: Carrier,
+        carrier_text: String,
+        contact: String,
+        way: Way,
+        socket: Option<Arc<std::os::fd::OwnedFd>>,
+    ) {
+        let outbox = Arc::new(Outbox::of(self));
+        let (name, kind) = (name.to_owned(), Kind::Queue(Arc::clone(&outbox)));
+        let id = self.enter_output(|id| Output {
+            id,
+            name,
+            carrier,
+            carrier_text,
+            contact,
+            kind,
+            socket,
+        });
+        let core = Arc::clone(self);
+        tokio::spawn(async move {
+            // Also when the task is dropped with its runtime.
+            let _end = EndOnDrop { core: Arc::clone(&core), outbox: Arc::clone(&outbox), id };
+            let ended = tokio::select! {
+                biased;
+                () = outbox.aborted() => return,
+                ended = target::run(way, &outbox) => ended,
+            };
+            if let Err(error) = ended {
+                let name = &core.name;
+                tracing::debug!(target: "wrapyfi_yarp::port", name, %error, "output ended");
+                core.counters.add("output_ended");
+            }
+        });
+    }
+
+    fn enter_output(&self, output: impl FnOnce(u64) -> Output) -> u64 {
+        let mut connections = self.connections();
+        let id = Self::new_id(&mut connections);
+        connections.outputs.push(output(id));
+        self.ring(&connections);
+        id
+    }
+
+    /// Takes an output off the list.
+    fn leave_output(&self, id: u64) {
+        let mut connections = self.connections();
+        connections.outputs.retain(|output| output.id != id);
+        self.ring(&connections);
+    }
+
+    /// Ends the output to `name`, as it was given or with its slash; whether there was one.
+    pub(super) async fn remove_output(self: &Arc<Self>, name: &str) -> bool {
+        let found = {
+            let connections = self.connections();
+            let ids = connections.outputs.iter().filter(|output| output.name == name);
+            ids.map(|output| output.id).collect::<Vec<_>>()
+        };
+        for id in &found {
+            self.end_output(*id).await;
+        }
+        !found.is_empty()
+    }
+
+    /// Says goodbye to an output, once what waits is sent.
+    pub(super) async fn end_output(self: &Arc<Self>, id: u64) {
+        let limit = self.network.0.timeouts.close;
+        let found = {
+            let connections = self.connections();
+            let found = connections.outputs.iter().find(|output| output.id == id);
+            found.map(|output| (output.kind.clone(), output.carrier, output.contact.clone()))
+        };
+        let Some((kind, carrier, contact)) = found else { return };
+        match &kind {
+            Kind::Queue(outbox) => {
+                outbox.close();
+                if timeout(limit, outbox.ended()).await.is_err() {
+                    // Its task finds this out by itself, if it ever moves again.
+                    self.counters.add("goodbye_timeout");
+                    outbox.abort();
+                }
+            }
+            Kind::Group(group) => {
+                timeout(limit, group.outbox.drained()).await.ok();
+            }
+            Kind::Rpc(link) => link.close().await,
+        }
+        // A queue's task may have done this.
+        self.leave_output(id);
+        if carrier.is_connectionless() {
+            let gone = self.network.tell_gone(&contact, &self.name);
+            if !matches!(timeout(limit, gone).await, Ok(Ok(()))) {
+                self.counters.add("goodbye_failed");
+            }
+        }
+        if let Kind::Group(group) = kind {
+            self.leave_group(group).await;
+        }
+    }
+
+    /// Number of targets of carrier mjpeg.
+    pub(super) fn picture_readers(&self) -> usize {
+        let connections = self.connections();
+        connections.outputs.iter().filter(|output| output.carrier == Carrier::Mjpeg).count()
+    }
+
+    /// Puts a message in front of every target whose carrier is meant.
+    pub(super) fn write(&self, message: Message, meant: impl Fn(Carrier) -> bool) -> Written {
+        let message = Arc::new(message);
+        let mut written = Written::default();
+        let connections = self.connections();
+        let mut groups: Vec<*const Group> = Vec::new();
+        for output in connections.outputs.iter().filter(|output| meant(output.carrier)) {
+            let outbox = match &output.kind {
+                Kind::Queue(outbox) => outbox,
+                // One datagram reaches all of them.
+                Kind::Group(group) => {
+                    if groups.contains(&Arc::as_ptr(group)) {
+                        continue;
+                    }
+                    groups.push(Arc::as_ptr(group));
+                    &group.outbox
+                }
+                Kind::Rpc(_) => continue,
+            };
+            let put = outbox.push(&message);
+            written.targets += usize::from(put != Put::Gone);
+            written.dropped += usize::from(matches!(put, Put::Full | Put::NoRoom));
+            written.over_budget += usize::from(put == Put::NoRoom);
+        }
+        written
+    }
+
+    /// The queues of all targets.
+    pub(super) fn outboxes(&self) -> Vec<Arc<Outbox>> {
+        let connections = self.connections();
+        let kinds = connections.outputs.iter().filter_map(|output| match &output.kind {
+            Kind::Queue(outbox) => Some(Arc::clone(outbox)),
+            Kind::Group(group) => Some(Arc::clone(&group.outbox)),
+            Kind::Rpc(_) => None,
+        });
+        kinds.collect()
+    }
+
+    /// State of every connection.
+    pub(super) fn status(&self) -> Vec<ConnectionStatus> {
+        let connections = self.connections();
+        let inputs = connections.inputs.iter().map(|input| ConnectionStatus {
+            name: input.name.clone(),
+            carrier: input.carrier.clone(),
+            incoming: true,
+            messages: input.messages.load(Ordering::Relaxed),
+            ..ConnectionStatus::default()
+        });
+        let outputs = connections.outputs.iter().map(|output| {
+            let status = ConnectionStatus {
+                name: output.name.clone(),
+                carrier: output.carrier_text.clone(),
+                ..ConnectionStatus::default()
+            };
+            let outbox = match &output.kind {
+                Kind::Queue(outbox) => outbox,
+                Kind::Group(group) => &group.outbox,
+                Kind::Rpc(link) => {
+                    return ConnectionStatus { messages: link.calls(), ..status };
+                }
+            };
+            ConnectionStatus {
+                messages: outbox.sent.load(Ordering::Relaxed),
+                bytes: outbox.bytes.load(Ordering::Relaxed),
+                dropped: outbox.dropped.load(Ordering::Relaxed),
+                unsendable: outbox.unsendable.load(Ordering::Relaxed),
+                waiting: outbox.waiting(),
+                ..status
+            }
+        });
+        inputs.chain(outputs).collect()
+    }
+}
+
+/// Result of writing a message.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Written {
+    /// Queues that it went to.
+    pub targets: usize,
+    /// Queues that were full, so that a message was dropped.
+    pub dropped: usize,
+    /// Number of those queues that had a place, but no room for the message's bytes.
+    pub over_budget: usize,
+}
+
+/// State of one connection.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct ConnectionStatus {
+    /// The other port.
+    pub name: String,
+    /// Carrier with qualifiers.
+    pub carrier: String,
+    /// True when the connection brings data.
+    pub incoming: bool,
+    /// Messages received, or sent.
+    pub messages: u64,
+    /// Bytes of the payloads that were sent.
+    pub bytes: u64,
+    /// Messages that found no room.
+    pub dropped: u64,
+    /// Messages that have no form on this carrier.
+    pub unsendable: u64,
+    /// Messages that wait to be sent.
+    pub waiting: usize,
+}
+
+struct EndOnDrop {
+    core: Arc<Core>,
+    outbox: Arc<Outbox>,
+    id: u64,
+}
+
+impl Drop for EndOnDrop {
+    fn drop(&mut self) {
+        self.outbox.end();
+        self.core.leave_output(self.id);
+    }
+}
+
+/// A socket on the same local port as the handshake had, as YARP does it.
+async fn udp_to(local: SocketAddr, peer: SocketAddr, number: i32) -> Result<UdpSocket, LinkError> {
+    let port = u16::try_from(number).ok().filter(|&port| port > 0);
+    let port = port.ok_or_else(|| LinkError::Unsendable {
+        carrier: Carrier::Udp,
+        reason: format!("the receiver named {number} as its port"),
+    })?;
+    let socket = match UdpSocket::bind(local).await {
+        Ok(socket) => socket,
+        // Nobody looks at the number that datagrams come from.
+        Err(_) => UdpSocket::bind(SocketAddr::new(local.ip(), 0)).await?,
+    };
+    socket.connect(SocketAddr::new(peer.ip(), port)).await?;
+    datagrams::widen(&socket);
+    Ok(socket)
+}
+
+/// A second handle of a socket, for its options.
+fn copy_of(socket: &impl std::os::fd::AsFd) -> Option<Arc<std::os::fd::OwnedFd>> {
+    socket.as_fd().try_clone_to_owned().ok().map(Arc::new)
+}

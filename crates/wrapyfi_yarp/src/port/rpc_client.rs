@@ -1,0 +1,216 @@
+//! A port that asks another one: one request at a time, each with its reply.
+//!
+//! ```text
+//!   call ─▶ command d + bottle ─▶ server ─▶ bottle [ack] ─▶ Some(reply)
+//!                                        └▶ ack alone    ─▶ None: it read, and said nothing
+//! ```
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+use bytes::Bytes;
+use tokio::sync::Mutex;
+use tokio::time::timeout;
+
+use super::core::{Core, Owner, Role, Sink};
+use super::link::{Link, LinkError, LinkOptions};
+use super::network::Network;
+use super::open::{OpenError, PortOptions};
+use super::outputs::{ConnectError, Kind};
+use crate::Bottle;
+use crate::wire::{Carrier, Command, Sender};
+
+/// The connection to a server of requests; opened again when it was lost.
+#[derive(Debug)]
+pub(super) struct RpcLink {
+    contact: String,
+    carrier: Carrier,
+    sender: Sender,
+    options: LinkOptions,
+    /// Empty while a request is on its way, and after one that failed.
+    link: Mutex<Option<Link>>,
+    calls: AtomicU64,
+}
+
+impl RpcLink {
+    pub(super) fn new(
+        contact: String,
+        carrier: Carrier,
+        sender: Sender,
+        options: LinkOptions,
+    ) -> Self {
+        let (link, calls) = (Mutex::new(None), AtomicU64::new(0));
+        Self { contact, carrier, sender, options, link, calls }
+    }
+
+    async fn open(&self) -> Result<Link, LinkError> {
+        if self.carrier.is_connectionless() || !self.carrier.is_push() {
+            return Err(LinkError::Unsendable {
+                carrier: self.carrier,
+                reason: "it carries no replies: use tcp, fast_tcp or text_ack".to_owned(),
+            });
+        }
+        let (contact, carrier) = (&self.contact, self.carrier);
+        let opened = Link::open(contact, carrier, &self.sender, &[], &self.options).await;
+        opened.map(|(link, _)| link)
+    }
+
+    pub(super) async fn connect(&self) -> Result<(), LinkError> {
+        let mut place = self.link.lock().await;
+        *place = Some(self.open().await?);
+        Ok(())
+    }
+
+    async fn call(&self, request: &Bytes) -> Result<Option<Bytes>, LinkError> {
+        let mut place = self.link.lock().await;
+        // Out of its place until the reply is here: a call that is given up leaves a connection
+        // whose next reply would be the wrong one.
+        let mut link: Link = match place.take() {
+            Some(link) if !link.is_closed() => link,
+            _ => self.open().await?,
+        };
+        let command = Command::Data { reply: true, envelope: None };
+        let reply = link.request(&command, request).await?;
+        *place = Some(link);
+        self.calls.fetch_add(1, Ordering::Relaxed);
+        Ok(reply)
+    }
+
+    pub(super) fn calls(&self) -> u64 {
+        self.calls.load(Ordering::Relaxed)
+    }
+
+    pub(super) async fn close(&self) {
+        // A request on its way keeps the lock: it ends by its own time limit.
+        let Ok(mut place) = self.link.try_lock() else { return };
+        if let Some(link) = place.take() {
+            link.quit().await.ok();
+        }
+    }
+}
+
+/// Error of a request.
+#[derive(Debug, thiserror::Error)]
+pub enum CallError {
+    /// No server is connected.
+    #[error("port {0} is connected to no server: call RpcClient::connect, or use `yarp connect`")]
+    NotConnected(
+        /// Name of the client.
+        String,
+    ),
+    /// The server did not answer in time; its late answer will not be mistaken for another one.
+    #[error("{server} did not answer within {after:?}")]
+    Timeout {
+        /// The server.
+        server: String,
+        /// The time allowed.
+        after: Duration,
+    },
+    /// The connection failed; the next call connects again.
+    #[error("request to {server}: {error}")]
+    Link {
+        /// The server.
+        server: String,
+        /// Error of the connection.
+        error: LinkError,
+    },
+    /// The request cannot be written in the dialect.
+    #[error("the request cannot be written: {0}")]
+    Encode(#[from] crate::bottle::EncodeError),
+    /// The reply is no bottle.
+    #[error("the reply of {server} cannot be read: {error}")]
+    Reply {
+        /// The server.
+        server: String,
+        /// Fault of the bottle.
+        error: crate::bottle::BottleError,
+    },
+}
+
+/// A port that asks one server; YARP's `RpcClient`.
+#[derive(Debug)]
+pub struct RpcClient {
+    pub(super) owner: Owner,
+}
+
+impl Network {
+    /// Opens a port for requests to another one.
+    ///
+    /// # Errors
+    /// As [`OpenError`].
+    pub async fn open_rpc_client(
+        &self,
+        name: &str,
+        options: &PortOptions,
+    ) -> Result<RpcClient, OpenError> {
+        let role = Role { outputs: true, client: true, ..Role::default() };
+        Ok(RpcClient { owner: Core::open(self, name, options, role, Sink::Nobody).await? })
+    }
+}
+
+impl RpcClient {
+    /// Connects to a server: `/name`, or `carrier://name`.
+    ///
+    /// # Errors
+    /// As [`ConnectError`]; also when it is connected already.
+    pub async fn connect(&self, server: &str) -> Result<(), ConnectError> {
+        self.owner.core.add_output(server).await.map(drop)
+    }
+
+    /// Forgets the server, so that another one, or the same at another address, can be connected.
+    /// Returns true when there was one.
+    pub async fn disconnect(&self) -> bool {
+        match self.server() {
+            Some((name, _)) => self.owner.core.remove_output(&name).await,
+            None => false,
+        }
+    }
+
+    /// Sends a request; its reply, `None` when the server took it and said nothing.
+    ///
+    /// Requests of one client wait for each other. When this is dropped early, or runs out of
+    /// time, its connection is closed and the next call opens another one.
+    ///
+    /// # Errors
+    /// As [`CallError`].
+    pub async fn call(
+        &self,
+        request: &Bottle,
+        after: Duration,
+    ) -> Result<Option<Bottle>, CallError> {
+        let network = &self.owner.core.network;
+        let bytes = request.encode(network.dialect())?.into();
+        let Some(reply) = self.call_bytes(&bytes, after).await? else { return Ok(None) };
+        let read = Bottle::decode_either(&reply, network.dialect(), network.limits());
+        let server = || self.server().map_or_else(String::new, |(name, _)| name);
+        read.map(|(reply, _)| Some(reply))
+            .map_err(|error| CallError::Reply { server: server(), error })
+    }
+
+    /// As [`RpcClient::call`], with the bytes of a bottle, and those of the reply.
+    ///
+    /// # Errors
+    /// As [`CallError`].
+    pub async fn call_bytes(
+        &self,
+        request: &Bytes,
+        after: Duration,
+    ) -> Result<Option<Bytes>, CallError> {
+        let none = || CallError::NotConnected(self.owner.core.name.clone());
+        let (server, link) = self.server().ok_or_else(none)?;
+        match timeout(after, link.call(request)).await {
+            Ok(Ok(reply)) => Ok(reply),
+            Ok(Err(error)) => Err(CallError::Link { server, error }),
+            Err(_) => Err(CallError::Timeout { server, after }),
+        }
+    }
+
+    fn server(&self) -> Option<(String, Arc<RpcLink>)> {
+        let connections = self.owner.core.connections();
+        connections.outputs.iter().find_map(|output| match &output.kind {
+            Kind::Rpc(link) => Some((output.name.clone(), Arc::clone(link))),
+            Kind::Queue(_) | Kind::Group(_) => None,
+        })
+    }
+}

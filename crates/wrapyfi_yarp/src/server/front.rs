@@ -1,0 +1,287 @@
+//! The sockets of a name server: one task a connection.
+//!
+//! ```text
+//!   accept ──▶ Session ──▶ Line, Data ──▶ Shared::apply ──▶ lines or a bottle
+//!                      ├─▶ Admin, Command ──▶ as any port answers them
+//!                      ├─▶ Http ──▶ page
+//!                      └─▶ r ──▶ the connection becomes a reader of changes
+//! ```
+
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
+
+use bytes::Bytes;
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::{Notify, watch};
+use tokio::task::JoinSet;
+
+use super::commands::Outcome;
+use super::shared::{SessionEntry, Shared};
+use super::{events, http};
+use crate::Bottle;
+use crate::port::session::{Answer, Event, Session, SessionError, SessionOptions};
+use crate::wire::admin::{self, Direction, Request};
+use crate::wire::{Body, Carrier, Command, Opening};
+
+/// Accepts until it is told to stop.
+pub(super) async fn serve(
+    listener: TcpListener,
+    shared: Arc<Shared>,
+    mut stopping: watch::Receiver<bool>,
+) {
+    let options = SessionOptions {
+        dialect: shared.options.dialect,
+        limits: shared.options.wire.clone(),
+        handshake_timeout: shared.options.handshake_timeout,
+        own_port: shared.own.port,
+        runtime_folder: None,
+        counters: Arc::clone(&shared.counters),
+        ..SessionOptions::default()
+    };
+    let options = Arc::new(options);
+    let mut connections = JoinSet::new();
+    loop {
+        tokio::select! {
+            accepted = listener.accept() => match accepted {
+                Ok((stream, peer)) => {
+                    if connections.len() >= shared.options.limits.max_connections {
+                        shared.counters.add("too_many_connections");
+                        tracing::warn!(
+                            target: "wrapyfi_yarp::server", %peer,
+                            "connection closed: {} are open, which is the limit", connections.len()
+                        );
+                        continue;
+                    }
+                    let (shared, options) = (Arc::clone(&shared), Arc::clone(&options));
+                    connections.spawn(attend(stream, peer, shared, options));
+                }
+                // Too many open files, for instance: the next connection may find some closed.
+                Err(error) => {
+                    shared.counters.add("accept_failed");
+                    tracing::warn!(target: "wrapyfi_yarp::server", %error, "cannot accept");
+                    tokio::time::sleep(ACCEPT_PAUSE).await;
+                }
+            },
+            Some(_) = connections.join_next() => {}
+            // An error means that nobody can stop us any more: the server was dropped.
+            _ = stopping.changed() => break,
+        }
+    }
+    drop(listener);
+    shared.links.end();
+    shared.readers.farewell().await;
+    connections.shutdown().await;
+}
+
+/// Time to recover after the system refused a connection.
+const ACCEPT_PAUSE: std::time::Duration = std::time::Duration::from_millis(50);
+
+/// One connection, from its header to its end.
+async fn attend(
+    stream: TcpStream,
+    peer: SocketAddr,
+    shared: Arc<Shared>,
+    options: Arc<SessionOptions>,
+) {
+    let session = match Session::accept(stream, &options).await {
+        Ok(session) => session,
+        Err(SessionError::Silent) => return, // somebody looked whether we are there
+        Err(error) => {
+            tracing::debug!(target: "wrapyfi_yarp::server", %peer, %error, "no session");
+            return;
+        }
+    };
+    let id = shared.next_session.fetch_add(1, Relaxed);
+    let end = Arc::new(Notify::new());
+    let entry = SessionEntry {
+        sender: session.sender().name,
+        carrier: session.carrier_text(),
+        end: Arc::clone(&end),
+    };
+    // Two connections of one port do not live together; peers that are no ports may have many.
+    if entry.sender.starts_with('/') {
+        for other in shared.sessions().values().filter(|other| other.sender == entry.sender) {
+            other.end.notify_one();
+        }
+    }
+    shared.sessions().insert(id, entry);
+    let listed = Listed { id, shared: &shared };
+    tokio::select! {
+        ended = converse(session, &shared) => match ended {
+            Ok(()) => {}
+            Err(error) => {
+                tracing::debug!(target: "wrapyfi_yarp::server", %peer, %error, "session ended");
+            }
+        },
+        () = end.notified() => {}
+    }
+    drop(listed);
+}
+
+/// Takes a session off the list, however it ends.
+struct Listed<'a> {
+    id: u64,
+    shared: &'a Shared,
+}
+
+impl Drop for Listed<'_> {
+    fn drop(&mut self) {
+        self.shared.sessions().remove(&self.id);
+    }
+}
+
+async fn converse(mut session: Session, shared: &Arc<Shared>) -> Result<(), SessionError> {
+    let peer = session.peer().ip();
+    if let Opening::Messages { carrier, .. } = session.opening()
+        && carrier.is_connectionless()
+    {
+        // Nobody sends commands in datagrams, and answers could not go back.
+        shared.counters.add("unsupported_carrier");
+        return Ok(());
+    }
+    let one_line = matches!(session.opening(), Opening::Names(_));
+    loop {
+        let next = session.next();
+        let event = if one_line {
+            match tokio::time::timeout(shared.options.idle_timeout, next).await {
+                Ok(event) => event?,
+                Err(_) => {
+                    shared.counters.add("idle");
+                    return Ok(());
+                }
+            }
+        } else {
+            next.await?
+        };
+        let Some(event) = event else { return Ok(()) };
+        let answer = match event {
+            Event::Line(line) => {
+                reply(&shared.apply_body(&Body::Text(line), Some(peer)), true, shared)
+            }
+            Event::Data(data) => {
+                let outcome = shared.apply_body(&data.body, Some(peer));
+                if data.reply {
+                    reply(&outcome, session.is_text(), shared)
+                } else {
+                    Answer::Nothing
+                }
+            }
+            Event::Admin(request) => Answer::Bottle(administer(&request, shared).await),
+            Event::Http(request) => Answer::Raw(http::answer(&request, shared, peer)),
+            Event::Command(Command::Reverse) if session.is_text() => {
+                let carrier = match session.opening() {
+                    Opening::Messages { carrier, .. } => *carrier,
+                    Opening::Names(_) | Opening::Http(_) => Carrier::Text,
+                };
+                let (name, text) = (session.sender().name, session.carrier_text());
+                let Some(stream) = session.into_tcp() else { return Ok(()) };
+                shared.readers.add(name, (carrier, text), stream, shared);
+                return Ok(());
+            }
+            Event::Command(command) => {
+                let lines = obey(&command, shared).await;
+                if session.is_text() {
+                    Answer::Lines(lines.iter().map(|line| format!("{line}\r\n")).collect())
+                } else {
+                    Answer::Nothing
+                }
+            }
+        };
+        session.answer(answer).await?;
+    }
+}
+
+/// The bytes of an answer, whatever form the command came in.
+fn reply(outcome: &Outcome, text: bool, shared: &Shared) -> Answer {
+    let mut bytes = Vec::new();
+    if text {
+        outcome.reply.write_text(&mut bytes);
+    } else if let Err(error) = outcome.reply.write_binary(&mut bytes, shared.options.dialect) {
+        // Nothing that was stored comes from the other dialect: this cannot be sent by anybody.
+        tracing::warn!(target: "wrapyfi_yarp::server", %error, "answer not sent");
+        return Answer::Bottle(admin::fail(Some(&error.to_string())));
+    }
+    Answer::Raw(Bytes::from(bytes))
+}
+
+/// A command on a line of its own.
+async fn obey(command: &Command, shared: &Arc<Shared>) -> Vec<String> {
+    match command {
+        Command::Describe => shared.describe(),
+        Command::Connect(destination) => {
+            vec![events::connect(destination, shared).await.unwrap_or_else(|why| why)]
+        }
+        Command::RemoveOutput(name) => vec![remove_output(name, shared).unwrap_or_else(|why| why)],
+        Command::RemoveInput(name) => vec![remove_input(name, shared).unwrap_or_else(|why| why)],
+        _ => Vec::new(),
+    }
+}
+
+fn remove_output(name: &str, shared: &Shared) -> Result<String, String> {
+    if shared.readers.remove(name) {
+        Ok(admin::removed(&shared.own.name, name))
+    } else {
+        Err(admin::no_output(name))
+    }
+}
+
+fn remove_input(name: &str, shared: &Shared) -> Result<String, String> {
+    let sessions = shared.sessions();
+    let found = sessions.values().filter(|entry| entry.sender == name);
+    if found.inspect(|entry| entry.end.notify_one()).count() == 0 {
+        return Err(admin::no_input(name));
+    }
+    Ok(admin::removing(name, &shared.own.name))
+}
+
+/// An administrative request, answered as any port answers it.
+async fn administer(request: &Bottle, shared: &Arc<Shared>) -> Bottle {
+    let own = &shared.own.name;
+    let connections = |direction| match direction {
+        Direction::Out => shared.readers.names(),
+        Direction::In => {
+            let sessions = shared.sessions();
+            sessions.values().map(|entry| (entry.sender.clone(), entry.carrier.clone())).collect()
+        }
+    };
+    match Request::parse(request) {
+        Request::Version => admin::version(),
+        Request::Help => admin::help(),
+        Request::Add { destination } => match events::connect(&destination, shared).await {
+            Ok(done) => admin::done(&done),
+            Err(why) => admin::failed(&why),
+        },
+        Request::Remove { name } => {
+            match (remove_output(&name, shared), remove_input(&name, shared)) {
+                (Ok(done), _) | (Err(_), Ok(done)) => admin::done(&done),
+                (Err(out), Err(inward)) => admin::failed(format!("{out}\r\n{inward}")),
+            }
+        }
+        Request::List { direction, name: None } => {
+            connections(direction).into_iter().map(|(name, _)| name.into()).collect()
+        }
+        Request::List { direction, name: Some(name) } => {
+            let found = connections(direction).into_iter().find(|(other, _)| *other == name);
+            let Some((other, carrier)) = found else { return Bottle::new() };
+            let (from, to) = match direction {
+                Direction::In => (&other, own),
+                Direction::Out => (own, &other),
+            };
+            admin::details(from, to, &carrier, false, true)
+        }
+        Request::Configure { direction, name } => {
+            let found = connections(direction).iter().any(|(other, _)| *other == name);
+            admin::configuration(direction, &name, found, true)
+        }
+        Request::Configuration { direction, name } => {
+            let found = connections(direction).iter().any(|(other, _)| *other == name);
+            admin::configuration(direction, &name, found, false)
+        }
+        Request::Property { .. } => Bottle::new(),
+        Request::SetProperty { .. } => admin::fail(None),
+        Request::Attach { directed } => admin::attached(directed),
+        Request::Detach { directed } => admin::detached(directed),
+        Request::Unknown => admin::not_understood(),
+    }
+}

@@ -1,0 +1,267 @@
+//! A name server to embed: what `yarpserver` does, in this process.
+//!
+//! ```text
+//!   one line, name_ser, text, text_ack, tcp, http ──session──▶ commands ──▶ registry, subscriptions
+//!   multicast question ────────────────────────────────────────┘  │  │
+//!   readers of /root  ◀── [add] "/cam" ───────────────── events ──┘  └── links ──▶ asks /cam to
+//!                                                                                  connect to /view
+//! ```
+//!
+//! Real `yarp` tools, ports and Wrapyfi work with it as with YARP's own: it gives away port numbers,
+//! names and multicast groups, and makes persistent connections itself.
+//!
+//! It listens on the loopback interface unless it is told otherwise: a name server obeys whoever
+//! reaches it, and so decides where everybody's data go.
+//!
+//! # Differences to YARP's
+//!
+//! The answers are those of YARP 3.12.3, byte for byte: every recorded conversation with its name server is held
+//! with ours. Also the odd ones: values come back sorted,
+//! an unregistered port's groups are told as lines `old`, `bot register` answers in lines, commands over binary
+//! tcp are answered with text, a port without a name can be registered.
+//!
+//! | | YARP | here |
+//! | --- | --- | --- |
+//! | a later line without `NAME_SERVER` | loses its first twelve bytes | is read |
+//! | `NAME_SERVER` alone | waits for ever | answers with the end |
+//! | no port number or group is free | the server exits | `refused: …` |
+//! | registering a port that owns others | forgets what was asked | does it |
+//! | a port number that is in use on this machine | is given away; the port then fails | is left out |
+//! | `set` of `host`, `socket`, `carrier`, `type` | moves the port | `refused: …` |
+//! | registering or unregistering the name server | does it | `refused: …` |
+//! | a browser's form | does any command | only those that change nothing |
+//! | `=tail`, unregistered | its name is lost | its name is used again |
+
+use std::collections::BTreeMap;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
+use std::sync::{Arc, Mutex};
+use std::time::Instant;
+
+use tokio::net::TcpListener;
+use tokio::sync::watch;
+use tokio::task::JoinSet;
+
+use crate::name::{NameClient, NameServerConf, name_fault};
+use crate::port::Counters;
+use crate::port::names::Registration;
+use commands::NameState;
+use shared::Shared;
+
+mod allocator;
+mod commands;
+mod discovery;
+mod events;
+mod front;
+mod http;
+mod links;
+mod names;
+mod options;
+mod registry;
+mod reply;
+mod shared;
+mod subscriptions;
+
+pub use names::ServerNames;
+pub use options::{NameServerLimits, NameServerOptions};
+
+#[doc(hidden)]
+pub mod offline;
+
+/// Error of starting a name server.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum NameServerError {
+    /// Other machines could reach it.
+    #[error(
+        "a name server on {ip} can be reached by other machines, and anyone there could redirect \
+         every connection: use 127.0.0.1, or set insecure: true where the network is trusted"
+    )]
+    NotLoopback {
+        /// Address asked for.
+        ip: IpAddr,
+    },
+    /// Somebody else has the port.
+    #[error(
+        "port {port} on {ip} is taken, perhaps by another name server: stop it, or choose another port"
+    )]
+    PortTaken {
+        /// Address asked for.
+        ip: IpAddr,
+        /// Port asked for.
+        port: u16,
+    },
+    /// The address belongs to another machine.
+    #[error("{ip} is not an address of this machine: run the name server there")]
+    NotHere {
+        /// Address asked for.
+        ip: IpAddr,
+    },
+    /// The name cannot be that of a port.
+    #[error("namespace {namespace:?} {reason}: write for instance /root")]
+    BadNamespace {
+        /// Name asked for.
+        namespace: String,
+        /// Rule that the name breaks.
+        reason: String,
+    },
+    /// Anything else the system refused.
+    #[error("the name server could not {action}: {source}")]
+    Io {
+        /// Action that failed.
+        action: &'static str,
+        /// Error of the system.
+        source: std::io::Error,
+    },
+}
+
+/// A name server at one moment.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct NameServerStatus {
+    /// Names there are, its own and the discovery group's among them.
+    pub names: usize,
+    /// Connections open now.
+    pub connections: usize,
+    /// Readers of changes connected now.
+    pub readers: usize,
+    /// Commands done and refused, since it started.
+    pub commands: u64,
+    /// Counts of everything that was refused, lost or dropped, by reason: `refused`,
+    /// `too_many_connections`, `event_dropped`, `link_failed`, `idle`, and those of
+    /// [`crate::wire::Fault::name`]. Counts of successes: `link_made`, `link_ended`.
+    pub counts: BTreeMap<&'static str, u64>,
+}
+
+/// A running name server. Dropping it ends it.
+#[derive(Debug)]
+pub struct NameServer {
+    address: SocketAddr,
+    shared: Arc<Shared>,
+    stop: watch::Sender<bool>,
+    front: JoinSet<()>,
+    discovery: JoinSet<()>,
+}
+
+impl NameServer {
+    /// Binds the port and starts answering, on the current tokio runtime.
+    ///
+    /// # Errors
+    /// When the port cannot be bound or must not be.
+    pub async fn start(options: NameServerOptions) -> Result<Self, NameServerError> {
+        let (ip, port) = (options.ip, options.port);
+        if !ip.is_loopback() && !options.insecure {
+            return Err(NameServerError::NotLoopback { ip });
+        }
+        let namespace = options.namespace.clone();
+        if let Some(reason) = name_fault(&namespace, options.wire.max_name_bytes) {
+            return Err(NameServerError::BadNamespace { namespace, reason });
+        }
+        let io = |action| move |source| NameServerError::Io { action, source };
+        let listener = TcpListener::bind((ip, port)).await.map_err(|error| match error.kind() {
+            std::io::ErrorKind::AddrInUse => NameServerError::PortTaken { ip, port },
+            std::io::ErrorKind::AddrNotAvailable => NameServerError::NotHere { ip },
+            _ => io("bind its port")(error),
+        })?;
+        let address = listener.local_addr().map_err(io("learn its port"))?;
+        let own = Registration {
+            name: namespace,
+            host: options.advertised.clone().unwrap_or_else(|| reachable(ip).to_string()),
+            port: options.advertised_port.unwrap_or_else(|| address.port()),
+            carrier: "tcp".to_owned(),
+        };
+        let group = options.discovery_port.unwrap_or(crate::name::environment::DEFAULT_PORT);
+        let state = NameState::new(&own, group, options.limits.clone());
+        let (stop, stopping) = watch::channel(false);
+        let shared = Arc::new(Shared {
+            own,
+            options,
+            state: Mutex::new(state),
+            started: Instant::now(),
+            counters: Arc::new(Counters::default()),
+            commands: 0.into(),
+            sessions: Mutex::default(),
+            next_session: 0.into(),
+            readers: events::Readers::default(),
+            links: links::Links::default(),
+        });
+        let (mut front, mut discovery) = (JoinSet::new(), JoinSet::new());
+        if let Some(port) = shared.options.discovery_port {
+            match discovery::socket(ip, port) {
+                Ok(socket) => {
+                    discovery.spawn(discovery::answer(socket, port, Arc::clone(&shared)));
+                }
+                // Configured clients do not need it.
+                Err(error) => tracing::warn!(
+                    target: "wrapyfi_yarp::server",
+                    "cannot be found by multicast on port {port}: {error}"
+                ),
+            }
+        }
+        front.spawn(front::serve(listener, Arc::clone(&shared), stopping));
+        tracing::info!(target: "wrapyfi_yarp::server", %address, "name server runs");
+        Ok(Self { address, shared, stop, front, discovery })
+    }
+
+    /// Address that the name server listens on.
+    #[must_use]
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Entry of the name server itself: its name, and the address at which others reach it.
+    #[must_use]
+    pub fn registration(&self) -> &Registration {
+        &self.shared.own
+    }
+
+    /// A client of it.
+    #[must_use]
+    pub fn client(&self) -> NameClient {
+        let own = &self.shared.own;
+        NameClient::new(NameServerConf { host: own.host.clone(), port: own.port })
+            .with_namespace(&*own.name)
+    }
+
+    /// Names of the server, for ports of this process: no connection is made.
+    #[must_use]
+    pub fn names(&self) -> ServerNames {
+        ServerNames(Arc::clone(&self.shared))
+    }
+
+    /// Numbers of the server's names, connections and commands.
+    #[must_use]
+    pub fn status(&self) -> NameServerStatus {
+        self.shared.status()
+    }
+
+    /// Ends it: connections are closed, readers of changes are told goodbye, the port is free when
+    /// this returns.
+    pub async fn stop(mut self) {
+        self.stop.send_replace(true);
+        while self.front.join_next().await.is_some() {}
+        self.discovery.shutdown().await;
+        tracing::info!(target: "wrapyfi_yarp::server", address = %self.address, "name server ended");
+    }
+}
+
+impl Drop for NameServer {
+    fn drop(&mut self) {
+        // The tasks end with their set; those of connections end with the front.
+        self.shared.links.end();
+        self.shared.readers.end();
+    }
+}
+
+/// The address at which others reach what listens on `ip`.
+fn reachable(ip: IpAddr) -> IpAddr {
+    if !ip.is_unspecified() {
+        return ip;
+    }
+    // Nothing is sent: the system only chooses the interface that leads to the network.
+    let local = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).and_then(|socket| {
+        socket.connect((crate::name::DISCOVERY_GROUP, 9))?;
+        socket.local_addr()
+    });
+    // A machine without a route to anywhere has only itself.
+    let local = local.ok().map(|address| address.ip()).filter(|ip| !ip.is_unspecified());
+    local.unwrap_or(IpAddr::V4(Ipv4Addr::LOCALHOST))
+}

@@ -1,0 +1,150 @@
+//! State that all connections of a name server share.
+
+use std::collections::BTreeMap;
+use std::net::{IpAddr, Ipv4Addr, SocketAddrV4};
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+use tokio::sync::Notify;
+
+use super::commands::{Asker, NameState, Outcome};
+use super::events::Readers;
+use super::links::Links;
+use super::registry::Refusal;
+use super::{NameServerOptions, NameServerStatus};
+use crate::Bottle;
+use crate::port::Counters;
+use crate::port::names::Registration;
+use crate::wire::Body;
+
+/// A connection as descriptions name it.
+#[derive(Debug, Clone)]
+pub(super) struct SessionEntry {
+    /// The sender; without a slash for those that are no ports.
+    pub(super) sender: String,
+    /// Carrier with qualifiers.
+    pub(super) carrier: String,
+    /// Ends it.
+    pub(super) end: Arc<Notify>,
+}
+
+/// Everything but the sockets.
+#[derive(Debug)]
+pub(super) struct Shared {
+    pub(super) own: Registration,
+    pub(super) options: NameServerOptions,
+    pub(super) state: Mutex<NameState>,
+    pub(super) started: Instant,
+    pub(super) counters: Arc<Counters>,
+    pub(super) commands: AtomicU64,
+    pub(super) sessions: Mutex<BTreeMap<u64, SessionEntry>>,
+    pub(super) next_session: AtomicU64,
+    pub(super) readers: Readers,
+    pub(super) links: Links,
+}
+
+impl Shared {
+    pub(super) fn state(&self) -> MutexGuard<'_, NameState> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(super) fn sessions(&self) -> MutexGuard<'_, BTreeMap<u64, SessionEntry>> {
+        self.sessions.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Does a command, and sees to what follows from it.
+    pub(super) fn apply(self: &Arc<Self>, command: &Bottle, address: Option<IpAddr>) -> Outcome {
+        self.perform(|state, asker| state.apply(command, asker), address)
+    }
+
+    /// [`Self::apply`] for a command as it came.
+    pub(super) fn apply_body(self: &Arc<Self>, body: &Body, address: Option<IpAddr>) -> Outcome {
+        let limit = self.options.limits.max_command_bytes;
+        if body.len() > limit {
+            return self.refused(Refusal::LongCommand { length: body.len(), limit });
+        }
+        match body.bottle(self.options.dialect, &self.options.wire) {
+            Ok(command) => self.apply(&command, address),
+            Err(error) => self.refused(Refusal::Unreadable { reason: error.to_string() }),
+        }
+    }
+
+    fn refused(self: &Arc<Self>, refusal: Refusal) -> Outcome {
+        self.perform(|_, _| NameState::refuse(refusal, false), None)
+    }
+
+    fn perform(
+        self: &Arc<Self>,
+        what: impl FnOnce(&mut NameState, Asker) -> Outcome,
+        address: Option<IpAddr>,
+    ) -> Outcome {
+        let here = address.is_some_and(|address| {
+            address.to_canonical().is_loopback()
+                || self.own.host == address.to_canonical().to_string()
+        });
+        let busy = if here && self.options.skip_busy_ports { is_busy } else { |_| false };
+        let asker = Asker { address, now: self.started.elapsed(), busy };
+        self.commands.fetch_add(1, Relaxed);
+        let mut state = self.state();
+        let mut outcome = what(&mut state, asker);
+        // Under the lock: everybody hears of changes in the order in which they happened.
+        for event in &outcome.events {
+            self.readers.tell(event, &self.counters);
+        }
+        drop(state);
+        for link in outcome.links.drain(..).filter(|_| self.options.make_connections) {
+            self.links.submit(link, self);
+        }
+        if let Some(refusal) = &outcome.refused {
+            self.counters.add("refused");
+            tracing::info!(target: "wrapyfi_yarp::server", %refusal, "refused");
+        }
+        outcome
+    }
+
+    pub(super) fn status(&self) -> NameServerStatus {
+        NameServerStatus {
+            names: self.state().registry.len(),
+            connections: self.sessions().len(),
+            readers: self.readers.names().len(),
+            commands: self.commands.load(Relaxed),
+            counts: self.counters.all(),
+        }
+    }
+
+    /// The lines with which the port of the name server describes itself.
+    pub(super) fn describe(&self) -> Vec<String> {
+        let own = &self.own;
+        let mut lines = vec![format!("This is {} at tcp://{}:{}/", own.name, own.host, own.port)];
+        let readers = self.readers.names();
+        if readers.is_empty() {
+            lines.push("There are no outgoing connections".to_owned());
+        }
+        for (name, carrier) in readers {
+            lines.push(format!(
+                "There is an output connection from {} to {name} using {carrier}",
+                own.name
+            ));
+        }
+        for SessionEntry { sender, carrier, .. } in self.sessions().values() {
+            lines.push(format!(
+                "There is an input connection from {sender} to {} using {carrier}",
+                own.name
+            ));
+        }
+        lines
+    }
+}
+
+/// True when something on this machine has the port number.
+fn is_busy(port: u16) -> bool {
+    use socket2::{Domain, Socket, Type};
+    let address = SocketAddrV4::new(Ipv4Addr::UNSPECIFIED, port);
+    let free = Socket::new(Domain::IPV4, Type::STREAM, None).and_then(|socket| {
+        // As ports do, lest connections that are closing count. It never listens.
+        socket.set_reuse_address(cfg!(unix))?;
+        socket.bind(&address.into())
+    });
+    free.is_err_and(|error| error.kind() == std::io::ErrorKind::AddrInUse)
+}

@@ -1,0 +1,237 @@
+//! Images: YARP's `ImageOf` of any pixel, and its `FlexImage`.
+//!
+//! ```text
+//!   header │ row, row, … each padded to the quantum      data: a slice of the message, no copy
+//!     60   │ r g b r g b … ░░                            row(y): the pixels without ░
+//!
+//!   Wrapyfi announces padded rows and sends packed ones:  r g b r g b …│r g b …│ ░░░░ (its memory)
+//! ```
+
+use bytes::Bytes;
+
+use super::image_header::{IMAGE_HEADER_BYTES, ImageError, ImageHeader};
+use super::pixel::PixelCode;
+use crate::{Bottle, Dialect, Limits};
+
+/// Layout of the rows of an image behind its header.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Rows {
+    /// Rows as the header says: YARP's own images.
+    #[default]
+    Announced,
+    /// Without padding, whatever the header says; what is left of the announced bytes comes last
+    /// and means nothing. Wrapyfi's publishers and listeners do so where a row is not a multiple of
+    /// 8 bytes.
+    Packed,
+}
+
+/// An image. Its pixels are those of the message it was read from, not a copy.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Image {
+    header: ImageHeader,
+    data: Bytes,
+}
+
+impl Image {
+    /// An image of rows that lie one behind the other without padding, as nearly every library has
+    /// them. It is written with quantum 1, as YARP writes images over foreign memory.
+    ///
+    /// # Errors
+    /// When `data` is not `width` x `height` pixels.
+    pub fn from_packed(
+        pixel: PixelCode,
+        width: usize,
+        height: usize,
+        data: Bytes,
+    ) -> Result<Self, ImageError> {
+        Self::from_parts(ImageHeader::new(pixel, width, height, 1)?, data)
+    }
+
+    /// An image of a header and the rows that it announces.
+    ///
+    /// # Errors
+    /// When `data` is not as long as `header` says.
+    pub fn from_parts(header: ImageHeader, data: Bytes) -> Result<Self, ImageError> {
+        if data.len() != header.image_bytes() || header.stride < header.row_bytes() {
+            return Err(ImageError::Sizes {
+                width: header.width,
+                height: header.height,
+                pixel_bytes: header.pixel_bytes,
+                image_bytes: data.len(),
+            });
+        }
+        Ok(Self { header, data })
+    }
+
+    /// Reads an image of whatever pixels, as `FlexImage` does. The rows share `bytes`; what follows
+    /// them is left alone.
+    ///
+    /// # Errors
+    /// When the bytes are no image, or exceed `limits`.
+    pub fn decode(bytes: &Bytes, limits: &Limits) -> Result<Self, ImageError> {
+        Self::decode_as(bytes, Rows::Announced, limits)
+    }
+
+    /// [`Image::decode`] of a sender whose rows lie as `rows` says.
+    ///
+    /// # Errors
+    /// As [`Image::decode`].
+    pub fn decode_as(bytes: &Bytes, rows: Rows, limits: &Limits) -> Result<Self, ImageError> {
+        let mut header = ImageHeader::read(bytes, limits)?;
+        let needed = IMAGE_HEADER_BYTES + header.image_bytes();
+        let given = bytes.len();
+        if given < needed {
+            return Err(ImageError::Truncated { needed, given });
+        }
+        if rows == Rows::Packed {
+            header.stride = header.row_bytes();
+            header.quantum = header.quantum.min(1);
+        }
+        let end = IMAGE_HEADER_BYTES + header.image_bytes();
+        Ok(Self { header, data: bytes.slice(IMAGE_HEADER_BYTES..end) })
+    }
+
+    /// Header and rows in one piece. To send without this copy, send the bytes of
+    /// [`ImageHeader::write`] and [`Image::data`] one after the other.
+    ///
+    /// # Errors
+    /// When a size exceeds 31 bits.
+    pub fn encode(&self) -> Result<Vec<u8>, ImageError> {
+        let mut out = Vec::with_capacity(IMAGE_HEADER_BYTES + self.data.len());
+        out.extend_from_slice(&self.header.write()?);
+        out.extend_from_slice(&self.data);
+        Ok(out)
+    }
+
+    /// [`Image::encode`] for a receiver that expects rows as `rows` says. For [`Rows::Packed`], the
+    /// header announces rows padded to YARP's 8 bytes, the pixels follow packed, and zeros fill up.
+    ///
+    /// # Errors
+    /// As [`Image::encode`].
+    pub fn encode_as(&self, rows: Rows) -> Result<Vec<u8>, ImageError> {
+        if rows == Rows::Announced {
+            return self.encode();
+        }
+        let announced = self.header.padded(super::DEFAULT_QUANTUM)?;
+        let length = IMAGE_HEADER_BYTES + announced.image_bytes();
+        let mut out = Vec::with_capacity(length);
+        out.extend_from_slice(&announced.write()?);
+        self.rows().for_each(|row| out.extend_from_slice(row));
+        out.resize(length, 0);
+        Ok(out)
+    }
+
+    /// Header of the image: format and layout of the pixels.
+    #[must_use]
+    pub const fn header(&self) -> &ImageHeader {
+        &self.header
+    }
+
+    /// Format of the pixels.
+    #[must_use]
+    pub const fn pixel(&self) -> PixelCode {
+        self.header.pixel
+    }
+
+    /// Pixels in a row.
+    #[must_use]
+    pub const fn width(&self) -> usize {
+        self.header.width
+    }
+
+    /// Rows.
+    #[must_use]
+    pub const fn height(&self) -> usize {
+        self.header.height
+    }
+
+    /// All rows with what pads them, [`ImageHeader::stride`] bytes each.
+    #[must_use]
+    pub const fn data(&self) -> &Bytes {
+        &self.data
+    }
+
+    /// The pixels of row `y`, counted from the top, without padding.
+    #[must_use]
+    pub fn row(&self, y: usize) -> Option<&[u8]> {
+        let start = y.checked_mul(self.header.stride)?;
+        let row = self.data.get(start..start.checked_add(self.header.row_bytes())?)?;
+        (y < self.header.height).then_some(row)
+    }
+
+    /// The pixels of every row from the top, without padding.
+    pub fn rows(&self) -> impl Iterator<Item = &[u8]> {
+        let rows = if self.header.is_empty() { 0 } else { self.header.height };
+        (0..rows).filter_map(|y| self.row(y))
+    }
+
+    /// The pixel at column `x` of row `y`.
+    #[must_use]
+    pub fn pixel_at(&self, x: usize, y: usize) -> Option<&[u8]> {
+        let size = self.header.pixel_bytes;
+        let start = x.checked_mul(size)?;
+        self.row(y)?.get(start..start.checked_add(size)?)
+    }
+
+    /// The pixels without padding: shared where rows have none, copied otherwise.
+    #[must_use]
+    pub fn packed(&self) -> Bytes {
+        if self.header.stride == self.header.row_bytes() {
+            return self.data.clone();
+        }
+        let mut packed = Vec::with_capacity(self.header.row_bytes() * self.header.height);
+        self.rows().for_each(|row| packed.extend_from_slice(row));
+        packed.into()
+    }
+
+    /// The same image with rows at multiples of `quantum` bytes: shared where they are there
+    /// already, copied with zeros between them otherwise.
+    ///
+    /// # Errors
+    /// When the image becomes larger than memory can be.
+    pub fn with_quantum(&self, quantum: u16) -> Result<Self, ImageError> {
+        let header = self.header.padded(quantum)?;
+        if header.stride == self.header.stride {
+            return Ok(Self { header, data: self.data.clone() });
+        }
+        let mut data = Vec::with_capacity(header.image_bytes());
+        for row in self.rows() {
+            data.extend_from_slice(row);
+            data.resize(data.len() + header.stride - header.row_bytes(), 0);
+        }
+        Ok(Self { header, data: data.into() })
+    }
+
+    /// The image that a bottle is: images come so over text carriers.
+    ///
+    /// # Errors
+    /// When the bottle is something else.
+    pub fn from_bottle(bottle: &Bottle, limits: &Limits) -> Result<Self, ImageError> {
+        let bytes = bottle.encode(Dialect::V3);
+        let bytes = bytes.map_err(|error| ImageError::Bottle { reason: error.to_string() })?;
+        Self::decode(&bytes.into(), limits)
+    }
+
+    /// The image as a bottle: the same bytes, with names.
+    ///
+    /// # Errors
+    /// When a size exceeds 31 bits.
+    pub fn to_bottle(&self) -> Result<Bottle, ImageError> {
+        let bytes = self.encode()?.into();
+        let limits = Limits { max_message_bytes: usize::MAX, ..Limits::default() };
+        match Bottle::decode(&bytes, Dialect::V3, &limits) {
+            Ok((bottle, _)) => Ok(bottle),
+            Err(error) => Err(ImageError::Bottle { reason: error.to_string() }),
+        }
+    }
+}
+
+impl ImageHeader {
+    /// The same image with rows at multiples of `quantum` bytes.
+    fn padded(&self, quantum: u16) -> Result<Self, ImageError> {
+        let stride = self.row_bytes().checked_next_multiple_of(usize::from(quantum.max(1)));
+        let stride = stride.filter(|stride| stride.checked_mul(self.height).is_some());
+        let unwritable = ImageError::Unwritable { what: "width", value: self.width };
+        Ok(Self { quantum, stride: stride.ok_or(unwritable)?, ..*self })
+    }
+}

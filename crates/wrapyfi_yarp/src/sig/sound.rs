@@ -1,0 +1,352 @@
+//! Sound, 16 bits a sample.
+//!
+//! ```text
+//!   256 5 │ 1 samples │ 1 channels │ 1 2 │ 1 frequency │ 320 N │ a0 a1 a2 … b0 b1 b2 …   V3
+//!   256 6 │ …                                                  │ 256 markers …           V4
+//!                                                        planar: channel a, then channel b
+//! ```
+
+use bytes::Bytes;
+
+use super::fields::{ints, put};
+use crate::{Bottle, Dialect, Limits, Value};
+
+/// Bytes before the samples.
+pub const SOUND_HEADER_BYTES: usize = 48;
+/// The only width that YARP transmits, in bytes.
+const SAMPLE_BYTES: usize = 2;
+/// Code of a list of int16.
+const SAMPLES: i32 = 256 + 64;
+
+/// A sound: whole numbers of 16 bits, one channel after the other.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Sound {
+    samples: usize,
+    channels: usize,
+    frequency_hz: i32,
+    data: Bytes,
+    markers: Bytes,
+}
+
+/// Error of reading or making a sound.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SoundError {
+    /// The bytes end early.
+    #[error("a sound of {needed} bytes, {given} were given: the message was cut short")]
+    Truncated {
+        /// Header and samples.
+        needed: usize,
+        /// Number of bytes that there are.
+        given: usize,
+    },
+    /// The list is as long as sounds of another version.
+    #[error(
+        "a list of {found} elements is {meaning}; this connection reads {dialect}, where a sound has {wanted}"
+    )]
+    OtherVersion {
+        /// Elements of the list.
+        found: i32,
+        /// Version of YARP that writes so many.
+        meaning: &'static str,
+        /// The dialect that was read.
+        dialect: Dialect,
+        /// Elements in that dialect.
+        wanted: i32,
+    },
+    /// Something else than a sound.
+    #[error("not a sound: byte {at} holds {found}, a sound has {wanted} there ({what})")]
+    NotASound {
+        /// Name of the part of the header.
+        what: &'static str,
+        /// Offset of the number in bytes.
+        at: usize,
+        /// Number that was found.
+        found: i32,
+        /// Number that was expected.
+        wanted: i32,
+    },
+    /// A size below zero.
+    #[error("a sound whose {what} is {value}: the message is damaged")]
+    Negative {
+        /// Name of the size.
+        what: &'static str,
+        /// Value of the size.
+        value: i32,
+    },
+    /// Samples of another width.
+    #[error("a sound of {bytes} bytes a sample: YARP transmits 2 only")]
+    SampleBytes {
+        /// Bytes in the header.
+        bytes: i32,
+    },
+    /// A count that is not that of all channels.
+    #[error("{count} samples for {channels} channels of {samples}: the message is damaged")]
+    Count {
+        /// Numbers announced.
+        count: usize,
+        /// Samples of a channel.
+        samples: usize,
+        /// Channels.
+        channels: usize,
+    },
+    /// Larger than a message may be.
+    #[error("a sound of {length} bytes, the limit is {limit}: raise Limits::max_message_bytes")]
+    TooLong {
+        /// Bytes of header and samples.
+        length: usize,
+        /// [`Limits::max_message_bytes`].
+        limit: usize,
+    },
+    /// A size that 31 bits cannot say.
+    #[error("a sound whose {what} is {value} cannot be written: YARP's sizes end at {max}", max = i32::MAX)]
+    Unwritable {
+        /// Name of the size.
+        what: &'static str,
+        /// Value of the size.
+        value: usize,
+    },
+    /// A bottle that is no sound.
+    #[error("the bottle is no sound: it has to be samples, channels, 2, frequency (numbers)")]
+    Bottle,
+}
+
+impl Sound {
+    /// A sound of samples in the order of most libraries: all channels of one moment together.
+    ///
+    /// # Errors
+    /// When `samples` are not whole moments of so many channels.
+    pub fn from_interleaved(
+        samples: &[i16],
+        channels: usize,
+        frequency_hz: i32,
+    ) -> Result<Self, SoundError> {
+        let per_channel = per_channel(samples.len(), channels)?;
+        let mut data = Vec::with_capacity(samples.len() * SAMPLE_BYTES);
+        // Without samples there may be any number of channels.
+        for channel in 0..channels.min(samples.len()) {
+            let of_channel = samples.iter().skip(channel).step_by(channels);
+            data.extend(of_channel.flat_map(|sample| sample.to_le_bytes()));
+        }
+        Ok(Self::planar(per_channel, channels, frequency_hz, data.into()))
+    }
+
+    /// A sound of samples as YARP has them: all of one channel, then all of the next.
+    ///
+    /// # Errors
+    /// When `samples` are not equally many for so many channels.
+    pub fn from_planar(
+        samples: &[i16],
+        channels: usize,
+        frequency_hz: i32,
+    ) -> Result<Self, SoundError> {
+        let per_channel = per_channel(samples.len(), channels)?;
+        let data: Vec<u8> = samples.iter().flat_map(|sample| sample.to_le_bytes()).collect();
+        Ok(Self::planar(per_channel, channels, frequency_hz, data.into()))
+    }
+
+    fn planar(samples: usize, channels: usize, frequency_hz: i32, data: Bytes) -> Self {
+        Self { samples, channels, frequency_hz, data, markers: Bytes::new() }
+    }
+
+    /// Reads a sound; its samples share `bytes`. In [`Dialect::V4`], all that follows the samples is
+    /// taken for markers.
+    ///
+    /// # Errors
+    /// When the bytes are no sound of that dialect, or exceed `limits`.
+    pub fn decode(bytes: &Bytes, dialect: Dialect, limits: &Limits) -> Result<Self, SoundError> {
+        let given = bytes.len();
+        let Some(words) = ints::<12>(bytes, 0) else {
+            return Err(SoundError::Truncated { needed: SOUND_HEADER_BYTES, given });
+        };
+        let [list, elements, t1, samples, t2, channels, t3, width, t4, frequency_hz, t5, count] =
+            words;
+        let check = |what, at, found, wanted| {
+            if found == wanted {
+                return Ok(());
+            }
+            Err(SoundError::NotASound { what, at, found, wanted })
+        };
+        check("list", 0, list, 256)?;
+        check_elements(elements, dialect)?;
+        for (at, tag) in [(8, t1), (16, t2), (24, t3), (32, t4)] {
+            check("int32", at, tag, 1)?;
+        }
+        check("list of int16", 40, t5, SAMPLES)?;
+        if usize::try_from(width) != Ok(SAMPLE_BYTES) {
+            return Err(SoundError::SampleBytes { bytes: width });
+        }
+        let size = |what, value: i32| {
+            usize::try_from(value).ok().ok_or(SoundError::Negative { what, value })
+        };
+        let count = size("number of samples", count)?;
+        let samples = size("length in samples", samples)?;
+        let channels = size("number of channels", channels)?;
+        if samples.checked_mul(channels) != Some(count) {
+            return Err(SoundError::Count { count, samples, channels });
+        }
+        let length = count.saturating_mul(SAMPLE_BYTES).saturating_add(SOUND_HEADER_BYTES);
+        let limit = limits.max_message_bytes;
+        if length > limit {
+            return Err(SoundError::TooLong { length, limit });
+        }
+        if length > given {
+            return Err(SoundError::Truncated { needed: length, given });
+        }
+        let data = bytes.slice(SOUND_HEADER_BYTES..length);
+        let markers = match dialect {
+            Dialect::V3 => Bytes::new(),
+            Dialect::V4 => bytes.slice(length..),
+        };
+        Ok(Self { samples, channels, frequency_hz, data, markers })
+    }
+
+    /// The sound as bytes. Markers are written in [`Dialect::V4`] only: V3 has none.
+    ///
+    /// # Errors
+    /// When a size exceeds 31 bits.
+    pub fn encode(&self, dialect: Dialect) -> Result<Vec<u8>, SoundError> {
+        let size = |what, value: usize| {
+            i32::try_from(value).ok().ok_or(SoundError::Unwritable { what, value })
+        };
+        let mut out = Vec::with_capacity(SOUND_HEADER_BYTES + self.data.len() + 8);
+        let channels = size("number of channels", self.channels)?;
+        put(&mut out, &[256, elements(dialect), 1, size("length in samples", self.samples)?]);
+        put(&mut out, &[1, channels, 1, 2, 1, self.frequency_hz, SAMPLES]);
+        put(&mut out, &[size("number of samples", self.data.len() / SAMPLE_BYTES)?]);
+        out.extend_from_slice(&self.data);
+        if dialect == Dialect::V4 {
+            if self.markers.is_empty() {
+                put(&mut out, &[256, 0]);
+            } else {
+                out.extend_from_slice(&self.markers);
+            }
+        }
+        Ok(out)
+    }
+
+    /// Samples of one channel.
+    #[must_use]
+    pub const fn samples(&self) -> usize {
+        self.samples
+    }
+
+    /// Channels.
+    #[must_use]
+    pub const fn channels(&self) -> usize {
+        self.channels
+    }
+
+    /// Samples of one channel in a second.
+    #[must_use]
+    pub const fn frequency_hz(&self) -> i32 {
+        self.frequency_hz
+    }
+
+    /// All samples, little-endian, one channel after the other.
+    #[must_use]
+    pub const fn data(&self) -> &Bytes {
+        &self.data
+    }
+
+    /// YARP 4's list of markers as it came, with its code and count; empty in V3. It is passed on
+    /// as it is.
+    #[must_use]
+    pub const fn markers(&self) -> &Bytes {
+        &self.markers
+    }
+
+    /// The samples of one channel, counted from 0; none of a channel that is not there.
+    pub fn channel(&self, channel: usize) -> impl Iterator<Item = i16> {
+        let samples = self.all();
+        let from = channel.checked_mul(self.samples).filter(|_| channel < self.channels);
+        let of_channel = from
+            .and_then(|from| samples.get(from..from.checked_add(self.samples)?))
+            .unwrap_or_default();
+        of_channel.iter().map(|sample| i16::from_le_bytes(*sample))
+    }
+
+    /// All samples, one channel after the other.
+    #[must_use]
+    pub fn to_planar(&self) -> Vec<i16> {
+        self.all().iter().map(|sample| i16::from_le_bytes(*sample)).collect()
+    }
+
+    /// All samples, the channels of one moment together.
+    #[must_use]
+    pub fn to_interleaved(&self) -> Vec<i16> {
+        let samples = self.all();
+        if self.channels <= 1 {
+            return self.to_planar();
+        }
+        let mut interleaved = Vec::with_capacity(samples.len());
+        for moment in 0..self.samples {
+            let of_moment = samples.iter().skip(moment).step_by(self.samples);
+            interleaved.extend(of_moment.map(|sample| i16::from_le_bytes(*sample)));
+        }
+        interleaved
+    }
+
+    fn all(&self) -> &[[u8; SAMPLE_BYTES]] {
+        self.data.as_chunks().0
+    }
+
+    /// The sound that a bottle is, its samples integers of any width: sounds come so over text
+    /// carriers.
+    ///
+    /// # Errors
+    /// When the bottle is something else, or holds a number that 16 bits cannot say.
+    pub fn from_bottle(bottle: &Bottle) -> Result<Self, SoundError> {
+        let [samples, channels, width, frequency, Value::List(list), ..] = bottle.values.as_slice()
+        else {
+            return Err(SoundError::Bottle);
+        };
+        let small = |value: &Value| value.as_i64().and_then(|number| i32::try_from(number).ok());
+        let size = |value: &Value| small(value).and_then(|number| usize::try_from(number).ok());
+        let (Some(samples), Some(channels), Some(width), Some(frequency_hz)) =
+            (size(samples), size(channels), small(width), small(frequency))
+        else {
+            return Err(SoundError::Bottle);
+        };
+        if usize::try_from(width) != Ok(SAMPLE_BYTES) {
+            return Err(SoundError::SampleBytes { bytes: width });
+        }
+        let count = list.len();
+        if samples.checked_mul(channels) != Some(count) {
+            return Err(SoundError::Count { count, samples, channels });
+        }
+        let mut data = Vec::with_capacity(count * SAMPLE_BYTES);
+        for value in &list.values {
+            let sample = value.as_i64().and_then(|number| i16::try_from(number).ok());
+            data.extend_from_slice(&sample.ok_or(SoundError::Bottle)?.to_le_bytes());
+        }
+        Ok(Self::planar(samples, channels, frequency_hz, data.into()))
+    }
+}
+
+fn per_channel(count: usize, channels: usize) -> Result<usize, SoundError> {
+    let samples = count.checked_div(channels).unwrap_or(0);
+    if samples * channels != count {
+        return Err(SoundError::Count { count, samples, channels });
+    }
+    Ok(samples)
+}
+
+const fn elements(dialect: Dialect) -> i32 {
+    match dialect {
+        Dialect::V3 => 5,
+        Dialect::V4 => 6,
+    }
+}
+
+fn check_elements(found: i32, dialect: Dialect) -> Result<(), SoundError> {
+    let wanted = elements(dialect);
+    let meaning = match found {
+        _ if found == wanted => return Ok(()),
+        2 => "the form of YARP 3.8 and older, which is not read",
+        5 => "a sound of dialect v3 (set it for this connection)",
+        6 => "a sound of dialect v4 (set it for this connection)",
+        _ => return Err(SoundError::NotASound { what: "elements", at: 4, found, wanted }),
+    };
+    Err(SoundError::OtherVersion { found, meaning, dialect, wanted })
+}

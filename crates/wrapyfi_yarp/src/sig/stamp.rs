@@ -1,0 +1,89 @@
+//! The time stamp that travels with a message.
+//!
+//! ```text
+//!   envelope   "42 1700000000.5"                                    with any message
+//!   data       256 2 │ 1 count │ 10 seconds     (V4: code 20)       as a message of its own
+//! ```
+
+use bytes::Bytes;
+
+use crate::bottle::{BottleError, EncodeError, significant};
+use crate::{Bottle, Dialect, Limits, Value};
+
+/// Significant digits of the time in an envelope: C's `DBL_DIG`. Of today's times, microseconds
+/// survive.
+const DIGITS: i32 = 15;
+
+/// Time at which a message was made, and its number: YARP's `Stamp`.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Stamp {
+    /// Number of the message, counting up.
+    pub count: i32,
+    /// Time in seconds, since 1970 unless the sender says otherwise.
+    pub time_s: f64,
+}
+
+/// Error of reading a stamp.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum StampError {
+    /// The message is no bottle.
+    #[error("a stamp is a bottle of a number and a time: {0}")]
+    Bottle(#[from] BottleError),
+    /// A bottle of something else.
+    #[error("a stamp is a whole number and a time in seconds, not {text}")]
+    Other {
+        /// The start of the bottle as text.
+        text: String,
+    },
+}
+
+impl Stamp {
+    /// The stamp in an envelope: `42 1700000000.5`. None where the envelope is something else.
+    #[must_use]
+    pub fn from_envelope(envelope: &[u8]) -> Option<Self> {
+        let limits = Limits { max_message_bytes: 1 << 10, max_depth: 2, ..Limits::default() };
+        Self::from_bottle(&Bottle::from_text(envelope, &limits).ok()?)
+    }
+
+    /// The envelope as YARP writes it: 15 significant digits.
+    #[must_use]
+    pub fn to_envelope(&self) -> String {
+        format!("{} {}", self.count, significant(self.time_s, DIGITS))
+    }
+
+    /// The stamp that a bottle is: a whole number, then a time. YARP allows a third element, the
+    /// name of a frame as in a ROS header; it is ignored.
+    #[must_use]
+    pub fn from_bottle(bottle: &Bottle) -> Option<Self> {
+        let (count, time) = match bottle.values.as_slice() {
+            [count, time] | [count, time, Value::String(_)] => (count, time),
+            _ => return None,
+        };
+        Some(Self { count: count.as_i64()?.try_into().ok()?, time_s: time.as_f64()? })
+    }
+
+    /// The stamp as a bottle.
+    #[must_use]
+    pub fn to_bottle(&self) -> Bottle {
+        Bottle { values: vec![Value::Int32(self.count), Value::Float64(self.time_s)] }
+    }
+
+    /// Reads a stamp that was sent as data.
+    ///
+    /// # Errors
+    /// When the bytes are no bottle of that dialect, or one of something else.
+    pub fn decode(bytes: &Bytes, dialect: Dialect, limits: &Limits) -> Result<Self, StampError> {
+        let (bottle, _) = Bottle::decode(bytes, dialect, limits)?;
+        Self::from_bottle(&bottle)
+            .ok_or_else(|| StampError::Other { text: bottle.to_text().chars().take(80).collect() })
+    }
+
+    /// The stamp as data: 28 bytes.
+    ///
+    /// # Errors
+    /// None today; the signature is that of every codec.
+    pub fn encode(&self, dialect: Dialect) -> Result<Vec<u8>, EncodeError> {
+        self.to_bottle().encode(dialect)
+    }
+}

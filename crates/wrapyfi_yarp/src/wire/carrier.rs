@@ -1,0 +1,122 @@
+//! The kinds of connections, by name.
+
+use std::fmt;
+use std::str::FromStr;
+
+use super::Sender;
+
+/// Carrier of a connection's messages (protocol section 2).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Carrier {
+    /// Binary, every message acknowledged: the default of YARP.
+    Tcp,
+    /// Binary, nothing acknowledged.
+    FastTcp,
+    /// Text lines.
+    Text,
+    /// Text lines, every message acknowledged.
+    TextAck,
+    /// Datagrams to one receiver.
+    Udp,
+    /// Datagrams to a multicast group.
+    Mcast,
+    /// JPEG files over HTTP, which the receiver asks for.
+    Mjpeg,
+    /// A unix socket between two ports of one host, nothing acknowledged.
+    UnixStream,
+    /// The same with the qualifier `ack`: every message acknowledged.
+    UnixStreamAck,
+}
+
+impl Carrier {
+    /// All that have a name of their own.
+    pub const ALL: [Self; 8] = [
+        Self::Tcp,
+        Self::FastTcp,
+        Self::Text,
+        Self::TextAck,
+        Self::Udp,
+        Self::Mcast,
+        Self::Mjpeg,
+        Self::UnixStream,
+    ];
+
+    /// YARP's name of it.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Tcp => "tcp",
+            Self::FastTcp => "fast_tcp",
+            Self::Text => "text",
+            Self::TextAck => "text_ack",
+            Self::Udp => "udp",
+            Self::Mcast => "mcast",
+            Self::Mjpeg => "mjpeg",
+            Self::UnixStream | Self::UnixStreamAck => "unix_stream",
+        }
+    }
+
+    /// Carrier that the qualifiers of `sender` turn this one into.
+    #[must_use]
+    pub fn qualified(self, sender: &Sender) -> Self {
+        let acknowledged = sender.qualifiers.iter().any(|qualifier| qualifier.key == "ack");
+        if self == Self::UnixStream && acknowledged { Self::UnixStreamAck } else { self }
+    }
+
+    /// True when messages go over a unix socket, after a TCP connection that only says who meets
+    /// there.
+    #[must_use]
+    pub const fn is_unix(self) -> bool {
+        matches!(self, Self::UnixStream | Self::UnixStreamAck)
+    }
+
+    /// True when commands and payloads are lines of text.
+    #[must_use]
+    pub const fn is_text(self) -> bool {
+        matches!(self, Self::Text | Self::TextAck)
+    }
+
+    /// True when each message is answered by an acknowledgement.
+    #[must_use]
+    pub const fn acknowledges(self) -> bool {
+        matches!(self, Self::Tcp | Self::TextAck | Self::UnixStreamAck)
+    }
+
+    /// True when messages go in datagrams, after a TCP connection that only set this up.
+    #[must_use]
+    pub const fn is_connectionless(self) -> bool {
+        matches!(self, Self::Udp | Self::Mcast)
+    }
+
+    /// True when the sender of data opens the connection.
+    #[must_use]
+    pub const fn is_push(self) -> bool {
+        !matches!(self, Self::Mjpeg)
+    }
+}
+
+impl fmt::Display for Carrier {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// A carrier that is not one of [`Carrier::ALL`].
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "carrier {0:?} is unknown: use tcp, fast_tcp, text, text_ack, udp, mcast, mjpeg or unix_stream \
+     (shmem and local need YARP's own process at both ends)"
+)]
+pub struct UnknownCarrier(
+    /// The name that was given.
+    pub String,
+);
+
+impl FromStr for Carrier {
+    type Err = UnknownCarrier;
+
+    fn from_str(name: &str) -> Result<Self, UnknownCarrier> {
+        let found = Self::ALL.into_iter().find(|carrier| carrier.name() == name);
+        found.ok_or_else(|| UnknownCarrier(name.to_owned()))
+    }
+}

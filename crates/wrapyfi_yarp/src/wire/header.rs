@@ -1,0 +1,276 @@
+//! Header of a connection: eight bytes choose the carrier, then the sender says its name.
+//!
+//! ```text
+//!   tcp, fast_tcp, udp    "YA" 7777+s "RP"  i32 length  name NUL        ◀─ "YA" port "RP"
+//!   unix_stream           "UNIX_STR" | "UNIX_ACK"  i32 length  name NUL       (no answer: the socket)
+//!   mcast                 the same, then 4 bytes group, 2 bytes port, big endian
+//!   text, text_ack        "CONNECT " | "CONNACK "  name  \n             ◀─ "Welcome name\r\n"
+//!   name server           "NAME_SER"  rest of the line
+//!   browsers, cameras     "GET /…" | "POST /fo…"
+//! ```
+
+use std::net::{Ipv4Addr, SocketAddrV4};
+
+use bytes::{Bytes, BytesMut};
+
+use super::http::{self, Request};
+use super::{Carrier, Fault, Sender, Step, i32_at, number, text};
+use crate::Limits;
+
+/// Added to the specifier of a binary carrier.
+const BASE: i32 = 7777;
+/// Bytes that choose the carrier.
+const MAGIC: usize = 8;
+/// Bytes of a multicast group: address and port.
+const GROUP: usize = 6;
+
+/// Opening of a connection, by its header.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Opening {
+    /// A connection for messages.
+    Messages {
+        /// Carrier of the messages.
+        carrier: Carrier,
+        /// Sender of the messages.
+        sender: Sender,
+        /// Multicast group of the messages, on mcast.
+        group: Option<SocketAddrV4>,
+    },
+    /// A request to a name server, without the line's end and without `NAME_SERVER`; more lines
+    /// may follow ([`text::Lines`]).
+    Names(
+        /// The request.
+        Bytes,
+    ),
+    /// A request over HTTP.
+    Http(
+        /// The request.
+        Request,
+    ),
+}
+
+/// Reads the beginning of a connection that somebody opened to us.
+///
+/// `poll` yields one [`Opening`]; what is left in the buffer are messages.
+#[derive(Debug, Clone)]
+pub struct HeaderReader {
+    limits: Limits,
+}
+
+impl HeaderReader {
+    /// A reader that refuses names and lines beyond `limits`.
+    #[must_use]
+    pub fn new(limits: &Limits) -> Self {
+        Self { limits: limits.clone() }
+    }
+
+    /// Reads on.
+    ///
+    /// # Errors
+    /// A [`Fault`] when the bytes begin no carrier, or exceed a limit. For an unknown header there
+    /// is a text to send before closing: [`UNKNOWN_HEADER_HELP`].
+    pub fn poll(&mut self, buffer: &mut BytesMut) -> Result<Step<Opening>, Fault> {
+        let Some(magic) = buffer.get(..MAGIC) else {
+            return Ok(Step::Need(MAGIC - buffer.len()));
+        };
+        match magic {
+            b"CONNECT " => self.text(buffer, Carrier::Text),
+            b"CONNACK " => self.text(buffer, Carrier::TextAck),
+            b"NAME_SER" => self.names(buffer),
+            b"LOCALITY" => Err(Fault::UnsupportedCarrier("local")),
+            b"UNIX_STR" => self.binary(buffer, Carrier::UnixStream),
+            b"UNIX_ACK" => self.binary(buffer, Carrier::UnixStreamAck),
+            b"HUMANITY" => Err(Fault::UnsupportedCarrier("human")),
+            b"GET /?ws" => Err(Fault::UnsupportedCarrier("websocket")),
+            _ if magic.starts_with(b"GET /") || magic == b"POST /fo" => {
+                Ok(match http::request(buffer)? {
+                    Step::Event(request) => Step::Event(Opening::Http(request)),
+                    Step::Need(more) => Step::Need(more),
+                })
+            }
+            _ => {
+                let unknown = || Fault::UnknownHeader(String::from_utf8_lossy(magic).into_owned());
+                let specifier = number::decode(magic).ok_or_else(unknown)?;
+                let carrier = binary(specifier.wrapping_sub(BASE)).ok_or_else(unknown)??;
+                self.binary(buffer, carrier)
+            }
+        }
+    }
+
+    fn binary(&self, buffer: &mut BytesMut, carrier: Carrier) -> Result<Step<Opening>, Fault> {
+        let Some(length) = i32_at(buffer, MAGIC) else {
+            return Ok(Step::Need(MAGIC + 4 - buffer.len()));
+        };
+        let limit = self.limits.max_name_bytes + 1;
+        let allowed = usize::try_from(length).ok().filter(|length| (1..=limit).contains(length));
+        let length = allowed.ok_or(Fault::NameLength { length: i64::from(length), limit })?;
+        let start = MAGIC + 4;
+        let end = start + length + if carrier == Carrier::Mcast { GROUP } else { 0 };
+        if buffer.len() < end {
+            return Ok(Step::Need(end - buffer.len()));
+        }
+        let head = buffer.split_to(end);
+        let name = head.get(start..start + length).unwrap_or_default();
+        let name = name.split(|&byte| byte == 0).next().unwrap_or_default();
+        let group = match *head.get(start + length..).unwrap_or_default() {
+            [a, b, c, d, high, low] => {
+                Some(SocketAddrV4::new(Ipv4Addr::new(a, b, c, d), u16::from_be_bytes([high, low])))
+            }
+            _ => None,
+        };
+        Ok(Step::Event(Opening::Messages { carrier, sender: Sender::parse(name), group }))
+    }
+
+    fn text(&self, buffer: &mut BytesMut, carrier: Carrier) -> Result<Step<Opening>, Fault> {
+        let limit = self.limits.max_name_bytes + MAGIC;
+        let Some(end) = memchr(buffer) else {
+            return match buffer.len() {
+                // The line's end may have two bytes.
+                length if length > limit + 2 => Err(self.name_too_long(length - MAGIC)),
+                _ => Ok(Step::Need(1)),
+            };
+        };
+        let line = text::cut_line(buffer, end);
+        if line.len() > limit {
+            return Err(self.name_too_long(line.len() - MAGIC));
+        }
+        let sender = Sender::parse(line.get(MAGIC..).unwrap_or_default());
+        Ok(Step::Event(Opening::Messages { carrier, sender, group: None }))
+    }
+
+    fn names(&self, buffer: &mut BytesMut) -> Result<Step<Opening>, Fault> {
+        let limit = self.limits.max_line_bytes;
+        let Some(end) = memchr(buffer) else {
+            return match buffer.len() > limit {
+                true => Err(Fault::LineTooLong(limit)),
+                false => Ok(Step::Need(1)),
+            };
+        };
+        if end > limit {
+            return Err(Fault::LineTooLong(limit));
+        }
+        Ok(Step::Event(Opening::Names(text::without_prefix(text::cut_line(buffer, end)))))
+    }
+
+    fn name_too_long(&self, length: usize) -> Fault {
+        let length = i64::try_from(length).unwrap_or(i64::MAX);
+        Fault::NameLength { length, limit: self.limits.max_name_bytes + 1 }
+    }
+}
+
+fn memchr(bytes: &[u8]) -> Option<usize> {
+    bytes.iter().position(|&byte| byte == b'\n')
+}
+
+/// The carrier of a specifier: only bit 7 and the lowest four count.
+fn binary(specifier: i32) -> Option<Result<Carrier, Fault>> {
+    // 131 is the highest that any carrier has.
+    if !(0..=255).contains(&specifier) {
+        return None;
+    }
+    match specifier % 16 {
+        3 if specifier & 0x80 != 0 => Some(Ok(Carrier::Tcp)),
+        3 => Some(Ok(Carrier::FastTcp)),
+        0 => Some(Ok(Carrier::Udp)),
+        1 => Some(Ok(Carrier::Mcast)),
+        14 => Some(Err(Fault::UnsupportedCarrier("shmem"))),
+        _ => None,
+    }
+}
+
+/// The beginning of a connection that we open, without the group of mcast; empty for mjpeg, which
+/// begins with [`super::mjpeg::request`].
+///
+/// # Errors
+/// When the name with its qualifiers is longer than receivers read.
+pub fn encode(carrier: Carrier, sender: &Sender, limits: &Limits) -> Result<Vec<u8>, Fault> {
+    let name = sender.to_string();
+    let limit = limits.max_name_bytes;
+    let length = name.len() + 1;
+    let declared = i32::try_from(length).ok().filter(|_| (2..=limit + 1).contains(&length));
+    let Some(declared) = declared else {
+        let length = i64::try_from(length).unwrap_or(i64::MAX);
+        return Err(Fault::NameLength { length, limit: limit + 1 });
+    };
+    let magic = match carrier {
+        Carrier::Tcp => number::encode(BASE + 131),
+        Carrier::FastTcp => number::encode(BASE + 3),
+        Carrier::Udp => number::encode(BASE),
+        Carrier::Mcast => number::encode(BASE + 1),
+        Carrier::UnixStream => *b"UNIX_STR",
+        Carrier::UnixStreamAck => *b"UNIX_ACK",
+        Carrier::Text => return Ok(format!("CONNECT {name}\r\n").into_bytes()),
+        Carrier::TextAck => return Ok(format!("CONNACK {name}\r\n").into_bytes()),
+        Carrier::Mjpeg => return Ok(Vec::new()),
+    };
+    let mut bytes = magic.to_vec();
+    bytes.extend(declared.to_le_bytes());
+    bytes.extend(name.as_bytes());
+    bytes.push(0);
+    Ok(bytes)
+}
+
+/// The bytes that follow the name on mcast.
+#[must_use]
+pub fn encode_group(group: SocketAddrV4) -> [u8; 6] {
+    let [a, b, c, d] = group.ip().octets();
+    let [high, low] = group.port().to_be_bytes();
+    [a, b, c, d, high, low]
+}
+
+/// The answer to a header: a number with a port on the binary carriers, a line on the text ones.
+#[must_use]
+pub fn answer(carrier: Carrier, sender: &Sender, port: u16) -> Vec<u8> {
+    match carrier {
+        Carrier::Tcp | Carrier::FastTcp | Carrier::Udp => number::encode(i32::from(port)).to_vec(),
+        Carrier::Text | Carrier::TextAck => format!("Welcome {}\r\n", sender.name).into_bytes(),
+        Carrier::Mcast | Carrier::Mjpeg | Carrier::UnixStream | Carrier::UnixStreamAck => {
+            Vec::new()
+        }
+    }
+}
+
+/// Reads the answer to a header that we sent: the number of binary carriers (0 when it is
+/// malformed, which YARP overlooks too), 0 for the line of the text ones.
+///
+/// # Errors
+/// When the line does not end.
+pub fn read_answer(
+    carrier: Carrier,
+    buffer: &mut BytesMut,
+    limits: &Limits,
+) -> Result<Step<i32>, Fault> {
+    match carrier {
+        Carrier::Mcast | Carrier::Mjpeg | Carrier::UnixStream | Carrier::UnixStreamAck => {
+            Ok(Step::Event(0))
+        }
+        Carrier::Tcp | Carrier::FastTcp | Carrier::Udp => {
+            Ok(match super::take(buffer, number::SIZE) {
+                Some(bytes) => Step::Event(number::decode(&bytes).unwrap_or(0)),
+                None => Step::Need(number::SIZE - buffer.len()),
+            })
+        }
+        Carrier::Text | Carrier::TextAck => match memchr(buffer) {
+            Some(end) => {
+                text::cut_line(buffer, end);
+                Ok(Step::Event(0))
+            }
+            None if buffer.len() > limits.max_line_bytes => {
+                Err(Fault::LineTooLong(limits.max_line_bytes))
+            }
+            None => Ok(Step::Need(1)),
+        },
+    }
+}
+
+/// Text that a port sends to bytes that begin no carrier, before it closes.
+pub const UNKNOWN_HEADER_HELP: &str = "\
+* Error. Protocol not found.\r
+* Hello. You appear to be trying to communicate with a YARP Port.\r
+* The first 8 bytes sent to a YARP Port are critical for identifying the\r
+* protocol you wish to speak.\r
+* The first 8 bytes you sent were not associated with any particular protocol.\r
+* If you are a human, try typing \"CONNECT foo\" followed by a <RETURN>.\r
+* The 8 bytes \"CONNECT \" correspond to a simple text-mode protocol.\r
+* Goodbye.\r
+";

@@ -1,0 +1,282 @@
+//! Messages of the binary carriers, in streams and in datagrams.
+//!
+//! ```text
+//!   "YA" 10 "RP" │ n  1  ff×8 │ i32 length × n │ i32 0 │ command │ payload
+//!      index                    the n lengths cover ────┴─────────┴─────────
+//! ```
+//!
+//! The lengths are what a message is cut by. YARP itself only believes the payload: what it reads
+//! in spite of wrong lengths is refused here, but the message behind it is found again.
+
+use bytes::{Buf, Bytes, BytesMut};
+
+use super::command::{Body, Command, Incoming};
+use super::{Fault, Step, i32_at, number, take};
+use crate::Limits;
+
+/// Value of the number that begins an index: the bytes of its head.
+const INDEX: i32 = 10;
+/// Number and head of an index.
+const HEAD: usize = number::SIZE + 10;
+/// A command without text.
+pub(super) const COMMAND: usize = 8;
+/// Longest text of a command: an envelope or a name with their key.
+pub const MAX_COMMAND_TEXT: usize = 64 * 1024;
+/// Bytes without an index after which a peer is given up.
+pub const MAX_STRAY_BYTES: usize = 1 << 20;
+
+/// Result of reading from the buffer.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Found {
+    /// A message. On tcp it is acknowledged once it is taken.
+    Message(Incoming),
+    /// Something to count; reading goes on, and nothing is acknowledged.
+    Left(Fault),
+}
+
+#[derive(Debug, Clone)]
+enum State {
+    Index,
+    /// Inside the head: blocks of lengths follow.
+    Command {
+        left: usize,
+    },
+    Text {
+        left: usize,
+        scanned: usize,
+    },
+    Payload {
+        command: Command,
+        left: usize,
+    },
+    Skip {
+        left: usize,
+    },
+}
+
+/// Reads messages off a stream.
+#[derive(Debug, Clone)]
+pub struct MessageReader {
+    state: State,
+    max_message_bytes: usize,
+    /// Bytes left out since the last index.
+    stray: usize,
+}
+
+impl MessageReader {
+    /// A reader that refuses messages beyond `limits`.
+    #[must_use]
+    pub fn new(limits: &Limits) -> Self {
+        Self { state: State::Index, max_message_bytes: limits.max_message_bytes, stray: 0 }
+    }
+
+    /// True between two messages, where a connection may end.
+    #[must_use]
+    pub fn is_between(&self) -> bool {
+        matches!(self.state, State::Index)
+    }
+
+    /// Reads on.
+    ///
+    /// # Errors
+    /// A [`Fault`] after which nothing on this stream can be trusted.
+    pub fn poll(&mut self, buffer: &mut BytesMut) -> Result<Step<Found>, Fault> {
+        loop {
+            match &mut self.state {
+                State::Index => {
+                    if buffer.len() < number::SIZE {
+                        return Ok(Step::Need(number::SIZE - buffer.len()));
+                    }
+                    if number::decode(buffer) != Some(INDEX) {
+                        // As YARP: numbers that are none are passed over, eight bytes at a time.
+                        buffer.advance(number::SIZE);
+                        self.stray += number::SIZE;
+                        if self.stray > MAX_STRAY_BYTES {
+                            return Err(Fault::NoIndex(self.stray));
+                        }
+                        continue;
+                    }
+                    let Some(total) = index(buffer, self.max_message_bytes)? else {
+                        return Ok(Step::Need(missing(buffer)));
+                    };
+                    let stray = std::mem::take(&mut self.stray);
+                    self.state = match total {
+                        0..COMMAND => State::Skip { left: total },
+                        left => State::Command { left },
+                    };
+                    if stray > 0 {
+                        return Ok(Step::Event(Found::Left(Fault::NoIndex(stray))));
+                    }
+                    if total < COMMAND {
+                        return Ok(Step::Event(Found::Left(Fault::BadCommand(total))));
+                    }
+                }
+                State::Command { left } => {
+                    let total = *left;
+                    let Some(bytes) = take(buffer, COMMAND) else {
+                        return Ok(Step::Need(COMMAND - buffer.len()));
+                    };
+                    let left = total - COMMAND;
+                    match bytes.get(4..6) {
+                        Some(&[b'~', 0]) => self.state = State::Text { left, scanned: 0 },
+                        Some(&[b'~', key]) => self.follow(Command::from_key(key), left),
+                        _ => {
+                            self.state = State::Skip { left };
+                            return Ok(Step::Event(Found::Left(Fault::BadCommand(total))));
+                        }
+                    }
+                }
+                State::Text { left, scanned } => {
+                    let within = buffer.len().min(*left).min(MAX_COMMAND_TEXT);
+                    let fresh = buffer.get(*scanned..within).unwrap_or_default();
+                    if let Some(at) = fresh.iter().position(|&byte| byte == 0) {
+                        let end = *scanned + at;
+                        let left = *left - end - 1;
+                        let line = buffer.split_to(end).freeze();
+                        buffer.advance(1);
+                        self.follow(Command::from_text(&line), left);
+                    } else if within == (*left).min(MAX_COMMAND_TEXT) {
+                        let left = *left;
+                        self.state = State::Skip { left };
+                        return Ok(Step::Event(Found::Left(Fault::BadCommand(left + COMMAND))));
+                    } else {
+                        *scanned = within;
+                        return Ok(Step::Need(1));
+                    }
+                }
+                State::Payload { command, left } => {
+                    let Some(bytes) = take(buffer, *left) else {
+                        return Ok(Step::Need(*left - buffer.len()));
+                    };
+                    let command = std::mem::replace(command, Command::Quit);
+                    self.state = State::Index;
+                    let body = Body::Binary(bytes.freeze());
+                    return Ok(Step::Event(Found::Message(Incoming { command, body })));
+                }
+                State::Skip { left } => {
+                    let skipped = (*left).min(buffer.len());
+                    buffer.advance(skipped);
+                    *left -= skipped;
+                    if *left > 0 {
+                        return Ok(Step::Need(*left));
+                    }
+                    self.state = State::Index;
+                }
+            }
+        }
+    }
+
+    fn follow(&mut self, command: Command, left: usize) {
+        self.state = State::Payload { command, left };
+    }
+
+    /// Fault of a stream that ends here with `rest` bytes unread; `None` where it may end.
+    #[must_use]
+    pub fn end(&self, rest: usize) -> Option<Fault> {
+        match &self.state {
+            State::Index if rest == 0 && self.stray == 0 => None,
+            State::Index => Some(Fault::NoIndex(self.stray + rest)),
+            State::Command { left }
+            | State::Text { left, .. }
+            | State::Payload { left, .. }
+            | State::Skip { left } => Some(Fault::Truncated(left.saturating_sub(rest))),
+        }
+    }
+}
+
+/// Bytes that the index at the start of `buffer` needs in all.
+fn missing(buffer: &BytesMut) -> usize {
+    let whole = match (buffer.get(number::SIZE), buffer.get(number::SIZE + 1)) {
+        (Some(&blocks), Some(&replies)) => HEAD + 4 * (usize::from(blocks) + usize::from(replies)),
+        _ => HEAD,
+    };
+    whole.saturating_sub(buffer.len()).max(1)
+}
+
+/// Takes an index off; the sum of its blocks, or `None` when it is incomplete.
+fn index(buffer: &mut BytesMut, limit: usize) -> Result<Option<usize>, Fault> {
+    let (Some(&blocks), Some(&replies)) = (buffer.get(number::SIZE), buffer.get(number::SIZE + 1))
+    else {
+        return Ok(None);
+    };
+    let size = HEAD + 4 * (usize::from(blocks) + usize::from(replies));
+    if buffer.len() < size {
+        return Ok(None);
+    }
+    let mut total = 0_usize;
+    for block in 0..usize::from(blocks) {
+        let length = i32_at(buffer, HEAD + 4 * block).unwrap_or(0);
+        let length = usize::try_from(length).map_err(|_negative| Fault::NegativeLength(length))?;
+        total = total.saturating_add(length);
+    }
+    if total > limit {
+        return Err(Fault::MessageTooLarge { size: total, limit });
+    }
+    buffer.advance(size);
+    Ok(Some(total))
+}
+
+/// Bytes in front of the payload: index and command. `blocks` are the lengths of the payload's
+/// parts, one for a bottle; boundaries mean nothing to readers.
+///
+/// # Errors
+/// When there are more than 254 parts, or they are larger than an index can say.
+pub fn head(command: &Command, blocks: &[usize]) -> Result<Vec<u8>, Fault> {
+    let mut encoded = Vec::with_capacity(40);
+    command.encode_into(&mut encoded);
+    let count = blocks.len() + 1;
+    let total = blocks.iter().fold(encoded.len(), |sum, &block| sum.saturating_add(block));
+    let limit = i32::MAX.unsigned_abs() as usize;
+    let too_large = Fault::MessageTooLarge { size: total, limit };
+    let number = u8::try_from(count).map_err(|_many| too_large.clone())?;
+    if total > limit {
+        return Err(too_large);
+    }
+    let mut bytes = Vec::with_capacity(HEAD + 4 * count + 4 + encoded.len());
+    bytes.extend(number::encode(INDEX));
+    bytes.extend([number, 1]);
+    bytes.extend([0xff; 8]);
+    for length in [encoded.len()].iter().chain(blocks) {
+        bytes.extend(i32::try_from(*length).unwrap_or(i32::MAX).to_le_bytes());
+    }
+    bytes.extend([0; 4]);
+    bytes.extend(encoded);
+    Ok(bytes)
+}
+
+/// The message that ends a connection.
+#[must_use]
+pub fn quit() -> Vec<u8> {
+    // One block of ten bytes: this cannot be too large.
+    head(&Command::Quit, &[]).unwrap_or_default()
+}
+
+/// Reads an acknowledgement off: a number, and as many bytes as it says, which mean nothing.
+///
+/// # Errors
+/// When something else stands there: 8 bytes that are no number, or a negative one.
+pub fn read_ack(buffer: &mut BytesMut) -> Result<Step<()>, Fault> {
+    if buffer.len() < number::SIZE {
+        return Ok(Step::Need(number::SIZE - buffer.len()));
+    }
+    let value = number::decode(buffer).unwrap_or(-1);
+    let behind = usize::try_from(value).map_err(|_negative| Fault::NegativeLength(value))?;
+    let size = number::SIZE.saturating_add(behind);
+    if behind > MAX_COMMAND_TEXT {
+        return Err(Fault::MessageTooLarge { size: behind, limit: MAX_COMMAND_TEXT });
+    }
+    Ok(match take(buffer, size) {
+        Some(_) => Step::Event(()),
+        None => Step::Need(size - buffer.len()),
+    })
+}
+
+/// A message in one piece, for those that are small.
+///
+/// # Errors
+/// As [`head`].
+pub fn whole(command: &Command, payload: &Bytes) -> Result<Vec<u8>, Fault> {
+    let mut bytes = head(command, &[payload.len()])?;
+    bytes.extend_from_slice(payload);
+    Ok(bytes)
+}

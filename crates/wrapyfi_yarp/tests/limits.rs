@@ -1,0 +1,150 @@
+//! Refusals by the limits, and their messages.
+
+use bytes::Bytes;
+use wrapyfi_yarp::bottle::{BottleError, EncodeError, Frame, TextError, Vocab64};
+use wrapyfi_yarp::sig::{Image, ImageError, PixelCode, Sound, SoundError, Vector, VectorError};
+use wrapyfi_yarp::{Bottle, Dialect, Limits, Value};
+
+fn words(words: &[i32]) -> Bytes {
+    words.iter().flat_map(|word| word.to_le_bytes()).collect()
+}
+
+fn refused(bytes: &Bytes, limits: &Limits) -> BottleError {
+    Bottle::decode(bytes, Dialect::V3, limits).unwrap_err()
+}
+
+#[test]
+fn counts_beyond_the_bytes_are_refused_before_memory_is_taken() {
+    for code in [256, 257, 260, 266, 268] {
+        let error = refused(&words(&[code, i32::MAX, 0, 0]), &Limits::default());
+        let BottleError::CountBeyondBytes { count, left: 8, .. } = error else { panic!("{error}") };
+        assert_eq!(count, i32::MAX as usize);
+    }
+    let error = refused(&words(&[260, 1, i32::MAX]), &Limits::default());
+    assert!(matches!(error, BottleError::Truncated { what: "a string", .. }), "{error}");
+}
+
+#[test]
+fn negative_lengths_are_refused() {
+    for bytes in [words(&[257, -1]), words(&[260, 1, -1]), words(&[256, 1, 12, i32::MIN])] {
+        let error = refused(&bytes, &Limits::default());
+        assert!(matches!(error, BottleError::Negative { .. }), "{error}");
+        let framed = Bottle::frame(&bytes, Dialect::V3, &Limits::default()).unwrap_err();
+        assert!(matches!(framed, BottleError::Negative { .. }), "{framed}");
+    }
+}
+
+#[test]
+fn nesting_ends_at_the_limit() {
+    let nested = |depth: usize| {
+        let mut list = [256, 1].repeat(depth - 1);
+        list.extend([256, 0]);
+        words(&list)
+    };
+    let limits = Limits { max_depth: 3, ..Limits::default() };
+    assert!(Bottle::decode(&nested(3), Dialect::V3, &limits).is_ok());
+    assert_eq!(refused(&nested(4), &limits), BottleError::TooDeep { limit: 3, at: 24 });
+    let framed = Bottle::frame(&nested(4), Dialect::V3, &limits);
+    assert_eq!(framed, Err(BottleError::TooDeep { limit: 3, at: 24 }));
+    // Whatever the limit says, the stack holds.
+    let endless = Limits { max_depth: usize::MAX, ..Limits::default() };
+    assert!(matches!(refused(&nested(100_000), &endless), BottleError::TooDeep { .. }));
+    let text = "(".repeat(100_000) + &")".repeat(100_000);
+    let error = Bottle::from_text(text.as_bytes(), &endless).unwrap_err();
+    assert_eq!(error, TextError::TooDeep { limit: Limits::DEPTH_CEILING });
+}
+
+#[test]
+fn elements_end_at_the_limit() {
+    let limits = Limits { max_elements: 10, ..Limits::default() };
+    let bottle: Bottle = (0..11).map(Value::Int32).collect();
+    let bytes = Bytes::from(bottle.encode(Dialect::V3).unwrap());
+    assert_eq!(refused(&bytes, &limits), BottleError::TooManyElements { limit: 10 });
+    let framed = Bottle::frame(&bytes, Dialect::V3, &limits);
+    assert_eq!(framed, Err(BottleError::TooManyElements { limit: 10 }));
+    let error = Bottle::from_text(bottle.to_text().as_bytes(), &limits).unwrap_err();
+    assert_eq!(error, TextError::TooManyElements { limit: 10 });
+    // A blob counts as one, in text too.
+    let blob = Bottle::from(vec![Value::blob(vec![1; 100])]);
+    assert_eq!(Bottle::from_text(blob.to_text().as_bytes(), &limits), Ok(blob));
+}
+
+#[test]
+fn messages_end_at_the_limit() {
+    let limits = Limits { max_message_bytes: 50, ..Limits::default() };
+    // Known long before the bytes arrive.
+    let framed = Bottle::frame(&words(&[266, 1_000_000]), Dialect::V3, &limits).unwrap_err();
+    assert_eq!(framed, BottleError::TooLong { length: 8_000_008, limit: 50 });
+    let image = Image::from_packed(PixelCode::Mono, 8, 8, Bytes::from_static(&[0; 64])).unwrap();
+    let error = Image::decode(&image.encode().unwrap().into(), &limits).unwrap_err();
+    assert_eq!(error, ImageError::TooLong { length: 124, limit: 50 });
+    let sound = Sound::from_planar(&[0; 8], 1, 8000).unwrap().encode(Dialect::V3).unwrap();
+    let error = Sound::decode(&sound.into(), Dialect::V3, &limits).unwrap_err();
+    assert_eq!(error, SoundError::TooLong { length: 64, limit: 50 });
+    let vector = Vector(vec![0.0; 10]).encode(Dialect::V3).unwrap();
+    let error = Vector::<f64>::decode(&vector, Dialect::V3, &limits).unwrap_err();
+    assert_eq!(error, VectorError::TooLong { what: "a vector", length: 88, limit: 50 });
+    let error = Bottle::from_text(&[b'a'; 51], &limits).unwrap_err();
+    assert_eq!(error, TextError::TooLong { length: 51, limit: 50 });
+}
+
+#[test]
+fn an_acknowledgement_is_no_bottle() {
+    // The bytes that come in place of a reply when the peer does not reply.
+    let ack = Bytes::from_static(b"YA\0\0\0\0RP");
+    assert!(Bottle::frame(&ack, Dialect::V3, &Limits::default()).is_err());
+    assert!(Bottle::frame(&ack[..4], Dialect::V3, &Limits::default()).is_err());
+    let short = Bottle::frame(&ack[..3], Dialect::V3, &Limits::default());
+    assert_eq!(short, Ok(Frame::NeedMore(5)));
+}
+
+#[test]
+fn what_a_dialect_lacks_is_not_written() {
+    let mut bottle = Bottle::from(vec![Value::Int32(1), Value::Vocab64(Vocab64::new("abcdefgh"))]);
+    let mut out = b"before".to_vec();
+    let error = bottle.encode_into(&mut out, Dialect::V3).unwrap_err();
+    assert_eq!(error, EncodeError::NoVocab64 { word: "[abcdefgh]".to_owned() });
+    assert_eq!(out, b"before");
+    assert!(bottle.encode(Dialect::V4).is_ok());
+    bottle.values.remove(0);
+    assert!(bottle.encode(Dialect::V3).is_err());
+    assert_eq!(Vector(vec![1.0_f32]).encode(Dialect::V3), Err(VectorError::NoFloat32));
+}
+
+#[test]
+fn sounds_that_contradict_themselves_are_refused() {
+    let sound = Sound::from_planar(&[1, 2, 3, 4], 2, 8000).unwrap().encode(Dialect::V3).unwrap();
+    let with = |at: usize, word: i32| {
+        let mut sound = sound.clone();
+        sound[at..at + 4].copy_from_slice(&word.to_le_bytes());
+        Sound::decode(&sound.into(), Dialect::V3, &Limits::default()).unwrap_err()
+    };
+    assert_eq!(with(44, 3), SoundError::Count { count: 3, samples: 2, channels: 2 });
+    assert_eq!(with(28, 4), SoundError::SampleBytes { bytes: 4 });
+    assert_eq!(with(12, -2), SoundError::Negative { what: "length in samples", value: -2 });
+    assert!(with(4, 2).to_string().contains("3.8"));
+    assert!(matches!(with(4, 9), SoundError::NotASound { wanted: 5, .. }));
+}
+
+#[test]
+fn images_that_contradict_themselves_are_refused() {
+    let image = Image::from_packed(PixelCode::Rgb, 4, 2, Bytes::from_static(&[0; 24])).unwrap();
+    let image = image.encode().unwrap();
+    let with = |words: &[(usize, i32)]| {
+        let mut image = image.clone();
+        for &(at, word) in words {
+            image[at..at + 4].copy_from_slice(&word.to_le_bytes());
+        }
+        Image::decode(&image.into(), &Limits::default()).unwrap_err()
+    };
+    assert!(matches!(with(&[(44, 5)]), ImageError::Sizes { width: 5, .. }));
+    assert!(matches!(with(&[(48, 5)]), ImageError::Sizes { height: 5, .. }));
+    assert!(matches!(with(&[(32, 4)]), ImageError::PixelBytes { given: 4, wanted: 3, .. }));
+    assert!(matches!(with(&[(56, 23)]), ImageError::Blob { .. }));
+    assert!(matches!(with(&[(44, -4)]), ImageError::Negative { what: "width", .. }));
+    assert!(matches!(with(&[(12, 7)]), ImageError::NotAnImage { at: 12, found: 7, .. }));
+    assert!(matches!(
+        with(&[(36, 48), (56, 48)]),
+        ImageError::Truncated { needed: 108, given: 84 }
+    ));
+}

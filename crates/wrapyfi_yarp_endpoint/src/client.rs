@@ -1,0 +1,457 @@
+//! Calls a service: a port that asks.
+//!
+//! ```text
+//!   send ─▶ Calls ── the server is there ──▶ a task each: idle connection, or one more ══▶ /rpc
+//!   take ◀── payload::decode_reply ◀── desk ◀── bytes, or why there are none ◀───────────┘
+//! ```
+//!
+//! YARP's replies have no number, so a connection carries one call at a time, and several calls have
+//! several connections. One more has a port with a name, as Wrapyfi's client is; it carries no calls
+//! and tells when the server goes. Under `bottle: auto` it also finds out, before the first call, whether a
+//! function of Wrapyfi answers there ([`super::form`]), and before the first request with a float whether a
+//! program of YARP 4 does ([`super::manner`]). A connection whose call took too long is kept for its late
+//! reply for a while, so that this is counted and taken for no other.
+
+use std::collections::VecDeque;
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use bytes::Bytes;
+use tokio::sync::{Notify, watch};
+use wrapyfi_yarp::Dialect;
+use wrapyfi_yarp::port::{CallError as PortCallError, LinkError, PortOptions, RpcClient};
+
+use super::Shared;
+use super::directory::unless_slow;
+use super::form::{self, FoundForm};
+use super::manner;
+use super::opening::{numbered, until_open};
+use super::options::YarpOptions;
+use super::payload;
+use super::standing::Standing;
+use super::tasks::{Stop, Stopped};
+use wrapyfi_data::types::{Payload, Stamp};
+use wrapyfi_endpoint::backoff::Backoff;
+use wrapyfi_endpoint::calls::{Calls, Stage};
+use wrapyfi_endpoint::codec::EncodeError;
+use wrapyfi_endpoint::codec::requests::reform;
+use wrapyfi_endpoint::wire_client::{ClientWire, WireClient};
+use wrapyfi_endpoint::{CallError, Clock, Context, Link, OpenError, Request, ServiceSpec};
+
+/// Time after the deadline of a call in which its reply is still known, and counted as late.
+const LATE: Duration = Duration::from_secs(30);
+
+/// A request until it is sent.
+pub(super) struct Outgoing {
+    body: Body,
+    deadline: Instant,
+}
+
+enum Body {
+    Written(Written),
+    /// Request as it is, while nobody knows yet how the server reads.
+    Unwritten(Request),
+}
+
+/// A request in the dialect that is set or that the server has told, and in the other one where its floats
+/// differ and the server may have that.
+struct Written(Bytes, Option<Bytes>);
+
+/// Calls one service.
+pub(super) struct YarpClient {
+    spec: ServiceSpec,
+    desk: Arc<Desk>,
+    shared: Arc<Shared>,
+    number: i64,
+    _stop: Stop,
+}
+
+/// Result of one call.
+enum Outcome {
+    Reply(Bytes),
+    /// The server took the request and has no answer.
+    Silence,
+    /// The connection failed after the request went out.
+    Lost(String),
+    /// The request has no form that the server reads.
+    Unwritable(EncodeError),
+}
+
+/// State that a client shares with its tasks.
+struct Desk {
+    spec: ServiceSpec,
+    service: String,
+    options: YarpOptions,
+    form: FoundForm,
+    dialect: Dialect,
+    /// The dialect of the server as it is now, once it was asked.
+    told: Mutex<Option<Dialect>>,
+    standing: Standing,
+    clock: Clock,
+    outcomes: Mutex<VecDeque<(i64, Outcome, Instant)>>,
+    /// Connections without a call, and which of the server's times they belong to.
+    idle: Mutex<Vec<(u64, Arc<RpcClient>)>>,
+    /// Number of the server's connection, counted from the first; `None` while it is away.
+    up: watch::Sender<Option<u64>>,
+    /// Signal that a connection to the server failed.
+    failed: Notify,
+    /// Calls that have a connection, those included that nobody waits for.
+    out: AtomicUsize,
+    name: Mutex<String>,
+}
+
+impl Desk {
+    fn outcomes(&self) -> MutexGuard<'_, VecDeque<(i64, Outcome, Instant)>> {
+        self.outcomes.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn idle(&self) -> MutexGuard<'_, Vec<(u64, Arc<RpcClient>)>> {
+        self.idle.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn target(&self) -> String {
+        format!("{}:/{}", self.options.carrier(), self.service)
+    }
+
+    /// A connection to the server as it is now; `None` when it is lost.
+    async fn connection(&self, shared: &Shared, time: u64) -> Option<Arc<RpcClient>> {
+        let free = {
+            let mut idle = self.idle();
+            idle.retain(|(known, _)| *known == time);
+            idle.pop()
+        };
+        if let Some((_, free)) = free {
+            return Some(free);
+        }
+        let base = self.name.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let options = PortOptions { register: false, ..shared.asking() };
+        // A name of its own: a server keeps one connection of each.
+        let name = format!("{base}/{}", numbered(""));
+        let client = match shared.network(&self.options).open_rpc_client(&name, &options).await {
+            Ok(client) => client,
+            Err(error) => {
+                tracing::debug!(service = self.service, %error, "no connection");
+                return None;
+            }
+        };
+        match client.connect(&self.target()).await {
+            Ok(()) => Some(Arc::new(client)),
+            Err(error) => {
+                tracing::debug!(service = self.service, %error, "no connection");
+                None
+            }
+        }
+    }
+
+    /// The options, with the form that the server reads.
+    fn options(&self) -> &YarpOptions {
+        self.form.options(&self.options)
+    }
+
+    /// A request in the dialect that the server has `told`, where it has.
+    fn write(&self, request: &Request, told: Option<Dialect>) -> Result<Written, EncodeError> {
+        let options = self.options();
+        let write = |dialect| payload::encode_request(request, &self.spec, options, dialect);
+        let usual = write(told.unwrap_or(self.dialect))?;
+        let is_known = told.or(options.dialect).is_some();
+        if is_known || payload::is_json(&self.spec, options) {
+            return Ok(Written(usual, None));
+        }
+        let other = write(self.dialect.other()).ok().filter(|other| *other != usual);
+        Ok(Written(usual, other))
+    }
+
+    fn told(&self) -> MutexGuard<'_, Option<Dialect>> {
+        self.told.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The form of a request that the server reads: it is asked once, and where that decides.
+    async fn readable<'a>(&self, shared: &Shared, written: &'a Written) -> &'a Bytes {
+        let Written(usual, Some(other)) = written else { return &written.0 };
+        let told = *self.told();
+        let dialect = match told {
+            Some(dialect) => dialect,
+            None => manner::ask(&shared.network, &self.service).await.0,
+        };
+        *self.told() = Some(dialect);
+        if dialect == self.dialect { usual } else { other }
+    }
+
+    /// Makes one call. Until the request is out, a server that is lost is waited for; `None` when
+    /// its time was over before.
+    async fn call(&self, shared: &Shared, body: &Body, deadline: Instant) -> Option<Outcome> {
+        let mut up = self.up.subscribe();
+        let mut written = None;
+        let left = || deadline.saturating_duration_since(Instant::now());
+        loop {
+            let time = tokio::time::timeout(left(), up.wait_for(Option::is_some)).await;
+            let time = (*time.ok()?.ok()?)?;
+            if let Some(client) = self.connection(shared, time).await {
+                if left().is_zero() {
+                    // It must not be carried out late.
+                    self.idle().push((time, client));
+                    return None;
+                }
+                let body = match body {
+                    Body::Written(body) => body,
+                    Body::Unwritten(request) => {
+                        let told = *self.told();
+                        match self.write(request, told) {
+                            Ok(body) => written.insert(body),
+                            Err(fault) => {
+                                self.idle().push((time, client));
+                                return Some(Outcome::Unwritable(fault));
+                            }
+                        }
+                    }
+                };
+                let body = self.readable(shared, body).await;
+                match client.call_bytes(body, left() + LATE).await {
+                    Ok(reply) => {
+                        self.idle().push((time, client));
+                        return Some(reply.map_or(Outcome::Silence, Outcome::Reply));
+                    }
+                    Err(error) if was_not_sent(&error) => {}
+                    Err(error) => {
+                        self.failed.notify_one();
+                        return Some(Outcome::Lost(error.to_string()));
+                    }
+                }
+            }
+            // The keeper looks at the server; until then nothing is tried.
+            self.failed.notify_one();
+            let changed = up.wait_for(|now| *now != Some(time));
+            tokio::time::timeout(left(), changed).await.ok()?.ok()?;
+        }
+    }
+}
+
+/// True when the error shows that the server cannot have seen the request.
+fn was_not_sent(error: &PortCallError) -> bool {
+    matches!(
+        error,
+        PortCallError::Link { error: LinkError::Connect { .. }, .. }
+            | PortCallError::NotConnected(_)
+    )
+}
+
+/// The life of the port that has a name: it knows whether the server is there.
+async fn keep((shared, desk): (Arc<Shared>, Arc<Desk>), mut stopped: Stopped) {
+    // One that panicked had connections.
+    desk.up.send_replace(None);
+    desk.idle().clear();
+    let opened = until_open(&shared, &desk.service, &desk.standing, || {
+        let own = desk.options.port.clone();
+        let name = own.unwrap_or_else(|| numbered(&desk.service));
+        let (network, options) = (shared.network(&desk.options), shared.asking());
+        async move { network.open_rpc_client(&name, &options).await }
+    });
+    let port = tokio::select! {
+        () = stopped.wait() => return,
+        port = opened => port,
+    };
+    port.name().clone_into(&mut desk.name.lock().unwrap_or_else(PoisonError::into_inner));
+    tokio::select! {
+        () = stopped.wait() => {}
+        () = stay_connected(&shared, &desk, &port) => {}
+    }
+    desk.up.send_replace(None);
+    desk.idle().clear();
+    port.disconnect().await;
+    desk.standing.waiting("YARP, which has ended");
+    port.close().await;
+}
+
+async fn stay_connected(shared: &Shared, desk: &Desk, port: &RpcClient) {
+    let bell = shared.directory.watch(&desk.service);
+    let (mut backoff, mut time) = (Backoff::of_name(&desk.service), 0);
+    let mut changes = port.connected();
+    let mut has_just_come = false;
+    loop {
+        if !shared.directory.knows(&desk.service) {
+            has_just_come = true;
+            let away = shared.directory.waiting_for();
+            let nobody = || format!("port {}, which no program has opened", desk.service);
+            desk.standing.waiting(away.unwrap_or_else(nobody));
+            bell.notified().await;
+            continue;
+        }
+        let asked = shared.network.query(&desk.service);
+        let (what, say) =
+            (format!("to tell where port {} is", desk.service), |what| desk.standing.waiting(what));
+        let at = shared.directory.answers(&what, asked, say).await.ok().flatten();
+        if let Err(error) = port.connect(&desk.target()).await {
+            let why = format!("port {} to answer: {error}", desk.service);
+            let hint = shared.hint(&desk.service);
+            let hint = unless_slow(hint, || desk.standing.waiting(why.as_str())).await;
+            desk.standing.waiting(format!("{why}{hint}"));
+            tokio::select! { () = bell.notified() => {}, () = backoff.pause() => {} }
+            continue;
+        }
+        if desk.options.finds_form {
+            desk.form.set(form::of_server(shared, &desk.service, has_just_come).await);
+        }
+        has_just_come = false;
+        backoff.reset();
+        *desk.told() = None;
+        time += 1;
+        desk.up.send_replace(Some(time));
+        desk.standing.connected(1);
+        loop {
+            let rung = tokio::select! {
+                // It said goodbye.
+                _ = changes.wait_for(|now| now.outputs == 0) => false,
+                () = desk.failed.notified() => false,
+                () = bell.notified() => true,
+            };
+            // The same server that was registered again is no other server.
+            let stays = rung && {
+                let now = shared.network.query(&desk.service).await;
+                now.is_ok_and(|now| now.is_none() || now == at)
+            };
+            if !stays {
+                break;
+            }
+        }
+        desk.up.send_replace(None);
+        desk.idle().clear();
+        desk.standing.waiting(format!("port {} to answer", desk.service));
+        port.disconnect().await;
+    }
+}
+
+impl YarpClient {
+    pub(super) fn open(
+        shared: &Arc<Shared>,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> Result<WireClient<Self>, OpenError> {
+        let options = YarpOptions::of_service(spec)?;
+        super::check_name(&spec.service)?;
+        if let Some(port) = &options.port {
+            super::check_name(port)?;
+        }
+        let waiting = format!("port {} to answer", spec.service);
+        let desk = Arc::new(Desk {
+            spec: spec.clone(),
+            service: spec.service.clone(),
+            form: FoundForm::new(&options),
+            dialect: shared.network(&options).dialect(),
+            told: Mutex::default(),
+            options,
+            standing: Standing::new(context.wake.clone(), waiting),
+            clock: context.clock.clone(),
+            outcomes: Mutex::default(),
+            idle: Mutex::default(),
+            up: watch::Sender::new(None),
+            failed: Notify::new(),
+            out: AtomicUsize::new(0),
+            name: Mutex::default(),
+        });
+        let (stop, stopped) = shared.tasks.stop();
+        let (kept, told) = ((Arc::clone(shared), Arc::clone(&desk)), Arc::clone(&desk));
+        shared.tasks.spawn(
+            &desk.service,
+            move |what| told.standing.waiting(what),
+            move || keep(kept.clone(), stopped.clone()),
+        );
+        let shared = Arc::clone(shared);
+        let wire = Self { spec: spec.clone(), desk, shared, number: 0, _stop: stop };
+        Ok(WireClient::new(wire, &spec.service, spec.pending, context))
+    }
+
+    fn end(&self, calls: &mut Calls<Outgoing>, (number, outcome, at): (i64, Outcome, Instant)) {
+        let service = self.spec.service.clone();
+        let body = match outcome {
+            Outcome::Reply(body) => body,
+            Outcome::Silence => {
+                let reason = "its port took the request and does not answer requests".to_owned();
+                return calls.failed(number, CallError::Transport { service, reason });
+            }
+            Outcome::Unwritable(fault) => {
+                return calls.failed(number, CallError::Request { service, fault });
+            }
+            Outcome::Lost(why) => {
+                let reason = format!("{why}; it may have been carried out, or not");
+                return calls.failed(number, CallError::Transport { service, reason });
+            }
+        };
+        let (spec, desk) = (&self.spec, &self.desk);
+        calls.answered(number, body.len(), at, || {
+            let now = Stamp::now();
+            match payload::decode_reply(&body, spec, desk.options(), desk.dialect, now) {
+                // Servers send pixels; a service of files gives files.
+                Ok(Ok(Payload::Image(image))) => match reform(image, spec) {
+                    Ok(image) => Ok(image.into()),
+                    Err(fault) => Err(CallError::Reply { service, fault }),
+                },
+                Ok(Ok(payload)) => Ok(payload),
+                Ok(Err(reason)) => Err(CallError::Refused { service, reason }),
+                Err(fault) => Err(CallError::Reply { service, fault }),
+            }
+        });
+    }
+}
+
+/// The task of one call.
+async fn make(shared: Arc<Shared>, desk: Arc<Desk>, number: i64, outgoing: Outgoing) {
+    let outcome = desk.call(&shared, &outgoing.body, outgoing.deadline).await;
+    desk.out.fetch_sub(1, Relaxed);
+    if let Some(outcome) = outcome {
+        desk.outcomes().push_back((number, outcome, desk.clock.now()));
+    }
+    desk.standing.wake().ring();
+}
+
+impl ClientWire for YarpClient {
+    type Written = Outgoing;
+
+    fn write(
+        &self,
+        request: &Request,
+        deadline: Instant,
+    ) -> Result<(Outgoing, usize), EncodeError> {
+        if self.desk.options.finds_form {
+            let body = Body::Unwritten(request.clone());
+            return Ok((Outgoing { body, deadline }, request.size_hint()));
+        }
+        // Another server may be there by the time that it is sent.
+        let written = self.desk.write(request, None)?;
+        let bytes = written.0.len().saturating_add(written.1.as_ref().map_or(0, Bytes::len));
+        Ok((Outgoing { body: Body::Written(written), deadline }, bytes))
+    }
+
+    fn turn(&mut self, calls: &mut Calls<Outgoing>) {
+        // Late replies have their connections still: twice the calls is the most.
+        let most = self.spec.pending.saturating_mul(2);
+        while self.desk.up.borrow().is_some()
+            && self.desk.out.load(Relaxed) < most
+            && calls.next_to_send().is_some()
+        {
+            self.number += 1;
+            let Some(outgoing) = calls.send(self.number) else { break };
+            self.desk.out.fetch_add(1, Relaxed);
+            let call =
+                make(Arc::clone(&self.shared), Arc::clone(&self.desk), self.number, outgoing);
+            self.shared.tasks.spawn_aside(call);
+        }
+        let came = std::mem::take(&mut *self.desk.outcomes());
+        for ended in came {
+            self.end(calls, ended);
+        }
+    }
+
+    fn missing(&self, stage: Stage) -> String {
+        match (stage, self.desk.standing.link().waiting_for) {
+            (Stage::Waiting, Some(what)) => format!("still waiting for {what}"),
+            (Stage::Waiting, None) => "earlier calls of it are not answered either".to_owned(),
+            (Stage::Sent, Some(what)) => format!("its server is gone: waiting for {what}"),
+            (Stage::Sent, None) => "its server has not answered".to_owned(),
+        }
+    }
+
+    fn link(&self) -> Link {
+        self.desk.standing.link()
+    }
+}

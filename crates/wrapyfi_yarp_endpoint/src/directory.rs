@@ -1,0 +1,360 @@
+//! The names there are, as the name server tells them, and who waits for one.
+//!
+//! ```text
+//!   name server ── list, then [add], [del] ──▶ Directory ── names() ──▶ discovery
+//!                     one connection             │
+//!                                                └─ rings those who watch that name
+//! ```
+//!
+//! One connection tells all changes, so that nobody has to ask again and again whether a port is
+//! there. When the name server ends and comes back, everybody is rung: a new one knows nothing.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::time::Duration;
+
+use tokio::sync::Notify;
+use wrapyfi_yarp::name::events::NameEvents;
+use wrapyfi_yarp::name::{NameClient, NameEvent, Registrar};
+use wrapyfi_yarp::port::names::Registration;
+
+use super::options::brings_files;
+use wrapyfi_endpoint::backoff::Backoff;
+
+/// Longest time that opening an endpoint waits for the first answer of the name server.
+const FIRST_ANSWER: Duration = Duration::from_secs(1);
+/// Time after which an answer that has not come is reported as awaited: a dead link takes several
+/// times five seconds.
+const SLOW: Duration = Duration::from_millis(500);
+
+/// A registered port.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Entry {
+    /// Differs from that of whatever had the name before: what was known of that port is not known of
+    /// this one.
+    pub(super) number: u64,
+    /// Address of the port, where it is known: events do not tell it.
+    pub(super) contact: Option<String>,
+    /// True when the port is registered under carrier mjpeg: files are asked of it, and it may be
+    /// no port of YARP at all.
+    pub(super) has_files: bool,
+}
+
+impl Entry {
+    fn located(number: u64, port: &Registration) -> Self {
+        Self { number, contact: Some(port.contact()), has_files: brings_files(&port.carrier) }
+    }
+}
+
+/// Ports that the name server has registered, kept up to date from its events.
+#[derive(Debug)]
+pub(super) struct Directory {
+    server: String,
+    /// True when the name server is on another machine.
+    is_afar: bool,
+    inner: Mutex<Inner>,
+}
+
+#[derive(Debug, Default)]
+struct Inner {
+    /// Counts the times that the name server was reached; none while it is away.
+    reached: Option<u64>,
+    times: u64,
+    failure: Option<String>,
+    /// Registered ports; multicast groups are none.
+    names: BTreeMap<String, Entry>,
+    /// Counts the ports that were entered.
+    entered: u64,
+    /// Counts the changes of names.
+    changes: u64,
+    watchers: BTreeMap<String, Vec<Weak<Notify>>>,
+}
+
+impl Inner {
+    /// Takes over the ports of a list, without multicast groups; whether names came or went. A port that
+    /// is where it was is the one that it was.
+    fn enter(&mut self, ports: Vec<Registration>) -> bool {
+        self.changes += 1;
+        let mut before = std::mem::take(&mut self.names);
+        let mut changed = false;
+        for port in ports.into_iter().filter(|port| port.carrier != "mcast") {
+            let known = before.remove(&port.name);
+            changed |= known.is_none();
+            let mut entry = Entry::located(0, &port);
+            entry.number = match known {
+                Some(known) if known.contact.is_none() => known.number,
+                Some(known) if entry == (Entry { number: 0, ..known.clone() }) => known.number,
+                _ => {
+                    self.entered += 1;
+                    self.entered
+                }
+            };
+            self.names.insert(port.name, entry);
+        }
+        changed || !before.is_empty()
+    }
+}
+
+impl Directory {
+    pub(super) fn new(client: &NameClient, is_afar: bool) -> Self {
+        let conf = client.server();
+        let server = format!("{}:{}", conf.host, conf.port);
+        Self { server, is_afar, inner: Mutex::default() }
+    }
+
+    fn inner(&self) -> MutexGuard<'_, Inner> {
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Number of the name server's connection, counted from the first; `None` while it is away.
+    pub(super) fn reached(&self) -> Option<u64> {
+        self.inner().reached
+    }
+
+    /// True once the name server has answered, or could not be reached.
+    pub(super) fn was_asked(&self) -> bool {
+        let inner = self.inner();
+        inner.reached.is_some() || inner.failure.is_some()
+    }
+
+    /// True when a port of this name is registered.
+    pub(super) fn knows(&self, name: &str) -> bool {
+        self.inner().names.contains_key(name)
+    }
+
+    /// The port of this name.
+    pub(super) fn entry(&self, name: &str) -> Option<Entry> {
+        self.inner().names.get(name).cloned()
+    }
+
+    /// Enters where the name server has found the port of an entry; the entry.
+    pub(super) fn locate(&self, name: &str, number: u64, found: &Registration) -> Entry {
+        let located = Entry::located(number, found);
+        let mut inner = self.inner();
+        if let Some(entry) = inner.names.get_mut(name).filter(|entry| entry.number == number) {
+            entry.clone_from(&located);
+        }
+        located
+    }
+
+    /// Number of changes of the registered names.
+    pub(super) fn changes(&self) -> u64 {
+        self.inner().changes
+    }
+
+    /// All ports by name.
+    pub(super) fn entries(&self) -> BTreeMap<String, Entry> {
+        self.inner().names.clone()
+    }
+
+    /// Reason why nothing is known; `None` while the name server is there.
+    pub(super) fn waiting_for(&self) -> Option<String> {
+        let inner = self.inner();
+        if inner.reached.is_some() {
+            return None;
+        }
+        let why = inner.failure.as_ref().map(|why| format!(" ({why})")).unwrap_or_default();
+        let remedy = if self.is_afar {
+            "it has to run there; YARP's own listens on all addresses, `wrapyfi yarpserver` on 127.0.0.1 \
+             unless --ip and --insecure are given there; a firewall may be between"
+        } else {
+            "start one with `wrapyfi yarpserver`"
+        };
+        Some(format!("name server {}{why}: {remedy}", self.server))
+    }
+
+    /// Awaits `asked`, a question to the name server. Calls `say` with the reason where the answer
+    /// takes longer than half a second; `to` completes the sentence "name server … to …".
+    pub(super) async fn answers<T>(
+        &self,
+        to: &str,
+        asked: impl Future<Output = T>,
+        say: impl FnOnce(String),
+    ) -> T {
+        let server = || format!("name server {} {to}", self.server);
+        unless_slow(asked, || say(self.waiting_for().unwrap_or_else(server))).await
+    }
+
+    /// Waits until the name server was asked, for a second at most.
+    pub(super) async fn was_asked_in_time(&self) {
+        let deadline = tokio::time::Instant::now() + FIRST_ANSWER;
+        while !self.was_asked() && tokio::time::Instant::now() < deadline {
+            tokio::time::sleep(FIRST_ANSWER / 50).await;
+        }
+    }
+
+    /// A bell that rings when this name comes or goes, and when the name server does.
+    pub(super) fn watch(&self, name: &str) -> Arc<Notify> {
+        self.watch_any(&[name])
+    }
+
+    /// As [`Directory::watch`], for any of these names.
+    pub(super) fn watch_any(&self, names: &[impl AsRef<str>]) -> Arc<Notify> {
+        let bell = Arc::new(Notify::new());
+        let mut inner = self.inner();
+        for name in names {
+            let watchers = inner.watchers.entry(name.as_ref().to_owned()).or_default();
+            watchers.retain(|watcher| watcher.strong_count() > 0);
+            watchers.push(Arc::downgrade(&bell));
+        }
+        bell
+    }
+
+    fn ring_all(&self) {
+        let mut inner = self.inner();
+        inner.watchers.retain(|_, watchers| {
+            watchers.retain(|watcher| watcher.upgrade().is_some_and(|bell| ring(&bell)));
+            !watchers.is_empty()
+        });
+    }
+
+    fn apply(&self, event: NameEvent) {
+        let mut inner = self.inner();
+        inner.changes += 1;
+        let name = match event {
+            NameEvent::Added(name) => {
+                inner.entered += 1;
+                let entry = Entry { number: inner.entered, contact: None, has_files: false };
+                inner.names.insert(name.clone(), entry);
+                name
+            }
+            NameEvent::Removed(name) => {
+                inner.names.remove(&name);
+                name
+            }
+        };
+        if let Some(watchers) = inner.watchers.get(&name) {
+            watchers.iter().filter_map(Weak::upgrade).for_each(|bell| _ = ring(&bell));
+        }
+    }
+
+    fn found(&self, ports: Vec<Registration>) {
+        let mut inner = self.inner();
+        inner.times += 1;
+        inner.reached = Some(inner.times);
+        inner.failure = None;
+        inner.enter(ports);
+        drop(inner);
+        self.ring_all();
+    }
+
+    /// Takes over names of the same name server, where they are others than are known.
+    fn amended(&self, ports: Vec<Registration>) {
+        if self.inner().enter(ports) {
+            self.ring_all();
+        }
+    }
+
+    pub(super) fn lost(&self, why: &dyn std::fmt::Display) {
+        let mut inner = self.inner();
+        let was = inner.reached.take().is_some();
+        inner.failure = Some(why.to_string());
+        drop(inner);
+        if was {
+            self.ring_all();
+        }
+    }
+}
+
+/// Awaits `asked`; calls `say` once where that takes longer than half a second.
+pub(super) async fn unless_slow<T>(asked: impl Future<Output = T>, say: impl FnOnce()) -> T {
+    tokio::pin!(asked);
+    if let Ok(answer) = tokio::time::timeout(SLOW, &mut asked).await {
+        return answer;
+    }
+    say();
+    asked.await
+}
+
+fn ring(bell: &Notify) -> bool {
+    bell.notify_one();
+    true
+}
+
+/// Times after which the names are asked for again, once the name server was told to tell changes.
+/// It does not say from when on it tells them: a port that is registered between the first list and
+/// that moment is in neither.
+const LOOKS_AGAIN: [Duration; 2] = [Duration::from_millis(200), Duration::from_secs(2)];
+
+/// Keeps the directory up to date for as long as it is run.
+pub(super) async fn follow(directory: Arc<Directory>, client: NameClient, registrar: Registrar) {
+    let mut backoff = Backoff::of_name("names").starting_at(Duration::from_millis(50));
+    let mut status = registrar.status();
+    loop {
+        let lost = status.borrow_and_update().lost;
+        let told = listen(&directory, &client, &mut backoff);
+        // A machine that vanished closes nothing; the registrar asks it now and then.
+        let silent = status.wait_for(|status| status.lost > lost);
+        tokio::select! {
+            error = told => directory.lost(&error),
+            Ok(_) = silent => directory.lost(&"its connection was lost"),
+        }
+        backoff.pause().await;
+    }
+}
+
+/// Hears one name server until it ends.
+async fn listen(
+    directory: &Directory,
+    client: &NameClient,
+    backoff: &mut Backoff,
+) -> Box<dyn std::fmt::Display + Send> {
+    let mut events = match NameEvents::open(client).await {
+        Ok(events) => events,
+        Err(error) => return Box::new(error),
+    };
+    match client.list("").await {
+        Ok(found) => {
+            directory.found(found);
+        }
+        Err(error) => return Box::new(error),
+    }
+    backoff.reset();
+    let begin = tokio::time::Instant::now();
+    let mut looks = LOOKS_AGAIN.iter();
+    let mut next_look = looks.next();
+    loop {
+        let look_at = begin + next_look.copied().unwrap_or_default();
+        tokio::select! {
+            event = events.next() => match event {
+                Ok(event) => directory.apply(event),
+                Err(error) => return Box::new(error),
+            },
+            () = tokio::time::sleep_until(look_at), if next_look.is_some() => {
+                next_look = looks.next();
+                // Changes that are told meanwhile wait in the connection, and are applied after it.
+                match client.list("").await {
+                    Ok(found) => directory.amended(found),
+                    Err(error) => return Box::new(error),
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn port(name: &str, port: u16) -> Registration {
+        let (name, host, carrier) = (name.to_owned(), "127.0.0.1".to_owned(), "tcp".to_owned());
+        Registration { name, host, port, carrier }
+    }
+
+    #[test]
+    fn a_port_keeps_its_number_until_it_is_another_one() {
+        let mut inner = Inner::default();
+        assert!(inner.enter(vec![port("/a", 1), port("/b", 2)]));
+        let number = |inner: &Inner, name: &str| inner.names[name].number;
+        let (a, b) = (number(&inner, "/a"), number(&inner, "/b"));
+        assert_ne!(a, b);
+        assert!(!inner.enter(vec![port("/a", 1), port("/b", 3)]), "the same names");
+        assert_eq!(number(&inner, "/a"), a);
+        assert_ne!(number(&inner, "/b"), b, "it is elsewhere");
+        inner.names.get_mut("/a").unwrap().contact = None;
+        let group = Registration { carrier: "mcast".into(), ..port("/group", 4) };
+        assert!(inner.enter(vec![port("/a", 7), group]), "/b went");
+        assert_eq!(number(&inner, "/a"), a, "its address was not known before");
+        assert_eq!(inner.names.len(), 1);
+    }
+}

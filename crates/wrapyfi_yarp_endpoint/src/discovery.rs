@@ -1,0 +1,250 @@
+//! The ports of a network as endpoints.
+//!
+//! ```text
+//!   /cam         publisher /cam          /head/state:o   publisher        /head/rpc:i   server
+//!   /cam:in417   listener of /cam        /head/cmd:i     listener         /head/rpc     server
+//!   /cam, /cam/rpc: publisher /cam:camera_info, the calibration of the camera
+//! ```
+//!
+//! A name server knows names only: neither types nor what a port does. So the ports themselves are asked
+//! once (`survey`). What a port is decides, in this order:
+//!
+//! | | |
+//! | --- | --- |
+//! | what its program made it | for requests, for one direction only |
+//! | its connections | what has outputs is a publisher, what has inputs alone a listener |
+//! | the customs of names | `:i`, `:o`, `in`, `rpc`, and Wrapyfi's `:in` and a number |
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use wrapyfi_yarp::port::{Inspection, Modes};
+
+use super::directory::Entry;
+use super::{Shared, input, intrinsics, survey};
+use wrapyfi_endpoint::{DiscoverError, Discovered, Discovery, NameFilter, Role};
+
+/// Looks at one name server.
+pub(super) struct YarpDiscovery {
+    shared: Arc<Shared>,
+    wanted: Option<NameFilter>,
+    /// Verdicts of that filter on the names of the registered ports.
+    judged: BTreeMap<String, bool>,
+    /// State of the last look: the directory's, and how often names, answers, types and own ports
+    /// had changed. While it is the same, `found` is still right.
+    known: Option<(bool, [u64; 4])>,
+    /// The ports that were asked then, and what was found.
+    ports: BTreeMap<String, Entry>,
+    found: Vec<Discovered>,
+    /// True when `found` holds everything that the name server and the ports can tell.
+    complete: bool,
+}
+
+impl YarpDiscovery {
+    pub(super) fn new(shared: &Arc<Shared>) -> Self {
+        Self {
+            shared: Arc::clone(shared),
+            wanted: None,
+            judged: BTreeMap::new(),
+            known: None,
+            ports: BTreeMap::new(),
+            found: Vec::new(),
+            complete: false,
+        }
+    }
+
+    /// Leaves out ports that nobody wants to know of.
+    fn sift(&mut self, ports: &mut BTreeMap<String, Entry>) {
+        let Some(wanted) = &self.wanted else { return };
+        self.judged.retain(|name, _| ports.contains_key(name));
+        ports.retain(|name, _| match self.judged.get(name) {
+            Some(known) => *known,
+            None => {
+                let is_wanted = wanted(topic_of(name).0);
+                self.judged.insert(name.clone(), is_wanted);
+                is_wanted
+            }
+        });
+    }
+}
+
+/// The topic that a port is about, and whether its name is that of a reader of it.
+fn topic_of(name: &str) -> (&str, bool) {
+    match name.rsplit_once(":in") {
+        Some((topic, number))
+            if !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit()) =>
+        {
+            (topic, true)
+        }
+        _ => (name, false),
+    }
+}
+
+/// Topic or service of a port and its role, from the port's own answers and from its name.
+pub(super) fn role<'n>(name: &'n str, told: Option<&Inspection>) -> (&'n str, Role) {
+    let modes = told.and_then(|told| told.modes);
+    let inputs = told.is_some_and(|told| !told.inputs.is_empty());
+    let outputs = told.is_some_and(|told| !told.outputs.is_empty());
+    let (topic, reads) = topic_of(name);
+    if reads {
+        // It asks what it is connected to.
+        let asks = outputs || modes.is_some_and(|modes| !modes.input);
+        return (topic, if asks { Role::Client } else { Role::Listener });
+    }
+    let last = name.rsplit('/').next().unwrap_or(name);
+    let by_custom = match last.split_once(':') {
+        _ if last.starts_with("rpc") => Role::Server,
+        Some((_, "rpc")) => Role::Server,
+        _ if input::is_input(name) || last == "quit" => Role::Listener,
+        _ => Role::Publisher,
+    };
+    let role = match modes {
+        Some(Modes { rpc: true, input: true, .. }) => Role::Server,
+        Some(Modes { rpc: true, .. }) => Role::Client,
+        _ if by_custom == Role::Server => Role::Server,
+        Some(Modes { input: true, output: false, .. }) => Role::Listener,
+        Some(Modes { input: false, output: true, .. }) => Role::Publisher,
+        _ if outputs => Role::Publisher,
+        _ if inputs => Role::Listener,
+        _ => by_custom,
+    };
+    (name, role)
+}
+
+impl Discovery for YarpDiscovery {
+    fn only(&mut self, wanted: NameFilter) {
+        self.wanted = Some(wanted);
+        self.judged.clear();
+        self.known = None;
+    }
+
+    fn endpoints(&mut self) -> Result<Vec<Discovered>, DiscoverError> {
+        let shared = Arc::clone(&self.shared);
+        let was_asked = shared.directory.was_asked();
+        // Before the look, so that no change is missed.
+        let now = (was_asked, shared.changes());
+        if self.known == Some(now) {
+            // Those that did not answer may have to be asked again.
+            survey::ask(&shared, &self.ports);
+            return Ok(self.found.clone());
+        }
+        let (mut ports, own) = (shared.directory.entries(), shared.registrar.client());
+        shared.survey.forget(|name| ports.contains_key(name));
+        // The name server's own names are no endpoints.
+        ports.retain(|name, _| {
+            name != own.namespace() && name != "fallback" && !shared.own.contains(name)
+        });
+        self.sift(&mut ports);
+        survey::ask(&shared, &ports);
+        let mut found: BTreeMap<(&str, Role), Discovered> = BTreeMap::new();
+        self.complete = was_asked && shared.survey.is_over(&ports);
+        for (port, entry) in &ports {
+            let told = shared.survey.told(port);
+            let (name, role) = role(port, told.as_deref());
+            let one = found
+                .entry((name, role))
+                .or_insert_with(|| Discovered { count: 0, ..Discovered::new(name, role) });
+            one.count += 1;
+            if role == Role::Publisher {
+                let promised = told.as_ref().and_then(|told| told.type_name.as_deref());
+                one.type_name = shared.types.of(port, entry.number, promised);
+            }
+        }
+        // The calibration of a camera is a topic beside its pictures.
+        let pictures = found
+            .values()
+            .filter(|one| one.role == Role::Publisher && one.type_name.as_deref() == Some("Image"));
+        let calibrations: Vec<Discovered> = pictures
+            .filter(|picture| shared.directory.knows(&intrinsics::requests(&picture.name)))
+            .filter_map(|picture| intrinsics::topic_of(&picture.name))
+            .map(|topic| Discovered {
+                type_name: Some(intrinsics::CAMERA_INFO.to_owned()),
+                ..Discovered::new(topic, Role::Publisher)
+            })
+            .collect();
+        self.found = found.into_values().chain(calibrations).collect();
+        self.found.sort_by(|one, other| one.name.cmp(&other.name));
+        (self.known, self.ports) = (Some(now), ports);
+        Ok(self.found.clone())
+    }
+
+    fn waiting_for(&self) -> Option<String> {
+        self.shared.directory.waiting_for()
+    }
+
+    fn is_complete(&self) -> Option<bool> {
+        Some(self.complete)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn told(modes: Option<(bool, bool, bool)>, inputs: bool, outputs: bool) -> Inspection {
+        let names = |there: bool| if there { vec!["/other".to_owned()] } else { Vec::new() };
+        let modes = modes.map(|(input, output, rpc)| Modes { input, output, rpc });
+        Inspection { modes, type_name: None, inputs: names(inputs), outputs: names(outputs) }
+    }
+
+    #[test]
+    fn names_tell_what_ports_do() {
+        for (port, name, wanted) in [
+            ("/cam", "/cam", Role::Publisher),
+            ("/cam:in417", "/cam", Role::Listener),
+            ("/cam:in", "/cam:in", Role::Listener),
+            ("/robot/in", "/robot/in", Role::Listener),
+            ("/icub/head/state:o", "/icub/head/state:o", Role::Publisher),
+            ("/icub/head/command:i", "/icub/head/command:i", Role::Listener),
+            ("/icub/head/rpc:i", "/icub/head/rpc:i", Role::Server),
+            ("/grabber/rpc", "/grabber/rpc", Role::Server),
+            ("/speech/in", "/speech/in", Role::Listener),
+            ("/speech/input", "/speech/input", Role::Listener),
+            ("/speech/i", "/speech/i", Role::Listener),
+            ("/speech/o", "/speech/o", Role::Publisher),
+            ("/cam/quit", "/cam/quit", Role::Listener),
+        ] {
+            assert_eq!(role(port, None), (name, wanted), "{port}");
+            let idle = told(Some((true, true, false)), false, false);
+            assert_eq!(role(port, Some(&idle)), (name, wanted), "{port}");
+        }
+    }
+
+    #[test]
+    fn connections_tell_more_than_names() {
+        for (port, (inputs, outputs), name, wanted) in [
+            ("/view", (true, false), "/view", Role::Listener),
+            ("/relay", (true, true), "/relay", Role::Publisher),
+            ("/odd:i", (false, true), "/odd:i", Role::Publisher),
+            ("/cam:in417", (true, false), "/cam", Role::Listener),
+            ("/ask:in3", (false, true), "/ask", Role::Client),
+            ("/head/rpc:i", (true, false), "/head/rpc:i", Role::Server),
+        ] {
+            for modes in [None, Some((true, true, false))] {
+                assert_eq!(
+                    role(port, Some(&told(modes, inputs, outputs))),
+                    (name, wanted),
+                    "{port}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn what_a_port_was_made_tells_most() {
+        for (port, modes, wanted) in [
+            ("/view", (true, false, false), Role::Listener),
+            ("/odd:i", (false, true, false), Role::Publisher),
+            ("/motors", (true, false, true), Role::Server),
+            ("/asker", (false, true, true), Role::Client),
+            ("/head/rpc:i", (true, false, false), Role::Server),
+        ] {
+            for (inputs, outputs) in [(false, false), (true, false), (false, true)] {
+                let told = told(Some(modes), inputs, outputs);
+                assert_eq!(role(port, Some(&told)), (port, wanted), "{port}");
+            }
+        }
+        let idle = told(Some((false, true, true)), false, false);
+        assert_eq!(role("/ask:in3", Some(&idle)), ("/ask", Role::Client));
+    }
+}

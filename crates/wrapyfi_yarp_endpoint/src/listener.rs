@@ -1,0 +1,242 @@
+//! A topic received: an input port of ours, tied to the port that has the topic's name.
+//!
+//! ```text
+//!   /cam ══▶ /cam:in7 ── size? ── ours? ──▶ inbox ──▶ Listener::take ── payload::decode
+//!                         │ oversize │ own_publication     each connection's task; block: it waits
+//! ```
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+use wrapyfi_yarp::Dialect;
+use wrapyfi_yarp::port::{Answer, PortOptions, Received, RpcServer};
+
+use super::Shared;
+use super::device::Device;
+use super::intrinsics;
+use super::losses::Losses;
+use super::opening::{numbered, until_open};
+use super::options::YarpOptions;
+use super::payload;
+use super::standing::Standing;
+use super::tasks::{Stop, Stopped};
+use super::tie::Tie;
+use wrapyfi_data::types::{DataType, Stamp};
+use wrapyfi_endpoint::{
+    Context, DropReason, Link, Listener, OpenError, Receiver, Sample, Sender, TakeError, TopicSpec,
+    Waits, inbox,
+};
+
+/// Receives one topic.
+pub(super) struct YarpListener {
+    spec: TopicSpec,
+    dialect: Dialect,
+    inbox: Receiver<Arrival>,
+    inlet: Arc<Inlet>,
+    _stop: Stop,
+}
+
+/// A message as it came.
+struct Arrival {
+    received: Received,
+    received_at: Instant,
+    stamp: Stamp,
+}
+
+impl Waits for Arrival {
+    fn bytes(&self) -> usize {
+        self.received.payload.bytes.len()
+    }
+}
+
+/// State that the listener shares with its port.
+struct Inlet {
+    /// A port that answers nothing: its function runs on the connection's own task.
+    port: Mutex<Option<RpcServer>>,
+    device: Device,
+    standing: Arc<Standing>,
+    inbox: Sender<Arrival>,
+    limit: usize,
+    losses: Losses,
+}
+
+impl Inlet {
+    fn port(&self) -> MutexGuard<'_, Option<RpcServer>> {
+        self.port.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Names of the ports that send.
+    fn sources(&self) -> Vec<String> {
+        let port = self.port();
+        let status = port.as_ref().map(RpcServer::status).unwrap_or_default();
+        let sources = status.into_iter().filter(|one| one.incoming && one.name.starts_with('/'));
+        sources.map(|one| one.name).collect()
+    }
+
+    /// Counts what never became a message.
+    fn count_losses(&self) {
+        if let Some(port) = &*self.port() {
+            self.losses.count(port.counters(), self.inbox.counters());
+        }
+    }
+
+    /// Takes a message in; under policy `block` its connection waits here.
+    async fn put(&self, received: Received, shared: &Shared) {
+        let counters = self.inbox.counters();
+        let bytes = received.payload.bytes.len();
+        counters.received(bytes);
+        if shared.own.contains(&received.from) {
+            return counters.dropped(DropReason::OwnPublication);
+        }
+        if bytes > self.limit {
+            return counters.dropped(DropReason::Oversize);
+        }
+        self.device.wait().await;
+        let received_at = self.inbox.context().clock.now();
+        let arrival = Arrival { received, received_at, stamp: Stamp::now() };
+        self.inbox.place(arrival, self.inbox.patience()).await;
+    }
+}
+
+impl YarpListener {
+    pub(super) fn open(
+        shared: &Arc<Shared>,
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> Result<Self, OpenError> {
+        let options = YarpOptions::of_topic(spec)?;
+        super::check_name(&spec.topic)?;
+        if let Some(port) = &options.port {
+            super::check_name(port)?;
+        }
+        let (sender, receiver) = inbox(spec.queue, context);
+        // Calibrations belong to pictures.
+        let is_calibration = payload::is_of_camera(spec.message_type);
+        let picture = intrinsics::picture_of(&spec.topic).filter(|_| is_calibration);
+        let topic = picture.unwrap_or_else(|| spec.topic.clone());
+        let waiting = format!("port {topic} to send");
+        let inlet = Arc::new(Inlet {
+            port: Mutex::default(),
+            device: Device::new(spec.message_type, &options, &topic),
+            standing: Arc::new(Standing::new(context.wake.clone(), waiting)),
+            inbox: sender,
+            limit: spec.limits.message_bytes,
+            losses: Losses::default(),
+        });
+        let (stop, stopped) = shared.tasks.stop();
+        let wanted = options.clone();
+        let pictures = spec.message_type.data_type() == DataType::Image;
+        let (kept, told) = ((Arc::clone(shared), Arc::clone(&inlet)), Arc::clone(&inlet));
+        shared.tasks.spawn(
+            &topic.clone(),
+            move |what| told.standing.waiting(what),
+            move || keep(kept.clone(), topic.clone(), wanted.clone(), pictures, stopped.clone()),
+        );
+        Ok(Self {
+            spec: spec.clone(),
+            dialect: shared.network(&options).dialect(),
+            inbox: receiver,
+            inlet,
+            _stop: stop,
+        })
+    }
+}
+
+/// The life of a port.
+async fn keep(
+    (shared, inlet): (Arc<Shared>, Arc<Inlet>),
+    topic: String,
+    options: YarpOptions,
+    pictures: bool,
+    mut stopped: Stopped,
+) {
+    // A task that panicked has left its port open.
+    close(&inlet).await;
+    let opened = until_open(&shared, &topic, &inlet.standing, || {
+        let name = options.port.clone().unwrap_or_else(|| numbered(&topic));
+        let (network, shared, inlet) =
+            (shared.network(&options), Arc::clone(&shared), Arc::clone(&inlet));
+        async move {
+            let port_options = PortOptions { pictures, ..PortOptions::default() };
+            network
+                .serve(&name, &port_options, move |received, _| {
+                    let (shared, inlet) = (Arc::clone(&shared), Arc::clone(&inlet));
+                    async move {
+                        inlet.put(received, &shared).await;
+                        Answer::Nothing
+                    }
+                })
+                .await
+        }
+    });
+    let port = tokio::select! {
+        () = stopped.wait() => return,
+        port = opened => port,
+    };
+    let own = port.name().to_owned();
+    let (tie, changes) = (Tie::from(&topic, &own, &options), port.connected());
+    *inlet.port() = Some(port);
+    let counted = async {
+        let mut changes = changes.clone();
+        loop {
+            changes.mark_unchanged();
+            inlet.count_losses();
+            let sources = inlet.sources();
+            sources.iter().for_each(|source| shared.survey.met(source, &own, true));
+            match sources.len() {
+                0 => {}
+                senders => inlet.standing.connected(senders),
+            }
+            if changes.changed().await.is_err() {
+                return;
+            }
+        }
+    };
+    let tied = || inlet.sources().iter().any(|source| source == tie.other());
+    let say = |why: String| {
+        // Somebody else may have connected us.
+        if inlet.sources().is_empty() {
+            inlet.standing.waiting(why);
+        }
+    };
+    tokio::select! {
+        () = stopped.wait() => {}
+        () = counted => {}
+        () = tie.keep(&shared, changes.clone(), tied, say) => {}
+        () = inlet.device.follow(&shared, changes.clone(), || !inlet.sources().is_empty()) => {}
+    }
+    tie.forget(&shared).await;
+    close(&inlet).await;
+    inlet.standing.waiting("YARP, which has ended");
+}
+
+/// Closes the port that is open, if any.
+async fn close(inlet: &Inlet) {
+    let port = inlet.port().take();
+    if let Some(port) = port {
+        port.close().await;
+    }
+}
+
+impl Listener for YarpListener {
+    fn take(&mut self) -> Result<Option<Sample>, TakeError> {
+        let Some(Arrival { received, received_at, stamp }) = self.inbox.pop() else {
+            return Ok(None);
+        };
+        let (spec, options) = (&self.spec, self.inlet.device.options());
+        let sent_at = received.stamp();
+        let payload =
+            payload::decode(&received.payload, sent_at, spec, &options, self.dialect, stamp)?;
+        let wire_bytes = received.payload.bytes.len();
+        Ok(Some(Sample { payload, wire_bytes, received_at, origin: None }))
+    }
+
+    fn discard(&mut self) -> bool {
+        self.inbox.pop().is_some()
+    }
+
+    fn link(&self) -> Link {
+        self.inlet.count_losses();
+        self.inlet.standing.link()
+    }
+}

@@ -1,0 +1,46 @@
+//! Opens a port, however long its name is taken or the name server is away.
+
+use wrapyfi_yarp::port::OpenError;
+
+use super::Shared;
+use super::standing::Standing;
+use wrapyfi_endpoint::backoff::Backoff;
+
+/// Opens a port with `open`, again and again until it succeeds; `standing` is told why not yet.
+/// `name` is what it depends on.
+pub(super) async fn until_open<P, F: Future<Output = Result<P, OpenError>>>(
+    shared: &Shared,
+    name: &str,
+    standing: &Standing,
+    mut open: impl FnMut() -> F,
+) -> P {
+    let bell = shared.directory.watch(name);
+    let mut backoff = Backoff::of_name(name);
+    loop {
+        let say = |what| standing.waiting(what);
+        match shared.directory.answers("to register a port of ours", open(), say).await {
+            Ok(port) => return port,
+            Err(OpenError::Taken(name)) => standing.waiting(format!(
+                "the name {name}, which another program's port has: end that one, or set option \
+                 port"
+            )),
+            Err(error) => {
+                let away = shared.directory.waiting_for();
+                standing.waiting(away.unwrap_or_else(|| error.to_string()));
+            }
+        }
+        tokio::select! { () = bell.notified() => {}, () = backoff.pause() => {} }
+    }
+}
+
+/// A name for a port that nobody has to know: that of what it reads, with a number, as Wrapyfi's.
+pub(super) fn numbered(topic: &str) -> String {
+    format!("{topic}:in{}", number())
+}
+
+/// A random number of five digits at most.
+pub(super) fn number() -> u64 {
+    use std::hash::{BuildHasher, Hasher};
+    // Keys of the map that nobody uses: what the standard library has for random numbers.
+    std::hash::RandomState::new().build_hasher().finish() % 100_000
+}

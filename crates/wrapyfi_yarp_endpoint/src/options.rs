@@ -1,0 +1,465 @@
+//! Options of routes, topics and services that only YARP has.
+//!
+//! ```text
+//!   options: { carrier: fast_tcp, joints: [neck, eye] }  ─▶ Map ─▶ YarpOptions
+//! ```
+//!
+//! Options that are not listed here belong to the other end of a route and are left alone.
+
+use std::sync::Arc;
+
+use wrapyfi_yarp::Dialect;
+
+use super::intrinsics::Intrinsics;
+use super::joint_limits::JointLimits;
+use wrapyfi_data::types::{Map, Value};
+use wrapyfi_endpoint::{OpenError, ServiceSpec, TopicSpec};
+
+/// Names of the options that are read here: what a configuration may write.
+pub const OPTIONS: &[&str] = &[
+    "base",
+    "bottle",
+    "carrier",
+    "child_frame_id",
+    "command",
+    "control",
+    "degrees",
+    "dialect",
+    "frame_id",
+    "joints",
+    "out_topic_connect",
+    "packed_rows",
+    "persistent",
+    "port",
+    "sensor",
+    "wrapyfi_images",
+];
+
+/// Carriers that connections can be asked for, without qualifiers (`+recv.…`).
+const CARRIERS: [&str; 8] =
+    ["tcp", "fast_tcp", "udp", "mcast", "text", "text_ack", "mjpeg", "unix_stream"];
+
+/// Form of native objects in bottles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Form {
+    /// One string of JSON, as Wrapyfi writes it. Other bottles are read, too.
+    #[default]
+    Json,
+    /// The values themselves: lists, numbers, words.
+    Bottle,
+    /// Pairs of key and value, as YARP's `Property` writes itself: dicts.
+    Property,
+}
+
+/// Meaning of the numbers that are sent to a control board.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Control {
+    /// Targets that joints go to on the board's own trajectory: `[poss]`.
+    Position,
+    /// Positions that joints take at once: `[dpos]`.
+    PositionDirect,
+    /// Velocities of joints: `[vmos]`.
+    Velocity,
+    /// Torques or forces: `[dtqs]`.
+    Torque,
+}
+
+/// Form in which a mobile base takes velocities.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum BaseCommand {
+    /// Three numbers, along x and y and about z: `MobileBaseVelocity`.
+    Velocity,
+    /// Command as the ports of baseControl read it: `3 x y θ 100.0`.
+    Control,
+}
+
+/// Kind of motion of a joint.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Axis {
+    /// Rotation about an axis: degrees or radians.
+    Revolute,
+    /// Sliding along an axis: metres.
+    Prismatic,
+}
+
+/// Settings of one YARP topic or service. Each has a default.
+#[derive(Debug, Clone, PartialEq)]
+pub struct YarpOptions {
+    /// `carrier`: of connections that we ask for; Wrapyfi's default is `tcp`. Qualifiers may follow
+    /// (`tcp+recv.priority`).
+    pub carrier: Option<String>,
+    /// `persistent`: whether the name server keeps the connection (true, as Wrapyfi); otherwise we
+    /// connect and connect again ourselves.
+    pub persistent: bool,
+    /// `out_topic_connect`: where a publisher connects itself to; nowhere unless given.
+    pub out_topic_connect: Option<String>,
+    /// `port`: the name of our own port, so that `yarp connect` finds it; made up unless given.
+    pub port: Option<String>,
+    /// `joints`: names of the joints of a `state:o` or a `command:i`, in its order; what the control
+    /// board tells unless given.
+    pub joints: Vec<String>,
+    /// Kinds of the joints, as the control board tells them; no option. Empty where it has not told.
+    pub axes: Vec<Axis>,
+    /// Ranges of the joints, as the control board tells them; no option.
+    pub limits: Arc<JointLimits>,
+    /// `control`: what the numbers for a control board are: `position`, `position_direct`, `velocity` or
+    /// `torque`. Unless given, what a message has: positions, else velocities, else efforts.
+    pub control: Option<Control>,
+    /// Calibration that the camera has told; no option.
+    pub intrinsics: Option<Intrinsics>,
+    /// `base`: how the mobile base takes velocities, `velocity` or `control`. Unless given, a `Twist` is pairs of
+    /// field and value, as any message.
+    pub base: Option<BaseCommand>,
+    /// `sensor`: which sensor of each list of `measures:o` is meant, counted from 0 (0).
+    pub sensor: usize,
+    /// `degrees`: whether angles are in degrees on YARP's side (true); they are radians in ROS.
+    pub degrees: bool,
+    /// `dialect`: how our port writes bottles, and how the peer's replies are read: `v3` or `v4`; that
+    /// of the configuration unless given. Messages of either are read.
+    pub dialect: Option<Dialect>,
+    /// `packed_rows`: whether rows of images lie as Wrapyfi has them, without the padding that
+    /// their header announces (false).
+    pub packed_rows: bool,
+    /// `wrapyfi_images`: whether the peer is Python Wrapyfi, whose images have packed rows and call
+    /// every order of colours `rgb` (false).
+    pub wrapyfi_images: bool,
+    /// `bottle`: `true`, `false` or `property`; unset or `auto`, native objects are JSON and the services of
+    /// ROS plain bottles.
+    pub bottle: Option<Form>,
+    /// `bottle: auto`: bottles, unless a function of Wrapyfi is behind the port that is called; what is
+    /// answered has the form of what was asked.
+    pub finds_form: bool,
+    /// `command`: the words that begin every request, as text (`[set] [pos]`).
+    pub command: Option<String>,
+    /// `frame_id`: coordinate frame of what is received: YARP names none.
+    pub frame_id: String,
+    /// `child_frame_id`: coordinate frame of the base that an odometry is of.
+    pub child_frame_id: String,
+}
+
+impl Default for YarpOptions {
+    fn default() -> Self {
+        Self {
+            carrier: None,
+            persistent: true,
+            out_topic_connect: None,
+            port: None,
+            joints: Vec::new(),
+            axes: Vec::new(),
+            limits: Arc::default(),
+            control: None,
+            intrinsics: None,
+            base: None,
+            sensor: 0,
+            degrees: true,
+            dialect: None,
+            packed_rows: false,
+            wrapyfi_images: false,
+            bottle: None,
+            finds_form: false,
+            command: None,
+            frame_id: String::new(),
+            child_frame_id: String::new(),
+        }
+    }
+}
+
+impl YarpOptions {
+    /// The options of a topic.
+    ///
+    /// # Errors
+    /// [`OpenError::InvalidOption`] for the first one whose value cannot be used.
+    pub fn of_topic(spec: &TopicSpec) -> Result<Self, OpenError> {
+        Self::read(&spec.options, &spec.topic)
+    }
+
+    /// The options of a service.
+    ///
+    /// # Errors
+    /// As [`YarpOptions::of_topic`].
+    pub fn of_service(spec: &ServiceSpec) -> Result<Self, OpenError> {
+        Self::read(&spec.options, &spec.service)
+    }
+
+    /// Angles of YARP as ROS has them.
+    pub(super) fn radians<const N: usize>(&self, angles: [f64; N]) -> [f64; N] {
+        if self.degrees { angles.map(f64::to_radians) } else { angles }
+    }
+
+    /// Angles of ROS as YARP has them.
+    pub(super) fn degrees<const N: usize>(&self, angles: [f64; N]) -> [f64; N] {
+        if self.degrees { angles.map(f64::to_degrees) } else { angles }
+    }
+
+    /// True when YARP has degrees where ROS has radians for this joint.
+    pub(super) fn has_degrees(&self, joint: usize) -> bool {
+        self.degrees && self.axes.get(joint) != Some(&Axis::Prismatic)
+    }
+
+    /// True when pictures go out as files, by the carrier `mjpeg`.
+    pub(super) fn sends_files(&self) -> bool {
+        brings_files(self.carrier())
+    }
+
+    /// The carrier, where nothing is known of the other end.
+    pub(super) fn carrier(&self) -> &str {
+        self.carrier.as_deref().unwrap_or("tcp")
+    }
+
+    /// The same, of messages that go out as files of carrier `mjpeg`, or do not.
+    pub(super) fn sending_files(&self, files: bool) -> Self {
+        let carrier = if files { "mjpeg" } else { "tcp" };
+        Self { carrier: Some(carrier.to_owned()), ..self.clone() }
+    }
+
+    /// Reads `options` of the topic or service `name`.
+    fn read(options: &Map, name: &str) -> Result<Self, OpenError> {
+        let mut read = Self::default();
+        for (key, value) in options.iter() {
+            let Some(key) = key.as_str() else { continue };
+            read.set(key, value).map_err(|wanted| OpenError::InvalidOption {
+                middleware: "yarp",
+                topic: name.to_owned(),
+                option: key.to_owned(),
+                found: shown(value),
+                wanted: wanted.to_owned(),
+            })?;
+        }
+        Ok(read)
+    }
+
+    /// Takes one option; what it must be, where it is not.
+    fn set(&mut self, key: &str, value: &Value) -> Result<(), &'static str> {
+        const SWITCH: &str = "true or false";
+        const PORT: &str = "the name of a port, which begins with / and has no blanks";
+        match key {
+            "base" => {
+                let word = value.as_str().and_then(base);
+                self.base = Some(word.ok_or("velocity or control")?);
+            }
+            "bottle" if value.as_str() == Some("auto") => self.finds_form = true,
+            "bottle" => self.bottle = Some(form(value).ok_or("true, false, property or auto")?),
+            "carrier" => {
+                let carrier = value.as_str().filter(|text| is_carrier(text));
+                let wanted = "tcp, fast_tcp, udp, mcast, text, text_ack, mjpeg or unix_stream";
+                self.carrier = Some(carrier.ok_or(wanted)?.to_owned());
+            }
+            "child_frame_id" => {
+                value.as_str().ok_or("a text")?.clone_into(&mut self.child_frame_id);
+            }
+            "command" => {
+                let text = value.as_str().filter(|text| !text.trim().is_empty());
+                self.command = Some(text.ok_or("words as text, such as \"[set] [pos]\"")?.into());
+            }
+            "control" => {
+                let word = value.as_str().and_then(control);
+                self.control = Some(word.ok_or("position, position_direct, velocity or torque")?);
+            }
+            "degrees" => self.degrees = value.as_bool().ok_or(SWITCH)?,
+            "dialect" => {
+                let word = value.as_str().and_then(|text| text.parse().ok());
+                self.dialect = Some(word.ok_or("v3 (YARP 3) or v4 (YARP 4)")?);
+            }
+            "frame_id" => value.as_str().ok_or("a text")?.clone_into(&mut self.frame_id),
+            "joints" => self.joints = names(value).ok_or("a list of different names")?,
+            "out_topic_connect" => self.out_topic_connect = Some(port(value).ok_or(PORT)?),
+            "packed_rows" => self.packed_rows = value.as_bool().ok_or(SWITCH)?,
+            "persistent" => self.persistent = value.as_bool().ok_or(SWITCH)?,
+            "port" => self.port = Some(port(value).ok_or(PORT)?),
+            "sensor" => {
+                let number = value.as_i64().and_then(|number| usize::try_from(number).ok());
+                self.sensor = number.ok_or("the number of a sensor, counted from 0")?;
+            }
+            "wrapyfi_images" => self.wrapyfi_images = value.as_bool().ok_or(SWITCH)?,
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+/// True when a carrier, with its qualifiers, brings pictures as files.
+pub(super) fn brings_files(carrier: &str) -> bool {
+    carrier.split('+').next() == Some("mjpeg")
+}
+
+fn form(value: &Value) -> Option<Form> {
+    match value {
+        Value::Bool(true) => Some(Form::Bottle),
+        Value::Bool(false) => Some(Form::Json),
+        Value::Str(text) if text == "property" => Some(Form::Property),
+        _ => None,
+    }
+}
+
+fn control(word: &str) -> Option<Control> {
+    match word {
+        "position" => Some(Control::Position),
+        "position_direct" => Some(Control::PositionDirect),
+        "velocity" => Some(Control::Velocity),
+        "torque" => Some(Control::Torque),
+        _ => None,
+    }
+}
+
+fn base(word: &str) -> Option<BaseCommand> {
+    match word {
+        "velocity" => Some(BaseCommand::Velocity),
+        "control" => Some(BaseCommand::Control),
+        _ => None,
+    }
+}
+
+fn is_carrier(text: &str) -> bool {
+    CARRIERS.contains(&text.split('+').next().unwrap_or(text))
+        && !text.chars().any(char::is_whitespace)
+}
+
+fn port(value: &Value) -> Option<String> {
+    let name = value.as_str()?;
+    let valid = name.starts_with('/') && name.len() > 1 && !name.chars().any(char::is_whitespace);
+    valid.then(|| name.to_owned())
+}
+
+fn names(value: &Value) -> Option<Vec<String>> {
+    let mut names: Vec<String> = Vec::new();
+    for name in value.as_items()? {
+        let name = name.as_str().filter(|name| !name.is_empty())?;
+        if names.iter().any(|known| known == name) {
+            return None;
+        }
+        names.push(name.to_owned());
+    }
+    Some(names)
+}
+
+/// A value as it was written, short.
+fn shown(value: &Value) -> String {
+    match value {
+        Value::Bool(value) => value.to_string(),
+        Value::Int(value) => value.to_string(),
+        Value::Float(value) => value.to_string(),
+        Value::Str(text) => format!("{:?}", text.chars().take(80).collect::<String>()),
+        Value::List(items) if items.len() <= 16 => {
+            format!("[{}]", items.iter().map(shown).collect::<Vec<_>>().join(", "))
+        }
+        Value::List(items) => format!("a list of {}", items.len()),
+        other => format!("a {}", other.kind()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use wrapyfi_data::types::{MessageType, ServiceKind};
+
+    fn read(options: Map) -> Result<YarpOptions, OpenError> {
+        let spec = TopicSpec { options, ..TopicSpec::new("/t", MessageType::NativeObject) };
+        YarpOptions::of_topic(&spec)
+    }
+
+    #[test]
+    fn every_option_is_read() {
+        assert_eq!(read(Map::new()).unwrap(), YarpOptions::default());
+        let joints: Value = ["neck", "eye"].into_iter().collect();
+        let options = Map::from([
+            ("carrier", Value::from("fast_tcp+recv.priority")),
+            ("persistent", false.into()),
+            ("out_topic_connect", "/viewer".into()),
+            ("port", "/bridge/head".into()),
+            ("joints", joints),
+            ("degrees", false.into()),
+            ("dialect", "v4".into()),
+            ("packed_rows", true.into()),
+            ("wrapyfi_images", true.into()),
+            ("bottle", "property".into()),
+            ("command", "[set] [pos]".into()),
+            ("control", "position_direct".into()),
+            ("sensor", 2.into()),
+            ("frame_id", "head".into()),
+            ("base", "control".into()),
+            ("child_frame_id", "base".into()),
+        ]);
+        assert_eq!(options.len(), OPTIONS.len());
+        assert!(OPTIONS.iter().all(|name| options.get(name).is_some()));
+        let wanted = YarpOptions {
+            carrier: Some("fast_tcp+recv.priority".into()),
+            persistent: false,
+            out_topic_connect: Some("/viewer".into()),
+            port: Some("/bridge/head".into()),
+            joints: vec!["neck".into(), "eye".into()],
+            axes: Vec::new(),
+            limits: Arc::default(),
+            control: Some(Control::PositionDirect),
+            intrinsics: None,
+            base: Some(BaseCommand::Control),
+            sensor: 2,
+            degrees: false,
+            dialect: Some(Dialect::V4),
+            packed_rows: true,
+            wrapyfi_images: true,
+            bottle: Some(Form::Property),
+            finds_form: false,
+            command: Some("[set] [pos]".into()),
+            frame_id: "head".into(),
+            child_frame_id: "base".into(),
+        };
+        assert_eq!(read(options.clone()).unwrap(), wanted);
+        let spec = ServiceSpec { options, ..ServiceSpec::new("/s", ServiceKind::NativeObject) };
+        assert_eq!(YarpOptions::of_service(&spec).unwrap(), wanted);
+    }
+
+    #[test]
+    fn values_that_cannot_be_used_are_told_what_may_be_written() {
+        let repeated: Value = ["neck", "neck"].into_iter().collect();
+        for (option, value, wanted) in [
+            ("carrier", Value::from("tpc"), "option carrier of \"/t\" is \"tpc\", it must be tcp,"),
+            ("carrier", "tcp /x".into(), "it must be tcp,"),
+            ("persistent", 1.into(), "is 1, it must be true or false"),
+            ("degrees", "yes".into(), "is \"yes\", it must be true or false"),
+            ("dialect", 4.into(), "is 4, it must be v3 (YARP 3) or v4 (YARP 4)"),
+            ("port", "bridge".into(), "must be the name of a port, which begins with /"),
+            ("out_topic_connect", "/a b".into(), "must be the name of a port"),
+            ("joints", repeated, "is [\"neck\", \"neck\"], it must be a list of different names"),
+            ("joints", "neck".into(), "it must be a list"),
+            ("bottle", 3.into(), "must be true, false, property or auto"),
+            ("command", " ".into(), "must be words as text"),
+            ("control", "speed".into(), "must be position, position_direct, velocity or torque"),
+            ("base", "fast".into(), "must be velocity or control"),
+            ("child_frame_id", 3.into(), "must be a text"),
+            ("sensor", (-1).into(), "must be the number of a sensor"),
+            ("frame_id", 3.into(), "must be a text"),
+        ] {
+            let error = read(Map::from([(option, value)])).unwrap_err().to_string();
+            assert!(error.contains(wanted), "{error}");
+        }
+    }
+
+    #[test]
+    fn the_example_for_an_icub_is_a_plan() {
+        use wrapyfi_endpoint::EndpointAddress;
+        use wrapyfi_engine::{Available, Config, Plan};
+        use wrapyfi_interfaces::store::TypeStore;
+
+        #[derive(Debug, Default, serde::Deserialize)]
+        struct NoEndpoints {}
+
+        let text = include_str!("../../../config/icub.yaml");
+        let config: Config<NoEndpoints> = Config::from_yaml(text, "icub.yaml").unwrap();
+        let known = |name, options| Available { name, check_topic: &|_| Ok(()), options };
+        let ends = [known("yarp", OPTIONS), known("ros2", &[])];
+        let plan = Plan::new(&config, &ends, &mut TypeStore::generated(), "icub.yaml").unwrap();
+        let at_yarp = |ends: [&EndpointAddress; 2]| {
+            ends.into_iter().find(|end| end.middleware == "yarp").unwrap().clone()
+        };
+        for route in &plan.routes {
+            let spec = route.topic_spec(&at_yarp([&route.from, &route.to]));
+            YarpOptions::of_topic(&spec).unwrap();
+        }
+        assert!(plan.routes.len() > 10, "{plan:?}");
+    }
+
+    #[test]
+    fn options_of_others_are_left_alone() {
+        assert_eq!(read(Map::from([("depth", 5)])).unwrap(), YarpOptions::default());
+    }
+}

@@ -1,0 +1,216 @@
+//! Payloads as YARP sends them: bytes of a message to [`Payload`] and back.
+//!
+//! ```text
+//!   NativeObject │ bottle of one JSON string, as Wrapyfi, or any bottle      ◀──▶ Value
+//!   Text         │ bottle of one string                                      ◀──▶ Str
+//!   Image        │ header and rows; a bottle of base64 of .npy of JPEG       ◀──▶ Image
+//!   AudioChunk   │ Sound: planar, 16 bits                                    ◀──▶ AudioChunk
+//!   Ros          │ Vector, Matrix, joints, sensors, bases, pairs of field and value ◀──▶ RosMessage
+//!   envelope     │ "42 1700000000.5"                                         ◀──▶ stamp
+//! ```
+//!
+//! The table with examples: `docs/reference/wire/yarp.md`. Nothing here has sockets or a clock. Pixels and the
+//! samples of one channel are those of the message, not copies.
+
+mod base;
+mod camera;
+mod command;
+mod element;
+mod fault;
+mod frames;
+mod image;
+mod joints;
+mod laser;
+mod native;
+mod numbers;
+mod positional;
+mod requests;
+mod ros;
+mod sensors;
+mod sound;
+#[cfg(test)]
+mod tests;
+mod word;
+
+use bytes::Bytes;
+use wrapyfi_yarp::port::{Payload as Bytewise, PayloadKind};
+use wrapyfi_yarp::{Dialect, sig};
+
+use super::intrinsics::CAMERA_INFO;
+use super::options::{Form, YarpOptions};
+use element::Writer;
+use wrapyfi_data::types::{DataType, MessageType, NativeObject, Payload, Stamp};
+use wrapyfi_endpoint::TopicSpec;
+use wrapyfi_endpoint::codec::{DecodeError, EncodeError, fitted, received_as};
+
+pub(super) use command::{COMMAND_PORT, trajectory};
+pub(super) use laser::is_scan;
+pub use requests::{
+    decode_reply, decode_request, encode_error, encode_reply, encode_request, is_json,
+};
+
+/// A message to write: its bytes, and the time that goes with it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Outgoing {
+    /// The bytes.
+    pub payload: Bytewise,
+    /// Time at which the payload was made, where it says so. The stamp's count is 0: the writer
+    /// counts.
+    pub stamp: Option<sig::Stamp>,
+}
+
+/// Writes `payload` as a message of the topic.
+///
+/// # Errors
+/// When it is not of the topic's type, has no form in YARP, or exceeds the message size.
+pub fn encode(
+    payload: &Payload,
+    spec: &TopicSpec,
+    options: &YarpOptions,
+    dialect: Dialect,
+) -> Result<Outgoing, EncodeError> {
+    let form = options.bottle.unwrap_or_default();
+    let writer = Writer { dialect, limits: &spec.limits };
+    let wanted = spec.message_type.data_type();
+    if let (DataType::Image, Payload::Image(image)) = (wanted, payload)
+        && options.sends_files()
+    {
+        let file = image::encode_jpeg(image, spec)?;
+        fault::check_size(file.len(), spec.limits.message_bytes)?;
+        return Ok(Outgoing { payload: Bytewise::raw(file), stamp: envelope(Some(image.stamp)) });
+    }
+    let payload = &*fitted(payload, spec.message_type, spec.color_order, &spec.limits)?;
+    let (bytes, stamp) = match (wanted, payload) {
+        (DataType::NativeObject, Payload::NativeObject(object)) => {
+            let bytes = if spec.message_type == MessageType::Text {
+                native::encode_text(object, form, writer)?
+            } else {
+                native::encode(object, form, &spec.plugins, writer)?
+            };
+            (bytes, Some(object.stamp))
+        }
+        (DataType::Properties, Payload::Properties(properties)) => {
+            (native::encode(&properties.to_value(), form, &spec.plugins, writer)?, None)
+        }
+        (DataType::Image, Payload::Image(image)) => {
+            (image::encode(image, spec, options, dialect)?, Some(image.stamp))
+        }
+        (DataType::AudioChunk, Payload::AudioChunk(sound)) => {
+            (sound::encode(sound, dialect)?, Some(sound.stamp))
+        }
+        (DataType::RosMessage, Payload::RosMessage(message))
+            if spec.message_type == MessageType::Ros(message.ros_type) =>
+        {
+            ros::encode(message, spec, options, dialect)?
+        }
+        _ => {
+            return Err(EncodeError::Mismatch {
+                expected: spec.message_type.to_string(),
+                actual: match payload {
+                    Payload::RosMessage(message) => format!("a {}", message.ros_type),
+                    other => other.data_type().to_string(),
+                },
+            });
+        }
+    };
+    fault::check_size(bytes.len(), spec.limits.message_bytes)?;
+    Ok(Outgoing { payload: Bytewise::object(bytes), stamp: envelope(stamp) })
+}
+
+/// True when messages of this type are calibrations of a camera.
+pub(super) fn is_of_camera(message_type: MessageType) -> bool {
+    matches!(message_type, MessageType::Ros(ros_type) if ros_type.name() == CAMERA_INFO)
+}
+
+/// True when messages of this type are about the joints of a control board.
+pub(super) fn is_of_joints(message_type: MessageType) -> bool {
+    let MessageType::Ros(ros_type) = message_type else { return false };
+    matches!(ros_type.name(), ros::JOINTS | ros::TRAJECTORY)
+}
+
+/// The stamp that goes with a message; none where it has no time.
+fn envelope(stamp: Option<Stamp>) -> Option<sig::Stamp> {
+    let stamp = stamp.filter(|stamp| *stamp != Stamp::default())?;
+    Some(sig::Stamp { count: 0, time_s: stamp.as_secs_f64() })
+}
+
+/// Reads a message of the topic. `stamp` is that of its envelope; `now` stands in where there is
+/// none. A message that only the other dialect can read is read in that one.
+///
+/// # Errors
+/// When the bytes are no message of the topic's type, or exceed its limits.
+pub fn decode(
+    received: &Bytewise,
+    stamp: Option<sig::Stamp>,
+    spec: &TopicSpec,
+    options: &YarpOptions,
+    dialect: Dialect,
+    now: Stamp,
+) -> Result<Payload, DecodeError> {
+    fault::check_received(received.bytes.len(), spec.limits.message_bytes)?;
+    native::in_either(&received.bytes, dialect, &spec.limits, |dialect| {
+        decode_as(received, stamp, spec, options, dialect, now)
+    })
+}
+
+fn decode_as(
+    received: &Bytewise,
+    stamp: Option<sig::Stamp>,
+    spec: &TopicSpec,
+    options: &YarpOptions,
+    dialect: Dialect,
+    now: Stamp,
+) -> Result<Payload, DecodeError> {
+    let bytes: &Bytes = &received.bytes;
+    let sent_at = time(stamp);
+    let stamp = sent_at.unwrap_or(now);
+    let limits = &spec.limits;
+    let kind = spec.message_type.data_type();
+    if kind == DataType::Image {
+        let image = image::decode(bytes, received.kind, spec, options, dialect, stamp)?;
+        return Ok(image.into());
+    }
+    if received.kind == PayloadKind::Raw {
+        let actual = format!("{} bytes that are no bottle, as carrier mjpeg brings", bytes.len());
+        return Err(fault::mismatch(spec.message_type.to_string(), actual));
+    }
+    match (spec.message_type, kind) {
+        (MessageType::Ros(ros_type), _) => {
+            ros::decode(bytes, ros_type, spec, options, dialect, stamp).map(Payload::from)
+        }
+        (_, DataType::AudioChunk) => {
+            sound::decode(bytes, options, dialect, limits, stamp).map(Payload::from)
+        }
+        (message_type, _) => {
+            let form = options.bottle.unwrap_or_default();
+            let bottle = native::bottle(bytes, dialect, limits)?;
+            let object = |value| NativeObject {
+                stamp: sent_at.unwrap_or_default(),
+                frame_id: options.frame_id.clone(),
+                value,
+            };
+            if message_type == MessageType::Text {
+                return Ok(object(native::decode_text(&bottle, form)).into());
+            }
+            let form = if kind == DataType::Properties && form != Form::Json {
+                Form::Property
+            } else {
+                form
+            };
+            let value = native::decode(&bottle, form, &spec.plugins, dialect, limits)?;
+            converted(object(value).into(), spec, now)
+        }
+    }
+}
+
+/// An object as what the topic carries: properties, or itself.
+fn converted(payload: Payload, spec: &TopicSpec, now: Stamp) -> Result<Payload, DecodeError> {
+    let to = spec.message_type;
+    received_as(payload, to, spec.color_order, &spec.limits, now)
+}
+
+/// The time of an envelope; none where no clock could have shown it.
+fn time(stamp: Option<sig::Stamp>) -> Option<Stamp> {
+    let time = Stamp::from_secs_f64(stamp?.time_s);
+    (time != Stamp::default()).then_some(time)
+}

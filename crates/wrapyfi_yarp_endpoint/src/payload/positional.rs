@@ -1,0 +1,181 @@
+//! Services of ROS as plain bottles: fields in order.
+//!
+//! ```text
+//!   std_srvs/srv/SetBool   data: true                      ─▶   true
+//!                          success: true, message: ""      ◀─   [ok]
+//!                          success: false, message: why    ◀─   [fail] why
+//!   any other              its fields in order             ─▶   2 10.0
+//! ```
+
+use wrapyfi_interfaces::dynamic::{DynamicMessage, DynamicValue};
+use wrapyfi_yarp::{Bottle, Dialect, Value as Element};
+
+use super::element::{self, Writer};
+use super::{fault, requests, ros};
+use wrapyfi_data::types::{
+    Map, RosType, RosValueError, Value, fields_of_call, fields_of_return, value_of,
+};
+use wrapyfi_endpoint::codec::{DecodeError, EncodeError};
+use wrapyfi_endpoint::{Call, Request, ServiceSpec};
+
+/// The field that the generator of ROS puts into messages without any.
+const FILLER: &str = "structure_needs_at_least_one_member";
+/// Words by which servers say that it went well, or not.
+const GOOD: [&str; 2] = ["ok", "ack"];
+const BAD: [&str; 2] = [requests::FAIL, "nack"];
+
+/// The fields of a request that a call gives.
+pub(super) fn call(
+    ros_type: RosType,
+    request: &Request,
+    limit: usize,
+) -> Result<DynamicMessage, EncodeError> {
+    let Call { args, kwargs } = &*wrapyfi_endpoint::codec::requests::call(request)?;
+    let read = fields_of_call(ros_type, args, kwargs, limit);
+    read.map_err(|error| other_fields(ros_type, &error))
+}
+
+/// The fields of a reply that a function returned: a dict of them, or their values in order.
+pub(super) fn reply(
+    ros_type: RosType,
+    value: &Value,
+    limit: usize,
+) -> Result<DynamicMessage, EncodeError> {
+    fields_of_return(ros_type, value, limit).map_err(|error| other_fields(ros_type, &error))
+}
+
+fn other_fields(ros_type: RosType, error: &RosValueError) -> EncodeError {
+    EncodeError::Mismatch {
+        expected: format!("the fields of a {ros_type}"),
+        actual: format!("others: {error}"),
+    }
+}
+
+/// The values of the fields, in order.
+pub(super) fn write(fields: &DynamicMessage, writer: Writer<'_>) -> Result<Bottle, EncodeError> {
+    let Value::Map(fields) = value_of(fields) else { return Ok(Bottle::new()) };
+    let values = fields.iter().filter(|(name, _)| name.as_str() != Some(FILLER));
+    let at = |(name, value): (&Value, &Value)| {
+        writer.element(value, &format!("$.{}", name.as_str().unwrap_or_default()), 1)
+    };
+    values.map(at).collect()
+}
+
+/// As [`write`], with success as `[ok]` or `[fail]`.
+pub(super) fn write_reply(
+    fields: &DynamicMessage,
+    writer: Writer<'_>,
+) -> Result<Bottle, EncodeError> {
+    let mut bottle = write(fields, writer)?;
+    if let Some((success, message)) = verdict(fields) {
+        let [word, _] = if success { GOOD } else { BAD };
+        bottle.values = vec![Element::vocab(word)];
+        if !message.is_empty() {
+            bottle.push(message);
+        }
+    }
+    Ok(bottle)
+}
+
+/// Success and message of a reply that has these fields and no others: most services of ROS.
+fn verdict(fields: &DynamicMessage) -> Option<(bool, &str)> {
+    let mut fields = fields.fields();
+    match (fields.next()?, fields.next()?, fields.next()) {
+        (("success", DynamicValue::Bool(success)), ("message", message), None) => {
+            Some((*success, message.as_str()?))
+        }
+        _ => None,
+    }
+}
+
+/// Arguments that are all pairs of a field's name and its value.
+pub(super) fn by_name(args: &[Value], ros_type: RosType) -> Option<Map> {
+    let defaults = ros_type.plan().default_message();
+    let pairs = match args {
+        [] => return None,
+        [Value::Map(map)] => map.clone(),
+        args => ros::as_pairs(args)?,
+    };
+    let known = |(name, _): (&Value, &Value)| {
+        name.as_str().is_some_and(|name| defaults.fields().any(|(field, _)| field == name))
+    };
+    let all_known = pairs.iter().all(known);
+    all_known.then_some(pairs)
+}
+
+/// Reads a reply: a dict of its fields, or the server's word that there is none.
+pub(super) fn read_reply(
+    bottle: &Bottle,
+    ros_type: RosType,
+    spec: &ServiceSpec,
+    dialect: Dialect,
+) -> Result<Result<Value, String>, DecodeError> {
+    let defaults = ros_type.plan().default_message();
+    let given = match verdict(&defaults).and_then(|_| judged(bottle)) {
+        Some(fields) => fields,
+        None => match requests::failure(bottle) {
+            Some(text) => return Ok(Err(text)),
+            None => in_order(bottle, &defaults, ros_type, dialect)?,
+        },
+    };
+    let named = ros::named(given.into(), &defaults);
+    let fields =
+        fields_of_return(ros_type, &named, spec.limits.message_bytes).map_err(|error| {
+            fault::mismatch(format!("the fields of a {ros_type}"), format!("others: {error}"))
+        })?;
+    Ok(Ok(value_of(&fields)))
+}
+
+/// Success and message in `[ok] …` and `[fail] …`.
+fn judged(bottle: &Bottle) -> Option<Map> {
+    let (first, rest) = bottle.values.split_first()?;
+    let is = |words: [&str; 2]| words.iter().any(|word| first.is_word(word));
+    let success = match (is(GOOD), is(BAD)) {
+        (true, _) => true,
+        (_, true) => false,
+        _ => return None,
+    };
+    Some(Map::from([("success", Value::from(success)), ("message", joined(rest).into())]))
+}
+
+/// Values as one text: the only string itself, or the text form of them all.
+fn joined(values: &[Element]) -> String {
+    match values {
+        [Element::String(text)] => text.to_string_lossy().into_owned(),
+        values => Bottle { values: values.to_vec() }.to_text(),
+    }
+}
+
+fn in_order(
+    bottle: &Bottle,
+    defaults: &DynamicMessage,
+    ros_type: RosType,
+    dialect: Dialect,
+) -> Result<Map, DecodeError> {
+    let values: Vec<Value> =
+        bottle.values.iter().map(|value| element::to_value(value, dialect)).collect();
+    if let Some(fields) = by_name(&values, ros_type) {
+        return Ok(fields);
+    }
+    let names: Vec<&str> =
+        defaults.fields().map(|(name, _)| name).filter(|name| *name != FILLER).collect();
+    let last = names.last().and_then(|name| defaults.get(name));
+    match (names.as_slice(), last) {
+        // Nothing is asked, and `[ok]` is no more than a courtesy.
+        ([], _) => Ok(Map::new()),
+        ([only], Some(DynamicValue::Primitives(_))) if !matches!(*values, [Value::List(_)]) => {
+            Ok(Map::from([(*only, Value::List(values))]))
+        }
+        (names, Some(DynamicValue::Text(_))) if values.len() > names.len() => {
+            let rest = names.len() - 1;
+            let text = joined(bottle.values.get(rest..).unwrap_or_default());
+            let values = values.into_iter().take(rest).chain([text.into()]);
+            Ok(names.iter().copied().zip(values).collect())
+        }
+        (names, _) if values.len() > names.len() => Err(fault::mismatch(
+            format!("{} values, the fields of a {ros_type}", names.len()),
+            format!("{} values", values.len()),
+        )),
+        (names, _) => Ok(names.iter().copied().zip(values).collect()),
+    }
+}

@@ -1,0 +1,278 @@
+//! Requests and replies of rpc ports.
+//!
+//! ```text
+//!   Wrapyfi   "[{\"__wrapyfi__\": [\"tuple\", [5]]}, {}]"   ─▶   "{\"i\": 5}"     one string each
+//!   others    [set] [pos] 2 10.0                            ─▶   [ok]            plain bottles
+//! ```
+//!
+//! Plain bottles are those of option `bottle`, and of services of ROS: `positional` maps their
+//! fields. Servers of YARP say `[fail]` where there is no answer.
+
+use bytes::Bytes;
+use wrapyfi_yarp::{Bottle, Dialect, Value as Element};
+
+use super::super::options::{Form, YarpOptions};
+use super::element::{self, Writer};
+use super::{fault, native, positional};
+use wrapyfi_data::types::{
+    AudioChunk, DataType, Dtype, Map, Payload, SampleFormat, ServiceKind, Stamp, Tensor, Value,
+};
+use wrapyfi_endpoint::codec::{DecodeError, EncodeError, json, received_as, requests};
+use wrapyfi_endpoint::{Call, Request, ServiceSpec};
+
+/// First word of the reply of a server that fails.
+pub(super) const FAIL: &str = "fail";
+
+/// Form in which the service's requests are written: JSON unless the service is one of ROS.
+/// Pictures and sound are always JSON.
+fn form(spec: &ServiceSpec, options: &YarpOptions) -> Form {
+    let usual = match spec.kind {
+        ServiceKind::Ros(_) => Form::Bottle,
+        _ => Form::Json,
+    };
+    match spec.kind.data_type() {
+        DataType::NativeObject => options.bottle.unwrap_or(usual),
+        _ => Form::Json,
+    }
+}
+
+/// True when requests and replies of the service are JSON, which has no dialects.
+pub fn is_json(spec: &ServiceSpec, options: &YarpOptions) -> bool {
+    !matches!(spec.kind, ServiceKind::Ros(_)) && form(spec, options) == Form::Json
+}
+
+/// Writes a request: the bytes of a bottle. Option `command` goes before its arguments.
+///
+/// # Errors
+/// When an argument has no form in YARP, or the request exceeds the message size.
+pub fn encode_request(
+    request: &Request,
+    spec: &ServiceSpec,
+    options: &YarpOptions,
+    dialect: Dialect,
+) -> Result<Bytes, EncodeError> {
+    let writer = Writer { dialect, limits: &spec.limits };
+    let arguments = match (form(spec, options), spec.kind) {
+        (Form::Json, _) => native::single(requests::encode_request(request, spec)?),
+        (_, ServiceKind::Ros(service)) => {
+            let fields = positional::call(service.request(), request, spec.limits.message_bytes)?;
+            positional::write(&fields, writer)?
+        }
+        _ => {
+            let Call { args, kwargs } = &*requests::call(request)?;
+            let mut bottle = writer.elements(args, "$", 1)?;
+            if !kwargs.is_empty() {
+                bottle.push(Element::Dict(writer.pairs(kwargs, "$", 2)?));
+            }
+            bottle
+        }
+    };
+    let mut bottle = words(options, writer)?;
+    bottle.extend(arguments);
+    finish(&bottle, spec, dialect)
+}
+
+/// Reads a request, of either dialect. Whoever types one sends its arguments in order; a dict in
+/// last place has those with names. The words of option `command` are taken off.
+///
+/// # Errors
+/// When it is no request of the service, or exceeds a limit.
+pub fn decode_request(
+    bytes: &Bytes,
+    spec: &ServiceSpec,
+    options: &YarpOptions,
+    dialect: Dialect,
+) -> Result<Request, DecodeError> {
+    fault::check_received(bytes.len(), spec.limits.message_bytes)?;
+    native::in_either(bytes, dialect, &spec.limits, |dialect| {
+        decode_request_as(bytes, spec, options, dialect)
+    })
+}
+
+fn decode_request_as(
+    bytes: &Bytes,
+    spec: &ServiceSpec,
+    options: &YarpOptions,
+    dialect: Dialect,
+) -> Result<Request, DecodeError> {
+    let mut bottle = native::bottle(bytes, dialect, &spec.limits)?;
+    let writer = Writer { dialect, limits: &spec.limits };
+    let words = words(options, writer).unwrap_or_default();
+    if !words.is_empty() && bottle.values.starts_with(&words.values) {
+        bottle.values.drain(..words.len());
+    }
+    if form(spec, options) == Form::Json
+        && let [Element::String(text)] = bottle.values.as_slice()
+        && text.as_bytes().trim_ascii_start().starts_with(b"[")
+    {
+        return requests::decode_request(&text.clone().into_bytes(), spec);
+    }
+    let mut args: Vec<Value> =
+        bottle.values.iter().map(|value| element::to_value(value, dialect)).collect();
+    if let ServiceKind::Ros(service) = spec.kind
+        && let Some(kwargs) = positional::by_name(&args, service.request())
+    {
+        return Ok(Request::default().with(kwargs));
+    }
+    let kwargs = match args.pop() {
+        Some(Value::Map(map)) if map.iter().all(|(key, _)| key.as_str().is_some()) => map,
+        last => {
+            args.extend(last);
+            Map::new()
+        }
+    };
+    Ok(Call { args, kwargs }.into())
+}
+
+/// Writes a reply: the bytes of a bottle.
+///
+/// # Errors
+/// When `payload` is not of the service's kind, has no form in YARP, or exceeds the message size.
+pub fn encode_reply(
+    payload: &Payload,
+    spec: &ServiceSpec,
+    options: &YarpOptions,
+    dialect: Dialect,
+) -> Result<Bytes, EncodeError> {
+    let writer = Writer { dialect, limits: &spec.limits };
+    let payload = &*requests::without_messages(payload)?;
+    let value = match (spec.kind.data_type(), payload) {
+        (DataType::NativeObject, Payload::NativeObject(object)) => object.value.clone(),
+        (DataType::Image, Payload::Image(image)) => {
+            image.to_value(spec.color_order, &spec.limits)?
+        }
+        (DataType::AudioChunk, Payload::AudioChunk(sound)) => tuple(sound)?,
+        (wanted, other) => {
+            return Err(EncodeError::Mismatch {
+                expected: wanted.to_string(),
+                actual: other.data_type().to_string(),
+            });
+        }
+    };
+    let bottle = match (form(spec, options), spec.kind) {
+        (Form::Json, _) => native::single(json::encode_with(&value, &spec.plugins)?),
+        (_, ServiceKind::Ros(service)) => {
+            let limit = spec.limits.message_bytes;
+            positional::write_reply(&positional::reply(service.response(), &value, limit)?, writer)?
+        }
+        (_, ServiceKind::NativeObject | ServiceKind::UpstreamNativeObject)
+            if value == Value::Null =>
+        {
+            Bottle::new()
+        }
+        _ => writer.bottle(&value)?,
+    };
+    finish(&bottle, spec, dialect)
+}
+
+/// Wrapyfi's `(chunk, channels, rate, array)`.
+fn tuple(sound: &AudioChunk) -> Result<Value, EncodeError> {
+    let sound = sound.to_format(SampleFormat::F32Le);
+    let shape = [sound.frames as usize, usize::from(sound.channels)];
+    let array = Tensor::new(Dtype::F32, shape, sound.data).map_err(|error| {
+        let remedy = "make chunks with AudioChunk::new";
+        fault::unwritable("sound", error.to_string(), "$", remedy)
+    })?;
+    Ok(Value::Tuple(vec![
+        sound.frames.into(),
+        sound.channels.into(),
+        sound.sample_rate.into(),
+        array.into(),
+    ]))
+}
+
+/// Writes why there is no reply, so that every client ends its call: Wrapyfi's in the JSON that
+/// makes them raise an error, others by `[fail]` and the text.
+#[must_use]
+pub fn encode_error(
+    text: &str,
+    spec: &ServiceSpec,
+    options: &YarpOptions,
+    dialect: Dialect,
+) -> Bytes {
+    let bottle = match form(spec, options) {
+        Form::Json => native::single(requests::encode_error(text)),
+        _ => Bottle { values: vec![Element::vocab(FAIL), Element::string(text)] },
+    };
+    // Neither a vocab of 32 bits nor a string lacks a form.
+    native::bytes(&bottle, dialect).unwrap_or_default().into()
+}
+
+/// Reads a reply, of either dialect: the payload, or the server's word why there is none. `now` stands
+/// in for the time stamp, which replies have not.
+///
+/// # Errors
+/// When it is no reply of the service's kind, or exceeds a limit.
+pub fn decode_reply(
+    bytes: &Bytes,
+    spec: &ServiceSpec,
+    options: &YarpOptions,
+    dialect: Dialect,
+    now: Stamp,
+) -> Result<Result<Payload, String>, DecodeError> {
+    fault::check_received(bytes.len(), spec.limits.message_bytes)?;
+    native::in_either(bytes, dialect, &spec.limits, |dialect| {
+        decode_reply_as(bytes, spec, options, dialect, now)
+    })
+}
+
+fn decode_reply_as(
+    bytes: &Bytes,
+    spec: &ServiceSpec,
+    options: &YarpOptions,
+    dialect: Dialect,
+    now: Stamp,
+) -> Result<Result<Payload, String>, DecodeError> {
+    let bottle = native::bottle(bytes, dialect, &spec.limits)?;
+    let form = form(spec, options);
+    if let (Form::Json, [Element::String(text)]) = (form, bottle.values.as_slice()) {
+        // Pictures and sound come as native objects, too: as arrays.
+        let native = ServiceSpec { kind: ServiceKind::NativeObject, ..spec.clone() };
+        return match requests::decode_reply(&text.clone().into_bytes(), &native, now)? {
+            Ok(payload) => formed(payload, spec, now).map(Ok),
+            Err(text) => Ok(Err(text)),
+        };
+    }
+    if let ServiceKind::Ros(service) = spec.kind {
+        let read = positional::read_reply(&bottle, service.response(), spec, dialect)?;
+        return Ok(read.map(Payload::from));
+    }
+    if let Some(text) = failure(&bottle) {
+        return Ok(Err(text));
+    }
+    let value = native::decode(&bottle, form, &spec.plugins, dialect, &spec.limits)?;
+    formed(value.into(), spec, now).map(Ok)
+}
+
+/// The object as what the service returns.
+fn formed(payload: Payload, spec: &ServiceSpec, now: Stamp) -> Result<Payload, DecodeError> {
+    let to = spec.kind.message_type();
+    received_as(payload, to, spec.color_order, &spec.limits, now)
+}
+
+/// Error of a server that failed: `[fail] "no such joint"`. The word is a vocab, because a string
+/// may be anything.
+pub(super) fn failure(bottle: &Bottle) -> Option<String> {
+    let (first, rest) = bottle.values.split_first()?;
+    if *first != Element::vocab(FAIL) {
+        return None;
+    }
+    Some(match rest {
+        [] => "the server answered [fail] without a reason".to_owned(),
+        rest => native::decode_text(&Bottle { values: rest.to_vec() }, Form::Json)
+            .as_str()
+            .unwrap_or_default()
+            .to_owned(),
+    })
+}
+
+/// The words of option `command`.
+fn words(options: &YarpOptions, writer: Writer<'_>) -> Result<Bottle, EncodeError> {
+    options.command.as_deref().map_or(Ok(Bottle::new()), |text| native::typed(text, writer))
+}
+
+fn finish(bottle: &Bottle, spec: &ServiceSpec, dialect: Dialect) -> Result<Bytes, EncodeError> {
+    let bytes = native::bytes(bottle, dialect)?;
+    fault::check_size(bytes.len(), spec.limits.message_bytes)?;
+    Ok(bytes.into())
+}

@@ -1,0 +1,359 @@
+//! The meeting point of publishers and listeners, in place of Wrapyfi's own.
+//!
+//! ```text
+//!   Broker::start ── binds XPUB pub_port (listeners) and XSUB sub_port (publishers)
+//!        │           └─ thread: Proxy
+//!   status() ◀────────── counters, subscriptions
+//!   drop     ──────────▶ thread ends, ports are free
+//! ```
+//!
+//! The broker lives in a thread of its owner: it cannot outlive the process and keep the ports.
+
+use std::collections::BTreeMap;
+use std::io::ErrorKind;
+use std::net::IpAddr;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::Instant;
+
+use serde::Serialize;
+
+use super::config::{ZeroMqConfig, allowed, resolve};
+use super::front::Front;
+use super::keeper::{Side, Stand};
+use super::ledger::Ledger;
+use super::monitor::Monitor;
+use super::options::{self, Bell};
+use super::proxy::Proxy;
+use super::traffic::{TopicTraffic, Traffic};
+use wrapyfi_endpoint::Throttle;
+use wrapyfi_endpoint::network::{Insecure, ReachedByOthers};
+use wrapyfi_endpoint::{Counters, DropReason};
+
+/// Settings of a [`Broker`]; the fields mean what they mean in [`ZeroMqConfig`].
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[allow(missing_docs)]
+pub struct BrokerConfig {
+    pub ip: String,
+    /// 0 means any free port, here and in `sub_port`.
+    pub pub_port: u16,
+    pub sub_port: u16,
+    /// `None`: nobody is told who is subscribed.
+    pub monitor_topic: Option<String>,
+    pub hwm: u16,
+    pub max_frame_bytes: usize,
+    pub insecure: Insecure,
+}
+
+impl Default for BrokerConfig {
+    fn default() -> Self {
+        ZeroMqConfig::default().broker_config()
+    }
+}
+
+/// Error of starting a broker.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum BrokerError {
+    /// The host has no address.
+    #[error("the broker's {reason}")]
+    Host {
+        /// Reason why the name has no address.
+        reason: String,
+    },
+    /// Other machines could reach it.
+    #[error(transparent)]
+    NotLoopback(#[from] ReachedByOthers),
+    /// Somebody else has the port.
+    #[error("port {port} on {ip} is taken: stop what uses it, or choose another port")]
+    PortTaken {
+        /// Address asked for.
+        ip: IpAddr,
+        /// Port asked for.
+        port: u16,
+    },
+    /// The address belongs to another machine.
+    #[error("{ip} is not an address of this machine: run the broker there and only connect here")]
+    NotHere {
+        /// Address asked for.
+        ip: IpAddr,
+    },
+    /// Both sides on one port.
+    #[error("{} and {} are both {port}: give the two sides of the broker two ports", names.0, names.1)]
+    SamePort {
+        /// The port.
+        port: u16,
+        /// The two settings.
+        names: (&'static str, &'static str),
+    },
+    /// Anything else ZeroMQ or the system refused.
+    #[error("the ZeroMQ broker could not {action}: {reason}")]
+    Transport {
+        /// Action that failed.
+        action: String,
+        /// Message of the system.
+        reason: String,
+    },
+}
+
+/// A running broker. Dropping it ends it and frees its ports.
+pub struct Broker {
+    ip: IpAddr,
+    pub_port: u16,
+    sub_port: u16,
+    shared: Arc<Shared>,
+    stop: Bell,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// A broker at one moment.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+pub struct BrokerStatus {
+    /// Messages passed on to listeners.
+    pub messages: u64,
+    /// Bytes passed on, all frames.
+    pub bytes: u64,
+    /// Messages dropped because they pretended to be the broker's counts.
+    pub forged: u64,
+    /// Frames from listeners dropped because they were no subscription.
+    pub ignored: u64,
+    /// Messages that listeners missed, by reason: one that two listeners miss counts twice.
+    pub missed: BTreeMap<&'static str, u64>,
+    /// Listeners by topic.
+    pub subscriptions: BTreeMap<String, u64>,
+    /// Traffic of each topic; as old as `subscriptions`.
+    pub topics: BTreeMap<String, TopicTraffic>,
+    /// Messages of topics that are not listed: beyond 4096 of them, or named by no text.
+    pub unlisted: u64,
+    /// Reason why the broker does not work now; it goes on trying.
+    pub failure: Option<String>,
+}
+
+impl Broker {
+    /// Binds both ports and starts passing messages.
+    ///
+    /// # Errors
+    /// When a port cannot be bound or must not be; both are free again then.
+    pub fn start(config: &BrokerConfig) -> Result<Self, BrokerError> {
+        Self::start_with(config, Arc::default())
+    }
+
+    /// As [`Self::start`], of an instance whose publishers are told what the broker loses of theirs.
+    fn start_with(config: &BrokerConfig, ledger: Arc<Ledger>) -> Result<Self, BrokerError> {
+        let ip = loopback(&config.ip, config.insecure)?;
+        if config.pub_port == config.sub_port && config.pub_port != 0 {
+            let names = ("pub_port", "sub_port");
+            return Err(BrokerError::SamePort { port: config.pub_port, names });
+        }
+        let context = zmq::Context::new();
+        let front = Front::bind(ip, config.pub_port, config.hwm)
+            .map_err(|error| refused(ip, config.pub_port, &error))?;
+        let pub_port = front.port().map_err(failed_to("learn its port"))?;
+        let back = socket(&context, ip, config).map_err(failed_to("open its sockets"))?;
+        let sub_port = bind(&back, ip, config.sub_port)?;
+        let (bell, stop) = Bell::new(&context).map_err(failed_to("open its control socket"))?;
+        let shared = Arc::new(Shared::default());
+        let proxy = Proxy {
+            front,
+            back,
+            stop,
+            monitor: Monitor::new(config.monitor_topic.as_deref()),
+            traffic: Traffic::default(),
+            shared: Arc::clone(&shared),
+            ledger,
+            slow: Throttle::default(),
+            repeat_at: Instant::now(),
+        };
+        let thread = std::thread::Builder::new()
+            .name("zeromq-broker".to_owned())
+            .spawn(move || proxy.run())
+            .map_err(failed_to("start its thread"))?;
+        tracing::info!(%ip, pub_port, sub_port, "ZeroMQ broker runs");
+        Ok(Self { ip, pub_port, sub_port, shared, stop: bell, thread: Some(thread) })
+    }
+
+    /// Address it is bound to.
+    #[must_use]
+    pub fn ip(&self) -> IpAddr {
+        self.ip
+    }
+
+    /// Port to which listeners connect.
+    #[must_use]
+    pub fn pub_port(&self) -> u16 {
+        self.pub_port
+    }
+
+    /// Port to which publishers connect.
+    #[must_use]
+    pub fn sub_port(&self) -> u16 {
+        self.sub_port
+    }
+
+    /// Counters and subscriptions; the latter at most half a second old.
+    #[must_use]
+    pub fn status(&self) -> BrokerStatus {
+        self.shared.status()
+    }
+}
+
+impl Drop for Broker {
+    fn drop(&mut self) {
+        self.stop.ring();
+        if let Some(thread) = self.thread.take()
+            && thread.join().is_err()
+        {
+            tracing::error!("the ZeroMQ broker's thread panicked");
+        }
+        tracing::info!(pub_port = self.pub_port, sub_port = self.sub_port, "ZeroMQ broker ended");
+    }
+}
+
+impl std::fmt::Debug for Broker {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Broker")
+            .field("ip", &self.ip)
+            .field("pub_port", &self.pub_port)
+            .field("sub_port", &self.sub_port)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Stand for Broker {
+    type Config = (BrokerConfig, Arc<Ledger>);
+
+    const FRONT: Side = Side { ours: "SUB", expected: "XPUB" };
+    const BACK: Side = Side { ours: "PUB", expected: "XSUB" };
+    /// Socket type of the watcher, which subscribes to nothing.
+    const WATCHER: zmq::SocketType = zmq::SUB;
+    const SETTINGS: &'static str = "pub_port, sub_port";
+
+    fn start(config: &Self::Config) -> Result<Self, BrokerError> {
+        Self::start_with(&config.0, Arc::clone(&config.1))
+    }
+
+    fn ports((config, _): &Self::Config) -> (u16, u16) {
+        (config.pub_port, config.sub_port)
+    }
+}
+
+fn socket(context: &zmq::Context, ip: IpAddr, config: &BrokerConfig) -> zmq::Result<zmq::Socket> {
+    let back = context.socket(zmq::XSUB)?;
+    options::set_common(&back, ip)?;
+    back.set_rcvhwm(i32::from(config.hwm))?;
+    // Subscriptions go out here, and a lost one would starve its listener.
+    back.set_sndhwm(0)?;
+    back.set_maxmsgsize(options::frame_limit(config.max_frame_bytes))?;
+    Ok(back)
+}
+
+/// The address of `host`, which others may reach only where that is allowed.
+pub(super) fn loopback(host: &str, insecure: Insecure) -> Result<IpAddr, BrokerError> {
+    let ip = resolve(host).map_err(|reason| BrokerError::Host { reason })?;
+    allowed(ip, insecure)?;
+    Ok(ip)
+}
+
+/// Error for a port of ours that could not be bound.
+fn refused(ip: IpAddr, port: u16, error: &std::io::Error) -> BrokerError {
+    match error.kind() {
+        ErrorKind::AddrInUse => BrokerError::PortTaken { ip, port },
+        ErrorKind::AddrNotAvailable => BrokerError::NotHere { ip },
+        _ => failed_to(&format!("bind {}", options::endpoint(ip, port)))(error),
+    }
+}
+
+/// Binds `socket` and tells to which port.
+pub(super) fn bind(socket: &zmq::Socket, ip: IpAddr, port: u16) -> Result<u16, BrokerError> {
+    // libzmq spells "any free port" with an asterisk.
+    let endpoint = match port {
+        0 => options::endpoint(ip, 0).trim_end_matches('0').to_owned() + "*",
+        _ => options::endpoint(ip, port),
+    };
+    socket.bind(&endpoint).map_err(|error| match error {
+        zmq::Error::EADDRINUSE => BrokerError::PortTaken { ip, port },
+        zmq::Error::EADDRNOTAVAIL | zmq::Error::ENODEV => BrokerError::NotHere { ip },
+        other => failed_to(&format!("bind {endpoint}"))(other),
+    })?;
+    if port != 0 {
+        return Ok(port);
+    }
+    let bound = socket.get_last_endpoint().map_err(failed_to("learn its port"))?;
+    bound
+        .ok()
+        .and_then(|text| text.rsplit_once(':').and_then(|(_, port)| port.parse().ok()))
+        .ok_or_else(|| failed_to("learn its port")("the endpoint names none"))
+}
+
+pub(super) fn failed_to<E: std::fmt::Display>(action: &str) -> impl FnOnce(E) -> BrokerError {
+    let action = action.to_owned();
+    move |error| BrokerError::Transport { action, reason: error.to_string() }
+}
+
+/// State that the broker's thread shares with its owner.
+#[derive(Default)]
+pub(super) struct Shared {
+    messages: AtomicU64,
+    bytes: AtomicU64,
+    forged: AtomicU64,
+    ignored: AtomicU64,
+    missed: Counters,
+    told: Mutex<Told>,
+}
+
+#[derive(Default)]
+struct Told {
+    subscriptions: BTreeMap<String, u64>,
+    traffic: super::traffic::Told,
+    failure: Option<String>,
+}
+
+impl Shared {
+    pub(super) fn count_message(&self, bytes: usize) {
+        self.messages.fetch_add(1, Relaxed);
+        self.bytes.fetch_add(bytes as u64, Relaxed);
+    }
+
+    pub(super) fn count_forged(&self) {
+        self.forged.fetch_add(1, Relaxed);
+    }
+
+    pub(super) fn count_ignored(&self) {
+        self.ignored.fetch_add(1, Relaxed);
+    }
+
+    pub(super) fn count_missed(&self, reason: DropReason) {
+        self.missed.dropped(reason);
+    }
+
+    pub(super) fn set_subscriptions<'a>(&self, counts: impl Iterator<Item = (&'a str, u64)>) {
+        let counts = counts.map(|(topic, count)| (topic.to_owned(), count)).collect();
+        self.told.lock().unwrap_or_else(PoisonError::into_inner).subscriptions = counts;
+    }
+
+    pub(super) fn set_traffic(&self, traffic: super::traffic::Told) {
+        self.told.lock().unwrap_or_else(PoisonError::into_inner).traffic = traffic;
+    }
+
+    /// Notes the reason why the broker does not work now; `None` when it does again.
+    pub(super) fn failed(&self, why: Option<String>) {
+        self.told.lock().unwrap_or_else(PoisonError::into_inner).failure = why;
+    }
+
+    fn status(&self) -> BrokerStatus {
+        let drops = self.missed.snapshot().drops.into_iter();
+        let told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
+        BrokerStatus {
+            messages: self.messages.load(Relaxed),
+            bytes: self.bytes.load(Relaxed),
+            forged: self.forged.load(Relaxed),
+            ignored: self.ignored.load(Relaxed),
+            missed: drops.map(|(reason, count)| (reason.as_str(), count)).collect(),
+            subscriptions: told.subscriptions.clone(),
+            topics: told.traffic.topics.clone(),
+            unlisted: told.traffic.unlisted,
+            failure: told.failure.clone(),
+        }
+    }
+}

@@ -1,0 +1,154 @@
+//! Calls a service through the broker.
+//!
+//! ```text
+//!   send ─ JSON ─▶ Calls ── the broker is reached ──▶ mark, "", JSON ──▶ Line
+//!   take ◀─ payload, error ◀─ mark: whose call, which form ◀─────────── Line
+//! ```
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use bytes::Bytes;
+
+use super::deadline;
+use super::envelope::{self, Parcel};
+use super::line::{Delivery, End, Line, Post, Unusable};
+use super::{Shared, transport};
+use wrapyfi_data::DecodeError;
+use wrapyfi_data::EncodeError;
+use wrapyfi_data::types::{Payload, Stamp};
+use wrapyfi_endpoint::calls::{Calls, Stage};
+use wrapyfi_endpoint::codec::requests;
+use wrapyfi_endpoint::codec::requests::mark::{Content, Kind, Mark};
+use wrapyfi_endpoint::wire_client::{ClientWire, WireClient};
+use wrapyfi_endpoint::{CallError, Context, DropReason, Link, OpenError, Request, ServiceSpec};
+
+/// A request until it is sent.
+pub(super) struct Outgoing {
+    body: Bytes,
+    deadline: Instant,
+}
+
+/// Calls the service on one pair of ports.
+pub(super) struct ZeroMqClient {
+    spec: ServiceSpec,
+    post: Arc<Post>,
+    number: i64,
+}
+
+impl ZeroMqClient {
+    pub(super) fn open(
+        shared: &Shared,
+        endpoint: &str,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> Result<WireClient<Self>, OpenError> {
+        let mut spec = spec.clone();
+        // Beyond this the broker would cut the connection.
+        spec.limits.message_bytes = spec.limits.message_bytes.min(shared.max_frame_bytes);
+        let post = Line::open(shared, endpoint, End::Client, &spec, context)
+            .map_err(|error| transport(&spec.service, error))?;
+        let (service, pending) = (spec.service.clone(), spec.pending);
+        Ok(WireClient::new(Self { spec, post, number: 0 }, &service, pending, context))
+    }
+
+    fn deliver(&self, delivery: &Delivery, calls: &mut Calls<Outgoing>) {
+        let mark = envelope::mark(&delivery.envelope);
+        let call = mark.and_then(|mark| Some((mark, i64::try_from(mark.number).ok()?)));
+        let Some((mark, number)) = call else {
+            // Nobody hands back another envelope than ours.
+            self.post.context().counters.received(delivery.wire_bytes);
+            self.post.context().counters.dropped(DropReason::Malformed);
+            return;
+        };
+        let (spec, body) = (&self.spec, &delivery.body);
+        let answer = || read(mark, body.as_ref(), spec);
+        calls.answered(number, delivery.wire_bytes, delivery.received_at, answer);
+    }
+}
+
+/// Turns a reply into its payload, or into the caller's error.
+fn read(
+    mark: Mark,
+    body: Result<&Bytes, &Unusable>,
+    spec: &ServiceSpec,
+) -> Result<Payload, CallError> {
+    let unusable = |fault| CallError::Reply { service: spec.service.clone(), fault };
+    let refused = |reason| CallError::Refused { service: spec.service.clone(), reason };
+    let body = body.map_err(|why| {
+        unusable(match *why {
+            Unusable::TooLarge(size) => DecodeError::TooLarge {
+                what: "message",
+                path: "$".into(),
+                actual: size as u64,
+                limit: spec.limits.message_bytes as u64,
+            },
+            Unusable::Frames(frames) => DecodeError::Mismatch {
+                expected: "a reply of one frame".into(),
+                actual: format!("{frames} frames"),
+            },
+        })
+    })?;
+    match mark.kind {
+        Kind::Request => {
+            requests::decode_reply(body, spec, Stamp::now()).map_err(unusable)?.map_err(refused)
+        }
+        Kind::Binary => requests::decode_binary(mark.content, body, spec).map_err(unusable),
+        Kind::Error => Err(refused(String::from_utf8_lossy(body).into_owned())),
+    }
+}
+
+impl ClientWire for ZeroMqClient {
+    type Written = Outgoing;
+
+    fn write(
+        &self,
+        request: &Request,
+        deadline: Instant,
+    ) -> Result<(Outgoing, usize), EncodeError> {
+        let body = requests::encode_request(request, &self.spec)?;
+        let bytes = body.len();
+        Ok((Outgoing { body: body.into(), deadline }, bytes))
+    }
+
+    fn turn(&mut self, calls: &mut Calls<Outgoing>) {
+        while self.post.link().is_up() && calls.next_to_send().is_some() {
+            self.number += 1;
+            let Some(Outgoing { body, deadline }) = calls.send(self.number) else { break };
+            let content = Content::of(self.spec.kind.message_type());
+            let mark =
+                deadline::request(content, self.number.unsigned_abs(), deadline, calls.clock());
+            let envelope = vec![Bytes::from(mark.encode())];
+            self.post.send(Parcel { envelope, body }, Some(deadline));
+        }
+        while let Some(delivery) = self.post.take() {
+            self.deliver(&delivery, calls);
+        }
+    }
+
+    fn missing(&self, stage: Stage) -> String {
+        match (stage, self.post.link().waiting_for()) {
+            (Stage::Waiting, Some(what)) => format!("still waiting for {what}"),
+            (Stage::Waiting, None) => "the broker was reached too late".to_owned(),
+            (Stage::Sent, Some(what)) => {
+                format!("lost {what} after it was sent: it may have been carried out, or not")
+            }
+            (Stage::Sent, None) => {
+                "no server is there, or it has not answered; on ZeroMQ a broker \
+                                    does not tell which"
+                    .to_owned()
+            }
+        }
+    }
+
+    fn link(&self) -> Link {
+        // A broker does not tell clients who serves.
+        Link { peers: None, waiting_for: self.post.link().waiting_for(), keeps_last: false }
+    }
+}
+
+impl Drop for ZeroMqClient {
+    fn drop(&mut self) {
+        self.post.close();
+    }
+}

@@ -1,0 +1,317 @@
+//! Settings of ZeroMQ: the address of the broker, and the behaviour of the sockets.
+//!
+//! ```text
+//!   WRAPYFI_ZEROMQ_* ──▶ ZeroMqConfig ──▶ BrokerConfig (embedded)
+//!                                    └──▶ tcp://ip:port (publishers, listeners)
+//! ```
+
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
+
+use super::broker::BrokerConfig;
+use super::service_broker::ServiceBrokerConfig;
+use wrapyfi_endpoint::network::{
+    Hosts, Insecure, Place, ReachedByOthers, is_of_this_machine, is_on,
+};
+
+/// Permission for this process to run the broker.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum BrokerMode {
+    /// Runs the broker unless one is there already; takes over when that one goes away.
+    #[default]
+    Embedded,
+    /// Only connects: somebody else runs the broker.
+    Foreign,
+}
+
+/// Settings of [`ZeroMq`](super::ZeroMq).
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ZeroMqConfig {
+    /// Host of the broker, an address or a name (`WRAPYFI_ZEROMQ_SOCKET_IP`).
+    pub ip: String,
+    /// Port to which listeners connect (`WRAPYFI_ZEROMQ_SOCKET_PUB_PORT`). With an embedded
+    /// broker 0 means any free port.
+    pub pub_port: u16,
+    /// Port to which publishers connect (`WRAPYFI_ZEROMQ_SOCKET_SUB_PORT`).
+    pub sub_port: u16,
+    /// Port to which clients connect (`WRAPYFI_ZEROMQ_SOCKET_REP_PORT` for a client,
+    /// `WRAPYFI_ZEROMQ_SOCKET_REQ_PORT` for a server: Wrapyfi crosses the names).
+    pub rep_port: u16,
+    /// Port to which servers connect (`WRAPYFI_ZEROMQ_SOCKET_REP_PORT` for a server).
+    pub req_port: u16,
+    /// Topic on which the broker tells who is subscribed
+    /// (`WRAPYFI_ZEROMQ_PUBSUB_MONITOR_TOPIC`).
+    pub monitor_topic: String,
+    /// True where our broker publishes that topic (`WRAPYFI_ZEROMQ_START_PUBSUB_MONITOR`).
+    pub monitor: bool,
+    /// Process that runs the broker (`WRAPYFI_ZEROMQ_START_PROXY_BROKER`: `False` is foreign).
+    pub broker: BrokerMode,
+    /// Process that runs the broker of requests and replies; ours starts with the first server.
+    pub service_broker: BrokerMode,
+    /// Messages a socket holds for a peer that is slower, in publishers and in the broker; 0 means
+    /// without limit.
+    pub send_hwm: u16,
+    /// Largest frame a socket accepts before it cuts the connection, in bytes. A listener uses the
+    /// limit of its own topic instead.
+    pub max_frame_bytes: usize,
+    /// Allows a broker on addresses other machines can reach (`WRAPYFI_ZEROMQ_INSECURE`). Nothing is
+    /// authenticated or encrypted there.
+    pub insecure: Insecure,
+    /// Addresses of names that the system need not know.
+    pub hosts: Hosts,
+}
+
+impl Default for ZeroMqConfig {
+    fn default() -> Self {
+        Self {
+            ip: "127.0.0.1".to_owned(),
+            pub_port: 5555,
+            sub_port: 5556,
+            rep_port: 5558,
+            req_port: 5559,
+            monitor_topic: "ZEROMQ/CONNECTIONS".to_owned(),
+            monitor: true,
+            broker: BrokerMode::Embedded,
+            service_broker: BrokerMode::Embedded,
+            // libzmq's own default, and so Wrapyfi's.
+            send_hwm: 1000,
+            max_frame_bytes: wrapyfi_data::Limits::default().message_bytes + FRAME_SLACK,
+            insecure: Insecure::default(),
+            hosts: Hosts::default(),
+        }
+    }
+}
+
+/// Room above a message limit for topic and header frames.
+pub(super) const FRAME_SLACK: usize = 64 * 1024;
+
+/// Error of the environment variables of ZeroMQ.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ConfigError {
+    /// A port that is no port.
+    #[error("{name}={value:?} is not a port: write a number from 1 to 65535")]
+    Port {
+        /// Variable.
+        name: &'static str,
+        /// Value of the variable.
+        value: String,
+    },
+    /// A switch that is neither on nor off.
+    #[error("{name}={value:?} is neither True nor False")]
+    Switch {
+        /// Variable.
+        name: &'static str,
+        /// Value of the variable.
+        value: String,
+    },
+    /// Set, but to nothing.
+    #[error("{name} is set to nothing: give it a value or unset it")]
+    Empty {
+        /// Variable.
+        name: &'static str,
+    },
+    /// The value of a variable is not text.
+    #[error("{name} is not UTF-8 text")]
+    NotText {
+        /// Variable.
+        name: &'static str,
+    },
+}
+
+impl ZeroMqConfig {
+    /// The defaults, changed by the `WRAPYFI_ZEROMQ_*` variables, as Wrapyfi's publishers,
+    /// listeners and servers read them: `…_REQ_PORT` is [`Self::rep_port`] and `…_REP_PORT` is
+    /// [`Self::req_port`]. Those about processes and threads (`…_SPAWN`) mean nothing here: our broker is a thread.
+    ///
+    /// # Errors
+    /// When a variable has a value that means nothing; the error names it.
+    pub fn from_env() -> Result<Self, ConfigError> {
+        Self::from_lookup(variable)
+    }
+
+    /// [`Self::from_env`] as Wrapyfi's clients read it: `…_REP_PORT` is [`Self::rep_port`].
+    ///
+    /// # Errors
+    /// As [`Self::from_env`].
+    pub fn from_env_of_client() -> Result<Self, ConfigError> {
+        // The variable that servers read into the other port.
+        Self::from_lookup(|name| match name {
+            "WRAPYFI_ZEROMQ_SOCKET_REQ_PORT" => variable("WRAPYFI_ZEROMQ_SOCKET_REP_PORT"),
+            "WRAPYFI_ZEROMQ_SOCKET_REP_PORT" => Ok(None),
+            other => variable(other),
+        })
+    }
+
+    fn from_lookup(
+        lookup: impl Fn(&'static str) -> Result<Option<String>, ConfigError>,
+    ) -> Result<Self, ConfigError> {
+        let text = |name| match lookup(name)? {
+            Some(value) if value.trim().is_empty() => Err(ConfigError::Empty { name }),
+            found => Ok(found),
+        };
+        let port = |name, default| match text(name)? {
+            None => Ok(default),
+            Some(value) => match value.trim().parse() {
+                Ok(port) if port > 0 => Ok(port),
+                _ => Err(ConfigError::Port { name, value }),
+            },
+        };
+        let switch = |name, default| match text(name)? {
+            None => Ok(default),
+            Some(value) => is_on(&value).ok_or(ConfigError::Switch { name, value }),
+        };
+        let default = Self::default();
+        let ip = text("WRAPYFI_ZEROMQ_SOCKET_IP")?;
+        let mut insecure = Insecure::default();
+        let is_insecure = switch("WRAPYFI_ZEROMQ_INSECURE", false)?;
+        insecure.said(Place::Environment, ip.is_some(), is_insecure);
+        let broker = if switch("WRAPYFI_ZEROMQ_START_PROXY_BROKER", true)? {
+            BrokerMode::Embedded
+        } else {
+            BrokerMode::Foreign
+        };
+        Ok(Self {
+            ip: ip.unwrap_or(default.ip),
+            insecure,
+            pub_port: port("WRAPYFI_ZEROMQ_SOCKET_PUB_PORT", default.pub_port)?,
+            sub_port: port("WRAPYFI_ZEROMQ_SOCKET_SUB_PORT", default.sub_port)?,
+            rep_port: port("WRAPYFI_ZEROMQ_SOCKET_REQ_PORT", default.rep_port)?,
+            req_port: port("WRAPYFI_ZEROMQ_SOCKET_REP_PORT", default.req_port)?,
+            monitor_topic: text("WRAPYFI_ZEROMQ_PUBSUB_MONITOR_TOPIC")?
+                .unwrap_or(default.monitor_topic),
+            monitor: switch("WRAPYFI_ZEROMQ_START_PUBSUB_MONITOR", true)?,
+            broker,
+            service_broker: broker,
+            ..default
+        })
+    }
+
+    /// Checks that no broker of ours would be open to other machines without permission. An address
+    /// of another machine is only connected to, which needs none.
+    ///
+    /// # Errors
+    /// When a broker would be; the error names the setting that permits it.
+    pub fn check(&self) -> Result<(), ReachedByOthers> {
+        let is_ours = [self.broker, self.service_broker].contains(&BrokerMode::Embedded);
+        // A name that has no address yet is looked at when the broker starts.
+        match self.hosts.or_same(&self.ip).parse::<IpAddr>() {
+            Ok(ip) if is_ours && is_of_this_machine(ip) => allowed(ip, self.insecure),
+            _ => Ok(()),
+        }
+    }
+
+    /// The broker that these settings describe.
+    #[must_use]
+    pub fn broker_config(&self) -> BrokerConfig {
+        BrokerConfig {
+            ip: self.hosts.or_same(&self.ip),
+            pub_port: self.pub_port,
+            sub_port: self.sub_port,
+            monitor_topic: self.monitor.then(|| self.monitor_topic.clone()),
+            hwm: self.send_hwm,
+            max_frame_bytes: self.max_frame_bytes,
+            insecure: self.insecure,
+        }
+    }
+}
+
+fn variable(name: &'static str) -> Result<Option<String>, ConfigError> {
+    match std::env::var(name) {
+        Ok(value) => Ok(Some(value)),
+        Err(std::env::VarError::NotPresent) => Ok(None),
+        Err(std::env::VarError::NotUnicode(_)) => Err(ConfigError::NotText { name }),
+    }
+}
+
+impl ZeroMqConfig {
+    /// The broker of requests and replies that these settings describe.
+    #[must_use]
+    pub fn service_broker_config(&self) -> ServiceBrokerConfig {
+        ServiceBrokerConfig {
+            ip: self.hosts.or_same(&self.ip),
+            rep_port: self.rep_port,
+            req_port: self.req_port,
+            pending: ServiceBrokerConfig::PENDING,
+            max_frame_bytes: self.max_frame_bytes,
+            insecure: self.insecure,
+        }
+    }
+}
+
+/// First address of `host`, or the reason why there is none.
+pub(super) fn resolve(host: &str) -> Result<IpAddr, String> {
+    if host == "*" {
+        return Ok(Ipv4Addr::UNSPECIFIED.into());
+    }
+    Hosts::default().resolve(host)
+}
+
+/// Checks that a broker may listen at this address.
+pub(super) fn allowed(ip: IpAddr, insecure: Insecure) -> Result<(), ReachedByOthers> {
+    insecure.check(super::NAME, "a broker", ip)
+}
+
+/// Address to connect to for a broker bound to `ip`: all interfaces are reached through loopback.
+pub(super) fn reachable(ip: IpAddr) -> IpAddr {
+    match ip {
+        IpAddr::V4(v4) if v4.is_unspecified() => Ipv4Addr::LOCALHOST.into(),
+        IpAddr::V6(v6) if v6.is_unspecified() => Ipv6Addr::LOCALHOST.into(),
+        other => other,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn from(pairs: &[(&str, &str)]) -> Result<ZeroMqConfig, ConfigError> {
+        ZeroMqConfig::from_lookup(|name| {
+            Ok(pairs.iter().find(|(n, _)| *n == name).map(|(_, v)| (*v).to_owned()))
+        })
+    }
+
+    #[test]
+    fn an_empty_environment_is_the_default() {
+        assert_eq!(from(&[]), Ok(ZeroMqConfig::default()));
+    }
+
+    #[test]
+    fn variables_replace_defaults() {
+        let config = from(&[
+            ("WRAPYFI_ZEROMQ_SOCKET_IP", "10.0.0.2"),
+            ("WRAPYFI_ZEROMQ_SOCKET_PUB_PORT", "6000"),
+            ("WRAPYFI_ZEROMQ_SOCKET_SUB_PORT", "6001"),
+            ("WRAPYFI_ZEROMQ_SOCKET_REQ_PORT", "6002"),
+            ("WRAPYFI_ZEROMQ_SOCKET_REP_PORT", "6003"),
+            ("WRAPYFI_ZEROMQ_START_PROXY_BROKER", "False"),
+            ("WRAPYFI_ZEROMQ_START_PUBSUB_MONITOR", "false"),
+            ("WRAPYFI_ZEROMQ_PUBSUB_MONITOR_TOPIC", "M"),
+        ])
+        .unwrap();
+        assert_eq!(
+            (config.ip.as_str(), config.pub_port, config.sub_port),
+            ("10.0.0.2", 6000, 6001)
+        );
+        assert_eq!((config.rep_port, config.req_port), (6002, 6003));
+        assert_eq!((config.broker, config.monitor), (BrokerMode::Foreign, false));
+        assert_eq!(config.monitor_topic, "M");
+    }
+
+    #[test]
+    fn values_without_meaning_are_named() {
+        for value in ["0", "-1", "65536", "abc"] {
+            let error = from(&[("WRAPYFI_ZEROMQ_SOCKET_PUB_PORT", value)]).unwrap_err();
+            assert!(error.to_string().contains("WRAPYFI_ZEROMQ_SOCKET_PUB_PORT"), "{error}");
+            assert!(error.to_string().contains(value), "{error}");
+        }
+        assert!(from(&[("WRAPYFI_ZEROMQ_START_PROXY_BROKER", "perhaps")]).is_err());
+        assert!(from(&[("WRAPYFI_ZEROMQ_SOCKET_IP", " ")]).is_err());
+    }
+
+    #[test]
+    fn all_interfaces_are_reached_through_loopback() {
+        assert_eq!(reachable(resolve("*").unwrap()), IpAddr::from(Ipv4Addr::LOCALHOST));
+        assert_eq!(reachable(resolve("::").unwrap()), IpAddr::from(Ipv6Addr::LOCALHOST));
+        assert!(resolve("localhost").unwrap().is_loopback());
+    }
+}

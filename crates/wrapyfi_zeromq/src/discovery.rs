@@ -1,0 +1,215 @@
+//! Topics of a broker: who is subscribed, and what passes.
+//!
+//! ```text
+//!   broker ── ZEROMQ/CONNECTIONS {"/camera": 1} ──▶ listeners ─┐
+//!   broker ── WRAPYFI/TRAFFIC (ours only) ────────▶ topics ────┼─▶ [Discovered]
+//!   broker ── everything (any other broker) ──────▶ topics ────┘
+//! ```
+//!
+//! Wrapyfi's own broker tells subscriptions only when they change, and nothing of traffic. To the
+//! first the answer is a subscription of our own, to a name that nobody publishes. To the second,
+//! when a second has shown that the broker is not ours, it is to subscribe to everything: for as
+//! long as we look, messages flow that nobody else asked for.
+//!
+//! A publisher that sends nothing cannot be seen: ZeroMQ has no word for it.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use super::link::{self, BrokerLink, Watch};
+use super::options;
+use super::traffic::{Look, TRAFFIC_TOPIC, Told, TopicTraffic};
+use super::{NAME, Shared};
+use wrapyfi_endpoint::{DiscoverError, Discovered, Discovery, Role, Traffic, Wake};
+
+/// Prefix of the subscription that makes Wrapyfi's broker tell its counts. Not listed.
+const PROBE: &str = "WRAPYFI/LOOK/";
+/// Longest time that our broker may take to send its table, once it is reached.
+const OURS_ANSWERS_WITHIN: Duration = Duration::from_secs(1);
+/// Largest count or table that is read.
+const MAX_TOLD_BYTES: usize = 4 << 20;
+/// Topics kept of what we see ourselves.
+const MAX_TOPICS: usize = 4096;
+/// Messages taken at once.
+const BATCH: usize = 1024;
+
+/// Looks at one broker.
+pub(super) struct ZeroMqDiscovery {
+    monitor_topic: String,
+    // Before the watch: see link.rs.
+    socket: Option<zmq::Socket>,
+    watch: Option<Watch>,
+    link: Arc<BrokerLink>,
+    reached_at: Option<Instant>,
+    /// True while everything is subscribed to.
+    sees_all: bool,
+    told: bool,
+    /// The broker told its counts of listeners.
+    counted: bool,
+    listeners: BTreeMap<String, u64>,
+    topics: BTreeMap<String, TopicTraffic>,
+}
+
+impl ZeroMqDiscovery {
+    pub(super) fn new(shared: &Shared, monitor_topic: &str) -> Result<Self, DiscoverError> {
+        let link = BrokerLink::new(&shared.pub_endpoint);
+        let (socket, watch) = shared
+            .contexts
+            .open(|context| open(context, shared, &link, monitor_topic))
+            .map_err(|error| transport(&error))?;
+        Ok(Self {
+            monitor_topic: monitor_topic.to_owned(),
+            socket: Some(socket),
+            watch: Some(watch),
+            link,
+            reached_at: None,
+            sees_all: false,
+            told: false,
+            counted: false,
+            listeners: BTreeMap::new(),
+            topics: BTreeMap::new(),
+        })
+    }
+
+    /// Subscribes to what begins with `prefix` from the start, and sees what passes there.
+    pub(super) fn subscribed(mut self, prefix: &str) -> Result<Self, DiscoverError> {
+        if let Some(socket) = &self.socket {
+            socket.set_subscribe(prefix.as_bytes()).map_err(|error| transport(&error))?;
+            self.sees_all = true;
+        }
+        Ok(self)
+    }
+
+    fn read(&mut self) -> zmq::Result<()> {
+        for _ in 0..BATCH {
+            let Some(socket) = &self.socket else { return Ok(()) };
+            let first = match socket.recv_msg(zmq::DONTWAIT) {
+                Ok(first) => first,
+                Err(zmq::Error::EAGAIN) => return Ok(()),
+                Err(error) => return Err(error),
+            };
+            let (mut frames, mut bytes, mut more) = (1, first.len(), first.get_more());
+            let mut last = None;
+            while more {
+                let frame = socket.recv_msg(0)?;
+                (frames, bytes, more) = (frames + 1, bytes + frame.len(), frame.get_more());
+                last = Some(frame);
+            }
+            let body: &[u8] = last.as_deref().unwrap_or_default();
+            let Ok(topic) = std::str::from_utf8(&first) else { continue };
+            if topic == self.monitor_topic {
+                self.counts(body);
+            } else if topic == TRAFFIC_TOPIC {
+                self.table(body);
+            } else if self.sees_all && !topic.is_empty() {
+                let room = self.topics.len() < MAX_TOPICS || self.topics.contains_key(topic);
+                if room {
+                    let seen = self.topics.entry(topic.to_owned()).or_default();
+                    seen.messages += 1;
+                    seen.bytes = seen.bytes.saturating_add(bytes as u64);
+                    seen.type_name = Look::guess(frames, body).map(|look| look.name().to_owned());
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// `{"/topic": count}`. What is no such thing is nobody's count: anyone can publish it.
+    fn counts(&mut self, body: &[u8]) {
+        if body.len() <= MAX_TOLD_BYTES
+            && let Ok(counts) = serde_json::from_slice::<BTreeMap<String, u64>>(body)
+        {
+            self.counted = true;
+            self.listeners = counts;
+            let own = |topic: &str| topic == TRAFFIC_TOPIC || topic.starts_with(PROBE);
+            self.listeners.retain(|topic, count| *count > 0 && !own(topic));
+        }
+    }
+
+    fn table(&mut self, body: &[u8]) {
+        if body.len() <= MAX_TOLD_BYTES
+            && let Ok(told) = serde_json::from_slice::<Told>(body)
+        {
+            self.told = true;
+            self.topics = told.topics;
+        }
+    }
+
+    /// Subscribes to everything when the broker has shown that it is not ours.
+    fn widen(&mut self, now: Instant) -> zmq::Result<()> {
+        if !self.link.is_up() {
+            self.reached_at = None;
+            return Ok(());
+        }
+        let since = *self.reached_at.get_or_insert(now);
+        if self.told || self.sees_all || now < since + OURS_ANSWERS_WITHIN {
+            return Ok(());
+        }
+        let Some(socket) = &self.socket else { return Ok(()) };
+        socket.set_subscribe(b"")?;
+        self.sees_all = true;
+        Ok(())
+    }
+}
+
+fn transport(error: &zmq::Error) -> DiscoverError {
+    DiscoverError::Transport { middleware: NAME.to_owned(), reason: error.to_string() }
+}
+
+fn open(
+    context: &zmq::Context,
+    shared: &Shared,
+    link: &Arc<BrokerLink>,
+    monitor_topic: &str,
+) -> zmq::Result<(zmq::Socket, Watch)> {
+    let socket = context.socket(zmq::SUB)?;
+    options::set_common(&socket, shared.ip)?;
+    socket.set_maxmsgsize(options::frame_limit(shared.max_frame_bytes))?;
+    let probe = format!("{PROBE}{}", std::process::id());
+    for topic in [monitor_topic, TRAFFIC_TOPIC, &probe] {
+        socket.set_subscribe(topic.as_bytes())?;
+    }
+    link::connect(context, socket, link)
+}
+
+impl Discovery for ZeroMqDiscovery {
+    fn endpoints(&mut self) -> Result<Vec<Discovered>, DiscoverError> {
+        let now = Instant::now();
+        if let (Some(watch), Some(socket)) = (&mut self.watch, &self.socket) {
+            watch.take();
+            watch.revive(socket, &Wake::new(), now);
+        }
+        self.read().and_then(|()| self.widen(now)).map_err(|error| transport(&error))?;
+        let publishers = self.topics.iter().map(|(name, seen)| Discovered {
+            type_name: seen.type_name.clone(),
+            traffic: Some(Traffic { messages: seen.messages, bytes: seen.bytes }),
+            ..endpoint(name, Role::Publisher, 1)
+        });
+        let listeners =
+            self.listeners.iter().map(|(name, count)| endpoint(name, Role::Listener, *count));
+        let mut found: Vec<_> = publishers.chain(listeners).collect();
+        found.sort_by(|a, b| (&a.name, a.role).cmp(&(&b.name, b.role)));
+        Ok(found)
+    }
+
+    fn waiting_for(&self) -> Option<String> {
+        self.link.waiting_for()
+    }
+
+    fn is_complete(&self) -> Option<bool> {
+        // Of another's broker whatever passes is new, for as long as we look.
+        Some(if self.link.is_up() { self.told && self.counted } else { self.link.has_failed() })
+    }
+}
+
+fn endpoint(name: &str, role: Role, count: u64) -> Discovered {
+    Discovered { count, ..Discovered::new(name, role) }
+}
+
+impl Drop for ZeroMqDiscovery {
+    fn drop(&mut self) {
+        self.socket = None;
+        Watch::see_out(self.watch.take().into_iter().collect());
+    }
+}

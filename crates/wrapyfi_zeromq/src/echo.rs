@@ -1,0 +1,223 @@
+//! Knows our own messages again when the broker sends them back.
+//!
+//! ```text
+//!   publish ──▶ remember(frames) ──▶ broker ──▶ is_own(frames) ──▶ dropped, token spent
+//!                      └── one token per message, for some seconds ──┘
+//! ```
+//!
+//! Wrapyfi's frames have no room for a sender's mark, so a message is known by length and hash.
+//! Each token is spent once: an equal message from somebody else still arrives.
+
+use std::collections::{HashMap, VecDeque};
+use std::hash::{BuildHasher, RandomState};
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Longest time that a message may be under way to the broker and back.
+const LIFETIME: Duration = Duration::from_secs(10);
+/// Messages remembered at most per topic; beyond, the oldest are forgotten.
+const MAX_TOKENS: usize = 16_384;
+
+/// Tokens of all topics of one ZeroMQ instance.
+#[derive(Default)]
+pub(super) struct Echoes(Mutex<HashMap<String, Arc<Echo>>>);
+
+impl Echoes {
+    /// The tokens of `topic`, shared by its publishers and listeners here.
+    pub(super) fn of(&self, topic: &str) -> Arc<Echo> {
+        let mut topics = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        topics.retain(|_, echo| Arc::strong_count(echo) > 1);
+        Arc::clone(topics.entry(topic.to_owned()).or_default())
+    }
+}
+
+/// Tokens of one topic.
+#[derive(Default)]
+pub(super) struct Echo {
+    listeners: AtomicUsize,
+    hasher: RandomState,
+    tokens: Mutex<VecDeque<Token>>,
+}
+
+/// Length and hash of all frames. The hash is seeded per topic, so nobody outside can make a
+/// message that is taken for ours.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Fingerprint {
+    length: usize,
+    hash: u64,
+}
+
+struct Token {
+    print: Fingerprint,
+    /// Listeners here that have still to see it.
+    left: usize,
+    sent_at: Instant,
+}
+
+/// Marks a topic as listened to here, while it lives.
+pub(super) struct Listening(Arc<Echo>);
+
+impl Listening {
+    pub(super) fn new(echo: Arc<Echo>) -> Self {
+        echo.listeners.fetch_add(1, Relaxed);
+        Self(echo)
+    }
+
+    /// True when these frames were published here; its token is spent then.
+    pub(super) fn is_own<B: AsRef<[u8]>>(&self, frames: &[B]) -> bool {
+        self.0.is_own(frames, Instant::now())
+    }
+}
+
+impl Drop for Listening {
+    fn drop(&mut self) {
+        self.0.listeners.fetch_sub(1, Relaxed);
+    }
+}
+
+impl Echo {
+    /// Remembers a message about to be published. Costs nothing, and gives `None`, where nobody
+    /// listens here.
+    pub(super) fn remember<B: AsRef<[u8]>>(&self, frames: &[B]) -> Option<Fingerprint> {
+        self.remember_at(frames, Instant::now())
+    }
+
+    fn remember_at<B: AsRef<[u8]>>(&self, frames: &[B], now: Instant) -> Option<Fingerprint> {
+        let listeners = self.listeners.load(Relaxed);
+        if listeners == 0 {
+            return None;
+        }
+        let print = self.fingerprint(frames);
+        let mut tokens = self.lock();
+        while tokens.len() >= MAX_TOKENS || tokens.front().is_some_and(|token| token.expired(now)) {
+            tokens.pop_front();
+        }
+        tokens.push_back(Token { print, left: listeners, sent_at: now });
+        Some(print)
+    }
+
+    /// Takes back the token of a message that was not sent after all.
+    pub(super) fn forget(&self, print: Fingerprint) {
+        let mut tokens = self.lock();
+        if let Some(at) = tokens.iter().rposition(|token| token.print == print) {
+            tokens.remove(at);
+        }
+    }
+
+    fn is_own<B: AsRef<[u8]>>(&self, frames: &[B], now: Instant) -> bool {
+        if self.lock().is_empty() {
+            return false;
+        }
+        let print = self.fingerprint(frames);
+        let mut tokens = self.lock();
+        // Usually the first: a broker keeps the order.
+        let found = tokens.iter().position(|token| token.print == print && !token.expired(now));
+        let Some(at) = found else { return false };
+        if let Some(token) = tokens.get_mut(at) {
+            token.left = token.left.saturating_sub(1);
+            if token.left == 0 {
+                tokens.remove(at);
+            }
+        }
+        true
+    }
+
+    fn fingerprint<B: AsRef<[u8]>>(&self, frames: &[B]) -> Fingerprint {
+        let seed = self.hasher.hash_one(frames.len());
+        frames.iter().fold(Fingerprint { length: 0, hash: seed }, |print, frame| {
+            let frame = frame.as_ref();
+            Fingerprint { length: print.length + frame.len(), hash: mix(print.hash, frame) }
+        })
+    }
+
+    fn lock(&self) -> MutexGuard<'_, VecDeque<Token>> {
+        self.tokens.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Token {
+    fn expired(&self, now: Instant) -> bool {
+        now.saturating_duration_since(self.sent_at) > LIFETIME
+    }
+}
+
+/// Multiply-and-fold over eight bytes at a time: images are hashed at memory speed, where the
+/// standard library's hash would cost a millisecond per megabyte.
+fn mix(mut hash: u64, bytes: &[u8]) -> u64 {
+    const FACTOR: u64 = 0x9e37_79b9_7f4a_7c15;
+    let fold = |hash: u64, word: u64| {
+        let product = u128::from(hash ^ word ^ FACTOR) * u128::from(FACTOR);
+        #[allow(clippy::cast_possible_truncation)] // both halves are used
+        let folded = (product as u64) ^ ((product >> 64) as u64);
+        folded.rotate_left(23)
+    };
+    let (words, rest) = bytes.as_chunks::<8>();
+    for word in words {
+        hash = fold(hash, u64::from_le_bytes(*word));
+    }
+    let tail = rest.iter().fold(0, |tail, &byte| tail << 8 | u64::from(byte));
+    fold(fold(hash, tail), bytes.len() as u64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_token_is_spent_once() {
+        let echoes = Echoes::default();
+        let echo = echoes.of("/a");
+        echo.remember(&[b"/a", b"1 "]);
+        let listening = Listening::new(echoes.of("/a"));
+        assert!(!listening.is_own(&[b"/a", b"1 "]), "nobody listened when it was sent");
+        echo.remember(&[b"/a", b"1 "]);
+        echo.remember(&[b"/a", b"1 "]);
+        echo.remember(&[b"/a", b"2 "]);
+        assert!(!listening.is_own(&[b"/a", b"3 "]));
+        assert!(listening.is_own(&[b"/a", b"2 "]));
+        assert!(!listening.is_own(&[b"/a", b"2 "]));
+        assert!(listening.is_own(&[b"/a", b"1 "]));
+        assert!(listening.is_own(&[b"/a", b"1 "]));
+        assert!(!listening.is_own(&[b"/a", b"1 "]));
+        echo.forget(echo.remember(&[b"/a", b"4 "]).unwrap());
+        assert!(!listening.is_own(&[b"/a", b"4 "]), "it was never sent");
+    }
+
+    #[test]
+    fn each_listener_sees_it_once() {
+        let echoes = Echoes::default();
+        let (one, two) = (Listening::new(echoes.of("/a")), Listening::new(echoes.of("/a")));
+        echoes.of("/a").remember(&[b"x"]);
+        assert!(one.is_own(&[b"x"]));
+        assert!(two.is_own(&[b"x"]));
+        assert!(!one.is_own(&[b"x"]));
+    }
+
+    #[test]
+    fn tokens_expire_and_are_bounded() {
+        let echoes = Echoes::default();
+        let echo = echoes.of("/a");
+        let listening = Listening::new(Arc::clone(&echo));
+        let now = Instant::now();
+        echo.remember_at(&[b"old"], now);
+        assert!(!echo.is_own(&[b"old"], now + 2 * LIFETIME));
+        for n in 0..2 * MAX_TOKENS {
+            echo.remember_at(&[n.to_le_bytes()], now);
+        }
+        assert_eq!(echo.lock().len(), MAX_TOKENS);
+        drop(listening);
+        assert!(Arc::strong_count(&echo) == 2, "the map and this test");
+    }
+
+    #[test]
+    fn frame_borders_and_order_matter() {
+        let echo = Echo::default();
+        assert_ne!(echo.fingerprint(&[&b"ab"[..], b"c"]), echo.fingerprint(&[&b"a"[..], b"bc"]));
+        assert_ne!(
+            echo.fingerprint(&[b"12345678", b"abcdefgh"]),
+            echo.fingerprint(&[b"abcdefgh", b"12345678"])
+        );
+        assert_eq!(echo.fingerprint(&[b"12345678"]), echo.fingerprint(&[b"12345678"]));
+    }
+}

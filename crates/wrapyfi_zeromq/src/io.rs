@@ -1,0 +1,364 @@
+//! One thread that watches every socket of a ZeroMQ instance.
+//!
+//! ```text
+//!   open, close ── commands ──┐
+//!   listeners' SUB ───────────┤          ┌─▶ Reception: inbox
+//!   publishers' subscriptions ┼─▶ epoll ─┼─▶ Outlet: who listens
+//!   clients', servers' DEALER ┤          ├─▶ Line: requests, replies
+//!   connection events ────────┘          └─▶ BrokerLink, wake
+//! ```
+//!
+//! Publishing itself happens on the caller's thread: see `Outlet`.
+//!
+//! A socket's descriptor says once that something happened. So an endpoint that is looked at is read until it has
+//! no more, or stays among those to be looked at without waiting. Only what moved is looked at: a thousand endpoints
+//! at rest cost nothing.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::os::fd::RawFd;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, mpsc};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use mio::unix::SourceFd;
+use mio::{Events, Interest, Poll, Token, Waker};
+
+use super::line::Line;
+use super::link::Watch;
+use super::publisher::Outlet;
+use super::reception::Reception;
+use wrapyfi_endpoint::Throttle;
+use wrapyfi_endpoint::backoff::{self, Backoff};
+
+/// Demand of an endpoint on the I/O thread.
+pub(super) enum Command {
+    Listen(Reception),
+    Publish(Arc<Outlet>, Watch),
+    Line(Line),
+    /// There is room in an inbox again, or something to send.
+    Look(u64),
+    Close(u64),
+}
+
+/// The token of the commands; endpoints are counted from 0.
+const COMMANDS: Token = Token(usize::MAX);
+/// Events taken at once.
+const EVENTS: usize = 256;
+
+/// Access of the endpoints to the I/O thread, which they may outlive.
+pub(super) struct Handle {
+    commands: mpsc::Sender<Command>,
+    waker: Waker,
+    stop: AtomicBool,
+    next_id: AtomicU64,
+}
+
+impl Handle {
+    pub(super) fn send(&self, command: Command) {
+        // A thread that has ended has closed everything already.
+        if self.commands.send(command).is_ok() {
+            self.ring();
+        }
+    }
+
+    fn ring(&self) {
+        if let Err(error) = self.waker.wake() {
+            tracing::error!(%error, "the ZeroMQ I/O thread cannot be woken");
+        }
+    }
+
+    pub(super) fn next_id(&self) -> u64 {
+        self.next_id.fetch_add(1, Relaxed)
+    }
+}
+
+/// The thread. Dropping this ends it and closes all its sockets.
+pub(super) struct Io {
+    handle: Arc<Handle>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Io {
+    pub(super) fn start() -> std::io::Result<Self> {
+        let poll = Poll::new()?;
+        let (commands, inbox) = mpsc::channel();
+        let handle = Arc::new(Handle {
+            commands,
+            waker: Waker::new(poll.registry(), COMMANDS)?,
+            stop: AtomicBool::new(false),
+            next_id: AtomicU64::new(0),
+        });
+        let worker = Worker {
+            handle: Arc::clone(&handle),
+            commands: inbox,
+            poll,
+            ends: BTreeMap::new(),
+            ready: BTreeSet::new(),
+            timed: BTreeMap::new(),
+            faults: Throttle::default(),
+        };
+        let thread =
+            std::thread::Builder::new().name("zeromq-io".to_owned()).spawn(|| worker.run())?;
+        Ok(Self { handle, thread: Some(thread) })
+    }
+
+    pub(super) fn handle(&self) -> &Arc<Handle> {
+        &self.handle
+    }
+}
+
+impl Drop for Io {
+    fn drop(&mut self) {
+        self.handle.stop.store(true, Relaxed);
+        self.handle.ring();
+        if let Some(thread) = self.thread.take()
+            && thread.join().is_err()
+        {
+            tracing::error!("the ZeroMQ I/O thread panicked");
+        }
+    }
+}
+
+/// Sockets of one endpoint on the I/O thread.
+enum End {
+    Reception(Reception),
+    Outlet(Arc<Outlet>, Watch),
+    Line(Line),
+    /// Socket that is being closed.
+    Closing(u64, Watch),
+}
+
+/// Result of one look at an endpoint.
+#[derive(Default)]
+struct Look {
+    /// There is more to read.
+    more: bool,
+    /// Time until it must be looked at although nothing happens.
+    patience: Option<Duration>,
+    /// True when the endpoint is gone.
+    over: bool,
+}
+
+struct Worker {
+    handle: Arc<Handle>,
+    commands: mpsc::Receiver<Command>,
+    poll: Poll,
+    ends: BTreeMap<u64, End>,
+    /// Endpoints to be looked at without waiting.
+    ready: BTreeSet<u64>,
+    /// Times at which endpoints must be looked at although nothing happens to them.
+    timed: BTreeMap<u64, Instant>,
+    faults: Throttle,
+}
+
+impl Worker {
+    /// Runs until it is told to stop.
+    fn run(mut self) {
+        let mut backoff = Backoff::of_process(0);
+        while !self.handle.stop.load(Relaxed) {
+            if catch_unwind(AssertUnwindSafe(|| self.turns(&mut backoff))).is_err() {
+                tracing::error!("the ZeroMQ I/O thread panicked: it goes on after a pause");
+                std::thread::sleep(backoff.wait());
+                self.ready.extend(self.ends.keys());
+            }
+        }
+        self.obey();
+        // Endpoints may live on; their sockets must not, or the context never ends.
+        let ends = std::mem::take(&mut self.ends).into_values();
+        Watch::see_out(ends.map(End::close).collect());
+    }
+
+    fn turns(&mut self, backoff: &mut Backoff) {
+        let mut events = Events::with_capacity(EVENTS);
+        while !self.handle.stop.load(Relaxed) {
+            let next = self.timed.values().min();
+            let left = next.map(|at| at.saturating_duration_since(Instant::now()));
+            let wait = if self.ready.is_empty() { left } else { Some(Duration::ZERO) };
+            if let Err(error) = self.poll.poll(&mut events, wait)
+                && error.kind() != std::io::ErrorKind::Interrupted
+            {
+                tracing::error!(%error, "the ZeroMQ I/O thread cannot wait for its sockets");
+                std::thread::sleep(backoff.wait());
+            }
+            for event in &events {
+                match event.token() {
+                    COMMANDS => self.obey(),
+                    Token(id) => _ = self.ready.insert(id as u64),
+                }
+            }
+            self.look();
+        }
+    }
+
+    fn obey(&mut self) {
+        while let Ok(command) = self.commands.try_recv() {
+            match command {
+                Command::Listen(reception) => self.add(reception.id, End::Reception(reception)),
+                Command::Publish(outlet, watch) => {
+                    self.add(outlet.id(), End::Outlet(outlet, watch));
+                }
+                Command::Line(line) => self.add(line.id(), End::Line(line)),
+                Command::Look(id) => _ = self.ready.insert(id),
+                Command::Close(id) => {
+                    if let Some(end) = self.ends.remove(&id) {
+                        self.watch(&end, false);
+                        self.add(id, End::Closing(id, end.close()));
+                    }
+                }
+            }
+        }
+    }
+
+    fn add(&mut self, id: u64, end: End) {
+        self.ends.insert(id, end);
+        if let Some(end) = self.ends.get(&id) {
+            self.watch(end, true);
+        }
+        self.ready.insert(id);
+    }
+
+    /// Asks the system to report events of an endpoint's sockets, or to stop that.
+    fn watch(&self, end: &End, on: bool) {
+        let (id, descriptors) = end.descriptors();
+        for fd in descriptors {
+            let registry = self.poll.registry();
+            let result = match on {
+                true => registry.register(&mut SourceFd(&fd), id, Interest::READABLE),
+                false => registry.deregister(&mut SourceFd(&fd)),
+            };
+            if let Err(error) = result {
+                tracing::error!(%error, on, "the ZeroMQ I/O thread cannot watch a socket");
+            }
+        }
+    }
+
+    /// Looks at every endpoint to which something happened, or whose time has come. What one of them does wrong
+    /// here is no concern of the others.
+    fn look(&mut self) {
+        let now = Instant::now();
+        let mut due = std::mem::take(&mut self.ready);
+        due.extend(self.timed.iter().filter(|(_, at)| **at <= now).map(|(id, _)| *id));
+        for id in due {
+            let Some(end) = self.ends.get_mut(&id) else { continue };
+            let look = match catch_unwind(AssertUnwindSafe(|| end.look(now))) {
+                Ok(Ok(look)) => look,
+                Ok(Err(zmq::Error::EINTR | zmq::Error::EAGAIN)) => Look::again(),
+                Ok(Err(error)) => self.fault(now, &error),
+                Err(_) => self.fault(now, &"a panic"),
+            };
+            if look.over
+                && let Some(end) = self.ends.remove(&id)
+            {
+                self.watch(&end, false);
+                continue;
+            }
+            if look.more {
+                self.ready.insert(id);
+            }
+            match look.patience {
+                Some(time) => _ = self.timed.insert(id, now + time),
+                None => _ = self.timed.remove(&id),
+            }
+        }
+    }
+
+    /// Says what went wrong at an endpoint, which is looked at again after a pause.
+    fn fault(&mut self, now: Instant, what: &dyn std::fmt::Display) -> Look {
+        if let Some(unlogged_before) = self.faults.pass(now) {
+            tracing::error!(
+                unlogged_before,
+                "{what} in the ZeroMQ I/O thread, at one endpoint: it goes on"
+            );
+        }
+        Look { patience: Some(backoff::FIRST), ..Look::default() }
+    }
+}
+
+impl Look {
+    fn again() -> Self {
+        Self { more: true, ..Self::default() }
+    }
+}
+
+impl End {
+    /// The endpoint's descriptors, and what they say when something happened.
+    fn descriptors(&self) -> (Token, Vec<RawFd>) {
+        let (id, socket, watch) = match self {
+            Self::Reception(reception) => {
+                (reception.id, reception.socket.get_fd().ok(), &reception.watch)
+            }
+            Self::Outlet(outlet, watch) => (outlet.id(), Some(outlet.fd()), watch),
+            Self::Line(line) => (line.id(), line.socket.get_fd().ok(), &line.watch),
+            Self::Closing(id, watch) => (*id, None, watch),
+        };
+        let descriptors = socket.into_iter().chain(watch.fd()).collect();
+        (Token(usize::try_from(id).unwrap_or(usize::MAX - 1)), descriptors)
+    }
+
+    fn look(&mut self, now: Instant) -> zmq::Result<Look> {
+        // Connecting again may take the signal of what waits to be read.
+        let mut look = Look { more: self.is_lost(now), ..Look::default() };
+        look.patience = match self {
+            Self::Reception(reception) => {
+                if reception.watch.take() {
+                    reception.wake.ring();
+                }
+                let mut held = reception.retry(now);
+                if held.is_none() {
+                    look.more |= reception.read()?;
+                    let stopped = reception.held.is_some();
+                    // Room that was made before the listener could know that it is waited for.
+                    held = reception.retry(now);
+                    look.more |= stopped && held.is_none();
+                }
+                held.into_iter().chain(reception.revive(now)).min()
+            }
+            Self::Outlet(outlet, watch) => {
+                if watch.take() | outlet.hear() {
+                    outlet.wake().ring();
+                }
+                outlet.revive(watch, now)
+            }
+            Self::Line(line) => {
+                if line.watch.take() {
+                    line.ring();
+                }
+                line.write()?;
+                line.read()?;
+                // Last: reading or writing may have taken the signal of what the other could not do before.
+                look.more |= line.has_more()?;
+                line.revive(now)
+            }
+            Self::Closing(_, watch) => {
+                watch.take();
+                look.over = watch.is_over();
+                None
+            }
+        };
+        Ok(look)
+    }
+
+    /// True when this look will connect the endpoint's socket again.
+    fn is_lost(&self, now: Instant) -> bool {
+        let (Self::Reception(Reception { watch, .. })
+        | Self::Outlet(_, watch)
+        | Self::Line(Line { watch, .. })
+        | Self::Closing(_, watch)) = self;
+        watch.patience(now) == Some(Duration::ZERO)
+    }
+
+    /// Closes the socket; the watch must be kept until it is over.
+    fn close(self) -> Watch {
+        match self {
+            Self::Reception(reception) => reception.close(),
+            Self::Outlet(outlet, watch) => {
+                outlet.close();
+                watch
+            }
+            Self::Line(line) => line.close(),
+            Self::Closing(_, watch) => watch,
+        }
+    }
+}

@@ -1,0 +1,402 @@
+//! Wrapyfi over ZeroMQ: publish and listen, call and serve, and the brokers.
+//!
+//! ```text
+//!                            broker (ours or a foreign one)
+//!   Publisher XPUB ──connect──▶ sub_port XSUB │ XPUB pub_port ◀──connect── SUB Listener
+//!                                             └── ZEROMQ/CONNECTIONS: {"/topic": count}
+//!   Client DEALER ──connect──▶ rep_port ROUTER │ DEALER req_port ◀──connect── DEALER Server
+//! ```
+//!
+//! Both sides interwork with Python Wrapyfi in any mixture: its publishers and listeners with our
+//! broker, ours with its broker.
+//!
+//! | module | one idea |
+//! | --- | --- |
+//! | `config` | settings and environment |
+//! | `keeper` | there is a broker: ours, or a foreign one until it dies |
+//! | `broker`, `proxy`, `turns`, `monitor`, `traffic` | the broker, its thread, its counts |
+//! | `front`, `zmtp`, `ledger` | its side for listeners, the protocol there, whose messages it lost |
+//! | `discovery` | which topics a broker has |
+//! | `probe` | what has a port |
+//! | `service_broker`, `service_proxy` | the broker of requests and replies, its thread |
+//! | `io`, `reception`, `line`, `link` | the thread that receives, the parts of one listener and of one service in it, connection state |
+//! | `listener`, `publisher`, `client`, `server` | the endpoints |
+//! | `envelope` | what is around a request and a reply |
+//! | `echo` | our own messages are not received |
+//! | `options`, `sockopt`, `contexts` | what all sockets share; options that `zmq` lacks; room for sockets |
+
+mod broker;
+mod client;
+mod config;
+mod contexts;
+mod deadline;
+mod discovery;
+mod echo;
+mod envelope;
+mod front;
+mod io;
+mod keeper;
+mod ledger;
+mod line;
+mod link;
+mod listener;
+mod monitor;
+mod options;
+mod peer;
+mod probe;
+mod proxy;
+mod publisher;
+mod reception;
+mod server;
+mod service_broker;
+mod service_proxy;
+#[allow(unsafe_code)] // see the contract at its head
+mod sockopt;
+mod traffic;
+mod turns;
+mod zmtp;
+
+use std::net::IpAddr;
+use std::sync::{Arc, Mutex, PoisonError};
+
+pub use broker::{Broker, BrokerConfig, BrokerError, BrokerStatus};
+pub use config::{BrokerMode, ConfigError, ZeroMqConfig};
+pub use probe::Answer;
+pub use service_broker::{ServiceBroker, ServiceBrokerConfig, ServiceBrokerStatus};
+pub use traffic::TopicTraffic;
+
+use wrapyfi_endpoint::{
+    Client, Context, DiscoverError, Discovery, Listener, Middleware, OpenError, Publisher, Role,
+    Server, ServiceSpec, TopicSpec,
+};
+
+/// Name of this middleware in addresses.
+pub const NAME: &str = "zeromq";
+
+/// Longest topic name: it is sent with every message.
+const MAX_TOPIC_BYTES: usize = 1024;
+
+/// The middleware `zeromq`.
+///
+/// Dropping it closes the sockets of all its endpoints and ends its broker, within a second.
+pub struct ZeroMq {
+    monitor_topic: String,
+    pub_port: u16,
+    sub_port: u16,
+    // Dropped in this order: sockets may still send while the broker runs.
+    shared: Shared,
+    keeper: keeper::Keeper<Broker>,
+    config: ZeroMqConfig,
+    /// Broker of requests and replies, from the first server on.
+    services: Mutex<Option<keeper::Keeper<ServiceBroker>>>,
+}
+
+/// State that endpoints need while they are opened.
+struct Shared {
+    ip: IpAddr,
+    pub_endpoint: String,
+    sub_endpoint: String,
+    send_hwm: u16,
+    max_frame_bytes: usize,
+    echoes: echo::Echoes,
+    ledger: Arc<ledger::Ledger>,
+    io: io::Io,
+    contexts: contexts::Contexts,
+}
+
+/// Error of starting ZeroMQ.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum StartError {
+    /// A port belongs to something that is no broker.
+    #[error(
+        "port {port} on {ip} is taken by {answer}; a broker would be {expected}: stop that \
+         program, or choose other ports ({settings})"
+    )]
+    PortTaken {
+        /// Address of the broker.
+        ip: IpAddr,
+        /// The port.
+        port: u16,
+        /// Socket type of a broker there.
+        expected: &'static str,
+        /// Program that answered on the port.
+        answer: Answer,
+        /// Names of the two ports in the settings.
+        settings: &'static str,
+    },
+    /// No broker runs, and ours cannot.
+    #[error(transparent)]
+    Broker(#[from] BrokerError),
+    /// Both ports are needed to connect to a broker elsewhere.
+    #[error("with a foreign broker {field} must be its port, not 0")]
+    NoPort {
+        /// Setting that is 0.
+        field: &'static str,
+    },
+    /// The monitor topic cannot be a topic.
+    #[error("monitor topic {topic:?} is not valid: {reason}")]
+    MonitorTopic {
+        /// Name as configured.
+        topic: String,
+        /// The rule it breaks.
+        reason: String,
+    },
+    /// libzmq or the system refused.
+    #[error("ZeroMQ could not start: {reason}")]
+    Transport {
+        /// Message of the system.
+        reason: String,
+    },
+}
+
+impl StartError {
+    /// True when no later try can succeed, because the settings are wrong.
+    #[must_use]
+    pub fn is_hopeless(&self) -> bool {
+        matches!(
+            self,
+            Self::NoPort { .. }
+                | Self::MonitorTopic { .. }
+                | Self::Broker(BrokerError::NotLoopback(_) | BrokerError::SamePort { .. })
+        )
+    }
+}
+
+impl From<zmq::Error> for StartError {
+    fn from(error: zmq::Error) -> Self {
+        Self::Transport { reason: error.to_string() }
+    }
+}
+
+impl ZeroMq {
+    /// Starts the I/O thread and, where none runs yet, the broker.
+    ///
+    /// # Errors
+    /// When the ports belong to something else, or the settings contradict themselves. A foreign
+    /// broker that is not there yet is no error: it is waited for.
+    pub fn start(config: &ZeroMqConfig) -> Result<Self, StartError> {
+        if let Some(reason) = name_fault(&config.monitor_topic) {
+            let topic = config.monitor_topic.clone();
+            return Err(StartError::MonitorTopic { topic, reason });
+        }
+        let ip = config::resolve(&config.hosts.or_same(&config.ip))
+            .map_err(|reason| BrokerError::Host { reason })?;
+        let ledger = Arc::<ledger::Ledger>::default();
+        let keeper = keeper::Keeper::<Broker>::start(
+            &(config.broker_config(), Arc::clone(&ledger)),
+            config.broker,
+            ip,
+        )?;
+        let (pub_port, sub_port) = keeper
+            .own(|broker| (broker.pub_port(), broker.sub_port()))
+            .unwrap_or((config.pub_port, config.sub_port));
+        for (field, port) in [("pub_port", pub_port), ("sub_port", sub_port)] {
+            if port == 0 {
+                return Err(StartError::NoPort { field });
+            }
+        }
+        let io =
+            io::Io::start().map_err(|error| StartError::Transport { reason: error.to_string() })?;
+        let ip = config::reachable(ip);
+        let shared = Shared {
+            ip,
+            pub_endpoint: options::endpoint(ip, pub_port),
+            sub_endpoint: options::endpoint(ip, sub_port),
+            send_hwm: config.send_hwm,
+            max_frame_bytes: config.max_frame_bytes,
+            echoes: echo::Echoes::default(),
+            ledger,
+            io,
+            contexts: contexts::Contexts::default(),
+        };
+        Ok(Self {
+            monitor_topic: config.monitor_topic.clone(),
+            pub_port,
+            sub_port,
+            shared,
+            keeper,
+            config: config.clone(),
+            services: Mutex::default(),
+        })
+    }
+
+    /// Port to which listeners connect.
+    #[must_use]
+    pub fn pub_port(&self) -> u16 {
+        self.pub_port
+    }
+
+    /// Port to which publishers connect.
+    #[must_use]
+    pub fn sub_port(&self) -> u16 {
+        self.sub_port
+    }
+
+    /// State of the broker, where it is this process that runs it now.
+    #[must_use]
+    pub fn broker_status(&self) -> Option<BrokerStatus> {
+        self.keeper.own(Broker::status)
+    }
+
+    /// Sees to it that there is a broker of requests and replies, as the first server does by
+    /// itself: its ports for clients and for servers. With a foreign broker those that are
+    /// configured.
+    ///
+    /// # Errors
+    /// As [`ZeroMq::start`].
+    pub fn start_services(&self) -> Result<(u16, u16), StartError> {
+        let mut services = self.services.lock().unwrap_or_else(PoisonError::into_inner);
+        let keeper = match &mut *services {
+            Some(keeper) => keeper,
+            none => {
+                let ip = config::resolve(&self.config.hosts.or_same(&self.config.ip))
+                    .map_err(|reason| BrokerError::Host { reason })?;
+                let config = self.config.service_broker_config();
+                none.insert(keeper::Keeper::start(&config, self.config.service_broker, ip)?)
+            }
+        };
+        let own = keeper.own(|broker| (broker.rep_port(), broker.req_port()));
+        let (rep_port, req_port) = own.unwrap_or((self.config.rep_port, self.config.req_port));
+        for (field, port) in [("rep_port", rep_port), ("req_port", req_port)] {
+            if port == 0 {
+                return Err(StartError::NoPort { field });
+            }
+        }
+        Ok((rep_port, req_port))
+    }
+
+    /// State of the broker of requests and replies, where it is this process that runs it now.
+    #[must_use]
+    pub fn service_broker_status(&self) -> Option<ServiceBrokerStatus> {
+        let services = self.services.lock().unwrap_or_else(PoisonError::into_inner);
+        services.as_ref().and_then(|keeper| keeper.own(ServiceBroker::status))
+    }
+
+    /// Address that a client or a server connects to. A server brings the broker along.
+    fn service_endpoint(&self, role: Role, spec: &ServiceSpec) -> Result<String, OpenError> {
+        check_topic(&spec.service).map_err(|reason| OpenError::InvalidName {
+            middleware: NAME,
+            topic: spec.service.clone(),
+            reason,
+        })?;
+        let rep_port = self.config.rep_port;
+        let port = match role {
+            Role::Client if rep_port != 0 => rep_port,
+            _ => {
+                let ports = self.start_services().map_err(|error| OpenError::Transport {
+                    middleware: NAME,
+                    topic: spec.service.clone(),
+                    reason: error.to_string(),
+                })?;
+                if role == Role::Client { ports.0 } else { ports.1 }
+            }
+        };
+        Ok(options::endpoint(self.shared.ip, port))
+    }
+
+    fn check(&self, topic: &str) -> Result<(), OpenError> {
+        let own = [self.monitor_topic.as_str(), traffic::TRAFFIC_TOPIC];
+        let own = own.into_iter().find(|own| topic.starts_with(own));
+        let reason = match own {
+            Some(own) => {
+                Some(format!("names that start with {own} are the broker's own; use another name"))
+            }
+            None => name_fault(topic),
+        };
+        reason.map_or(Ok(()), |reason| {
+            Err(OpenError::InvalidName { middleware: NAME, topic: topic.to_owned(), reason })
+        })
+    }
+}
+
+impl Middleware for ZeroMq {
+    fn name(&self) -> &str {
+        NAME
+    }
+
+    fn open_listener(
+        &self,
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Listener>, OpenError> {
+        self.check(&spec.topic)?;
+        Ok(Box::new(listener::ZeroMqListener::open(&self.shared, spec, context)?))
+    }
+
+    fn open_publisher(
+        &self,
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Publisher>, OpenError> {
+        self.check(&spec.topic)?;
+        Ok(Box::new(publisher::ZeroMqPublisher::open(&self.shared, spec, context)?))
+    }
+
+    /// One pair of ports is one service: `spec.service` is not sent.
+    fn open_client(
+        &self,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Client>, OpenError> {
+        let endpoint = self.service_endpoint(Role::Client, spec)?;
+        Ok(Box::new(client::ZeroMqClient::open(&self.shared, &endpoint, spec, context)?))
+    }
+
+    fn open_server(
+        &self,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> Result<Box<dyn Server>, OpenError> {
+        let endpoint = self.service_endpoint(Role::Server, spec)?;
+        Ok(Box::new(server::ZeroMqServer::open(&self.shared, &endpoint, spec, context)?))
+    }
+
+    fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
+        Ok(Box::new(discovery::ZeroMqDiscovery::new(&self.shared, &self.monitor_topic)?))
+    }
+
+    /// A publisher sends nothing that nobody subscribes to, and Wrapyfi's waits until somebody names its topic:
+    /// so the topic is subscribed to, or everything.
+    fn discover_closely(&self, topic: Option<&str>) -> Result<Box<dyn Discovery>, DiscoverError> {
+        let discovery = discovery::ZeroMqDiscovery::new(&self.shared, &self.monitor_topic)?;
+        Ok(Box::new(discovery.subscribed(topic.unwrap_or_default())?))
+    }
+}
+
+impl std::fmt::Debug for ZeroMq {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("ZeroMq")
+            .field("pub_endpoint", &self.shared.pub_endpoint)
+            .field("sub_endpoint", &self.shared.sub_endpoint)
+            .finish_non_exhaustive()
+    }
+}
+
+/// Checks a topic name against the rules that hold whatever the broker's settings are.
+///
+/// # Errors
+/// The rule that the name breaks.
+pub fn check_topic(topic: &str) -> Result<(), String> {
+    name_fault(topic).map_or(Ok(()), Err)
+}
+
+fn name_fault(topic: &str) -> Option<String> {
+    if topic.is_empty() {
+        Some("it is empty, which would match every topic; give it a name".to_owned())
+    } else if topic.len() > MAX_TOPIC_BYTES {
+        Some(format!("it is {} bytes long, the limit is {MAX_TOPIC_BYTES}", topic.len()))
+    } else if topic.contains(char::is_control) {
+        Some("it contains a control character; remove it".to_owned())
+    } else {
+        None
+    }
+}
+
+fn transport(topic: &str, error: zmq::Error) -> OpenError {
+    OpenError::Transport {
+        middleware: NAME,
+        topic: topic.to_owned(),
+        reason: contexts::reason(error),
+    }
+}

@@ -1,0 +1,246 @@
+//! The part of a client or a server that lives on the I/O thread: its socket.
+//!
+//! ```text
+//!   owner ── send ──▶ outgoing ──▶ DEALER ──▶ broker
+//!   client ◀── take ── incoming ◀─ DEALER ◀── broker
+//!   server ◀───────── Requests ◀──── DEALER ◀── broker    beyond what there is room for, its client is told
+//! ```
+//!
+//! A DEALER on either side, where Wrapyfi has REQ and REP: those are in lock-step, and one reply
+//! that never comes blocks them for ever. On the wire it is the same, envelope for envelope.
+
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use bytes::Bytes;
+
+use super::envelope::{self, Misfit, Parcel};
+use super::io::Handle;
+use super::link::{self, BrokerLink, Watch};
+use super::options;
+use super::{Shared, config::FRAME_SLACK};
+use wrapyfi_endpoint::requests::Requests;
+use wrapyfi_endpoint::{Context, DropReason, ServiceSpec};
+
+/// Messages read from one socket before the others have their turn.
+const BATCH: usize = 64;
+
+/// End of a service that a line is.
+#[derive(Debug)]
+pub(super) enum End {
+    Client,
+    /// Server with the queue of its requests.
+    Server(Arc<Requests<Delivery>>),
+}
+
+/// A message that came.
+#[derive(Debug)]
+pub(super) struct Delivery {
+    pub(super) envelope: Vec<Bytes>,
+    /// The body, or the size of one that is too large, or the number of frames that it has.
+    pub(super) body: Result<Bytes, Unusable>,
+    pub(super) wire_bytes: usize,
+    pub(super) received_at: Instant,
+}
+
+/// Reason why a body was not kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Unusable {
+    TooLarge(usize),
+    Frames(usize),
+}
+
+/// State that the owner of a line and the I/O thread share.
+pub(super) struct Post {
+    id: u64,
+    service: String,
+    end: End,
+    /// Deliveries that may wait at a client.
+    limit: usize,
+    outgoing: Mutex<VecDeque<(Parcel, Option<Instant>)>>,
+    incoming: Mutex<VecDeque<Delivery>>,
+    link: Arc<BrokerLink>,
+    context: Context,
+    io: Arc<Handle>,
+}
+
+impl Post {
+    pub(super) fn link(&self) -> &BrokerLink {
+        &self.link
+    }
+
+    pub(super) fn context(&self) -> &Context {
+        &self.context
+    }
+
+    /// Sends as soon as there is a way; not after `until`.
+    pub(super) fn send(&self, parcel: Parcel, until: Option<Instant>) {
+        lock(&self.outgoing).push_back((parcel, until));
+        self.io.send(super::io::Command::Look(self.id));
+    }
+
+    pub(super) fn take(&self) -> Option<Delivery> {
+        lock(&self.incoming).pop_front()
+    }
+
+    /// Ends the line.
+    pub(super) fn close(&self) {
+        self.io.send(super::io::Command::Close(self.id));
+    }
+}
+
+fn lock<T>(queue: &Mutex<T>) -> MutexGuard<'_, T> {
+    queue.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The socket and what it feeds.
+pub(super) struct Line {
+    post: Arc<Post>,
+    pub(super) socket: zmq::Socket,
+    pub(super) watch: Watch,
+    message_bytes: usize,
+}
+
+impl Line {
+    /// Connects to `endpoint` of the broker and hands the socket to the I/O thread.
+    pub(super) fn open(
+        shared: &Shared,
+        endpoint: &str,
+        end: End,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> zmq::Result<Arc<Post>> {
+        let link = BrokerLink::new(endpoint);
+        let (socket, watch) = shared.contexts.open(|context| {
+            let socket = context.socket(zmq::DEALER)?;
+            options::set_common(&socket, shared.ip)?;
+            let depth = i32::try_from(spec.pending.clamp(1, 1000)).unwrap_or(1000);
+            socket.set_rcvhwm(depth)?;
+            socket.set_sndhwm(depth)?;
+            // Requests that a lost broker had been given are lost with it; the others go to the
+            // next one.
+            socket.set_immediate(true)?;
+            // Beyond this libzmq cuts the connection: as for listeners.
+            let guard = spec.limits.message_bytes.saturating_mul(2).saturating_add(FRAME_SLACK);
+            socket.set_maxmsgsize(options::frame_limit(guard))?;
+            link::connect(context, socket, &link)
+        })?;
+        let io = Arc::clone(shared.io.handle());
+        let post = Arc::new(Post {
+            id: io.next_id(),
+            service: spec.service.clone(),
+            end,
+            limit: spec.pending.saturating_mul(2),
+            outgoing: Mutex::default(),
+            incoming: Mutex::default(),
+            link,
+            context: context.clone(),
+            io: Arc::clone(&io),
+        });
+        let message_bytes = spec.limits.message_bytes;
+        let line = Self { post: Arc::clone(&post), socket, watch, message_bytes };
+        io.send(super::io::Command::Line(line));
+        Ok(post)
+    }
+
+    pub(super) fn id(&self) -> u64 {
+        self.post.id
+    }
+
+    pub(super) fn ring(&self) {
+        self.post.context.wake.ring();
+    }
+
+    /// Connects again if libzmq has given up on the broker. The time until it may have is returned.
+    pub(super) fn revive(&mut self, now: Instant) -> Option<Duration> {
+        let post = &self.post;
+        if self.watch.revive(&self.socket, &post.context.wake, now) {
+            post.context.counters.dropped(DropReason::Oversize);
+            tracing::warn!(
+                service = post.service,
+                limit_mib = self.message_bytes / wrapyfi_data::Limits::MIB,
+                "a message far above the limit cut the connection to the broker, which is opened again"
+            );
+        }
+        self.watch.patience(now)
+    }
+
+    /// Closes the socket, which still sends what was given to it; the watch must be kept until it
+    /// is over.
+    pub(super) fn close(self) -> Watch {
+        if let Err(error) = self.write() {
+            tracing::debug!(%error, "the last messages of a service");
+        }
+        self.post.link.end();
+        drop(self.socket);
+        self.watch
+    }
+
+    /// Sends what waits and has room.
+    pub(super) fn write(&self) -> zmq::Result<()> {
+        let mut outgoing = lock(&self.post.outgoing);
+        let now = self.post.context.clock.now();
+        while let Some((parcel, until)) = outgoing.front() {
+            let in_time = until.is_none_or(|until| until > now);
+            if in_time && !parcel.send(&self.socket)? {
+                break;
+            }
+            outgoing.pop_front();
+        }
+        Ok(())
+    }
+
+    /// True when there is something to read, or room for what waits to be sent.
+    pub(super) fn has_more(&self) -> zmq::Result<bool> {
+        let events = self.socket.get_events()?;
+        let waits = || !lock(&self.post.outgoing).is_empty();
+        Ok(events.contains(zmq::POLLIN) || (events.contains(zmq::POLLOUT) && waits()))
+    }
+
+    /// Reads what the socket has, one batch at most.
+    pub(super) fn read(&self) -> zmq::Result<()> {
+        for _ in 0..BATCH {
+            let Some((parcel, size)) = envelope::receive(&self.socket, self.message_bytes)? else {
+                break;
+            };
+            let counters = &self.post.context.counters;
+            let (envelope, body) = match parcel {
+                Ok(Parcel { envelope, body }) => (envelope, Ok(body)),
+                Err(Misfit::TooLarge(envelope, size)) => (envelope, Err(Unusable::TooLarge(size))),
+                Err(Misfit::Frames(envelope, frames)) => (envelope, Err(Unusable::Frames(frames))),
+                Err(Misfit::NoEnvelope) => {
+                    counters.received(size);
+                    counters.dropped(DropReason::Malformed);
+                    continue;
+                }
+            };
+            let received_at = self.post.context.clock.now();
+            let delivery = Delivery { envelope, body, wire_bytes: size, received_at };
+            self.deliver(delivery);
+        }
+        Ok(())
+    }
+
+    /// Hands a message on; where there is no room for a request, its client is told.
+    fn deliver(&self, delivery: Delivery) {
+        let (post, size) = (&self.post, delivery.wire_bytes);
+        match &post.end {
+            End::Server(requests) => {
+                if let Err((Delivery { envelope, .. }, error)) = requests.put(delivery, size) {
+                    let parcel = Parcel::error(envelope, &error.to_string());
+                    lock(&post.outgoing).push_back((parcel, None));
+                }
+            }
+            End::Client if lock(&post.incoming).len() >= post.limit => {
+                // Nobody asked for so many.
+                post.context.counters.received(size);
+                post.context.counters.dropped(DropReason::QueueFull);
+            }
+            End::Client => {
+                lock(&post.incoming).push_back(delivery);
+                self.ring();
+            }
+        }
+    }
+}

@@ -1,0 +1,273 @@
+//! State of a socket's connection to the broker, from libzmq's own events.
+//!
+//! ```text
+//!   socket ── events ──▶ Watch (I/O thread) ── state ──▶ BrokerLink (endpoint, status tables)
+//! ```
+//!
+//! A watch must outlive its socket: libzmq reports until the socket is gone, and the thread that
+//! reports waits for ever once nobody receives. So close the socket, then keep the watch until it
+//! [is over](Watch::is_over).
+//!
+//! libzmq connects again by itself after a lost connection, but gives up for good where the peer
+//! broke the protocol, which includes a frame above the socket's limit. It does not report that;
+//! it only fails to report a next try. [`Watch::revive`] connects again then.
+
+use std::net::SocketAddr;
+use std::os::fd::RawFd;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
+use std::time::{Duration, Instant};
+
+use zmq::SocketEvent;
+
+use super::options::inproc_name;
+use wrapyfi_endpoint::Wake;
+
+const DOWN: u8 = 0;
+const UP: u8 = 1;
+const REFUSED: u8 = 2;
+const ENDED: u8 = 3;
+/// State of a socket whose connection nobody took, or not yet again.
+const UNANSWERED: u8 = 4;
+
+/// Time after a disconnection in which libzmq announces its next try, which it does at once unless
+/// it has given up. Also the pause before we try instead.
+const GIVEN_UP: Duration = Duration::from_secs(1);
+/// Longest time that sockets which are being closed may take to fall silent.
+const FAREWELL: Duration = Duration::from_secs(1);
+
+/// State of one socket's connection to the broker.
+#[derive(Debug)]
+pub(super) struct BrokerLink {
+    broker: String,
+    state: AtomicU8,
+}
+
+impl BrokerLink {
+    pub(super) fn new(broker: &str) -> Arc<Self> {
+        Arc::new(Self { broker: broker.to_owned(), state: AtomicU8::new(DOWN) })
+    }
+
+    pub(super) fn is_up(&self) -> bool {
+        self.state.load(Relaxed) == UP
+    }
+
+    /// The last try to reach the broker failed.
+    pub(super) fn has_failed(&self) -> bool {
+        matches!(self.state.load(Relaxed), REFUSED | ENDED | UNANSWERED)
+    }
+
+    /// Description of the event that is waited for; `None` when the broker is reached.
+    pub(super) fn waiting_for(&self) -> Option<String> {
+        match self.state.load(Relaxed) {
+            UP => None,
+            ENDED => Some("ZeroMQ, which was shut down here".to_owned()),
+            REFUSED => Some(format!(
+                "a ZeroMQ broker at {} (what answers there is not the matching side of one)",
+                self.broker
+            )),
+            _ if self.is_foreign() => Some(format!(
+                "the broker at {}, where nothing answers: it has to run there, and Wrapyfi's own listens \
+                 on 127.0.0.1 unless WRAPYFI_ZEROMQ_SOCKET_IP is set there",
+                self.broker
+            )),
+            _ => Some(format!("the broker at {}", self.broker)),
+        }
+    }
+
+    /// True when the broker's address is not on loopback.
+    fn is_foreign(&self) -> bool {
+        let address = self.broker.rsplit("://").next().and_then(|text| text.parse().ok());
+        address.is_some_and(|address: SocketAddr| !address.ip().is_loopback())
+    }
+
+    /// The socket is closed for good.
+    pub(super) fn end(&self) {
+        self.state.store(ENDED, Relaxed);
+    }
+
+    /// Takes note of an event; true when the state changed.
+    fn happened(&self, event: u16) -> bool {
+        let is = |kind: SocketEvent| event == kind.to_raw();
+        let before = self.state.load(Relaxed);
+        if before == ENDED {
+            return false;
+        }
+        let state = if is(SocketEvent::HANDSHAKE_SUCCEEDED) {
+            UP
+        } else if is(SocketEvent::HANDSHAKE_FAILED_NO_DETAIL)
+            || is(SocketEvent::HANDSHAKE_FAILED_PROTOCOL)
+            || is(SocketEvent::HANDSHAKE_FAILED_AUTH)
+        {
+            REFUSED
+        } else if is(SocketEvent::CLOSED) {
+            UNANSWERED
+        } else if is(SocketEvent::DISCONNECTED) {
+            // Lost before the handshake was over: refused, for a wrong socket type without
+            // further notice.
+            if before == UP { DOWN } else { REFUSED }
+        } else {
+            before
+        };
+        self.state.store(state, Relaxed);
+        state != before
+    }
+}
+
+/// Receives the events of one socket. Belongs to the thread that polls.
+pub(super) struct Watch {
+    events: zmq::Socket,
+    link: Arc<BrokerLink>,
+    /// Set while no further try has been announced.
+    lost: Option<Lost>,
+    over: bool,
+}
+
+struct Lost {
+    at: Instant,
+    was_up: bool,
+}
+
+/// Connects `socket` to the broker of `link`, watched from the first moment.
+pub(super) fn connect(
+    context: &zmq::Context,
+    socket: zmq::Socket,
+    link: &Arc<BrokerLink>,
+) -> zmq::Result<(zmq::Socket, Watch)> {
+    let name = inproc_name("events");
+    let events = context.socket(zmq::PAIR)?;
+    events.set_linger(0)?;
+    socket.monitor(&name, i32::from(SocketEvent::ALL.to_raw()))?;
+    events.connect(&name)?;
+    let watch = Watch { events, link: Arc::clone(link), lost: None, over: false };
+    if let Err(error) = socket.connect(&link.broker) {
+        drop(socket);
+        Watch::see_out(vec![watch]);
+        return Err(error);
+    }
+    Ok((socket, watch))
+}
+
+impl Watch {
+    /// Descriptor that says that an event waits.
+    pub(super) fn fd(&self) -> Option<RawFd> {
+        self.events.get_fd().ok()
+    }
+
+    pub(super) fn poll_item(&self) -> zmq::PollItem<'_> {
+        self.events.as_poll_item(zmq::POLLIN)
+    }
+
+    /// Takes all waiting events; true when the connection came or went.
+    pub(super) fn take(&mut self) -> bool {
+        let mut changed = false;
+        while let Ok(frame) = self.events.recv_msg(zmq::DONTWAIT) {
+            // First frame: event number and a value, in native byte order. Second: the address.
+            if frame.get_more()
+                && let Some(number) = frame.first_chunk::<2>()
+            {
+                let event = u16::from_ne_bytes(*number);
+                self.over |= event == SocketEvent::MONITOR_STOPPED.to_raw();
+                if event == SocketEvent::DISCONNECTED.to_raw() {
+                    self.lost = Some(Lost { at: Instant::now(), was_up: self.link.is_up() });
+                } else if event == SocketEvent::CONNECT_RETRIED.to_raw() {
+                    self.lost = None;
+                }
+                changed |= self.link.happened(event);
+            }
+        }
+        changed
+    }
+
+    /// Time until [`Self::revive`] may have something to do.
+    pub(super) fn patience(&self, now: Instant) -> Option<Duration> {
+        self.lost
+            .as_ref()
+            .map(|lost| GIVEN_UP.saturating_sub(now.saturating_duration_since(lost.at)))
+    }
+
+    /// Connects `socket` again if libzmq has given up on the broker. True when that happened to a
+    /// connection that worked: the broker sent what this socket does not accept.
+    pub(super) fn revive(&mut self, socket: &zmq::Socket, wake: &Wake, now: Instant) -> bool {
+        if self.patience(now) != Some(Duration::ZERO) {
+            return false;
+        }
+        // On a busy machine the announcement may be waiting here.
+        if self.take() {
+            wake.ring();
+        }
+        if self.patience(now) != Some(Duration::ZERO) {
+            return false;
+        }
+        let Some(lost) = self.lost.take() else { return false };
+        // First ends what may be left of the old connection: with two, all would arrive twice.
+        match socket.disconnect(&self.link.broker) {
+            Ok(()) | Err(zmq::Error::ENOENT) => {}
+            Err(error) => tracing::debug!(%error, "the old connection to the broker"),
+        }
+        if let Err(error) = socket.connect(&self.link.broker) {
+            tracing::warn!(%error, broker = self.link.broker, "could not connect again");
+            self.lost = Some(Lost { at: now, was_up: false });
+        }
+        lost.was_up
+    }
+
+    pub(super) fn link(&self) -> &BrokerLink {
+        &self.link
+    }
+
+    /// True when the socket is gone and will not report any more.
+    pub(super) fn is_over(&self) -> bool {
+        self.over
+    }
+
+    /// Receives until the sockets of all watches, closed before, are gone.
+    pub(super) fn see_out(mut watches: Vec<Self>) {
+        let deadline = Instant::now() + FAREWELL;
+        loop {
+            for watch in &mut watches {
+                watch.take();
+            }
+            watches.retain(|watch| !watch.over);
+            let left = deadline.saturating_duration_since(Instant::now());
+            if watches.is_empty() || left.is_zero() {
+                break;
+            }
+            let mut items: Vec<_> = watches.iter().map(Self::poll_item).collect();
+            let wait = i64::try_from(left.as_millis()).unwrap_or(0) + 1;
+            match zmq::poll(&mut items, wait) {
+                Ok(_) | Err(zmq::Error::EINTR) => {}
+                Err(_) => break,
+            }
+        }
+        if !watches.is_empty() {
+            tracing::warn!(sockets = watches.len(), "ZeroMQ sockets did not close in time");
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_reason_follows_the_events() {
+        let link = BrokerLink::new("tcp://127.0.0.1:5555");
+        assert_eq!(link.waiting_for().unwrap(), "the broker at tcp://127.0.0.1:5555");
+        assert!(!link.happened(SocketEvent::CONNECTED.to_raw()));
+        assert!(link.happened(SocketEvent::HANDSHAKE_SUCCEEDED.to_raw()));
+        assert_eq!(link.waiting_for(), None);
+        assert!(!link.has_failed());
+        let elsewhere = BrokerLink::new("tcp://192.0.2.1:5555").waiting_for().unwrap();
+        assert!(elsewhere.contains("unless WRAPYFI_ZEROMQ_SOCKET_IP is set there"), "{elsewhere}");
+        assert!(link.happened(SocketEvent::DISCONNECTED.to_raw()));
+        assert!(!link.is_up());
+        assert!(link.happened(SocketEvent::HANDSHAKE_FAILED_PROTOCOL.to_raw()));
+        assert!(!link.happened(SocketEvent::DISCONNECTED.to_raw()));
+        assert!(link.waiting_for().unwrap().contains("matching side"));
+        assert!(!link.is_up() && link.has_failed());
+        assert!(link.happened(SocketEvent::CLOSED.to_raw()));
+        assert!(link.has_failed());
+        assert!(!link.happened(0x7000));
+    }
+}

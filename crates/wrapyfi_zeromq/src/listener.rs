@@ -1,0 +1,120 @@
+//! A topic received: opens the socket, hands it to the I/O thread, decodes what arrives.
+
+use std::sync::Arc;
+use std::task::{Wake, Waker};
+
+use super::config::FRAME_SLACK;
+use super::echo::Listening;
+use super::io::{Command, Handle};
+use super::link::{self, BrokerLink, Watch};
+use super::options;
+use super::reception::{Arrival, Reception};
+use super::{Shared, transport};
+use wrapyfi_endpoint::codec::frames;
+use wrapyfi_endpoint::{
+    Context, Link, Listener, OpenError, Overflow, QueueSpec, Receiver, Sample, TakeError,
+    TopicSpec, inbox,
+};
+
+/// Receives one topic through the broker.
+pub(super) struct ZeroMqListener {
+    id: u64,
+    spec: TopicSpec,
+    inbox: Receiver<Arrival>,
+    link: Arc<BrokerLink>,
+    io: Arc<Handle>,
+}
+
+/// Messages libzmq holds for one listener at most.
+const SOCKET_DEPTH: usize = 1000;
+
+/// Messages libzmq may hold for this listener. Under policy `block` they add to a full inbox, so
+/// there it is no more than the inbox holds; under the others the socket is emptied at once.
+fn socket_depth(queue: QueueSpec) -> i32 {
+    let depth = match queue.overflow {
+        Overflow::Block(_) => queue.depth.clamp(1, SOCKET_DEPTH),
+        _ => SOCKET_DEPTH,
+    };
+    i32::try_from(depth).unwrap_or(i32::MAX)
+}
+
+impl ZeroMqListener {
+    pub(super) fn open(
+        shared: &Shared,
+        spec: &TopicSpec,
+        context: &Context,
+    ) -> Result<Self, OpenError> {
+        let link = BrokerLink::new(&shared.pub_endpoint);
+        let (socket, watch) = shared
+            .contexts
+            .open(|context| open_socket(context, shared, spec, &link))
+            .map_err(|e| transport(&spec.topic, e))?;
+        let id = shared.io.handle().next_id();
+        let (sender, receiver) = inbox(spec.queue, context);
+        let io = Arc::clone(shared.io.handle());
+        let reception = Reception {
+            id,
+            socket,
+            watch,
+            topic: spec.topic.as_bytes().to_vec(),
+            limit: spec.limits.message_bytes,
+            inbox: sender,
+            listening: Listening::new(shared.echoes.of(&spec.topic)),
+            wake: context.wake.clone(),
+            room: Waker::from(Arc::new(Look(id, Arc::clone(&io)))),
+            held: None,
+        };
+        io.send(Command::Listen(reception));
+        Ok(Self { id, spec: spec.clone(), inbox: receiver, link, io })
+    }
+}
+
+fn open_socket(
+    context: &zmq::Context,
+    shared: &Shared,
+    spec: &TopicSpec,
+    link: &Arc<BrokerLink>,
+) -> zmq::Result<(zmq::Socket, Watch)> {
+    let socket = context.socket(zmq::SUB)?;
+    options::set_common(&socket, shared.ip)?;
+    socket.set_rcvhwm(socket_depth(spec.queue))?;
+    // Beyond this libzmq cuts the connection: it guards memory only, far enough above the limit
+    // that a message somewhat too large is received, counted and dropped instead.
+    let guard = spec.limits.message_bytes.saturating_mul(2).saturating_add(FRAME_SLACK);
+    socket.set_maxmsgsize(options::frame_limit(guard))?;
+    socket.set_subscribe(spec.topic.as_bytes())?;
+    link::connect(context, socket, link)
+}
+
+/// Has the I/O thread look at an endpoint.
+struct Look(u64, Arc<Handle>);
+
+impl Wake for Look {
+    fn wake(self: Arc<Self>) {
+        self.1.send(Command::Look(self.0));
+    }
+}
+
+impl Listener for ZeroMqListener {
+    fn take(&mut self) -> Result<Option<Sample>, TakeError> {
+        let Some(arrival) = self.inbox.pop() else { return Ok(None) };
+        let payload = frames::decode(&arrival.frames, &self.spec, arrival.stamp)?;
+        let Arrival { wire_bytes, received_at, .. } = arrival;
+        Ok(Some(Sample { payload, wire_bytes, received_at, origin: None }))
+    }
+
+    fn discard(&mut self) -> bool {
+        self.inbox.pop().is_some()
+    }
+
+    fn link(&self) -> Link {
+        // A broker does not tell listeners who publishes.
+        Link { peers: None, waiting_for: self.link.waiting_for(), keeps_last: false }
+    }
+}
+
+impl Drop for ZeroMqListener {
+    fn drop(&mut self) {
+        self.io.send(Command::Close(self.id));
+    }
+}

@@ -1,0 +1,322 @@
+//! One listener of the broker: its subscriptions, and what waits for it.
+//!
+//! ```text
+//!   bytes ─▶ inbox ── understand ──▶ Heard, news: subscriptions
+//!   queue ─▶ outbox ── write ──▶ TCP                 pulse: fine, to be asked, or dead
+//! ```
+
+use std::collections::{BTreeSet, VecDeque};
+use std::io::{ErrorKind, IoSlice, Write as _};
+use std::net::{SocketAddr, TcpStream};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::time::Instant;
+
+use bytes::Bytes;
+
+use super::options;
+use super::zmtp::{self, Breach};
+use wrapyfi_endpoint::{DropReason, PROGRESS, Share};
+
+/// Subscriptions of one listener. What is beyond is ignored.
+const MAX_SUBSCRIPTIONS: usize = 4096;
+/// Subscriptions are topic names: nothing longer is read.
+const MAX_FRAME_BYTES: usize = 64 * 1024;
+/// Pieces given to one write.
+const SLICES: usize = 64;
+
+/// Subscription change of a listener.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) enum Heard {
+    Subscribed(Vec<u8>),
+    Unsubscribed(Vec<u8>),
+    /// Something that is no subscription.
+    Ignored,
+}
+
+/// A message as it goes on the wire.
+#[derive(Debug)]
+pub(super) struct Message {
+    pub(super) parts: Vec<Bytes>,
+    pub(super) wire_bytes: usize,
+    /// Topic and size as its publisher counts it; none for what the broker says itself.
+    pub(super) of: Option<(Bytes, usize)>,
+    /// A listener missed it already: it is counted once.
+    pub(super) missed: AtomicBool,
+}
+
+/// A message that a listener did not get.
+#[derive(Debug, Clone)]
+pub(super) struct Loss {
+    pub(super) reason: DropReason,
+    pub(super) listener: SocketAddr,
+    /// Topic and size, where no other listener missed it before.
+    pub(super) first: Option<(Bytes, usize)>,
+}
+
+impl Message {
+    pub(super) fn loss(&self, reason: DropReason, listener: SocketAddr) -> Loss {
+        let first = if self.missed.swap(true, Relaxed) { None } else { self.of.clone() };
+        Loss { reason, listener, first }
+    }
+}
+
+/// Something that the broker says itself.
+pub(super) fn control(bytes: Vec<u8>) -> Arc<Message> {
+    let wire_bytes = bytes.len();
+    let parts = vec![bytes.into()];
+    Arc::new(Message { parts, wire_bytes, of: None, missed: AtomicBool::new(true) })
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Stage {
+    Greeting,
+    Handshake,
+    Open,
+}
+
+/// State of a listener by its heartbeats.
+pub(super) enum Pulse {
+    Fine,
+    Ask,
+    Dead,
+}
+
+/// One listener.
+pub(super) struct Peer {
+    pub(super) stream: TcpStream,
+    pub(super) address: SocketAddr,
+    stage: Stage,
+    pub(super) inbox: Vec<u8>,
+    /// Within a message of several frames, which is no subscription.
+    inside: bool,
+    pub(super) topics: BTreeSet<Vec<u8>>,
+    /// Subscriptions that came and went, not yet in the index.
+    pub(super) news: Vec<(Vec<u8>, bool)>,
+    pub(super) outbox: VecDeque<Arc<Message>>,
+    /// Messages in it that are counted against the high-water mark.
+    waiting: usize,
+    /// Bytes of the first that are written.
+    written: usize,
+    /// The connection takes no more until the system says so.
+    pub(super) is_blocked: bool,
+    share: Share,
+    /// Share of the message that has begun in the process's budget of waiting bytes.
+    pub(super) begun: Share,
+    since: Instant,
+    pub(super) heard_at: Instant,
+    asked_at: Option<Instant>,
+}
+
+impl Peer {
+    pub(super) fn new(stream: TcpStream, address: SocketAddr, now: Instant) -> Self {
+        Self {
+            stream,
+            address,
+            stage: Stage::Greeting,
+            inbox: Vec::new(),
+            inside: false,
+            topics: BTreeSet::new(),
+            news: Vec::new(),
+            outbox: VecDeque::from([control(zmtp::greeting())]),
+            waiting: 0,
+            written: 0,
+            is_blocked: false,
+            share: Share::default(),
+            begun: Share::default(),
+            since: now,
+            heard_at: now,
+            asked_at: None,
+        }
+    }
+
+    /// Takes a message into its queue.
+    ///
+    /// # Errors
+    /// Why there is no room for it.
+    pub(super) fn queue(
+        &mut self,
+        message: &Arc<Message>,
+        hwm: Option<usize>,
+    ) -> Result<(), DropReason> {
+        if message.of.is_some() {
+            if hwm.is_some_and(|hwm| self.waiting >= hwm) {
+                return Err(DropReason::Stalled);
+            }
+            if !self.share.take(message.wire_bytes) {
+                return Err(DropReason::OverBudget);
+            }
+            self.waiting += 1;
+        } else if self.outbox.len() > self.waiting + 4 {
+            // The broker repeats its counts: an old message need not wait beside a newer one.
+            return Ok(());
+        }
+        self.outbox.push_back(Arc::clone(message));
+        Ok(())
+    }
+
+    pub(super) fn write(&mut self) -> std::io::Result<()> {
+        while !self.outbox.is_empty() && !self.is_blocked {
+            let mut skip = self.written;
+            let mut slices = Vec::with_capacity(SLICES);
+            for part in self.outbox.iter().flat_map(|message| &message.parts) {
+                match part.get(skip..) {
+                    Some(rest) if !rest.is_empty() => {
+                        slices.push(IoSlice::new(rest));
+                        skip = 0;
+                    }
+                    _ => skip -= part.len(),
+                }
+                if slices.len() == SLICES {
+                    break;
+                }
+            }
+            match self.stream.write_vectored(&slices) {
+                Ok(0) => return Err(ErrorKind::WriteZero.into()),
+                Ok(count) => self.written += count,
+                Err(error) if error.kind() == ErrorKind::WouldBlock => self.is_blocked = true,
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) => return Err(error),
+            }
+            while let Some(first) = self.outbox.front()
+                && self.written >= first.wire_bytes
+            {
+                self.written -= first.wire_bytes;
+                if first.of.is_some() {
+                    self.share.give(first.wire_bytes);
+                    self.waiting -= 1;
+                }
+                self.outbox.pop_front();
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads what has come as far as it is complete.
+    pub(super) fn understand(&mut self, heard: &mut Vec<Heard>) -> Result<(), Breach> {
+        if self.stage == Stage::Greeting {
+            let Some((greeting, rest)) = self.inbox.split_first_chunk::<{ zmtp::GREETING }>()
+            else {
+                // A peer whose first byte is wrong will not send the rest.
+                let fits = self.inbox.first().is_none_or(|first| *first == 0xff);
+                return if fits { Ok(()) } else { Err(Breach) };
+            };
+            zmtp::check_greeting(greeting)?;
+            self.inbox = rest.to_vec();
+            self.stage = Stage::Handshake;
+            self.outbox.push_back(control(zmtp::ready("XPUB")));
+        }
+        let inbox = std::mem::take(&mut self.inbox);
+        let mut rest = &inbox[..];
+        while let Some((frame, size)) = zmtp::split_frame(rest, MAX_FRAME_BYTES)? {
+            match (self.stage, frame.is_command) {
+                (Stage::Open, true) => self.obey(frame.body, heard),
+                (Stage::Open, false) => {
+                    match (self.inside, frame.more) {
+                        (false, false) => self.subscribe(frame.body, heard),
+                        (false, true) => heard.push(Heard::Ignored),
+                        (true, _) => {}
+                    }
+                    self.inside = frame.more;
+                }
+                (_, true) => {
+                    let (name, properties) = zmtp::split_command(frame.body).ok_or(Breach)?;
+                    if name != b"READY"
+                        || !matches!(zmtp::socket_type(properties), Some(b"SUB" | b"XSUB"))
+                    {
+                        return Err(Breach);
+                    }
+                    self.stage = Stage::Open;
+                }
+                (_, false) => return Err(Breach),
+            }
+            rest = rest.get(size..).unwrap_or_default();
+        }
+        self.inbox = rest.to_vec();
+        Ok(())
+    }
+
+    fn obey(&mut self, body: &[u8], heard: &mut Vec<Heard>) {
+        match zmtp::split_command(body) {
+            Some((b"PING", rest)) => {
+                // Two bytes of time to live, then a context that is sent back.
+                let context = rest.get(2..).unwrap_or_default();
+                let pong =
+                    [&b"\x04PONG"[..], context.get(..context.len().min(16)).unwrap_or_default()];
+                if self.outbox.len() <= self.waiting + 4 {
+                    self.outbox.push_back(control(zmtp::command(&pong.concat())));
+                }
+            }
+            Some((b"SUBSCRIBE", topic)) => self.subscribe(&[&[1][..], topic].concat(), heard),
+            Some((b"CANCEL", topic)) => self.subscribe(&[&[0][..], topic].concat(), heard),
+            _ => {}
+        }
+    }
+
+    fn subscribe(&mut self, word: &[u8], heard: &mut Vec<Heard>) {
+        let (topic, on) = match word.split_first() {
+            Some((1, topic)) if self.topics.len() < MAX_SUBSCRIPTIONS => (topic.to_vec(), true),
+            Some((0, topic)) => (topic.to_vec(), false),
+            _ => return heard.push(Heard::Ignored),
+        };
+        let changed =
+            if on { self.topics.insert(topic.clone()) } else { self.topics.remove(&topic) };
+        if changed {
+            self.news.push((topic.clone(), on));
+            heard.push(if on { Heard::Subscribed(topic) } else { Heard::Unsubscribed(topic) });
+        }
+    }
+
+    pub(super) fn pulse(&mut self, now: Instant) -> Pulse {
+        if self.stage != Stage::Open {
+            let late = now.saturating_duration_since(self.since) >= options::HANDSHAKE;
+            return if late { Pulse::Dead } else { Pulse::Fine };
+        }
+        let silent = now.saturating_duration_since(self.heard_at);
+        // A peer that reads but stopped within a frame is dead all the same.
+        if silent >= PROGRESS && !self.inbox.is_empty() {
+            return Pulse::Dead;
+        }
+        if silent < options::SILENCE {
+            self.asked_at = None;
+            return Pulse::Fine;
+        }
+        match self.asked_at {
+            // A listener that does not read cannot have heard the question.
+            _ if !self.outbox.is_empty() => {
+                self.asked_at = None;
+                Pulse::Fine
+            }
+            None => {
+                self.asked_at = Some(now);
+                Pulse::Ask
+            }
+            Some(at) if now.saturating_duration_since(at) >= options::HEARTBEAT_TIMEOUT => {
+                Pulse::Dead
+            }
+            Some(_) => Pulse::Fine,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::net::TcpListener;
+
+    use super::*;
+
+    #[test]
+    fn half_a_word_ends_also_where_something_waits_for_the_listener() {
+        let port = TcpListener::bind("127.0.0.1:0").unwrap();
+        let stream = TcpStream::connect(port.local_addr().unwrap()).unwrap();
+        let (address, now) = (stream.peer_addr().unwrap(), Instant::now());
+        let mut peer = Peer::new(stream, address, now);
+        peer.stage = Stage::Open;
+        assert!(!peer.outbox.is_empty(), "it does not read");
+        assert!(matches!(peer.pulse(now + PROGRESS), Pulse::Fine));
+        peer.inbox = vec![0, 9, 1];
+        peer.understand(&mut Vec::new()).unwrap();
+        assert!(matches!(peer.pulse(now + PROGRESS / 2), Pulse::Fine));
+        assert!(matches!(peer.pulse(now + PROGRESS), Pulse::Dead));
+    }
+}

@@ -1,0 +1,167 @@
+//! The receiving half of a listener: from its socket into its inbox, on the I/O thread.
+//!
+//! ```text
+//!   SUB ──▶ exact topic? ── size? ── ours? ──▶ inbox ──▶ Listener::take
+//!             │ wrong_topic  │ oversize │ own_publication
+//!             ▼              ▼          ▼    counted, dropped
+//! ```
+//!
+//! A message with a frame of more than twice the limit never gets here: libzmq cuts the connection
+//! at its announcement. It is counted as oversize too, once per connection cut, and the connection
+//! is made anew; messages in between are lost at the broker.
+//!
+//! Every listener has a socket of its own, so a slow route fills its own queue only. Under policy
+//! `block` a message that finds no room is held here and the socket is left alone; libzmq's queue
+//! and then TCP hold what comes meanwhile, and after that the broker drops for this listener.
+
+use std::task::Waker;
+use std::time::{Duration, Instant};
+
+use bytes::Bytes;
+
+use super::echo::Listening;
+use super::link::Watch;
+use wrapyfi_data::types::Stamp;
+use wrapyfi_endpoint::{DropReason, Sender, Waits, Wake};
+
+/// Frames of the longest known message (three), with room for what may come.
+const MAX_FRAMES: usize = 16;
+/// Messages read from one socket before the others have their turn.
+const BATCH: usize = 64;
+
+/// A message as it came, all frames.
+pub(super) struct Arrival {
+    pub(super) frames: Vec<Bytes>,
+    pub(super) wire_bytes: usize,
+    pub(super) received_at: Instant,
+    pub(super) stamp: Stamp,
+}
+
+impl Waits for Arrival {
+    fn bytes(&self) -> usize {
+        self.wire_bytes
+    }
+}
+
+pub(super) struct Reception {
+    pub(super) id: u64,
+    pub(super) socket: zmq::Socket,
+    pub(super) watch: Watch,
+    pub(super) topic: Vec<u8>,
+    pub(super) limit: usize,
+    pub(super) inbox: Sender<Arrival>,
+    pub(super) listening: Listening,
+    pub(super) wake: Wake,
+    /// Has the I/O thread look at this listener when there is room.
+    pub(super) room: Waker,
+    pub(super) held: Option<(Arrival, Instant)>,
+}
+
+/// A zmq message as bytes: no copy.
+struct Frame(zmq::Message);
+
+impl AsRef<[u8]> for Frame {
+    fn as_ref(&self) -> &[u8] {
+        &self.0
+    }
+}
+
+impl Reception {
+    /// Connects again if libzmq has given up on the broker. The time until it may have is
+    /// returned.
+    pub(super) fn revive(&mut self, now: Instant) -> Option<Duration> {
+        if self.watch.revive(&self.socket, &self.wake, now) {
+            self.inbox.counters().dropped(DropReason::Oversize);
+            let topic = String::from_utf8_lossy(&self.topic);
+            tracing::warn!(
+                %topic,
+                limit_mib = self.limit / wrapyfi_data::Limits::MIB,
+                "a message far above the limit cut the connection to the broker, which is opened \
+                 again: raise max_message_mib, or send less"
+            );
+        }
+        self.watch.patience(now)
+    }
+
+    /// Places a held message if there is room now, or gives it up at its deadline. The time that
+    /// is left is returned.
+    pub(super) fn retry(&mut self, now: Instant) -> Option<Duration> {
+        let (arrival, deadline) = self.held.take()?;
+        let arrival = self.inbox.offer(arrival, &self.room).err()?;
+        if deadline > now {
+            self.held = Some((arrival, deadline));
+            return Some(deadline - now);
+        }
+        self.inbox.settle(arrival);
+        None
+    }
+
+    /// Closes the socket; the watch must be kept until it is over.
+    pub(super) fn close(self) -> Watch {
+        self.watch.link().end();
+        if self.held.is_some() {
+            self.inbox.counters().dropped(DropReason::Closed);
+        }
+        drop(self.socket);
+        self.watch
+    }
+
+    /// Reads what the socket has, one batch at most; true when there may be more.
+    pub(super) fn read(&mut self) -> zmq::Result<bool> {
+        for _ in 0..BATCH {
+            if self.held.is_some() {
+                return Ok(false);
+            }
+            match self.socket.recv_msg(zmq::DONTWAIT) {
+                Ok(first) => self.receive(first)?,
+                Err(zmq::Error::EAGAIN) => return Ok(false),
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(true)
+    }
+
+    fn receive(&mut self, first: zmq::Message) -> zmq::Result<()> {
+        let mut frames = Vec::with_capacity(3);
+        let (mut wire_bytes, mut frame_count) = (0, 0);
+        let mut frame = first;
+        loop {
+            let more = frame.get_more();
+            wire_bytes += frame.len();
+            frame_count += 1;
+            if frame_count <= MAX_FRAMES {
+                frames.push(Bytes::from_owner(Frame(frame)));
+            }
+            if !more {
+                break;
+            }
+            // Frames of one message arrive together: this does not wait.
+            frame = self.socket.recv_msg(0)?;
+        }
+        let counters = self.inbox.counters();
+        counters.received(wire_bytes);
+        if let Some(reason) = self.objection(&frames, frame_count, wire_bytes) {
+            counters.dropped(reason);
+            return Ok(());
+        }
+        let received_at = self.inbox.context().clock.now();
+        let arrival = Arrival { frames, wire_bytes, received_at, stamp: Stamp::now() };
+        if let Err(arrival) = self.inbox.push(arrival) {
+            self.held = Some((arrival, Instant::now() + self.inbox.patience()));
+        }
+        Ok(())
+    }
+
+    fn objection(&self, frames: &[Bytes], count: usize, wire_bytes: usize) -> Option<DropReason> {
+        if frames.first().is_none_or(|topic| *topic != self.topic) {
+            return Some(DropReason::WrongTopic);
+        }
+        if wire_bytes > self.limit {
+            return Some(DropReason::Oversize);
+        }
+        if count > MAX_FRAMES {
+            return Some(DropReason::Malformed);
+        }
+        self.listening.is_own(frames).then_some(DropReason::OwnPublication)
+    }
+}

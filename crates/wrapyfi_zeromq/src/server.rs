@@ -1,0 +1,124 @@
+//! Offers a service through the broker.
+//!
+//! ```text
+//!   take ◀─ Request ◀─ JSON ◀─ envelope kept ◀──────────────── Line
+//!   reply ─ payload ─▶ mark in the envelope? ─ yes: CDR ─────▶ Line
+//!                                            └ no: Wrapyfi's form
+//! ```
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use super::envelope::{self, Parcel};
+use super::line::{Delivery, End, Line, Post, Unusable};
+use super::{Shared, transport};
+use wrapyfi_data::DecodeError;
+use wrapyfi_data::EncodeError;
+use wrapyfi_data::types::Payload;
+use wrapyfi_endpoint::calls::ends;
+use wrapyfi_endpoint::codec::requests;
+use wrapyfi_endpoint::codec::requests::mark::{Kind, Mark};
+use wrapyfi_endpoint::requests::{Asked, Requests};
+use wrapyfi_endpoint::wire_server::{ServerWire, WireServer};
+use wrapyfi_endpoint::{Context, Link, OpenError, Request, ServeError, ServiceSpec};
+
+/// Serves one pair of ports.
+pub(super) struct ZeroMqServer {
+    spec: ServiceSpec,
+    post: Arc<Post>,
+}
+
+impl ZeroMqServer {
+    pub(super) fn open(
+        shared: &Shared,
+        endpoint: &str,
+        spec: &ServiceSpec,
+        context: &Context,
+    ) -> Result<WireServer<Self>, OpenError> {
+        let mut spec = spec.clone();
+        // Beyond this the broker would cut the connection.
+        spec.limits.message_bytes = spec.limits.message_bytes.min(shared.max_frame_bytes);
+        let requests = Arc::new(Requests::new(&spec, context));
+        let end = End::Server(Arc::clone(&requests));
+        let post = Line::open(shared, endpoint, end, &spec, context)
+            .map_err(|error| transport(&spec.service, error))?;
+        Ok(WireServer::new(Self { spec: spec.clone(), post }, requests, &spec))
+    }
+}
+
+impl ServerWire for ZeroMqServer {
+    type Ask = Delivery;
+    type Answer = Parcel;
+
+    fn is_given_up(&self, asked: &Asked<Delivery>) -> bool {
+        let mark = envelope::mark(&asked.ask.envelope);
+        ends(asked.received_at, patience(mark)) <= self.post.context().clock.now()
+    }
+
+    fn read(&self, delivery: &Delivery) -> Result<Request, DecodeError> {
+        if let Some(mark) = envelope::mark(&delivery.envelope) {
+            let (wanted, served) = (mark.content.message_type().data_type(), self.spec.kind);
+            if mark.kind != Kind::Request || wanted != served.data_type() {
+                return Err(DecodeError::Mismatch {
+                    expected: format!(
+                        "a request for {}, which is what it returns",
+                        served.data_type()
+                    ),
+                    actual: format!("one for {wanted}"),
+                });
+            }
+        }
+        match &delivery.body {
+            Ok(body) => requests::decode_request(body, &self.spec),
+            Err(Unusable::TooLarge(size)) => Err(DecodeError::TooLarge {
+                what: "message",
+                path: "$".into(),
+                actual: *size as u64,
+                limit: self.spec.limits.message_bytes as u64,
+            }),
+            Err(Unusable::Frames(frames)) => Err(DecodeError::Mismatch {
+                expected: "a request of one frame".into(),
+                actual: format!("{frames} frames"),
+            }),
+        }
+    }
+
+    /// A reply as the caller reads it.
+    fn write(&self, delivery: &Delivery, payload: &Payload) -> Result<Parcel, EncodeError> {
+        let mut envelope = delivery.envelope.clone();
+        let Some(mark) = envelope::mark(&envelope) else {
+            let body = requests::encode_reply(payload, &self.spec)?.into();
+            return Ok(Parcel { envelope, body });
+        };
+        let (content, body) = requests::encode_binary(payload, &self.spec)?;
+        envelope::stamp(&mut envelope, Mark { kind: Kind::Binary, content, ..mark });
+        Ok(Parcel { envelope, body })
+    }
+
+    fn send(
+        &mut self,
+        delivery: Delivery,
+        answer: Result<Parcel, &str>,
+    ) -> Result<Option<usize>, ServeError> {
+        let parcel = answer.unwrap_or_else(|why| Parcel::error(delivery.envelope, why));
+        let bytes = parcel.size();
+        self.post.send(parcel, None);
+        Ok(Some(bytes))
+    }
+
+    fn link(&self) -> Link {
+        // A broker does not tell servers who calls.
+        Link { peers: None, waiting_for: self.post.link().waiting_for(), keeps_last: false }
+    }
+}
+
+/// Time after `received_at` for which the caller of a request waits, where it says so.
+fn patience(mark: Option<Mark>) -> Duration {
+    mark.map_or(Duration::MAX, |mark| Duration::from_millis(mark.timeout_ms.into()))
+}
+
+impl Drop for ZeroMqServer {
+    fn drop(&mut self) {
+        self.post.close();
+    }
+}

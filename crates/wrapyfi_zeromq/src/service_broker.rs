@@ -1,0 +1,229 @@
+//! The meeting point of clients and servers, in place of Wrapyfi's own.
+//!
+//! ```text
+//!   clients ──connect──▶ ROUTER rep_port │ ServiceProxy │ DEALER req_port ◀──connect── servers
+//! ```
+//!
+//! No name of a service travels: one pair of ports is one service, and several servers on it are
+//! asked in turn.
+
+use std::net::IpAddr;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+
+use serde::Serialize;
+
+use super::broker::{BrokerError, bind, failed_to, loopback};
+use super::config::ZeroMqConfig;
+use super::keeper::{Side, Stand};
+use super::options::{self, Bell};
+use super::service_proxy::ServiceProxy;
+use wrapyfi_endpoint::ServiceSpec;
+use wrapyfi_endpoint::network::Insecure;
+
+/// Settings of a [`ServiceBroker`]; the fields mean what they mean in [`ZeroMqConfig`].
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[allow(missing_docs)]
+pub struct ServiceBrokerConfig {
+    pub ip: String,
+    /// 0 means any free port, here and in `req_port`.
+    pub rep_port: u16,
+    pub req_port: u16,
+    /// Requests held while no server takes them; those beyond are answered with an error.
+    pub pending: usize,
+    pub max_frame_bytes: usize,
+    pub insecure: Insecure,
+}
+
+impl Default for ServiceBrokerConfig {
+    fn default() -> Self {
+        ZeroMqConfig::default().service_broker_config()
+    }
+}
+
+impl ServiceBrokerConfig {
+    /// Requests held unless said otherwise.
+    pub const PENDING: usize = ServiceSpec::PENDING;
+}
+
+/// A running broker of requests and replies. Dropping it ends it and frees its ports.
+pub struct ServiceBroker {
+    ip: IpAddr,
+    rep_port: u16,
+    req_port: u16,
+    tally: Arc<Tally>,
+    stop: Bell,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// A broker of requests and replies at one moment.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+pub struct ServiceBrokerStatus {
+    /// Requests passed on to servers.
+    pub requests: u64,
+    /// Replies passed on to clients.
+    pub replies: u64,
+    /// Bytes passed on both ways, all frames.
+    pub bytes: u64,
+    /// Requests that wait for a server now.
+    pub waiting: u64,
+    /// Requests answered with an error because too many waited.
+    pub overloaded: u64,
+    /// Requests dropped because their callers had given up.
+    pub expired: u64,
+    /// Messages dropped because they were no request or no reply.
+    pub malformed: u64,
+    /// Replies dropped because their clients were gone, or did not read.
+    pub unheard: u64,
+    /// Reason why the broker does not work now; it goes on trying.
+    pub failure: Option<String>,
+}
+
+impl ServiceBroker {
+    /// Binds both ports and starts passing requests and replies.
+    ///
+    /// # Errors
+    /// When a port cannot be bound or must not be; both are free again then.
+    pub fn start(config: &ServiceBrokerConfig) -> Result<Self, BrokerError> {
+        let ip = loopback(&config.ip, config.insecure)?;
+        let (rep_port, req_port) = (config.rep_port, config.req_port);
+        if rep_port == req_port && rep_port != 0 {
+            let names = ("rep_port", "req_port");
+            return Err(BrokerError::SamePort { port: rep_port, names });
+        }
+        let context = zmq::Context::new();
+        let (front, back) = sockets(&context, ip, config).map_err(failed_to("open its sockets"))?;
+        let rep_port = bind(&front, ip, rep_port)?;
+        let req_port = bind(&back, ip, req_port)?;
+        let (bell, stop) = Bell::new(&context).map_err(failed_to("open its control socket"))?;
+        let tally = Arc::new(Tally::default());
+        let proxy = ServiceProxy::new(front, back, stop, config.pending, Arc::clone(&tally));
+        let thread = std::thread::Builder::new()
+            .name("zeromq-services".to_owned())
+            .spawn(move || proxy.run())
+            .map_err(failed_to("start its thread"))?;
+        tracing::info!(%ip, rep_port, req_port, "ZeroMQ broker of requests and replies runs");
+        Ok(Self { ip, rep_port, req_port, tally, stop: bell, thread: Some(thread) })
+    }
+
+    /// Address it is bound to.
+    #[must_use]
+    pub fn ip(&self) -> IpAddr {
+        self.ip
+    }
+
+    /// Port to which clients connect.
+    #[must_use]
+    pub fn rep_port(&self) -> u16 {
+        self.rep_port
+    }
+
+    /// Port to which servers connect.
+    #[must_use]
+    pub fn req_port(&self) -> u16 {
+        self.req_port
+    }
+
+    /// Counters of the broker.
+    #[must_use]
+    pub fn status(&self) -> ServiceBrokerStatus {
+        self.tally.status()
+    }
+}
+
+impl Drop for ServiceBroker {
+    fn drop(&mut self) {
+        self.stop.ring();
+        if let Some(thread) = self.thread.take()
+            && thread.join().is_err()
+        {
+            tracing::error!("the thread of the ZeroMQ broker of requests panicked");
+        }
+        let (rep_port, req_port) = (self.rep_port, self.req_port);
+        tracing::info!(rep_port, req_port, "ZeroMQ broker of requests and replies ended");
+    }
+}
+
+impl std::fmt::Debug for ServiceBroker {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("ServiceBroker")
+            .field("ip", &self.ip)
+            .field("rep_port", &self.rep_port)
+            .field("req_port", &self.req_port)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Stand for ServiceBroker {
+    type Config = ServiceBrokerConfig;
+
+    // Asked as a socket that neither side takes: one that the DEALER took would be given a request.
+    const FRONT: Side = Side { ours: "SUB", expected: "ROUTER" };
+    const BACK: Side = Side { ours: "SUB", expected: "DEALER" };
+    const WATCHER: zmq::SocketType = zmq::DEALER;
+    const SETTINGS: &'static str = "rep_port, req_port";
+
+    fn start(config: &Self::Config) -> Result<Self, BrokerError> {
+        Self::start(config)
+    }
+
+    fn ports(config: &Self::Config) -> (u16, u16) {
+        (config.rep_port, config.req_port)
+    }
+}
+
+fn sockets(
+    context: &zmq::Context,
+    ip: IpAddr,
+    config: &ServiceBrokerConfig,
+) -> zmq::Result<(zmq::Socket, zmq::Socket)> {
+    let depth = i32::try_from(config.pending.max(1)).unwrap_or(i32::MAX);
+    let open = |kind| {
+        let socket = context.socket(kind)?;
+        options::set_common(&socket, ip)?;
+        socket.set_maxmsgsize(options::frame_limit(config.max_frame_bytes))?;
+        // Of each peer, in each direction.
+        socket.set_sndhwm(depth)?;
+        socket.set_rcvhwm(depth)?;
+        Ok(socket)
+    };
+    let front = open(zmq::ROUTER)?;
+    // A reply to a client that is gone is refused, not dropped without a word.
+    front.set_router_mandatory(true)?;
+    Ok((front, open(zmq::DEALER)?))
+}
+
+/// Counters of the broker's thread.
+#[derive(Debug, Default)]
+pub(super) struct Tally {
+    pub(super) requests: AtomicU64,
+    pub(super) replies: AtomicU64,
+    pub(super) bytes: AtomicU64,
+    pub(super) waiting: AtomicU64,
+    pub(super) overloaded: AtomicU64,
+    pub(super) expired: AtomicU64,
+    pub(super) malformed: AtomicU64,
+    pub(super) unheard: AtomicU64,
+    failure: Mutex<Option<String>>,
+}
+
+impl Tally {
+    pub(super) fn failed(&self, why: Option<String>) {
+        *self.failure.lock().unwrap_or_else(PoisonError::into_inner) = why;
+    }
+
+    fn status(&self) -> ServiceBrokerStatus {
+        ServiceBrokerStatus {
+            requests: self.requests.load(Relaxed),
+            replies: self.replies.load(Relaxed),
+            bytes: self.bytes.load(Relaxed),
+            waiting: self.waiting.load(Relaxed),
+            overloaded: self.overloaded.load(Relaxed),
+            expired: self.expired.load(Relaxed),
+            malformed: self.malformed.load(Relaxed),
+            unheard: self.unheard.load(Relaxed),
+            failure: self.failure.lock().unwrap_or_else(PoisonError::into_inner).clone(),
+        }
+    }
+}

@@ -1,0 +1,182 @@
+//! Traffic of the broker: topics, their messages, and the kind of payload that the frames show.
+//!
+//! ```text
+//!   XSUB ── frames ──▶ count ─▶ table ── while somebody is subscribed to WRAPYFI/TRAFFIC ──▶ XPUB
+//! ```
+//!
+//! Publishers say nothing to a broker but their messages: this table is all there is to know of
+//! them. It is told on a topic of its own, so that whoever asks need not subscribe to everything,
+//! which would make every publisher believe it has a listener.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+/// Topic on which the table is told. Nobody can publish to it through the broker.
+pub(super) const TRAFFIC_TOPIC: &str = "WRAPYFI/TRAFFIC";
+
+/// Topics kept. What comes on others is counted together.
+const MAX_TOPICS: usize = 4096;
+/// Longest topic that is kept.
+const MAX_TOPIC_BYTES: usize = 1024;
+
+/// Traffic of one topic.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TopicTraffic {
+    /// Messages passed on.
+    pub messages: u64,
+    /// Bytes of those messages, all frames.
+    pub bytes: u64,
+    /// Type that the last message looked like, by Wrapyfi's frames.
+    #[serde(rename = "type")]
+    pub type_name: Option<String>,
+}
+
+/// The table as it is told.
+#[derive(Debug, Default, Serialize, Deserialize)]
+pub(super) struct Told {
+    pub(super) topics: BTreeMap<String, TopicTraffic>,
+    /// Messages of topics that found no room, or whose name is no text.
+    pub(super) unlisted: u64,
+}
+
+/// Counts of one broker.
+#[derive(Debug, Default)]
+pub(super) struct Traffic {
+    topics: BTreeMap<Vec<u8>, (u64, u64, Option<Look>)>,
+    unlisted: u64,
+    watchers: u64,
+}
+
+/// Kind of a message, told by its frames.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Look {
+    NativeObject,
+    Image,
+    CompressedImage,
+    AudioChunk,
+}
+
+impl Look {
+    /// The type that has `frames` frames, the last of which begins with `body`.
+    pub(super) fn guess(frames: usize, body: &[u8]) -> Option<Self> {
+        const ARRAY: &[u8] = b"{\"__wrapyfi__\": [\"numpy.ndarray\"";
+        const TUPLE: &[u8] = b"{\"__wrapyfi__\": [\"tuple\"";
+        match frames {
+            2 if matches!(
+                body.first(),
+                Some(b'{' | b'[' | b'"' | b'-' | b'0'..=b'9' | b'n' | b't' | b'f' | b'N' | b'I')
+            ) =>
+            {
+                Some(Self::NativeObject)
+            }
+            3 if body.starts_with(&[0xFF, 0xD8, 0xFF]) => Some(Self::CompressedImage),
+            3 if body.starts_with(ARRAY) => Some(Self::Image),
+            3 if body.starts_with(TUPLE) => Some(Self::AudioChunk),
+            // The header behind an object.
+            3 if body.starts_with(b"{timestamp:") => Some(Self::NativeObject),
+            _ => None,
+        }
+    }
+
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::NativeObject => "NativeObject",
+            Self::Image => "Image",
+            Self::CompressedImage => "CompressedImage",
+            Self::AudioChunk => "AudioChunk",
+        }
+    }
+}
+
+impl Traffic {
+    /// Takes note of a message.
+    pub(super) fn count(&mut self, topic: &[u8], bytes: usize, look: Option<Look>) {
+        let bytes = bytes as u64;
+        if let Some(known) = self.topics.get_mut(topic) {
+            *known = (known.0 + 1, known.1.saturating_add(bytes), look);
+        } else if self.topics.len() < MAX_TOPICS && topic.len() <= MAX_TOPIC_BYTES {
+            self.topics.insert(topic.to_vec(), (1, bytes, look));
+        } else {
+            self.unlisted += 1;
+        }
+    }
+
+    /// Somebody subscribed to the table.
+    pub(super) fn watched(&mut self) {
+        self.watchers += 1;
+    }
+
+    /// Somebody left.
+    pub(super) fn unwatched(&mut self) {
+        self.watchers = self.watchers.saturating_sub(1);
+    }
+
+    /// The second frame of the table; `None` while nobody is subscribed to it.
+    pub(super) fn message(&self) -> Option<Vec<u8>> {
+        if self.watchers == 0 {
+            return None;
+        }
+        serde_json::to_vec(&self.told()).ok()
+    }
+
+    /// The table.
+    pub(super) fn told(&self) -> Told {
+        let mut told = Told { unlisted: self.unlisted, ..Told::default() };
+        for (topic, &(messages, bytes, look)) in &self.topics {
+            match std::str::from_utf8(topic) {
+                Ok(name) if !name.is_empty() => {
+                    let type_name = look.map(|look| look.name().to_owned());
+                    let topic = TopicTraffic { messages, bytes, type_name };
+                    told.topics.insert(name.to_owned(), topic);
+                }
+                _ => told.unlisted += messages,
+            }
+        }
+        told
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn topics_are_counted_and_told_to_those_who_ask() {
+        let mut traffic = Traffic::default();
+        traffic.count(b"/a", 10, Look::guess(2, b"{\"x\": 1}"));
+        traffic.count(b"/a", 5, Look::guess(2, b"[1]"));
+        traffic.count(&[0xff], 5, None);
+        assert_eq!(traffic.message(), None, "nobody asks");
+        traffic.watched();
+        let text = traffic.message().unwrap();
+        let told: Told = serde_json::from_slice(&text).unwrap();
+        let type_name = Some("NativeObject".to_owned());
+        assert_eq!(told.topics["/a"], TopicTraffic { messages: 2, bytes: 15, type_name });
+        assert_eq!((told.topics.len(), told.unlisted), (1, 1));
+        traffic.unwatched();
+        assert_eq!(traffic.message(), None);
+    }
+
+    #[test]
+    fn the_table_has_an_end() {
+        let mut traffic = Traffic::default();
+        for number in 0..MAX_TOPICS + 3 {
+            traffic.count(format!("/{number}").as_bytes(), 1, None);
+        }
+        traffic.count(&[b'x'; MAX_TOPIC_BYTES + 1], 1, None);
+        let told = traffic.told();
+        assert_eq!((told.topics.len(), told.unlisted), (MAX_TOPICS, 4));
+    }
+
+    #[test]
+    fn types_by_their_frames() {
+        assert_eq!(Look::guess(3, &[0xFF, 0xD8, 0xFF, 0xE0]), Some(Look::CompressedImage));
+        let image = b"{\"__wrapyfi__\": [\"numpy.ndarray\", \"k05V";
+        assert_eq!(Look::guess(3, image), Some(Look::Image));
+        assert_eq!(Look::guess(3, b"{\"__wrapyfi__\": [\"tuple\", [1"), Some(Look::AudioChunk));
+        assert_eq!(Look::guess(3, b"{timestamp:1.5, frame_id"), Some(Look::NativeObject));
+        assert_eq!(Look::guess(2, b"\x00\x01"), None);
+        assert_eq!(Look::guess(5, b"{"), None);
+    }
+}

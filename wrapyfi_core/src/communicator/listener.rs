@@ -1,0 +1,167 @@
+//! The listener of one value, shared by all callers.
+//!
+//! ```text
+//!   I/O thread ─▶ inbox ── take ─▶ caller's thread or task
+//!        └──────── ring ──────────▶ (woken here, no thread between)
+//! ```
+
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use super::bell::{Bell, Look};
+use super::error::CallError;
+use super::rules::Rules;
+use super::runtime::Runtime;
+use super::wait::Wait;
+use crate::endpoint::{Counters, EndpointAddress, Link, Listener};
+use crate::types::Payload;
+
+/// Time between two looks at the peers while nothing rings.
+const REVIEW_EVERY: Duration = Duration::from_secs(1);
+/// Shortest time between two lines about bad messages.
+const SAY_EVERY: Duration = Duration::from_secs(5);
+
+pub(super) struct ListenerEnd {
+    pub(super) endpoint: EndpointAddress,
+    pub(super) rules: Rules,
+    pub(super) counters: Arc<Counters>,
+    pub(super) should_wait: bool,
+    pub(super) timeout: Option<Duration>,
+    bell: Bell,
+    state: Mutex<State>,
+}
+
+struct State {
+    listener: Box<dyn Listener>,
+    /// Messages that were taken for a call that failed; the next call gets them first.
+    held: VecDeque<Payload>,
+    review_at: Instant,
+    say_at: Instant,
+}
+
+/// Options of a value for its endpoint: whether and how long a call waits, and the checks.
+pub(super) struct EndOptions {
+    pub(super) should_wait: bool,
+    pub(super) timeout: Option<Duration>,
+    pub(super) rules: Rules,
+}
+
+impl ListenerEnd {
+    pub(super) fn new(
+        endpoint: EndpointAddress,
+        listener: Box<dyn Listener>,
+        context: &crate::endpoint::Context,
+        options: EndOptions,
+    ) -> Self {
+        let now = Instant::now();
+        Self {
+            endpoint,
+            rules: options.rules,
+            counters: Arc::clone(&context.counters),
+            should_wait: options.should_wait,
+            timeout: options.timeout,
+            bell: Bell::new(context.wake.clone()),
+            state: Mutex::new(State {
+                listener,
+                held: VecDeque::new(),
+                review_at: now,
+                say_at: now,
+            }),
+        }
+    }
+
+    /// Takes the next message; waits for one if the option `should_wait` is set.
+    pub(super) fn take(&self, wait: &mut Wait<'_>) -> Result<Option<Payload>, CallError> {
+        let first = self.take_now();
+        if first.is_some() || !self.should_wait {
+            return Ok(first);
+        }
+        self.bell.wait(wait, || self.waited_for(), || self.look()).map(Some)
+    }
+
+    /// As [`ListenerEnd::take`], for a task.
+    pub(super) async fn take_async(
+        &self,
+        wait: &mut Wait<'_>,
+        runtime: &Runtime,
+    ) -> Result<Option<Payload>, CallError> {
+        let first = self.take_now();
+        if first.is_some() || !self.should_wait {
+            return Ok(first);
+        }
+        let waited_for = || self.waited_for();
+        self.bell.wait_async(wait, runtime, waited_for, || self.look()).await.map(Some)
+    }
+
+    /// Gives back a message that was taken for a call that failed.
+    pub(super) fn put_back(&self, payload: Payload) {
+        self.lock().held.push_front(payload);
+        self.bell.ring();
+    }
+
+    /// Makes all waiting calls look again.
+    pub(super) fn ring(&self) {
+        self.bell.ring();
+    }
+
+    pub(super) fn link(&self) -> Link {
+        self.lock().listener.link()
+    }
+
+    fn look(&self) -> Look<Payload> {
+        match self.take_now() {
+            Some(payload) => Look::Found(payload),
+            None => {
+                let mut state = self.lock();
+                self.review(&mut state, Instant::now());
+                Look::Again(Some(state.review_at))
+            }
+        }
+    }
+
+    fn take_now(&self) -> Option<Payload> {
+        let mut state = self.lock();
+        if let Some(payload) = state.held.pop_front() {
+            return Some(payload);
+        }
+        let now = Instant::now();
+        if now >= state.review_at {
+            self.review(&mut state, now);
+        }
+        loop {
+            match state.listener.take() {
+                Ok(Some(sample)) => return Some(sample.payload),
+                Ok(None) => return None,
+                Err(error) => {
+                    self.counters.dropped(error.drop_reason());
+                    if now >= state.say_at {
+                        tracing::warn!("dropped a message from {}: {error}", self.endpoint);
+                        state.say_at = now + SAY_EVERY;
+                    }
+                }
+            }
+        }
+    }
+
+    fn review(&self, state: &mut State, now: Instant) {
+        let review = state.listener.review(now);
+        for warning in &review.warnings {
+            tracing::warn!("{}: {warning}", self.endpoint);
+        }
+        let latest = now + REVIEW_EVERY;
+        state.review_at = review.next.map_or(latest, |next| next.min(latest));
+    }
+
+    fn waited_for(&self) -> String {
+        let what = format!("a message on {}", self.endpoint);
+        match self.link().waiting_for {
+            Some(reason) => format!("{what} ({reason})"),
+            None => what,
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}

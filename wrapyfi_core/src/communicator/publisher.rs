@@ -1,0 +1,255 @@
+//! The publisher of one value, shared by all callers.
+//!
+//! ```text
+//!   call ── does anybody listen? an atomic, kept by the runtime ──▶ no: counted, that is all
+//!             └─ yes ─▶ payload ─▶ publisher, on the caller's thread
+//! ```
+
+use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use super::bell::{Bell, Look};
+use super::error::CallError;
+use super::listener::EndOptions;
+use super::rules::Rules;
+use super::runtime::Runtime;
+use super::wait::Wait;
+use crate::endpoint::{Counters, DropReason, EndpointAddress, Link, PublishError, Publisher};
+use crate::types::Payload;
+
+/// Shortest time between two lines about messages that were not sent.
+const SAY_EVERY: Duration = Duration::from_secs(5);
+
+pub(super) struct PublisherEnd {
+    pub(super) endpoint: EndpointAddress,
+    pub(super) rules: Rules,
+    pub(super) counters: Arc<Counters>,
+    pub(super) timeout: Option<Duration>,
+    /// True where messages are messages of ROS, which always have a time.
+    pub(super) in_ros: bool,
+    /// True while messages need not be sent, because nobody listens and none is kept for later.
+    is_idle: AtomicBool,
+    /// True once the first listener has come, or where no call waits for it.
+    is_established: AtomicBool,
+    /// Bell that rings when the link changes.
+    changed: Bell,
+    state: Mutex<State>,
+}
+
+struct State {
+    publisher: Box<dyn Publisher>,
+    say_at: Instant,
+}
+
+impl PublisherEnd {
+    pub(super) fn new(
+        endpoint: EndpointAddress,
+        publisher: Box<dyn Publisher>,
+        counters: Arc<Counters>,
+        options: EndOptions,
+        in_ros: bool,
+    ) -> Self {
+        let end = Self {
+            endpoint,
+            rules: options.rules,
+            counters,
+            timeout: options.timeout,
+            in_ros,
+            is_idle: AtomicBool::new(false),
+            is_established: AtomicBool::new(!options.should_wait),
+            changed: Bell::default(),
+            state: Mutex::new(State { publisher, say_at: Instant::now() }),
+        };
+        end.look(Instant::now());
+        end
+    }
+
+    /// True while a message would reach nobody. It costs one atomic load.
+    pub(super) fn is_idle(&self) -> bool {
+        self.is_idle.load(SeqCst)
+    }
+
+    /// Counts a message that was not sent because nobody listens.
+    pub(super) fn skip(&self) {
+        self.counters.dropped(DropReason::NoConsumer);
+    }
+
+    /// Sends a message, or counts the reason that it was not sent. A message that the transport
+    /// does not take is no fault of the caller.
+    ///
+    /// # Errors
+    /// When the payload has no form on the wire.
+    pub(super) fn send(&self, payload: &Payload) -> Result<(), PublishError> {
+        let started = Instant::now();
+        let mut state = self.lock();
+        match state.publisher.publish(payload) {
+            Ok(bytes) => {
+                self.counters.sent(bytes, started.elapsed());
+                Ok(())
+            }
+            Err(error @ PublishError::Encode(_)) => {
+                self.counters.dropped(error.drop_reason());
+                Err(error)
+            }
+            Err(error) => {
+                self.counters.dropped(error.drop_reason());
+                let is_news = !matches!(error, PublishError::NoConsumer { .. });
+                if is_news && started >= state.say_at {
+                    tracing::warn!("a message to {} was not sent: {error}", self.endpoint);
+                    state.say_at = started + SAY_EVERY;
+                }
+                Ok(())
+            }
+        }
+    }
+
+    /// Looks at the listeners; instant of the next look.
+    pub(super) fn look(&self, now: Instant) -> Option<Instant> {
+        let mut state = self.lock();
+        let review = state.publisher.review(now);
+        self.note(&state);
+        drop(state);
+        for warning in &review.warnings {
+            tracing::warn!("{}: {warning}", self.endpoint);
+        }
+        self.changed.ring();
+        review.next
+    }
+
+    /// Notes the link. The caller holds the lock, so that of two looks at once the newer one is
+    /// noted last.
+    fn note(&self, state: &State) -> Link {
+        let link = state.publisher.link();
+        let is_open = is_open(&link);
+        self.is_idle.store(!is_open && !link.keeps_last, SeqCst);
+        if is_open {
+            self.is_established.store(true, SeqCst);
+        }
+        link
+    }
+
+    /// Waits for the first listener, if the option `should_wait` is set.
+    pub(super) fn await_listener(&self, wait: &mut Wait<'_>) -> Result<(), CallError> {
+        self.changed.wait(wait, || self.waited_for(), || self.established())
+    }
+
+    /// As [`PublisherEnd::await_listener`], for a task.
+    pub(super) async fn await_listener_async(
+        &self,
+        wait: &mut Wait<'_>,
+        runtime: &Runtime,
+    ) -> Result<(), CallError> {
+        let waited_for = || self.waited_for();
+        self.changed.wait_async(wait, runtime, waited_for, || self.established()).await
+    }
+
+    fn established(&self) -> Look<()> {
+        if self.is_established() { Look::Found(()) } else { Look::Again(None) }
+    }
+
+    /// True when a call need not wait for the first listener.
+    pub(super) fn is_established(&self) -> bool {
+        self.is_established.load(SeqCst)
+    }
+
+    /// Makes all waiting calls look again.
+    pub(super) fn ring(&self) {
+        self.changed.ring();
+    }
+
+    /// Connection of the publisher now. Sends go by it from here on.
+    pub(super) fn link(&self) -> Link {
+        self.note(&self.lock())
+    }
+
+    fn waited_for(&self) -> String {
+        let what = format!("a listener of {}", self.endpoint);
+        match self.link().waiting_for {
+            Some(reason) => format!("{what} ({reason})"),
+            None => what,
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// True when a message that is sent now reaches a listener, as far as the transport knows.
+fn is_open(link: &Link) -> bool {
+    match link.peers {
+        Some(peers) => peers > 0,
+        None => link.waiting_for.is_none(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::AtomicUsize;
+
+    use super::super::option::Options;
+    use super::*;
+    use crate::endpoint::Review;
+
+    /// Publisher with this many listeners, and a warning at every look.
+    struct Counting(Arc<AtomicUsize>);
+
+    impl Publisher for Counting {
+        fn publish(&mut self, _: &Payload) -> Result<usize, PublishError> {
+            Ok(0)
+        }
+
+        fn link(&self) -> Link {
+            Link { peers: Some(self.0.load(SeqCst)), ..Link::default() }
+        }
+
+        fn review(&mut self, _: Instant) -> Review {
+            Review { warnings: vec!["somebody comes".to_owned()], ..Review::default() }
+        }
+    }
+
+    /// Log whose every line lets the first listener come, and looks at the link.
+    struct Interrupting {
+        peers: Arc<AtomicUsize>,
+        end: Arc<PublisherEnd>,
+    }
+
+    impl tracing::Subscriber for Interrupting {
+        fn enabled(&self, _: &tracing::Metadata<'_>) -> bool {
+            true
+        }
+
+        fn new_span(&self, _: &tracing::span::Attributes<'_>) -> tracing::span::Id {
+            tracing::span::Id::from_u64(1)
+        }
+
+        fn record(&self, _: &tracing::span::Id, _: &tracing::span::Record<'_>) {}
+
+        fn record_follows_from(&self, _: &tracing::span::Id, _: &tracing::span::Id) {}
+
+        fn event(&self, _: &tracing::Event<'_>) {
+            self.peers.store(1, SeqCst);
+            assert_eq!(self.end.link().peers, Some(1));
+        }
+
+        fn enter(&self, _: &tracing::span::Id) {}
+
+        fn exit(&self, _: &tracing::span::Id) {}
+    }
+
+    #[test]
+    fn an_older_look_does_not_undo_a_newer_one() {
+        let peers = Arc::new(AtomicUsize::new(0));
+        let rules = Rules::from_options(&Options::default()).unwrap();
+        let options = EndOptions { should_wait: false, timeout: None, rules };
+        let publisher = Box::new(Counting(Arc::clone(&peers)));
+        let endpoint = "memory:/x".parse().unwrap();
+        let end = Arc::new(PublisherEnd::new(endpoint, publisher, Arc::default(), options, false));
+        assert!(end.is_idle());
+        let log = Interrupting { peers, end: Arc::clone(&end) };
+        // The look began before the listener came.
+        tracing::subscriber::with_default(log, || end.look(Instant::now()));
+        assert!(!end.is_idle(), "what is sent now would go nowhere");
+    }
+}
