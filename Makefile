@@ -1,7 +1,7 @@
 # make demo    all programs, and the main job on a bare machine: ZeroMQ in, ROS 2 out, a live table
 # make check   for daily work: format, lints, tests without real peers
 # make test    everything: format, lints, tests against real peers, documentation, colcon
-# make nightly what takes hours: fuzz targets, more seeds, every feature alone, licences and sources of dependencies
+# make nightly what takes hours: fuzz targets, more seeds, every feature alone, the release build, licences and sources
 # make bench   raw transports, bridge and Python Wrapyfi measured by turns: bench/RESULTS.md
 # make doc     API documentation of the workspace, in target/doc; links of the pages
 # make fmt     formats the sources
@@ -16,7 +16,7 @@ MAKEFLAGS += --no-print-directory
 # One after the other: every step uses all cores, and each one fails with its own message.
 .NOTPARALLEL:
 .PHONY: demo check test nightly bench doc fmt lint fuzz setup-build setup-test setup-frameworks test-fmt test-rust
-.PHONY: test-frameworks test-python test-colcon test-rmw test-seeds test-features deny
+.PHONY: test-frameworks test-python test-colcon test-rmw test-release test-seeds test-features deny
 
 DEMO_ARGS ?= --seconds 20
 BENCH_ARGS ?=
@@ -39,7 +39,11 @@ check: test-fmt lint
 test: setup-test test-fmt lint test-rust test-rmw test-python doc test-colcon
 	@echo "make test: all passed"
 
-nightly: deny test-features test-seeds fuzz
+nightly: deny test-features test-seeds test-release fuzz
+
+# Built as users build it, every test once more.
+test-release: export PROFILE := release
+test-release: test-colcon
 
 setup-build:
 	@scripts/setup.sh build
@@ -83,9 +87,10 @@ fuzz: | target/COLCON_IGNORE
 	@fuzz/run.sh
 
 # Compiled outside: the namespace has no network, should Cargo still have to fetch something.
-# The programs too, because the end-to-end tests start them.
+# The programs too, because the end-to-end tests start them; all in one command, because the programs alone
+# are built with fewer features of the foreign crates, and these would be compiled twice.
 test-rust: | target/COLCON_IGNORE
-	@$(CARGO) build --workspace --locked
+	@$(CARGO) build --workspace --all-targets --locked
 	@$(CARGO) nextest run --workspace --locked --no-run
 	@WRAPYFI_REQUIRE_PEERS=1 scripts/lo-namespace.sh \
 		cargo nextest run --workspace --locked --status-level fail --final-status-level slow

@@ -5,6 +5,8 @@ cargo-nextest runs them where it is installed (a process and a time limit for ea
 
 A test that cannot run because a peer is not installed prints a line `SKIPPED name: reason` to
 standard error and passes; it is counted as skipped with that reason.
+
+WRAPYFI_TESTS in the environment narrows what cargo-nextest runs: an expression of its filter language.
 """
 
 import argparse
@@ -131,6 +133,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cargo", required=True)
     parser.add_argument("--package", required=True)
+    parser.add_argument("--profile", default="release", help="Cargo's profile with which the package was built")
     parser.add_argument("--target-dir", required=True, type=pathlib.Path)
     parser.add_argument("--result", required=True, type=pathlib.Path)
     parser.add_argument("--rmw", default="", help="prefixes of the ROS 2 that it was built with, none for none")
@@ -149,7 +152,7 @@ def main():
     is_library = any("lib" in t["kind"] or "proc-macro" in t["kind"] for t in targets)
     # Of the whole workspace wherever one crate can be chosen from it: for a crate alone Cargo unites
     # other features, and compiles again what `colcon build` has compiled.
-    built = ["--release", "--locked", "--workspace"]
+    built = ["--locked", "--workspace"]
     if options.rmw:
         built += ["--features", "wrapyfi_bridge/rmw"]
     nextest = subprocess.run(
@@ -166,7 +169,8 @@ def main():
             settings = pathlib.Path(metadata["workspace_root"], ".config", "nextest.toml").read_text()
             config.write_text(f"{settings}\n[store]\ndir = {json.dumps(store)}\n")
             status, text = run(
-                [options.cargo, "nextest", "run", *built, "-E", f"package(={crate})"]
+                [options.cargo, "nextest", "run", "--cargo-profile", options.profile, *built]
+                + ["-E", f"package(={crate}) and ({os.environ.get('WRAPYFI_TESTS') or 'all()'})"]
                 + ["--profile", "colcon", "--no-tests=pass", "--config-file", str(config)],
                 env,
             )
@@ -181,7 +185,7 @@ def main():
         if features:
             kinds += ["--features", ",".join(features)]
         status, text = run(
-            [options.cargo, "test", "--release", "--locked", "--package", crate, *kinds]
+            [options.cargo, "test", "--profile", options.profile, "--locked", "--package", crate, *kinds]
             + ["--bins", "--tests", "--no-fail-fast", "--", "--show-output"]
             # With one thread libtest starts the line before the test runs, and stray output splits it.
             + [f"--test-threads={max(2, os.cpu_count() or 2)}"],
@@ -191,7 +195,7 @@ def main():
     if status != 0 and not any(c.failure for c in cases):
         cases.append(Case(crate, "run", failure=f"exit status {status}\n{text}"))
     if options.doc_tests:
-        status, text = run([options.cargo, "test", *built, "--doc", "--no-fail-fast"], env)
+        status, text = run([options.cargo, "test", "--profile", options.profile, *built, "--doc", "--no-fail-fast"], env)
         documented = list(from_libtest(crate, text))
         if status != 0 and not any(c.failure for c in documented):
             documented.append(Case(f"{crate}::doc", "run", failure=f"exit status {status}\n{text}"))

@@ -1,8 +1,13 @@
 #!/usr/bin/env bash
 # Builds, tests and installs the packages with colcon, as a user's workspace does, and uses what was
 # installed. Works on plain Debian and Ubuntu and in a sourced ROS 2.
+#
+# PROFILE=release (as `make nightly` says) compiles as users do, and runs every test. Without it the foreign
+# crates of the repository's own development build serve again, and of the end-to-end tests, which `make test`
+# has just run, only a few are run.
 set -euo pipefail
 cd "$(dirname "$0")/.."
+profile=${PROFILE:-dev}
 source_folder=$PWD
 workspace=$source_folder/target/colcon
 log=$workspace/output.log
@@ -81,14 +86,23 @@ if ! ros_is_sourced; then
 fi
 # As a user's machine without a network does it, once the crates are there.
 (cd "$tree" && cargo fetch --quiet --locked) >>"$log" 2>&1
-# The tests of the release build would otherwise land in the folder of a developer's debug build.
+# What is built here would otherwise land in the folder of a developer's build.
+built_before=${CARGO_TARGET_DIR:-$source_folder/target}/debug
 unset CARGO_TARGET_DIR
+if [ "$profile" = dev ] && [ -d "$built_before" ] && [ ! -e build/wrapyfi_cargo/debug ]; then
+    mkdir -p build/wrapyfi_cargo
+    # Links cost neither time nor disk; Cargo and rustc replace files and do not write into them.
+    cp -al "$built_before" build/wrapyfi_cargo/debug 2>>"$log" || rm -rf build/wrapyfi_cargo/debug
+fi
+if [ "$profile" = dev ]; then
+    export WRAPYFI_TESTS="not package(wrapyfi_e2e) and not test(/^simulation/) or test(/^bridge::/)"
+fi
 # A peer that is missing is a counted skip here; `make test` has run them all already.
 unset WRAPYFI_REQUIRE_PEERS
 # Python tells about it on standard error.
 unset PYTHONDONTWRITEBYTECODE
 "$tree/scripts/lo-namespace.sh" colcon build --base-paths "${paths[@]}" --event-handlers console_direct+ \
-    --cmake-args -DPython3_EXECUTABLE="${PYTHON3:-/usr/bin/python3}" >>"$log" 2>&1
+    --cmake-args -DPython3_EXECUTABLE="${PYTHON3:-/usr/bin/python3}" -DWRAPYFI_CARGO_PROFILE="$profile" >>"$log" 2>&1
 # colcon reports every such package, and users look for a fault.
 for package in $packages; do
     [ ! -s "log/latest_build/$package/stderr.log" ] ||
@@ -179,6 +193,10 @@ wrapyfi_core = { path = "$core/wrapyfi_core/rust", features = ["zeromq"] }
 wrapyfi_interfaces = { path = "$core/wrapyfi_interfaces/rust" }
 
 # As in the workspace, so that the crates compiled there serve here.
+[profile.dev]
+debug = false
+opt-level = 1
+
 [profile.release]
 overflow-checks = true
 
@@ -208,7 +226,7 @@ mv "$workspace/src" "$workspace/src.away"
 (
     cd "$foreign"
     CARGO_TARGET_DIR=$workspace/build/wrapyfi_cargo \
-        cargo run --quiet --release --config "$core/wrapyfi_core/cargo-config.toml"
+        cargo run --quiet --profile "$profile" --config "$core/wrapyfi_core/cargo-config.toml"
 ) >"$workspace/foreign.out" 2>>"$log" || { mv "$workspace/src.away" "$workspace/src"; fail "the foreign crate does not build"; }
 mv "$workspace/src.away" "$workspace/src"
 [ "$(cat "$workspace/foreign.out")" = 67108864 ] || fail "the foreign crate says $(cat "$workspace/foreign.out")"
