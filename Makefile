@@ -1,7 +1,8 @@
 # make demo    all programs, and the main job on a bare machine: ZeroMQ in, ROS 2 out, a live table
 # make check   for daily work: format, lints, tests without real peers
 # make test    everything: format, lints, tests against real peers, documentation, colcon
-# make nightly what takes hours: fuzz targets, more seeds, every feature alone, the release build, licences and sources
+# make nightly what takes hours: fuzz targets, more seeds, every feature alone, the release build, the oldest Rust,
+#              public interfaces, texts of licences
 # make bench   raw transports, bridge and Python Wrapyfi measured by turns: bench/RESULTS.md
 # make doc     API documentation of the workspace, in target/doc; links of the pages
 # make fmt     formats the sources
@@ -16,7 +17,7 @@ MAKEFLAGS += --no-print-directory
 # One after the other: every step uses all cores, and each one fails with its own message.
 .NOTPARALLEL:
 .PHONY: demo check test nightly bench doc fmt lint fuzz setup-build setup-test setup-frameworks test-fmt test-rust
-.PHONY: test-frameworks test-python test-colcon test-rmw test-release test-seeds test-features deny
+.PHONY: test-frameworks test-python test-colcon test-rmw test-release test-seeds test-features test-oldest test-semver deny
 
 DEMO_ARGS ?= --seconds 20
 BENCH_ARGS ?=
@@ -39,7 +40,7 @@ check: test-fmt lint
 test: setup-test test-fmt lint test-rust test-rmw test-python doc test-colcon
 	@echo "make test: all passed"
 
-nightly: deny test-features test-seeds test-release fuzz
+nightly: deny test-oldest test-semver test-features test-seeds test-release fuzz
 
 # Built as users build it, every test once more.
 test-release: export PROFILE := release
@@ -65,13 +66,28 @@ CAMERAS := --features wrapyfi_communicator_examples/v4l2
 
 lint: | target/COLCON_IGNORE
 	@$(CARGO) clippy --workspace --all-targets --locked $(CAMERAS) -- -D warnings
-
 	@scripts/dependencies.sh
 
-# Licences, doubled crates, sources: what needs no list of advisories from outside.
+# `scripts/dependencies.sh`, a part of `make lint`, compares the licences that crates name and their sources with deny.toml.
+# cargo-deny also reads the texts of licences; not in `make test`, because it takes minutes to compile where it is not installed.
 deny:
 	@command -v cargo-deny >/dev/null || cargo install --locked cargo-deny --target-dir target/cargo-deny
 	@cargo deny --offline --log-level error check licenses bans sources
+
+# What Cargo.toml promises as `rust-version`; its artefacts lie apart, so that the next build is not one from nothing.
+OLDEST_RUST = $(shell sed -n 's/^rust-version = "\(.*\)"/\1/p' Cargo.toml)
+test-oldest: | target/COLCON_IGNORE
+	@if rustup toolchain install --no-self-update --profile minimal $(OLDEST_RUST) >/dev/null 2>&1; then \
+		$(CARGO) +$(OLDEST_RUST) check --workspace --all-targets --locked --target-dir target/oldest; \
+	else echo "SKIPPED test-oldest: rustup cannot install Rust $(OLDEST_RUST)" >&2; fi
+
+# Public interfaces against the last release: what breaks them is a new version in Cargo.toml.
+LAST_RELEASE = $(shell git describe --tags --abbrev=0 2>/dev/null)
+test-semver: | target/COLCON_IGNORE
+	@if [ -z "$(LAST_RELEASE)" ]; then echo "SKIPPED test-semver: no release has a tag yet" >&2; \
+	elif cargo semver-checks --version >/dev/null 2>&1; then \
+		cargo semver-checks check-release --workspace --baseline-rev $(LAST_RELEASE); \
+	else echo "SKIPPED test-semver: run cargo install --locked cargo-semver-checks" >&2; fi
 
 # Each feature alone, which no other build compiles: one must not need another.
 test-features: | target/COLCON_IGNORE

@@ -22,7 +22,8 @@ use crate::clock;
 use crate::payload::{Kind, Maker};
 use crate::proc;
 use crate::python;
-use crate::turn::{Bench, ports};
+use crate::trip::Leg;
+use crate::turn::{Bench, Phase, ports};
 use crate::worker::{Order, Report, micros, say};
 
 /// Bytes of the image.
@@ -49,14 +50,6 @@ pub(crate) struct Place {
     /// Port that servers connect to.
     #[arg(long)]
     req_port: u16,
-}
-
-/// Figures of one turn.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Answers {
-    pub(crate) report: Report,
-    /// CPU microseconds that the server's processes used for a call.
-    pub(crate) server_us: f64,
 }
 
 impl Asked {
@@ -86,7 +79,7 @@ impl Asked {
     }
 
     /// Measures it once.
-    pub(crate) fn turn(self, bench: &Bench, repository: &Path) -> Result<Answers> {
+    pub(crate) fn turn(self, bench: &Bench, repository: &Path) -> Result<Leg> {
         let (rep_port, req_port) = ports()?;
         let place = [("--rep-port", rep_port), ("--req-port", req_port)];
         let start = |name: &str, ours: bool, role: &str| {
@@ -114,7 +107,8 @@ impl Asked {
         let used = proc::cpu_ns(server.id()).saturating_sub(before);
         let Report { sent, received, .. } = report;
         ensure!(sent == received, "{} of {sent} calls had no answer", sent - received);
-        Ok(Answers { report, server_us: micros(used) / f64::from(sent.max(1)) })
+        let middle_us = micros(used) / f64::from(sent.max(1));
+        Ok(Leg { warm, calls: Phase { report, cpu_us: f64::NAN, middle_us } })
     }
 }
 

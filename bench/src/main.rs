@@ -47,7 +47,7 @@ use python::Python;
 use results::Results;
 use tcpros::Hop;
 use trip::Trip;
-use turn::Bench;
+use turn::{Bench, in_turn};
 use wire::{Place, Wire};
 use yarp::Ride;
 
@@ -374,10 +374,16 @@ fn run(cli: &Cli) -> Result<()> {
                 }
             }
         }
-        calls(&bench, &trips, round, &mut results);
+        for trip in in_turn(&trips, round.is_multiple_of(2)) {
+            results.leg(round, &trip.name(), trip.turn(&bench));
+        }
         // Python's calls are so slow that every other round is enough.
         if cli.only.is_some() || round % 2 == 1 {
-            asks(&bench, repository, &asked, round, &mut results);
+            for ask in in_turn(&asked, round / 2 % 2 == 1) {
+                if ask == Asked::Ours || results.no_python.is_none() {
+                    results.leg(round, ask.name(), ask.turn(&bench, repository));
+                }
+            }
         }
         note(&format!("round {round} of {}: {:.0} s", cli.rounds, begin.elapsed().as_secs_f64()));
     }
@@ -434,45 +440,6 @@ fn run(cli: &Cli) -> Result<()> {
     Ok(())
 }
 
-/// Round trips, all of them in each round and backwards in every other one.
-fn calls(bench: &Bench, trips: &[Trip], round: u32, results: &mut Results) {
-    let mut trips = trips.to_vec();
-    if round.is_multiple_of(2) {
-        trips.reverse();
-    }
-    for trip in trips {
-        match trip.turn(bench) {
-            Ok(leg) => results.trip(round, trip, leg),
-            Err(error) => {
-                let failure = format!("round {round}, {}: {error:#}", trip.name());
-                note(&failure);
-                results.failures.push(failure);
-            }
-        }
-    }
-}
-
-/// Calls of registered methods; backwards in every second round that has them.
-fn asks(bench: &Bench, repository: &Path, asked: &[Asked], round: u32, results: &mut Results) {
-    let mut asked = asked.to_vec();
-    if round / 2 % 2 == 1 {
-        asked.reverse();
-    }
-    for ask in asked {
-        if ask != Asked::Ours && results.no_python.is_some() {
-            continue;
-        }
-        match ask.turn(bench, repository) {
-            Ok(answers) => results.asked(round, ask, answers),
-            Err(error) => {
-                let failure = format!("round {round}, {}: {error:#}", ask.name());
-                note(&failure);
-                results.failures.push(failure);
-            }
-        }
-    }
-}
-
 /// The cases of a round. Every other one runs backwards, of the rounds with all cases as of those
 /// with some: a drift of the machine meets all cases alike.
 fn order(cases: &[Case], round: u32, cli: &Cli) -> Vec<Case> {
@@ -484,12 +451,8 @@ fn order(cases: &[Case], round: u32, cli: &Cli) -> Vec<Case> {
         // Without the full rounds before it.
         (false, _) => round - full,
     };
-    let mut order: Vec<Case> =
-        cases.iter().copied().filter(|case| all || case.is_judged()).collect();
-    if index % 2 == 1 {
-        order.reverse();
-    }
-    order
+    let order: Vec<Case> = cases.iter().copied().filter(|case| all || case.is_judged()).collect();
+    in_turn(&order, index % 2 == 1)
 }
 
 fn python_coding(python: &mut Python, round: u32, results: &mut Results) {

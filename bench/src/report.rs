@@ -1,8 +1,5 @@
 //! `RESULTS.md`.
 
-mod ros1;
-mod yarp;
-
 use std::fmt::Write as _;
 
 use anyhow::Result;
@@ -18,8 +15,11 @@ use crate::results::{Results, Summary};
 use crate::soak::Soak;
 use crate::stats::{FEWEST, RESAMPLES, median, quantile};
 use crate::targets::{Outcome, Target, bridged, over_relay, relay_of};
-use crate::trip::Trip;
+use crate::tcpros::{self, Hop};
+use crate::trip::{Leg, Trip};
 use crate::turn::sizes;
+use crate::worker::Report;
+use crate::yarp::{Ports, Ride};
 
 const KINDS: [Kind; 7] = [
     Kind::Small,
@@ -54,19 +54,14 @@ pub(crate) fn write(results: &Results, targets: &[Target]) -> Result<String> {
     library_tables(&mut text, results);
     latency_table(&mut text, results);
     cost_table(&mut text, results);
-    trip_table(&mut text, results);
-    asked_table(&mut text, results);
-    if let Some(soak) = &results.soak {
-        stream(&mut text, soak);
-    }
-    if let Some(found) = &results.fast {
-        to_fast_dds(&mut text, found);
-    }
+    ends_table(&mut text, results);
+    streams(&mut text, results);
     if let Some(found) = &results.rest {
         rest(&mut text, found);
     }
-    yarp::tables(&mut text, results);
-    ros1::tables(&mut text, results);
+    if let Some(found) = &results.ports {
+        ports(&mut text, found);
+    }
     limits(&mut text, results);
     size_table(&mut text)?;
     if !results.failures.is_empty() {
@@ -267,73 +262,102 @@ fn cost_table(text: &mut String, results: &Results) {
     }
 }
 
-fn trip_table(text: &mut String, results: &Results) {
+/// Everything with two ends, one row each.
+fn ends_table(text: &mut String, results: &Results) {
     text.push_str(
-        "\n## Calls of services\n\n\
-         Round trips one after the other, one under way at a time; who waits sleeps. Raw ways carry as many\n\
-         bytes as the service puts on the wire. p50: median of the rounds' medians, with their range; p99: of\n\
-         all calls. CPU microseconds a call, both processes. Opening: start to first answer.\n\n\
-         | way | load | p50 | range of rounds | p99 | rounds | calls | CPU | opening ms |\n\
-         | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
+        "\n## There and back, and streams\n\n\
+         Services and registered methods are called one at a time; who waits sleeps, and raw ways carry as many\n\
+         bytes as the service puts on the wire. A call of a registered method goes from arguments to an image\n\
+         that can be used: our peers exchange pixels as they are, Python's decimal text. Images go one way, a\n\
+         batch at a time. p50: median of the rounds' medians, with their range; p99: of all, of batches for\n\
+         images. CPU microseconds of both ends for a message, and of the end that answers where it was told\n\
+         apart, its broker included. Opening: start to first answer.\n\n\
+         | way | load | p50 | range of rounds | p99 | rounds | messages | lost | CPU | CPU of far | opening ms |\n\
+         | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
     );
-    for trip in Trip::ALL {
-        let (Some(legs), Some(halves)) = (results.legs(trip), results.trip_halves(trip)) else {
-            continue;
-        };
-        let halves: Vec<f64> = halves.into_values().collect();
-        let all: Vec<f64> =
-            legs.values().flat_map(|leg| leg.calls.report.latency_us.clone()).collect();
-        let cpu: Vec<f64> = legs.values().map(|leg| leg.calls.cpu_us).collect();
-        #[allow(clippy::cast_precision_loss)]
-        let opening: Vec<f64> = legs.values().map(|leg| leg.warm.opening_ns as f64 / 1e6).collect();
+    let trips = Trip::ALL.map(|trip| (trip.name(), (trip.way.title(), trip.load.title())));
+    let asked =
+        Asked::ALL.map(|ask| (ask.name().to_owned(), (ask.title(), "640x480 RGB, returned")));
+    let rides = Ride::ALL.map(|ride| (ride.name(), (ride.way.title(), ride.load.title())));
+    let hops = Hop::ALL.map(|hop| (hop.name(), hop.titles()));
+    for (name, (way, load)) in trips.into_iter().chain(asked).chain(rides).chain(hops) {
+        let Some(legs) = results.legs(&name) else { continue };
+        let over = |figure: &dyn Fn(&Leg) -> f64| legs.values().map(figure).collect::<Vec<_>>();
         let of = |values: &[f64], fraction| quantile(values, fraction).unwrap_or(f64::NAN);
         let middle = |values: &[f64]| median(values).unwrap_or(f64::NAN);
+        let halves = over(&|leg| of(&leg.calls.report.latency_us, 0.5));
+        let reports = || legs.values().map(|leg| &leg.calls.report);
+        let all: Vec<f64> = reports().flat_map(|one| one.latency_us.clone()).collect();
+        let sent: u32 = reports().map(|report| report.sent + report.refused).sum();
+        let received: u32 = reports().map(|report| report.received).sum();
+        let cpu = |figure: &dyn Fn(&Leg) -> f64| match middle(&over(figure)) {
+            told if told > 0.0 => format!("{told:.1}"),
+            _ => "-".to_owned(),
+        };
         _ = writeln!(
             text,
-            "| {} | {} | {:.0} | {:.0} to {:.0} | {:.0} | {} | {} | {:.0} | {:.0} |",
-            trip.way.title(),
-            trip.load.title(),
+            "| {way} | {load} | {:.1} | {:.1} to {:.1} | {:.1} | {} | {received} | {} | {} | {} | {:.0} |",
             middle(&halves),
             of(&halves, 0.0),
             of(&halves, 1.0),
             of(&all, 0.99),
             halves.len(),
-            all.len(),
-            middle(&cpu),
-            middle(&opening)
+            sent.saturating_sub(received),
+            cpu(&|leg| leg.calls.cpu_us),
+            cpu(&|leg| leg.calls.middle_us),
+            middle(&over(&Leg::opening_ms))
         );
     }
 }
 
-fn asked_table(text: &mut String, results: &Results) {
+/// Streams of a minute, and what became of them.
+fn streams(text: &mut String, results: &Results) {
+    let mut rows = Vec::new();
+    if let Some(Soak { seconds, report, .. }) = &results.soak {
+        rows.push(("ZeroMQ to ROS 2", "1080p RGB at 30 Hz", *seconds, report));
+    }
+    if let Some(fast::Stream { seconds, report, .. }) = &results.fast {
+        rows.push(("ZeroMQ to a Fast DDS reader", "640x480 RGB at 30 Hz", *seconds, report));
+    }
+    for way in tcpros::Way::ALL {
+        for (load, report) in results.streams_of(way).iter().flat_map(|found| &found.reports) {
+            let seconds = results.streams_of(way).map_or(0, |found| found.seconds);
+            rows.push((way.title(), load.title(), seconds, report));
+        }
+    }
+    if rows.is_empty() {
+        return;
+    }
     text.push_str(
-        "\n## Calls of a registered method that returns 640x480 RGB\n\n\
-         Request and reply over ZeroMQ, one call under way at a time, from arguments to an image that can\n\
-         be used. Our peers exchange pixels as they are, Python's decimal text. CPU microseconds a call of\n\
-         the server's processes, its broker included.\n\n\
-         | who | p50 | range of rounds | rounds | calls | server's CPU |\n\
-         | --- | --- | --- | --- | --- | --- |\n",
+        "\n## Streams\n\n\
+         All reliable; those of ROS 1 run two together. The reader on Fast DDS is a C++ program with a history of 5.\n\n\
+         | way | stream | seconds | sent | refused | arrived | twice | p50 | p99 | highest |\n\
+         | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
     );
-    for ask in Asked::ALL {
-        let (Some(answers), Some((halves, used))) =
-            (results.answers(ask), results.asked_rounds(ask))
-        else {
-            continue;
-        };
-        let halves: Vec<f64> = halves.into_values().collect();
-        let used: Vec<f64> = used.into_values().collect();
-        let calls: u32 = answers.values().map(|answers| answers.report.received).sum();
-        let of = |values: &[f64], fraction| quantile(values, fraction).unwrap_or(f64::NAN);
+    for (way, load, seconds, report) in rows {
+        let q = |fraction| quantile(&report.latency_us, fraction).unwrap_or(f64::NAN);
+        let Report { sent, refused, received, duplicates, .. } = report;
+        let times = format!("{:.0} | {:.0} | {:.0}", q(0.5), q(0.99), q(1.0));
         _ = writeln!(
             text,
-            "| {} | {:.0} | {:.0} to {:.0} | {} | {calls} | {:.0} |",
-            ask.title(),
-            of(&halves, 0.5),
-            of(&halves, 0.0),
-            of(&halves, 1.0),
-            halves.len(),
-            of(&used, 0.5),
+            "| {way} | {load} | {seconds} | {sent} | {refused} | {received} | {duplicates} | {times} |"
         );
+    }
+    if let Some(fast::Stream { dropped, rmem_default, .. }) = &results.fast {
+        _ = writeln!(
+            text,
+            "\nThe kernel's receive buffer of {rmem_default} bytes had no room for {dropped} datagrams to Fast DDS."
+        );
+    }
+    if let Some(Soak { settle, memory, .. }) = &results.soak {
+        _ = writeln!(
+            text,
+            "\nMemory during the first, growth by least squares from second {settle} on:\n\n\
+             | process | RSS MiB at the end | growth MiB a minute |\n| --- | --- | --- |"
+        );
+        for (name, last, growth) in memory {
+            _ = writeln!(text, "| {name} | {last:.1} | {growth:+.2} |");
+        }
     }
 }
 
@@ -348,44 +372,13 @@ fn rest(text: &mut String, rest: &Rest) {
     );
 }
 
-fn stream(text: &mut String, soak: &Soak) {
-    let Soak { seconds, settle, report, memory } = soak;
-    let q = |fraction| crate::stats::quantile(&report.latency_us, fraction).unwrap_or(f64::NAN);
+fn ports(text: &mut String, found: &Ports) {
+    let Ports { ports, share, seconds, opening_ms, rss_mib } = found;
     _ = writeln!(
         text,
-        "\n## 1080p RGB at 30 Hz for {seconds} s, ZeroMQ to ROS 2\n\n\
-         {} sent, {} refused, {} arrived, {} twice; p50 {:.0}, p99 {:.0}, highest {:.0}. Memory, growth \
-         by least squares from second {settle} on:\n\n\
-         | process | RSS MiB at the end | growth MiB a minute |\n| --- | --- | --- |",
-        report.sent,
-        report.refused,
-        report.received,
-        report.duplicates,
-        q(0.5),
-        q(0.99),
-        q(1.0)
-    );
-    for (name, last, growth) in memory {
-        _ = writeln!(text, "| {name} | {last:.1} | {growth:+.2} |");
-    }
-}
-
-fn to_fast_dds(text: &mut String, stream: &fast::Stream) {
-    let fast::Stream { seconds, report, dropped, rmem_default } = stream;
-    let q = |fraction| quantile(&report.latency_us, fraction).unwrap_or(f64::NAN);
-    _ = writeln!(
-        text,
-        "\n## 640x480 RGB at 30 Hz for {seconds} s into a Fast DDS reader\n\n\
-         Through the bridge, reliable, into a C++ program on Fast DDS with a history of 5 and the kernel's \
-         receive buffer ({rmem_default} bytes): {} sent, {} refused, {} arrived, {} twice; {dropped} datagrams \
-         found no room. p50 {:.0}, p99 {:.0}, highest {:.0}.",
-        report.sent,
-        report.refused,
-        report.received,
-        report.duplicates,
-        q(0.5),
-        q(0.99),
-        q(1.0)
+        "\n## YARP ports at rest\n\n{ports} ports of one process, connected in pairs over tcp and silent: {share:.2} % of a core over \
+         {seconds} s, {rss_mib:.1} MiB resident. Opening, registering and connecting all of them took \
+         {opening_ms:.0} ms."
     );
 }
 

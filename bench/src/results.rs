@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use crate::asked::{Answers, Asked};
+use anyhow::Result;
+
 use crate::case::{Case, Way};
 use crate::crowd::Rest;
 use crate::estimate::Series;
@@ -14,11 +15,11 @@ use crate::payload::Kind;
 use crate::python::Coding;
 use crate::soak::Soak;
 use crate::stats::{median, quantile};
-use crate::tcpros::{self, Hop, Streams};
-use crate::trip::{Leg, Trip};
+use crate::tcpros::{self, Streams};
+use crate::trip::Leg;
 use crate::turn::{Phase, Turn};
 use crate::worker::Report;
-use crate::yarp::{Ports, Ride};
+use crate::yarp::Ports;
 
 /// All rounds of all cases.
 #[derive(Default)]
@@ -29,15 +30,13 @@ pub(crate) struct Results {
     /// Figures of single threads, in the order in which they were first measured.
     micro: Vec<(String, Series)>,
     coding: BTreeMap<Kind, BTreeMap<u32, Coding>>,
-    trips: BTreeMap<Trip, BTreeMap<u32, Leg>>,
-    asked: BTreeMap<Asked, BTreeMap<u32, Answers>>,
+    /// Turns of whatever has two ends, by its name and by round.
+    legs: BTreeMap<String, BTreeMap<u32, Leg>>,
     pub(crate) soak: Option<Soak>,
     pub(crate) rest: Option<Rest>,
     pub(crate) many: Option<Many>,
     pub(crate) fast: Option<fast::Stream>,
-    rides: BTreeMap<Ride, BTreeMap<u32, Leg>>,
     pub(crate) ports: Option<Ports>,
-    hops: BTreeMap<Hop, BTreeMap<u32, Leg>>,
     streams: BTreeMap<tcpros::Way, Streams>,
     /// Turns that failed, with the reason.
     pub(crate) failures: Vec<String>,
@@ -117,141 +116,19 @@ impl Results {
         self.turns.entry(case).or_default().insert(round, turn);
     }
 
-    /// Adds a turn of round trips.
-    pub(crate) fn trip(&mut self, round: u32, trip: Trip, leg: Leg) {
-        let q = |fraction| quantile(&leg.calls.report.latency_us, fraction).unwrap_or(f64::NAN);
-        #[allow(clippy::cast_precision_loss)]
-        let opening_ms = leg.warm.opening_ns as f64 / 1e6;
-        for (measure, value) in [
-            ("p50_us", q(0.5)),
-            ("p99_us", q(0.99)),
-            ("max_us", q(1.0)),
-            ("min_us", q(0.0)),
-            ("calls", leg.calls.report.received.into()),
-            ("cpu_us_per_call", leg.calls.cpu_us),
-            ("opening_ms", opening_ms),
-        ] {
-            self.row(round, &trip.name(), "calls", measure, value);
-        }
-        self.trips.entry(trip).or_default().insert(round, leg);
-    }
-
-    /// Adds a turn of calls of a registered method.
-    pub(crate) fn asked(&mut self, round: u32, ask: Asked, answers: Answers) {
-        let q = |fraction| quantile(&answers.report.latency_us, fraction).unwrap_or(f64::NAN);
-        for (measure, value) in [
-            ("p50_us", q(0.5)),
-            ("max_us", q(1.0)),
-            ("min_us", q(0.0)),
-            ("calls", answers.report.received.into()),
-            ("server_cpu_us_per_call", answers.server_us),
-        ] {
-            self.row(round, ask.name(), "calls", measure, value);
-        }
-        self.asked.entry(ask).or_default().insert(round, answers);
-    }
-
-    /// Turns of such calls by round; `None` where none succeeded.
-    pub(crate) fn answers(&self, ask: Asked) -> Option<&BTreeMap<u32, Answers>> {
-        self.asked.get(&ask)
-    }
-
-    /// Median call in each round, and what the server used for one.
-    pub(crate) fn asked_rounds(&self, ask: Asked) -> Option<(Series, Series)> {
-        let all = self.answers(ask)?;
-        let half = |(round, answers): (&u32, &Answers)| {
-            Some((*round, median(&answers.report.latency_us)?))
+    /// Adds a turn of two ends, or the reason why there is none.
+    pub(crate) fn leg(&mut self, round: u32, name: &str, found: Result<Leg>) {
+        let leg = match found {
+            Ok(leg) => leg,
+            Err(error) => {
+                let failure = format!("round {round}, {name}: {error:#}");
+                crate::note(&failure);
+                return self.failures.push(failure);
+            }
         };
-        let used = all.iter().map(|(round, answers)| (*round, answers.server_us)).collect();
-        Some((all.iter().filter_map(half).collect(), used))
-    }
-
-    /// Adds what a bridge of many routes takes.
-    #[allow(clippy::cast_precision_loss)]
-    pub(crate) fn many(&mut self, many: Many) {
-        for (measure, value) in [
-            ("opening_ms", many.opening_ms),
-            ("threads", many.threads as f64),
-            ("rss_mib", many.rss_mib),
-            ("percent_of_core", many.share),
-            ("reload_ms", many.reload_ms),
-            ("lost", many.lost as f64),
-        ] {
-            self.row(0, "many", "rest", measure, value);
-        }
-        self.many = Some(many);
-    }
-
-    /// Adds what a bridge at rest takes.
-    pub(crate) fn rest(&mut self, rest: Rest) {
-        for (measure, value) in [
-            ("percent_of_core_alone", rest.alone),
-            ("percent_of_core_among", rest.among),
-            ("meeting_cpu_ms", rest.meeting_ms),
-            ("meeting_rss_mib", rest.grown_mib),
-        ] {
-            self.row(0, "endpoints", "rest", measure, value);
-        }
-        self.rest = Some(rest);
-    }
-
-    /// Turns of round trips by round; `None` where none succeeded.
-    pub(crate) fn legs(&self, trip: Trip) -> Option<&BTreeMap<u32, Leg>> {
-        self.trips.get(&trip)
-    }
-
-    /// Median round trip in each round.
-    pub(crate) fn trip_halves(&self, trip: Trip) -> Option<Series> {
-        let half =
-            |(round, leg): (&u32, &Leg)| Some((*round, median(&leg.calls.report.latency_us)?));
-        Some(self.legs(trip)?.iter().filter_map(half).collect())
-    }
-
-    /// Adds a turn of YARP's ports, or of what they are compared with.
-    pub(crate) fn ride(&mut self, round: u32, ride: Ride, leg: Leg) {
-        let q = |fraction| quantile(&leg.calls.report.latency_us, fraction).unwrap_or(f64::NAN);
-        for (measure, value) in [
-            ("p50_us", q(0.5)),
-            ("p99_us", q(0.99)),
-            ("max_us", q(1.0)),
-            ("min_us", q(0.0)),
-            ("messages", leg.calls.report.received.into()),
-            ("cpu_us_per_message", leg.calls.cpu_us),
-        ] {
-            self.row(round, &ride.name(), "yarp", measure, value);
-        }
-        self.rides.entry(ride).or_default().insert(round, leg);
-    }
-
-    /// Turns of it by round; `None` where none succeeded.
-    pub(crate) fn rides(&self, ride: Ride) -> Option<&BTreeMap<u32, Leg>> {
-        self.rides.get(&ride)
-    }
-
-    /// Median of the ride in each round.
-    pub(crate) fn ride_halves(&self, ride: Ride) -> Option<Series> {
-        let half =
-            |(round, leg): (&u32, &Leg)| Some((*round, median(&leg.calls.report.latency_us)?));
-        Some(self.rides(ride)?.iter().filter_map(half).collect())
-    }
-
-    /// Adds what YARP's ports take at rest.
-    pub(crate) fn ports(&mut self, ports: Ports) {
-        for (measure, value) in [
-            ("percent_of_core", ports.share),
-            ("opening_ms", ports.opening_ms),
-            ("rss_mib", ports.rss_mib),
-        ] {
-            self.row(0, "yarp-ports", "rest", measure, value);
-        }
-        self.ports = Some(ports);
-    }
-
-    /// Adds a turn on ROS 1.
-    pub(crate) fn hop(&mut self, round: u32, hop: Hop, leg: Leg) {
-        let Phase { report, cpu_us, .. } = &leg.calls;
+        let Phase { report, cpu_us, middle_us } = &leg.calls;
         let q = |fraction| quantile(&report.latency_us, fraction).unwrap_or(f64::NAN);
-        let values = [
+        for (measure, value) in [
             ("p50_us", q(0.5)),
             ("p99_us", q(0.99)),
             ("max_us", q(1.0)),
@@ -260,24 +137,82 @@ impl Results {
             ("received", report.received.into()),
             ("duplicates", report.duplicates.into()),
             ("cpu_us_per_message", *cpu_us),
-        ];
-        for (measure, value) in values {
-            self.row(round, &hop.name(), "ros1", measure, value);
+            ("far_cpu_us_per_message", *middle_us),
+            ("opening_ms", leg.opening_ms()),
+        ] {
+            self.row(round, name, "ends", measure, value);
         }
-        self.hops.entry(hop).or_default().insert(round, leg);
+        self.legs.entry(name.to_owned()).or_default().insert(round, leg);
     }
 
-    /// Turns of it by round; `None` where none succeeded.
-    pub(crate) fn hops(&self, hop: Hop) -> Option<&BTreeMap<u32, Leg>> {
-        self.hops.get(&hop)
+    /// Turns of two ends by round; `None` where none succeeded.
+    pub(crate) fn legs(&self, name: &str) -> Option<&BTreeMap<u32, Leg>> {
+        self.legs.get(name)
     }
 
-    /// A quantile of its times in each round.
-    pub(crate) fn hop_rounds(&self, hop: Hop, fraction: f64) -> Option<Series> {
-        let one = |(round, leg): (&u32, &Leg)| {
-            Some((*round, quantile(&leg.calls.report.latency_us, fraction)?))
-        };
-        Some(self.hops(hop)?.iter().filter_map(one).collect())
+    /// A figure of two ends in each round.
+    pub(crate) fn of_legs(
+        &self,
+        name: &str,
+        figure: impl Fn(&Leg) -> Option<f64>,
+    ) -> Option<Series> {
+        let legs = self.legs(name)?.iter();
+        Some(legs.filter_map(|(round, leg)| Some((*round, figure(leg)?))).collect())
+    }
+
+    /// A quantile of the times of two ends in each round.
+    pub(crate) fn times(&self, name: &str, fraction: f64) -> Option<Series> {
+        self.of_legs(name, |leg| quantile(&leg.calls.report.latency_us, fraction))
+    }
+
+    /// Adds what a bridge of many routes takes.
+    #[allow(clippy::cast_precision_loss)]
+    pub(crate) fn many(&mut self, many: Many) {
+        self.rest_rows(
+            "many",
+            &[
+                ("opening_ms", many.opening_ms),
+                ("threads", many.threads as f64),
+                ("rss_mib", many.rss_mib),
+                ("percent_of_core", many.share),
+                ("reload_ms", many.reload_ms),
+                ("lost", many.lost as f64),
+            ],
+        );
+        self.many = Some(many);
+    }
+
+    /// Adds what a bridge at rest takes.
+    pub(crate) fn rest(&mut self, rest: Rest) {
+        self.rest_rows(
+            "endpoints",
+            &[
+                ("percent_of_core_alone", rest.alone),
+                ("percent_of_core_among", rest.among),
+                ("meeting_cpu_ms", rest.meeting_ms),
+                ("meeting_rss_mib", rest.grown_mib),
+            ],
+        );
+        self.rest = Some(rest);
+    }
+
+    /// Adds what YARP's ports take at rest.
+    pub(crate) fn ports(&mut self, ports: Ports) {
+        self.rest_rows(
+            "yarp-ports",
+            &[
+                ("percent_of_core", ports.share),
+                ("opening_ms", ports.opening_ms),
+                ("rss_mib", ports.rss_mib),
+            ],
+        );
+        self.ports = Some(ports);
+    }
+
+    fn rest_rows(&mut self, case: &str, figures: &[(&str, f64)]) {
+        for (measure, value) in figures {
+            self.row(0, case, "rest", measure, *value);
+        }
     }
 
     /// Adds what became of two streams of ROS 1.

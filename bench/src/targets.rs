@@ -1,6 +1,5 @@
-//! Promises, and whether they hold in this run.
+//! Promises, judged by this run.
 //!
-//! Every ratio has a bootstrap interval over the rounds, and the interval decides: a limit inside
 //! Each ratio has a bootstrap interval over the rounds, and the interval decides: a limit inside it
 //! is neither met nor missed. Beside the promise for a bridged way stands a figure that nobody
 //! promised and that explains it: the minimal relay, which is the least that two hops in one chain
@@ -65,6 +64,19 @@ impl Target {
         Self { what, promised, found: format!("{value:.2}: {}", found(parts)), interval, outcome }
     }
 
+    /// Two measurements, combined.
+    fn two(
+        what: impl Into<String>,
+        limit: Option<Limit>,
+        [one, other]: [Option<Series>; 2],
+        combine: fn([f64; 2]) -> f64,
+        found: fn([f64; 2]) -> String,
+    ) -> Self {
+        let both = one.zip(other);
+        let estimate = both.and_then(|(one, other)| Estimate::of([&one, &other], combine));
+        Self::ratio(what.into(), limit, estimate, found)
+    }
+
     /// A count that needs no interval: it is of the whole stream.
     fn counted(what: &str, promised: &str, found: Option<(String, bool)>) -> Self {
         let outcome = match found {
@@ -109,6 +121,11 @@ pub(crate) fn over_relay(results: &Results, way: Way, kind: Kind) -> Option<Esti
     Estimate::of([&bridge, &relay], |[bridge, relay]| bridge / relay)
 }
 
+/// A ratio.
+fn over([above, below]: [f64; 2]) -> f64 {
+    above / below
+}
+
 /// All promises.
 pub(crate) fn check(results: &Results) -> Vec<Target> {
     let mut targets = Vec::new();
@@ -122,11 +139,11 @@ pub(crate) fn check(results: &Results) -> Vec<Target> {
     }
     coding(results, &mut targets);
     for (kind, least) in [(U8Rgb200, 4.0), (VgaJpeg, 1.0)] {
-        let hops = results.halves(PythonHop, kind).zip(results.halves(RustHop, kind));
-        targets.push(Target::ratio(
+        targets.push(Target::two(
             format!("one hop of a {}, p50, Python against us", kind.title()),
             Some(Limit::AtLeast(least)),
-            hops.and_then(|(python, ours)| Estimate::of([&python, &ours], |[p, o]| p / o)),
+            [PythonHop, RustHop].map(|way| results.halves(way, kind)),
+            over,
             |[python, ours]| format!("{python:.0} / {ours:.0} us"),
         ));
     }
@@ -175,37 +192,33 @@ fn hops(results: &Results, way: Way, kind: Kind, limit: f64, targets: &mut Vec<T
 
 /// Coding without a transport: speed and memory.
 fn coding(results: &Results, targets: &mut Vec<Target>) {
-    let figure = |name: &str| results.figure_rounds(name);
-    let over = |ours: &str, alone: &str| {
-        Estimate::of([figure(ours)?, figure(alone)?], |[ours, alone]| ours / alone)
-    };
+    let figure = |name: &str| results.figure_rounds(name).cloned();
     let micros = |[ours, alone]: [f64; 2]| format!("{ours:.0} / {alone:.0} us");
     for (what, ours, alone, limit) in
         [("encode", ENCODE, ENCODE_ALONE, 1.3), ("decode", DECODE, DECODE_ALONE, 1.5)]
     {
-        targets.push(Target::ratio(
+        targets.push(Target::two(
             format!("{what} a {}, against base64-simd alone on its text", F32Mib.title()),
             Some(Limit::AtMost(limit)),
-            over(ours, alone),
+            [ours, alone].map(figure),
+            over,
             micros,
         ));
-        targets.push(Target::ratio(
-            "└ the same against memcpy of the text".to_owned(),
+        targets.push(Target::two(
+            "└ the same against memcpy of the text",
             None,
-            over(ours, MEMCPY),
+            [ours, MEMCPY].map(figure),
+            over,
             micros,
         ));
     }
-    let faster = |python: &Series, ours: Option<&Series>| {
-        Estimate::of([python, ours?], |[python, ours]| python / ours)
-    };
-    let python = results.python_rounds(F32Mib);
-    let (encode, decode) = python.map_or((None, None), |(e, d)| (Some(e), Some(d)));
+    let (encode, decode) = results.python_rounds(F32Mib).unzip();
     for (what, python, ours) in [("encode", encode, ENCODE), ("decode", decode, DECODE)] {
-        targets.push(Target::ratio(
+        targets.push(Target::two(
             format!("{what} a {}, Python against us", F32Mib.title()),
             Some(Limit::AtLeast(10.0)),
-            python.and_then(|python| faster(&python, figure(ours))),
+            [python, figure(ours)],
+            over,
             micros,
         ));
     }
@@ -218,23 +231,25 @@ fn coding(results: &Results, targets: &mut Vec<Target>) {
         }),
         |[pe, pd, oe, od]| format!("{:.0} / {:.0} us", pe + pd, oe + od),
     ));
-    let files = results.python_rounds(VgaJpeg).zip(results.our_rounds(VgaJpeg));
-    let (encode, decode) = files.map_or((None, None), |((pe, pd), (oe, od))| {
-        (faster(&pe, Some(oe)), faster(&pd, Some(od)))
-    });
-    for (what, estimate) in [("pixels into", encode), ("pixels out of", decode)] {
-        targets.push(Target::ratio(
+    let (encode, decode) = results.python_rounds(VgaJpeg).unzip();
+    let (our_encode, our_decode) = results.our_rounds(VgaJpeg).unzip();
+    for (what, python, ours) in
+        [("pixels into", encode, our_encode), ("pixels out of", decode, our_decode)]
+    {
+        targets.push(Target::two(
             format!("{what} a {}, Python (OpenCV) against us", VgaJpeg.title()),
             Some(Limit::AtLeast(1.0)),
-            estimate,
+            [python, ours.cloned()],
+            over,
             micros,
         ));
     }
     for (what, grown) in [("encode", ENCODE_MEMORY), ("decode", DECODE_MEMORY)] {
-        targets.push(Target::ratio(
+        targets.push(Target::two(
             format!("{what} an array of 100 MiB: peak memory, array and text in it, over the text"),
             Some(Limit::AtMost(2.5)),
-            over(grown, ARRAY_TEXT),
+            [grown, ARRAY_TEXT].map(figure),
+            over,
             |[grown, text]| format!("{grown:.0} / {text:.0} MiB"),
         ));
     }
@@ -247,13 +262,11 @@ fn trips(results: &Results, targets: &mut Vec<Target>) {
         (TripWay::Cyclone, TripWay::RawCyclone, Load::Text64k),
         (TripWay::Fastdds, TripWay::RawRustdds, Load::AddTwoInts),
     ] {
-        let halves = |way| results.trip_halves(Trip { load, way });
-        targets.push(Target::ratio(
+        targets.push(Target::two(
             format!("{}, {}, p50 against {}", service.title(), load.title(), raw.title()),
             Some(Limit::AtMost(2.0)),
-            halves(service)
-                .zip(halves(raw))
-                .and_then(|(whole, raw)| Estimate::of([&whole, &raw], |[whole, raw]| whole / raw)),
+            [service, raw].map(|way| results.times(&Trip { load, way }.name(), 0.5)),
+            over,
             |[whole, raw]| format!("{whole:.0} / {raw:.0} us"),
         ));
     }
@@ -261,29 +274,24 @@ fn trips(results: &Results, targets: &mut Vec<Target>) {
 
 /// Registered methods above the method itself and above the raw endpoint.
 fn registered(results: &Results, targets: &mut Vec<Target>) {
-    let figures = |above: &str, below: &str| {
-        Some([results.figure_rounds(above)?, results.figure_rounds(below)?])
-    };
-    let more = |above: &str, below: &str| {
-        Estimate::of(figures(above, below)?, |[above, below]| above - below)
-    };
-    let micros = |[above, below]: [f64; 2]| format!("{above:.3} - {below:.3} us");
-    targets.push(Target::ratio(
-        "a registered call that publishes a small value, nobody listens: us above the method"
-            .to_owned(),
-        Some(Limit::AtMost(1.0)),
-        more(registered::UNHEARD, registered::METHOD),
-        micros,
-    ));
-    targets.push(Target::ratio(
-        "└ the same in mode none".to_owned(),
-        None,
-        more(registered::NONE, registered::METHOD),
-        micros,
-    ));
-    let over = |above: &str, below: &str| {
-        Estimate::of(figures(above, below)?, |[above, below]| above / below)
-    };
+    let figures =
+        |above: &str, below: &str| [above, below].map(|name| results.figure_rounds(name).cloned());
+    for (what, above, limit) in [
+        (
+            "a registered call that publishes a small value, nobody listens: us above the method",
+            registered::UNHEARD,
+            Some(Limit::AtMost(1.0)),
+        ),
+        ("└ the same in mode none", registered::NONE, None),
+    ] {
+        targets.push(Target::two(
+            what,
+            limit,
+            figures(above, registered::METHOD),
+            |[above, below]| above - below,
+            |[above, below]| format!("{above:.3} - {below:.3} us"),
+        ));
+    }
     for (what, above, below, limit) in [
         (
             "registered publish and listen of a small object over ZeroMQ, against raw endpoints",
@@ -294,34 +302,28 @@ fn registered(results: &Results, targets: &mut Vec<Target>) {
         ("└ the same in memory", registered::SMALL, registered::RAW_SMALL, None),
         ("└ 640x480 RGB in memory", registered::FRAME, registered::RAW_FRAME, None),
     ] {
-        targets.push(Target::ratio(
-            what.to_owned(),
-            limit,
-            over(above, below),
-            |[above, below]| format!("{above:.2} / {below:.2} us"),
-        ));
+        targets.push(Target::two(what, limit, figures(above, below), over, |[above, below]| {
+            format!("{above:.2} / {below:.2} us")
+        }));
     }
 }
 
 /// Calls of a registered method that returns an image.
 fn asked(results: &Results, targets: &mut Vec<Target>) {
-    let [ours, python, mixed] =
-        [Asked::Ours, Asked::Python, Asked::Mixed].map(|ask| results.asked_rounds(ask));
-    targets.push(Target::ratio(
-        "640x480 RGB by request and reply over ZeroMQ, p50, Python's peers against ours".to_owned(),
+    let call = |ask: Asked| results.times(ask.name(), 0.5);
+    targets.push(Target::two(
+        "640x480 RGB by request and reply over ZeroMQ, p50, Python's peers against ours",
         Some(Limit::AtLeast(100.0)),
-        python.zip(ours).and_then(|((python, _), (ours, _))| {
-            Estimate::of([&python, &ours], |[python, ours]| python / ours)
-        }),
+        [Asked::Python, Asked::Ours].map(call),
+        over,
         |[python, ours]| format!("{python:.0} / {ours:.0} us"),
     ));
-    targets.push(Target::ratio(
-        "the same, Python's client and our server: percent of the call that our server takes"
-            .to_owned(),
+    let server = results.of_legs(Asked::Mixed.name(), |leg| Some(leg.calls.middle_us));
+    targets.push(Target::two(
+        "the same, Python's client and our server: percent of the call that our server takes",
         Some(Limit::AtMost(5.0)),
-        mixed.and_then(|(call, server)| {
-            Estimate::of([&server, &call], |[server, call]| server / call * 100.0)
-        }),
+        [server, call(Asked::Mixed)],
+        |[server, call]| server / call * 100.0,
         |[server, call]| format!("{server:.0} of {call:.0} us"),
     ));
 }

@@ -66,6 +66,15 @@ struct Acks {
     acks: u16,
 }
 
+/// The measurements of a round, backwards in some: a drift of the machine meets all alike.
+pub(crate) fn in_turn<T: Copy>(all: &[T], is_backwards: bool) -> Vec<T> {
+    let mut all = all.to_vec();
+    if is_backwards {
+        all.reverse();
+    }
+    all
+}
+
 /// Two free ports.
 pub(crate) fn ports() -> Result<(u16, u16)> {
     let bind = || std::net::TcpListener::bind(("127.0.0.1", 0));

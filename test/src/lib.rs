@@ -20,6 +20,7 @@
 
 mod config;
 mod cpp;
+mod guide;
 mod hosts;
 mod master;
 mod needs;
@@ -35,6 +36,7 @@ mod test_env;
 use std::time::Duration;
 
 pub use config::{Config, Route};
+pub use guide::{Guide, Line, same_but_times};
 pub use hosts::Host;
 pub use master::{Books, Owners};
 pub use needs::{Need, repository, run};

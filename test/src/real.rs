@@ -225,6 +225,12 @@ impl<'w> RealRos2<'w> {
         Ok(self.env.start(name, self.command(&program, args)?)?.pillar())
     }
 
+    /// Starts a line of the shell, as somebody types it who has sourced this ROS 2 with our packages.
+    pub fn shell(&self, line: &str) -> Result<Process> {
+        let command = self.command(Path::new("bash"), ["-c", line])?;
+        Ok(self.env.start(line, command)?.ends_at_interrupt())
+    }
+
     /// Starts a script with the interpreter that has Wrapyfi, where this ROS 2 is sourced.
     pub fn python(&self, args: &[&str]) -> Result<Process> {
         self.env.start("python", self.command(&needs::python()?, args)?)

@@ -444,6 +444,20 @@ impl TestEnv {
         self.start("python", command)
     }
 
+    /// Starts a line of the shell, as somebody types it who has our programs and the Python peers on the `PATH`.
+    pub fn shell(&self, line: &str) -> Result<Process> {
+        let mut command = self.command(Path::new("bash"), ["-c", line]);
+        let programs = needs::program()?;
+        let python = needs::python().ok();
+        let own = std::iter::once(programs).chain(python);
+        let own = own.filter_map(|file| file.parent().map(Path::to_owned));
+        let others = std::env::var_os("PATH").unwrap_or_default();
+        let path = std::env::join_paths(own.chain(std::env::split_paths(&others)))?;
+        command.env("PATH", path).env("PYTHONUTF8", "1").env("PYTHONDONTWRITEBYTECODE", "1");
+        command.env("PYTHONUNBUFFERED", "1");
+        self.start(line, command)
+    }
+
     /// Starts a command of this test.
     pub(crate) fn start(&self, name: &str, command: Command) -> Result<Process> {
         Process::start(name, command, &self.pillars)

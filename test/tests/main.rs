@@ -12,6 +12,7 @@ mod example_sensors;
 mod examples;
 mod fastdds;
 mod frameworks;
+mod guides;
 mod headers;
 mod hostile;
 mod hosts;

@@ -22,6 +22,7 @@
 //! * [`network`]: names of machines, and who may reach our sockets.
 //! * `engine`, with the feature of that name: configuration, routes and the loop that moves messages.
 //! * [`communicator`]: registered methods, Wrapyfi's programming model.
+//! * [`start`]: one builder for each middleware. `stream`, with the feature of that name: listeners as streams.
 //! * [`node`]: what makes a process a ROS 2 node: names, `--ros-args`.
 //!
 //! The way of one image through these modules, and the threads: ARCHITECTURE.md in the repository.
@@ -33,11 +34,11 @@
 //! ```no_run
 //! use std::time::Duration;
 //! use wrapyfi_core::endpoint::{Context, Middleware, TopicSpec};
-//! use wrapyfi_core::middleware::zeromq::{BrokerMode, ZeroMq, ZeroMqConfig};
+//! use wrapyfi_core::middleware::zeromq::BrokerMode;
 //! use wrapyfi_core::types::{MessageType, Payload};
 //!
-//! let config = ZeroMqConfig { broker: BrokerMode::Foreign, ..ZeroMqConfig::from_env()? };
-//! let zeromq = ZeroMq::start(&config)?;
+//! let zeromq =
+//!     wrapyfi_core::zeromq().with(|settings| settings.broker = BrokerMode::Foreign).start()?;
 //! let context = Context::default();
 //! let mut listener =
 //!     zeromq.open_listener(&TopicSpec::new("/camera", MessageType::Image), &context)?;
@@ -60,6 +61,18 @@ extern crate self as wrapyfi_core;
 
 pub mod communicator;
 pub mod middleware;
+pub mod start;
+#[cfg(feature = "stream")]
+pub mod stream;
+
+#[cfg(feature = "ros1")]
+pub use start::ros1;
+#[cfg(feature = "ros2")]
+pub use start::ros2;
+#[cfg(feature = "yarp")]
+pub use start::yarp;
+#[cfg(feature = "zeromq")]
+pub use start::zeromq;
 
 pub use codec::{DecodeError, EncodeError};
 pub use wrapyfi_data::{Limits, plugin, types};

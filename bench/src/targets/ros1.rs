@@ -1,8 +1,8 @@
 //! Promises about ROS 1: coding beside memcpy, the bridge beside a relay on rospy, our nodes beside
 //! bare sockets.
 
-use super::{Outcome, Target};
-use crate::estimate::{Estimate, Limit};
+use super::{Outcome, Target, over};
+use crate::estimate::Limit;
 use crate::results::Results;
 use crate::ros1;
 use crate::tcpros::{Hop, Load, Pair, Streams, Way};
@@ -21,14 +21,13 @@ pub(super) fn check(results: &Results, targets: &mut Vec<Target>) {
 fn coding(results: &Results, targets: &mut Vec<Target>) {
     for (name, limit) in ros1::CASES {
         for direction in ros1::DIRECTIONS {
-            let figure = |what| results.figure_rounds(&ros1::figure(name, what));
-            let ratio = figure(direction).zip(figure(ros1::MEMCPY)).and_then(|(ours, memcpy)| {
-                Estimate::of([ours, memcpy], |[ours, memcpy]| ours / memcpy)
-            });
-            targets.push(Target::ratio(
+            let figures = [direction, ros1::MEMCPY]
+                .map(|what| results.figure_rounds(&ros1::figure(name, what)).cloned());
+            targets.push(Target::two(
                 format!("ROS 1 {name}, {direction}, against memcpy of the same bytes"),
                 limit.map(Limit::AtMost),
-                ratio,
+                figures,
+                over,
                 |[ours, memcpy]| format!("{ours:.2} / {memcpy:.2} us"),
             ));
         }
@@ -38,7 +37,7 @@ fn coding(results: &Results, targets: &mut Vec<Target>) {
 /// Latency that a station adds to 200 bytes: its 99th percentile, less the latency of the way
 /// without one.
 fn latency(results: &Results, targets: &mut Vec<Target>) {
-    let direct = results.hop_rounds(Hop::Text(Way::Direct), 0.5);
+    let times = |way, fraction| results.times(&Hop::Text(way).name(), fraction);
     for (way, what, limit) in [
         (
             Way::Bridge,
@@ -48,25 +47,20 @@ fn latency(results: &Results, targets: &mut Vec<Target>) {
         ),
         (Way::Rospy, "└ the same through a relay on rospy, ROS 1 to ROS 1", None),
     ] {
-        let whole = results.hop_rounds(Hop::Text(way), 0.99);
-        targets.push(Target::ratio(
-            what.to_owned(),
+        targets.push(Target::two(
+            what,
             limit,
-            whole.zip(direct.clone()).and_then(|(whole, direct)| {
-                Estimate::of([&whole, &direct], |[whole, direct]| whole - direct)
-            }),
+            [times(way, 0.99), times(Way::Direct, 0.5)],
+            |[whole, direct]| whole - direct,
             |[whole, direct]| format!("{whole:.0} - {direct:.0} us"),
         ));
     }
     for (fraction, what) in [(0.99, "p99"), (0.5, "p50")] {
-        let [bridge, rospy] =
-            [Way::Bridge, Way::Rospy].map(|way| results.hop_rounds(Hop::Text(way), fraction));
-        targets.push(Target::ratio(
+        targets.push(Target::two(
             format!("└ the relay on rospy against the bridge, {what}"),
             None,
-            rospy.zip(bridge).and_then(|(rospy, bridge)| {
-                Estimate::of([&rospy, &bridge], |[rospy, bridge]| rospy / bridge)
-            }),
+            [Way::Rospy, Way::Bridge].map(|way| times(way, fraction)),
+            over,
             |[rospy, bridge]| format!("{rospy:.0} / {bridge:.0} us"),
         ));
     }
@@ -74,17 +68,13 @@ fn latency(results: &Results, targets: &mut Vec<Target>) {
 
 /// Images between two of our nodes.
 fn images(results: &Results, targets: &mut Vec<Target>) {
-    let [ours, bare] =
-        [Pair::Ours, Pair::Tokio].map(|pair| results.hop_rounds(Hop::Images(pair), 0.5));
-    let rate = |micros: f64| 1e6 / micros;
-    targets.push(Target::ratio(
+    targets.push(Target::two(
         "TCPROS stream of 640x480 RGB, publisher to listener, against a tokio reader into one buffer: \
-         images a second"
-            .to_owned(),
+         images a second",
         Some(Limit::AtLeast(0.8)),
-        ours.zip(bare)
-            .and_then(|(ours, bare)| Estimate::of([&ours, &bare], |[ours, bare]| bare / ours)),
-        |[ours, bare]| format!("{:.0} / {:.0}", rate(ours), rate(bare)),
+        [Pair::Ours, Pair::Tokio].map(|pair| results.times(&Hop::Images(pair).name(), 0.5)),
+        |[ours, bare]| bare / ours,
+        |[ours, bare]| format!("{:.0} / {:.0}", 1e6 / ours, 1e6 / bare),
     ));
 }
 

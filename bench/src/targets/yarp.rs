@@ -1,7 +1,7 @@
 //! Promises about YARP's ports, beside bare sockets and libYARP.
 
-use super::Target;
-use crate::estimate::{Estimate, Limit};
+use super::{Target, over};
+use crate::estimate::Limit;
 use crate::results::Results;
 use crate::yarp::Load::{Bottle1k, VgaRgb};
 use crate::yarp::Way::{
@@ -12,30 +12,18 @@ use crate::yarp::{Ports, Ride};
 
 /// All of them.
 pub(super) fn check(results: &Results, targets: &mut Vec<Target>) {
-    let halves = |way, load| results.ride_halves(Ride { load, way });
-    for (ours, bare, limit) in [
-        (FastTcp, Tokio, Some(Limit::AtMost(1.5))),
-        (FastTcp, Blocking, Some(Limit::AtMost(3.0))),
-        (Queue, Tokio, None),
-        (Data, Tokio, None),
-        (Tcp, Tokio, None),
-    ] {
-        let what = if ours == FastTcp {
-            "YARP request and reply over fast_tcp, a bottle with 1 KiB of text, p50"
-        } else {
-            "└ of this:"
-        };
-        let way = if ours == FastTcp { "" } else { ours.title() };
-        targets.push(Target::ratio(
-            format!("{what} {way} against {}", bare.title()).replace("  ", " "),
-            limit,
-            halves(ours, Bottle1k)
-                .zip(halves(bare, Bottle1k))
-                .and_then(|(ours, bare)| Estimate::of([&ours, &bare], |[ours, bare]| ours / bare)),
-            |[ours, bare]| format!("{ours:.1} / {bare:.1} us"),
-        ));
-    }
-    for (ours, theirs, what, limit) in [
+    let times = |way, load| results.times(&Ride { load, way }.name(), 0.5);
+    for (ours, other, what, limit) in [
+        (
+            FastTcp,
+            Tokio,
+            "YARP request and reply over fast_tcp, a bottle with 1 KiB of text, p50 against bare sockets of tokio",
+            Some(Limit::AtMost(1.5)),
+        ),
+        (FastTcp, Blocking, "the same against bare sockets that block", Some(Limit::AtMost(3.0))),
+        (Queue, Tokio, "└ of this: a request answered out of a queue, against tokio", None),
+        (Data, Tokio, "└ of this: a port each way, against tokio", None),
+        (Tcp, Tokio, "└ of this: over tcp, with acknowledgements, against tokio", None),
         (
             Tcp,
             LibraryTcp,
@@ -47,16 +35,11 @@ pub(super) fn check(results: &Results, targets: &mut Vec<Target>) {
         (UnixStream, Tcp, "└ ours over unix_stream against ours over tcp", None),
         (LibraryShmem, LibraryTcp, "└ libYARP over shmem against libYARP over tcp", None),
     ] {
-        targets.push(Target::ratio(
-            what.to_owned(),
-            limit,
-            halves(ours, Bottle1k)
-                .zip(halves(theirs, Bottle1k))
-                .and_then(|(ours, lib)| Estimate::of([&ours, &lib], |[ours, lib]| ours / lib)),
-            |[ours, lib]| format!("{ours:.1} / {lib:.1} us"),
-        ));
+        let figures = [ours, other].map(|way| times(way, Bottle1k));
+        targets.push(Target::two(what, limit, figures, over, |[ours, other]| {
+            format!("{ours:.1} / {other:.1} us")
+        }));
     }
-    let rate = |micros: f64| 1e6 / micros;
     for (ours, other, what, limit) in [
         (
             FastTcp,
@@ -77,13 +60,12 @@ pub(super) fn check(results: &Results, targets: &mut Vec<Target>) {
         (UnixStream, Tcp, "└ ours over unix_stream against ours over tcp", None),
         (LibraryShmem, LibraryTcp, "└ libYARP over shmem against libYARP over tcp", None),
     ] {
-        targets.push(Target::ratio(
-            what.to_owned(),
+        targets.push(Target::two(
+            what,
             limit,
-            halves(ours, VgaRgb)
-                .zip(halves(other, VgaRgb))
-                .and_then(|(ours, one)| Estimate::of([&ours, &one], |[ours, one]| one / ours)),
-            |[ours, one]| format!("{:.0} / {:.0}", rate(ours), rate(one)),
+            [ours, other].map(|way| times(way, VgaRgb)),
+            |[ours, other]| other / ours,
+            |[ours, other]| format!("{:.0} / {:.0}", 1e6 / ours, 1e6 / other),
         ));
     }
     targets.push(Target::counted(

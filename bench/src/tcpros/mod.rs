@@ -24,7 +24,7 @@ use serde::Deserialize;
 use crate::child::Child;
 use crate::results::Results;
 use crate::trip::Leg;
-use crate::turn::{Bench, Line, Phase};
+use crate::turn::{Bench, Line, Phase, in_turn};
 use crate::worker::Order;
 
 pub(crate) use ends::{Place, incoming, outgoing};
@@ -92,6 +92,15 @@ impl Hop {
         Self::Images(Pair::Tokio),
         Self::Images(Pair::Ours),
     ];
+
+    /// Titles of way and load, for people.
+    pub(crate) fn titles(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Text(way) => (way.title(), "text of 200 bytes at 1000 Hz"),
+            Self::Images(Pair::Tokio) => ("bare sockets of tokio", "640x480 RGB, one way, each"),
+            Self::Images(Pair::Ours) => ("our two nodes on ROS 1", "640x480 RGB, one way, each"),
+        }
+    }
 
     /// `ros1-way/load`.
     pub(crate) fn name(self) -> String {
@@ -284,18 +293,7 @@ pub(crate) fn round(
     round: u32,
     results: &mut Results,
 ) {
-    let mut hops = hops.to_vec();
-    if round.is_multiple_of(2) {
-        hops.reverse();
-    }
-    for hop in hops {
-        match hop.turn(bench, master) {
-            Ok(leg) => results.hop(round, hop, leg),
-            Err(error) => {
-                let failure = format!("round {round}, {}: {error:#}", hop.name());
-                crate::note(&failure);
-                results.failures.push(failure);
-            }
-        }
+    for hop in in_turn(hops, round.is_multiple_of(2)) {
+        results.leg(round, &hop.name(), hop.turn(bench, master));
     }
 }

@@ -139,6 +139,14 @@ pub(crate) struct Leg {
     pub(crate) calls: Phase,
 }
 
+impl Leg {
+    /// Start to first answer, in milliseconds.
+    #[allow(clippy::cast_precision_loss)]
+    pub(crate) fn opening_ms(&self) -> f64 {
+        self.warm.opening_ns as f64 / 1e6
+    }
+}
+
 /// The end that asks.
 trait Near {
     /// One round trip; false where no answer came within `patience`. A client of a service has its

@@ -34,7 +34,7 @@ use wrapyfi_yarp::{Bottle, Dialect};
 use crate::child::Child;
 use crate::results::Results;
 use crate::trip::Leg;
-use crate::turn::{Bench, Line};
+use crate::turn::{Bench, Line, in_turn};
 use crate::worker::{Order, Report};
 
 pub(crate) use far::far;
@@ -273,25 +273,19 @@ pub(crate) fn round(
     results: &mut Results,
 ) {
     let there = |ride: &&Ride| library.is_some() || !ride.way.is_library();
-    let mut rides: Vec<Ride> = rides.iter().filter(there).copied().collect();
-    if round.is_multiple_of(2) {
-        rides.reverse();
-    }
+    let rides: Vec<Ride> = rides.iter().filter(there).copied().collect();
+    let rides = in_turn(&rides, round.is_multiple_of(2));
     let mut legs: BTreeMap<Ride, Leg> = BTreeMap::new();
     for _ in 0..SWEEPS {
         for ride in &rides {
             match ride.turn(bench, library) {
                 Ok(leg) => add(legs.entry(*ride).or_default(), leg),
-                Err(error) => {
-                    let failure = format!("round {round}, {}: {error:#}", ride.name());
-                    crate::note(&failure);
-                    results.failures.push(failure);
-                }
+                failed => results.leg(round, &ride.name(), failed),
             }
         }
     }
     for (ride, leg) in legs {
-        results.ride(round, ride, leg);
+        results.leg(round, &ride.name(), Ok(leg));
     }
     if rides.is_empty() {
         return;

@@ -29,7 +29,10 @@
 //!     fn restart(&mut self, _side: Side) {}
 //! }
 //!
-//! wrapyfi_conformance::conformance_tests!(OneProcess);
+//! wrapyfi_conformance::conformance_tests! {
+//!     OneProcess,
+//!     lacks { wire: "messages are objects, and never bytes" },
+//! }
 //! ```
 //!
 //! ```sh
@@ -37,7 +40,7 @@
 //! cargo nextest run -p wrapyfi_conformance zeromq::    # one
 //! ```
 //!
-//! `conformance_tests!(services of MyTestbed)` takes only what is about services.
+//! `conformance_tests!(services of MyTestbed)` takes only the cases about services.
 //!
 //! # A real transport
 //!
@@ -53,9 +56,9 @@
 //! * **`inject_request`** does the same for one request to a service.
 //! * **`invalid_names`** lists names that no topic can have.
 //!
-//! A case about something that is not promised writes `SKIPPED` and passes. A case that should pass and
-//! does not goes into `KNOWN_FAULTS` with the reason, writes `KNOWN FAULT`, and is to be taken out
-//! again.
+//! A case about something that is not promised is ignored, with the reason that stands in `lacks`. A case that
+//! should pass and does not stands in `known_faults`: it runs, is expected to fail as it is written there, and fails
+//! the day it passes, to be taken out again. nextest shows them at the end of a run.
 //!
 //! # Cases
 //!
@@ -70,15 +73,13 @@
 //! | discovery | what exists is found, and what went is not |
 //! | link | who listens and who publishes, as they come and go; arrivals and changes ring |
 //!
-//!
 //! Every case starts a testbed of its own, so they run side by side. Nothing sleeps for a fixed time: a case
 //! waits for its condition, and half a minute is what a failure takes. DDS domains come from
 //! `reserve_domain`, which no other test program on the machine gets at the same time.
 
-// The whole crate is tests: here a panic is the right answer, with the reason in its text, and
-// what a case does not apply to is said on standard error.
+// The whole crate is tests: here a panic is the right answer, with the reason in its text.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::indexing_slicing)]
-#![allow(clippy::missing_panics_doc, clippy::print_stderr)]
+#![allow(clippy::missing_panics_doc)]
 
 mod alone;
 pub mod cases;
@@ -91,86 +92,135 @@ mod testbed;
 pub use ends::{Sink, Source, TIMEOUT, connect, wait_until};
 pub use reserve::{Domain, reserve_domain};
 pub use service_ends::{ClientEnd, ServerEnd, call_and_serve};
-pub use testbed::{Capabilities, Side, Testbed, TypeCheck, known_fault};
+pub use testbed::{Capabilities, Side, Testbed, TypeCheck};
 
 /// One `#[test]` for every case of the suite, run against a [`Testbed`].
 ///
-/// Every test starts a testbed of its own, so they may run side by side. `services of Testbed` leaves out
-/// what is about topics.
+/// Every test starts a testbed of its own, so they may run side by side. `services of` leaves out what is about
+/// topics.
+///
+/// ```ignore
+/// conformance_tests! {
+///     services of FastNodes,
+///     lacks { reply_stamps: "replies of this middleware have no time" },
+///     known_faults { every_kind_is_returned: "exceeds 128 KiB" },
+/// }
+/// ```
+///
+/// `lacks` names fields of [`Capabilities`] that are false, each with the reason: cases that need one are
+/// ignored with it. A test does not compile that says other than the capabilities. `known_faults` names cases that
+/// should pass and do not, each with a part of the message that it fails with: they become tests in a module
+/// `known_fault`, which fail as soon as the case passes, or fails otherwise.
 #[macro_export]
 macro_rules! conformance_tests {
-    ($testbed:ty) => {
-        $crate::conformance_tests! { @cases $testbed:
-            // content
-            native_objects_arrive_unchanged,
-            text_objects_arrive_unchanged,
-            raw_images_arrive_unchanged,
-            image_files_arrive_unchanged,
-            sound_arrives_unchanged,
-            upstream_sound_arrives_unchanged,
-            // delivery
-            order_is_kept,
-            either_end_may_come_first,
-            every_listener_gets_its_copy,
-            late_listeners_hear_what_is_new,
-            the_kept_message_is_replayed_once,
-            topics_do_not_disturb_each_other,
-            own_publications_are_not_received,
-            // restart
-            a_publisher_that_restarts_flows_again,
-            a_listener_that_restarts_flows_again,
-            endpoints_may_close_under_traffic,
-            shutdown_is_quick_and_leaves_no_thread,
-            // queue
-            drop_oldest_keeps_the_newest,
-            drop_newest_keeps_the_oldest,
-            block_waits_for_the_reader,
-            block_gives_up_at_its_deadline,
-            discarding_takes_one_message,
-            // faults
-            what_is_too_large_is_counted_and_passed_over,
-            what_is_malformed_is_counted_and_passed_over,
-            other_types_are_never_delivered,
-            a_payload_of_another_kind_is_refused,
-            names_that_cannot_work_are_refused,
-            // link
-            publishers_know_who_listens,
-            listeners_know_who_publishes,
-            an_arrival_rings,
-            // discovery
-            what_exists_is_found_and_what_went_is_not,
-        }
-        $crate::conformance_tests!(services of $testbed);
-    };
-    (services of $testbed:ty) => {
-        $crate::conformance_tests! { @cases $testbed:
-            a_call_is_answered,
-            arguments_arrive_unchanged,
-            every_kind_is_returned,
-            calls_are_answered_in_any_order,
-            a_blocking_call_returns,
-            an_error_is_told,
-            an_answer_of_another_kind_is_refused,
-            a_client_of_another_kind_is_told,
-            without_a_server_a_call_times_out,
-            late_replies_are_counted,
-            an_unanswered_request_ends,
-            more_than_the_limit_is_refused,
-            a_server_that_restarts_is_asked_again,
-            several_clients_get_their_own_replies,
-            what_is_too_large_to_return_is_told,
-            requests_that_are_none_are_told,
-            a_cancelled_call_is_forgotten,
-        }
-    };
-    (@cases $testbed:ty: $($case:ident,)*) => {
-        $(
-            #[test]
-            fn $case() {
-                if !$crate::known_fault::<$testbed>(stringify!($case)) {
-                    $crate::cases::$case::<$testbed>();
+    // One test for each case, after the needs that it has are found promised.
+    (@define ($d:tt) $cases:ident $testbed:ty
+        $(, lacks { $($lacking:ident: $reason:literal),* $(,)? })?
+        $(, known_faults { $($fault:ident: $message:literal),* $(,)? })?
+        $(,)?
+    ) => {
+        macro_rules! conformance_test {
+            $($(($fault [$d($d need:ident)*]) => {};)*)?
+            $($(($d case:ident [$lacking $d($d need:ident)*]) => {
+                #[test]
+                #[ignore = $reason]
+                fn $d case() {
+                    $crate::cases::$d case::<$testbed>();
                 }
-            }
-        )*
+            };)*)?
+            ($d case:ident [$d need:ident $d($d more:ident)*]) => {
+                const _: () = assert!($crate::conformance_tests!(@promised $testbed, $d need));
+                conformance_test! { $d case [$d($d more)*] }
+            };
+            ($d case:ident []) => {
+                #[test]
+                fn $d case() {
+                    $crate::cases::$d case::<$testbed>();
+                }
+            };
+        }
+        $($(const _: () = assert!(!$crate::conformance_tests!(@promised $testbed, $lacking));)*)?
+        $crate::conformance_tests! { @$cases }
+        $(mod known_fault {
+            use super::*;
+
+            $(#[test]
+            #[should_panic(expected = $message)]
+            fn $fault() {
+                $crate::cases::$fault::<$testbed>();
+            })*
+        })?
+    };
+    (@promised $testbed:ty, types) => {
+        <$testbed as $crate::Testbed>::CAPABILITIES.checks_types()
+    };
+    (@promised $testbed:ty, $capability:ident) => {
+        <$testbed as $crate::Testbed>::CAPABILITIES.$capability
+    };
+    (@all) => {
+        // content
+        conformance_test! { native_objects_arrive_unchanged [] }
+        conformance_test! { text_objects_arrive_unchanged [] }
+        conformance_test! { raw_images_arrive_unchanged [] }
+        conformance_test! { image_files_arrive_unchanged [] }
+        conformance_test! { sound_arrives_unchanged [] }
+        conformance_test! { upstream_sound_arrives_unchanged [float_sound] }
+        // delivery
+        conformance_test! { order_is_kept [] }
+        conformance_test! { either_end_may_come_first [] }
+        conformance_test! { every_listener_gets_its_copy [] }
+        conformance_test! { late_listeners_hear_what_is_new [] }
+        conformance_test! { the_kept_message_is_replayed_once [keeps_last] }
+        conformance_test! { topics_do_not_disturb_each_other [] }
+        conformance_test! { own_publications_are_not_received [ignores_own] }
+        // restart
+        conformance_test! { a_publisher_that_restarts_flows_again [] }
+        conformance_test! { a_listener_that_restarts_flows_again [] }
+        conformance_test! { endpoints_may_close_under_traffic [] }
+        conformance_test! { shutdown_is_quick_and_leaves_no_thread [] }
+        // queue
+        conformance_test! { drop_oldest_keeps_the_newest [] }
+        conformance_test! { drop_newest_keeps_the_oldest [] }
+        conformance_test! { block_waits_for_the_reader [block_waits] }
+        conformance_test! { block_gives_up_at_its_deadline [] }
+        conformance_test! { discarding_takes_one_message [] }
+        // faults
+        conformance_test! { what_is_too_large_is_counted_and_passed_over [wire] }
+        conformance_test! { what_is_malformed_is_counted_and_passed_over [wire] }
+        conformance_test! { other_types_are_never_delivered [types] }
+        conformance_test! { a_payload_of_another_kind_is_refused [types] }
+        conformance_test! { names_that_cannot_work_are_refused [refuses_names] }
+        // link
+        conformance_test! { publishers_know_who_listens [] }
+        conformance_test! { listeners_know_who_publishes [listener_knows_peers] }
+        conformance_test! { an_arrival_rings [] }
+        // discovery
+        conformance_test! { what_exists_is_found_and_what_went_is_not [] }
+        $crate::conformance_tests! { @services }
+    };
+    (@services) => {
+        conformance_test! { a_call_is_answered [services] }
+        conformance_test! { arguments_arrive_unchanged [services] }
+        conformance_test! { every_kind_is_returned [services] }
+        conformance_test! { calls_are_answered_in_any_order [services] }
+        conformance_test! { a_blocking_call_returns [services] }
+        conformance_test! { an_error_is_told [services] }
+        conformance_test! { an_answer_of_another_kind_is_refused [services wire] }
+        conformance_test! { a_client_of_another_kind_is_told [services wire] }
+        conformance_test! { without_a_server_a_call_times_out [services] }
+        conformance_test! { late_replies_are_counted [services] }
+        conformance_test! { an_unanswered_request_ends [services] }
+        conformance_test! { more_than_the_limit_is_refused [services] }
+        conformance_test! { a_server_that_restarts_is_asked_again [services] }
+        conformance_test! { several_clients_get_their_own_replies [services] }
+        conformance_test! { what_is_too_large_to_return_is_told [services wire] }
+        conformance_test! { requests_that_are_none_are_told [services wire] }
+        conformance_test! { a_cancelled_call_is_forgotten [services] }
+    };
+    (services of $($testbed:tt)*) => {
+        $crate::conformance_tests! { @define ($) services $($testbed)* }
+    };
+    ($($testbed:tt)*) => {
+        $crate::conformance_tests! { @define ($) all $($testbed)* }
     };
 }

@@ -32,10 +32,6 @@ pub trait Testbed: Sized {
     /// Promises of the middleware.
     const CAPABILITIES: Capabilities;
 
-    /// Cases the middleware is known to fail, each with the reason. They say `KNOWN FAULT` and
-    /// pass: a promise that is to be kept, unlike a capability that is not there.
-    const KNOWN_FAULTS: &'static [(&'static str, &'static str)] = &[];
-
     /// Starts both sides in an environment of their own: free ports, an unused domain, loopback only.
     fn start() -> Self;
 
@@ -68,29 +64,19 @@ pub trait Testbed: Sized {
         message_type.ros_type().to_owned()
     }
 
-    /// Names that no topic of the middleware can have.
+    /// Names that no topic of the middleware can have. Called only where [`Capabilities::refuses_names`].
     #[must_use]
     fn invalid_names() -> Vec<String> {
         Vec::new()
     }
 }
 
-/// True when `case` is known to fail, which is printed.
-#[must_use]
-pub fn known_fault<R: Testbed>(case: &str) -> bool {
-    let known = R::KNOWN_FAULTS.iter().find(|(name, _)| *name == case);
-    if let Some((_, reason)) = known {
-        eprintln!("KNOWN FAULT: {reason}");
-    }
-    known.is_some()
-}
-
 fn unimplemented_rig(what: &str) -> ! {
     panic!("the testbed says that its middleware has a wire, but has no {what}")
 }
 
-/// Promises of a middleware beyond the traits. Cases about a promise that it does not make say
-/// `SKIPPED` and pass.
+/// Promises of a middleware beyond the traits. Cases that need one which it does not make are ignored:
+/// [`conformance_tests!`](crate::conformance_tests) is told why.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Capabilities {
     /// Messages are bytes on their way: they have a size, and can be broken.
@@ -117,6 +103,8 @@ pub struct Capabilities {
     pub float_sound: bool,
     /// Images and sound keep their coordinate frame.
     pub frame_id: bool,
+    /// Some names can belong to no topic.
+    pub refuses_names: bool,
     /// Treatment of messages of another type.
     pub types: TypeCheck,
     /// Requests and replies.
@@ -154,9 +142,16 @@ impl Capabilities {
         integer_sound: true,
         float_sound: true,
         frame_id: true,
+        refuses_names: true,
         types: TypeCheck::Match,
         services: true,
         reply_stamps: true,
         drops_large_replies_unread: false,
     };
+
+    /// True when messages of another type are noticed.
+    #[must_use]
+    pub const fn checks_types(&self) -> bool {
+        !matches!(self.types, TypeCheck::Unchecked)
+    }
 }

@@ -14,6 +14,7 @@ impl Testbed for Bus {
         keeps_last: false,
         ignores_own: false,
         block_waits: false,
+        refuses_names: false,
         types: TypeCheck::Unchecked,
         ..Capabilities::FULL
     };
@@ -29,4 +30,14 @@ impl Testbed for Bus {
     fn restart(&mut self, _side: Side) {}
 }
 
-conformance_tests!(Bus);
+conformance_tests! {
+    Bus,
+    lacks {
+        wire: "messages on the bus are objects, and never bytes",
+        keeps_last: "the bus keeps no message for later listeners",
+        ignores_own: "both sides are one bus",
+        block_waits: "a publisher on the bus cannot be made to wait",
+        refuses_names: "the bus has no rule for names",
+        types: "the bus does not look at types",
+    },
+}

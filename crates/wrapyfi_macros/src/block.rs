@@ -21,7 +21,7 @@ pub(crate) struct Block {
     pub(crate) methods: Vec<Method>,
 }
 
-/// What stands in the brackets of `#[communicator(…)]`.
+/// Arguments in the brackets of `#[communicator(…)]`.
 struct Settings {
     krate: Option<syn::Path>,
 }

@@ -28,7 +28,7 @@ pub(crate) const TAKEN: [&str; 9] = [
     "status",
 ];
 
-/// What is added after the block.
+/// Code that is added after the block.
 pub(crate) fn emit(block: &Block) -> TokenStream {
     let Block { this, name, visibility, krate, methods } = block;
     let api = quote!(#krate::communicator);
@@ -122,7 +122,7 @@ pub(crate) fn emit(block: &Block) -> TokenStream {
                 self.instance.close_method(method);
             }
 
-            /// What each returned value of a method is connected to, with its counters.
+            /// Connections of each returned value of a method, with their counters.
             #visibility fn status(&self, method: #method_type) -> ::std::vec::Vec<#api::ValueStatus> {
                 self.instance.status(method)
             }

@@ -34,7 +34,7 @@ pub fn communicator(attribute: TokenStream, item: TokenStream) -> TokenStream {
     block::expand(attribute.into(), &item.into()).into()
 }
 
-/// What a method returns and where it travels: one for each returned value.
+/// Data type of a returned value and the topic on which it travels: one for each returned value.
 ///
 /// ```text
 /// #[register(NativeObject, "zeromq", "/topic", should_wait = false, queue_size = 5)]

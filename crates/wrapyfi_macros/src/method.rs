@@ -322,7 +322,7 @@ fn passing(written: &Type) -> syn::Result<Passing> {
     }
 }
 
-/// What cannot be decoded into something owned.
+/// Refuses a type that has a part which nothing can be decoded into, such as a borrow.
 fn refuse_parts(kind: &Type) -> syn::Result<()> {
     fn walk(tokens: TokenStream) -> Result<(), (Span, &'static str)> {
         for token in tokens {

@@ -3,7 +3,7 @@
 //! All of Wrapyfi's are known, so that its scripts can be followed line by line; which of them do
 //! something here says docs/reference/communicator.md. A word that is none of them is a mistake.
 
-/// What may stand behind the name of an option. `"$name"` may in every form.
+/// Form of the value behind the name of an option. `"$name"` fits every form.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Form {
     /// `name = true`

@@ -1,4 +1,4 @@
-//! What one `#[register(…)]` says.
+//! Arguments of one `#[register(…)]`.
 //!
 //! ```text
 //!   #[register(NativeObject, "$mware", "/topic", should_wait = "$wait", listener_kwargs(in_topic = "/in"))]

@@ -1,4 +1,4 @@
-//! What the macros say about mistakes: where they point, and what they advise.
+//! Messages of the macros about mistakes: where they point, and what they advise.
 
 #[test]
 fn mistakes_are_pointed_at_with_advice() {

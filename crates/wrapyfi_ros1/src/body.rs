@@ -5,7 +5,7 @@
 //!              └─ yes ─▶ bytes, counted in the budget as they come ── no room ──▶ passed over, and why
 //! ```
 //!
-//! What has begun goes on, or the connection ends: a peer that stands still in the middle of a body holds its memory
+//! A body that has begun goes on, or the connection ends: a peer that stands still in the middle of a body holds its memory
 //! no longer than that.
 
 use std::time::Duration;

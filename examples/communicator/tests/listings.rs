@@ -196,15 +196,23 @@ fn bare(code: &str) -> String {
 }
 
 #[test]
-fn the_guide_shows_what_runs_here() {
-    let guide = bare(include_str!("../../../docs/reference/communicator.md"));
+fn the_guides_show_what_runs_here() {
+    let guides = [
+        include_str!("../../../docs/reference/communicator.md"),
+        include_str!("../../../docs/rust.md"),
+    ];
+    let guides = guides.map(bare).concat();
     let mut count = 0;
-    let sources = [include_str!("../src/bin/read_msg.rs"), include_str!("listings.rs")];
+    let sources = [
+        include_str!("../src/bin/mirror.rs"),
+        include_str!("../src/bin/read_msg.rs"),
+        include_str!("listings.rs"),
+    ];
     for part in sources.iter().flat_map(|source| source.split("\n// Listing ").skip(1)) {
         let (listing, _) = part.split_once("\n// End\n").unwrap();
         let (number, code) = listing.split_once('\n').unwrap();
-        assert!(guide.contains(&bare(code)), "listing {number} is another one in the guide");
+        assert!(guides.contains(&bare(code)), "listing {number} is another one in the guide");
         count += 1;
     }
-    assert_eq!(count, 3);
+    assert_eq!(count, 4);
 }

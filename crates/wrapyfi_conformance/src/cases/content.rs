@@ -3,7 +3,6 @@
 use wrapyfi_core::endpoint::TopicSpec;
 use wrapyfi_core::types::{CompressedFormat, Encoding, MessageType, Payload, SampleFormat};
 
-use super::skipped;
 use crate::payloads::{file, frame, in_frame, number, rich, sound};
 use crate::{Side, Testbed, connect};
 
@@ -91,9 +90,6 @@ pub fn sound_arrives_unchanged<R: Testbed>() {
 
 /// `wrapyfi_ros2_interfaces/msg/ROS2AudioMessage`, which carries floats.
 pub fn upstream_sound_arrives_unchanged<R: Testbed>() {
-    if skipped(R::CAPABILITIES.float_sound, "to keep samples that are floats") {
-        return;
-    }
     let payloads = [sound(1024, 1, SampleFormat::F32Le), sound(441, 2, SampleFormat::F32Le)];
     arrive_unchanged::<R>(MessageType::UpstreamAudio, payloads.map(in_any_order));
 }

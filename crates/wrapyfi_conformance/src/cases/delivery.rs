@@ -2,7 +2,7 @@
 
 use wrapyfi_core::endpoint::QosPreset;
 
-use super::{skipped, text};
+use super::text;
 use crate::ends::ready;
 use crate::payloads::{number, numbers};
 use crate::{Side, Sink, Source, Testbed, connect, wait_until};
@@ -102,10 +102,7 @@ pub fn the_kept_message_is_replayed_once<R: Testbed>() {
     let mut spec = text("/latched");
     spec.qos = QosPreset::Latched.into();
     let mut source = Source::open(testbed.side(Side::Near), &spec);
-    assert_eq!(source.publisher.link().keeps_last, R::CAPABILITIES.keeps_last);
-    if skipped(R::CAPABILITIES.keeps_last, "to keep the last message") {
-        return;
-    }
+    assert!(source.publisher.link().keeps_last);
     source.send(&number(1));
     source.send(&number(2));
     let mut first = Sink::open(testbed.side(Side::Far), &spec);
@@ -164,9 +161,6 @@ pub fn topics_do_not_disturb_each_other<R: Testbed>() {
 /// A side does not hear itself, and still hears the other side say the same.
 pub fn own_publications_are_not_received<R: Testbed>() {
     let testbed = R::start();
-    if skipped(R::CAPABILITIES.ignores_own, "to ignore its own publications") {
-        return;
-    }
     let spec = text("/echo");
     let mut own = Sink::open(testbed.side(Side::Near), &spec);
     let (mut near, mut witness) = connect(&testbed, Side::Near, &spec);

@@ -25,12 +25,3 @@ use wrapyfi_core::types::MessageType;
 fn text(topic: &str) -> TopicSpec {
     TopicSpec::new(topic, MessageType::StringJson)
 }
-
-/// Says that a case does not apply; true for `if skipped(…) { return }`.
-#[track_caller]
-fn skipped(unless: bool, lacks: &str) -> bool {
-    if !unless {
-        eprintln!("SKIPPED: the middleware does not promise {lacks}");
-    }
-    !unless
-}

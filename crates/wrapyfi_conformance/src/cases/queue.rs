@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use wrapyfi_core::endpoint::{DropReason, Overflow, QueueSpec, TopicSpec};
 
-use super::{skipped, text};
+use super::text;
 use crate::payloads::{number, numbers};
 use crate::{Side, TIMEOUT, Testbed, connect, wait_until};
 
@@ -50,9 +50,6 @@ pub fn drop_newest_keeps_the_oldest<R: Testbed>() {
 /// [`Overflow::Block`] with a reader that comes back: twice what the queue holds is not lost.
 pub fn block_waits_for_the_reader<R: Testbed>() {
     let testbed = R::start();
-    if skipped(R::CAPABILITIES.block_waits, "to wait under policy block") {
-        return;
-    }
     let (mut source, mut sink) = connect(&testbed, Side::Near, &queued(Overflow::Block(TIMEOUT)));
     let sent = numbers(0..2 * DEPTH as u64);
     for message in &sent {

@@ -9,7 +9,6 @@ use wrapyfi_core::types::{
 };
 use wrapyfi_core::{DecodeError, EncodeError};
 
-use super::skipped;
 use crate::payloads::{frame, rich, sound};
 use crate::service_ends::{ClientEnd, SOON, ServerEnd, call_and_serve};
 use crate::{Side, TIMEOUT, Testbed, wait_until};
@@ -34,9 +33,6 @@ fn timed<R: Testbed>(payload: &Payload) -> Payload {
 
 /// A call is answered, whichever side serves, and whichever end came first.
 pub fn a_call_is_answered<R: Testbed>() {
-    if skipped(R::CAPABILITIES.services, "services") {
-        return;
-    }
     for at in Side::BOTH {
         for server_first in [true, false] {
             let testbed = R::start();
@@ -60,9 +56,6 @@ pub fn a_call_is_answered<R: Testbed>() {
 
 /// Arguments and keyword arguments arrive as they were given, whatever they are.
 pub fn arguments_arrive_unchanged<R: Testbed>() {
-    if skipped(R::CAPABILITIES.services, "services") {
-        return;
-    }
     let testbed = R::start();
     let (mut client_end, mut server_end) =
         call_and_serve(&testbed, Side::Far, &native("/arguments"));
@@ -84,9 +77,6 @@ pub fn arguments_arrive_unchanged<R: Testbed>() {
 
 /// Values that a function returns arrive as they were, for every kind of service.
 pub fn every_kind_is_returned<R: Testbed>() {
-    if skipped(R::CAPABILITIES.services, "services") {
-        return;
-    }
     for kind in ServiceKind::ALL {
         let testbed = R::start();
         let spec = ServiceSpec::new("/kind", kind);
@@ -121,9 +111,6 @@ pub fn every_kind_is_returned<R: Testbed>() {
 
 /// Several calls under way are answered in any order, each with its own reply.
 pub fn calls_are_answered_in_any_order<R: Testbed>() {
-    if skipped(R::CAPABILITIES.services, "services") {
-        return;
-    }
     let testbed = R::start();
     let (mut client_end, mut server_end) = call_and_serve(&testbed, Side::Far, &native("/order"));
     let tickets: Vec<_> = (0..8).map(|n| client_end.ask([n.into()])).collect();
@@ -140,9 +127,6 @@ pub fn calls_are_answered_in_any_order<R: Testbed>() {
 
 /// The blocking call, and the bell that wakes it.
 pub fn a_blocking_call_returns<R: Testbed>() {
-    if skipped(R::CAPABILITIES.services, "services") {
-        return;
-    }
     let testbed = R::start();
     let (mut client_end, mut server_end) =
         call_and_serve(&testbed, Side::Far, &native("/blocking"));
@@ -163,9 +147,6 @@ pub fn a_blocking_call_returns<R: Testbed>() {
 
 /// An error of the server arrives as an error, in its words.
 pub fn an_error_is_told<R: Testbed>() {
-    if skipped(R::CAPABILITIES.services, "services") {
-        return;
-    }
     for kind in [ServiceKind::NativeObject, ServiceKind::Image, ServiceKind::AudioChunk] {
         let testbed = R::start();
         let spec = ServiceSpec::new("/error", kind);
@@ -181,9 +162,6 @@ pub fn an_error_is_told<R: Testbed>() {
 
 /// An answer of another kind than the service returns is refused, and the client is told.
 pub fn an_answer_of_another_kind_is_refused<R: Testbed>() {
-    if skipped(R::CAPABILITIES.services && R::CAPABILITIES.wire, "to check types") {
-        return;
-    }
     let testbed = R::start();
     let spec = ServiceSpec::new("/other_kind", ServiceKind::Image);
     let (mut client_end, mut server_end) = call_and_serve(&testbed, Side::Near, &spec);
@@ -202,9 +180,6 @@ pub fn an_answer_of_another_kind_is_refused<R: Testbed>() {
 
 /// A client that expects another kind is never given what it cannot use.
 pub fn a_client_of_another_kind_is_told<R: Testbed>() {
-    if skipped(R::CAPABILITIES.services && R::CAPABILITIES.wire, "to check types") {
-        return;
-    }
     let testbed = R::start();
     let mut server_end = ServerEnd::open(testbed.side(Side::Near), &native("/contested"));
     let sound = ServiceSpec::new("/contested", ServiceKind::AudioChunk);
@@ -226,9 +201,6 @@ pub fn a_client_of_another_kind_is_told<R: Testbed>() {
 
 /// With no server a call ends at its time, with the reason; what comes after works.
 pub fn without_a_server_a_call_times_out<R: Testbed>() {
-    if skipped(R::CAPABILITIES.services, "services") {
-        return;
-    }
     let testbed = R::start();
     let spec = native("/nobody");
     let mut client_end = ClientEnd::open(testbed.side(Side::Far), &spec);
@@ -246,9 +218,6 @@ pub fn without_a_server_a_call_times_out<R: Testbed>() {
 
 /// A reply after its time is dropped and counted, and does not disturb the next call.
 pub fn late_replies_are_counted<R: Testbed>() {
-    if skipped(R::CAPABILITIES.services, "services") {
-        return;
-    }
     let testbed = R::start();
     let (mut client_end, mut server_end) = call_and_serve(&testbed, Side::Near, &native("/late"));
     for round in 1..=3 {
@@ -270,9 +239,6 @@ pub fn late_replies_are_counted<R: Testbed>() {
 
 /// A request that is never answered wedges neither side, and its client is told.
 pub fn an_unanswered_request_ends<R: Testbed>() {
-    if skipped(R::CAPABILITIES.services, "services") {
-        return;
-    }
     let testbed = R::start();
     let spec = ServiceSpec { timeout: Duration::from_secs(1), ..native("/unanswered") };
     let (mut client_end, mut server_end) = call_and_serve(&testbed, Side::Near, &spec);
@@ -290,9 +256,6 @@ pub fn an_unanswered_request_ends<R: Testbed>() {
 
 /// Beyond the calls that may be under way a client is refused at once, a server refuses aloud.
 pub fn more_than_the_limit_is_refused<R: Testbed>() {
-    if skipped(R::CAPABILITIES.services, "services") {
-        return;
-    }
     let testbed = R::start();
     let spec = ServiceSpec { pending: 3, ..native("/limit") };
     let (mut narrow, mut server_end) = call_and_serve(&testbed, Side::Near, &spec);
@@ -334,9 +297,6 @@ pub fn more_than_the_limit_is_refused<R: Testbed>() {
 
 /// A server that ends and comes back is asked again, and so is a client's side.
 pub fn a_server_that_restarts_is_asked_again<R: Testbed>() {
-    if skipped(R::CAPABILITIES.services, "services") {
-        return;
-    }
     for at in Side::BOTH {
         let mut testbed = R::start();
         let spec = native("/restart");
@@ -368,9 +328,6 @@ pub fn a_server_that_restarts_is_asked_again<R: Testbed>() {
 
 /// Several clients at once each get their own replies.
 pub fn several_clients_get_their_own_replies<R: Testbed>() {
-    if skipped(R::CAPABILITIES.services, "services") {
-        return;
-    }
     let testbed = R::start();
     let (first, mut server_end) = call_and_serve(&testbed, Side::Near, &native("/several"));
     let mut callers = vec![first];
@@ -399,9 +356,6 @@ pub fn several_clients_get_their_own_replies<R: Testbed>() {
 /// A reply that is too large is refused before it is sent, or reported, and the next call is
 /// answered.
 pub fn what_is_too_large_to_return_is_told<R: Testbed>() {
-    if skipped(R::CAPABILITIES.services && R::CAPABILITIES.wire, "sizes") {
-        return;
-    }
     let testbed = R::start();
     let mut spec = ServiceSpec::new("/large", ServiceKind::Image);
     spec.limits.message_bytes = 40_000;
@@ -449,9 +403,6 @@ pub fn what_is_too_large_to_return_is_told<R: Testbed>() {
 
 /// Requests that are none: each is counted and its client told, and the next one is served.
 pub fn requests_that_are_none_are_told<R: Testbed>() {
-    if skipped(R::CAPABILITIES.services && R::CAPABILITIES.wire, "bytes") {
-        return;
-    }
     let mut testbed = R::start();
     let spec = native("/broken");
     let (mut client_end, mut server_end) = call_and_serve(&testbed, Side::Near, &spec);
@@ -479,9 +430,6 @@ pub fn requests_that_are_none_are_told<R: Testbed>() {
 
 /// A call that was cancelled never ends, and its reply is late.
 pub fn a_cancelled_call_is_forgotten<R: Testbed>() {
-    if skipped(R::CAPABILITIES.services, "services") {
-        return;
-    }
     let testbed = R::start();
     let (mut client_end, mut server_end) =
         call_and_serve(&testbed, Side::Near, &native("/cancelled"));

@@ -1,4 +1,4 @@
-//! What `#[register]` says.
+//! Mistakes in `#[register]`.
 use wrapyfi_macros::communicator;
 
 struct Camera;

@@ -1,0 +1,307 @@
+//! The guides, run as they are written: their files, their commands, and what they say is printed.
+//!
+//! Ports, domains and addresses are those of the test, by the variables that the guides name.
+
+use wrapyfi_e2e::{Guide, Line, Need, Process, RealRos2, Result, TestEnv, run, same_but_times};
+
+const SCRIPTS: &[Need] = &[Need::Program, Need::Python];
+const BUILT: &str = "it builds what this test runs";
+
+/// Runs a line to its end, which must be good.
+fn done(env: &TestEnv, line: &Line) -> Result<String> {
+    let mut process = env.shell(&line.command)?;
+    process.exits_with(0)?;
+    Ok(process.stdout())
+}
+
+/// Runs a line to its end: it prints what the comment behind it begins with.
+fn prints_its_comment(env: &TestEnv, line: &Line) -> Result {
+    let printed = done(env, line)?;
+    let told = line.comment.split(", of ").next().unwrap_or_default();
+    assert!(!told.is_empty() && same_but_times(&printed, told), "{line:?} prints {printed}");
+    Ok(())
+}
+
+/// Starts a line that goes on, and without which nothing else works.
+fn starts(env: &TestEnv, line: &Line) -> Result<Process> {
+    Ok(env.shell(&line.command)?.pillar())
+}
+
+/// Sets what a line exports for those that follow.
+fn export(env: &TestEnv, line: &Line) {
+    let words = line.command.split_whitespace().skip(1);
+    for (name, value) in words.filter_map(|word| word.split_once('=')) {
+        env.set_variable(name, value);
+    }
+}
+
+/// Waits for a line of output that contains all of `words`.
+fn says(process: &Process, words: &[&str]) -> Result {
+    process.wait_until(&words.join(", "), |output| {
+        let mut lines = output.out.iter().chain(&output.err);
+        lines.any(|line| words.iter().all(|word| line.contains(word))).then_some(())
+    })
+}
+
+/// The camera and the light of the guide for scripts.
+fn scripts(env: &TestEnv) -> Result<[Process; 2]> {
+    let guide = Guide::read("docs/python-scripts.md")?;
+    env.write("camera.py", guide.block("python", "class Camera")?)?;
+    env.write("light.py", guide.block("python", "class Light")?)?;
+    let [_, camera, _] = guide.lines("--config bridge.yaml")?;
+    let [light, ..] = guide.lines::<3>("python light.py")?;
+    Ok([starts(env, &camera)?, starts(env, &light)?])
+}
+
+#[test]
+fn readme() -> Result {
+    run("readme", SCRIPTS, |env| {
+        let guide = Guide::read("README.md")?;
+        for mark in ["\nmake demo\n", "make demo &&"] {
+            guide.pass_over(mark.trim_start_matches('\n'), BUILT)?;
+        }
+        guide.pass_over("impl Mirror", "it is a part of docs/rust.md")?;
+        guide.pass_over("ros1_bridge", "`ros1` runs it")?;
+        guide.pass_over("yarp_bridge", "`yarp` runs it")?;
+        guide.pass_over("ros2 launch", "`commands_of_ros2` runs it")?;
+        env.write("bridge.yaml", guide.block("yaml", "routes:")?)?;
+        let [check, bridge] = guide.lines("wrapyfi check bridge.yaml")?;
+        done(env, &check)?;
+        let _bridge = starts(env, &bridge)?;
+        let [echo, publish, call] = guide.lines("wrapyfi echo zeromq:/camera")?;
+        let _scripts = scripts(env)?;
+        let echo = env.shell(&echo.command)?;
+        echo.wait_until("a picture", |output| {
+            output
+                .out
+                .iter()
+                .any(|line| {
+                    same_but_times(line, "image 640x480 bgr8 921600 bytes at 1795471266.462655")
+                })
+                .then_some(())
+        })?;
+        let object = env.shell("wrapyfi echo zeromq:/object --type NativeObject")?;
+        let _publisher = env.shell(&publish.command)?;
+        says(&object, &["{\"speed\":[1,2.5]}"])?;
+        assert_eq!(done(env, &call)?, "{\"on\":true}");
+        guide.is_done()
+    })
+}
+
+#[test]
+fn python_scripts() -> Result {
+    run("python_scripts", SCRIPTS, |env| {
+        let guide = Guide::read("docs/python-scripts.md")?;
+        env.write("bridge.yaml", guide.block("yaml", "routes:")?)?;
+        let [bridge, _, echo] = guide.lines("--config bridge.yaml")?;
+        let _bridge = starts(env, &bridge)?;
+        let _scripts = scripts(env)?;
+        guide.pass_over("class Camera", "`scripts` runs it")?;
+        guide.pass_over("class Light", "`scripts` runs it")?;
+        let (printed, told) = (done(env, &echo)?, guide.block("text", "image 640x480")?);
+        assert!(same_but_times(&printed, &told), "{printed}");
+
+        env.write("chat.py", guide.block("python", "class Chat")?)?;
+        let [chat, publish] = guide.lines("python chat.py")?;
+        let chat = starts(env, &chat)?;
+        let _publisher = env.shell(&publish.command)?;
+        says(&chat, &["hello"])?;
+
+        let [_, here, in_ros2] = guide.lines("python light.py")?;
+        prints_its_comment(env, &here)?;
+        prints_its_comment(env, &in_ros2)?;
+        guide.is_done()
+    })
+}
+
+#[test]
+fn ros2() -> Result {
+    run("ros2", &[Need::Program, Need::Node], |env| {
+        let guide = Guide::read("docs/ros2.md")?;
+        guide.pass_over("colcon build", BUILT)?;
+        guide.pass_over("sysctl", "it is for root, and for all of the machine")?;
+        guide.pass_over("create_subscription", "it is a part of a node on rclpy")?;
+        guide.pass_over("ros2 run wrapyfi_bridge ros1_bridge", "`commands_of_ros2` runs it")?;
+        env.write("bridge.yaml", guide.block("yaml", "routes:")?)?;
+        let [check, ..] = guide.lines::<3>("wrapyfi check bridge.yaml")?;
+        done(env, &check)?;
+        let [list, echo, call, parameters] = guide.lines("wrapyfi list ros2")?;
+        let twist = r#"{"linear": {"x": 0.5}}"#;
+        let _publisher = env
+            .wrapyfi([
+                "pub",
+                "ros2:/cmd_vel",
+                "--type",
+                "geometry_msgs/msg/Twist",
+                "--value",
+                twist,
+                "--rate",
+                "10",
+            ])?
+            .pillar();
+        let _lamp = env.shell("wrapyfi serve ros2:/lamp --type std_srvs/srv/SetBool --value '{\"success\": true, \"message\": \"on\"}'")?.pillar();
+        let _camera = env.node(["--ros-args", "-r", "__node:=camera"])?;
+        let heard = env.shell(&echo.command)?;
+        says(&heard, &["0.5"])?;
+        assert!(done(env, &call)?.contains("on"), "{call:?}");
+        let told = done(env, &list)?;
+        for shown in ["/cmd_vel", "geometry_msgs/msg/Twist", "/lamp"] {
+            assert!(told.contains(shown), "{shown}: {told}");
+        }
+        let parameters = env.shell(&parameters.command)?;
+        says(&parameters, &["use_sim_time"])?;
+        guide.is_done()
+    })
+}
+
+#[test]
+fn commands_of_ros2() -> Result {
+    let needs = [Need::Program, Need::Node, Need::Executable("ros1_bridge"), Need::Ros2];
+    run("commands_of_ros2", &[&needs[..], &[Need::Ros2Package("launch_ros")]].concat(), |env| {
+        let guide = Guide::read("docs/ros2.md")?;
+        env.write("bridge.yaml", guide.block("yaml", "routes:")?)?;
+        let ros = RealRos2::new(env, "rmw_cyclonedds_cpp")?;
+        let [_, run, launch] = guide.lines("wrapyfi check bridge.yaml")?;
+        let [run_all, launch_all] = guide.lines("ros2 run wrapyfi_bridge ros1_bridge")?;
+        let [of_readme, ..] = Guide::read("README.md")?.lines::<3>("ros2 launch")?;
+        for line in [run, launch, of_readme] {
+            says(&ros.shell(&line.command)?, &["zeromq:/camera"])?;
+        }
+        for line in [run_all, launch_all] {
+            says(&ros.shell(&line.command)?, &["waiting for master"])?;
+        }
+        Ok(())
+    })
+}
+
+#[test]
+fn ros1() -> Result {
+    let needs = [Need::Program, Need::Executable("ros1_bridge"), Need::Ros1];
+    run("ros1", &needs, |env| {
+        let _roscore = env.roscore()?;
+        let scan = r#"{"ranges": [0.5, 2.5]}"#;
+        let _scan = env.rospy(
+            "publish --topic /scan --type sensor_msgs/LaserScan --node scanner",
+            Some(scan),
+        )?;
+        let mut guide = Guide::read("docs/ros1.md")?;
+        let port = env.ros_port().to_string();
+        guide.replace("11311", &port)?;
+        let [master, list, echo, bridge, echo_in_ros2] = guide.lines("wrapyfi list ros   ")?;
+        export(env, &master);
+        until(env, &list, &["/scan", "sensor_msgs/LaserScan"])?;
+        assert!(done(env, &echo)?.contains("2.5"), "{echo:?}");
+        let mut readme = Guide::read("README.md")?;
+        readme.replace("11311", &port)?;
+        let [same_bridge] = readme.lines("ros1_bridge")?;
+        for bridge in [bridge, same_bridge] {
+            let _bridge = starts(env, &bridge)?;
+            assert!(done(env, &echo_in_ros2)?.contains("2.5"), "{echo_in_ros2:?}");
+        }
+        env.write("bridge.yaml", guide.block("yaml", "ros:/arm/(.*)")?)?;
+        let [check, bridge] = guide.lines("wrapyfi check bridge.yaml")?;
+        done(env, &check)?;
+        says(&starts(env, &bridge)?, &["ros:/camera/image_raw"])?;
+        guide.pass_over("ros2 launch", "`commands_of_ros2` starts this launch file")?;
+        guide.is_done()
+    })
+}
+
+#[test]
+fn ros1_base_and_ros2_navigation() -> Result {
+    run("ros1_base_and_ros2_navigation", &[Need::Program, Need::Ros1], |env| {
+        let _roscore = env.roscore()?;
+        let mut guide = Guide::read("docs/ros1.md")?;
+        guide.replace("http://base:11311", &env.ros_master_uri())?;
+        guide.replace("192.168.1.20", "127.0.0.1")?;
+        guide.replace("ROS_DOMAIN_ID=7", "")?;
+        let [variables, list, check, bridge] = guide.lines("ROS_DOMAIN_ID")?;
+        export(env, &variables);
+        std::os::unix::fs::symlink(wrapyfi_e2e::repository().join("config"), env.path("config"))?;
+        done(env, &list)?;
+        done(env, &check)?;
+        let _bridge = starts(env, &bridge)?;
+        let scan = r#"{"ranges": [0.5, 2.5]}"#;
+        let _scan = env.rospy(
+            "publish --topic /scan --type sensor_msgs/LaserScan --node scanner",
+            Some(scan),
+        )?;
+        let mut echo = env.shell("wrapyfi echo ros2:/scan --count 1")?;
+        echo.exits_with(0)?;
+        assert!(echo.stdout().contains("2.5"), "{}", echo.tail());
+        Ok(())
+    })
+}
+
+/// Runs a line again until it prints a line with all of `words`.
+fn until(env: &TestEnv, line: &Line, words: &[&str]) -> Result {
+    let mut printed = String::new();
+    for _ in 0..60 {
+        printed = done(env, line)?;
+        if printed.lines().any(|line| words.iter().all(|word| line.contains(word))) {
+            return Ok(());
+        }
+    }
+    anyhow::bail!("{line:?} never printed {words:?}, last:\n{printed}")
+}
+
+#[test]
+fn yarp() -> Result {
+    let needs = [Need::Program, Need::Executable("yarp_bridge"), Need::Python];
+    run("yarp", &needs, |env| {
+        let guide = Guide::read("docs/yarp.md")?;
+        for mark in ["robot$", "laptop$  mkdir", "laptop$  export", "laptop$  ros2 topic hz"] {
+            guide.pass_over(mark, "it takes YARP and two machines: `real_yarp` has them")?;
+        }
+        env.peer("make_files.py", &env.path("").display().to_string())?.exits_with(0)?;
+        std::fs::rename(env.path("colour.png"), env.path("frame.png"))?;
+        let [server, camera, head, list, bridge, echo, call] = guide.lines("wrapyfi yarpserver")?;
+        let server = starts(env, &server)?;
+        says(&server, &["name server /root on"])?;
+        let _camera = starts(env, &camera)?;
+        let _head = starts(env, &head)?;
+        until(env, &list, &["/icub/cam/left", "publisher", "Image"])?;
+        let readme = Guide::read("README.md")?;
+        let [same_bridge, same_call] = readme.lines("yarp_bridge")?;
+        for (bridge, call) in [(bridge, call), (same_bridge, same_call)] {
+            let _bridge = starts(env, &bridge)?;
+            let printed = done(env, &echo)?;
+            assert_eq!(
+                printed.lines().filter(|line| line.starts_with("image ")).count(),
+                2,
+                "{printed}"
+            );
+            assert_eq!(done(env, &call)?, "[\"[ok]\"]");
+        }
+        env.write("some.yaml", guide.block("yaml", "carrier: fast_tcp")?)?;
+        env.shell("wrapyfi check some.yaml")?.exits_with(0)?;
+        guide.is_done()
+    })
+}
+
+#[test]
+fn rust() -> Result {
+    run("rust", &[Need::Program, Need::Example("mirror")], |env| {
+        let guide = Guide::read("docs/rust.md")?;
+        guide.pass_over("[dependencies]", BUILT)?;
+        guide.pass_over(
+            "impl Mirror",
+            "`listings` of the examples compares it with the program `mirror`",
+        )?;
+        guide.pass_over("open_listener", "it is a part of an example in wrapyfi_core")?;
+        let [publish, listen] = guide.lines("cargo run -- publish")?;
+        let started = |line: &Line| {
+            let (_, args) = line.command.split_once("cargo run -- ")?;
+            Some(env.example("mirror", args))
+        };
+        let (Some(publish), Some(listen)) = (started(&publish), started(&listen)) else {
+            anyhow::bail!("{publish:?}, {listen:?}")
+        };
+        let (mut publish, mut listen) = (publish?, listen?);
+        publish.tell("hello")?;
+        publish.tell("exit")?;
+        says(&listen, &["hello"])?;
+        listen.exits_with(0)?;
+        guide.is_done()
+    })
+}
