@@ -35,7 +35,6 @@ use wrapyfi_data::types::{Payload, Stamp};
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::calls::{Calls, Stage};
 use wrapyfi_endpoint::codec::EncodeError;
-use wrapyfi_endpoint::codec::requests::reform;
 use wrapyfi_endpoint::wire_client::{ClientWire, WireClient};
 use wrapyfi_endpoint::{CallError, Clock, Context, Link, OpenError, Request, ServiceSpec};
 
@@ -381,11 +380,6 @@ impl YarpClient {
         calls.answered(number, body.len(), at, || {
             let now = Stamp::now();
             match payload::decode_reply(&body, spec, desk.options(), desk.dialect, now) {
-                // Servers send pixels; a service of files gives files.
-                Ok(Ok(Payload::Image(image))) => match reform(image, spec) {
-                    Ok(image) => Ok(image.into()),
-                    Err(fault) => Err(CallError::Reply { service, fault }),
-                },
                 Ok(Ok(payload)) => Ok(payload),
                 Ok(Err(reason)) => Err(CallError::Refused { service, reason }),
                 Err(fault) => Err(CallError::Reply { service, fault }),
