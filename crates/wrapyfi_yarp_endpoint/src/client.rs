@@ -31,7 +31,7 @@ use super::options::YarpOptions;
 use super::payload;
 use super::standing::Standing;
 use super::tasks::{Stop, Stopped};
-use wrapyfi_data::types::{Payload, Stamp};
+use wrapyfi_data::types::Stamp;
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::calls::{Calls, Stage};
 use wrapyfi_endpoint::codec::EncodeError;
@@ -182,7 +182,7 @@ impl Desk {
     async fn call(&self, shared: &Shared, body: &Body, deadline: Instant) -> Option<Outcome> {
         let mut up = self.up.subscribe();
         let mut written = None;
-        let left = || deadline.saturating_duration_since(Instant::now());
+        let left = || deadline.saturating_duration_since(self.clock.now());
         loop {
             let time = tokio::time::timeout(left(), up.wait_for(Option::is_some)).await;
             let time = (*time.ok()?.ok()?)?;
