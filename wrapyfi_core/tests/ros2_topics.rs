@@ -52,7 +52,7 @@ impl Route {
     fn set_aside(&mut self) -> u64 {
         let mut lost = None;
         assert!(wait_until(&self.context.wake, TIMEOUT, || {
-            lost = self.listener.set_aside();
+            lost = self.listener.forwarding().unwrap().set_aside();
             lost.is_some()
         }));
         lost.unwrap()

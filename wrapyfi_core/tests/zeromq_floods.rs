@@ -1,8 +1,10 @@
 //! More messages than somebody reads: each is delivered, refused, or its loss is told.
 
+use std::io::{BufRead as _, BufReader};
+use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::zeromq_common::{any_ports, embedded, foreign, peer, subscriber, wait_until};
+use crate::zeromq_common::{any_ports, bound, embedded, foreign, peer, subscriber, wait_until};
 use wrapyfi_core::Limits;
 use wrapyfi_core::endpoint::{
     Context, CountersSnapshot, DropReason, Middleware, PublishError, Publisher, TopicSpec, WAITING,
@@ -119,11 +121,192 @@ fn what_the_broker_would_not_accept_is_refused() {
     assert!(error.to_string().contains("1000"), "{error}");
 }
 
+/// Publishes as a route does: a message that comes is received, and sent or dropped. True when it was accepted.
+fn pass_on(publisher: &mut dyn Publisher, context: &Context, payload: &Payload) -> bool {
+    context.counters.received(1);
+    let published = publisher.publish(payload);
+    match &published {
+        Ok(bytes) => context.counters.sent(*bytes, Duration::ZERO),
+        Err(error) => context.counters.dropped(error.drop_reason()),
+    }
+    published.is_ok()
+}
+
+/// A publisher whose broker stands still, with as many messages in its queue as may wait for `reason`.
+struct Stuck {
+    broker: zmq::Socket,
+    zeromq: ZeroMq,
+    publisher: Box<dyn Publisher>,
+    context: Context,
+}
+
+impl Stuck {
+    fn new(send_hwm: u16, reason: DropReason) -> Self {
+        let (broker, port) = stalled_broker();
+        let zeromq = ZeroMq::start(&ZeroMqConfig { send_hwm, ..foreign(port, port) }).unwrap();
+        let context = Context::default();
+        let spec = TopicSpec::new("/a", MessageType::NativeObject);
+        let mut publisher = zeromq.open_publisher(&spec, &context).unwrap();
+        introduce(&broker, &*publisher);
+        let large = numbered(Limits::MIB);
+        // Until TCP on the way holds no more, and then the queue.
+        wait_until("a message without room", || {
+            pass_on(&mut *publisher, &context, &large);
+            context.counters.snapshot().dropped_for(reason) > 0
+        });
+        Self { broker, zeromq, publisher, context }
+    }
+
+    /// The counters, once `count` messages or more were lost for `reason`.
+    fn lost(context: &Context, reason: DropReason, count: u64) -> CountersSnapshot {
+        let counted = || context.counters.snapshot();
+        wait_until("the queue to be counted", || counted().dropped_for(reason) >= count);
+        let counted = counted();
+        assert_eq!(counted.received, counted.sent + counted.dropped(), "{counted:?}");
+        counted
+    }
+}
+
+#[test]
+fn what_waits_for_a_broker_that_dies_is_counted() {
+    let Stuck { broker, zeromq, publisher, context } = Stuck::new(HWM, DropReason::SendQueueFull);
+    assert_eq!(context.counters.snapshot().dropped_for(DropReason::ConnectionLost), 0);
+    drop(broker);
+    let counted = Stuck::lost(&context, DropReason::ConnectionLost, 1);
+    assert_eq!(counted.dropped_for(DropReason::ConnectionLost), u64::from(HWM), "{counted:?}");
+    wait_until("the broker to be missed", || publisher.link().waiting_for.is_some());
+    assert_eq!(WAITING.used(), 0);
+    drop((publisher, zeromq));
+}
+
+#[test]
+fn what_waits_when_its_publisher_ends_is_counted() {
+    let Stuck { broker, zeromq, publisher, context } = Stuck::new(HWM, DropReason::SendQueueFull);
+    let before = context.counters.snapshot();
+    drop(publisher);
+    let counted = Stuck::lost(&context, DropReason::Closed, 1);
+    assert_eq!(counted.sent + counted.dropped_for(DropReason::Closed), before.sent);
+    drop((zeromq, broker));
+}
+
+#[test]
+fn an_instance_that_ends_sends_what_its_broker_takes() {
+    let Stuck { broker, zeromq, publisher, context } = Stuck::new(HWM, DropReason::SendQueueFull);
+    broker.set_rcvtimeo(2_000).unwrap();
+    let read = std::thread::spawn(move || {
+        std::iter::from_fn(|| broker.recv_multipart(0).ok().filter(|frames| frames.len() == 2))
+            .take_while(|frames| frames[1].len() > 1)
+            .count() as u64
+    });
+    drop((zeromq, publisher));
+    let counted = context.counters.snapshot();
+    assert_eq!(counted.received, counted.sent + counted.dropped(), "{counted:?}");
+    // The thread has ended when nothing more came for some time.
+    assert_eq!(read.join().unwrap(), counted.sent);
+}
+
+#[test]
+fn a_broker_that_stands_still_costs_a_publisher_a_quarter_of_what_may_wait() {
+    // Each test is a process of its own.
+    WAITING.set_limit(32 * Limits::MIB);
+    let Stuck { broker, publisher, context, .. } = Stuck::new(1000, DropReason::OverBudget);
+    assert!(WAITING.used() <= 8 * Limits::MIB, "{} bytes wait", WAITING.used());
+    drop(broker);
+    let counted = Stuck::lost(&context, DropReason::ConnectionLost, 1);
+    assert_eq!(counted.dropped_for(DropReason::SendQueueFull), 0, "{counted:?}");
+    assert_eq!(WAITING.used(), 0);
+    drop(publisher);
+}
+
+/// A proxy of libzmq as Python Wrapyfi runs one, for a test that starts it in a process of its own.
+#[test]
+#[ignore = "runs until it is killed"]
+fn proxy_process() {
+    if std::env::var_os(PROXY).is_none() {
+        return;
+    }
+    let context = zmq::Context::new();
+    let (back, sub_port) = bound(&context, zmq::XSUB);
+    let (front, pub_port) = bound(&context, zmq::XPUB);
+    println!("\nports {pub_port} {sub_port}");
+    zmq::proxy(&back, &front).unwrap();
+}
+
+/// Set in the environment of [`proxy_process`].
+const PROXY: &str = "WRAPYFI_TEST_PROXY";
+
+/// A proxy in a process of its own, which ends with this value.
+struct Proxy(Child);
+
+impl Proxy {
+    /// Starts it; its ports for listeners and for publishers.
+    fn start() -> (Self, u16, u16) {
+        let mut command = Command::new(std::env::current_exe().unwrap());
+        command.args(["--exact", "zeromq_floods::proxy_process", "--ignored", "--nocapture"]);
+        let mut child = command.env(PROXY, "1").stdout(Stdio::piped()).spawn().unwrap();
+        let mut lines = BufReader::new(child.stdout.take().unwrap()).lines().map(Result::unwrap);
+        let ports = lines.find_map(|line| {
+            let ports = line.strip_prefix("ports ")?.split_once(' ')?;
+            Some((ports.0.parse().unwrap(), ports.1.parse().unwrap()))
+        });
+        let (pub_port, sub_port) = ports.expect("the proxy says its ports");
+        (Self(child), pub_port, sub_port)
+    }
+
+    fn signal(&self, name: &str) {
+        let pid = self.0.id().to_string();
+        assert!(Command::new("kill").args([name, &pid]).status().unwrap().success());
+    }
+}
+
+impl Drop for Proxy {
+    fn drop(&mut self) {
+        self.0.kill().ok();
+        self.0.wait().ok();
+    }
+}
+
+#[test]
+fn a_foreign_proxy_that_is_stopped_and_killed_loses_nothing_uncounted() {
+    let (proxy, pub_port, sub_port) = Proxy::start();
+    let listener = subscriber(&zmq::Context::new(), pub_port, "/a");
+    let config = ZeroMqConfig { send_hwm: HWM, ..foreign(pub_port, sub_port) };
+    let (zeromq, context) = (ZeroMq::start(&config).unwrap(), Context::default());
+    let spec = TopicSpec::new("/a", MessageType::NativeObject);
+    let mut publisher = zeromq.open_publisher(&spec, &context).unwrap();
+    wait_until("a listener", || publisher.link().peers > Some(0));
+    let large = numbered(Limits::MIB);
+    let counted = || context.counters.snapshot();
+    let mut fill = |refused: u64| {
+        wait_until("a message without room", || {
+            pass_on(&mut *publisher, &context, &large);
+            counted().dropped_for(DropReason::SendQueueFull) > refused
+        });
+        counted()
+    };
+    proxy.signal("-STOP");
+    let stopped = fill(0);
+    assert_eq!(stopped.received, stopped.sent + stopped.dropped(), "{stopped:?}");
+    proxy.signal("-CONT");
+    // What is counted as sent is what arrives, no more and no less.
+    for _ in 0..stopped.sent {
+        assert_eq!(listener.recv_multipart(0).unwrap().len(), 2);
+    }
+    proxy.signal("-STOP");
+    let refused = counted().dropped_for(DropReason::SendQueueFull);
+    let full = fill(refused);
+    assert_eq!(full.dropped_for(DropReason::ConnectionLost), 0);
+    drop(proxy);
+    let lost = Stuck::lost(&context, DropReason::ConnectionLost, 1);
+    assert_eq!(lost.dropped_for(DropReason::ConnectionLost), u64::from(HWM), "{lost:?}");
+}
+
 /// A publisher with an embedded broker, as a route has one, and what it counted.
 struct Route {
     zeromq: ZeroMq,
     publisher: Box<dyn Publisher>,
     context: Context,
+    accepted: u64,
 }
 
 impl Route {
@@ -132,7 +315,7 @@ impl Route {
         let context = Context::default();
         let spec = TopicSpec::new("/a", MessageType::NativeObject);
         let publisher = zeromq.open_publisher(&spec, &context).unwrap();
-        Self { zeromq, publisher, context }
+        Self { zeromq, publisher, context, accepted: 0 }
     }
 
     /// A listener that stands still: it is connected and does not read.
@@ -160,11 +343,7 @@ impl Route {
     }
 
     fn publish(&mut self, payload: &Payload) {
-        self.context.counters.received(1);
-        match self.publisher.publish(payload) {
-            Ok(bytes) => self.context.counters.sent(bytes, Duration::ZERO),
-            Err(error) => self.context.counters.dropped(error.drop_reason()),
-        }
+        self.accepted += u64::from(pass_on(&mut *self.publisher, &self.context, payload));
     }
 
     /// The counters, once everything that was published has passed the broker.
@@ -172,11 +351,10 @@ impl Route {
         let mut last = None;
         wait_until("rest", || {
             let counted = self.context.counters.snapshot();
-            let refused = counted.dropped_for(DropReason::SendQueueFull);
             let passed = self.zeromq.broker_status().unwrap().messages;
             let is_whole = counted.received == counted.sent + counted.dropped();
             last = Some(counted);
-            is_whole && passed + refused == last.as_ref().unwrap().received
+            is_whole && passed == self.accepted
         });
         last.unwrap()
     }

@@ -4,12 +4,13 @@ use std::io::{Read as _, Write as _};
 use std::net::TcpStream;
 
 use crate::ros1_common::{Master, RawPublisher, call, framed, greet, read_framed};
-use wrapyfi_conformance::{Sink, Source, wait_until};
-use wrapyfi_core::endpoint::{DropReason, QosPreset, TopicSpec};
+use wrapyfi_conformance::{ServerEnd, Sink, Source, wait_until};
+use wrapyfi_core::Limits;
+use wrapyfi_core::endpoint::{DropReason, QosPreset, ServiceSpec, TopicSpec, WAITING, Wake};
 use wrapyfi_core::middleware::ros1::header::Header;
 use wrapyfi_core::middleware::ros1::xmlrpc::{Value, text};
 use wrapyfi_core::middleware::ros1::{Ros1, Ros1Config};
-use wrapyfi_core::types::{MessageType, Payload, Value as Object};
+use wrapyfi_core::types::{MessageType, Payload, ServiceKind, Value as Object};
 
 const STRING: &str = "992ce8a1687cec8c8bd883ec73ca41d1";
 
@@ -296,4 +297,47 @@ fn a_slow_subscriber_stalls_nobody() {
     drop(silent);
     source.wait_for("one", |link| link.peers == Some(1));
     assert!(dropped(DropReason::ConnectionLost) > 0);
+}
+
+/// Clients that never read their replies cost their server a quarter of what may wait; the others are told.
+#[test]
+fn replies_that_nobody_reads_are_bounded_in_bytes() {
+    // Each test is a process of its own.
+    WAITING.set_limit(128 * Limits::MIB);
+    let (master, bell) = (Master::start(), Wake::new());
+    let near = node(&master, "near");
+    let mut server = ServerEnd::open(&near, &ServiceSpec::new("/big", ServiceKind::NativeObject));
+    let mut address = String::new();
+    wait_until(&bell, "the service", || {
+        let found = master.ask("lookupService", vec![text("/raw"), text("/big")]).value;
+        let Value::String(uri) = found else { return false };
+        address = uri.trim_start_matches("rosrpc://").trim_end_matches('/').to_owned();
+        !address.is_empty()
+    });
+    let own = Header::new().with("callerid", "/raw").with("service", "/big").with("md5sum", "*");
+    // More than TCP takes.
+    let big = said(&"x".repeat(12 * Limits::MIB));
+    let ask = |server: &mut ServerEnd| {
+        let (mut client, _header) = greet(&address, &own);
+        client.write_all(&message("[[], {}]")).unwrap();
+        let request = server.receive();
+        server.answer(request.id, big.clone());
+        client
+    };
+    let silent: Vec<TcpStream> = (0..6).map(|_| ask(&mut server)).collect();
+    wait_until(&bell, "replies without room", || server.dropped_for(DropReason::OverBudget) == 4);
+    assert!(WAITING.used() <= 32 * Limits::MIB, "{} bytes wait", WAITING.used());
+    let mut told = ask(&mut server);
+    let mut success = [1];
+    told.read_exact(&mut success).unwrap();
+    let why = read_framed(&mut told).unwrap();
+    assert_eq!(success, [0]);
+    assert!(String::from_utf8_lossy(&why).contains("waiting_mib"), "{why:?}");
+    drop(silent);
+    wait_until(&bell, "those that are gone", || {
+        server.dropped_for(DropReason::ConnectionLost) == 2
+    });
+    let counted = server.counters();
+    assert_eq!((counted.received, counted.sent, counted.dropped()), (7, 0, 7), "{counted:?}");
+    assert_eq!(WAITING.used(), 0);
 }

@@ -73,6 +73,12 @@ impl Share {
         Self { budget, used: AtomicUsize::new(0) }
     }
 
+    /// Another share of the same budget, which holds nothing.
+    #[must_use]
+    pub fn beside(&self) -> Self {
+        Self::of(self.budget)
+    }
+
     /// Takes room for a message that will wait; false when there is none. A message that waits
     /// alone in its share always has room, so that a budget that is too small slows down and does
     /// not stop.

@@ -10,22 +10,24 @@
 
 use std::collections::VecDeque;
 
+use super::budget::Share;
 use super::inbox::Waits;
 
 /// Largest number of origins whose last message is kept.
 pub const MAX_ORIGINS: usize = 256;
 
-/// The last message of each origin, oldest first.
+/// The last message of each origin, oldest first. Its bytes count as waiting in this process.
 #[derive(Debug)]
 pub struct Latched<K, T> {
     kept: VecDeque<(K, T)>,
     max_bytes: usize,
+    share: Share,
 }
 
 impl<K: PartialEq, T: Waits> Latched<K, T> {
     /// An empty store, which never holds more than `max_bytes` bytes, but for a single message.
     pub fn new(max_bytes: usize) -> Self {
-        Self { kept: VecDeque::new(), max_bytes }
+        Self { kept: VecDeque::new(), max_bytes, share: Share::default() }
     }
 
     /// Keeps a message in place of the one before it of the same origin; number of messages that
@@ -34,17 +36,24 @@ impl<K: PartialEq, T: Waits> Latched<K, T> {
         let mut gone = u64::from(self.forget(&origin));
         self.kept.push_back((origin, message));
         while self.kept.len() > 1
-            && (self.kept.len() > MAX_ORIGINS || self.bytes() > self.max_bytes)
+            && (self.kept.len() > MAX_ORIGINS || self.bytes() > self.max_bytes || !self.counts())
         {
             self.kept.pop_front();
             gone += 1;
+        }
+        if self.kept.len() == 1 {
+            // Alone in its share it always has room.
+            _ = self.share.hold(0);
+            _ = self.counts();
         }
         gone
     }
 
     /// Takes the message that was kept longest.
     pub fn pop(&mut self) -> Option<T> {
-        self.kept.pop_front().map(|(_, message)| message)
+        let next = self.kept.pop_front().map(|(_, message)| message);
+        _ = self.counts();
+        next
     }
 
     /// Drops the message of this origin; true where there was one.
@@ -57,6 +66,7 @@ impl<K: PartialEq, T: Waits> Latched<K, T> {
     /// Drops the messages of all origins for which `stays` is false.
     pub fn retain(&mut self, stays: impl Fn(&K) -> bool) {
         self.kept.retain(|(origin, _)| stays(origin));
+        _ = self.counts();
     }
 
     /// Messages kept, oldest first.
@@ -67,11 +77,17 @@ impl<K: PartialEq, T: Waits> Latched<K, T> {
     fn bytes(&self) -> usize {
         self.messages().map(Waits::bytes).sum()
     }
+
+    /// Counts what is kept as waiting; false when there is no room for it.
+    fn counts(&self) -> bool {
+        self.share.hold(self.bytes())
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Budget;
 
     struct Message(usize);
 
@@ -96,6 +112,21 @@ mod tests {
         kept.retain(Option::is_none);
         assert_eq!(kept.pop().map(|message| message.0), Some(5));
         assert!(kept.pop().is_none());
+    }
+
+    #[test]
+    fn what_is_kept_counts_as_waiting_and_gives_way_where_there_is_no_room() {
+        static BUDGET: Budget = Budget::new(400);
+        let mut kept = Latched { share: Share::of(&BUDGET), ..Latched::new(1000) };
+        let gone =
+            [(1, 50), (2, 40), (3, 30)].map(|(origin, size)| kept.keep(origin, Message(size)));
+        assert_eq!((gone, sizes(&kept), BUDGET.used()), ([0, 0, 1], vec![40, 30], 70));
+        assert_eq!((kept.keep(4, Message(500)), BUDGET.used()), (2, 500));
+        assert!(kept.pop().is_some());
+        assert_eq!(BUDGET.used(), 0);
+        kept.keep(5, Message(60));
+        drop(kept);
+        assert_eq!(BUDGET.used(), 0);
     }
 
     #[test]

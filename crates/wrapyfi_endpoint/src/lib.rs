@@ -22,6 +22,7 @@ mod clock;
 pub mod codec;
 mod counters;
 mod discovery;
+mod forwarding;
 mod inbox;
 mod latched;
 mod late;
@@ -62,6 +63,7 @@ pub use discovery::{
     AnnouncedDurability, AnnouncedQos, DiscoverError, Discovered, Discovery, NameFilter, Role,
     Traffic,
 };
+pub use forwarding::{ForwardingListener, ForwardingPublisher};
 pub use inbox::{Overflow, QueueSpec, Receiver, Sender, Waits, inbox};
 pub use latched::{Latched, MAX_ORIGINS};
 pub use late::{Late, StartFault};
@@ -255,24 +257,9 @@ pub trait Listener: Send {
         !matches!(self.take(), Ok(None))
     }
 
-    /// Passes over the next message unread, because nobody wants it yet; number of messages lost by
-    /// that, `None` when none waits. Where publishers keep their last message for later listeners
-    /// (transient local), this listener keeps the newest of each publisher too, and
-    /// [`Listener::take`] returns those first.
-    fn set_aside(&mut self) -> Option<u64> {
-        self.discard().then_some(1)
-    }
-
-    /// Number ([`Origin::publisher`]) of a publisher that kept its last message and has ended, was
-    /// killed, or is out of reach. Each is returned once, after its last message was taken; `None`
-    /// when there is no further one.
-    fn departed(&mut self) -> Option<u64> {
+    /// The part of the listener that routes use, where its publishers may keep messages.
+    fn forwarding(&mut self) -> Option<&mut dyn ForwardingListener> {
         None
-    }
-
-    /// Extent to which its publishers keep their last message for listeners that come later.
-    fn keeping(&self) -> Keeping {
-        Keeping::Unknown
     }
 
     /// Connection of the listener now; its peers are publishers.
@@ -294,32 +281,9 @@ pub trait Publisher: Send {
     /// When the message was not sent.
     fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError>;
 
-    /// As [`Publisher::publish`], for a message of a known origin. A publisher that keeps messages
-    /// keeps the last one of each origin that does so too, until [`Publisher::forget`].
-    ///
-    /// # Errors
-    /// As [`Publisher::publish`].
-    fn forward(
-        &mut self,
-        payload: &Payload,
-        origin: Option<Origin>,
-    ) -> Result<usize, PublishError> {
-        _ = origin;
-        self.publish(payload)
-    }
-
-    /// Drops the last message of an origin that has gone, so that later listeners do not get it.
-    fn forget(&mut self, publisher: u64) {
-        _ = publisher;
-    }
-
-    /// Drops the last messages of all origins, because the source that numbers them was closed.
-    fn forget_all(&mut self) {}
-
-    /// Takes [`Listener::keeping`] of the source, now and again. A publisher that was opened with
-    /// [`TopicSpec::match_peers`] offers the same durability.
-    fn follow_source(&mut self, source: Keeping) {
-        _ = source;
+    /// The part of the publisher that routes use, where it can keep messages.
+    fn forwarding(&mut self) -> Option<&mut dyn ForwardingPublisher> {
+        None
     }
 
     /// Connection of the publisher now; its peers are listeners. A publisher without peers need not

@@ -111,15 +111,15 @@ pub enum ServeError {
         /// Largest number of requests at once.
         limit: usize,
     },
-    /// No room is left for the request in the budget of bytes that wait.
+    /// No room is left for the request or the reply in the budget of bytes that wait.
     #[error(
-        "a request of {bytes} bytes to {service:?} finds no room: those under way hold their share of \
+        "{bytes} bytes of a call of {service:?} find no room: those under way hold their share of \
          `limits: {{ waiting_mib }}`; answer them, or raise that"
     )]
     NoRoom {
         /// Service.
         service: String,
-        /// Size of the request in bytes.
+        /// Size of the request or the reply in bytes.
         bytes: usize,
     },
     /// The answer has no form on this wire.

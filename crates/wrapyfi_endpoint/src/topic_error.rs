@@ -136,6 +136,15 @@ pub enum PublishError {
         /// Number of messages that the queue holds.
         depth: usize,
     },
+    /// As much waits to be sent as may wait in this process.
+    #[error(
+        "{topic:?} waits for a consumer that is slower than the source, and no more may wait in this process \
+         (limits: waiting_mib)"
+    )]
+    OverBudget {
+        /// Topic published to.
+        topic: String,
+    },
     /// The receiver did not accept all that the message asks of it.
     #[error("{reason}")]
     Refused {
@@ -162,6 +171,7 @@ impl PublishError {
             Self::Encode(_) => DropReason::Unencodable,
             Self::NoConsumer { .. } => DropReason::NoConsumer,
             Self::QueueFull { .. } => DropReason::SendQueueFull,
+            Self::OverBudget { .. } => DropReason::OverBudget,
             Self::Refused { .. } => DropReason::Refused,
             Self::Transport { .. } => DropReason::SendFailed,
         }

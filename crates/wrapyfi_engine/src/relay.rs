@@ -195,7 +195,7 @@ impl Relay {
                 if open && now.saturating_duration_since(since) >= UNWANTED_FOR {
                     tracing::debug!(route = %spec.name, "nobody listens: {} is closed", spec.from);
                     (source.open, source.qos) = (None, None);
-                    if let Some(publisher) = &mut sink.open {
+                    if let Some(publisher) = sink.open.as_mut().and_then(|it| it.forwarding()) {
                         publisher.forget_all();
                     }
                 }
@@ -219,7 +219,9 @@ impl Relay {
 
     /// Lets both ends look at their peers; instant of the next look.
     fn review(&mut self, now: Instant) -> Option<Instant> {
-        if let (Some(listener), Some(publisher)) = (&self.source.open, &mut self.sink.open) {
+        let source = self.source.open.as_mut().and_then(|listener| listener.forwarding());
+        let sink = self.sink.open.as_mut().and_then(|publisher| publisher.forwarding());
+        if let (Some(listener), Some(publisher)) = (source, sink) {
             publisher.follow_source(listener.keeping());
         }
         let source = self.source.open.as_mut().map(|listener| listener.review(now));
@@ -242,7 +244,11 @@ impl Relay {
             self.in_hand = false;
             if unwanted {
                 // Without a consumer the message is not even decoded.
-                let Some(lost) = listener.set_aside() else { break };
+                let lost = match listener.forwarding() {
+                    Some(listener) => listener.set_aside(),
+                    None => listener.discard().then_some(1),
+                };
+                let Some(lost) = lost else { break };
                 moved += 1;
                 self.context.counters.dropped_many(DropReason::NoConsumer, lost);
                 continue;
@@ -291,8 +297,10 @@ impl Relay {
             }
         }
         self.in_hand = false;
-        while let Some(gone) = listener.departed() {
-            publisher.forget(gone);
+        if let (Some(listener), Some(publisher)) = (listener.forwarding(), publisher.forwarding()) {
+            while let Some(gone) = listener.departed() {
+                publisher.forget(gone);
+            }
         }
         moved
     }
@@ -376,7 +384,11 @@ fn forward(
             .map_err(|error| ((&error).into(), error.to_string()))?;
     stamping::apply(spec, &mut payload, ends, received_at, clock)
         .map_err(|error| (DropReason::Malformed, error.to_string()))?;
-    match publisher.forward(&payload, origin) {
+    let sent = match publisher.forwarding() {
+        Some(publisher) => publisher.forward(&payload, origin),
+        None => publisher.publish(&payload),
+    };
+    match sent {
         Ok(bytes) => Ok((bytes, received_at)),
         Err(error) => Err((error.drop_reason(), error.to_string())),
     }

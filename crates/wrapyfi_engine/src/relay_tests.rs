@@ -7,7 +7,8 @@ use super::*;
 use wrapyfi_data::types::{Map, MessageType, Payload, Properties, Stamp, Tensor, Value};
 use wrapyfi_endpoint::memory::Memory;
 use wrapyfi_endpoint::{
-    Keeping, Middleware, OpenError, Origin, Overflow, QosChange, QueueSpec, Review, TopicSpec,
+    ForwardingListener, ForwardingPublisher, Keeping, Middleware, OpenError, Origin, Overflow,
+    QosChange, QueueSpec, Review, TopicSpec,
 };
 
 struct Bench {
@@ -360,13 +361,27 @@ impl Listener for LatchedListener {
         }))
     }
 
+    fn forwarding(&mut self) -> Option<&mut dyn ForwardingListener> {
+        Some(self)
+    }
+
+    fn link(&self) -> wrapyfi_endpoint::Link {
+        wrapyfi_endpoint::Link { peers: Some(1), ..Default::default() }
+    }
+}
+
+impl ForwardingListener for LatchedListener {
     fn set_aside(&mut self) -> Option<u64> {
         let next = self.waiting.pop()?;
         Some(self.aside.replace(next).into_iter().count() as u64)
     }
 
-    fn link(&self) -> wrapyfi_endpoint::Link {
-        wrapyfi_endpoint::Link { peers: Some(1), ..Default::default() }
+    fn departed(&mut self) -> Option<u64> {
+        None
+    }
+
+    fn keeping(&self) -> Keeping {
+        Keeping::Unknown
     }
 }
 
@@ -430,16 +445,26 @@ impl Listener for Two {
         }))
     }
 
+    fn forwarding(&mut self) -> Option<&mut dyn ForwardingListener> {
+        Some(self)
+    }
+
+    fn link(&self) -> wrapyfi_endpoint::Link {
+        wrapyfi_endpoint::Link { peers: Some(2), ..Default::default() }
+    }
+}
+
+impl ForwardingListener for Two {
+    fn set_aside(&mut self) -> Option<u64> {
+        panic!("somebody listens")
+    }
+
     fn departed(&mut self) -> Option<u64> {
         self.gone.take()
     }
 
     fn keeping(&self) -> Keeping {
         Keeping::All
-    }
-
-    fn link(&self) -> wrapyfi_endpoint::Link {
-        wrapyfi_endpoint::Link { peers: Some(2), ..Default::default() }
     }
 }
 
@@ -454,6 +479,16 @@ impl Publisher for NotingPublisher {
         panic!("the origin is known")
     }
 
+    fn forwarding(&mut self) -> Option<&mut dyn ForwardingPublisher> {
+        Some(self)
+    }
+
+    fn link(&self) -> wrapyfi_endpoint::Link {
+        wrapyfi_endpoint::Link { peers: Some(1), ..Default::default() }
+    }
+}
+
+impl ForwardingPublisher for NotingPublisher {
     fn forward(
         &mut self,
         _: &Payload,
@@ -467,12 +502,12 @@ impl Publisher for NotingPublisher {
         self.note(format!("{publisher} is gone"));
     }
 
-    fn follow_source(&mut self, source: Keeping) {
-        self.note(format!("keeping: {source:?}"));
+    fn forget_all(&mut self) {
+        panic!("its source stays open")
     }
 
-    fn link(&self) -> wrapyfi_endpoint::Link {
-        wrapyfi_endpoint::Link { peers: Some(1), ..Default::default() }
+    fn follow_source(&mut self, source: Keeping) {
+        self.note(format!("keeping: {source:?}"));
     }
 }
 

@@ -302,7 +302,7 @@ async fn hear(stream: &mut TcpStream, limit: usize) -> Result<(Outcome, usize), 
 
 /// Knows where the server is, for as long as the client lives.
 async fn seek(line: Arc<Line>, seed: u64) {
-    let mut backoff = Backoff::of_process(seed);
+    let mut backoff = Backoff::of_process(seed).up_to(SEEK);
     loop {
         let known = line.place.borrow().clone();
         let wait = match look(&line, known.as_ref()).await {
@@ -313,13 +313,13 @@ async fn seek(line: Arc<Line>, seed: u64) {
             }
             Some(Err(why)) => {
                 line.found(None, why);
-                backoff.wait().min(SEEK)
+                backoff.wait()
             }
             None => return,
         };
         if timeout(wait, line.seek.notified()).await.is_ok() {
             // It was just found to be gone: the master may still name it.
-            tokio::time::sleep(backoff.wait().min(SEEK)).await;
+            backoff.pause().await;
         }
     }
 }

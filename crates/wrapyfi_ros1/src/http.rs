@@ -21,7 +21,7 @@ use tokio::net::TcpStream;
 use tokio::time::timeout;
 
 use super::config::NodeUri;
-use super::tcpros::{self, Port};
+use super::tcpros::{self, Port, accepted, accepting};
 use super::xmlrpc::{self, Call, Reply, Value, XmlRpcError};
 
 /// Longest time a call takes, an unreachable host's included.
@@ -30,8 +30,6 @@ pub(super) const CALL: Duration = Duration::from_secs(5);
 const REQUEST: Duration = Duration::from_secs(30);
 /// Most that is buffered of a request's head.
 const HEAD_BYTES: usize = 64 * 1024;
-/// Wait after a failed accept: there are no file descriptors left.
-const RETRY_ACCEPT: Duration = Duration::from_millis(100);
 
 /// Error of a call to another node.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -145,16 +143,10 @@ pub(super) trait Answers: Send + Sync + 'static {
 /// Answers whoever connects, until it is aborted.
 pub(super) async fn serve(port: Arc<Port>, answers: Arc<dyn Answers>) {
     let Port { listener, places, .. } = &*port;
+    let mut backoff = accepting();
     loop {
         let Ok(place) = Arc::clone(places).acquire_owned().await else { return };
-        let (stream, peer) = match listener.accept().await {
-            Ok(accepted) => accepted,
-            Err(error) => {
-                tracing::warn!("ROS 1: no connection can be accepted: {error}");
-                tokio::time::sleep(RETRY_ACCEPT).await;
-                continue;
-            }
-        };
+        let (stream, peer) = accepted(listener, &mut backoff).await;
         let answers = Arc::clone(&answers);
         tokio::spawn(async move {
             serve_one(stream, peer, &answers).await;

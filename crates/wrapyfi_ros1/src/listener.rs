@@ -12,8 +12,8 @@ use super::form;
 use super::intake::{Arrival, Intake, Wanted};
 use wrapyfi_endpoint::codec::ros1::Ros1Type;
 use wrapyfi_endpoint::{
-    Context, DropReason, Keeping, Latched, Link, Listener, Origin, Receiver, Sample, TakeError,
-    TopicSpec, inbox,
+    Context, DropReason, ForwardingListener, Keeping, Latched, Link, Listener, Origin, Receiver,
+    Sample, TakeError, TopicSpec, inbox,
 };
 
 /// Receives one topic.
@@ -70,6 +70,23 @@ impl Listener for Ros1Listener {
         self.next().is_some()
     }
 
+    fn forwarding(&mut self) -> Option<&mut dyn ForwardingListener> {
+        Some(self)
+    }
+
+    fn link(&self) -> Link {
+        let (peers, why) = self.intake.connected();
+        let waiting_for = (peers == 0).then(|| {
+            self.core
+                .fault()
+                .or(why)
+                .unwrap_or_else(|| format!("a ROS 1 node that publishes {}", self.topic))
+        });
+        Link { peers: Some(peers), waiting_for, keeps_last: false }
+    }
+}
+
+impl ForwardingListener for Ros1Listener {
     fn set_aside(&mut self) -> Option<u64> {
         let arrival = self.inbox.pop()?;
         if !arrival.latched {
@@ -92,17 +109,6 @@ impl Listener for Ros1Listener {
 
     fn keeping(&self) -> Keeping {
         self.intake.keeping()
-    }
-
-    fn link(&self) -> Link {
-        let (peers, why) = self.intake.connected();
-        let waiting_for = (peers == 0).then(|| {
-            self.core
-                .fault()
-                .or(why)
-                .unwrap_or_else(|| format!("a ROS 1 node that publishes {}", self.topic))
-        });
-        Link { peers: Some(peers), waiting_for, keeps_last: false }
     }
 }
 

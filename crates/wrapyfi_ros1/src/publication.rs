@@ -27,8 +27,8 @@ use wrapyfi_data::types::{Encoding, Image, MessageType, Payload, Pixels};
 use wrapyfi_endpoint::codec;
 use wrapyfi_endpoint::codec::ros1::Ros1Type;
 use wrapyfi_endpoint::{
-    BridgeMark, Context, Counters, Durability, History, Keeping, Latched, Link, MAX_ORIGINS,
-    Origin, PublishError, Publisher, Role, TopicSpec, Wake,
+    BridgeMark, Context, Counters, Durability, ForwardingPublisher, History, Keeping, Latched,
+    Link, MAX_ORIGINS, Origin, PublishError, Publisher, Role, TopicSpec, Wake,
 };
 
 /// Messages that a publisher without a depth keeps for a slow subscriber.
@@ -304,6 +304,22 @@ impl Publisher for Ros1Publisher {
         self.send(payload, keep)
     }
 
+    fn forwarding(&mut self) -> Option<&mut dyn ForwardingPublisher> {
+        Some(self)
+    }
+
+    fn link(&self) -> Link {
+        let peers = self.publication.subscribers();
+        let waiting_for = (peers == 0).then(|| {
+            let nobody = || format!("a ROS 1 node that subscribes to {}", self.publication.topic);
+            self.core.fault().unwrap_or_else(nobody)
+        });
+        let keeps_last = self.latches || self.source_latches;
+        Link { peers: Some(peers), waiting_for, keeps_last }
+    }
+}
+
+impl ForwardingPublisher for Ros1Publisher {
     fn forward(
         &mut self,
         payload: &Payload,
@@ -343,16 +359,6 @@ impl Publisher for Ros1Publisher {
         if let Some(entry) = self.publication.state().publishers.get_mut(&self.id) {
             entry.latches = self.latches || keeps_last;
         }
-    }
-
-    fn link(&self) -> Link {
-        let peers = self.publication.subscribers();
-        let waiting_for = (peers == 0).then(|| {
-            let nobody = || format!("a ROS 1 node that subscribes to {}", self.publication.topic);
-            self.core.fault().unwrap_or_else(nobody)
-        });
-        let keeps_last = self.latches || self.source_latches;
-        Link { peers: Some(peers), waiting_for, keeps_last }
     }
 }
 

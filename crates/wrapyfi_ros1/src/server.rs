@@ -7,7 +7,7 @@ use bytes::Bytes;
 use super::NAME;
 use super::core::Core;
 use super::marks::Marked;
-use super::service_host::{Ask, ServiceHost};
+use super::service_host::{Ask, HEAD, ServiceHost};
 use super::services::ServiceForm;
 use wrapyfi_data::DecodeError;
 use wrapyfi_data::EncodeError;
@@ -78,10 +78,11 @@ impl ServerWire for Ros1Server {
         ask: Ask,
         answer: Result<Vec<Bytes>, &str>,
     ) -> Result<Option<usize>, ServeError> {
-        let bytes = 5 + match &answer {
-            Ok(pieces) => pieces.iter().map(Bytes::len).sum(),
-            Err(why) => why.len(),
-        };
+        let bytes = HEAD
+            + match &answer {
+                Ok(pieces) => pieces.iter().map(Bytes::len).sum(),
+                Err(why) => why.len(),
+            };
         Ok(ask.answer.send(answer.map_err(str::to_owned)).is_ok().then_some(bytes))
     }
 

@@ -15,6 +15,7 @@ use bytes::{BufMut as _, Bytes};
 use tokio::io::AsyncWriteExt as _;
 use tokio::net::TcpStream;
 use tokio::sync::{Notify, oneshot};
+use tokio::time::timeout;
 
 use super::body::{Bodies, Body};
 use super::core::Core;
@@ -23,6 +24,9 @@ use super::services::{ServiceForm, ServiceType, shortened};
 use super::tcpros::{self, Accepted};
 use wrapyfi_endpoint::requests::Requests;
 use wrapyfi_endpoint::{Context, DropReason, PROGRESS, Share, Wake};
+
+/// Bytes in front of a reply: success, and its size.
+pub(super) const HEAD: usize = 5;
 
 /// Answer to a request: the pieces of the reply, or the reason why there is none.
 pub(super) type Answer = Result<Vec<Bytes>, String>;
@@ -38,6 +42,8 @@ pub(super) struct ServiceHost {
     wire_type: ServiceType,
     limit_bytes: usize,
     requests: Arc<Requests<Ask>>,
+    /// Bytes of the replies that clients have not read yet.
+    replies: Share,
     clients: AtomicUsize,
     /// Signal that the service ends.
     end: Notify,
@@ -50,6 +56,7 @@ impl ServiceHost {
             wire_type: form.wire_type.clone(),
             limit_bytes: form.spec.limits.message_bytes,
             requests,
+            replies: Share::default(),
             clients: AtomicUsize::new(0),
             end: Notify::new(),
         }
@@ -146,10 +153,34 @@ impl ServiceHost {
                     }
                 }
             };
-            if write(stream, answer).await.is_err() || !persistent {
+            if self.reply(stream, answer).await.is_err() || !persistent {
                 return;
             }
         }
+    }
+
+    /// Writes an answer. A reply waits here until its client has read it, and counts as waiting in this process:
+    /// without room its client is told. One that is not read is not sent.
+    async fn reply(&self, stream: &mut TcpStream, answer: Answer) -> std::io::Result<()> {
+        let Ok(pieces) = &answer else { return write(stream, answer).await };
+        let bytes = pieces.iter().map(Bytes::len).sum::<usize>() + HEAD;
+        let counters = &self.context().counters;
+        if !self.replies.take(bytes) {
+            counters.undelivered(DropReason::OverBudget, bytes);
+            let why = format!(
+                "the reply of {bytes} bytes finds no room: others that are not read hold the share of {} of \
+                 `limits: {{ waiting_mib }}`",
+                self.service
+            );
+            return write(stream, Err(why)).await;
+        }
+        let held = Held(&self.replies, bytes);
+        let written = write(stream, answer).await;
+        drop(held);
+        if written.is_err() {
+            counters.undelivered(DropReason::ConnectionLost, bytes);
+        }
+        written
     }
 
     /// The next request; `None` at the end of the connection.
@@ -170,6 +201,15 @@ impl ServiceHost {
                 None
             }
         }
+    }
+}
+
+/// Room for a reply until it is read, or its connection is given up.
+struct Held<'a>(&'a Share, usize);
+
+impl Drop for Held<'_> {
+    fn drop(&mut self) {
+        self.0.give(self.1);
     }
 }
 
@@ -195,7 +235,7 @@ async fn write(stream: &mut TcpStream, answer: Answer) -> std::io::Result<()> {
     };
     let size: usize = pieces.iter().map(Bytes::len).sum();
     let size = u32::try_from(size).map_err(std::io::Error::other)?;
-    let mut start = Vec::with_capacity(5);
+    let mut start = Vec::with_capacity(HEAD);
     start.put_u8(success);
     start.put_u32_le(size);
     let mut all = std::collections::VecDeque::from(pieces);
@@ -207,9 +247,21 @@ async fn write(stream: &mut TcpStream, answer: Answer) -> std::io::Result<()> {
         start.extend_from_slice(piece);
         all.pop_front();
     }
-    stream.write_all(&start).await?;
+    write_all(stream, &start).await?;
     for piece in all {
-        stream.write_all(&piece).await?;
+        write_all(stream, &piece).await?;
     }
     stream.flush().await
+}
+
+/// Writes bytes, as long as the client goes on to read them.
+async fn write_all(stream: &mut TcpStream, mut bytes: &[u8]) -> std::io::Result<()> {
+    while !bytes.is_empty() {
+        let written = timeout(PROGRESS, stream.write(bytes)).await??;
+        if written == 0 {
+            return Err(std::io::ErrorKind::WriteZero.into());
+        }
+        bytes = bytes.get(written..).unwrap_or_default();
+    }
+    Ok(())
 }

@@ -18,10 +18,10 @@ use super::core::Core;
 use wrapyfi_data::DecodeError;
 use wrapyfi_data::EncodeError;
 use wrapyfi_data::types::{
-    DataType, MessageType, Payload, Pixels, RosMessage, RosService, RosType, ServiceKind,
+    DataType, MessageType, Payload, RosMessage, RosService, RosType, ServiceKind, Stamp,
 };
 use wrapyfi_endpoint::codec::requests;
-use wrapyfi_endpoint::codec::{self, ros1};
+use wrapyfi_endpoint::codec::ros1;
 use wrapyfi_endpoint::{OpenError, Request, ServiceSpec};
 
 /// Name of the format in errors.
@@ -159,18 +159,7 @@ impl ServiceForm {
             return self.read(service.response(), plan, body).map(Payload::from);
         }
         let payload = ros1::decode(body, message_type(spec.kind), &spec.limits, &spec.plugins)?;
-        let wants_file = spec.kind.message_type() == MessageType::CompressedImage;
-        match payload {
-            Payload::Image(image) if wants_file && matches!(image.pixels, Pixels::Raw(_)) => {
-                let to = MessageType::CompressedImage;
-                let file = codec::convert(image, to, spec.color_order, &spec.limits);
-                file.map(Payload::Image).map_err(|error| DecodeError::Mismatch {
-                    expected: spec.kind.to_string(),
-                    actual: format!("a picture that has no such form: {error}"),
-                })
-            }
-            other => Ok(other),
-        }
+        requests::received(payload, spec, Stamp::default())
     }
 
     fn write(&self, message: &RosMessage, plan: &Plan) -> Result<Vec<u8>, EncodeError> {

@@ -19,6 +19,7 @@ use tokio::time::timeout;
 
 use super::core::Core;
 use super::header::{Header, HeaderError};
+use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::network::Hosts;
 
 /// Longest time until a connection stands, an unreachable host's included.
@@ -29,8 +30,6 @@ const GREETING: Duration = Duration::from_secs(10);
 const KEEPALIVE: Duration = Duration::from_secs(5);
 /// Time between two such questions, of which three may stay unanswered.
 const KEEPALIVE_AGAIN: Duration = Duration::from_secs(1);
-/// Wait after a failed accept: there are no file descriptors left.
-const RETRY_ACCEPT: Duration = Duration::from_millis(100);
 
 /// Error of waiting for a connection header.
 #[derive(Debug, thiserror::Error)]
@@ -131,18 +130,36 @@ impl Port {
     }
 }
 
+/// Pauses after an accept that failed, most often because there are no file descriptors left.
+pub(super) fn accepting() -> Backoff {
+    Backoff::of_name("accept").up_to(Duration::from_secs(1))
+}
+
+/// The next connection.
+pub(super) async fn accepted(
+    listener: &TcpListener,
+    backoff: &mut Backoff,
+) -> (TcpStream, SocketAddr) {
+    loop {
+        match listener.accept().await {
+            Ok(accepted) => {
+                backoff.reset();
+                return accepted;
+            }
+            Err(error) => {
+                tracing::warn!("ROS 1: no connection can be accepted: {error}");
+                backoff.pause().await;
+            }
+        }
+    }
+}
+
 /// Accepts connections until it is aborted. Those beyond the limit are refused at once.
 pub(super) async fn accept(port: Arc<Port>, core: Weak<Core>) {
     let Port { listener, connections, places } = &*port;
+    let mut backoff = accepting();
     loop {
-        let (mut stream, peer) = match listener.accept().await {
-            Ok(accepted) => accepted,
-            Err(error) => {
-                tracing::warn!("ROS 1: no connection can be accepted: {error}");
-                tokio::time::sleep(RETRY_ACCEPT).await;
-                continue;
-            }
-        };
+        let (mut stream, peer) = accepted(listener, &mut backoff).await;
         let core = core.clone();
         match Arc::clone(places).try_acquire_owned() {
             Ok(place) => {

@@ -25,9 +25,9 @@ use wrapyfi_data::Limits;
 use wrapyfi_data::plugin::Plugins;
 use wrapyfi_data::types::MessageType;
 use wrapyfi_endpoint::{
-    AnnouncedDurability, Context, DropReason, Durability, History, Keeping, Latched, Link,
-    Listener, Origin, Overflow, Qos, QosChange, QosEvent, Receiver, Review, Sample, TakeError,
-    TopicSpec,
+    AnnouncedDurability, Context, DropReason, Durability, ForwardingListener, History, Keeping,
+    Latched, Link, Listener, Origin, Overflow, Qos, QosChange, QosEvent, Receiver, Review, Sample,
+    TakeError, TopicSpec,
 };
 
 /// Time for which two readers stay side by side: by then every publisher knows the new one.
@@ -262,29 +262,8 @@ impl Listener for Ros2Listener {
         self.unclaimed.pop().or_else(|| self.next()).is_some()
     }
 
-    fn set_aside(&mut self) -> Option<u64> {
-        let message = self.next()?;
-        Some(if self.keeps(message.publisher) > 0 {
-            self.unclaimed.keep(message.publisher, message)
-        } else {
-            1
-        })
-    }
-
-    fn departed(&mut self) -> Option<u64> {
-        // Not before the last of its messages.
-        if !self.receiver.is_empty() {
-            return None;
-        }
-        let gone = self.origins.departed.pop()?;
-        if self.unclaimed.forget(&gone) {
-            self.receive_path.context().counters.dropped(DropReason::NoConsumer);
-        }
-        Some(gone)
-    }
-
-    fn keeping(&self) -> Keeping {
-        self.origins.keeping.1
+    fn forwarding(&mut self) -> Option<&mut dyn ForwardingListener> {
+        Some(self)
     }
 
     fn link(&self) -> Link {
@@ -324,6 +303,33 @@ impl Listener for Ros2Listener {
         }
         review.qos = Some(self.topic.qos);
         review
+    }
+}
+
+impl ForwardingListener for Ros2Listener {
+    fn set_aside(&mut self) -> Option<u64> {
+        let message = self.next()?;
+        Some(if self.keeps(message.publisher) > 0 {
+            self.unclaimed.keep(message.publisher, message)
+        } else {
+            1
+        })
+    }
+
+    fn departed(&mut self) -> Option<u64> {
+        // Not before the last of its messages.
+        if !self.receiver.is_empty() {
+            return None;
+        }
+        let gone = self.origins.departed.pop()?;
+        if self.unclaimed.forget(&gone) {
+            self.receive_path.context().counters.dropped(DropReason::NoConsumer);
+        }
+        Some(gone)
+    }
+
+    fn keeping(&self) -> Keeping {
+        self.origins.keeping.1
     }
 }
 

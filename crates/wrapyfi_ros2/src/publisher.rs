@@ -34,9 +34,9 @@ use wrapyfi_data::Limits;
 use wrapyfi_data::plugin::Plugins;
 use wrapyfi_data::types::{Encoding, MessageType, Payload};
 use wrapyfi_endpoint::{
-    AnnouncedDurability, BridgeMark, Context, DropReason, Durability, History, Keeping, Link,
-    Origin, PinnedQos, PublishError, Publisher, Qos, QosChange, QosEvent, QosPolicy, Reliability,
-    Review, TopicSpec,
+    AnnouncedDurability, BridgeMark, Context, DropReason, Durability, ForwardingPublisher, History,
+    Keeping, Link, Origin, PinnedQos, PublishError, Publisher, Qos, QosChange, QosEvent, QosPolicy,
+    Reliability, Review, TopicSpec,
 };
 
 /// Time that a new writer has to become known to all subscribers, and an old one to send the
@@ -248,6 +248,57 @@ impl Publisher for Ros2Publisher {
         Ok(cdr.len())
     }
 
+    fn forwarding(&mut self) -> Option<&mut dyn ForwardingPublisher> {
+        Some(self)
+    }
+
+    fn link(&self) -> Link {
+        let keeps_last = self.topic.qos.durability == Durability::TransientLocal
+            && self.replay != Replay::Nothing;
+        let (writer, matched) = match &self.new {
+            Some((new, _)) => (new, self.writer.matched().max(new.matched())),
+            None => (&self.writer, self.writer.matched()),
+        };
+        let matched = matched.max(self.origins.matched());
+        self.follower.link(matched, writer.incompatible(), &self.topic.qos, keeps_last)
+    }
+
+    fn review(&mut self, now: Instant) -> Review {
+        self.events.note(self.writer.qos_events(), now);
+        self.events.note(self.origins.qos_events(), now);
+        let mut look = self.follower.look(&self.topic.qos, now);
+        if self.follow_again.is_none_or(|at| now >= at) {
+            look.switch = look.switch.or_else(|| self.after_source());
+        }
+        let (origins_next, faults) = self.origins.look(now);
+        for error in faults {
+            self.context.counters.dropped(DropReason::SendFailed);
+            tracing::warn!(topic = self.topic.name, "a message that was held is lost: {error}");
+        }
+        let mut review = Review { warnings: look.complaints, next: look.next, ..Review::default() };
+        if let Some((to, why)) = look.switch {
+            let from = self.topic.qos;
+            match self.reopen(to, now) {
+                Ok(()) => {
+                    self.context.counters.qos_event(QosEvent::Changed, 1);
+                    review.changed = Some(QosChange { from, to, why });
+                }
+                Err(error) => {
+                    self.follower.retry(now + CALM);
+                    self.follow_again = Some(now + CALM);
+                    review.warnings.push(format!("cannot be opened again with {to}: {error}"));
+                }
+            }
+        }
+        let others = self.hand_over(now).into_iter().chain(origins_next);
+        review.next = review.next.into_iter().chain(others).min();
+        review.qos = Some(self.topic.qos);
+        review.slowed = self.writer.slowed();
+        review
+    }
+}
+
+impl ForwardingPublisher for Ros2Publisher {
     fn forward(
         &mut self,
         payload: &Payload,
@@ -298,50 +349,5 @@ impl Publisher for Ros2Publisher {
         if follows && is_news {
             self.source = source;
         }
-    }
-
-    fn link(&self) -> Link {
-        let keeps_last = self.topic.qos.durability == Durability::TransientLocal
-            && self.replay != Replay::Nothing;
-        let (writer, matched) = match &self.new {
-            Some((new, _)) => (new, self.writer.matched().max(new.matched())),
-            None => (&self.writer, self.writer.matched()),
-        };
-        let matched = matched.max(self.origins.matched());
-        self.follower.link(matched, writer.incompatible(), &self.topic.qos, keeps_last)
-    }
-
-    fn review(&mut self, now: Instant) -> Review {
-        self.events.note(self.writer.qos_events(), now);
-        self.events.note(self.origins.qos_events(), now);
-        let mut look = self.follower.look(&self.topic.qos, now);
-        if self.follow_again.is_none_or(|at| now >= at) {
-            look.switch = look.switch.or_else(|| self.after_source());
-        }
-        let (origins_next, faults) = self.origins.look(now);
-        for error in faults {
-            self.context.counters.dropped(DropReason::SendFailed);
-            tracing::warn!(topic = self.topic.name, "a message that was held is lost: {error}");
-        }
-        let mut review = Review { warnings: look.complaints, next: look.next, ..Review::default() };
-        if let Some((to, why)) = look.switch {
-            let from = self.topic.qos;
-            match self.reopen(to, now) {
-                Ok(()) => {
-                    self.context.counters.qos_event(QosEvent::Changed, 1);
-                    review.changed = Some(QosChange { from, to, why });
-                }
-                Err(error) => {
-                    self.follower.retry(now + CALM);
-                    self.follow_again = Some(now + CALM);
-                    review.warnings.push(format!("cannot be opened again with {to}: {error}"));
-                }
-            }
-        }
-        let others = self.hand_over(now).into_iter().chain(origins_next);
-        review.next = review.next.into_iter().chain(others).min();
-        review.qos = Some(self.topic.qos);
-        review.slowed = self.writer.slowed();
-        review
     }
 }

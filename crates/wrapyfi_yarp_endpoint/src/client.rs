@@ -31,11 +31,10 @@ use super::options::YarpOptions;
 use super::payload;
 use super::standing::Standing;
 use super::tasks::{Stop, Stopped};
-use wrapyfi_data::types::{Payload, Stamp};
+use wrapyfi_data::types::Stamp;
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::calls::{Calls, Stage};
 use wrapyfi_endpoint::codec::EncodeError;
-use wrapyfi_endpoint::codec::requests::reform;
 use wrapyfi_endpoint::wire_client::{ClientWire, WireClient};
 use wrapyfi_endpoint::{CallError, Clock, Context, Link, OpenError, Request, ServiceSpec};
 
@@ -183,7 +182,7 @@ impl Desk {
     async fn call(&self, shared: &Shared, body: &Body, deadline: Instant) -> Option<Outcome> {
         let mut up = self.up.subscribe();
         let mut written = None;
-        let left = || deadline.saturating_duration_since(Instant::now());
+        let left = || deadline.saturating_duration_since(self.clock.now());
         loop {
             let time = tokio::time::timeout(left(), up.wait_for(Option::is_some)).await;
             let time = (*time.ok()?.ok()?)?;
@@ -381,11 +380,6 @@ impl YarpClient {
         calls.answered(number, body.len(), at, || {
             let now = Stamp::now();
             match payload::decode_reply(&body, spec, desk.options(), desk.dialect, now) {
-                // Servers send pixels; a service of files gives files.
-                Ok(Ok(Payload::Image(image))) => match reform(image, spec) {
-                    Ok(image) => Ok(image.into()),
-                    Err(fault) => Err(CallError::Reply { service, fault }),
-                },
                 Ok(Ok(payload)) => Ok(payload),
                 Ok(Err(reason)) => Err(CallError::Refused { service, reason }),
                 Err(fault) => Err(CallError::Reply { service, fault }),

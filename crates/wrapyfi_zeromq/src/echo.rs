@@ -14,6 +14,8 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use wrapyfi_endpoint::Clock;
+
 /// Longest time that a message may be under way to the broker and back.
 const LIFETIME: Duration = Duration::from_secs(10);
 /// Messages remembered at most per topic; beyond, the oldest are forgotten.
@@ -65,8 +67,8 @@ impl Listening {
     }
 
     /// True when these frames were published here; its token is spent then.
-    pub(super) fn is_own<B: AsRef<[u8]>>(&self, frames: &[B]) -> bool {
-        self.0.is_own(frames, Instant::now())
+    pub(super) fn is_own<B: AsRef<[u8]>>(&self, frames: &[B], clock: &Clock) -> bool {
+        self.0.is_own(frames, clock)
     }
 }
 
@@ -79,16 +81,16 @@ impl Drop for Listening {
 impl Echo {
     /// Remembers a message about to be published. Costs nothing, and gives `None`, where nobody
     /// listens here.
-    pub(super) fn remember<B: AsRef<[u8]>>(&self, frames: &[B]) -> Option<Fingerprint> {
-        self.remember_at(frames, Instant::now())
-    }
-
-    fn remember_at<B: AsRef<[u8]>>(&self, frames: &[B], now: Instant) -> Option<Fingerprint> {
+    pub(super) fn remember<B: AsRef<[u8]>>(
+        &self,
+        frames: &[B],
+        clock: &Clock,
+    ) -> Option<Fingerprint> {
         let listeners = self.listeners.load(Relaxed);
         if listeners == 0 {
             return None;
         }
-        let print = self.fingerprint(frames);
+        let (print, now) = (self.fingerprint(frames), clock.now());
         let mut tokens = self.lock();
         while tokens.len() >= MAX_TOKENS || tokens.front().is_some_and(|token| token.expired(now)) {
             tokens.pop_front();
@@ -105,11 +107,11 @@ impl Echo {
         }
     }
 
-    fn is_own<B: AsRef<[u8]>>(&self, frames: &[B], now: Instant) -> bool {
+    fn is_own<B: AsRef<[u8]>>(&self, frames: &[B], clock: &Clock) -> bool {
         if self.lock().is_empty() {
             return false;
         }
-        let print = self.fingerprint(frames);
+        let (print, now) = (self.fingerprint(frames), clock.now());
         let mut tokens = self.lock();
         // Usually the first: a broker keeps the order.
         let found = tokens.iter().position(|token| token.print == print && !token.expired(now));
@@ -166,32 +168,34 @@ mod tests {
 
     #[test]
     fn a_token_is_spent_once() {
+        let clock = Clock::default();
         let echoes = Echoes::default();
         let echo = echoes.of("/a");
-        echo.remember(&[b"/a", b"1 "]);
+        echo.remember(&[b"/a", b"1 "], &clock);
         let listening = Listening::new(echoes.of("/a"));
-        assert!(!listening.is_own(&[b"/a", b"1 "]), "nobody listened when it was sent");
-        echo.remember(&[b"/a", b"1 "]);
-        echo.remember(&[b"/a", b"1 "]);
-        echo.remember(&[b"/a", b"2 "]);
-        assert!(!listening.is_own(&[b"/a", b"3 "]));
-        assert!(listening.is_own(&[b"/a", b"2 "]));
-        assert!(!listening.is_own(&[b"/a", b"2 "]));
-        assert!(listening.is_own(&[b"/a", b"1 "]));
-        assert!(listening.is_own(&[b"/a", b"1 "]));
-        assert!(!listening.is_own(&[b"/a", b"1 "]));
-        echo.forget(echo.remember(&[b"/a", b"4 "]).unwrap());
-        assert!(!listening.is_own(&[b"/a", b"4 "]), "it was never sent");
+        assert!(!listening.is_own(&[b"/a", b"1 "], &clock), "nobody listened when it was sent");
+        echo.remember(&[b"/a", b"1 "], &clock);
+        echo.remember(&[b"/a", b"1 "], &clock);
+        echo.remember(&[b"/a", b"2 "], &clock);
+        assert!(!listening.is_own(&[b"/a", b"3 "], &clock));
+        assert!(listening.is_own(&[b"/a", b"2 "], &clock));
+        assert!(!listening.is_own(&[b"/a", b"2 "], &clock));
+        assert!(listening.is_own(&[b"/a", b"1 "], &clock));
+        assert!(listening.is_own(&[b"/a", b"1 "], &clock));
+        assert!(!listening.is_own(&[b"/a", b"1 "], &clock));
+        echo.forget(echo.remember(&[b"/a", b"4 "], &clock).unwrap());
+        assert!(!listening.is_own(&[b"/a", b"4 "], &clock), "it was never sent");
     }
 
     #[test]
     fn each_listener_sees_it_once() {
+        let clock = Clock::default();
         let echoes = Echoes::default();
         let (one, two) = (Listening::new(echoes.of("/a")), Listening::new(echoes.of("/a")));
-        echoes.of("/a").remember(&[b"x"]);
-        assert!(one.is_own(&[b"x"]));
-        assert!(two.is_own(&[b"x"]));
-        assert!(!one.is_own(&[b"x"]));
+        echoes.of("/a").remember(&[b"x"], &clock);
+        assert!(one.is_own(&[b"x"], &clock));
+        assert!(two.is_own(&[b"x"], &clock));
+        assert!(!one.is_own(&[b"x"], &clock));
     }
 
     #[test]
@@ -200,10 +204,11 @@ mod tests {
         let echo = echoes.of("/a");
         let listening = Listening::new(Arc::clone(&echo));
         let now = Instant::now();
-        echo.remember_at(&[b"old"], now);
-        assert!(!echo.is_own(&[b"old"], now + 2 * LIFETIME));
+        let (then, later) = (Clock::new(move || now), Clock::new(move || now + 2 * LIFETIME));
+        echo.remember(&[b"old"], &then);
+        assert!(!echo.is_own(&[b"old"], &later));
         for n in 0..2 * MAX_TOKENS {
-            echo.remember_at(&[n.to_le_bytes()], now);
+            echo.remember(&[n.to_le_bytes()], &then);
         }
         assert_eq!(echo.lock().len(), MAX_TOKENS);
         drop(listening);

@@ -9,6 +9,7 @@
 
 use bytes::Bytes;
 
+use super::zmtp::Owned;
 use mark::{Kind, Mark};
 use wrapyfi_endpoint::codec::requests::{self, mark};
 
@@ -38,15 +39,6 @@ pub(super) enum Misfit {
     Frames(Vec<Bytes>, usize),
 }
 
-/// A zmq message as bytes: no copy.
-struct Frame(zmq::Message);
-
-impl AsRef<[u8]> for Frame {
-    fn as_ref(&self) -> &[u8] {
-        &self.0
-    }
-}
-
 /// The next message, if one waits, and its size; bodies over `limit` bytes are not kept.
 pub(super) fn receive(
     socket: &zmq::Socket,
@@ -67,7 +59,7 @@ pub(super) fn receive(
             behind += 1;
             body_bytes += frame.len();
             if behind == 1 && body_bytes <= limit {
-                body = Some(Bytes::from_owner(Frame(frame)));
+                body = Some(Bytes::from_owner(Owned(frame)));
             }
         } else if frame.is_empty() {
             closed = true;

@@ -11,7 +11,7 @@
 //! get is counted by its cause. Nothing here blocks, and a message that waits for several listeners exists once.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
-use std::io::{ErrorKind, Read as _};
+use std::io::ErrorKind;
 use std::net::{IpAddr, TcpListener};
 use std::os::fd::{AsRawFd as _, RawFd};
 use std::sync::Arc;
@@ -24,7 +24,7 @@ use mio::{Events, Interest, Poll, Token};
 
 use super::options;
 use super::peer::{Heard, Loss, Message, Peer, Pulse, control};
-use super::zmtp;
+use super::zmtp::{self, Owned};
 use wrapyfi_endpoint::DropReason;
 
 /// The token of the port; listeners are counted from 0.
@@ -33,9 +33,8 @@ const PORT: Token = Token(usize::MAX);
 const EVENTS: usize = 256;
 /// Listeners at once. What is beyond is refused.
 const MAX_PEERS: usize = 4096;
-/// Bytes read at once, and how often before the others have their turn.
+/// Bytes read at once.
 const READ_BYTES: usize = 64 * 1024;
-const READS: usize = 16;
 
 /// The port, and who is connected to it.
 pub(super) struct Front {
@@ -170,7 +169,7 @@ impl Front {
             return;
         }
         let of = of.map(|size| (Bytes::copy_from_slice(topic), size));
-        let parts = zmtp::encode(frames);
+        let parts = zmtp::encode(frames.into_iter().map(Owned).collect());
         let wire_bytes = parts.iter().map(Bytes::len).sum();
         let message = Arc::new(Message { parts, wire_bytes, of, missed: AtomicBool::new(false) });
         for id in to {
@@ -255,35 +254,7 @@ impl Front {
     /// Reads what a listener has said; without `to_the_end` as far as one look shows that nothing is left.
     fn read(&mut self, id: usize, to_the_end: bool, now: Instant) {
         let Some(peer) = self.peers.get_mut(&id) else { return };
-        let mut end: Option<String> = None;
-        for turn in 0.. {
-            if turn == READS {
-                self.unread.insert(id);
-                break;
-            }
-            match peer.stream.read(&mut self.scratch) {
-                Ok(0) => end = Some("it left".to_owned()),
-                Ok(count) => {
-                    peer.heard_at = now;
-                    peer.inbox.extend_from_slice(self.scratch.get(..count).unwrap_or_default());
-                    if let Err(breach) = peer.understand(&mut self.heard) {
-                        end = Some(breach.to_string());
-                    } else if !peer.begun.hold(peer.inbox.len()) {
-                        end =
-                            Some("too much waits in this process (limits: waiting_mib)".to_owned());
-                    }
-                    if count < READ_BYTES && !to_the_end {
-                        break;
-                    }
-                }
-                Err(error) if error.kind() == ErrorKind::WouldBlock => break,
-                Err(error) if error.kind() == ErrorKind::Interrupted => {}
-                Err(error) => end = Some(error.to_string()),
-            }
-            if end.is_some() {
-                break;
-            }
-        }
+        let read = peer.read(&mut self.scratch, &mut self.heard, to_the_end, now);
         self.dirty.insert(id);
         for (topic, on) in std::mem::take(&mut peer.news) {
             if !on {
@@ -296,8 +267,10 @@ impl Front {
                 *self.lengths.entry(length).or_default() += 1;
             }
         }
-        if let Some(why) = end {
-            self.leave(id, &why);
+        match read {
+            Ok(true) => _ = self.unread.insert(id),
+            Ok(false) => {}
+            Err(why) => self.leave(id, &why),
         }
     }
 

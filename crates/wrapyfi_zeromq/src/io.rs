@@ -3,12 +3,12 @@
 //! ```text
 //!   open, close ── commands ──┐
 //!   listeners' SUB ───────────┤          ┌─▶ Reception: inbox
-//!   publishers' subscriptions ┼─▶ epoll ─┼─▶ Outlet: who listens
+//!   publishers' connections ──┼─▶ epoll ─┼─▶ Outlet: who listens, what waits
 //!   clients', servers' DEALER ┤          ├─▶ Line: requests, replies
 //!   connection events ────────┘          └─▶ BrokerLink, wake
 //! ```
 //!
-//! Publishing itself happens on the caller's thread: see `Outlet`.
+//! Publishing itself happens on the caller's thread, as far as the connection takes it: see `Outlet`.
 //!
 //! A socket's descriptor says once that something happened. So an endpoint that is looked at is read until it has
 //! no more, or stays among those to be looked at without waiting. Only what moved is looked at: a thousand endpoints
@@ -23,11 +23,12 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use mio::unix::SourceFd;
-use mio::{Events, Interest, Poll, Token, Waker};
+use mio::{Events, Interest, Poll, Registry, Token, Waker};
 
 use super::line::Line;
 use super::link::Watch;
-use super::publisher::Outlet;
+use super::options;
+use super::outlet::Outlet;
 use super::reception::Reception;
 use wrapyfi_endpoint::Throttle;
 use wrapyfi_endpoint::backoff::{self, Backoff};
@@ -35,7 +36,7 @@ use wrapyfi_endpoint::backoff::{self, Backoff};
 /// Demand of an endpoint on the I/O thread.
 pub(super) enum Command {
     Listen(Reception),
-    Publish(Arc<Outlet>, Watch),
+    Publish(Arc<Outlet>),
     Line(Line),
     /// There is room in an inbox again, or something to send.
     Look(u64),
@@ -98,6 +99,7 @@ impl Io {
             ready: BTreeSet::new(),
             timed: BTreeMap::new(),
             faults: Throttle::default(),
+            pause: Backoff::of_process(4).up_to(backoff::FIRST),
         };
         let thread =
             std::thread::Builder::new().name("zeromq-io".to_owned()).spawn(|| worker.run())?;
@@ -124,7 +126,8 @@ impl Drop for Io {
 /// Sockets of one endpoint on the I/O thread.
 enum End {
     Reception(Reception),
-    Outlet(Arc<Outlet>, Watch),
+    /// Connection of a publisher, which asks the system for its events by itself.
+    Outlet(Arc<Outlet>),
     Line(Line),
     /// Socket that is being closed.
     Closing(u64, Watch),
@@ -132,13 +135,13 @@ enum End {
 
 /// Result of one look at an endpoint.
 #[derive(Default)]
-struct Look {
+pub(super) struct Look {
     /// There is more to read.
-    more: bool,
+    pub(super) more: bool,
     /// Time until it must be looked at although nothing happens.
-    patience: Option<Duration>,
+    pub(super) patience: Option<Duration>,
     /// True when the endpoint is gone.
-    over: bool,
+    pub(super) over: bool,
 }
 
 struct Worker {
@@ -151,6 +154,8 @@ struct Worker {
     /// Times at which endpoints must be looked at although nothing happens to them.
     timed: BTreeMap<u64, Instant>,
     faults: Throttle,
+    /// Pauses of an endpoint that did something wrong, all of them short.
+    pause: Backoff,
 }
 
 impl Worker {
@@ -166,8 +171,16 @@ impl Worker {
         }
         self.obey();
         // Endpoints may live on; their sockets must not, or the context never ends.
-        let ends = std::mem::take(&mut self.ends).into_values();
-        Watch::see_out(ends.map(End::close).collect());
+        let now = Instant::now();
+        let mut watches = Vec::new();
+        for end in std::mem::take(&mut self.ends).into_values() {
+            match end.close(now) {
+                End::Closing(_, watch) => watches.push(watch),
+                End::Outlet(outlet) => outlet.finish(now + options::LINGER),
+                End::Reception(_) | End::Line(_) => {}
+            }
+        }
+        Watch::see_out(watches);
     }
 
     fn turns(&mut self, backoff: &mut Backoff) {
@@ -196,15 +209,13 @@ impl Worker {
         while let Ok(command) = self.commands.try_recv() {
             match command {
                 Command::Listen(reception) => self.add(reception.id, End::Reception(reception)),
-                Command::Publish(outlet, watch) => {
-                    self.add(outlet.id(), End::Outlet(outlet, watch));
-                }
+                Command::Publish(outlet) => self.add(outlet.id(), End::Outlet(outlet)),
                 Command::Line(line) => self.add(line.id(), End::Line(line)),
                 Command::Look(id) => _ = self.ready.insert(id),
                 Command::Close(id) => {
                     if let Some(end) = self.ends.remove(&id) {
                         self.watch(&end, false);
-                        self.add(id, End::Closing(id, end.close()));
+                        self.add(id, end.close(Instant::now()));
                     }
                 }
             }
@@ -242,7 +253,8 @@ impl Worker {
         due.extend(self.timed.iter().filter(|(_, at)| **at <= now).map(|(id, _)| *id));
         for id in due {
             let Some(end) = self.ends.get_mut(&id) else { continue };
-            let look = match catch_unwind(AssertUnwindSafe(|| end.look(now))) {
+            let registry = self.poll.registry();
+            let look = match catch_unwind(AssertUnwindSafe(|| end.look(now, registry))) {
                 Ok(Ok(look)) => look,
                 Ok(Err(zmq::Error::EINTR | zmq::Error::EAGAIN)) => Look::again(),
                 Ok(Err(error)) => self.fault(now, &error),
@@ -272,7 +284,7 @@ impl Worker {
                 "{what} in the ZeroMQ I/O thread, at one endpoint: it goes on"
             );
         }
-        Look { patience: Some(backoff::FIRST), ..Look::default() }
+        Look::after(self.pause.wait())
     }
 }
 
@@ -280,24 +292,32 @@ impl Look {
     fn again() -> Self {
         Self { more: true, ..Self::default() }
     }
+
+    pub(super) fn after(time: Duration) -> Self {
+        Self { patience: Some(time), ..Self::default() }
+    }
+
+    pub(super) fn over() -> Self {
+        Self { over: true, ..Self::default() }
+    }
 }
 
 impl End {
     /// The endpoint's descriptors, and what they say when something happened.
     fn descriptors(&self) -> (Token, Vec<RawFd>) {
         let (id, socket, watch) = match self {
+            Self::Outlet(outlet) => return (Token(index(outlet.id())), Vec::new()),
             Self::Reception(reception) => {
                 (reception.id, reception.socket.get_fd().ok(), &reception.watch)
             }
-            Self::Outlet(outlet, watch) => (outlet.id(), Some(outlet.fd()), watch),
             Self::Line(line) => (line.id(), line.socket.get_fd().ok(), &line.watch),
             Self::Closing(id, watch) => (*id, None, watch),
         };
         let descriptors = socket.into_iter().chain(watch.fd()).collect();
-        (Token(usize::try_from(id).unwrap_or(usize::MAX - 1)), descriptors)
+        (Token(index(id)), descriptors)
     }
 
-    fn look(&mut self, now: Instant) -> zmq::Result<Look> {
+    fn look(&mut self, now: Instant, registry: &Registry) -> zmq::Result<Look> {
         // Connecting again may take the signal of what waits to be read.
         let mut look = Look { more: self.is_lost(now), ..Look::default() };
         look.patience = match self {
@@ -315,12 +335,7 @@ impl End {
                 }
                 held.into_iter().chain(reception.revive(now)).min()
             }
-            Self::Outlet(outlet, watch) => {
-                if watch.take() | outlet.hear() {
-                    outlet.wake().ring();
-                }
-                outlet.revive(watch, now)
-            }
+            Self::Outlet(outlet) => return Ok(outlet.look(now, registry)),
             Self::Line(line) => {
                 if line.watch.take() {
                     line.ring();
@@ -342,23 +357,29 @@ impl End {
 
     /// True when this look will connect the endpoint's socket again.
     fn is_lost(&self, now: Instant) -> bool {
-        let (Self::Reception(Reception { watch, .. })
-        | Self::Outlet(_, watch)
-        | Self::Line(Line { watch, .. })
-        | Self::Closing(_, watch)) = self;
-        watch.patience(now) == Some(Duration::ZERO)
-    }
-
-    /// Closes the socket; the watch must be kept until it is over.
-    fn close(self) -> Watch {
         match self {
-            Self::Reception(reception) => reception.close(),
-            Self::Outlet(outlet, watch) => {
-                outlet.close();
-                watch
-            }
-            Self::Line(line) => line.close(),
-            Self::Closing(_, watch) => watch,
+            Self::Outlet(_) => false,
+            Self::Reception(Reception { watch, .. })
+            | Self::Line(Line { watch, .. })
+            | Self::Closing(_, watch) => watch.patience(now) == Some(Duration::ZERO),
         }
     }
+
+    /// Closes the socket; what is left of it must be kept until it is over.
+    fn close(self, now: Instant) -> Self {
+        match self {
+            Self::Reception(reception) => Self::Closing(reception.id, reception.close()),
+            Self::Line(line) => Self::Closing(line.id(), line.close()),
+            Self::Outlet(outlet) => {
+                outlet.close(now);
+                Self::Outlet(outlet)
+            }
+            closing @ Self::Closing(..) => closing,
+        }
+    }
+}
+
+/// Number of an endpoint as the system reports it.
+pub(super) fn index(id: u64) -> usize {
+    usize::try_from(id).unwrap_or(usize::MAX - 1)
 }

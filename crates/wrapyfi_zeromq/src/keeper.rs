@@ -18,7 +18,7 @@ use super::link::{self, BrokerLink, Watch};
 use super::options::{self, Bell};
 use super::probe::{Answer, probe};
 use super::turns::{self, Turns};
-use wrapyfi_endpoint::backoff::{self, Backoff};
+use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::network::is_of_this_machine;
 
 /// Longest time for which the two ports may be in different hands: two processes that start at
@@ -124,7 +124,7 @@ impl<B: Stand> Drop for Keeper<B> {
 
 /// Binds, or finds out who has the ports.
 fn settle<B: Stand>(config: &B::Config, ip: IpAddr) -> Result<Found<B>, StartError> {
-    let give_up_at = Instant::now() + SETTLING;
+    let (give_up_at, mut backoff) = (Instant::now() + SETTLING, Backoff::of_process(3));
     loop {
         let refusal = match B::start(config) {
             Ok(broker) => return Ok(Found::Own(broker)),
@@ -154,7 +154,8 @@ fn settle<B: Stand>(config: &B::Config, ip: IpAddr) -> Result<Found<B>, StartErr
         }
         let half_there = [&front, &back].iter().all(|side| side.is_broker() || side.is_nobody());
         if half_there && Instant::now() < give_up_at {
-            std::thread::sleep(backoff::FIRST);
+            // Of two that start at once one is first.
+            std::thread::sleep(backoff.wait());
             continue;
         }
         let culprit = [front, back].into_iter().find(|side| !side.is_broker() && !side.is_nobody());

@@ -15,15 +15,17 @@
 //! | `config` | settings and environment |
 //! | `keeper` | there is a broker: ours, or a foreign one until it dies |
 //! | `broker`, `proxy`, `turns`, `monitor`, `traffic` | the broker, its thread, its counts |
-//! | `front`, `zmtp`, `ledger` | its side for listeners, the protocol there, whose messages it lost |
+//! | `front`, `ledger` | its side for listeners, whose messages it lost |
 //! | `discovery` | which topics a broker has |
 //! | `probe` | what has a port |
 //! | `service_broker`, `service_proxy` | the broker of requests and replies, its thread |
 //! | `io`, `reception`, `line`, `link` | the thread that receives, the parts of one listener and of one service in it, connection state |
 //! | `listener`, `publisher`, `client`, `server` | the endpoints |
+//! | `outlet` | a publisher's connection to the broker |
+//! | `peer`, `zmtp` | one connection of ours as XPUB, the protocol there |
 //! | `envelope` | what is around a request and a reply |
 //! | `echo` | our own messages are not received |
-//! | `options`, `sockopt`, `contexts` | what all sockets share; options that `zmq` lacks; room for sockets |
+//! | `options`, `contexts` | what all sockets share; room for sockets |
 
 mod broker;
 mod client;
@@ -42,6 +44,7 @@ mod link;
 mod listener;
 mod monitor;
 mod options;
+mod outlet;
 mod peer;
 mod probe;
 mod proxy;
@@ -50,13 +53,11 @@ mod reception;
 mod server;
 mod service_broker;
 mod service_proxy;
-#[allow(unsafe_code)] // see the contract at its head
-mod sockopt;
 mod traffic;
 mod turns;
 mod zmtp;
 
-use std::net::IpAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::sync::{Arc, Mutex, PoisonError};
 
 pub use broker::{Broker, BrokerConfig, BrokerError, BrokerStatus};
@@ -95,7 +96,8 @@ pub struct ZeroMq {
 struct Shared {
     ip: IpAddr,
     pub_endpoint: String,
-    sub_endpoint: String,
+    /// Address of the broker for publishers.
+    sub_address: SocketAddr,
     send_hwm: u16,
     max_frame_bytes: usize,
     echoes: echo::Echoes,
@@ -202,7 +204,7 @@ impl ZeroMq {
         let shared = Shared {
             ip,
             pub_endpoint: options::endpoint(ip, pub_port),
-            sub_endpoint: options::endpoint(ip, sub_port),
+            sub_address: SocketAddr::new(ip, sub_port),
             send_hwm: config.send_hwm,
             max_frame_bytes: config.max_frame_bytes,
             echoes: echo::Echoes::default(),
@@ -330,7 +332,7 @@ impl Middleware for ZeroMq {
         context: &Context,
     ) -> Result<Box<dyn Publisher>, OpenError> {
         self.check(&spec.topic)?;
-        Ok(Box::new(publisher::ZeroMqPublisher::open(&self.shared, spec, context)?))
+        Ok(Box::new(publisher::ZeroMqPublisher::open(&self.shared, spec, context)))
     }
 
     /// One pair of ports is one service: `spec.service` is not sent.
@@ -368,7 +370,7 @@ impl std::fmt::Debug for ZeroMq {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("ZeroMq")
             .field("pub_endpoint", &self.shared.pub_endpoint)
-            .field("sub_endpoint", &self.shared.sub_endpoint)
+            .field("sub_address", &self.shared.sub_address)
             .finish_non_exhaustive()
     }
 }

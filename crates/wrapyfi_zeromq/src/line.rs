@@ -21,8 +21,10 @@ use super::link::{self, BrokerLink, Watch};
 use super::options;
 use super::{Shared, config::FRAME_SLACK};
 use wrapyfi_endpoint::requests::Requests;
-use wrapyfi_endpoint::{Context, DropReason, ServiceSpec};
+use wrapyfi_endpoint::{Context, DropReason, ServiceSpec, Share};
 
+/// Messages that libzmq holds for the broker.
+pub(super) const SEND_HWM: i32 = 2;
 /// Messages read from one socket before the others have their turn.
 const BATCH: usize = 64;
 
@@ -60,6 +62,8 @@ pub(super) struct Post {
     limit: usize,
     outgoing: Mutex<VecDeque<(Parcel, Option<Instant>)>>,
     incoming: Mutex<VecDeque<Delivery>>,
+    /// Bytes that wait to be sent, and those that came and were not taken.
+    shares: [Share; 2],
     link: Arc<BrokerLink>,
     context: Context,
     io: Arc<Handle>,
@@ -74,14 +78,32 @@ impl Post {
         &self.context
     }
 
-    /// Sends as soon as there is a way; not after `until`.
-    pub(super) fn send(&self, parcel: Parcel, until: Option<Instant>) {
-        lock(&self.outgoing).push_back((parcel, until));
+    /// Sends as soon as there is a way, not after `until`; the parcel comes back where it finds no room.
+    pub(super) fn send(&self, parcel: Parcel, until: Option<Instant>) -> Result<(), Parcel> {
+        self.queue(parcel, until)?;
         self.io.send(super::io::Command::Look(self.id));
+        Ok(())
+    }
+
+    fn queue(&self, parcel: Parcel, until: Option<Instant>) -> Result<(), Parcel> {
+        let [sending, _] = &self.shares;
+        if !sending.take(self.counted(&parcel)) {
+            return Err(parcel);
+        }
+        lock(&self.outgoing).push_back((parcel, until));
+        Ok(())
+    }
+
+    /// Bytes that count while a parcel waits to be sent: those of a request count until its call has ended.
+    fn counted(&self, parcel: &Parcel) -> usize {
+        if matches!(self.end, End::Server(_)) { parcel.size() } else { 0 }
     }
 
     pub(super) fn take(&self) -> Option<Delivery> {
-        lock(&self.incoming).pop_front()
+        let next = lock(&self.incoming).pop_front()?;
+        let [_, received] = &self.shares;
+        received.give(next.wire_bytes);
+        Some(next)
     }
 
     /// Ends the line.
@@ -117,7 +139,8 @@ impl Line {
             options::set_common(&socket, shared.ip)?;
             let depth = i32::try_from(spec.pending.clamp(1, 1000)).unwrap_or(1000);
             socket.set_rcvhwm(depth)?;
-            socket.set_sndhwm(depth)?;
+            // What a slow broker does not take waits here, where its bytes count.
+            socket.set_sndhwm(SEND_HWM)?;
             // Requests that a lost broker had been given are lost with it; the others go to the
             // next one.
             socket.set_immediate(true)?;
@@ -134,6 +157,7 @@ impl Line {
             limit: spec.pending.saturating_mul(2),
             outgoing: Mutex::default(),
             incoming: Mutex::default(),
+            shares: <[Share; 2]>::default(),
             link,
             context: context.clone(),
             io: Arc::clone(&io),
@@ -186,6 +210,8 @@ impl Line {
             if in_time && !parcel.send(&self.socket)? {
                 break;
             }
+            let [sending, _] = &self.post.shares;
+            sending.give(self.post.counted(parcel));
             outgoing.pop_front();
         }
         Ok(())
@@ -225,17 +251,22 @@ impl Line {
     /// Hands a message on; where there is no room for a request, its client is told.
     fn deliver(&self, delivery: Delivery) {
         let (post, size) = (&self.post, delivery.wire_bytes);
+        let [_, received] = &post.shares;
         match &post.end {
             End::Server(requests) => {
                 if let Err((Delivery { envelope, .. }, error)) = requests.put(delivery, size) {
-                    let parcel = Parcel::error(envelope, &error.to_string());
-                    lock(&post.outgoing).push_back((parcel, None));
+                    // Without room for it the client learns by its time-out.
+                    _ = post.queue(Parcel::error(envelope, &error.to_string()), None);
                 }
             }
             End::Client if lock(&post.incoming).len() >= post.limit => {
                 // Nobody asked for so many.
                 post.context.counters.received(size);
                 post.context.counters.dropped(DropReason::QueueFull);
+            }
+            End::Client if !received.take(size) => {
+                post.context.counters.received(size);
+                post.context.counters.dropped(DropReason::OverBudget);
             }
             End::Client => {
                 lock(&post.incoming).push_back(delivery);

@@ -86,31 +86,52 @@ impl BrokerLink {
         self.state.store(ENDED, Relaxed);
     }
 
-    /// Takes note of an event; true when the state changed.
-    fn happened(&self, event: u16) -> bool {
-        let is = |kind: SocketEvent| event == kind.to_raw();
-        let before = self.state.load(Relaxed);
+    /// The state, to see whether it has changed.
+    pub(super) fn state(&self) -> u8 {
+        self.state.load(Relaxed)
+    }
+
+    /// Takes note that the handshake is over; true when the state changed, here and in the next two.
+    pub(super) fn succeeded(&self) -> bool {
+        self.note(UP)
+    }
+
+    /// Takes note that nobody took the connection.
+    pub(super) fn unanswered(&self) -> bool {
+        self.note(UNANSWERED)
+    }
+
+    /// Takes note that the connection ended.
+    pub(super) fn disconnected(&self) -> bool {
+        // Lost before the handshake was over: refused, for a wrong socket type without further
+        // notice.
+        self.note(if self.is_up() { DOWN } else { REFUSED })
+    }
+
+    fn note(&self, state: u8) -> bool {
+        let before = self.state();
         if before == ENDED {
             return false;
         }
-        let state = if is(SocketEvent::HANDSHAKE_SUCCEEDED) {
-            UP
+        self.state.store(state, Relaxed);
+        state != before
+    }
+
+    /// Takes note of an event of libzmq; true when the state changed.
+    fn happened(&self, event: u16) -> bool {
+        let is = |kind: SocketEvent| event == kind.to_raw();
+        if is(SocketEvent::HANDSHAKE_SUCCEEDED) {
+            self.succeeded()
         } else if is(SocketEvent::HANDSHAKE_FAILED_NO_DETAIL)
             || is(SocketEvent::HANDSHAKE_FAILED_PROTOCOL)
             || is(SocketEvent::HANDSHAKE_FAILED_AUTH)
         {
-            REFUSED
+            self.note(REFUSED)
         } else if is(SocketEvent::CLOSED) {
-            UNANSWERED
-        } else if is(SocketEvent::DISCONNECTED) {
-            // Lost before the handshake was over: refused, for a wrong socket type without
-            // further notice.
-            if before == UP { DOWN } else { REFUSED }
+            self.unanswered()
         } else {
-            before
-        };
-        self.state.store(state, Relaxed);
-        state != before
+            is(SocketEvent::DISCONNECTED) && self.disconnected()
+        }
     }
 }
 

@@ -1,4 +1,5 @@
-//! One listener of the broker: its subscriptions, and what waits for it.
+//! The other end of a connection of ours as XPUB: one listener of the broker, or the broker of a publisher. Its
+//! subscriptions, and what waits for it.
 //!
 //! ```text
 //!   bytes ─▶ inbox ── understand ──▶ Heard, news: subscriptions
@@ -6,7 +7,7 @@
 //! ```
 
 use std::collections::{BTreeSet, VecDeque};
-use std::io::{ErrorKind, IoSlice, Write as _};
+use std::io::{ErrorKind, IoSlice, Read as _, Write as _};
 use std::net::{SocketAddr, TcpStream};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -22,6 +23,8 @@ use wrapyfi_endpoint::{DropReason, PROGRESS, Share};
 const MAX_SUBSCRIPTIONS: usize = 4096;
 /// Subscriptions are topic names: nothing longer is read.
 const MAX_FRAME_BYTES: usize = 64 * 1024;
+/// Reads from one connection before the others have their turn.
+const READS: usize = 16;
 /// Pieces given to one write.
 const SLICES: usize = 64;
 
@@ -87,10 +90,12 @@ pub(super) struct Peer {
     pub(super) stream: TcpStream,
     pub(super) address: SocketAddr,
     stage: Stage,
-    pub(super) inbox: Vec<u8>,
+    inbox: Vec<u8>,
     /// Within a message of several frames, which is no subscription.
     inside: bool,
     pub(super) topics: BTreeSet<Vec<u8>>,
+    /// Topic that is published; other subscriptions are ignored. None where all topics are.
+    only: Option<Bytes>,
     /// Subscriptions that came and went, not yet in the index.
     pub(super) news: Vec<(Vec<u8>, bool)>,
     pub(super) outbox: VecDeque<Arc<Message>>,
@@ -98,11 +103,13 @@ pub(super) struct Peer {
     waiting: usize,
     /// Bytes of the first that are written.
     written: usize,
+    /// Number of bytes that were ever written.
+    pub(super) written_bytes: u64,
     /// The connection takes no more until the system says so.
     pub(super) is_blocked: bool,
     share: Share,
     /// Share of the message that has begun in the process's budget of waiting bytes.
-    pub(super) begun: Share,
+    begun: Share,
     since: Instant,
     pub(super) heard_at: Instant,
     asked_at: Option<Instant>,
@@ -117,10 +124,12 @@ impl Peer {
             inbox: Vec::new(),
             inside: false,
             topics: BTreeSet::new(),
+            only: None,
             news: Vec::new(),
             outbox: VecDeque::from([control(zmtp::greeting())]),
             waiting: 0,
             written: 0,
+            written_bytes: 0,
             is_blocked: false,
             share: Share::default(),
             begun: Share::default(),
@@ -128,6 +137,16 @@ impl Peer {
             heard_at: now,
             asked_at: None,
         }
+    }
+
+    /// The same, of a connection for messages of one topic.
+    pub(super) fn of_topic(self, topic: Bytes) -> Self {
+        Self { only: Some(topic), ..self }
+    }
+
+    /// True when the handshake is over.
+    pub(super) fn is_open(&self) -> bool {
+        self.stage == Stage::Open
     }
 
     /// Takes a message into its queue.
@@ -173,7 +192,10 @@ impl Peer {
             }
             match self.stream.write_vectored(&slices) {
                 Ok(0) => return Err(ErrorKind::WriteZero.into()),
-                Ok(count) => self.written += count,
+                Ok(count) => {
+                    self.written += count;
+                    self.written_bytes += count as u64;
+                }
                 Err(error) if error.kind() == ErrorKind::WouldBlock => self.is_blocked = true,
                 Err(error) if error.kind() == ErrorKind::Interrupted => {}
                 Err(error) => return Err(error),
@@ -192,8 +214,43 @@ impl Peer {
         Ok(())
     }
 
-    /// Reads what has come as far as it is complete.
-    pub(super) fn understand(&mut self, heard: &mut Vec<Heard>) -> Result<(), Breach> {
+    /// Reads what has come; true when there is more. Without `to_the_end` it is read as far as one look shows that
+    /// nothing is left.
+    ///
+    /// # Errors
+    /// Why the connection ends.
+    pub(super) fn read(
+        &mut self,
+        scratch: &mut [u8],
+        heard: &mut Vec<Heard>,
+        to_the_end: bool,
+        now: Instant,
+    ) -> Result<bool, String> {
+        for _ in 0..READS {
+            match self.stream.read(scratch) {
+                Ok(0) => return Err("it left".to_owned()),
+                Ok(count) => {
+                    self.heard_at = now;
+                    self.inbox.extend_from_slice(scratch.get(..count).unwrap_or_default());
+                    self.understand(heard).map_err(|breach| breach.to_string())?;
+                    if !self.begun.hold(self.inbox.len()) {
+                        let why = "too much waits in this process (limits: waiting_mib)";
+                        return Err(why.to_owned());
+                    }
+                    if count < scratch.len() && !to_the_end {
+                        return Ok(false);
+                    }
+                }
+                Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(false),
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) => return Err(error.to_string()),
+            }
+        }
+        Ok(true)
+    }
+
+    /// Takes what has come as far as it is complete.
+    fn understand(&mut self, heard: &mut Vec<Heard>) -> Result<(), Breach> {
         if self.stage == Stage::Greeting {
             let Some((greeting, rest)) = self.inbox.split_first_chunk::<{ zmtp::GREETING }>()
             else {
@@ -259,6 +316,9 @@ impl Peer {
             Some((0, topic)) => (topic.to_vec(), false),
             _ => return heard.push(Heard::Ignored),
         };
+        if self.only.as_ref().is_some_and(|only| !only.starts_with(&topic)) {
+            return;
+        }
         let changed =
             if on { self.topics.insert(topic.clone()) } else { self.topics.remove(&topic) };
         if changed {

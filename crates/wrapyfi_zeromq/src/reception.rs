@@ -21,6 +21,7 @@ use bytes::Bytes;
 
 use super::echo::Listening;
 use super::link::Watch;
+use super::zmtp::Owned;
 use wrapyfi_data::types::Stamp;
 use wrapyfi_endpoint::{DropReason, Sender, Waits, Wake};
 
@@ -55,15 +56,6 @@ pub(super) struct Reception {
     /// Has the I/O thread look at this listener when there is room.
     pub(super) room: Waker,
     pub(super) held: Option<(Arrival, Instant)>,
-}
-
-/// A zmq message as bytes: no copy.
-struct Frame(zmq::Message);
-
-impl AsRef<[u8]> for Frame {
-    fn as_ref(&self) -> &[u8] {
-        &self.0
-    }
 }
 
 impl Reception {
@@ -130,7 +122,7 @@ impl Reception {
             wire_bytes += frame.len();
             frame_count += 1;
             if frame_count <= MAX_FRAMES {
-                frames.push(Bytes::from_owner(Frame(frame)));
+                frames.push(Bytes::from_owner(Owned(frame)));
             }
             if !more {
                 break;
@@ -162,6 +154,7 @@ impl Reception {
         if count > MAX_FRAMES {
             return Some(DropReason::Malformed);
         }
-        self.listening.is_own(frames).then_some(DropReason::OwnPublication)
+        let clock = &self.inbox.context().clock;
+        self.listening.is_own(frames, clock).then_some(DropReason::OwnPublication)
     }
 }

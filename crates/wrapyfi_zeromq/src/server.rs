@@ -20,7 +20,7 @@ use wrapyfi_endpoint::codec::requests;
 use wrapyfi_endpoint::codec::requests::mark::{Kind, Mark};
 use wrapyfi_endpoint::requests::{Asked, Requests};
 use wrapyfi_endpoint::wire_server::{ServerWire, WireServer};
-use wrapyfi_endpoint::{Context, Link, OpenError, Request, ServeError, ServiceSpec};
+use wrapyfi_endpoint::{Context, DropReason, Link, OpenError, Request, ServeError, ServiceSpec};
 
 /// Serves one pair of ports.
 pub(super) struct ZeroMqServer {
@@ -100,10 +100,19 @@ impl ServerWire for ZeroMqServer {
         delivery: Delivery,
         answer: Result<Parcel, &str>,
     ) -> Result<Option<usize>, ServeError> {
+        let is_reply = answer.is_ok();
         let parcel = answer.unwrap_or_else(|why| Parcel::error(delivery.envelope, why));
         let bytes = parcel.size();
-        self.post.send(parcel, None);
-        Ok(Some(bytes))
+        let Err(Parcel { envelope, .. }) = self.post.send(parcel, None) else {
+            return Ok(Some(bytes));
+        };
+        let error = ServeError::NoRoom { service: self.spec.service.clone(), bytes };
+        if is_reply {
+            self.post.context().counters.dropped(DropReason::OverBudget);
+            // Short, and so it may find room.
+            _ = self.post.send(Parcel::error(envelope, &error.to_string()), None);
+        }
+        Err(error)
     }
 
     fn link(&self) -> Link {

@@ -17,6 +17,7 @@ use serde::Serialize;
 use super::broker::{BrokerError, bind, failed_to, loopback};
 use super::config::ZeroMqConfig;
 use super::keeper::{Side, Stand};
+use super::line::SEND_HWM;
 use super::options::{self, Bell};
 use super::service_proxy::ServiceProxy;
 use wrapyfi_endpoint::ServiceSpec;
@@ -183,15 +184,17 @@ fn sockets(
         let socket = context.socket(kind)?;
         options::set_common(&socket, ip)?;
         socket.set_maxmsgsize(options::frame_limit(config.max_frame_bytes))?;
-        // Of each peer, in each direction.
-        socket.set_sndhwm(depth)?;
+        // Of each peer.
         socket.set_rcvhwm(depth)?;
         Ok(socket)
     };
     let front = open(zmq::ROUTER)?;
+    front.set_sndhwm(SEND_HWM)?;
     // A reply to a client that is gone is refused, not dropped without a word.
     front.set_router_mandatory(true)?;
-    Ok((front, open(zmq::DEALER)?))
+    let back = open(zmq::DEALER)?;
+    back.set_sndhwm(depth)?;
+    Ok((front, back))
 }
 
 /// Counters of the broker's thread.

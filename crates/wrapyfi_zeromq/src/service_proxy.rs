@@ -3,28 +3,34 @@
 //! ```text
 //!   clients ──▶ ROUTER (front) ── held while no server has room ──▶ DEALER (back) ──▶ servers, in turn
 //!      ▲              ▲             │ too many: error to the client
-//!      └──────────────┘◀── replies ─┴─ too old: dropped ───────────── DEALER
+//!      └── not read ──┘◀── replies ─┴─ too old: dropped ───────────── DEALER
 //! ```
 //!
 //! A request is read at once and held here, not in libzmq: so it can be counted, refused when too
 //! many wait, and dropped when its caller has given up, as the mark of our clients tells, also where
 //! it was that long on its way. What Python's clients ask is held until a server comes: they wait for ever.
+//! Replies that a client does not read wait here as well, where their bytes count; libzmq has two of them.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant};
+
+use bytes::Bytes;
 
 use super::deadline;
 use super::envelope::{self, Misfit, Parcel};
 use super::service_broker::Tally;
 use super::turns::{self, Turns};
-use wrapyfi_endpoint::Share;
+use wrapyfi_endpoint::{PROGRESS, Share};
 
 /// Messages passed on before the other side and the clock are looked at.
 const BATCH: usize = 128;
 /// Longest time that the last replies are waited for; a program has two seconds to end.
 const FAREWELL: Duration = Duration::from_millis(1000);
+
+/// Milliseconds between two tries to send to a client that does not read.
+const RETRY_MS: i64 = 5;
 
 pub(super) struct ServiceProxy {
     front: zmq::Socket,
@@ -35,7 +41,26 @@ pub(super) struct ServiceProxy {
     pending: usize,
     /// Bytes of what is held.
     share: Share,
+    /// Replies by client, where one does not read.
+    unread: BTreeMap<Bytes, Unread>,
     tally: Arc<Tally>,
+}
+
+/// Replies that wait until their client reads.
+struct Unread {
+    /// Replies, each with the number that it counts for: an error of the broker itself is none.
+    replies: VecDeque<(Parcel, u64)>,
+    share: Share,
+    /// Instant at which the client last read one, or should have read the first.
+    moved_at: Instant,
+}
+
+/// Outcome of sending to a client.
+#[derive(PartialEq)]
+enum Sent {
+    Yes,
+    NoRoom,
+    Gone,
 }
 
 struct Held {
@@ -59,6 +84,7 @@ impl ServiceProxy {
             held: VecDeque::new(),
             pending: pending.max(1),
             share: Share::default(),
+            unread: BTreeMap::new(),
             tally,
         }
     }
@@ -70,10 +96,11 @@ impl ServiceProxy {
 
     /// Passes on the replies that are on their way: a server that ends with its broker has just
     /// given its last one.
-    fn last_replies(&self) -> zmq::Result<()> {
+    fn last_replies(&mut self) -> zmq::Result<()> {
         let end = Instant::now() + FAREWELL;
         loop {
             self.pass_replies()?;
+            self.pass_unread();
             let count = |counter: &AtomicU64| counter.load(Relaxed);
             let answered = count(&self.tally.replies) + count(&self.tally.unheard);
             let left = end.saturating_duration_since(Instant::now());
@@ -85,13 +112,15 @@ impl ServiceProxy {
         }
     }
 
-    /// Milliseconds until the next request is too old; for ever where none will be.
+    /// Milliseconds until the next request is too old or a reply is tried again; for ever where there is none.
     fn patience(&self) -> i64 {
         let next = self.held.iter().filter_map(|held| held.until).min();
-        next.map_or(-1, |until| {
+        let left = next.map(|until| {
             let left = until.saturating_duration_since(Instant::now());
             i64::try_from(left.as_millis()).unwrap_or(i64::MAX).saturating_add(1)
-        })
+        });
+        let retry = (!self.unread.is_empty()).then_some(RETRY_MS);
+        left.into_iter().chain(retry).min().unwrap_or(-1)
     }
 
     fn take_requests(&mut self) -> zmq::Result<()> {
@@ -103,7 +132,7 @@ impl ServiceProxy {
                     count(&self.tally.malformed);
                     if let Misfit::Frames(envelope, frames) = misfit {
                         let text = format!("a request is one frame, not {frames}");
-                        self.answer(&Parcel::error(envelope, &text))?;
+                        self.answer(Parcel::error(envelope, &text), 0);
                     }
                     continue;
                 }
@@ -133,7 +162,7 @@ impl ServiceProxy {
             if let Some(why) = refusal {
                 count(&self.tally.overloaded);
                 let text = format!("{why}: start a server, or ask again later");
-                self.answer(&Parcel::error(parcel.envelope, &text))?;
+                self.answer(Parcel::error(parcel.envelope, &text), 0);
                 continue;
             }
             self.held.push_back(Held { parcel, until });
@@ -172,26 +201,77 @@ impl ServiceProxy {
         Ok(sent)
     }
 
-    fn pass_replies(&self) -> zmq::Result<()> {
+    fn pass_replies(&mut self) -> zmq::Result<()> {
         for _ in 0..BATCH {
             let Some((reply, _)) = envelope::receive(&self.back, usize::MAX)? else { break };
             match reply {
-                Ok(reply) if self.answer(&reply)? => {
-                    count(&self.tally.replies);
-                    self.tally.bytes.fetch_add(reply.size() as u64, Relaxed);
-                }
-                Ok(_) => count(&self.tally.unheard),
+                Ok(reply) => self.answer(reply, 1),
                 Err(_) => count(&self.tally.malformed),
             }
         }
         Ok(())
     }
 
-    /// Sends a reply to its client; false when that is gone, or does not read.
-    fn answer(&self, reply: &Parcel) -> zmq::Result<bool> {
+    /// Sends a reply to its client, or has it wait there until the client reads. One that is gone, or has no room
+    /// left, does not hear it.
+    fn answer(&mut self, reply: Parcel, replies: u64) {
+        let Some(client) = reply.envelope.first().cloned() else { return };
+        let sent = match self.unread.contains_key(&client) {
+            true => Sent::NoRoom,
+            false => self.send(&reply, replies),
+        };
+        if sent == Sent::NoRoom {
+            let unread = self.unread.entry(client).or_insert_with(|| Unread {
+                replies: VecDeque::new(),
+                share: self.share.beside(),
+                moved_at: Instant::now(),
+            });
+            if unread.replies.len() < self.pending && unread.share.take(reply.size()) {
+                unread.replies.push_back((reply, replies));
+                return;
+            }
+        }
+        if sent != Sent::Yes {
+            self.tally.unheard.fetch_add(replies, Relaxed);
+        }
+    }
+
+    /// Sends what waits to clients that read again; what one does not read for long is dropped.
+    fn pass_unread(&mut self) {
+        let now = Instant::now();
+        for (client, mut unread) in std::mem::take(&mut self.unread) {
+            let mut sent = Sent::Yes;
+            while let Some((reply, replies)) = unread.replies.front() {
+                sent = self.send(reply, *replies);
+                if sent != Sent::Yes {
+                    break;
+                }
+                unread.share.give(reply.size());
+                unread.replies.pop_front();
+                unread.moved_at = now;
+            }
+            let late = now.saturating_duration_since(unread.moved_at) >= PROGRESS;
+            if sent == Sent::NoRoom && !late {
+                self.unread.insert(client, unread);
+            } else {
+                let lost = unread.replies.iter().map(|(_, replies)| replies).sum();
+                self.tally.unheard.fetch_add(lost, Relaxed);
+            }
+        }
+    }
+
+    fn send(&self, reply: &Parcel, replies: u64) -> Sent {
         match reply.send(&self.front) {
-            Err(zmq::Error::EHOSTUNREACH) => Ok(false),
-            other => other,
+            Ok(true) => {
+                self.tally.replies.fetch_add(replies, Relaxed);
+                self.tally.bytes.fetch_add(reply.size() as u64 * replies, Relaxed);
+                Sent::Yes
+            }
+            Ok(false) => Sent::NoRoom,
+            Err(error) => {
+                tracing::debug!(%error, "a client is gone");
+                Sent::Gone
+            }
         }
     }
 }
@@ -212,6 +292,7 @@ impl Turns for ServiceProxy {
             self.last_replies()?;
             return Ok(false);
         }
+        self.pass_unread();
         if back {
             self.pass_replies()?;
         }
@@ -248,10 +329,15 @@ mod tests {
             socket.bind(name).unwrap();
             socket
         };
-        let (front, back) =
-            (bound(zmq::ROUTER, "inproc://front"), bound(zmq::DEALER, "inproc://back"));
+        let front = context.socket(zmq::ROUTER).unwrap();
+        front.set_router_mandatory(true).unwrap();
+        front.set_sndhwm(1).unwrap();
+        front.bind("inproc://front").unwrap();
+        let back = bound(zmq::DEALER, "inproc://back");
         let stop = bound(zmq::PAIR, "inproc://stop");
         let client = context.socket(zmq::DEALER).unwrap();
+        // What both ends hold counts as one inside a process.
+        client.set_rcvhwm(1).unwrap();
         client.connect("inproc://front").unwrap();
         (ServiceProxy::new(front, back, stop, 10, Arc::default()), client)
     }
@@ -278,6 +364,42 @@ mod tests {
         }
         assert_eq!(server.recv_bytes(0).unwrap(), b"fresh");
         assert_eq!(tally.expired.load(Relaxed), 1);
+    }
+
+    #[test]
+    fn replies_that_a_client_does_not_read_are_bounded_in_bytes() {
+        static BUDGET: Budget = Budget::new(1000);
+        let context = zmq::Context::new();
+        let (mut proxy, client) = broker(&context);
+        proxy.share = Share::of(&BUDGET);
+        let server = context.socket(zmq::DEALER).unwrap();
+        server.connect("inproc://back").unwrap();
+        for _ in 0..10 {
+            client.send_multipart([&b""[..], b"?"], 0).unwrap();
+            while server.get_events().unwrap() & zmq::POLLIN == zmq::PollEvents::empty() {
+                assert!(proxy.turn().unwrap());
+            }
+            let mut reply = server.recv_multipart(0).unwrap();
+            *reply.last_mut().unwrap() = vec![b'x'; 100];
+            server.send_multipart(reply, 0).unwrap();
+        }
+        let seen = |tally: &Tally| tally.unheard.load(Relaxed) + tally.replies.load(Relaxed);
+        let waits = |proxy: &ServiceProxy| {
+            proxy.unread.values().map(|unread| unread.replies.len() as u64).sum::<u64>()
+        };
+        while seen(&proxy.tally) + waits(&proxy) < 10 {
+            assert!(proxy.turn().unwrap());
+        }
+        // Two are with libzmq, two with the broker: a third would be more than a quarter of what may wait.
+        assert_eq!((waits(&proxy), proxy.tally.unheard.load(Relaxed)), (2, 6));
+        assert!(BUDGET.used() <= 250, "{}", BUDGET.used());
+        for _ in 0..4 {
+            while client.get_events().unwrap() & zmq::POLLIN == zmq::PollEvents::empty() {
+                assert!(proxy.turn().unwrap());
+            }
+            assert_eq!(client.recv_multipart(0).unwrap()[1].len(), 100);
+        }
+        assert_eq!((seen(&proxy.tally), BUDGET.used()), (10, 0));
     }
 
     #[test]

@@ -1,4 +1,5 @@
-//! ZMTP 3, the protocol between ZeroMQ sockets, as far as the broker's side for listeners and the probe need it.
+//! ZMTP 3, the protocol between ZeroMQ sockets, as far as the broker's side for listeners, publishers and the probe
+//! need it.
 //!
 //! ```text
 //!   greeting (64 bytes)   signature, version, mechanism
@@ -118,23 +119,24 @@ pub(super) fn split_frame(
 }
 
 /// A message as its frames go on the wire: small ones one behind the other, large ones from where they lie.
-pub(super) fn encode(frames: Vec<zmq::Message>) -> Vec<Bytes> {
+pub(super) fn encode<F: AsRef<[u8]> + Send + 'static>(frames: Vec<F>) -> Vec<Bytes> {
     let (mut parts, mut head) = (Vec::new(), Vec::new());
     let count = frames.len();
     for (index, frame) in frames.into_iter().enumerate() {
         let more = if index + 1 < count { FLAG_MORE } else { 0 };
-        match u8::try_from(frame.len()) {
+        let body = frame.as_ref();
+        match u8::try_from(body.len()) {
             Ok(length) => head.extend([more, length]),
             Err(_) => {
                 head.push(more | FLAG_LONG);
-                head.extend((frame.len() as u64).to_be_bytes());
+                head.extend((body.len() as u64).to_be_bytes());
             }
         }
-        if frame.len() <= COPIED {
-            head.extend_from_slice(&frame);
+        if body.len() <= COPIED {
+            head.extend_from_slice(body);
         } else {
             parts.push(std::mem::take(&mut head).into());
-            parts.push(Bytes::from_owner(Owned(frame)));
+            parts.push(Bytes::from_owner(frame));
         }
     }
     if !head.is_empty() {
@@ -144,7 +146,7 @@ pub(super) fn encode(frames: Vec<zmq::Message>) -> Vec<Bytes> {
 }
 
 /// A zmq message as bytes: no copy.
-struct Owned(zmq::Message);
+pub(super) struct Owned(pub(super) zmq::Message);
 
 impl AsRef<[u8]> for Owned {
     fn as_ref(&self) -> &[u8] {
@@ -191,7 +193,7 @@ mod tests {
     #[test]
     fn messages_are_encoded_as_they_are_split() {
         let sizes = [0, 255, 256, COPIED, COPIED + 1, 3];
-        let parts = encode(sizes.iter().map(|&size| vec![7; size].into()).collect());
+        let parts = encode(sizes.iter().map(|&size| vec![7_u8; size]).collect());
         assert_eq!(parts.len(), 3, "one is sent from where it lies");
         let bytes = parts.concat();
         let mut rest = &bytes[..];

@@ -108,7 +108,11 @@ fn publish(
             }
             // The listener left in the middle, and others may come; or it stands still, and may go on:
             // then the message is tried again. Once is enough to say so.
-            Err(error @ (PublishError::NoConsumer { .. } | PublishError::QueueFull { .. })) => {
+            Err(
+                error @ (PublishError::NoConsumer { .. }
+                | PublishError::QueueFull { .. }
+                | PublishError::OverBudget { .. }),
+            ) => {
                 if !is_told {
                     tracing::warn!("{error}");
                 }

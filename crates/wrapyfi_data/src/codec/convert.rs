@@ -7,7 +7,9 @@
 //!   NativeObject (dict of its fields)  ◀─▶ RosMessage
 //! ```
 
-use super::{DecodeError, EncodeError, ros};
+use std::borrow::Cow;
+
+use super::{DecodeError, EncodeError, fitted, ros};
 use crate::Limits;
 use crate::types::{
     DataType, Encoding, Header, MessageType, NativeObject, Payload, Properties, RosMessage,
@@ -91,11 +93,11 @@ pub fn convert_payload(
     })
 }
 
-/// Converts what came as [`convert_payload`] does; an object that is none of what messages of type `to` carry is the
-/// sender's fault.
+/// Converts what came as [`convert_payload`] does, and a picture to the form of the type as [`fitted`] does; what
+/// messages of type `to` cannot carry is the sender's fault.
 ///
 /// # Errors
-/// As [`convert_payload`].
+/// As [`convert_payload`] and [`fitted`].
 pub fn received_as(
     payload: Payload,
     to: MessageType,
@@ -103,10 +105,18 @@ pub fn received_as(
     limits: &Limits,
     now: Stamp,
 ) -> Result<Payload, DecodeError> {
-    convert_payload(payload, to, color_order, limits, || now).map_err(|error| match error {
+    let converted = convert_payload(payload, to, color_order, limits, || now);
+    let fit = converted.and_then(|payload| match fitted(&payload, to, color_order, limits)? {
+        Cow::Owned(fit) => Ok(fit),
+        Cow::Borrowed(_) => Ok(payload),
+    });
+    fit.map_err(|error| match error {
         ConvertError::From(error) => error,
+        ConvertError::To(EncodeError::TooLarge { actual, limit }) => {
+            DecodeError::TooLarge { what: "message", path: "$".into(), actual, limit }
+        }
         ConvertError::To(error) => {
-            DecodeError::Mismatch { expected: "a message".to_owned(), actual: error.to_string() }
+            DecodeError::Mismatch { expected: to.to_string(), actual: error.to_string() }
         }
     })
 }

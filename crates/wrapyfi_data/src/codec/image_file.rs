@@ -44,7 +44,7 @@ pub fn decode(
     if CompressedFormat::sniff(file) == Some(CompressedFormat::Jpeg) {
         return jpeg::decode(file, limits, color_order);
     }
-    let red_first = matches!(color_order, Some(Encoding::Rgb8 | Encoding::Rgba8));
+    let color_order = color_order.unwrap_or(Encoding::Bgr8);
     let (format, name) = known_format(file)?;
     let malformed = |reason: String| malformed(name, reason);
     if format == ImageFormat::Bmp {
@@ -54,7 +54,7 @@ pub fn decode(
             (raw, true) => inks_to_rgb(&raw),
             (raw, false) => raw,
         };
-        return Ok(if red_first { raw } else { raw.swap_red_blue() });
+        return Ok(raw.in_color_order(color_order));
     }
     let mut reader = ImageReader::with_format(Cursor::new(&**file), format);
     let mut bounds = image::Limits::no_limits();
@@ -70,7 +70,7 @@ pub fn decode(
         encoded(color, pixels).ok_or_else(|| malformed(format!("pixels of type {color:?}")))?;
     let raw = RawPixels::dense(width, height, encoding, pixels)
         .map_err(|error| malformed(error.to_string()))?;
-    Ok(if red_first { raw } else { raw.swap_red_blue() })
+    Ok(raw.in_color_order(color_order))
 }
 
 /// Largest number of bytes that a WebP decoder takes because three bytes of a file claim them.

@@ -94,8 +94,20 @@ fn raw_pixels(tensor: &Tensor, color_order: Encoding) -> Result<RawPixels, Decod
         [height, width, channels] => (height, width, channels),
         _ => return Err(mismatch()),
     };
-    let red_first = matches!(color_order, Encoding::Rgb8 | Encoding::Rgba8);
-    let encoding = match (tensor.dtype, channels) {
+    let encoding = encoding(tensor.dtype, channels, color_order).ok_or_else(mismatch)?;
+    let (Ok(width), Ok(height)) = (u32::try_from(width), u32::try_from(height)) else {
+        return Err(mismatch());
+    };
+    RawPixels::dense(width, height, encoding, tensor.data.clone()).map_err(|error| {
+        DecodeError::Malformed { format: "image", path: "$".into(), reason: error.to_string() }
+    })
+}
+
+/// Encoding of the pixels in an array of this element type and number of channels; `None` where there is none.
+#[must_use]
+pub fn encoding(dtype: Dtype, channels: usize, color_order: Encoding) -> Option<Encoding> {
+    let red_first = color_order.color_order() == Some(Encoding::Rgb8);
+    Some(match (dtype, channels) {
         (Dtype::U8, 1) => Encoding::Mono8,
         (Dtype::U8, 3) if red_first => Encoding::Rgb8,
         (Dtype::U8, 3) => Encoding::Bgr8,
@@ -105,23 +117,15 @@ fn raw_pixels(tensor: &Tensor, color_order: Encoding) -> Result<RawPixels, Decod
         (Dtype::I32, 1) => Encoding::I32C1,
         (Dtype::F32, 1) => Encoding::F32C1,
         (Dtype::F32, 3) => Encoding::F32C3,
-        _ => return Err(mismatch()),
-    };
-    let (Ok(width), Ok(height)) = (u32::try_from(width), u32::try_from(height)) else {
-        return Err(mismatch());
-    };
-    RawPixels::dense(width, height, encoding, tensor.data.clone()).map_err(|error| {
-        DecodeError::Malformed { format: "image", path: "$".into(), reason: error.to_string() }
+        _ => return None,
     })
 }
 
 /// The array for a picture, in the channel order `color_order`.
 pub fn array(raw: RawPixels, color_order: Encoding) -> Result<Tensor, EncodeError> {
     let dense = raw.to_dense();
-    let orders = dense.encoding.color_order().zip(color_order.color_order());
-    let other_order = orders.is_some_and(|(has, wanted)| has != wanted);
     drop(raw);
-    let dense = if other_order { dense.swap_red_blue() } else { dense };
+    let dense = dense.in_color_order(color_order);
     let (dtype, shape) = layout(&dense);
     let what = format!("{} image of {}x{}", dense.encoding, dense.width, dense.height);
     Tensor::new(dtype, shape, dense.data).map_err(|error| EncodeError::Unrepresentable {

@@ -177,6 +177,14 @@ impl RawPixels {
         Self { step: u32::try_from(row).unwrap_or(self.step), data: data.into(), ..self.clone() }
     }
 
+    /// Exchanges red and blue where the picture has the other order than `order`. A picture without a channel order
+    /// stays as it is.
+    #[must_use]
+    pub fn in_color_order(self, order: Encoding) -> Self {
+        let orders = self.encoding.color_order().zip(order.color_order());
+        if orders.is_some_and(|(has, wanted)| has != wanted) { self.swap_red_blue() } else { self }
+    }
+
     /// Exchanges red and blue: [`Encoding::swapped`]. A picture without a channel order stays as it
     /// is.
     #[must_use]

@@ -14,7 +14,7 @@ use crate::core::Core;
 use crate::xmlrpc;
 use wrapyfi_data::DecodeError;
 use wrapyfi_data::types::{Map, ParameterValue, Properties, Value};
-use wrapyfi_endpoint::{Context, Counters, Link, Listener, Sample, TakeError, TopicSpec, Wake};
+use wrapyfi_endpoint::{Context, Link, Listener, Sample, TakeError, TopicSpec, Wake};
 
 /// Answers of the master are younger than this.
 const LONGEST_ASKED: Duration = Duration::from_secs(60);
@@ -24,8 +24,7 @@ const MAX_FAULTS: usize = 100;
 /// A listener's part in the node.
 pub(crate) struct Watched {
     key: String,
-    wake: Wake,
-    counters: Arc<Counters>,
+    context: Context,
     state: Mutex<State>,
 }
 
@@ -105,7 +104,7 @@ impl Book {
 
 impl Watched {
     pub(crate) fn wake(&self) -> &Wake {
-        &self.wake
+        &self.context.wake
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
@@ -120,10 +119,10 @@ impl Watched {
         if !news {
             return;
         }
-        state.received_at = Some(Instant::now());
+        state.received_at = Some(self.context.clock.now());
         drop(state);
-        self.counters.received(size(value));
-        self.wake.ring();
+        self.context.counters.received(size(value));
+        self.context.wake.ring();
     }
 }
 
@@ -175,8 +174,7 @@ impl ParameterListener {
     pub(crate) fn open(core: &Arc<Core>, key: &str, _: &TopicSpec, context: &Context) -> Self {
         let watched = Arc::new(Watched {
             key: key.to_owned(),
-            wake: context.wake.clone(),
-            counters: Arc::clone(&context.counters),
+            context: context.clone(),
             state: Mutex::default(),
         });
         core.watch(key, &watched);

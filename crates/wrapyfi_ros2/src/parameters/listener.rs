@@ -1,22 +1,18 @@
 //! An endpoint that yields the parameters of a node: all of them as it first finds them, then each
 //! change.
 
-use std::sync::Arc;
 use std::time::Instant;
 
 use super::{ParameterClientError, RemoteParameters};
 use crate::graph::{Peers, ServiceMapping};
 use crate::{Ros2, ServiceOptions};
-use wrapyfi_endpoint::{
-    Context, Counters, DropReason, Link, Listener, Review, Sample, TakeError, TopicSpec, Wake,
-};
+use wrapyfi_endpoint::{Context, DropReason, Link, Listener, Review, Sample, TakeError, TopicSpec};
 
 /// Listens to the parameters of one node.
 pub(crate) struct PropertiesListener {
     remote: RemoteParameters,
     mapping: ServiceMapping,
-    counters: Arc<Counters>,
-    wake: Wake,
+    context: Context,
     /// The next message is all that is known: nobody was told what led there.
     whole: bool,
     /// Reason why the parameters are not known, and true once the caller was told.
@@ -34,8 +30,7 @@ impl PropertiesListener {
         Ok(Self {
             remote: RemoteParameters::watch(ros2, &spec.topic, &options, &context.wake)?,
             mapping: ros2.graph().service_mapping(),
-            counters: Arc::clone(&context.counters),
-            wake: context.wake.clone(),
+            context: context.clone(),
             whole: true,
             trouble: None,
         })
@@ -43,8 +38,8 @@ impl PropertiesListener {
 
     /// Takes the changes since the last call, if any.
     fn next(&mut self) -> Option<wrapyfi_data::types::Properties> {
-        let taken = self.remote.take(Instant::now());
-        self.counters.dropped_many(DropReason::LostUpstream, self.remote.lost());
+        let taken = self.remote.take(self.context.clock.now());
+        self.context.counters.dropped_many(DropReason::LostUpstream, self.remote.lost());
         match taken {
             Ok(changes) => {
                 if self.remote.follows() {
@@ -53,14 +48,14 @@ impl PropertiesListener {
                 changes
             }
             Err(error) => {
-                self.counters.dropped(match error {
+                self.context.counters.dropped(match error {
                     ParameterClientError::TooMuch { .. } => DropReason::Oversize,
                     ParameterClientError::Reply { .. } => DropReason::Malformed,
                     _ => DropReason::LostUpstream,
                 });
                 self.trouble = Some((error.to_string(), false));
                 // To be asked about it, and about when to look again.
-                self.wake.ring();
+                self.context.wake.ring();
                 None
             }
         }
@@ -78,8 +73,8 @@ impl Listener for PropertiesListener {
         };
         self.whole = false;
         let wire_bytes = properties.size();
-        self.counters.received(wire_bytes);
-        let (payload, received_at) = (properties.into(), Instant::now());
+        self.context.counters.received(wire_bytes);
+        let (payload, received_at) = (properties.into(), self.context.clock.now());
         Ok(Some(Sample { payload, wire_bytes, received_at, origin: None }))
     }
 
@@ -87,7 +82,7 @@ impl Listener for PropertiesListener {
         // Whoever comes later begins with all of them.
         self.whole = true;
         let Some(changes) = self.next() else { return false };
-        self.counters.received(changes.size());
+        self.context.counters.received(changes.size());
         true
     }
 

@@ -31,6 +31,7 @@ use crate::diagnosis::Names;
 use crate::graph::{CdrReader, GraphError, PeerWatch, Peers, TopicDescription};
 use crate::{Ros2, ServiceOptions};
 use wrapyfi_data::types::{ParameterValue, Properties};
+use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::{History, Qos, Ticket, Wake};
 use wrapyfi_node::parameters::ParameterService;
 
@@ -43,8 +44,6 @@ const EVENTS_KEPT: u32 = 1000;
 const LOOK_AGAIN: Duration = Duration::from_millis(10);
 /// The same where it may take long, or never come.
 const LOOK_SELDOM: Duration = Duration::from_secs(1);
-/// Time after which a node that did not answer is asked again.
-const RETRY: Duration = Duration::from_secs(5);
 
 /// The parameters of another node as they change: by what the node tells on `/parameter_events`, not
 /// by asking again and again. Comes and goes with the node.
@@ -60,6 +59,8 @@ pub struct RemoteParameters {
     /// Number of changes of the tellers that were seen, and the time of the next look at them.
     tellers_seen: (u64, Option<Instant>),
     stage: Stage,
+    /// Pauses after which a node that did not answer is asked again.
+    backoff: Backoff,
     known: Properties,
     /// Read once at least.
     found: bool,
@@ -118,6 +119,7 @@ impl RemoteParameters {
             qos: Qos { history: History::KeepLast(EVENTS_KEPT), ..Qos::default() },
             max_bytes: options.max_bytes,
         };
+        let backoff = Backoff::of_process(0).starting_at(LOOK_SELDOM);
         // Events first: nothing may change between the values and them.
         Ok(Self {
             events: ros2.graph().subscribe(&events, ringing(wake))?,
@@ -129,6 +131,7 @@ impl RemoteParameters {
             instance: Instance::default(),
             tellers_seen: (u64::MAX, None),
             stage: Stage::Absent,
+            backoff,
             known: Properties::new(),
             found: false,
             lost: 0,
@@ -175,7 +178,7 @@ impl RemoteParameters {
         if let Err(error) = &taken {
             tracing::debug!(node = self.node, %error, "parameters are not known");
             self.cancel();
-            self.stage = Stage::Failed(now + RETRY);
+            self.stage = Stage::Failed(now + self.backoff.wait());
         }
         taken
     }
@@ -344,6 +347,7 @@ impl RemoteParameters {
         let changes = self.known.changes_to(&values);
         self.known = values;
         self.stage = Stage::Following;
+        self.backoff.reset();
         let first = !std::mem::replace(&mut self.found, true);
         tracing::debug!(node = self.node, parameters = self.known.len(), "parameters are read");
         (first || !changes.is_empty()).then_some(changes)

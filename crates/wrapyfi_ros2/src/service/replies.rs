@@ -16,7 +16,7 @@ use bytes::Bytes;
 
 use super::LOOK_AGAIN;
 use crate::graph::{CdrRequest, CdrServer, GraphError, Peers, RequestId};
-use wrapyfi_endpoint::{Clock, Throttle};
+use wrapyfi_endpoint::{Clock, Share, Throttle};
 
 /// A reply on its way.
 pub(in super::super) struct Reply {
@@ -43,6 +43,8 @@ pub(in super::super) struct Replies {
     name: String,
     kept: VecDeque<Reply>,
     limit: usize,
+    /// Bytes of what is kept.
+    share: Share,
     unheard: u64,
     /// A client hears since some were kept: others may, too.
     news: bool,
@@ -58,9 +60,17 @@ impl Replies {
         limit: usize,
         clock: &Clock,
     ) -> Self {
-        let (name, kept) = (name.to_owned(), VecDeque::new());
-        let (complaints, clock) = (Throttle::default(), clock.clone());
-        Self { server, name, kept, limit: limit.max(1), unheard: 0, news: false, complaints, clock }
+        Self {
+            server,
+            name: name.to_owned(),
+            kept: VecDeque::new(),
+            limit: limit.max(1),
+            share: Share::default(),
+            unheard: 0,
+            news: false,
+            complaints: Throttle::default(),
+            clock: clock.clone(),
+        }
     }
 
     /// As [`CdrServer::take`].
@@ -77,8 +87,9 @@ impl Replies {
             return sent;
         }
         // Those beyond are replies to clients that will never hear.
-        if self.kept.len() >= self.limit {
-            self.kept.pop_front();
+        while self.kept.len() >= self.limit || !self.share.take(reply.cdr.len()) {
+            let Some(oldest) = self.kept.pop_front() else { break };
+            self.share.give(oldest.cdr.len());
             self.lose(&"too many are kept for clients that do not hear yet");
         }
         self.kept.push_back(reply);
@@ -91,8 +102,10 @@ impl Replies {
         let now = self.clock.now();
         let (mut unsent, mut heard) = (Vec::new(), false);
         for reply in std::mem::take(&mut self.kept) {
+            let bytes = reply.cdr.len();
             if self.server.hears(&reply.id) {
                 heard = true;
+                self.share.give(bytes);
                 if let Err(error) = self.server.reply(&reply.id, &[&reply.cdr]) {
                     self.lose(&error);
                     unsent.push(Unsent { id: reply.id, error });
@@ -100,6 +113,7 @@ impl Replies {
             } else if reply.until > now {
                 self.kept.push_back(reply);
             } else {
+                self.share.give(bytes);
                 self.lose(&"its client never heard it");
             }
         }
@@ -152,6 +166,7 @@ mod tests {
     use std::time::Duration;
 
     use super::*;
+    use wrapyfi_endpoint::Budget;
 
     /// A graph whose clients hear when they are told to.
     #[derive(Clone, Default)]
@@ -220,6 +235,23 @@ mod tests {
         replies.send(reply(5, Instant::now())).unwrap();
         replies.flush();
         assert_eq!((replies.kept(), replies.unheard()), (0, 2), "its time was over");
+    }
+
+    #[test]
+    fn replies_that_nobody_hears_are_bounded_in_bytes() {
+        static BUDGET: Budget = Budget::new(4000);
+        let graph = Scripted::default();
+        let mut replies = Replies::new(Box::new(graph.clone()), "/add", 64, &Clock::default());
+        replies.share = Share::of(&BUDGET);
+        let later = Instant::now() + Duration::from_secs(1000);
+        for sequence in 1..=20 {
+            replies.send(Reply { cdr: vec![0; 300].into(), ..reply(sequence, later) }).unwrap();
+        }
+        assert_eq!((replies.kept(), replies.unheard(), BUDGET.used()), (3, 17, 900));
+        graph.hears.store(true, Relaxed);
+        replies.flush();
+        assert_eq!((replies.kept(), BUDGET.used()), (0, 0));
+        assert_eq!(*graph.sent.lock().unwrap(), [18, 19, 20]);
     }
 
     #[test]

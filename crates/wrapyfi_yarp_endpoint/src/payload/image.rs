@@ -113,11 +113,7 @@ fn lay_out(code: PixelCode, raw: &RawPixels) -> Result<sig::Image, sig::ImageErr
 /// Python Wrapyfi's ports know `rgb` and no other order: what it calls so is what OpenCV has.
 fn wrapyfi_order(raw: RawPixels, color_order: Encoding) -> (Option<PixelCode>, RawPixels) {
     match raw.encoding {
-        Encoding::Rgb8 | Encoding::Bgr8 => {
-            let red_first = matches!(color_order, Encoding::Rgb8 | Encoding::Rgba8);
-            let same = (raw.encoding == Encoding::Rgb8) == red_first;
-            (Some(PixelCode::Rgb), if same { raw } else { raw.swap_red_blue() })
-        }
+        Encoding::Rgb8 | Encoding::Bgr8 => (Some(PixelCode::Rgb), raw.in_color_order(color_order)),
         Encoding::Mono8 => (Some(PixelCode::Mono), raw),
         Encoding::F32C1 => (Some(PixelCode::Float), raw),
         Encoding::F32C3 => (Some(PixelCode::RgbFloat), raw),
@@ -177,9 +173,8 @@ fn decode_raw(
             format!("one of pixels {code}, which have no name in ROS"),
         )
     })?;
-    let order = matches!(spec.color_order, Encoding::Rgb8 | Encoding::Rgba8);
-    if options.wrapyfi_images && encoding == Encoding::Rgb8 && !order {
-        encoding = Encoding::Bgr8;
+    if options.wrapyfi_images && encoding == Encoding::Rgb8 {
+        encoding = spec.color_order.color_order().unwrap_or(Encoding::Bgr8);
     }
     let size =
         |value: usize| u32::try_from(value).map_err(|error| fault::malformed("image", &error));

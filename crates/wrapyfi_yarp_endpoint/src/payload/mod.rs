@@ -198,15 +198,9 @@ fn decode_as(
                 form
             };
             let value = native::decode(&bottle, form, &spec.plugins, dialect, limits)?;
-            converted(object(value).into(), spec, now)
+            received_as(object(value).into(), message_type, spec.color_order, limits, now)
         }
     }
-}
-
-/// An object as what the topic carries: properties, or itself.
-fn converted(payload: Payload, spec: &TopicSpec, now: Stamp) -> Result<Payload, DecodeError> {
-    let to = spec.message_type;
-    received_as(payload, to, spec.color_order, &spec.limits, now)
 }
 
 /// The time of an envelope; none where no clock could have shown it.

@@ -17,7 +17,7 @@ use super::{fault, native, positional};
 use wrapyfi_data::types::{
     AudioChunk, DataType, Dtype, Map, Payload, SampleFormat, ServiceKind, Stamp, Tensor, Value,
 };
-use wrapyfi_endpoint::codec::{DecodeError, EncodeError, json, received_as, requests};
+use wrapyfi_endpoint::codec::{DecodeError, EncodeError, json, requests};
 use wrapyfi_endpoint::{Call, Request, ServiceSpec};
 
 /// First word of the reply of a server that fails.
@@ -229,7 +229,7 @@ fn decode_reply_as(
         // Pictures and sound come as native objects, too: as arrays.
         let native = ServiceSpec { kind: ServiceKind::NativeObject, ..spec.clone() };
         return match requests::decode_reply(&text.clone().into_bytes(), &native, now)? {
-            Ok(payload) => formed(payload, spec, now).map(Ok),
+            Ok(payload) => requests::received(payload, spec, now).map(Ok),
             Err(text) => Ok(Err(text)),
         };
     }
@@ -241,13 +241,7 @@ fn decode_reply_as(
         return Ok(Err(text));
     }
     let value = native::decode(&bottle, form, &spec.plugins, dialect, &spec.limits)?;
-    formed(value.into(), spec, now).map(Ok)
-}
-
-/// The object as what the service returns.
-fn formed(payload: Payload, spec: &ServiceSpec, now: Stamp) -> Result<Payload, DecodeError> {
-    let to = spec.kind.message_type();
-    received_as(payload, to, spec.color_order, &spec.limits, now)
+    requests::received(value.into(), spec, now).map(Ok)
 }
 
 /// Error of a server that failed: `[fail] "no such joint"`. The word is a vocab, because a string

@@ -14,7 +14,7 @@
 
 use crate::ServiceSpec;
 use crate::codec::{DecodeError, EncodeError, json, picture};
-use wrapyfi_data::types::{AudioChunk, Encoding, RawPixels, SampleFormat, Stamp};
+use wrapyfi_data::types::{AudioChunk, Dtype, Encoding, RawPixels, SampleFormat, Stamp};
 
 /// Deepest nesting of lists: rows, columns, channels.
 const MAX_DEPTH: usize = 3;
@@ -136,23 +136,16 @@ pub(super) fn read_image(body: &[u8], spec: &ServiceSpec) -> Result<RawPixels, D
         [height, width, channels] => (height, width, channels),
         _ => return Err(mismatch("pixels in two or three dimensions", &lists)),
     };
-    let red_first = matches!(spec.color_order, Encoding::Rgb8 | Encoding::Rgba8);
-    let encoding = match (lists.floats, channels) {
-        (true, 1) => Encoding::F32C1,
-        (true, 3) => Encoding::F32C3,
-        (false, 1) if lists.numbers.is_empty() || lists.within(0, 255) => Encoding::Mono8,
-        (false, 1) if lists.within(0, 65535) => Encoding::Mono16,
-        (false, 3) if lists.within(0, 255) && red_first => Encoding::Rgb8,
-        (false, 3) if lists.within(0, 255) => Encoding::Bgr8,
-        (false, 4) if lists.within(0, 255) && red_first => Encoding::Rgba8,
-        (false, 4) if lists.within(0, 255) => Encoding::Bgra8,
-        _ => {
-            return Err(mismatch(
-                "uint8 in 1, 3 or 4 channels, uint16 in 1, float in 1 or 3",
-                &lists,
-            ));
-        }
+    let dtype = match () {
+        () if lists.floats => Some(Dtype::F32),
+        () if lists.numbers.is_empty() || lists.within(0, 255) => Some(Dtype::U8),
+        () if lists.within(0, 65535) => Some(Dtype::U16),
+        () => None,
     };
+    let encoding = dtype.and_then(|dtype| picture::encoding(dtype, channels, spec.color_order));
+    let encoding = encoding.ok_or_else(|| {
+        mismatch("uint8 in 1, 3 or 4 channels, uint16 in 1, float in 1 or 3", &lists)
+    })?;
     let data: Vec<u8> = match encoding {
         Encoding::F32C1 | Encoding::F32C3 => lists.to_f32(),
         Encoding::Mono16 => lists.numbers.iter().flat_map(|&n| small(n).to_le_bytes()).collect(),

@@ -24,13 +24,11 @@ use std::borrow::Cow;
 
 use bytes::Bytes;
 
-use super::{DecodeError, EncodeError, convert, json, ros};
+use super::{DecodeError, EncodeError, fitted, json, received_as, ros};
 use crate::{Call, Request, ServiceSpec};
 use mark::Content;
 pub use message::{asked_message, returned_message};
-use wrapyfi_data::types::{
-    CompressedFormat, DataType, Image, Map, MessageType, Payload, Pixels, Stamp, Value,
-};
+use wrapyfi_data::types::{CompressedFormat, DataType, Image, Map, Payload, Pixels, Stamp, Value};
 
 /// Call of a request, for middlewares without messages of ROS.
 pub fn call(request: &Request) -> Result<Cow<'_, Call>, EncodeError> {
@@ -138,13 +136,14 @@ pub fn from_value(value: Value) -> Result<Request, DecodeError> {
 pub fn encode_reply(payload: &Payload, spec: &ServiceSpec) -> Result<Vec<u8>, EncodeError> {
     let wanted = spec.kind.data_type();
     let payload = &*without_messages(payload)?;
+    let payload = &*fit(payload, spec)?;
     let body = match (wanted, payload) {
         (DataType::NativeObject, Payload::NativeObject(value)) => {
             json::encode_with(value, &spec.plugins)?
         }
-        (DataType::Image, Payload::Image(image)) => match form(image.clone(), spec)?.pixels {
-            Pixels::Compressed { data, .. } => data.into(),
-            Pixels::Raw(raw) => lists::write_image(raw, spec)?,
+        (DataType::Image, Payload::Image(image)) => match &image.pixels {
+            Pixels::Compressed { data, .. } => data.to_vec(),
+            Pixels::Raw(raw) => lists::write_image(raw.clone(), spec)?,
         },
         (DataType::AudioChunk, Payload::AudioChunk(sound)) => lists::write_sound(sound, spec)?,
         _ => return Err(other_kind(payload, spec)),
@@ -154,14 +153,14 @@ pub fn encode_reply(payload: &Payload, spec: &ServiceSpec) -> Result<Vec<u8>, En
 }
 
 /// Reads a reply of any Wrapyfi server: the payload, or the words of an error.
-/// `received` stands in for the time stamp, which has no place in it.
+/// `now` stands in for the time stamp, which has no place in it.
 ///
 /// # Errors
 /// When it is no reply of the service's kind, or exceeds a limit.
 pub fn decode_reply(
     body: &Bytes,
     spec: &ServiceSpec,
-    received: Stamp,
+    now: Stamp,
 ) -> Result<Result<Payload, String>, DecodeError> {
     if body.len() > spec.limits.message_bytes {
         return Err(too_large(body.len(), spec));
@@ -178,9 +177,9 @@ pub fn decode_reply(
                 Some(format) => Pixels::Compressed { format, data: body.clone() },
                 None => Pixels::Raw(lists::read_image(body, spec)?),
             };
-            Payload::Image(reform(Image::new(received, pixels), spec)?)
+            received(Image::new(now, pixels).into(), spec, now)?
         }
-        DataType::AudioChunk => Payload::AudioChunk(lists::read_sound(body, received)?),
+        DataType::AudioChunk => Payload::AudioChunk(lists::read_sound(body, now)?),
         #[allow(unreachable_patterns)] // for kinds that no service returns
         other => {
             let (expected, actual) = ("a kind that services return".into(), other.to_string());
@@ -237,12 +236,7 @@ pub fn encode_binary(
     if payload.data_type() != spec.kind.data_type() {
         return Err(other_kind(payload, spec));
     }
-    let formed = match payload {
-        Payload::Image(image) => Some(Payload::Image(form(image.clone(), spec)?)),
-        _ => None,
-    };
-    let payload = formed.as_ref().unwrap_or(payload);
-    let body = ros::encode_with(payload, content.message_type(), &spec.plugins)?;
+    let body = ros::encode_with(&*fit(payload, spec)?, content.message_type(), &spec.plugins)?;
     check_size(body.len(), spec)?;
     Ok((content, body.to_bytes()))
 }
@@ -263,32 +257,21 @@ pub fn decode_binary(
             actual: message_type.data_type().to_string(),
         });
     }
-    match ros::decode_with(body, message_type, &spec.limits, &spec.plugins)? {
-        Payload::Image(image) => reform(image, spec).map(Payload::Image),
-        other => Ok(other),
-    }
+    let payload = ros::decode_with(body, message_type, &spec.limits, &spec.plugins)?;
+    received(payload, spec, Stamp::default())
 }
 
-/// Converts a picture to the form of the service: pixels, or a file.
-fn form(image: Image, spec: &ServiceSpec) -> Result<Image, EncodeError> {
-    convert(image, spec.kind.message_type(), spec.color_order, &spec.limits)
+/// Converts a picture that is to be returned to the form of the service: pixels, or a file.
+fn fit<'p>(payload: &'p Payload, spec: &ServiceSpec) -> Result<Cow<'p, Payload>, EncodeError> {
+    fitted(payload, spec.kind.message_type(), spec.color_order, &spec.limits)
 }
 
-/// Converts a received picture to the form that the client asked for.
-pub fn reform(image: Image, spec: &ServiceSpec) -> Result<Image, DecodeError> {
-    let wants_file = spec.kind.message_type() == MessageType::CompressedImage;
-    if wants_file == matches!(image.pixels, Pixels::Compressed { .. }) {
-        return Ok(image);
-    }
-    form(image, spec).map_err(|error| match error {
-        EncodeError::TooLarge { actual, limit } => {
-            DecodeError::TooLarge { what: "message", path: "$".into(), actual, limit }
-        }
-        other => DecodeError::Mismatch {
-            expected: spec.kind.to_string(),
-            actual: format!("a picture that has no such form: {other}"),
-        },
-    })
+/// Converts what was returned to what the client asked for; `now` stands in for a time that is missing.
+///
+/// # Errors
+/// When the service returns no such thing.
+pub fn received(payload: Payload, spec: &ServiceSpec, now: Stamp) -> Result<Payload, DecodeError> {
+    received_as(payload, spec.kind.message_type(), spec.color_order, &spec.limits, now)
 }
 
 fn other_kind(payload: &Payload, spec: &ServiceSpec) -> EncodeError {

@@ -1,0 +1,295 @@
+//! The connection of a publisher to the broker: an XPUB of one topic.
+//!
+//! ```text
+//!   caller:      publish ──▶ outbox ── write ──▶ TCP ──▶ XSUB of the broker
+//!                              │ full: refused        connection lost: what waits is counted
+//!   I/O thread:  connects, hears subscriptions, writes when there is room
+//! ```
+//!
+//! As on the broker's side for listeners, ZMTP is spoken here and not by libzmq, whose XPUB bounds what waits in
+//! messages and not in bytes, and throws it away without a word when the connection ends.
+
+use std::net::{SocketAddr, TcpStream};
+use std::os::fd::AsRawFd as _;
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use bytes::Bytes;
+use mio::unix::SourceFd;
+use mio::{Interest, Registry, Token};
+
+use super::io::{Command, Handle, Look, index};
+use super::link::BrokerLink;
+use super::options;
+use super::peer::{Message, Peer, Pulse, control};
+use super::zmtp;
+use wrapyfi_endpoint::backoff::Backoff;
+use wrapyfi_endpoint::{Clock, Context, DropReason, PROGRESS};
+
+/// Bytes read at once.
+const READ_BYTES: usize = 4096;
+/// Shortest time between two looks at a connection to which nothing happens.
+const LOOK_EVERY: Duration = Duration::from_millis(500);
+
+/// The connection of one publisher, used by its owner and by the I/O thread in turn.
+pub(super) struct Outlet {
+    id: u64,
+    broker: SocketAddr,
+    topic: Bytes,
+    /// Number of messages that may wait; none: any number.
+    hwm: Option<usize>,
+    link: Arc<BrokerLink>,
+    context: Context,
+    io: Arc<Handle>,
+    state: Mutex<State>,
+}
+
+struct State {
+    way: Way,
+    backoff: Backoff,
+    /// Number of bytes written when that was last more than before, and the instant.
+    moved: (u64, Instant),
+    /// Instant until which what waits is still sent, because the publisher is closed.
+    closes: Option<Instant>,
+}
+
+/// State of the connection.
+enum Way {
+    /// There is none before this instant.
+    Down(Instant),
+    /// The broker has not yet taken the connection that was begun at this instant.
+    Begun(TcpStream, Instant),
+    Up(Box<Peer>),
+    Ended,
+}
+
+impl Outlet {
+    /// A connection to `broker` that the I/O thread makes.
+    pub(super) fn new(
+        broker: SocketAddr,
+        topic: &str,
+        hwm: u16,
+        context: &Context,
+        io: &Arc<Handle>,
+    ) -> Arc<Self> {
+        let (id, now) = (io.next_id(), Instant::now());
+        let backoff = Backoff::of_process(id);
+        let state = State { way: Way::Down(now), backoff, moved: (0, now), closes: None };
+        Arc::new(Self {
+            id,
+            broker,
+            topic: Bytes::copy_from_slice(topic.as_bytes()),
+            hwm: Some(usize::from(hwm)).filter(|hwm| *hwm > 0),
+            link: BrokerLink::new(&options::endpoint(broker.ip(), broker.port())),
+            context: context.clone(),
+            io: Arc::clone(io),
+            state: Mutex::new(state),
+        })
+    }
+
+    pub(super) fn id(&self) -> u64 {
+        self.id
+    }
+
+    pub(super) fn link(&self) -> &BrokerLink {
+        &self.link
+    }
+
+    pub(super) fn clock(&self) -> &Clock {
+        &self.context.clock
+    }
+
+    /// Distinct subscriptions that match the topic, as far as the broker told.
+    pub(super) fn subscriptions(&self) -> usize {
+        self.lock().subscriptions()
+    }
+
+    /// Takes a message of `bytes` bytes, and writes as much as there is room for. Never waits.
+    ///
+    /// # Errors
+    /// Why there is no room for it.
+    pub(super) fn send(&self, frames: Vec<Vec<u8>>, bytes: usize) -> Result<(), DropReason> {
+        let parts = zmtp::encode(frames);
+        let wire_bytes = parts.iter().map(Bytes::len).sum();
+        let of = Some((self.topic.clone(), bytes));
+        let message = Arc::new(Message { parts, wire_bytes, of, missed: AtomicBool::new(false) });
+        let mut state = self.lock();
+        let Way::Up(peer) = &mut state.way else { return Err(DropReason::SendFailed) };
+        peer.queue(&message, self.hwm)?;
+        if let Err(error) = peer.write() {
+            self.lose(&mut state, Instant::now(), &error);
+            drop(state);
+            self.context.wake.ring();
+            self.io.send(Command::Look(self.id));
+        }
+        Ok(())
+    }
+
+    /// Connects, hears, and writes what waits, on the I/O thread.
+    pub(super) fn look(&self, now: Instant, registry: &Registry) -> Look {
+        let mut state = self.lock();
+        let before = (state.subscriptions(), self.link.state());
+        let look = self.step(&mut state, now, registry);
+        let after = (state.subscriptions(), self.link.state());
+        drop(state);
+        if before != after {
+            self.context.wake.ring();
+        }
+        look
+    }
+
+    fn step(&self, state: &mut State, now: Instant, registry: &Registry) -> Look {
+        let closes = state.closes;
+        match &state.way {
+            Way::Down(_) | Way::Begun(..) if closes.is_some() => state.way = Way::Ended,
+            Way::Down(at) if *at > now => return Look::after(*at - now),
+            Way::Down(_) => match connect(self.broker, self.id, registry) {
+                Ok(stream) => state.way = Way::Begun(stream, now),
+                Err(error) => return self.lose(state, now, &error),
+            },
+            _ => {}
+        }
+        if let Way::Begun(stream, since) = &state.way {
+            let left = options::HANDSHAKE.saturating_sub(now.saturating_duration_since(*since));
+            match is_connected(stream) {
+                Ok(true) => {}
+                Ok(false) if !left.is_zero() => return Look::after(left),
+                Ok(false) => return self.lose(state, now, &"it does not take the connection"),
+                Err(error) => return self.lose(state, now, &error),
+            }
+            if let Way::Begun(stream, _) = std::mem::replace(&mut state.way, Way::Ended) {
+                let peer = Peer::new(stream, self.broker, now).of_topic(self.topic.clone());
+                state.way = Way::Up(Box::new(peer));
+                state.moved = (0, now);
+            }
+        }
+        let Way::Up(peer) = &mut state.way else { return Look::over() };
+        let mut heard = Vec::new();
+        let read = peer.read(&mut [0; READ_BYTES], &mut heard, true, now);
+        peer.news.clear();
+        if peer.is_open() && closes.is_none() {
+            self.link.succeeded();
+            state.backoff.reset();
+        }
+        peer.is_blocked = false;
+        match peer.pulse(now) {
+            Pulse::Fine => {}
+            Pulse::Ask => peer.outbox.push_back(control(zmtp::command(b"\x04PING\0\0"))),
+            Pulse::Dead => return self.lose(state, now, &"it does not answer"),
+        }
+        let written = peer.write();
+        if peer.outbox.is_empty() || peer.written_bytes != state.moved.0 {
+            state.moved = (peer.written_bytes, now);
+        } else if now.saturating_duration_since(state.moved.1) >= PROGRESS {
+            return self.lose(state, now, &"it reads nothing");
+        }
+        let more = match (read, written) {
+            (Ok(more), Ok(())) => more,
+            (Err(why), _) => return self.lose(state, now, &why),
+            (_, Err(error)) => return self.lose(state, now, &error),
+        };
+        let waits = peer.is_open() && !peer.outbox.is_empty();
+        if let Some(closes) = closes {
+            if waits && closes > now {
+                return Look::after(closes - now);
+            }
+            return self.end(state);
+        }
+        let quiet = options::SILENCE.saturating_sub(now.saturating_duration_since(peer.heard_at));
+        Look { more, patience: Some(quiet.max(LOOK_EVERY)), over: false }
+    }
+
+    /// Ends the connection; another try follows after a pause. What waited is lost.
+    fn lose(&self, state: &mut State, now: Instant, why: &dyn std::fmt::Display) -> Look {
+        tracing::debug!(broker = %self.broker, %why, "the connection of a publisher ended");
+        let pause = state.backoff.wait();
+        match std::mem::replace(&mut state.way, Way::Down(now + pause)) {
+            Way::Up(peer) => {
+                self.link.disconnected();
+                self.count_lost(&peer, DropReason::ConnectionLost);
+            }
+            _ => _ = self.link.unanswered(),
+        }
+        Look::after(pause)
+    }
+
+    /// Ends the connection for good.
+    fn end(&self, state: &mut State) -> Look {
+        if let Way::Up(peer) = std::mem::replace(&mut state.way, Way::Ended) {
+            self.count_lost(&peer, DropReason::Closed);
+        }
+        Look::over()
+    }
+
+    fn count_lost(&self, peer: &Peer, reason: DropReason) {
+        for (_, bytes) in peer.outbox.iter().filter_map(|message| message.of.as_ref()) {
+            self.context.counters.undelivered(reason, *bytes);
+        }
+    }
+
+    /// Has the connection closed once what waits is sent, or some time has passed.
+    pub(super) fn close(&self, now: Instant) {
+        self.link.end();
+        self.lock().closes = Some(now + options::LINGER);
+    }
+
+    /// Sends what waits until `deadline`, and closes the connection.
+    pub(super) fn finish(&self, deadline: Instant) {
+        let mut state = self.lock();
+        while let Way::Up(peer) = &mut state.way {
+            peer.is_blocked = false;
+            let left = deadline.saturating_duration_since(Instant::now());
+            let goes_on = peer.is_open() && peer.write().is_ok() && !peer.outbox.is_empty();
+            // What is left unread would make the system throw away what it has not sent.
+            let read = peer.read(&mut [0; READ_BYTES], &mut Vec::new(), true, deadline);
+            if !goes_on || read.is_err() || left.is_zero() {
+                break;
+            }
+            let mut items = [zmq::PollItem::from_fd(peer.stream.as_raw_fd(), zmq::POLLOUT)];
+            let wait = i64::try_from(left.as_millis()).unwrap_or(0) + 1;
+            if let Err(error) = zmq::poll(&mut items, wait) {
+                tracing::debug!(%error, "the last messages of a publisher");
+            }
+        }
+        self.end(&mut state);
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl State {
+    fn subscriptions(&self) -> usize {
+        match &self.way {
+            Way::Up(peer) => peer.topics.len(),
+            _ => 0,
+        }
+    }
+}
+
+/// Begins a connection, whose events the I/O thread is told.
+fn connect(broker: SocketAddr, id: u64, registry: &Registry) -> std::io::Result<TcpStream> {
+    let stream = TcpStream::from(mio::net::TcpStream::connect(broker)?);
+    options::set_stream(&stream)?;
+    let interest = Interest::READABLE | Interest::WRITABLE;
+    registry.register(&mut SourceFd(&stream.as_raw_fd()), Token(index(id)), interest)?;
+    Ok(stream)
+}
+
+/// True when the other side has taken the connection, false while it has not.
+fn is_connected(stream: &TcpStream) -> std::io::Result<bool> {
+    if let Some(error) = stream.take_error()? {
+        return Err(error);
+    }
+    match stream.peer_addr() {
+        // The system may have chosen the port itself, where nobody has it: then it is connected to itself.
+        Ok(broker) if broker == stream.local_addr()? => {
+            Err(std::io::ErrorKind::ConnectionRefused.into())
+        }
+        Ok(_) => Ok(true),
+        Err(error) if error.kind() == std::io::ErrorKind::NotConnected => Ok(false),
+        Err(error) => Err(error),
+    }
+}
