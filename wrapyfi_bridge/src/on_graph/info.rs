@@ -2,6 +2,7 @@
 
 use wrapyfi_core::endpoint::{CountersSnapshot, DropReason};
 use wrapyfi_core::engine::RouteStatus;
+use wrapyfi_core::types::MessageType;
 use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
 use wrapyfi_interfaces::wrapyfi_msgs::srv::Explain_Response;
 
@@ -18,7 +19,10 @@ pub fn of(status: &RouteStatus) -> RouteInfo {
         key: status.name.clone(),
         source: status.from.clone(),
         destination: status.to.clone(),
-        type_name: status.message_type.to_owned(),
+        type_name: match status.message_type.parse::<MessageType>() {
+            Ok(known) => known.ros_type().to_owned(),
+            Err(_) => status.message_type.to_owned(),
+        },
         state: status.state.word().to_owned(),
         reason: status.state.reason().unwrap_or_default().to_owned(),
         received: *received,
@@ -64,7 +68,7 @@ mod tests {
             name: "talk".to_owned(),
             from: "ros2:/a".to_owned(),
             to: "zeromq:/a".to_owned(),
-            message_type: "std_msgs/msg/String",
+            message_type: "Text",
             state: RouteState::Degraded("queue full".to_owned()),
             from_qos: None,
             to_qos: None,
@@ -84,6 +88,7 @@ mod tests {
     fn what_is_neither_sent_nor_dropped_is_queued() {
         let info = of(&status());
         assert_eq!((info.dropped, info.queued), (10, 3));
+        assert_eq!(info.type_name, "std_msgs/msg/String");
         assert_eq!(info.drop_reasons, ["queue_full", "lost_upstream"]);
         assert_eq!(info.drop_counts, [3, 7]);
         assert_eq!((info.state.as_str(), info.reason.as_str()), ("degraded", "queue full"));

@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use tracing_subscriber::util::SubscriberInitExt as _;
 use wrapyfi_core::endpoint::{Discovered, Middleware as _, Role, Wake};
 use wrapyfi_core::middleware::ros2::environment::MAX_DOMAIN_ID;
 
@@ -32,7 +33,10 @@ pub(super) fn look(section: &Ros2Section, end: &End, wanted: &Wanted) -> Vec<Els
             .map(|(domain, wide)| {
                 scope.spawn(move || {
                     let name = &wanted.address.name;
-                    one(section, domain, wide, name, wanted.role).map(|one| (wide, domain, one))
+                    // Where a bridge looks, its log is no place for nodes that live for a moment.
+                    let _silent = tracing_subscriber::registry().set_default();
+                    let found = one(section, domain, wide, name, wanted.role);
+                    found.map(|one| (wide, domain, one))
                 })
             })
             .collect();
