@@ -458,6 +458,20 @@ impl TestEnv {
         self.start(line, command)
     }
 
+    /// Starts the script of a broken set-up, a folder of `test/broken`, which has a network of its own.
+    pub fn broken(&self, folder: &str) -> Result<Process> {
+        let script = repository().join("test/broken").join(folder).join("run.sh");
+        let mut command = self.command(&script, ["--json"]);
+        command.env("WRAPYFI_BIN", needs::program()?);
+        if let Ok(python) = needs::python() {
+            command.env("WRAPYFI_PYTHON", python);
+        }
+        if let Ok(program) = cpp::FAST_DDS.or_why_not() {
+            command.env("WRAPYFI_FAST_PEER", program);
+        }
+        self.start(folder, command)
+    }
+
     /// Starts a command of this test.
     pub(crate) fn start(&self, name: &str, command: Command) -> Result<Process> {
         Process::start(name, command, &self.pillars)

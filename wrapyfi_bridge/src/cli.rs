@@ -48,6 +48,9 @@ pub enum Command {
     },
     /// List the endpoints that exist now, on every side, with types and quality of service.
     List(ListArgs),
+    /// Say why nothing flows: the first thing that is missing on the way of a route or a topic, who could
+    /// provide it, and what mends it.
+    Why(WhyArgs),
     /// Print the messages of an endpoint.
     Echo(EchoArgs),
     /// Publish to an endpoint.
@@ -121,6 +124,34 @@ pub struct ListArgs {
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub wait: Option<Duration>,
     /// Address at which others reach the node that looks.
+    #[command(flatten)]
+    pub own: OwnAddress,
+}
+
+/// Arguments of `wrapyfi why`.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Exit codes: 0 nothing is missing, 1 a cause was found, 2 bad usage or configuration."
+)]
+pub struct WhyArgs {
+    /// Name of a route of the configuration, its ends or one of them; without one an endpoint such as
+    /// ros2:/chatter, or a type such as geometry_msgs/msg/Twist.
+    pub name: String,
+    /// Configuration that has the route, and the settings of the middlewares.
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+    /// Node of a bridge that runs, for instance /wrapyfi_bridge: it is asked, and answers from where it runs
+    /// and with its counters.
+    #[arg(long, value_name = "NODE", conflicts_with_all = ["config", "definitions", "ip", "insecure"])]
+    pub node: Option<String>,
+    /// Folder of packages with definitions, searched before AMENT_PREFIX_PATH; may be given more than
+    /// once.
+    #[arg(long, value_name = "DIR")]
+    pub definitions: Vec<PathBuf>,
+    /// One JSON object: way, passed, and where something is missing cause, what, who and remedy.
+    #[arg(long)]
+    pub json: bool,
+    /// Address at which others reach the nodes that look.
     #[command(flatten)]
     pub own: OwnAddress,
 }

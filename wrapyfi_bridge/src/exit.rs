@@ -24,6 +24,9 @@ pub enum Failure {
     /// Whoever read the output has seen enough: the command ends, with success and without a word.
     #[error("nobody reads the output any more")]
     Unread,
+    /// The command has said on stdout what is wrong: exit code 1.
+    #[error("a cause was found")]
+    Found,
     /// Everything else: exit code 1.
     #[error("{0:#}")]
     Failed(#[from] anyhow::Error),
@@ -41,7 +44,7 @@ impl Failure {
     pub fn code(&self) -> u8 {
         match self {
             Self::Unread => 0,
-            Self::Failed(_) => 1,
+            Self::Found | Self::Failed(_) => 1,
             Self::Usage(_) | Self::Absent(_) => 2,
             Self::TimedOut(_) => 3,
         }
@@ -55,6 +58,10 @@ pub fn finish(outcome: Result<(), Failure>) -> ExitCode {
         Ok(()) | Err(Failure::Unread) => {
             logging::finish(LAST_WORDS);
             ExitCode::SUCCESS
+        }
+        Err(failure @ Failure::Found) => {
+            logging::finish(LAST_WORDS);
+            ExitCode::from(failure.code())
         }
         Err(failure) => {
             logging::last_word(&format!("wrapyfi: {failure}"));

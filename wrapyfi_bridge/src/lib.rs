@@ -3,7 +3,7 @@
 //! # Layout
 //!
 //! ```text
-//!   main.rs ─▶ cli ─▶ command::{demo, bridge, check, list, echo, publish, service, broker, yarpserver, detect}
+//!   main.rs ─▶ cli ─▶ command::{demo, bridge, check, list, echo, publish, service, broker, yarpserver, detect, why}
 //!   bin/bridge.rs ─▶ node ─▶ command::bridge        `ros2 run wrapyfi_bridge bridge`
 //!   bin/…_bridge.rs ─▶ node ─▶ middleware_bridge    all of a middleware, without a configuration
 //!
@@ -13,6 +13,8 @@
 //!   describe  a payload as one JSON object, with its digest
 //!   options   --option of the command line
 //!   overrides  qos_overrides of the node -> routes
+//!   why       the first thing that is missing on a way, from facts
+//!   on_graph  diagnostics and services of a bridge that runs
 //!   reload    a configuration that changes while its bridge runs
 //!   files     how many may be open
 //!   lines     lines that a thread of their own writes
@@ -35,6 +37,7 @@ pub mod logging;
 pub mod middleware_bridge;
 pub mod middlewares;
 pub mod node;
+pub mod on_graph;
 pub mod options;
 pub mod output;
 pub mod overrides;
@@ -42,4 +45,5 @@ pub mod own_address;
 pub mod reload;
 pub mod shutdown;
 pub mod table;
+pub mod why;
 pub mod words;

@@ -29,6 +29,8 @@ fn run(cli: &Cli, ros: Vec<OsString>) -> Result<(), Failure> {
         (Some(level), _) => level,
         (None, Command::Yarpserver(args)) if args.silent => "warn",
         (None, Command::Echo(_) | Command::List(_) | Command::Call(_)) => "warn",
+        // What it finds is said in its answer.
+        (None, Command::Why(_)) => "error",
         (None, _) => "info",
     };
     logging::start("wrapyfi", level).map_err(Failure::usage)?;
@@ -46,5 +48,6 @@ fn run(cli: &Cli, ros: Vec<OsString>) -> Result<(), Failure> {
         Command::Broker(args) => shutdown.outcome(command::broker::run(args, &shutdown)),
         Command::Yarpserver(args) => shutdown.outcome(command::yarpserver::run(args, &shutdown)),
         Command::Detect(args) => command::detect::run(args),
+        Command::Why(args) => command::why::run(args),
     }
 }

@@ -49,6 +49,18 @@ impl Applier {
     ) -> Result<PlanDiff, ApplyError> {
         self.0.apply(plan, types, registry)
     }
+
+    /// As [`Running::status`].
+    #[must_use]
+    pub fn status(&self) -> Vec<RouteStatus> {
+        self.0.status()
+    }
+
+    /// As [`Running::registry`].
+    #[must_use]
+    pub fn registry(&self) -> Registry {
+        self.0.registry()
+    }
 }
 
 impl Running {

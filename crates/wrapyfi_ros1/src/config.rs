@@ -219,6 +219,16 @@ impl Ros1Config {
         Ok(Self { master_uri, hostname, namespace, insecure, ..Self::default() })
     }
 
+    /// Host and port of the master.
+    ///
+    /// # Errors
+    /// When `master_uri` is no address.
+    pub fn master(&self) -> Result<(String, u16), ConfigError> {
+        let read = NodeUri::parse(&self.master_uri);
+        read.map(|at| (at.host, at.port))
+            .map_err(|reason| ConfigError::MasterUri { uri: self.master_uri.clone(), reason })
+    }
+
     /// Checks everything that can be known before anything starts. May ask the system for the address
     /// of a host name.
     pub(super) fn resolve(&self) -> Result<Resolved, ConfigError> {

@@ -82,7 +82,7 @@ use wrapyfi_data::types::ServiceKind;
 use wrapyfi_endpoint::restart::restarted;
 use wrapyfi_endpoint::{
     Client, Context, DiscoverError, Discovered, Discovery, LearnError, Learned, Listener,
-    Middleware, OpenError, Publisher, Server, ServiceSpec, TopicSpec, Traits,
+    Middleware, OpenError, Publisher, Role, Server, ServiceSpec, TopicSpec, Traits,
 };
 
 /// Name of this middleware in addresses.
@@ -100,6 +100,19 @@ pub struct Ros1 {
     core: Arc<Core>,
     /// `None` once it is dropped.
     runtime: Option<Runtime>,
+}
+
+/// A node that the master has under the name of a topic or service.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Registered {
+    /// Role of the node there.
+    pub role: Role,
+    /// Name of the node.
+    pub node: String,
+    /// Host that the node announced, or its address where that is known here.
+    pub host: String,
+    /// Port of the node's XML-RPC server, or of the service.
+    pub port: u16,
 }
 
 /// Error of starting ROS 1.
@@ -175,6 +188,39 @@ impl Ros1 {
     #[must_use]
     pub fn api_uri(&self) -> String {
         self.core.api.to_string()
+    }
+
+    /// Nodes that the master has under the name of a topic or service, each with the host and port at which
+    /// others reach it. Blocks until the master has answered.
+    ///
+    /// # Errors
+    /// When the master does not answer.
+    pub fn registered(&self, name: &str) -> Result<Vec<Registered>, MasterError> {
+        let master = &self.core.master;
+        self.core.handle.block_on(async {
+            let state = master.system_state().await?;
+            let mut found = Vec::new();
+            for (role, owners) in [
+                (Role::Publisher, state.publishers),
+                (Role::Listener, state.subscribers),
+                (Role::Server, state.services),
+            ] {
+                let nodes = owners.into_iter().filter(|(known, _)| known == name);
+                for node in nodes.flat_map(|(_, nodes)| nodes) {
+                    let at = match role {
+                        Role::Server => master.lookup_service(name).await?,
+                        _ => master.lookup_node(&node).await?,
+                    };
+                    found.extend(at.map(|at| Registered {
+                        role,
+                        node,
+                        host: at.host,
+                        port: at.port,
+                    }));
+                }
+            }
+            Ok(found)
+        })
     }
 
     /// The ROS 2 type `name`: as installed, else made from what a publisher that was asked has shown, a

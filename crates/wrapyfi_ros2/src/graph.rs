@@ -219,6 +219,14 @@ pub struct DiscoveredEndpoint {
     pub mark: Option<BridgeMark>,
 }
 
+impl DiscoveredEndpoint {
+    /// Form in which the owner maps services to DDS, where its GUID tells the vendor.
+    #[must_use]
+    pub fn service_mapping(&self) -> Option<ServiceMapping> {
+        super::vendor::mapping_of(&self.gid)
+    }
+}
+
 /// Waits until `condition` holds, looking whenever `wake` rings; false after `timeout`.
 ///
 /// For tests and one-shot commands: `wake` is rung by the [`Notify`] of the endpoints concerned.

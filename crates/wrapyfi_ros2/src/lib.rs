@@ -90,6 +90,7 @@ pub use adapter::{Adapter, JoinError, Joined, join};
 pub use any::{AnyError, AnyListener, AnyMessage, AnyPublisher};
 pub use config::CycloneConfig;
 pub use cyclone_graph::{CycloneError, CycloneGraph};
+pub use diagnosis::remedy;
 pub use domain::DomainError;
 pub use node_endpoints::NodeEndpoints;
 pub use node_handle::NodeHandle;

@@ -14,11 +14,13 @@ use crate::lines::Lines;
 use crate::logging;
 use crate::middlewares::{self, Loaded, Middlewares};
 use crate::node::Node;
+use crate::on_graph::{OnGraph, Parts};
 use crate::overrides;
 use crate::own_address::OwnAddress;
 use crate::reload::{Reload, Watch};
 use crate::shutdown::Shutdown;
 use crate::table;
+use crate::why::question::Configuration;
 
 /// Most routes without a message that get a line of their own at the end.
 const FEW_IDLE: usize = 10;
@@ -55,7 +57,11 @@ pub fn run(
     options: Options,
     shutdown: &Shutdown,
 ) -> Result<(), Failure> {
-    let Loaded { mut endpoints, mut plan, types: mut store, waiting_bytes, file, .. } = loaded;
+    let Loaded { mut endpoints, mut plan, types: mut store, waiting_bytes, file, text } = loaded;
+    let config = match &file {
+        Some(file) => Configuration::File(file.clone()),
+        None => Configuration::Text(text, name.to_owned()),
+    };
     WAITING.set_limit(waiting_bytes);
     middlewares::take_parameters(&mut endpoints, &mut parameters)?;
     options.own.enter(&mut endpoints);
@@ -91,6 +97,14 @@ pub fn run(
         routes: running.applier(),
     });
     let watch = reload.map(Watch::start).transpose()?;
+    let on_graph = node.as_ref().map(|node| Parts {
+        node: bridge_node.clone(),
+        handle: node.handle().clone(),
+        routes: running.applier(),
+        config,
+        own: options.own,
+    });
+    let on_graph = on_graph.map(OnGraph::start).transpose()?;
     // A reader that stands still, or went, is no concern of the routes.
     let status = || Lines::start("status", std::io::stdout(), MAX_LINES, |_| String::new());
     let json = options.json.then(status).transpose().context("cannot print the status")?;
@@ -111,7 +125,7 @@ pub fn run(
             json.write(table::json_line(&running.status(), logging::panics()));
         }
     }
-    drop(watch);
+    drop((watch, on_graph));
     let last = running.stop();
     if let Some(json) = &json {
         json.write(table::json_line(&last, logging::panics()));

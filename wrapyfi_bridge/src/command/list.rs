@@ -54,7 +54,7 @@ impl Side {
 }
 
 /// True when nothing more is to be expected of a side that says `complete` of itself.
-fn has_told_all(complete: Option<bool>, unchanged: Duration) -> bool {
+pub(crate) fn has_told_all(complete: Option<bool>, unchanged: Duration) -> bool {
     complete.unwrap_or(unchanged >= SILENCE)
 }
 

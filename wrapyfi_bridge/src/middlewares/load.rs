@@ -7,6 +7,7 @@ use serde::Deserialize;
 use wrapyfi_core::Limits;
 use wrapyfi_core::engine::{Config, ConfigError, Kind, Plan, Problem, Spanned};
 use wrapyfi_core::network::{Hosts, Insecure, Place};
+use wrapyfi_core::types::{MessageType, ServiceKind};
 use wrapyfi_interfaces::store::TypeStore;
 
 use super::learn;
@@ -90,6 +91,65 @@ pub fn load(file: &Path) -> Result<Loaded, Failure> {
 /// As [`load`], and exit code 1 when ROS 1 does not start.
 pub fn load_and_learn(file: &Path) -> Result<Loaded, Failure> {
     load_with(file, learn::from_publishers)
+}
+
+/// A type that a route names and nobody here has a definition of.
+#[derive(Debug, Clone)]
+pub struct Undefined {
+    /// Name of the route, else its ends.
+    pub route: String,
+    /// Ends of the route as they are written.
+    ends: [String; 2],
+    /// The type.
+    pub type_name: String,
+    /// Cause.
+    pub reason: String,
+}
+
+impl Undefined {
+    /// True where `name` is that of the route, one of its ends, or the type.
+    #[must_use]
+    pub fn means(&self, name: &str) -> bool {
+        let Self { route, ends: [from, to], type_name, .. } = self;
+        let both = format!("{from} -> {to}");
+        [route, from, to, type_name, &both].iter().any(|it| *it == name)
+    }
+}
+
+/// As [`load`]; notes the types that routes name and nobody here has a definition of. A configuration with
+/// any is refused.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_noting(file: &Path, undefined: &mut Vec<Undefined>) -> Result<Loaded, Failure> {
+    load_with(file, |config, types| {
+        for entry in &config.routes {
+            let route = &entry.value;
+            let is_service = route.service.is_some();
+            let ends = [
+                route.from.as_ref().or(route.service.as_ref()),
+                route.to.as_ref().or(route.offered.as_ref()),
+            ];
+            let ends = ends.map(|end| end.map(|end| end.value.clone()).unwrap_or_default());
+            for written in [&route.message_type, &route.from_type].into_iter().flatten() {
+                let type_name = &written.value;
+                let reason = match is_service {
+                    true => ServiceKind::resolve(type_name, types)
+                        .map(drop)
+                        .map_err(|error| error.to_string()),
+                    false => MessageType::resolve(type_name, types)
+                        .map(drop)
+                        .map_err(|error| error.to_string()),
+                };
+                if let Err(reason) = reason {
+                    let name = route.name.clone().unwrap_or_else(|| ends.join(" -> "));
+                    let (type_name, ends) = (type_name.clone(), ends.clone());
+                    undefined.push(Undefined { route: name, ends, type_name, reason });
+                }
+            }
+        }
+        Ok(())
+    })
 }
 
 fn load_with(

@@ -6,6 +6,7 @@
 //!
 //!   learn                      types from publishers
 //!   load                       a configuration file -> sections and routes
+//!   observe                    a middleware that only looks, and the server that it needs
 //!   parameters                 sections changed by the parameters of the node
 //!   zeromq, ros2, ros1, yarp   a section each, and the middleware that it makes
 //!   settings                   what they start with, compared where a plan changes
@@ -17,6 +18,7 @@
 mod demo;
 mod learn;
 mod load;
+mod observe;
 mod parameters;
 mod ros1;
 mod ros2;
@@ -39,7 +41,8 @@ use wrapyfi_interfaces::store::TypeStore;
 
 pub use self::demo::DemoMiddlewares;
 pub(crate) use self::learn::{LearnTopicError, of_topic};
-pub use self::load::{Endpoints, Loaded, load, load_and_learn, load_text};
+pub use self::load::{Endpoints, Loaded, Undefined, load, load_and_learn, load_noting, load_text};
+pub use self::observe::{Door, Observer, Server, doors, observer, ros2_elsewhere};
 pub use self::parameters::take_parameters;
 pub use self::ros1::Ros1Section;
 pub use self::ros2::Ros2Section;

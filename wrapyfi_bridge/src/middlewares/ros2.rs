@@ -1,8 +1,9 @@
 //! `endpoints.ros2` of a configuration, and the middleware that it makes.
 
 use serde::Deserialize;
+use wrapyfi_core::Limits;
 use wrapyfi_core::engine::Available;
-use wrapyfi_core::middleware::ros2::environment::Environment;
+use wrapyfi_core::middleware::ros2::environment::{DiscoveryRange, Environment};
 use wrapyfi_core::middleware::ros2::{self, Adapter, CycloneConfig, JoinError, Joined, Ros2};
 
 use crate::exit::Failure;
@@ -37,11 +38,31 @@ impl Ros2Section {
         let environment =
             ros2::environment::read(|name| std::env::var(name).ok()).map_err(Failure::usage)?;
         environment.log();
-        let mut config = CycloneConfig::from_environment(node.name().clone(), &environment);
+        self.start_in(&environment, node, largest_message)
+    }
+
+    /// As [`Ros2Section::start`], for a node that only looks: as far as multicast reaches if `wide`,
+    /// whatever the environment says.
+    pub(super) fn start_looking(&self, node: &Node, wide: bool) -> Result<Ros2, Failure> {
+        let read = ros2::environment::read(|name| std::env::var(name).ok());
+        let mut environment = read.map_err(Failure::usage)?;
+        if wide {
+            environment.discovery.range = DiscoveryRange::Subnet;
+        }
+        self.start_in(&environment, node, Limits::default().message_bytes)
+    }
+
+    fn start_in(
+        &self,
+        environment: &Environment,
+        node: &Node,
+        largest_message: usize,
+    ) -> Result<Ros2, Failure> {
+        let mut config = CycloneConfig::from_environment(node.name().clone(), environment);
         config.domain_id = self.domain_id.unwrap_or(config.domain_id);
         config.interface.clone_from(&self.interface);
         config.max_message_bytes = largest_message;
-        let joined = join(&config, &environment, self.graph, node.enclave())?;
+        let joined = join(&config, environment, self.graph, node.enclave())?;
         let node = node.clone();
         let remap = move |topic: &str| node.resolve_topic(topic).map_err(|error| error.to_string());
         Ok(Ros2::joined(joined, remap))

@@ -25,7 +25,10 @@ impl Convention {
     /// Convention of a type, where it is a function of Wrapyfi.
     pub(super) fn of(type_name: &str) -> Option<Self> {
         match type_name.split_once("/srv/") {
-            Some(("wrapyfi_msgs", _)) => Some(Self::Ours),
+            // The others are services of a bridge, with fields.
+            Some(("wrapyfi_msgs", "NativeObjectService" | "ImageService" | "AudioService")) => {
+                Some(Self::Ours)
+            }
             Some(("wrapyfi_ros2_interfaces", _)) => Some(Self::Upstream),
             _ => None,
         }

@@ -1,0 +1,122 @@
+//! Broken set-ups with real peers: `wrapyfi why` alone names the cause and what mends it.
+
+use serde_json::Value;
+use wrapyfi_e2e::{Need, Result, run};
+
+/// Longest time that an answer may take.
+const MOST_MS: u64 = 2000;
+
+const NEEDS: &[Need] = &[Need::Program, Need::Python, Need::Hosts];
+const WITH_ROS: &[Need] = &[Need::Program, Need::Python, Need::Hosts, Need::Ros1];
+const WITH_FAST: &[Need] = &[Need::Program, Need::Python, Need::Hosts, Need::FastDds];
+
+/// Makes the situation of a folder of `test/broken`, and compares the answer.
+fn is_named(folder: &str, needs: &[Need], cause: &str, what: &[&str], remedy: &str) -> Result {
+    run(folder, needs, |env| {
+        let mut script = env.broken(folder)?;
+        script.exits_with(1)?;
+        let said = script.stdout();
+        let answer: Value = serde_json::from_str(said.trim())?;
+        let text = |key: &str| answer[key].as_str().unwrap_or_default().to_owned();
+        assert_eq!(text("cause"), cause, "{said}");
+        for words in what {
+            assert!(text("what").contains(words), "{words:?} is not in {said}");
+        }
+        assert!(text("remedy").contains(remedy), "{remedy:?} is not in {said}");
+        assert!(!text("who").is_empty(), "{said}");
+        assert!(answer["took_ms"].as_u64().is_some_and(|ms| ms <= MOST_MS), "{said}");
+        Ok(())
+    })
+}
+
+#[test]
+fn wrong_topic() -> Result {
+    let what = ["nobody publishes ros2:/chatter", "ros2:/Chatter", "capital letters"];
+    is_named("wrong_topic", NEEDS, "other_name", &what, "write ros2:/Chatter")
+}
+
+#[test]
+fn wrong_type() -> Result {
+    let what = ["has type std_msgs/msg/String", "the route has std_msgs/msg/Int32"];
+    is_named("wrong_type", NEEDS, "type", &what, "`type: std_msgs/msg/String`")
+}
+
+#[test]
+fn wrong_qos() -> Result {
+    let what = ["offers best effort", "asks for reliable"];
+    is_named("wrong_qos", NEEDS, "qos", &what, "leave out `qos` on the route")
+}
+
+#[test]
+fn other_domain() -> Result {
+    let what = ["here (domain 10)", "in domain 12 there is 1 publisher"];
+    is_named("other_domain", NEEDS, "other_domain", &what, "ROS_DOMAIN_ID=12")
+}
+
+#[test]
+fn loopback_broker() -> Result {
+    let what = ["10.77.0.2:5555 does not answer", "listens on 127.0.0.1 of that machine alone"];
+    let remedy = "wrapyfi broker --ip 10.77.0.2 --insecure";
+    is_named("loopback_broker", NEEDS, "loopback_elsewhere", &what, remedy)
+}
+
+#[test]
+fn loopback_port() -> Result {
+    let what = ["yarp:/cam at 127.0.0.1:", "an address of its own machine alone"];
+    is_named("loopback_port", NEEDS, "loopback_address", &what, "export YARP_IP=ADDRESS")
+}
+
+#[test]
+fn service_mapping() -> Result {
+    let what = ["speaks rmw_fastrtps_cpp", "rmw_cyclonedds_cpp here"];
+    let remedy = "RMW_IMPLEMENTATION=rmw_fastrtps_cpp";
+    is_named("service_mapping", WITH_FAST, "service_mapping", &what, remedy)
+}
+
+#[test]
+fn unresolved_host() -> Result {
+    let what = ["robot-base", "does not resolve"];
+    is_named("unresolved_host", NEEDS, "unresolved_host", &what, "hosts: { robot-base: ADDRESS }")
+}
+
+#[test]
+fn missing_definition() -> Result {
+    let what = ["nobody here has a definition of demo/msg/Odd"];
+    is_named("missing_definition", NEEDS, "definition", &what, "definitions: [DIR]")
+}
+
+#[test]
+fn dead_master() -> Result {
+    let what = ["ROS 1 master 127.0.0.1:11311 does not answer", "nothing listens on port 11311"];
+    is_named("dead_master", WITH_ROS, "server_away", &what, "roscore")
+}
+
+#[test]
+fn killed_node() -> Result {
+    let what = ["has registered ros:/chatter at 127.0.0.1:", "it was killed"];
+    is_named("killed_node", WITH_ROS, "peer_unreachable", &what, "rosnode cleanup")
+}
+
+#[test]
+fn cycle() -> Result {
+    let what = ["zeromq:/state -> yarp:/state -> ros2:/state -> zeromq:/state"];
+    is_named("cycle", NEEDS, "cycle", &what, "write a route from ros2:/state to yarp:/state")
+}
+
+#[test]
+fn denied() -> Result {
+    let what = ["ros2:/camera/raw is left out by deny"];
+    is_named("denied", NEEDS, "left_out", &what, "take \".*/raw\" out of `deny`")
+}
+
+#[test]
+fn no_bridge() -> Result {
+    let what = ["no bridge runs the route"];
+    is_named("no_bridge", NEEDS, "no_bridge", &what, "wrapyfi bridge --config")
+}
+
+#[test]
+fn silent_publisher() -> Result {
+    let what = ["no message came on ros2:/chatter", "open and idle"];
+    is_named("silent_publisher", NEEDS, "idle", &what, "wrapyfi echo ros2:/chatter")
+}

@@ -1,0 +1,74 @@
+//! `wrapyfi why`: the first thing that is missing on a way.
+
+use std::time::{Duration, Instant};
+
+use anyhow::Context as _;
+use serde::Serialize;
+use wrapyfi_core::types::{Map, Value};
+use wrapyfi_interfaces::wrapyfi_msgs::srv::Explain_Response;
+
+use crate::cli::WhyArgs;
+use crate::exit::Failure;
+use crate::middlewares::Middlewares;
+use crate::on_graph::client::Asker;
+use crate::output;
+use crate::why::judge::judge;
+use crate::why::question::{Configuration, Question};
+use crate::why::{Finding, Verdict};
+
+/// Longest time that a bridge elsewhere may take.
+const ELSEWHERE: Duration = Duration::from_secs(5);
+
+/// Prints what is in place and the first thing that is missing.
+///
+/// # Errors
+/// Exit code 1 where something is missing, 2 where the name means nothing or the configuration is wrong, 3
+/// where the bridge that was asked does not answer.
+pub fn run(args: &WhyArgs) -> Result<(), Failure> {
+    let begin = Instant::now();
+    let verdict = match &args.node {
+        Some(node) => elsewhere(node, &args.name)?,
+        None => {
+            let question = Question {
+                name: args.name.clone(),
+                config: args.config.clone().map(Configuration::File),
+                definitions: args.definitions.clone(),
+                own: args.own,
+            };
+            judge(&question.ask(None)?)
+        }
+    };
+    show(&verdict, args.json, begin)
+}
+
+/// Answer of a bridge that runs elsewhere on the graph.
+fn elsewhere(node: &str, name: &str) -> Result<Verdict, Failure> {
+    let ros2 = Middlewares::ros2_of_command()?;
+    let mut asker = Asker::<Explain_Response>::open(&ros2, node, "explain")?;
+    let reply = asker.ask(Map::from([("name", Value::from(name))]), ELSEWHERE)?;
+    let Explain_Response { known, way, passed, cause, what, who, remedy, .. } = reply;
+    if !known {
+        return Err(Failure::Usage(format!("{node}: {what}")));
+    }
+    let finding = (!cause.is_empty()).then_some(Finding { cause: cause.into(), what, who, remedy });
+    Ok(Verdict { way, passed, finding })
+}
+
+fn show(verdict: &Verdict, json: bool, begin: Instant) -> Result<(), Failure> {
+    #[derive(Serialize)]
+    struct Line<'v> {
+        #[serde(flatten)]
+        verdict: &'v Verdict,
+        took_ms: u128,
+    }
+    if json {
+        let line = Line { verdict, took_ms: begin.elapsed().as_millis() };
+        output::line(&serde_json::to_string(&line).context("cannot print")?)?;
+    } else {
+        output::line(&verdict.to_string())?;
+    }
+    match verdict.finding {
+        None => Ok(()),
+        Some(_) => Err(Failure::Found),
+    }
+}

@@ -1,0 +1,162 @@
+//! A middleware as an observer of it sees it: the server that has to be reached first, and a look that opens
+//! no endpoint and starts no broker.
+//!
+//! ```text
+//!   Endpoints ─ doors ────▶ broker, name server, master: host, port, who starts it
+//!             └ observer ─▶ a middleware that only looks
+//! ```
+
+use std::sync::Arc;
+
+use wrapyfi_core::Limits;
+use wrapyfi_core::endpoint::Middleware;
+use wrapyfi_core::middleware::ros1::{self, Ros1};
+use wrapyfi_core::middleware::ros2::Ros2;
+use wrapyfi_core::middleware::ros2::graph::Graph;
+use wrapyfi_core::middleware::yarp;
+use wrapyfi_core::middleware::zeromq::BrokerMode;
+use wrapyfi_yarp::name::conf::locate;
+use wrapyfi_yarp::name::{Environment, NameServerConf};
+
+use super::load::Endpoints;
+use super::ros1::Ros1Section;
+use super::yarp::YarpSection;
+use super::zeromq::ZeroMqSection;
+use super::{Role, Ros2Section};
+use crate::exit::Failure;
+use crate::node::Node;
+
+/// Server without which nothing of a middleware is found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Server {
+    /// The ZeroMQ broker of topics.
+    Broker,
+    /// The ZeroMQ broker of requests and replies.
+    ServiceBroker,
+    /// The YARP name server.
+    NameServer,
+    /// The ROS 1 master.
+    Master,
+}
+
+/// Place at which a server is expected.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Door {
+    /// Kind of the server.
+    pub server: Server,
+    /// Host as it is configured.
+    pub host: String,
+    /// Port of the server.
+    pub port: u16,
+    /// True where the bridge runs the server itself.
+    pub is_own: bool,
+}
+
+/// A middleware that only looks.
+pub struct Observer {
+    /// The middleware.
+    pub middleware: Arc<dyn Middleware>,
+    /// Graph underneath where it is ROS 2.
+    pub graph: Option<Arc<dyn Graph>>,
+    /// The same where it is ROS 1.
+    pub ros1: Option<Arc<Ros1>>,
+}
+
+/// Servers that `middleware` needs: for services if `is_service`, else for topics. None on ROS 2.
+///
+/// # Errors
+/// Exit code 2 for settings that cannot be, and where nothing says where the server is.
+pub fn doors(
+    endpoints: &Endpoints,
+    middleware: &str,
+    is_service: bool,
+) -> Result<Vec<Door>, Failure> {
+    let largest = Limits::default().message_bytes;
+    match middleware {
+        "zeromq" => {
+            let config = endpoints.zeromq.config(None, largest, &endpoints.hosts)?;
+            let (server, mode, ports) = match is_service {
+                false => (Server::Broker, config.broker, [config.pub_port, config.sub_port]),
+                true => {
+                    let ports = [config.rep_port, config.req_port];
+                    (Server::ServiceBroker, config.service_broker, ports)
+                }
+            };
+            let is_own = mode == BrokerMode::Embedded;
+            let at = |port| Door { server, host: config.ip.clone(), port, is_own };
+            Ok(ports.map(at).into())
+        }
+        yarp::NAME => {
+            let config = endpoints.yarp.config(largest, &endpoints.hosts)?;
+            let found = match config.name_server {
+                Some(written) => written,
+                None => match locate(&Environment::from_process()) {
+                    Ok(located) => located.conf,
+                    Err(_) if config.embedded => {
+                        let port = wrapyfi_yarp::name::environment::DEFAULT_PORT;
+                        NameServerConf { host: "127.0.0.1".to_owned(), port }
+                    }
+                    Err(error) => return Err(Failure::Absent(error.to_string())),
+                },
+            };
+            let (host, port, is_own) = (found.host, found.port, config.embedded);
+            Ok(vec![Door { server: Server::NameServer, host, port, is_own }])
+        }
+        ros1::NAME => {
+            let config = endpoints.ros.config(&endpoints.hosts)?;
+            let (host, port) = config.master().map_err(Failure::usage)?;
+            Ok(vec![Door { server: Server::Master, host, port, is_own: false }])
+        }
+        _ => Ok(Vec::new()),
+    }
+}
+
+/// Starts a middleware that only looks.
+///
+/// # Errors
+/// Exit code 2 for settings that cannot work, 1 when it does not start.
+pub fn observer(endpoints: &Endpoints, middleware: &str) -> Result<Observer, Failure> {
+    let largest = Limits::default().message_bytes;
+    let of = |middleware| Observer { middleware, graph: None, ros1: None };
+    match middleware {
+        "zeromq" => {
+            let observer = Some(Role::Observer);
+            let mut config = endpoints.zeromq.config(observer, largest, &endpoints.hosts)?;
+            (config.broker, config.service_broker) = (BrokerMode::Foreign, BrokerMode::Foreign);
+            Ok(of(Arc::new(ZeroMqSection::start_with(&config)?)))
+        }
+        yarp::NAME => {
+            let mut config = endpoints.yarp.config(largest, &endpoints.hosts)?;
+            config.embedded = false;
+            Ok(of(Arc::new(YarpSection::start_with(&config, false)?)))
+        }
+        ros1::NAME => {
+            let mut config = endpoints.ros.config(&endpoints.hosts)?;
+            // The name of the bridge's node would end that node.
+            config.node = None;
+            let ros1 = Arc::new(Ros1Section::start_with(&config)?);
+            let middleware = Arc::clone(&ros1) as Arc<dyn Middleware>;
+            Ok(Observer { ros1: Some(ros1), ..of(middleware) })
+        }
+        "ros2" => {
+            let node = Node::hidden().map_err(Failure::usage)?;
+            let ros2 = endpoints.ros2.start(&node, largest)?;
+            let graph = Some(Arc::clone(ros2.graph()));
+            Ok(Observer { graph, ..of(Arc::new(ros2)) })
+        }
+        other => Err(Failure::Usage(format!(
+            "middleware {other:?} is not available; available: {}",
+            super::Middlewares::names().join(", ")
+        ))),
+    }
+}
+
+/// ROS 2 that only looks, in another domain, or as far as multicast reaches.
+///
+/// # Errors
+/// As [`observer`].
+pub fn ros2_elsewhere(section: &Ros2Section, domain_id: u32, wide: bool) -> Result<Ros2, Failure> {
+    let node = Node::hidden().map_err(Failure::usage)?;
+    let section = Ros2Section { domain_id: Some(domain_id), ..section.clone() };
+    section.start_looking(&node, wide)
+}

@@ -1,0 +1,57 @@
+//! Questions to a bridge that runs elsewhere on the graph.
+
+use std::time::Duration;
+
+use wrapyfi_core::endpoint::{CallError, Client, Context, Middleware as _, Request, ServiceSpec};
+use wrapyfi_core::middleware::ros2::Ros2;
+use wrapyfi_core::types::{Map, Payload, ServiceKind};
+use wrapyfi_interfaces::Message;
+use wrapyfi_interfaces::store::TypeStore;
+
+use crate::exit::Failure;
+
+/// Most bytes of a reply that are read.
+const MAX_BYTES: usize = 16 << 20;
+
+/// A service of a bridge's node, to be asked again and again.
+pub struct Asker<R> {
+    client: Box<dyn Client>,
+    service: String,
+    reply: std::marker::PhantomData<R>,
+}
+
+impl<R: Message> Asker<R> {
+    /// Opens a client for a service (`explain`, `list_routes`) of the bridge whose node has this name.
+    ///
+    /// # Errors
+    /// Exit code 2 when the name is none of a node.
+    pub fn open(ros2: &Ros2, node: &str, service: &str) -> Result<Self, Failure> {
+        let type_name = R::ROS_TYPE.trim_end_matches("_Response");
+        let kind = ServiceKind::resolve(type_name, &mut TypeStore::generated());
+        let kind = kind.map_err(Failure::usage)?;
+        let service = format!("/{}/{service}", node.trim_matches('/'));
+        let spec = ServiceSpec::new(&service, kind);
+        let client = ros2.open_client(&spec, &Context::default()).map_err(Failure::usage)?;
+        Ok(Self { client, service, reply: std::marker::PhantomData })
+    }
+
+    /// Asks, and waits for the answer.
+    ///
+    /// # Errors
+    /// Exit code 3 when there is none in time, 1 when it is none that can be read.
+    pub fn ask(&mut self, fields: Map, timeout: Duration) -> Result<R, Failure> {
+        let request = Request::default().with(fields);
+        let reply = self.client.call(&request, timeout).map_err(|error| match error {
+            CallError::TimedOut { .. } => Failure::TimedOut(format!(
+                "{error}; `wrapyfi list ros2` shows what there is: a bridge has a service of this name"
+            )),
+            other => Failure::Failed(anyhow::Error::new(other)),
+        })?;
+        match &reply.payload {
+            Payload::RosMessage(message) => R::decode(&message.cdr, MAX_BYTES).map_err(|error| {
+                Failure::Failed(anyhow::Error::new(error).context(self.service.clone()))
+            }),
+            _ => Err(Failure::Failed(anyhow::anyhow!("{} answered otherwise", self.service))),
+        }
+    }
+}

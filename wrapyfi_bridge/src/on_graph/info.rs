@@ -1,0 +1,116 @@
+//! Statuses and verdicts as messages of `wrapyfi_msgs`, and back.
+
+use wrapyfi_core::endpoint::{CountersSnapshot, DropReason};
+use wrapyfi_core::engine::RouteStatus;
+use wrapyfi_core::types::MessageType;
+use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
+use wrapyfi_interfaces::wrapyfi_msgs::srv::Explain_Response;
+
+use crate::why::Verdict;
+
+/// State and counters of a route as a message.
+#[must_use]
+pub fn of(status: &RouteStatus) -> RouteInfo {
+    let CountersSnapshot { received, sent, sent_bytes, drops, latency, .. } = &status.counters;
+    // What was lost before it arrived never arrived.
+    let arrived = drops.iter().filter(|(reason, _)| *reason != DropReason::LostUpstream);
+    let gone = arrived.map(|(_, count)| count).sum::<u64>().saturating_add(*sent);
+    RouteInfo {
+        key: status.name.clone(),
+        source: status.from.clone(),
+        destination: status.to.clone(),
+        type_name: match status.message_type.parse::<MessageType>() {
+            Ok(known) => known.ros_type().to_owned(),
+            Err(_) => status.message_type.to_owned(),
+        },
+        state: status.state.word().to_owned(),
+        reason: status.state.reason().unwrap_or_default().to_owned(),
+        received: *received,
+        sent: *sent,
+        sent_bytes: *sent_bytes,
+        dropped: status.counters.dropped(),
+        drop_reasons: drops.iter().map(|(reason, _)| reason.to_string()).collect(),
+        drop_counts: drops.iter().map(|(_, count)| *count).collect(),
+        queued: received.saturating_sub(gone),
+        latency_p50_us: latency.p50_us,
+        latency_p99_us: latency.p99_us,
+    }
+}
+
+/// A verdict as the reply of `~/explain`, with the routes that it is about.
+#[must_use]
+pub fn explained(verdict: &Verdict, routes: &[RouteStatus]) -> Explain_Response {
+    let mut reply = Explain_Response {
+        known: true,
+        way: verdict.way.clone(),
+        passed: verdict.passed.clone(),
+        routes: routes.iter().map(of).collect(),
+        ..Explain_Response::default()
+    };
+    if let Some(finding) = &verdict.finding {
+        reply.cause = finding.cause.to_string();
+        reply.what.clone_from(&finding.what);
+        reply.who.clone_from(&finding.who);
+        reply.remedy.clone_from(&finding.remedy);
+    }
+    reply
+}
+
+#[cfg(test)]
+mod tests {
+    use wrapyfi_core::engine::RouteState;
+
+    use super::*;
+    use crate::why::{Cause, Finding};
+
+    fn status() -> RouteStatus {
+        RouteStatus {
+            name: "talk".to_owned(),
+            from: "ros2:/a".to_owned(),
+            to: "zeromq:/a".to_owned(),
+            message_type: "Text",
+            state: RouteState::Degraded("queue full".to_owned()),
+            from_qos: None,
+            to_qos: None,
+            counters: CountersSnapshot {
+                received: 10,
+                sent: 4,
+                sent_bytes: 40,
+                drops: vec![(DropReason::QueueFull, 3), (DropReason::LostUpstream, 7)],
+                ..CountersSnapshot::default()
+            },
+            panics: 0,
+            pattern: None,
+        }
+    }
+
+    #[test]
+    fn what_is_neither_sent_nor_dropped_is_queued() {
+        let info = of(&status());
+        assert_eq!((info.dropped, info.queued), (10, 3));
+        assert_eq!(info.type_name, "std_msgs/msg/String");
+        assert_eq!(info.drop_reasons, ["queue_full", "lost_upstream"]);
+        assert_eq!(info.drop_counts, [3, 7]);
+        assert_eq!((info.state.as_str(), info.reason.as_str()), ("degraded", "queue full"));
+    }
+
+    #[test]
+    fn a_verdict_is_told_in_full() {
+        let finding = Finding {
+            cause: Cause::NobodyPublishes,
+            what: "nobody publishes ros2:/a".to_owned(),
+            who: "a node".to_owned(),
+            remedy: "start it".to_owned(),
+        };
+        let verdict = Verdict {
+            way: "talk".to_owned(),
+            passed: vec!["x".to_owned()],
+            finding: Some(finding),
+        };
+        let reply = explained(&verdict, &[status()]);
+        assert!(reply.known);
+        assert_eq!(reply.cause, "nobody_publishes");
+        assert_eq!(reply.remedy, "start it");
+        assert_eq!(reply.routes.len(), 1);
+    }
+}

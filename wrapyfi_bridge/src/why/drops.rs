@@ -1,0 +1,54 @@
+//! Reasons of drops in words, and what mends them.
+
+use wrapyfi_core::endpoint::DropReason;
+
+/// True where nobody misses what is dropped for the reason.
+pub(super) fn is_harmless(reason: DropReason) -> bool {
+    use DropReason::{Closed, Duplicate, NoConsumer, OwnPublication, RateLimit, WrongTopic};
+    matches!(reason, Closed | Duplicate | NoConsumer | OwnPublication | RateLimit | WrongTopic)
+}
+
+/// Meaning of a reason, to follow "because".
+pub(super) fn meaning(reason: DropReason) -> &'static str {
+    use DropReason as R;
+    match reason {
+        R::QueueFull | R::BlockDeadline => "the destination is slower than the source",
+        R::SendQueueFull | R::SendFailed => "the transport did not take them",
+        R::Stalled => "a program that was to get them reads too slowly",
+        R::ConnectionLost => "a program that was to get them left before",
+        R::Malformed => "their bytes are no message of the route's type",
+        R::Mismatch => "they are of another kind, channel count or encoding than the route's",
+        R::Oversize => "they are larger than max_message_mib",
+        R::Nesting => "lists in them are nested too deep",
+        R::Unencodable => "their values have no form at the destination",
+        R::OverBudget => "as much waits in the process as may",
+        R::Refused => "a node did not set a parameter",
+        R::LostUpstream => "DDS lost them before they reached the bridge",
+        R::Late | R::Expired => "calls were not answered in time",
+        R::Overloaded => "too many calls are under way at once",
+        _ => "nobody wanted them",
+    }
+}
+
+/// Command or line that mends it.
+pub(super) fn mends(reason: DropReason) -> &'static str {
+    use DropReason as R;
+    match reason {
+        R::QueueFull | R::BlockDeadline => {
+            "`queue_depth: 100` on the route, or `max_rate_hz`, or `overflow: { block_ms: 100 }`, which \
+             slows the source down"
+        }
+        R::SendQueueFull | R::SendFailed => "a greater `depth` of `qos`, or a faster subscriber",
+        R::Stalled | R::ConnectionLost => "look at that program",
+        R::Malformed => "the type of the route; the log names the field",
+        R::Mismatch => "`type` or `encoding` on the route",
+        R::Oversize => "`max_message_mib` on the route",
+        R::OverBudget => "`limits: { waiting_mib: 2048 }`, or shorter queues",
+        R::LostUpstream => {
+            "sysctl -w net.core.rmem_max=4194304, or a greater depth of the publisher"
+        }
+        R::Late | R::Expired => "`timeout_ms` on the route, or a faster server",
+        R::Overloaded => "fewer calls at once",
+        _ => "the log of the bridge names the message",
+    }
+}

@@ -1,0 +1,739 @@
+//! Walk along a way: what is in place, and the first thing that is missing. Pure.
+//!
+//! ```text
+//!   route: definition, pattern ─▶ source: server, somebody there, address, type, mapping, quality of service
+//!       ─▶ route: heard, run by a bridge ─▶ destination: the same ─▶ messages come
+//! ```
+
+use wrapyfi_core::endpoint::{
+    AnnouncedQos, CountersSnapshot, Discovered, Qos, QosPolicy, Role, Traffic, mismatches,
+};
+use wrapyfi_core::engine::{LeftOut, RouteState};
+use wrapyfi_core::middleware::ros2::remedy;
+
+use super::door::{Answer, Knock};
+use super::drops::{is_harmless, meaning, mends};
+use super::names::nearest;
+use super::{Cause, Elsewhere, End, Finding, Graph, Registered, RouteFacts, Verdict, Way};
+use crate::middlewares::Server;
+
+/// Steps of a walk: what is in place, until something is not.
+struct Walk<'w> {
+    way: &'w Way,
+    passed: Vec<String>,
+}
+
+type Step = Result<(), Finding>;
+
+/// Walks along the way.
+#[must_use]
+pub fn judge(way: &Way) -> Verdict {
+    let mut walk = Walk { way, passed: way.known.clone() };
+    let finding = walk.walk().err();
+    Verdict { way: way.title.clone(), passed: walk.passed, finding }
+}
+
+fn finding(
+    cause: Cause,
+    what: String,
+    who: impl Into<String>,
+    remedy: impl Into<String>,
+) -> Finding {
+    Finding { cause, what, who: who.into(), remedy: remedy.into() }
+}
+
+impl Walk<'_> {
+    fn walk(&mut self) -> Step {
+        let way = self.way;
+        if let Some(route) = &way.route {
+            of_file(route)?;
+        }
+        self.broken()?;
+        let Some(source) = &way.source else { return Ok(()) };
+        let (provider, taker) = match way.is_service {
+            false => (Role::Publisher, Role::Listener),
+            true => (Role::Server, Role::Client),
+        };
+        self.side(source)?;
+        self.somebody(source, provider)?;
+        self.reached(source, provider)?;
+        self.types(source, provider)?;
+        self.mapping(source)?;
+        self.definition(source)?;
+        self.quality(source, provider)?;
+        match &way.destination {
+            None if source.names.is_some() => {}
+            None => {
+                self.among_themselves(source, provider, taker)?;
+                if !way.is_service {
+                    self.somebody(source, taker)?;
+                    self.messages(source)?;
+                }
+            }
+            Some(destination) => {
+                self.bridge(source, destination)?;
+                self.side(destination)?;
+                if !way.is_service {
+                    self.somebody(destination, taker)?;
+                    self.reached(destination, taker)?;
+                    self.types(destination, taker)?;
+                    self.quality(destination, taker)?;
+                    self.state()?;
+                    self.messages(source)?;
+                } else {
+                    self.state()?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn pass(&mut self, what: impl Into<String>) {
+        let what = what.into();
+        if !self.passed.contains(&what) {
+            self.passed.push(what);
+        }
+    }
+
+    /// The servers of a side, and the side itself.
+    fn side(&mut self, end: &End) -> Step {
+        for knock in &end.doors {
+            opened(knock, self.way.route.as_ref())?;
+            self.pass(format!("{} answers", knock.words()));
+        }
+        if let Some(graph) = &end.graph {
+            let Graph { domain_id, carried_by, .. } = graph;
+            self.pass(format!("ROS 2 in domain {domain_id}, on {carried_by}"));
+        }
+        let Some(away) = &end.away else { return Ok(()) };
+        let middleware = &end.address.middleware;
+        let remedy = match end.doors.first() {
+            Some(knock) => format!(
+                "look what runs on port {} of {}; it has to be a {}",
+                knock.door.port,
+                knock.door.host,
+                super::door::name(knock.door.server)
+            ),
+            None => "see the reason; `wrapyfi list` shows the same".to_owned(),
+        };
+        let who = format!("the settings of {middleware}, or its server");
+        Err(finding(Cause::Middleware, format!("{middleware} does not work: {away}"), who, remedy))
+    }
+
+    /// Somebody in a role at an end.
+    fn somebody(&mut self, end: &End, role: Role) -> Step {
+        let address = &end.address;
+        match end.names {
+            None => {}
+            Some(0) => {
+                let what = format!("no name matches {address}");
+                let who = provider(end, role);
+                let remedy = format!(
+                    "start it, or change the pattern; `wrapyfi list {}` shows what there is",
+                    address.middleware
+                );
+                return Err(finding(cause_of_nobody(role), what, who, remedy));
+            }
+            Some(names) => {
+                self.pass(format!("{names} names match {address}"));
+                return Ok(());
+            }
+        }
+        let there: Vec<&Discovered> = end.of(role).collect();
+        let nobody = nobody(end, role);
+        // Where it publishes itself, a bridge is one of them, and hears the others only.
+        let unheard = self.way.route.as_ref().and_then(|route| route.unheard.as_ref());
+        let unheard = unheard.filter(|_| {
+            role == Role::Publisher && there.iter().map(|one| one.count.max(1)).sum::<u64>() <= 1
+        });
+        if let Some(unheard) = unheard {
+            let (cause, what) = match unheard.circle.is_empty() {
+                true => (
+                    Cause::OwnPublication,
+                    format!("{nobody} but this bridge, which ignores its own publications"),
+                ),
+                false => (
+                    Cause::Cycle,
+                    format!(
+                        "the routes of the file make a circle: {}",
+                        unheard.circle.join(" -> ")
+                    ),
+                ),
+            };
+            let who = "a program that is no route of this bridge";
+            return Err(finding(cause, what, who, unheard.text.clone()));
+        }
+        if !there.is_empty() {
+            self.pass(format!("{address} has {}", people(&there, role)));
+            return Ok(());
+        }
+        // Services of ZeroMQ have no names: whoever answers at the broker is one.
+        if self.way.is_service && address.middleware == "zeromq" {
+            return Ok(());
+        }
+        if let Some(found) = same_name_differently(end, role) {
+            return Err(found);
+        }
+        if let Some(Elsewhere { place, remedy, endpoint }) = end.elsewhere.first() {
+            let cause = match place.starts_with("domain") {
+                true => Cause::OtherDomain,
+                false => Cause::DiscoveryRange,
+            };
+            let here = end
+                .graph
+                .as_ref()
+                .map_or(String::new(), |graph| format!(" (domain {})", graph.domain_id));
+            let what = format!(
+                "{nobody} here{here}; in {place} there is {}",
+                people(&[endpoint], endpoint.role)
+            );
+            return Err(finding(cause, what, owner(endpoint), remedy.clone()));
+        }
+        if let Some(Graph { range: range @ ("OFF" | "LOCALHOST"), range_setting, .. }) = &end.graph
+        {
+            let sees = if *range == "OFF" { "nobody but itself" } else { "this machine only" };
+            let what = format!("{nobody}, and this program sees {sees} ({range_setting})");
+            let who = format!("{}, or one on another machine", provider(end, role));
+            let remedy = format!(
+                "{}; or export ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET at both ends",
+                example(end, role)
+            );
+            // A program on this machine would have been seen.
+            let cause = match *range {
+                "OFF" => Cause::DiscoveryRange,
+                _ => cause_of_nobody(role),
+            };
+            return Err(finding(cause, what, who, remedy));
+        }
+        Err(finding(cause_of_nobody(role), nobody, provider(end, role), example(end, role)))
+    }
+
+    /// Addresses of those who are there.
+    fn reached(&mut self, end: &End, role: Role) -> Step {
+        let registered: Vec<_> = end.registered.iter().filter(|one| one.role == role).collect();
+        for one in &registered {
+            reachable(end, one)?;
+        }
+        if let Some(Registered { host, port, .. }) = registered.first() {
+            self.pass(format!("{host}:{port} answers"));
+        }
+        Ok(())
+    }
+
+    /// Types of those who are there.
+    fn types(&mut self, end: &End, role: Role) -> Step {
+        let Some(wanted) = &end.type_name else { return Ok(()) };
+        let told: Vec<&Discovered> = end.of(role).filter(|one| one.type_name.is_some()).collect();
+        let Some(first) = told.first() else { return Ok(()) };
+        let same = |one: &&Discovered| {
+            one.type_name.as_deref().is_none_or(|theirs| is_same_type(theirs, wanted))
+        };
+        if told.iter().any(|one| same(one)) {
+            self.pass(format!("its type is {wanted}"));
+            return Ok(());
+        }
+        let theirs = first.type_name.as_deref().unwrap_or_default();
+        let verb = if role == Role::Listener { "wants" } else { "has" };
+        let what = format!(
+            "{} on {} {verb} type {theirs}, the route has {wanted}",
+            owner(first),
+            end.address
+        );
+        let file =
+            self.way.route.as_ref().map_or(String::new(), |route| format!(" in {}", route.file));
+        let remedy =
+            format!("write `type: {theirs}` on the route{file}, or make it {wanted} there");
+        Err(finding(Cause::Type, what, "the route, or that program", remedy))
+    }
+
+    /// Mapping of services to DDS.
+    fn mapping(&mut self, end: &End) -> Step {
+        let Some((theirs, ours)) = end.foreign.filter(|(theirs, ours)| theirs != ours) else {
+            return Ok(());
+        };
+        let server = end.of(Role::Server).next();
+        let what = format!(
+            "{} speaks {}, and services are mapped in the way of {} here: requests of one are not \
+             understood by the other",
+            server.map_or_else(|| format!("the server of {}", end.address), owner),
+            theirs.rmw(),
+            ours.rmw()
+        );
+        let remedy = format!(
+            "export RMW_IMPLEMENTATION={} where the bridge starts (or {} where the server does)",
+            theirs.rmw(),
+            ours.rmw()
+        );
+        Err(finding(Cause::ServiceMapping, what, "either end", remedy))
+    }
+
+    /// Definition of a type that the source announces.
+    fn definition(&mut self, end: &End) -> Step {
+        let Some((type_name, reason)) = &end.undefined else { return Ok(()) };
+        Err(undefined(type_name, reason))
+    }
+
+    /// Quality of service of those who are there, against that of the route.
+    fn quality(&mut self, end: &End, role: Role) -> Step {
+        let Some(own) = &end.qos else { return Ok(()) };
+        let awaits_publisher = role == Role::Publisher;
+        let told: Vec<_> = end.of(role).filter_map(|one| Some((one, one.qos?))).collect();
+        let unmet = |theirs: &AnnouncedQos| match awaits_publisher {
+            true => mismatches(theirs, &AnnouncedQos::from(*own)),
+            false => mismatches(&AnnouncedQos::from(*own), theirs),
+        };
+        if told.is_empty() || told.iter().any(|(_, qos)| unmet(qos).is_empty()) {
+            if !told.is_empty() {
+                self.pass("its quality of service fits");
+            }
+            return Ok(());
+        }
+        let Some((one, theirs)) = told.first() else { return Ok(()) };
+        let Some(policy) = unmet(theirs).first().copied() else { return Ok(()) };
+        let (verb, verb_ours) =
+            if awaits_publisher { ("offers", "asks for") } else { ("asks for", "offers") };
+        let what = format!(
+            "{} of {} {verb} {}, the route {verb_ours} {}",
+            owner(one),
+            end.address,
+            policy.value(theirs),
+            policy.value(&AnnouncedQos::from(*own))
+        );
+        let remedy =
+            format!("leave out `qos` on the route, or {}", remedy(policy, awaits_publisher, own));
+        Err(finding(Cause::Qos, what, "the route, or that program", remedy))
+    }
+
+    /// Types and quality of service of the programs at one endpoint.
+    fn among_themselves(&mut self, end: &End, provider: Role, taker: Role) -> Step {
+        let (providers, takers): (Vec<_>, Vec<_>) =
+            (end.of(provider).collect(), end.of(taker).collect());
+        let pairs =
+            || providers.iter().flat_map(|one| takers.iter().map(move |other| (*one, *other)));
+        if pairs().next().is_none() {
+            return Ok(());
+        }
+        let Some(first) = pairs().find(|(one, other)| !types_differ(one, other)) else {
+            let Some((one, other)) = pairs().next() else { return Ok(()) };
+            let name = |one: &Discovered| one.type_name.clone().unwrap_or_default();
+            let what = format!(
+                "{} has type {}, {} wants {}",
+                owner(one),
+                name(one),
+                owner(other),
+                name(other)
+            );
+            let remedy = "give both the same type, or one of them another name".to_owned();
+            return Err(finding(Cause::Type, what, "either program", remedy));
+        };
+        let unmet = |one: &Discovered, other: &Discovered| match (one.qos, other.qos) {
+            (Some(offered), Some(asked)) => mismatches(&offered, &asked),
+            _ => Vec::new(),
+        };
+        let fits =
+            pairs().any(|(one, other)| !types_differ(one, other) && unmet(one, other).is_empty());
+        if fits {
+            self.pass("type and quality of service fit");
+            return Ok(());
+        }
+        let (one, other) = first;
+        let (Some(offered), Some(asked)) = (one.qos, other.qos) else { return Ok(()) };
+        let Some(policy) = mismatches(&offered, &asked).first().copied() else { return Ok(()) };
+        let what = format!(
+            "{} offers {}, {} asks for {}",
+            owner(one),
+            policy.value(&offered),
+            owner(other),
+            policy.value(&asked)
+        );
+        Err(finding(Cause::Qos, what, "either program", between(policy, &offered, &asked)))
+    }
+
+    /// A bridge that runs the route.
+    fn bridge(&mut self, source: &End, destination: &End) -> Step {
+        if let Some(running) = &self.way.running {
+            let CountersSnapshot { received, sent, .. } = running.counters;
+            self.pass(format!("a bridge runs the route: {received} in, {sent} out"));
+            return Ok(());
+        }
+        let Some(route) = &self.way.route else { return Ok(()) };
+        let (at_source, at_destination) = match self.way.is_service {
+            false => (Role::Listener, Role::Publisher),
+            true => (Role::Client, Role::Server),
+        };
+        let tells = |end: &End| end.address.middleware != "zeromq";
+        let seen = source.of(at_source).next().is_some()
+            || destination.of(at_destination).next().is_some()
+            || !destination.doors.iter().all(|knock| knock.answer == Answer::Open)
+            || (!tells(source) && !tells(destination));
+        if seen {
+            return Ok(());
+        }
+        let what = format!(
+            "no bridge runs the route: nobody listens to {} for it, and nobody has {} at the other end",
+            source.address, destination.address
+        );
+        let remedy = format!("wrapyfi bridge --config {}", route.file);
+        Err(finding(Cause::NoBridge, what, "a bridge", remedy))
+    }
+
+    /// A route that cannot work as configured, whatever is there.
+    fn broken(&self) -> Step {
+        match self.way.running.as_ref().map(|running| &running.state) {
+            Some(RouteState::Error(reason)) => {
+                let what = format!("the route is in state error: {reason}");
+                let remedy = "change what the reason names; the bridge turns to the changed file";
+                Err(finding(Cause::State, what, "the configuration", remedy))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// State of a route in a bridge, and the messages that it drops.
+    fn state(&self) -> Step {
+        let Some(running) = &self.way.running else { return Ok(()) };
+        let counters = &running.counters;
+        let drops = counters.drops.iter().filter(|(reason, _)| !is_harmless(*reason));
+        let most = drops.clone().max_by_key(|(_, count)| *count);
+        match (&running.state, most) {
+            (RouteState::Waiting(reason), _) => {
+                let what = format!("the route waits for {reason}");
+                let remedy = "provide it; the route begins by itself";
+                Err(finding(Cause::State, what, "see the reason", remedy))
+            }
+            (RouteState::Degraded(_), Some((most, _))) => {
+                let all: Vec<_> =
+                    drops.map(|(reason, count)| format!("{count} {reason}")).collect();
+                let what = format!(
+                    "messages are dropped: {} of {} that came ({}); mostly because {}",
+                    counters.dropped(),
+                    counters.received,
+                    all.join(", "),
+                    meaning(*most)
+                );
+                Err(finding(
+                    Cause::Drops,
+                    what,
+                    "the route, or the program at its end",
+                    mends(*most),
+                ))
+            }
+            (RouteState::Degraded(reason), None) => {
+                let what = format!("the route is degraded: {reason}");
+                Err(finding(Cause::State, what, "see the reason", "remove what the reason names"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Messages that come.
+    fn messages(&mut self, source: &End) -> Step {
+        if source.heard > 0 {
+            self.pass(format!("{} messages came while we listened", source.heard));
+        }
+        let Some(time) = source.silent.filter(|_| source.heard == 0) else { return Ok(()) };
+        let publisher = source.of(Role::Publisher).next();
+        let what = format!(
+            "everything is in place, and no message came on {} within {} ms: the connection is open and \
+             idle",
+            source.address,
+            time.as_millis()
+        );
+        let who = publisher.map_or_else(|| "its publisher".to_owned(), owner);
+        let remedy =
+            format!("look at that program; `wrapyfi echo {}` shows what comes", source.address);
+        Err(finding(Cause::Idle, what, who, remedy))
+    }
+}
+
+/// What the file alone says about the route.
+fn of_file(route: &RouteFacts) -> Step {
+    if let Some((type_name, reason)) = &route.undefined {
+        return Err(undefined(type_name, reason));
+    }
+    let (name, file) = (&route.name, &route.file);
+    if let Some((topic, why)) = &route.left_out {
+        let (what, remedy) = match why {
+            LeftOut::Denied(entry) => (
+                format!("{topic} is left out by deny: {entry:?} of {name}"),
+                format!("take {entry:?} out of `deny` in {file}, or write a route for {topic}"),
+            ),
+            LeftOut::NotAllowed => (
+                format!("{topic} is left out of {name}: no entry of allow matches it"),
+                format!("add it to `allow` in {file}"),
+            ),
+            LeftOut::ByDefault => (
+                format!("{topic} is left out of {name} by default: hidden, or of every node"),
+                format!(
+                    "write `default_deny: false` on the pattern in {file}, or a route for {topic}"
+                ),
+            ),
+        };
+        return Err(finding(Cause::LeftOut, what, "the pattern", remedy));
+    }
+    match route.limit {
+        Some((limit, names)) if names > limit => {
+            let what = format!("{names} names match {name}, and {limit} routes are its limit");
+            let remedy = format!("write `max_routes: {names}` or more on the pattern in {file}");
+            Err(finding(Cause::Limit, what, "the pattern", remedy))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn undefined(type_name: &str, reason: &str) -> Finding {
+    let package = type_name.split('/').next().unwrap_or(type_name);
+    let what = format!("nobody here has a definition of {type_name}: {reason}");
+    let who = format!("the package {package}; a ROS 1 publisher shows its own");
+    let remedy = format!(
+        "source the ROS 2 workspace that has {package} before you start (AMENT_PREFIX_PATH), or name its \
+         folder: `definitions: [DIR]` in the configuration, `--definitions DIR` of a command"
+    );
+    finding(Cause::Definition, what, who, remedy)
+}
+
+/// A server that answered, or the finding that it did not.
+fn opened(knock: &Knock, route: Option<&RouteFacts>) -> Step {
+    let server = knock.door.server;
+    let (words, host, port) = (knock.words(), &knock.door.host, knock.door.port);
+    let bridge = route.map(|route| format!("wrapyfi bridge --config {}", route.file));
+    let here = match server {
+        Server::Broker | Server::ServiceBroker => "wrapyfi broker",
+        Server::NameServer => "wrapyfi yarpserver (or yarpserver)",
+        Server::Master => "roscore",
+    };
+    match &knock.answer {
+        Answer::Open => Ok(()),
+        Answer::Unresolved(reason) => {
+            let what = format!("{words}: {reason}");
+            let remedy =
+                format!("`hosts: {{ {host}: ADDRESS }}` in the configuration, or /etc/hosts");
+            let who = "whoever knows the machine's address";
+            Err(finding(Cause::UnresolvedHost, what, who, remedy))
+        }
+        Answer::Refused if knock.is_here => {
+            let what =
+                format!("{words} does not answer: nothing listens on port {port} of this machine");
+            let remedy = match (bridge, knock.door.is_own) {
+                (Some(bridge), true) => {
+                    format!("{bridge}    # it runs the server itself; or {here}")
+                }
+                _ => match server {
+                    Server::Master => format!("{here}    # or set ROS_MASTER_URI to where it runs"),
+                    _ => here.to_owned(),
+                },
+            };
+            Err(finding(
+                Cause::ServerAway,
+                what,
+                format!("a {}", super::door::name(server)),
+                remedy,
+            ))
+        }
+        Answer::Refused => {
+            let what = format!(
+                "{words} does not answer: that machine does, and nothing listens on port {port} of its \
+                 address {host}: it is not started, or listens on 127.0.0.1 of that machine alone"
+            );
+            let remedy = match server {
+                Server::Broker | Server::ServiceBroker => format!(
+                    "on {host}: wrapyfi broker --ip {host} --insecure    # Wrapyfi's own: \
+                     WRAPYFI_ZEROMQ_SOCKET_IP={host}"
+                ),
+                Server::NameServer => {
+                    format!("on {host}: wrapyfi yarpserver --ip {host} --insecure (or yarpserver)")
+                }
+                Server::Master => format!("on {host}: ROS_IP={host} roscore"),
+            };
+            Err(finding(Cause::LoopbackElsewhere, what, format!("a program on {host}"), remedy))
+        }
+        Answer::Silent | Answer::NoWay(_) => {
+            let why = match &knock.answer {
+                Answer::NoWay(why) => why.clone(),
+                _ => "nothing comes back: the machine is off, or a firewall is between".to_owned(),
+            };
+            let what = format!("{words} does not answer: {why}");
+            let remedy = format!("ping {host}; open port {port} there");
+            Err(finding(Cause::ServerAway, what, format!("the machine {host}"), remedy))
+        }
+    }
+}
+
+/// An address at which somebody can be reached, or the finding that nobody can.
+fn reachable(end: &End, one: &Registered) -> Step {
+    let Registered { who, host, port, is_told_afar, answer, .. } = one;
+    let address = &end.address;
+    let is_yarp = address.middleware == "yarp";
+    let variable = if is_yarp { "YARP_IP" } else { "ROS_IP" };
+    let is_loopback =
+        host == "localhost" || host.parse::<std::net::IpAddr>().is_ok_and(|ip| ip.is_loopback());
+    if *is_told_afar && is_loopback {
+        let what = format!(
+            "{who} has registered {address} at {host}:{port}, an address of its own machine alone"
+        );
+        let remedy = format!("export {variable}=ADDRESS where {who} runs, and start it again");
+        return Err(finding(Cause::LoopbackAddress, what, who.clone(), remedy));
+    }
+    match answer {
+        Answer::Open => Ok(()),
+        Answer::Unresolved(reason) => {
+            let what = format!("{who} has registered {address} at {host}:{port}: {reason}");
+            let remedy = format!(
+                "`hosts: {{ {host}: ADDRESS }}` in the configuration, /etc/hosts, or export \
+                 {variable}=ADDRESS where {who} runs"
+            );
+            Err(finding(Cause::UnresolvedHost, what, who.clone(), remedy))
+        }
+        Answer::Refused => {
+            let what = format!(
+                "{who} has registered {address} at {host}:{port}, and nothing listens there: it was \
+                 killed, and its name remains"
+            );
+            let clean = match is_yarp {
+                true => "yarp clean",
+                false => "rosnode cleanup",
+            };
+            let remedy = format!("start {who} again; `{clean}` takes the name away");
+            Err(finding(Cause::PeerUnreachable, what, who.clone(), remedy))
+        }
+        Answer::Silent | Answer::NoWay(_) => {
+            let what = format!(
+                "{who} has registered {address} at {host}:{port}, which cannot be reached from here: a \
+                 firewall is between, or it is an address of another network"
+            );
+            let remedy = format!(
+                "ping {host}; open the port; or export {variable}=ADDRESS where {who} runs"
+            );
+            Err(finding(Cause::PeerUnreachable, what, who.clone(), remedy))
+        }
+    }
+}
+
+fn cause_of_nobody(role: Role) -> Cause {
+    match role {
+        Role::Publisher => Cause::NobodyPublishes,
+        Role::Server => Cause::NobodyOffers,
+        Role::Listener | Role::Client => Cause::NobodyListens,
+    }
+}
+
+/// A name that exists, and is nearly the one that is looked for.
+fn same_name_differently(end: &End, role: Role) -> Option<Finding> {
+    let address = &end.address;
+    let of_role = || end.found.iter().filter(|one| one.role == role);
+    let (name, kinship) = nearest(&address.name, of_role().map(|one| one.name.as_str()))?;
+    let one = of_role().find(|one| one.name == name)?;
+    let what = format!(
+        "{}; {}:{name} has {}: the name differs by {}",
+        nobody(end, role),
+        address.middleware,
+        people(&[one], role),
+        kinship.words()
+    );
+    let middleware = &address.middleware;
+    let remedy = format!(
+        "write {middleware}:{name} instead of {address}, or give it the name {} there",
+        address.name
+    );
+    Some(finding(Cause::OtherName, what, owner(one), remedy))
+}
+
+fn nobody(end: &End, role: Role) -> String {
+    let address = &end.address;
+    match role {
+        // A silent publisher does not show.
+        Role::Publisher if address.middleware == "zeromq" => {
+            format!("no message has passed on {address}, so nobody publishes it, or is silent")
+        }
+        Role::Publisher => format!("nobody publishes {address}"),
+        Role::Server => format!("nobody offers {address}"),
+        Role::Listener => format!("nobody listens to {address}"),
+        Role::Client => format!("nobody calls {address}"),
+    }
+}
+
+/// Program that could be in a role at an end, in words.
+fn provider(end: &End, role: Role) -> String {
+    let side = match end.address.middleware.as_str() {
+        "ros2" => "a ROS 2 node",
+        "ros" => "a ROS 1 node",
+        "yarp" => "a program with a YARP port",
+        _ => "a Wrapyfi script, or another program on ZeroMQ",
+    };
+    match role {
+        Role::Publisher => format!("{side} that publishes it"),
+        Role::Server => format!("{side} that offers it"),
+        Role::Listener => format!("{side} that subscribes to it"),
+        Role::Client => format!("{side} that calls it"),
+    }
+}
+
+/// Command that stands in for whoever is missing.
+fn example(end: &End, role: Role) -> String {
+    let End { address, type_name, .. } = end;
+    let given = type_name.as_deref().unwrap_or("TYPE");
+    match role {
+        Role::Publisher => {
+            format!("start it; to try: wrapyfi pub {address} --type {given} --value '…'")
+        }
+        Role::Server => {
+            format!("start it; to try: wrapyfi serve {address} --type {given} --value '…'")
+        }
+        Role::Listener => format!("start it; to try: wrapyfi echo {address} --type {given}"),
+        Role::Client => format!("start it; to try: wrapyfi call {address}"),
+    }
+}
+
+/// Endpoint's node, or what stands for it.
+fn owner(one: &Discovered) -> String {
+    match &one.node {
+        Some(node) => node.clone(),
+        None => format!("an unnamed {}", one.role),
+    }
+}
+
+/// Endpoints in words: `2 publishers (/talker, …)`.
+fn people(all: &[&Discovered], role: Role) -> String {
+    let count: u64 = all.iter().map(|one| one.count.max(1)).sum();
+    let plural = if count == 1 { "" } else { "s" };
+    let node = all.iter().find_map(|one| one.node.as_deref());
+    let messages = all.iter().find_map(|one| one.traffic).map(|Traffic { messages, .. }| messages);
+    let more = match (node, messages) {
+        (Some(node), _) if all.len() == 1 => format!(" ({node})"),
+        (Some(node), _) => format!(" ({node}, …)"),
+        (None, Some(messages)) => format!(" ({messages} messages so far)"),
+        (None, None) => String::new(),
+    };
+    format!("{count} {role}{plural}{more}")
+}
+
+/// True when two endpoints have types that are surely not the same.
+fn types_differ(one: &Discovered, other: &Discovered) -> bool {
+    match (&one.type_name, &other.type_name) {
+        (Some(one), Some(other)) => !is_same_type(one, other),
+        _ => false,
+    }
+}
+
+/// True when both name one type: ROS 1 writes `std_msgs/String`, ROS 2 `std_msgs/msg/String`; a bridge
+/// between them may change the package, but never the name.
+fn is_same_type(one: &str, other: &str) -> bool {
+    let is_short = |name: &str| name.matches('/').count() == 1;
+    if is_short(one) != is_short(other) && one.contains('/') && other.contains('/') {
+        return one.rsplit('/').next() == other.rsplit('/').next();
+    }
+    one == other
+}
+
+/// Remedy between two programs whose quality of service does not fit.
+fn between(policy: QosPolicy, offered: &AnnouncedQos, asked: &AnnouncedQos) -> String {
+    let own = |qos: &AnnouncedQos| {
+        let default = Qos::default();
+        Qos { reliability: qos.reliability, deadline: qos.deadline, lease: qos.lease, ..default }
+    };
+    format!("{}, or {}", remedy(policy, true, &own(asked)), remedy(policy, false, &own(offered)))
+}
+
+#[cfg(test)]
+#[path = "judge_tests.rs"]
+mod tests;

@@ -1,0 +1,382 @@
+use std::time::Duration;
+
+use wrapyfi_core::endpoint::{EndpointAddress, QosPreset, Reliability};
+use wrapyfi_core::middleware::ros2::graph::ServiceMapping;
+
+use super::super::Unheard;
+use super::*;
+use crate::middlewares::Door;
+
+fn address(text: &str) -> EndpointAddress {
+    text.parse().unwrap()
+}
+
+fn endpoint(name: &str, role: Role, type_name: &str, qos: QosPreset) -> Discovered {
+    Discovered {
+        type_name: Some(type_name.to_owned()),
+        qos: Some(Qos::from(qos).into()),
+        node: Some(format!("/{role}_node")),
+        ..Discovered::new(name, role)
+    }
+}
+
+const TEXT: &str = "std_msgs/msg/String";
+
+fn publisher(name: &str) -> Discovered {
+    endpoint(name, Role::Publisher, TEXT, QosPreset::Default)
+}
+
+fn listener(name: &str) -> Discovered {
+    endpoint(name, Role::Listener, TEXT, QosPreset::Default)
+}
+
+/// A route from ROS 2 to ROS 1 that lacks nothing: a bridge runs it.
+fn whole() -> Way {
+    let mut source = End::new(address("ros2:/in"));
+    source.type_name = Some(TEXT.to_owned());
+    source.graph = Some(Graph {
+        domain_id: 3,
+        range: "SUBNET",
+        range_setting: "",
+        carried_by: "CycloneDDS inside".to_owned(),
+    });
+    source.found = vec![publisher("/in"), listener("/in")];
+    (source.silent, source.heard) = (Some(Duration::from_millis(600)), 4);
+    let mut destination = End::new(address("ros:/out"));
+    destination.type_name = Some(TEXT.to_owned());
+    destination.doors = vec![master("127.0.0.1", Answer::Open, true)];
+    destination.found = vec![publisher("/out"), listener("/out")];
+    Way {
+        title: "talk".to_owned(),
+        route: Some(RouteFacts { file: "b.yaml".to_owned(), ..RouteFacts::default() }),
+        source: Some(source),
+        destination: Some(destination),
+        ..Way::default()
+    }
+}
+
+fn knock(server: Server, host: &str, answer: Answer, is_here: bool, is_own: bool) -> Knock {
+    let door = Door { server, host: host.to_owned(), port: 5555, is_own };
+    Knock { door, answer, is_here }
+}
+
+fn master(host: &str, answer: Answer, is_here: bool) -> Knock {
+    knock(Server::Master, host, answer, is_here, false)
+}
+
+fn of_source(change: impl FnOnce(&mut End)) -> Way {
+    let mut way = whole();
+    change(way.source.as_mut().unwrap());
+    way
+}
+
+fn of_destination(change: impl FnOnce(&mut End)) -> Way {
+    let mut way = whole();
+    change(way.destination.as_mut().unwrap());
+    way
+}
+
+fn of_route(change: impl FnOnce(&mut RouteFacts)) -> Way {
+    let mut way = whole();
+    change(way.route.as_mut().unwrap());
+    way
+}
+
+fn registered(role: Role, host: &str, is_told_afar: bool, answer: Answer) -> Registered {
+    let (who, host) = ("/ear".to_owned(), host.to_owned());
+    Registered { role, who, host, port: 4711, is_told_afar, answer }
+}
+
+fn elsewhere(place: &str) -> Elsewhere {
+    let remedy = "export ROS_DOMAIN_ID=4".to_owned();
+    Elsewhere { place: place.to_owned(), remedy, endpoint: publisher("/in") }
+}
+
+#[test]
+fn nothing_is_missing_where_all_is_there() {
+    let verdict = judge(&whole());
+    assert_eq!(verdict.finding, None, "{verdict}");
+    assert!(verdict.to_string().ends_with("nothing is missing"), "{verdict}");
+    assert!(
+        verdict.passed.iter().any(|step| step.contains("ros2:/in has 1 publisher")),
+        "{verdict}"
+    );
+}
+
+/// Each situation, its cause, words of what is said, words of the remedy.
+#[test]
+fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
+    let best_effort = |role| Discovered {
+        qos: Some(AnnouncedQos {
+            reliability: Reliability::BestEffort,
+            ..AnnouncedQos::from(Qos::default())
+        }),
+        ..endpoint("/in", role, TEXT, QosPreset::Default)
+    };
+    let unresolved = || Answer::Unresolved("host name \"robot\" does not resolve".to_owned());
+    let nobody = |end: &mut End| end.found.retain(|one| one.role != Role::Publisher);
+    let heard = Unheard { text: "write a route from a to c".to_owned(), circle: Vec::new() };
+    let circle = Unheard {
+        circle: vec!["ros2:/in".into(), "zeromq:/x".into(), "ros2:/in".into()],
+        ..heard.clone()
+    };
+    for (way, cause, what, remedy) in [
+        (
+            of_route(|it| it.undefined = Some(("demo/msg/Odd".into(), "not found".into()))),
+            Cause::Definition,
+            "demo/msg/Odd",
+            "definitions: [DIR]",
+        ),
+        (
+            of_route(|it| it.left_out = Some(("ros:/raw".into(), LeftOut::Denied("raw".into())))),
+            Cause::LeftOut,
+            "left out by deny",
+            "take \"raw\" out of `deny` in b.yaml",
+        ),
+        (
+            of_route(|it| it.left_out = Some(("ros:/_x".into(), LeftOut::ByDefault))),
+            Cause::LeftOut,
+            "by default",
+            "default_deny: false",
+        ),
+        (of_route(|it| it.limit = Some((2, 9))), Cause::Limit, "9 names match", "max_routes: 9"),
+        (
+            of_source(|it| {
+                it.doors = vec![knock(Server::Broker, "robot", unresolved(), false, false)]
+            }),
+            Cause::UnresolvedHost,
+            "does not resolve",
+            "hosts: { robot: ADDRESS }",
+        ),
+        (
+            of_source(|it| {
+                it.doors = vec![knock(Server::Broker, "127.0.0.1", Answer::Refused, true, true)];
+            }),
+            Cause::ServerAway,
+            "nothing listens on port 5555",
+            "wrapyfi bridge --config b.yaml",
+        ),
+        (
+            of_source(|it| {
+                it.doors = vec![knock(Server::Broker, "10.0.0.2", Answer::Refused, false, false)];
+            }),
+            Cause::LoopbackElsewhere,
+            "listens on 127.0.0.1 of that machine alone",
+            "wrapyfi broker --ip 10.0.0.2 --insecure",
+        ),
+        (
+            of_destination(|it| it.doors = vec![master("127.0.0.1", Answer::Refused, true)]),
+            Cause::ServerAway,
+            "ROS 1 master 127.0.0.1:5555 does not answer",
+            "roscore",
+        ),
+        (
+            of_destination(|it| it.doors = vec![master("10.0.0.2", Answer::Silent, false)]),
+            Cause::ServerAway,
+            "a firewall is between",
+            "ping 10.0.0.2",
+        ),
+        (
+            of_destination(|it| it.away = Some("no answer from master".into())),
+            Cause::Middleware,
+            "ros does not work: no answer from master",
+            "it has to be a ROS 1 master",
+        ),
+        (
+            of_source(nobody),
+            Cause::NobodyPublishes,
+            "nobody publishes ros2:/in",
+            "wrapyfi pub ros2:/in",
+        ),
+        (
+            of_source(|it| {
+                nobody(it);
+                it.found.push(publisher("/In"));
+            }),
+            Cause::OtherName,
+            "ros2:/In has 1 publisher (/publisher_node): the name differs by capital letters",
+            "write ros2:/In instead of ros2:/in",
+        ),
+        (
+            of_source(|it| {
+                nobody(it);
+                it.found.push(publisher("/lab/in"));
+            }),
+            Cause::OtherName,
+            "the name differs by its namespace",
+            "ros2:/lab/in",
+        ),
+        (
+            of_source(|it| {
+                nobody(it);
+                it.elsewhere = vec![elsewhere("domain 4")];
+            }),
+            Cause::OtherDomain,
+            "here (domain 3); in domain 4 there is 1 publisher",
+            "ROS_DOMAIN_ID=4",
+        ),
+        (
+            of_source(|it| {
+                nobody(it);
+                it.elsewhere = vec![elsewhere("the same domain on another machine")];
+            }),
+            Cause::DiscoveryRange,
+            "on another machine there is 1 publisher",
+            "export",
+        ),
+        (
+            of_source(|it| {
+                nobody(it);
+                let graph = it.graph.as_mut().unwrap();
+                (graph.range, graph.range_setting) = ("OFF", "ROS_AUTOMATIC_DISCOVERY_RANGE=OFF");
+            }),
+            Cause::DiscoveryRange,
+            "nobody but itself (ROS_AUTOMATIC_DISCOVERY_RANGE=OFF)",
+            "ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET",
+        ),
+        (
+            {
+                let mut way = of_source(nobody);
+                way.route.as_mut().unwrap().unheard = Some(heard);
+                way
+            },
+            Cause::OwnPublication,
+            "but this bridge, which ignores its own publications",
+            "write a route from a to c",
+        ),
+        (
+            {
+                let mut way = of_source(nobody);
+                way.route.as_mut().unwrap().unheard = Some(circle);
+                way
+            },
+            Cause::Cycle,
+            "a circle: ros2:/in -> zeromq:/x -> ros2:/in",
+            "write a route from a to c",
+        ),
+        (
+            of_destination(|it| {
+                let answer = Answer::Refused;
+                it.registered = vec![registered(Role::Listener, "127.0.0.1", true, answer)];
+            }),
+            Cause::LoopbackAddress,
+            "/ear has registered ros:/out at 127.0.0.1:4711, an address of its own machine alone",
+            "export ROS_IP=ADDRESS where /ear runs",
+        ),
+        (
+            of_destination(|it| {
+                it.registered = vec![registered(Role::Listener, "arm", true, unresolved())];
+            }),
+            Cause::UnresolvedHost,
+            "/ear has registered ros:/out at arm:4711",
+            "hosts: { arm: ADDRESS }",
+        ),
+        (
+            of_destination(|it| {
+                let answer = Answer::Refused;
+                it.registered = vec![registered(Role::Listener, "127.0.0.1", false, answer)];
+            }),
+            Cause::PeerUnreachable,
+            "it was killed, and its name remains",
+            "rosnode cleanup",
+        ),
+        (
+            of_source(|it| it.type_name = Some("std_msgs/msg/Int32".into())),
+            Cause::Type,
+            "/publisher_node on ros2:/in has type std_msgs/msg/String, the route has std_msgs/msg/Int32",
+            "write `type: std_msgs/msg/String` on the route in b.yaml",
+        ),
+        (
+            {
+                let mut way = whole();
+                way.is_service = true;
+                let source = way.source.as_mut().unwrap();
+                source.found = vec![endpoint("/in", Role::Server, TEXT, QosPreset::Default)];
+                source.foreign = Some((ServiceMapping::FastDds, ServiceMapping::Cyclone));
+                way
+            },
+            Cause::ServiceMapping,
+            "/server_node speaks rmw_fastrtps_cpp",
+            "export RMW_IMPLEMENTATION=rmw_fastrtps_cpp where the bridge starts",
+        ),
+        (
+            of_source(|it| it.undefined = Some(("demo/msg/Odd".into(), "not found".into()))),
+            Cause::Definition,
+            "nobody here has a definition of demo/msg/Odd",
+            "--definitions DIR",
+        ),
+        (
+            of_source(|it| {
+                nobody(it);
+                it.found.push(best_effort(Role::Publisher));
+                it.qos = Some(Qos::default());
+            }),
+            Cause::Qos,
+            "/publisher_node of ros2:/in offers best effort, the route asks for reliable",
+            "leave out `qos` on the route, or make the publisher reliable",
+        ),
+        (
+            {
+                let mut way = of_source(|it| it.found = vec![publisher("/in")]);
+                way.destination.as_mut().unwrap().found = vec![listener("/out")];
+                way
+            },
+            Cause::NoBridge,
+            "no bridge runs the route",
+            "wrapyfi bridge --config b.yaml",
+        ),
+        (
+            of_destination(|it| it.found.retain(|one| one.role != Role::Listener)),
+            Cause::NobodyListens,
+            "nobody listens to ros:/out",
+            "wrapyfi echo ros:/out",
+        ),
+        (
+            of_source(|it| it.heard = 0),
+            Cause::Idle,
+            "no message came on ros2:/in within 600 ms: the connection is open and idle",
+            "wrapyfi echo ros2:/in",
+        ),
+    ] {
+        let verdict = judge(&way);
+        let found = verdict.finding.clone().unwrap_or_else(|| panic!("{cause:?} is not found"));
+        assert_eq!(found.cause, cause, "{verdict}");
+        assert!(found.what.contains(what), "{what:?} is not in {verdict}");
+        assert!(found.remedy.contains(remedy), "{remedy:?} is not in {verdict}");
+        assert!(!found.who.is_empty(), "{verdict}");
+    }
+}
+
+#[test]
+fn two_programs_at_one_topic_are_compared_with_each_other() {
+    let way = |change: &dyn Fn(&mut End)| {
+        let mut way = of_source(|it| it.type_name = None);
+        change(way.source.as_mut().unwrap());
+        Way { route: None, destination: None, ..way }
+    };
+    assert_eq!(judge(&way(&|_| {})).finding, None);
+    let other_type = judge(&way(&|it| {
+        it.found =
+            vec![publisher("/in"), endpoint("/in", Role::Listener, "a/msg/B", QosPreset::Default)];
+    }));
+    let found = other_type.finding.unwrap();
+    assert_eq!(found.cause, Cause::Type);
+    assert!(
+        found.what.contains("has type std_msgs/msg/String, /listener_node wants a/msg/B"),
+        "{found:?}"
+    );
+    let quality = judge(&way(&|it| {
+        let latched = endpoint("/in", Role::Listener, TEXT, QosPreset::Latched);
+        it.found = vec![publisher("/in"), latched];
+    }));
+    let found = quality.finding.unwrap();
+    assert_eq!(found.cause, Cause::Qos);
+    assert!(
+        found.what.contains("offers volatile, /listener_node asks for transient local"),
+        "{found:?}"
+    );
+    let wanted = "make the publisher transient local, or make the subscriber volatile";
+    assert_eq!(found.remedy, wanted);
+    let alone = judge(&way(&|it| it.found = vec![publisher("/in")]));
+    assert_eq!(alone.finding.unwrap().cause, Cause::NobodyListens);
+}

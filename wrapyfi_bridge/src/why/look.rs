@@ -1,0 +1,348 @@
+//! Facts about one end: the servers, the endpoints of the side, the addresses of those who have the name.
+//!
+//! ```text
+//!   doors ─ closed: that is all      open ─▶ discovery until it has told, or PATIENCE ─▶ End
+//!                                            ├ ROS 1, YARP: addresses that were registered
+//!                                            ├ ROS 2: mapping of services, other domains
+//!                                            └ messages, where somebody publishes
+//! ```
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use wrapyfi_core::endpoint::{
+    AnnouncedDurability, Context, Discovered, EndpointAddress, LearnError, Learned, Middleware,
+    QosPreset, Registry, Role, TopicSpec, Wake,
+};
+use wrapyfi_core::middleware::ros1::Ros1;
+use wrapyfi_core::middleware::ros2;
+use wrapyfi_core::middleware::ros2::environment::{self, DiscoveryRange};
+use wrapyfi_interfaces::store::TypeStore;
+use wrapyfi_yarp::name::{NameClient, NameServerConf};
+
+use super::door::{Answer, Knock, connect};
+use super::names::kinship;
+use super::{End, Graph, PATIENCE, Registered, elsewhere};
+use crate::command::list::has_told_all;
+use crate::exit::Failure;
+use crate::middlewares::{self, Endpoints, Observer, Server};
+
+/// Time between two looks.
+const LOOK: Duration = Duration::from_millis(20);
+/// Time for which messages are listened for.
+const LISTEN: Duration = Duration::from_millis(600);
+/// Most addresses of one name that are connected to.
+const MAX_CONNECTED: usize = 8;
+
+/// Question about one end.
+#[derive(Debug, Clone)]
+pub(super) struct Wanted {
+    pub(super) address: EndpointAddress,
+    /// Role of who has to be there.
+    pub(super) role: Role,
+    pub(super) is_service: bool,
+    /// True where the type is what the source announces.
+    pub(super) is_learned: bool,
+    /// True where messages are to be listened for.
+    pub(super) listens: bool,
+    /// True where the name may as well be that of a service.
+    pub(super) is_open: bool,
+}
+
+impl Wanted {
+    /// A question about who publishes or offers.
+    pub(super) fn new(address: EndpointAddress, is_service: bool) -> Self {
+        let role = if is_service { Role::Server } else { Role::Publisher };
+        Self { address, role, is_service, is_learned: false, listens: false, is_open: false }
+    }
+}
+
+/// Place from which somebody looks: a command, or a bridge with the middlewares that it has.
+#[derive(Clone, Copy)]
+pub(super) struct Sight<'s> {
+    /// Settings of the middlewares.
+    pub(super) endpoints: &'s Endpoints,
+    /// The middlewares of a bridge; those of a command are started for it.
+    pub(super) bridge: Option<&'s Registry>,
+}
+
+impl Sight<'_> {
+    fn open(&self, middleware: &str) -> Result<Observer, Failure> {
+        match self.bridge.and_then(|registry| registry.get(middleware).ok()) {
+            Some(middleware) => {
+                Ok(Observer { middleware: Arc::clone(middleware), graph: None, ros1: None })
+            }
+            None => middlewares::observer(self.endpoints, middleware),
+        }
+    }
+}
+
+/// Finds out about one end.
+pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> End {
+    let endpoints = sight.endpoints;
+    let begin = Instant::now();
+    let mut end = End::new(wanted.address.clone());
+    let middleware = wanted.address.middleware.as_str();
+    match middlewares::doors(endpoints, middleware, wanted.is_service) {
+        Ok(doors) => {
+            // Side by side: a name that does not resolve takes its time.
+            end.doors = std::thread::scope(|scope| {
+                let knock = |door| scope.spawn(move || Knock::at(door, &endpoints.hosts));
+                let knocks: Vec<_> = doors.into_iter().map(knock).collect();
+                knocks.into_iter().filter_map(|knock| knock.join().ok()).collect()
+            });
+        }
+        Err(fault) => end.away = Some(fault.to_string()),
+    }
+    if end.away.is_some() || end.doors.iter().any(|knock| knock.answer != Answer::Open) {
+        return end;
+    }
+    let observer = match sight.open(middleware) {
+        Ok(observer) => observer,
+        Err(fault) => {
+            end.away = Some(fault.to_string());
+            return end;
+        }
+    };
+    if middleware == "ros2" {
+        end.graph = Some(graph(endpoints));
+    }
+    let deadline = begin + PATIENCE;
+    if let Err(fault) = discover(&mut end, observer.middleware.as_ref(), wanted, deadline) {
+        end.away = Some(fault);
+        return end;
+    }
+    tidy(&mut end);
+    let mut wanted = wanted.clone();
+    if wanted.is_open && is_service(&end) {
+        (wanted.is_service, wanted.role, end.is_service) = (true, Role::Server, true);
+    }
+    let wanted = &wanted;
+    addresses(&mut end, endpoints, observer.ros1.as_deref());
+    if let (Some(graph), true) = (&observer.graph, wanted.is_service) {
+        mapping(&mut end, graph.as_ref());
+    }
+    if wanted.is_learned {
+        learn(&mut end, observer.middleware.as_ref(), wanted, types);
+    }
+    if wanted.listens && end.of(Role::Publisher).next().is_some() {
+        listen(&mut end, observer.middleware.as_ref(), types);
+    }
+    let is_there = end.of(wanted.role).next().is_some();
+    if middleware == "ros2" && !is_there && wanted.role != Role::Client {
+        // Another configuration of the same domain needs an end of this one.
+        drop(observer);
+        end.elsewhere = elsewhere::look(&endpoints.ros2, &end, wanted);
+    }
+    end
+}
+
+/// Network of ROS 2 as this program sees it.
+fn graph(endpoints: &Endpoints) -> Graph {
+    let environment = environment::read(|name| std::env::var(name).ok());
+    let (domain_id, range) = match &environment {
+        Ok(read) => (read.domain_id, read.discovery.range),
+        Err(_) => (0, DiscoveryRange::default()),
+    };
+    let range = match range {
+        DiscoveryRange::Localhost => "LOCALHOST",
+        DiscoveryRange::Off => "OFF",
+        DiscoveryRange::SystemDefault => "SYSTEM_DEFAULT",
+        _ => "SUBNET",
+    };
+    let is_local = std::env::var("ROS_LOCALHOST_ONLY").is_ok_and(|value| value == "1");
+    Graph {
+        domain_id: endpoints.ros2.domain_id.unwrap_or(domain_id),
+        range,
+        range_setting: match is_local {
+            true => "ROS_LOCALHOST_ONLY=1",
+            false if range == "OFF" => "ROS_AUTOMATIC_DISCOVERY_RANGE=OFF",
+            false => "ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST",
+        },
+        carried_by: String::new(),
+    }
+}
+
+/// Looks until the side has told all, or the time is over.
+fn discover(
+    end: &mut End,
+    middleware: &dyn Middleware,
+    wanted: &Wanted,
+    deadline: Instant,
+) -> Result<(), String> {
+    // Not closely: a subscription of ours would be taken for somebody who listens.
+    let mut discovery = middleware.discover().map_err(|error| error.to_string())?;
+    let name = &wanted.address.name;
+    if let (Some(graph), Some(carrier)) = (&mut end.graph, discovery.carried_by()) {
+        carrier.clone_into(&mut graph.carried_by);
+    }
+    let meant = name.clone();
+    discovery.only(Box::new(move |other| other == meant || kinship(&meant, other).is_some()));
+    let wake = Wake::new();
+    let mut since = Instant::now();
+    loop {
+        let found = discovery.endpoints().map_err(|error| error.to_string())?;
+        if found != end.found {
+            since = Instant::now();
+            end.found = found;
+        }
+        let now = Instant::now();
+        let told = has_told_all(discovery.is_complete(), since.elapsed());
+        if now >= deadline || (told && discovery.waiting_for().is_none()) {
+            break;
+        }
+        wake.wait(LOOK);
+    }
+    match discovery.waiting_for() {
+        Some(what) => Err(format!("no answer from {what}")),
+        None => Ok(()),
+    }
+}
+
+/// True where the name, or else one that is nearly it, is that of a service and of no topic.
+fn is_service(end: &End) -> bool {
+    let name = &end.address.name;
+    let with = |roles: [Role; 2], is_meant: &dyn Fn(&str) -> bool| {
+        end.found.iter().any(|one| roles.contains(&one.role) && is_meant(&one.name))
+    };
+    let (topic, service) = ([Role::Publisher, Role::Listener], [Role::Server, Role::Client]);
+    let is_it = |other: &str| other == name;
+    let is_near = |other: &str| kinship(name, other).is_some();
+    let is_topic = with(topic, &is_it);
+    !is_topic && (with(service, &is_it) || (with(service, &is_near) && !with(topic, &is_near)))
+}
+
+/// Names as routes and commands have them: ours of ROS 2 are no foreign endpoints, and frames on ZeroMQ
+/// that look like a compressed image are one of the two kinds of images.
+fn tidy(end: &mut End) {
+    let is_zeromq = end.address.middleware == "zeromq";
+    for one in &mut end.found {
+        if is_zeromq && one.type_name.as_deref() == Some("CompressedImage") {
+            one.type_name = Some("Image".to_owned());
+        }
+    }
+}
+
+/// Addresses that were registered under the name, and whether somebody is there.
+fn addresses(end: &mut End, endpoints: &Endpoints, ros1: Option<&Ros1>) {
+    let is_afar = end.doors.iter().any(|knock| !knock.is_here);
+    let name = end.address.name.clone();
+    let mut all = match (ros1, end.address.middleware.as_str()) {
+        (Some(ros1), _) => match ros1.registered(&name) {
+            Ok(found) => found
+                .into_iter()
+                .map(|one| (one.role, one.node, one.host, one.port))
+                .collect::<Vec<_>>(),
+            Err(_) => Vec::new(),
+        },
+        (None, "yarp") => {
+            let ports = ports(end, endpoints);
+            let roles = [Role::Publisher, Role::Listener, Role::Server];
+            let is_there = |role: &Role| end.of(*role).next().is_some();
+            let role = roles.into_iter().find(is_there).unwrap_or(Role::Publisher);
+            ports.into_iter().map(|(host, port)| (role, name.clone(), host, port)).collect()
+        }
+        _ => return,
+    };
+    // Nodes that were killed: their names remain, and discovery leaves them out.
+    for (role, node, ..) in &all {
+        let is_known = end.of(*role).next().is_some();
+        if !is_known {
+            let one = Discovered { node: Some(node.clone()), ..Discovered::new(&name, *role) };
+            end.found.push(one);
+        }
+    }
+    all.truncate(MAX_CONNECTED);
+    end.registered = std::thread::scope(|scope| {
+        let knocks: Vec<_> = all
+            .into_iter()
+            .map(|(role, who, host, port)| {
+                scope.spawn(move || {
+                    let (answer, _) = connect(&host, port, &endpoints.hosts);
+                    Registered { role, who, host, port, is_told_afar: is_afar, answer }
+                })
+            })
+            .collect();
+        knocks.into_iter().filter_map(|knock| knock.join().ok()).collect()
+    });
+}
+
+/// Address under which YARP's name server has the port.
+fn ports(end: &End, endpoints: &Endpoints) -> Vec<(String, u16)> {
+    let server = end.doors.iter().find(|knock| knock.door.server == Server::NameServer);
+    let Some(Knock { door, .. }) = server else { return Vec::new() };
+    let conf = NameServerConf { host: door.host.clone(), port: door.port };
+    let client = NameClient::new(conf)
+        .with_hosts(endpoints.hosts.iter().map(|(host, ip)| (host.to_owned(), ip)))
+        .with_timeout(LISTEN);
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+    let Ok(runtime) = runtime else { return Vec::new() };
+    match runtime.block_on(client.query(&end.address.name)) {
+        Ok(Some(found)) => vec![(found.host, found.port)],
+        // It has no such port, or says nothing in time.
+        Ok(None) | Err(_) => Vec::new(),
+    }
+}
+
+/// Mapping of the servers, where all of them have another than this node.
+fn mapping(end: &mut End, graph: &dyn ros2::graph::Graph) {
+    let Ok(all) = graph.endpoints() else { return };
+    let ours = graph.service_mapping();
+    let requests = format!("rq{}Request", end.address.name);
+    let servers = all.iter().filter(|one| !one.is_publisher && one.dds_topic == requests);
+    let theirs: Vec<_> = servers.filter_map(|one| one.service_mapping()).collect();
+    if let Some(first) = theirs.first()
+        && theirs.iter().all(|mapping| *mapping != ours)
+    {
+        end.foreign = Some((*first, ours));
+    }
+}
+
+/// Definition of the type that is announced.
+fn learn(end: &mut End, middleware: &dyn Middleware, wanted: &Wanted, types: &mut TypeStore) {
+    let Some(one) = end.of(wanted.role).next().cloned() else { return };
+    let mut learn = || match wanted.is_service {
+        true => middleware.learn_service(&one, types).map(drop),
+        false => middleware.learn_topic(&one, types).map(drop),
+    };
+    let begin = Instant::now();
+    let mut learned = learn();
+    while matches!(learned, Err(LearnError::Asked { .. })) && begin.elapsed() < LISTEN {
+        std::thread::sleep(LOOK);
+        learned = learn();
+    }
+    if let Err(LearnError::Undefined { type_name, reason }) = learned {
+        end.undefined = Some((type_name, reason));
+    }
+}
+
+/// Listens for a while, where that tells anything: a publisher that keeps its last message sends seldom.
+fn listen(end: &mut End, middleware: &dyn Middleware, types: &mut TypeStore) {
+    let keeps = |one: &Discovered| {
+        one.qos.is_some_and(|qos| qos.durability != AnnouncedDurability::Volatile)
+    };
+    let publishers: Vec<_> = end.of(Role::Publisher).cloned().collect();
+    let Some(one) = publishers.first() else { return };
+    if publishers.iter().any(keeps) {
+        return;
+    }
+    let Ok(learned) = middleware.learn_topic(one, types) else { return };
+    let message_type = match learned {
+        Learned::Ros(_) => learned.message_type(true),
+        Learned::Wrapyfi(known) => known,
+    };
+    let spec = TopicSpec {
+        qos: QosPreset::SensorData.into(),
+        ..TopicSpec::new(end.address.name.clone(), message_type)
+    };
+    let context = Context::default();
+    let Ok(mut listener) = middleware.open_listener(&spec, &context) else { return };
+    let begin = Instant::now();
+    while begin.elapsed() < LISTEN && end.heard == 0 {
+        while listener.discard() {
+            end.heard += 1;
+        }
+        context.wake.wait(LOOK);
+    }
+    end.silent = Some(LISTEN);
+}

@@ -1,0 +1,283 @@
+//! Answer to "why does nothing flow": the first thing that is missing on the way from source to destination.
+//!
+//! ```text
+//!   name ─ question ─▶ route or endpoint ─ look, each side by itself ─▶ Way: facts
+//!                                                                       │ judge, pure
+//!                                                                       ▼
+//!                                             Verdict: what is in place, and the first Finding
+//!
+//!   drops    what the reasons of drops mean
+//!   names    names that are nearly the same
+//!   judge    facts -> verdict
+//!   door     a server that has to answer first
+//!   look     facts about one end
+//!   elsewhere  the same name on ROS 2 in other domains
+//!   question what is asked about
+//! ```
+//!
+//! Looking opens no port and starts no broker; everything is asked side by side, and nothing for longer than
+//! [`PATIENCE`].
+
+pub mod door;
+mod drops;
+mod elsewhere;
+pub mod judge;
+mod look;
+pub mod names;
+pub mod question;
+
+use std::fmt;
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+use wrapyfi_core::endpoint::{Discovered, EndpointAddress, Qos, Role};
+use wrapyfi_core::engine::{LeftOut, RouteStatus};
+use wrapyfi_core::middleware::ros2::graph::ServiceMapping;
+
+use self::door::Knock;
+
+/// Longest time that looking at a side may take until it is judged by what is known.
+const PATIENCE: Duration = Duration::from_millis(1300);
+
+/// Way of messages or calls, and what is known about it.
+#[derive(Debug, Clone, Default)]
+pub struct Way {
+    /// The ends, in words.
+    pub title: String,
+    /// True for calls.
+    pub is_service: bool,
+    /// The route, where one was asked for.
+    pub route: Option<RouteFacts>,
+    /// End at which messages come in; the server of a service.
+    pub source: Option<End>,
+    /// End at which messages go out; `None` where an endpoint alone was asked for.
+    pub destination: Option<End>,
+    /// Status of the route in a bridge that runs it and was asked.
+    pub running: Option<RouteStatus>,
+    /// What is known to be in place before the walk.
+    pub known: Vec<String>,
+}
+
+/// Facts about a route from its configuration.
+#[derive(Debug, Clone, Default)]
+pub struct RouteFacts {
+    /// Name of the route.
+    pub name: String,
+    /// File of the configuration.
+    pub file: String,
+    /// Type that nobody here has a definition of, and the cause.
+    pub undefined: Option<(String, String)>,
+    /// Name that the pattern leaves out, and why.
+    pub left_out: Option<(String, LeftOut)>,
+    /// Limit of the pattern, and number of names that match.
+    pub limit: Option<(usize, usize)>,
+    /// Route of the same bridge that publishes where this one listens, and does not hear.
+    pub unheard: Option<Unheard>,
+    /// True where the source is open only while somebody listens.
+    pub is_lazy: bool,
+}
+
+/// A route of the same bridge that this one does not hear.
+#[derive(Debug, Clone)]
+pub struct Unheard {
+    /// Both routes, and the remedy, in words.
+    pub text: String,
+    /// Addresses of a circle that the routes of the file make, from one back to itself.
+    pub circle: Vec<String>,
+}
+
+/// One end of the way.
+#[derive(Debug, Clone)]
+pub struct End {
+    /// Address of the end.
+    pub address: EndpointAddress,
+    /// Type that the route has here, as the middleware names it.
+    pub type_name: Option<String>,
+    /// Quality of service that the route lays down; `None` where it follows its peers.
+    pub qos: Option<Qos>,
+    /// Servers that have to answer first, and whether they did.
+    pub doors: Vec<Knock>,
+    /// Reason that the side does not work, in its own words.
+    pub away: Option<String>,
+    /// Endpoints of the whole side.
+    pub found: Vec<Discovered>,
+    /// Mapping of services that servers of the name speak, and ours.
+    pub foreign: Option<(ServiceMapping, ServiceMapping)>,
+    /// Addresses of those who have the name.
+    pub registered: Vec<Registered>,
+    /// Endpoints of the name that are found in another domain or range.
+    pub elsewhere: Vec<Elsewhere>,
+    /// Network of ROS 2.
+    pub graph: Option<Graph>,
+    /// Type that the source announces and nobody here has a definition of, and the cause.
+    pub undefined: Option<(String, String)>,
+    /// Time for which somebody listened and nothing came.
+    pub silent: Option<Duration>,
+    /// Number of messages that came in that time.
+    pub heard: u64,
+    /// Number of names that match, of a pattern.
+    pub names: Option<usize>,
+    /// True where those of the name are of a service.
+    pub is_service: bool,
+}
+
+impl End {
+    /// An end of which nothing is known yet.
+    #[must_use]
+    pub fn new(address: EndpointAddress) -> Self {
+        Self {
+            address,
+            type_name: None,
+            qos: None,
+            doors: Vec::new(),
+            away: None,
+            found: Vec::new(),
+            foreign: None,
+            registered: Vec::new(),
+            elsewhere: Vec::new(),
+            graph: None,
+            undefined: None,
+            silent: None,
+            heard: 0,
+            names: None,
+            is_service: false,
+        }
+    }
+
+    /// Endpoints of this name in a role.
+    fn of(&self, role: Role) -> impl Iterator<Item = &Discovered> {
+        let named = move |one: &&Discovered| one.name == self.address.name && one.role == role;
+        self.found.iter().filter(named)
+    }
+}
+
+/// Address at which an endpoint is to be reached.
+#[derive(Debug, Clone)]
+pub struct Registered {
+    /// Role of the endpoint.
+    pub role: Role,
+    /// Node or port that has the address.
+    pub who: String,
+    /// Host that it announced.
+    pub host: String,
+    /// Port that it announced.
+    pub port: u16,
+    /// True where the server that told the address is on another machine.
+    pub is_told_afar: bool,
+    /// What happened when somebody connected there.
+    pub answer: door::Answer,
+}
+
+/// An endpoint that exists where the route does not look.
+#[derive(Debug, Clone)]
+pub struct Elsewhere {
+    /// Place, in words: `domain 7`.
+    pub place: String,
+    /// Setting that leads there, in words.
+    pub remedy: String,
+    /// The endpoint.
+    pub endpoint: Discovered,
+}
+
+/// Network of ROS 2 as this program sees it.
+#[derive(Debug, Clone)]
+pub struct Graph {
+    /// DDS domain.
+    pub domain_id: u32,
+    /// Range of discovery, as `ROS_AUTOMATIC_DISCOVERY_RANGE` has it.
+    pub range: &'static str,
+    /// Setting that says the range.
+    pub range_setting: &'static str,
+    /// Name of what carries the graph.
+    pub carried_by: String,
+}
+
+/// Result of the walk.
+#[derive(Debug, Clone, Serialize)]
+pub struct Verdict {
+    /// The ends, in words.
+    pub way: String,
+    /// What is in place, in the order of the way.
+    pub passed: Vec<String>,
+    /// The first thing that is missing; `None` where nothing is.
+    #[serde(flatten)]
+    pub finding: Option<Finding>,
+}
+
+/// The first thing that is missing.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Finding {
+    /// Kind of the cause.
+    pub cause: Cause,
+    /// Cause in words.
+    pub what: String,
+    /// Who could provide what is missing.
+    pub who: String,
+    /// Command or line that mends it.
+    pub remedy: String,
+}
+
+/// Kinds of causes, as `--json` names them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[allow(missing_docs)]
+pub enum Cause {
+    Definition,
+    LeftOut,
+    Limit,
+    UnresolvedHost,
+    ServerAway,
+    LoopbackElsewhere,
+    Middleware,
+    NobodyPublishes,
+    NobodyOffers,
+    OtherName,
+    OtherDomain,
+    DiscoveryRange,
+    OwnPublication,
+    Cycle,
+    LoopbackAddress,
+    PeerUnreachable,
+    Type,
+    ServiceMapping,
+    Qos,
+    NoBridge,
+    NobodyListens,
+    State,
+    Drops,
+    Idle,
+    /// A word of a bridge elsewhere that is not known here.
+    #[serde(skip_deserializing)]
+    Other,
+}
+
+impl From<String> for Cause {
+    fn from(word: String) -> Self {
+        serde_json::from_value(word.into()).unwrap_or(Self::Other)
+    }
+}
+
+impl fmt::Display for Cause {
+    /// Writes the word that `--json` has.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.serialize(f)
+    }
+}
+
+impl fmt::Display for Verdict {
+    /// Writes what is in place, a line each, and then the finding.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{}", self.way)?;
+        for step in &self.passed {
+            writeln!(f, "  ok       {step}")?;
+        }
+        match &self.finding {
+            None => f.write_str("  nothing is missing"),
+            Some(Finding { what, who, remedy, .. }) => {
+                writeln!(f, "  MISSING  {what}")?;
+                writeln!(f, "  who      {who}")?;
+                write!(f, "  mend     {remedy}")
+            }
+        }
+    }
+}

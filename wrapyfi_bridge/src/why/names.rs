@@ -1,0 +1,119 @@
+//! Names that are nearly the same.
+
+/// Most letters by which two names may differ and still count as one misspelt.
+const MOST_LETTERS: usize = 2;
+/// Shortest name that may be misspelt: shorter ones are all alike.
+const SHORTEST: usize = 5;
+
+/// Difference between two names that are perhaps meant to be one, nearest first.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Kinship {
+    /// Only slashes at the beginning, at the end or in a row differ.
+    Slash,
+    /// Only capital letters differ.
+    Case,
+    /// One of them has a namespace that the other lacks.
+    Namespace,
+    /// A letter or two differ.
+    Letters,
+}
+
+impl Kinship {
+    /// Difference in words, to follow "differs by".
+    #[must_use]
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Slash => "a slash",
+            Self::Case => "capital letters",
+            Self::Namespace => "its namespace",
+            Self::Letters => "a letter or two",
+        }
+    }
+}
+
+/// Difference between `one` and `other`, where they are perhaps meant to be the same; `None` where
+/// they are the same, or have nothing in common.
+#[must_use]
+pub fn kinship(one: &str, other: &str) -> Option<Kinship> {
+    if one == other {
+        return None;
+    }
+    let (a, b) = (parts(one), parts(other));
+    if a == b {
+        return Some(Kinship::Slash);
+    }
+    let lower = |name: &[&str]| name.iter().map(|part| part.to_lowercase()).collect::<Vec<_>>();
+    if lower(&a) == lower(&b) {
+        return Some(Kinship::Case);
+    }
+    if !a.is_empty() && !b.is_empty() && (a.ends_with(&b) || b.ends_with(&a)) {
+        return Some(Kinship::Namespace);
+    }
+    let (a, b) = (one.chars().collect::<Vec<_>>(), other.chars().collect::<Vec<_>>());
+    let long_enough = a.len().min(b.len()) >= SHORTEST;
+    (long_enough && distance(&a, &b) <= MOST_LETTERS).then_some(Kinship::Letters)
+}
+
+/// The nearest of `names` to `wanted`, with the difference.
+pub fn nearest<'n>(
+    wanted: &str,
+    names: impl Iterator<Item = &'n str>,
+) -> Option<(&'n str, Kinship)> {
+    let near = names.filter_map(|name| Some((name, kinship(wanted, name)?)));
+    near.min_by_key(|&(name, kinship)| (kinship, name))
+}
+
+fn parts(name: &str) -> Vec<&str> {
+    name.split('/').filter(|part| !part.is_empty()).collect()
+}
+
+/// Number of letters to add, remove or change to come from `a` to `b`, as far as [`MOST_LETTERS`] is
+/// exceeded.
+fn distance(a: &[char], b: &[char]) -> usize {
+    if a.len().abs_diff(b.len()) > MOST_LETTERS {
+        return MOST_LETTERS + 1;
+    }
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, from) in a.iter().enumerate() {
+        let mut diagonal = i;
+        let mut left = i + 1;
+        let mut next = Vec::with_capacity(row.len());
+        next.push(left);
+        for (above, to) in row.iter().skip(1).zip(b) {
+            let changed = diagonal + usize::from(from != to);
+            left = changed.min(left + 1).min(above + 1);
+            next.push(left);
+            diagonal = *above;
+        }
+        row = next;
+    }
+    row.last().copied().unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_that_were_perhaps_meant() {
+        for (one, other, wanted) in [
+            ("/chatter", "chatter", Some(Kinship::Slash)),
+            ("/a/b/", "/a//b", Some(Kinship::Slash)),
+            ("/Chatter", "/chatter", Some(Kinship::Case)),
+            ("/chatter", "/robot/chatter", Some(Kinship::Namespace)),
+            ("/lab/robot/odom", "/robot/odom", Some(Kinship::Namespace)),
+            ("/chatter", "/chater", Some(Kinship::Letters)),
+            ("/camera/left", "/camera/lfet", Some(Kinship::Letters)),
+            ("/chatter", "/chatter", None),
+            ("/cat", "/car", None),
+            ("/chatter", "/camera", None),
+            ("/", "/chatter", None),
+        ] {
+            assert_eq!(kinship(one, other), wanted, "{one} {other}");
+            assert_eq!(kinship(other, one), wanted, "{other} {one}");
+        }
+        let names = ["/x/chatter", "/Chatter", "/chattel"];
+        assert_eq!(nearest("/chatter", names.into_iter()), Some(("/Chatter", Kinship::Case)));
+        assert_eq!(nearest("/none", names.into_iter()), None);
+    }
+}

@@ -1,0 +1,424 @@
+//! The thing that is asked about, and the facts about it.
+//!
+//! ```text
+//!   route of a file, by name, by its ends or by one of them ─┐
+//!   middleware:/name                                         ├─▶ Way
+//!   package/msg/Name                                         ┘
+//! ```
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use wrapyfi_core::endpoint::{EndpointAddress, Registry, Role};
+use wrapyfi_core::engine::{Kind, Plan, Route, RouteStatus, Typing};
+use wrapyfi_core::types::MessageType;
+use wrapyfi_interfaces::store::TypeStore;
+
+use super::look::{Sight, Wanted, look};
+use super::{End, RouteFacts, Unheard, Way};
+use crate::command::any;
+use crate::exit::Failure;
+use crate::middlewares::{self, Endpoints, Loaded, Undefined};
+use crate::node::Node;
+use crate::own_address::OwnAddress;
+
+/// Configuration that has a route.
+#[derive(Debug, Clone)]
+pub enum Configuration {
+    /// A file.
+    File(PathBuf),
+    /// A text that is built in, and a name for it.
+    Text(String, String),
+}
+
+/// A bridge that asks about itself.
+#[derive(Clone, Copy)]
+pub struct Bridge<'b> {
+    /// The middlewares of the routes.
+    pub registry: &'b Registry,
+    /// Present statuses of the routes.
+    pub status: &'b dyn Fn() -> Vec<RouteStatus>,
+}
+
+/// Question by name.
+#[derive(Debug, Clone)]
+pub struct Question {
+    /// Name of a route, address of an endpoint, or a type.
+    pub name: String,
+    /// Configuration that has the route.
+    pub config: Option<Configuration>,
+    /// Folders of definitions.
+    pub definitions: Vec<PathBuf>,
+    /// Address at which others reach the nodes that look.
+    pub own: OwnAddress,
+}
+
+impl Question {
+    /// Finds out what can be found out about it, from where a command runs or a bridge.
+    ///
+    /// # Errors
+    /// Exit code 2 where the name means nothing, or the configuration has other faults.
+    pub fn ask(&self, bridge: Option<Bridge<'_>>) -> Result<Way, Failure> {
+        let name = self.name.as_str();
+        if let Some(config) = &self.config {
+            return self.of_config(name, config, bridge);
+        }
+        match name.split('/').collect::<Vec<_>>()[..] {
+            [package, "msg" | "srv", _] if !package.contains(':') => self.of_type(name),
+            _ => {
+                let address = address(name).map_err(Failure::Usage)?;
+                let mut endpoints = Endpoints::default();
+                self.own.enter(&mut endpoints);
+                let sight = Sight { endpoints: &endpoints, bridge: None };
+                Ok(of_address(&address, sight, any::definitions(&self.definitions)?))
+            }
+        }
+    }
+
+    fn of_config(
+        &self,
+        name: &str,
+        config: &Configuration,
+        bridge: Option<Bridge<'_>>,
+    ) -> Result<Way, Failure> {
+        let mut undefined = Vec::new();
+        let (loaded, file) = match config {
+            Configuration::File(file) => {
+                (middlewares::load_noting(file, &mut undefined), file.display().to_string())
+            }
+            Configuration::Text(text, name) => (middlewares::load_text(text, name), name.clone()),
+        };
+        let loaded = match loaded {
+            Ok(loaded) => loaded,
+            Err(failure) => {
+                let is_meant = |one: &&Undefined| one.means(name);
+                let found = undefined.iter().find(is_meant).ok_or(failure)?;
+                let facts = RouteFacts {
+                    name: found.route.clone(),
+                    file,
+                    undefined: Some((found.type_name.clone(), found.reason.clone())),
+                    ..RouteFacts::default()
+                };
+                let title = found.route.clone();
+                return Ok(Way { title, route: Some(facts), ..Way::default() });
+            }
+        };
+        let Loaded { mut endpoints, plan, types, .. } = loaded;
+        self.own.enter(&mut endpoints);
+        let node = Node::bridge().map_err(Failure::usage)?;
+        let sight = Sight { endpoints: &endpoints, bridge: bridge.map(|bridge| bridge.registry) };
+        match route(&plan, &node, name) {
+            Some((route, left_out)) => {
+                let mut facts = RouteFacts {
+                    name: route.name.clone(),
+                    file,
+                    left_out,
+                    is_lazy: route.policy.lazy,
+                    ..RouteFacts::default()
+                };
+                facts.unheard = unheard(&plan, &node, &route);
+                if facts.left_out.is_some() {
+                    let title = format!("{name} in {}", route.name);
+                    return Ok(Way { title, route: Some(facts), ..Way::default() });
+                }
+                Ok(of_route(&route, facts, &node, sight, types, bridge))
+            }
+            None => match address(name) {
+                Ok(address) => Ok(of_address(&address, sight, types)),
+                Err(_) => {
+                    let known: Vec<_> =
+                        plan.routes.iter().take(20).map(|route| route.name.as_str()).collect();
+                    let known = known.join("\n  ");
+                    Err(Failure::Usage(format!(
+                        "{file} has no route {name:?}, and it is no middleware:/name; its routes are\n  \
+                         {known}"
+                    )))
+                }
+            },
+        }
+    }
+
+    fn of_type(&self, name: &str) -> Result<Way, Failure> {
+        let mut types = any::definitions(&self.definitions)?;
+        any::add_standard(name, &self.definitions, &mut types);
+        let mut way = Way { title: name.to_owned(), ..Way::default() };
+        if let Err(error) = types.resolve_name(name) {
+            let undefined = Some((name.to_owned(), error.to_string()));
+            way.route = Some(RouteFacts { undefined, ..RouteFacts::default() });
+            return Ok(way);
+        }
+        way.known.push("its definition is found".to_owned());
+        let address = EndpointAddress { middleware: "ros2".to_owned(), name: "/".to_owned() };
+        // Nobody has to have the name.
+        let wanted = Wanted { role: Role::Client, ..Wanted::new(address, false) };
+        let endpoints = Endpoints::default();
+        let sight = Sight { endpoints: &endpoints, bridge: None };
+        let end = look(sight, &wanted, &mut types);
+        let users = end.found.iter().filter(|one| one.type_name.as_deref() == Some(name));
+        way.known.extend(users.map(|one| format!("ros2:{} has a {} of it", one.name, one.role)));
+        Ok(way)
+    }
+}
+
+/// Reads an address; ROS 1 is `ros`, and `ros1` as well.
+fn address(text: &str) -> Result<EndpointAddress, String> {
+    let mut address: EndpointAddress = text
+        .parse()
+        .map_err(|error: wrapyfi_core::endpoint::ParseAddressError| error.to_string())?;
+    if address.middleware == "ros1" {
+        address.middleware = "ros".to_owned();
+    }
+    let known = middlewares::Middlewares::names();
+    if !known.contains(&address.middleware.as_str()) {
+        return Err(format!(
+            "middleware {:?} is not available; available: {}",
+            address.middleware,
+            known.join(", ")
+        ));
+    }
+    // Elsewhere a name is what is written.
+    if address.middleware.starts_with("ros") && !address.name.starts_with('/') {
+        address.name.insert(0, '/');
+    }
+    Ok(address)
+}
+
+type LeftOutName = Option<(String, wrapyfi_core::engine::LeftOut)>;
+
+/// Route that a name means: by its name, its ends, or one of them; of a pattern the route that it makes for
+/// the name, or the reason that it makes none.
+fn route(plan: &Plan, node: &Node, name: &str) -> Option<(Route, LeftOutName)> {
+    let named = plan.routes.iter().find(|route| route.name == name || route.ends() == name);
+    if let Some(route) = named {
+        return Some((route.clone(), None));
+    }
+    let address = address(name).ok()?;
+    let meant = |end: &EndpointAddress| node.resolve(end) == address;
+    let single = || plan.routes.iter().filter(|route| !route.is_many());
+    let by_end = single()
+        .find(|route| meant(&route.from))
+        .or_else(|| single().find(|route| meant(&route.to)));
+    if let Some(route) = by_end {
+        return Some((route.clone(), None));
+    }
+    let many = || {
+        let many = plan.routes.iter().filter(|route| route.is_many());
+        many.filter(|route| route.from.middleware == address.middleware)
+    };
+    for pattern in many() {
+        if let Some(target) = pattern.target(&address.name) {
+            let mut route = pattern.clone();
+            (route.from, route.to, route.names) = (address, target, None);
+            return Some((route, None));
+        }
+    }
+    let left_out = |pattern: &Route| Some((pattern.clone(), pattern.left_out(&address.name)?));
+    let (pattern, why) = many().find_map(left_out)?;
+    Some((pattern, Some((address.to_string(), why))))
+}
+
+/// Route of the same file that publishes where this one listens.
+fn unheard(plan: &Plan, node: &Node, route: &Route) -> Option<Unheard> {
+    let all = plan.unheard(|address| node.resolve(address));
+    let found = all.into_iter().find(|one| one.listening == route.name)?;
+    Some(Unheard { text: found.to_string(), circle: circle(plan, node, route) })
+}
+
+/// Addresses from the source of a route along the routes of the file, where they lead back to it; else
+/// none.
+fn circle(plan: &Plan, node: &Node, route: &Route) -> Vec<String> {
+    let begin = node.resolve(&route.from);
+    let single: Vec<&Route> = plan.routes.iter().filter(|one| !one.is_many()).collect();
+    let mut trails = vec![vec![begin.clone(), node.resolve(&route.to)]];
+    for _ in 0..single.len() {
+        let mut longer = Vec::new();
+        for trail in trails {
+            let Some(last) = trail.last() else { continue };
+            if *last == begin {
+                // Only there and back is the usual pair of routes.
+                return match trail.len() {
+                    0..=3 => Vec::new(),
+                    _ => trail.iter().map(ToString::to_string).collect(),
+                };
+            }
+            for next in single.iter().filter(|one| node.resolve(&one.from) == *last) {
+                let to = node.resolve(&next.to);
+                if to == begin || !trail.contains(&to) {
+                    longer.push(trail.iter().cloned().chain([to]).collect());
+                }
+            }
+        }
+        trails = longer;
+        trails.truncate(single.len());
+    }
+    Vec::new()
+}
+
+/// Facts about a route: both ends, side by side.
+fn of_route(
+    route: &Route,
+    mut facts: RouteFacts,
+    node: &Node,
+    sight: Sight<'_>,
+    mut types: TypeStore,
+    bridge: Option<Bridge<'_>>,
+) -> Way {
+    let status = || {
+        let all = bridge.map(|bridge| (bridge.status)()).unwrap_or_default();
+        let is_it = |one: &RouteStatus| one.name == route.name || one.name == route.ends();
+        all.into_iter().find(is_it)
+    };
+    let (before, begin) = (status(), Instant::now());
+    let is_service = matches!(route.kind, Kind::Service(_));
+    let (provider, taker) = match is_service {
+        false => (Role::Publisher, Role::Listener),
+        true => (Role::Server, Role::Client),
+    };
+    let is_learned = route.typing == Typing::Learned && !route.is_many();
+    let wanted = |end: &EndpointAddress, role| Wanted {
+        role,
+        is_learned: is_learned && role == provider,
+        listens: role == Role::Publisher
+            && !route.is_many()
+            && before.is_none()
+            && listens_on(&end.middleware),
+        ..Wanted::new(node.resolve(end), is_service)
+    };
+    let (at_source, at_destination) = (wanted(&route.from, provider), wanted(&route.to, taker));
+    // Nothing is learned at the destination.
+    let mut none = TypeStore::empty();
+    let (mut source, mut destination) = std::thread::scope(|scope| {
+        let source = scope.spawn(|| look(sight, &at_source, &mut types));
+        let destination = look(sight, &at_destination, &mut none);
+        let failed = |_panicked| {
+            let away = Some("looking at it failed: see the log".to_owned());
+            End { away, ..End::new(at_source.address.clone()) }
+        };
+        (source.join().unwrap_or_else(failed), destination)
+    });
+    if let Some(names) = &route.names {
+        let of_role = source.found.iter().filter(|one| one.role == provider);
+        let mut matching: Vec<_> =
+            of_role.map(|one| &one.name).filter(|name| route.target(name).is_some()).collect();
+        matching.dedup();
+        source.names = Some(matching.len());
+        facts.limit = Some((names.max_routes, matching.len()));
+    }
+    source.type_name = type_at(route, &route.from);
+    destination.type_name = type_at(route, &route.to);
+    source.qos = qos_at(route, &route.from);
+    destination.qos = qos_at(route, &route.to);
+    let running = status();
+    if let (Some(before), Some(now)) = (before, &running) {
+        let came = now.counters.received.saturating_sub(before.counters.received);
+        (source.heard, source.silent) = (came, Some(begin.elapsed()));
+    }
+    let destination = (!route.is_many()).then_some(destination);
+    let title = match route.name == route.ends() {
+        true => route.ends(),
+        false => format!("{}: {}", route.name, route.ends()),
+    };
+    let (route, source) = (Some(facts), Some(source));
+    Way { title, is_service, route, source, destination, running, known: Vec::new() }
+}
+
+/// True where listening for a moment disturbs nobody: no port is opened, and nobody is told.
+fn listens_on(middleware: &str) -> bool {
+    middleware == "ros2" || middleware == "zeromq"
+}
+
+/// Type of a route at an end, as the middleware's endpoints tell theirs.
+fn type_at(route: &Route, end: &EndpointAddress) -> Option<String> {
+    if route.typing != Typing::Given || route.is_many() {
+        return None;
+    }
+    let is_ros = matches!(end.middleware.as_str(), "ros" | "ros2");
+    match route.kind {
+        Kind::Service(kind) => is_ros.then(|| kind.ros_type().to_owned()),
+        Kind::Topic(types) => {
+            let one = if *end == route.from { types.from } else { types.to };
+            match one {
+                MessageType::Properties => None,
+                one if is_ros => Some(one.ros_type().to_owned()),
+                // Of other types nothing on the wire tells which it is.
+                MessageType::NativeObject | MessageType::Image | MessageType::AudioChunk => {
+                    Some(one.to_string())
+                }
+                _ => None,
+            }
+        }
+    }
+}
+
+/// Quality of service that a route lays down at an end.
+fn qos_at(route: &Route, end: &EndpointAddress) -> Option<wrapyfi_core::endpoint::Qos> {
+    if end.middleware != "ros2" || !matches!(route.kind, Kind::Topic(_)) {
+        return None;
+    }
+    let spec = route.topic_spec(end);
+    (!spec.match_peers).then(|| spec.pinned.apply(spec.qos))
+}
+
+/// Facts about an endpoint that no route of a file has.
+fn of_address(address: &EndpointAddress, sight: Sight<'_>, mut types: TypeStore) -> Way {
+    let wanted = Wanted {
+        role: Role::Publisher,
+        is_learned: true,
+        listens: listens_on(&address.middleware),
+        is_open: true,
+        ..Wanted::new(address.clone(), false)
+    };
+    let end = look(sight, &wanted, &mut types);
+    let is_service = end.is_service;
+    Way { title: address.to_string(), is_service, source: Some(end), ..Way::default() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::middlewares::load_text;
+
+    fn plan(routes: &[&str]) -> Plan {
+        let lines = routes.iter().map(|route| format!("  - {{ {route} }}\n")).collect::<String>();
+        load_text(&format!("routes:\n{lines}"), "x.yaml").unwrap().plan
+    }
+
+    fn found(plan: &Plan, name: &str) -> Option<(String, bool)> {
+        let node = Node::bridge().unwrap();
+        route(plan, &node, name).map(|(route, left_out)| (route.ends(), left_out.is_some()))
+    }
+
+    #[test]
+    fn a_route_is_found_by_name_and_by_either_end() {
+        let plan = plan(&[
+            "name: cam, from: 'zeromq:/cam', to: 'ros2:cam', type: Image",
+            "from: 'ros:/(.*)', to: 'ros2:/one/$1', deny: ['raw']",
+        ]);
+        let cam = Some(("zeromq:/cam -> ros2:cam".to_owned(), false));
+        for name in ["cam", "zeromq:/cam -> ros2:cam", "zeromq:/cam", "ros2:/cam"] {
+            assert_eq!(found(&plan, name), cam, "{name}");
+        }
+        assert_eq!(found(&plan, "ros1:/x"), Some(("ros:/x -> ros2:/one/x".to_owned(), false)));
+        assert!(found(&plan, "ros:/raw").is_some_and(|(_, is_left_out)| is_left_out));
+        assert_eq!(found(&plan, "yarp:/x"), None);
+    }
+
+    #[test]
+    fn a_circle_is_found_and_a_pair_is_none() {
+        let ring = plan(&[
+            "name: a, from: 'ros2:/x', to: 'zeromq:/x', type: Text",
+            "name: b, from: 'zeromq:/x', to: 'yarp:/x', type: Text",
+            "name: c, from: 'yarp:/x', to: 'ros2:/x', type: Text",
+        ]);
+        let node = Node::bridge().unwrap();
+        let around = circle(&ring, &node, &ring.routes[1]);
+        assert_eq!(around, ["zeromq:/x", "yarp:/x", "ros2:/x", "zeromq:/x"]);
+        assert!(unheard(&ring, &node, &ring.routes[1]).is_some());
+        let pair = plan(&[
+            "from: 'ros2:/x', to: 'zeromq:/x', type: Text",
+            "from: 'zeromq:/x', to: 'ros2:/x', type: Text",
+        ]);
+        assert_eq!(circle(&pair, &node, &pair.routes[0]), [""; 0]);
+        assert!(unheard(&pair, &node, &pair.routes[0]).is_none());
+    }
+}
