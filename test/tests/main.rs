@@ -43,6 +43,7 @@ mod ros1_types;
 mod ros_types;
 mod service_routes;
 mod services;
+mod top;
 mod why;
 mod yarp_commands;
 mod yarp_links;

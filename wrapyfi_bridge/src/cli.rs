@@ -9,6 +9,7 @@ use wrapyfi_core::types::MessageType;
 
 use crate::options::EndpointOptions;
 use crate::own_address::OwnAddress;
+use crate::top::routes::Sort;
 
 /// Wrapyfi for ROS 2: native objects, arrays, images, sound and messages of any type between ZeroMQ, YARP,
 /// ROS 1 and ROS 2.
@@ -51,6 +52,8 @@ pub enum Command {
     /// Say why nothing flows: the first thing that is missing on the way of a route or a topic, who could
     /// provide it, and what mends it.
     Why(WhyArgs),
+    /// Show the routes of a running bridge: rates, latency, drops, states with their reasons.
+    Top(TopArgs),
     /// Print the messages of an endpoint.
     Echo(EchoArgs),
     /// Publish to an endpoint.
@@ -154,6 +157,28 @@ pub struct WhyArgs {
     /// Address at which others reach the nodes that look.
     #[command(flatten)]
     pub own: OwnAddress,
+}
+
+/// Arguments of `wrapyfi top`.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Keys: q ends, s takes the next column to sort by, / filters, Enter shows one route."
+)]
+pub struct TopArgs {
+    /// Node of the bridge, for instance /wrapyfi_bridge; without it the only bridge on the graph.
+    pub node: Option<String>,
+    /// Print one table, with rates over `--every` seconds, and end.
+    #[arg(long)]
+    pub once: bool,
+    /// Time between two questions to the bridge, in seconds.
+    #[arg(long, value_name = "S", value_parser = seconds, default_value = "1")]
+    pub every: Duration,
+    /// Column to sort by.
+    #[arg(long, value_enum, default_value_t)]
+    pub sort: Sort,
+    /// Only routes whose name, ends or type contain this, whatever its case.
+    #[arg(long, value_name = "TEXT", default_value = "", hide_default_value = true)]
+    pub filter: String,
 }
 
 /// Arguments of `wrapyfi echo`.

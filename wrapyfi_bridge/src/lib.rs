@@ -3,7 +3,7 @@
 //! # Layout
 //!
 //! ```text
-//!   main.rs ─▶ cli ─▶ command::{demo, bridge, check, list, echo, publish, service, broker, yarpserver, detect, why}
+//!   main.rs ─▶ cli ─▶ command::{demo, bridge, check, list, echo, publish, service, broker, yarpserver, detect, why, top}
 //!   bin/bridge.rs ─▶ node ─▶ command::bridge        `ros2 run wrapyfi_bridge bridge`
 //!   bin/…_bridge.rs ─▶ node ─▶ middleware_bridge    all of a middleware, without a configuration
 //!
@@ -14,6 +14,7 @@
 //!   options   --option of the command line
 //!   overrides  qos_overrides of the node -> routes
 //!   why       the first thing that is missing on a way, from facts
+//!   top       the routes of a bridge on a terminal
 //!   on_graph  diagnostics and services of a bridge that runs
 //!   reload    a configuration that changes while its bridge runs
 //!   files     how many may be open
@@ -45,5 +46,6 @@ pub mod own_address;
 pub mod reload;
 pub mod shutdown;
 pub mod table;
+pub mod top;
 pub mod why;
 pub mod words;

@@ -30,7 +30,7 @@ fn run(cli: &Cli, ros: Vec<OsString>) -> Result<(), Failure> {
         (None, Command::Yarpserver(args)) if args.silent => "warn",
         (None, Command::Echo(_) | Command::List(_) | Command::Call(_)) => "warn",
         // What it finds is said in its answer.
-        (None, Command::Why(_)) => "error",
+        (None, Command::Why(_) | Command::Top(_)) => "error",
         (None, _) => "info",
     };
     logging::start("wrapyfi", level).map_err(Failure::usage)?;
@@ -49,5 +49,6 @@ fn run(cli: &Cli, ros: Vec<OsString>) -> Result<(), Failure> {
         Command::Yarpserver(args) => shutdown.outcome(command::yarpserver::run(args, &shutdown)),
         Command::Detect(args) => command::detect::run(args),
         Command::Why(args) => command::why::run(args),
+        Command::Top(args) => command::top::run(args, &shutdown),
     }
 }

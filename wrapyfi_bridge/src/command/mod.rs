@@ -12,6 +12,7 @@ pub mod echo;
 pub mod list;
 pub mod publish;
 pub mod service;
+pub mod top;
 pub mod why;
 pub mod yarpserver;
 

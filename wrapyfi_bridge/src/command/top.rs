@@ -1,0 +1,160 @@
+//! `wrapyfi top`: the routes of a running bridge, live or as one table.
+
+use std::collections::BTreeSet;
+use std::io::IsTerminal as _;
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
+use std::time::{Duration, Instant};
+
+use anyhow::Context as _;
+use ratatui::DefaultTerminal;
+use ratatui::crossterm::event::{self, Event, KeyEventKind};
+use wrapyfi_core::endpoint::{Middleware as _, Role, Wake};
+use wrapyfi_core::middleware::ros2::Ros2;
+use wrapyfi_core::types::Map;
+use wrapyfi_interfaces::Message as _;
+use wrapyfi_interfaces::wrapyfi_msgs::srv::ListRoutes_Response;
+
+use super::WAIT_SLICE;
+use super::list::has_told_all;
+use crate::cli::TopArgs;
+use crate::exit::Failure;
+use crate::middlewares::Middlewares;
+use crate::on_graph::client::Asker;
+use crate::output;
+use crate::shutdown::Shutdown;
+use crate::top::routes::Routes;
+use crate::top::screen::Screen;
+
+/// Longest time that a reply may take: with it, the program still ends in the time that is promised.
+const ANSWER: Duration = Duration::from_millis(1500);
+/// Longest time in which a bridge is looked for.
+const LOOK: Duration = Duration::from_secs(3);
+/// Name of the service within a bridge's node.
+const SERVICE: &str = "list_routes";
+
+/// Shows the routes until `q`, or prints them once.
+///
+/// # Errors
+/// Exit code 2 where there is no terminal to draw on, or several bridges and none was named; 3 where no bridge
+/// answers.
+pub fn run(args: &TopArgs, shutdown: &Shutdown) -> Result<(), Failure> {
+    if !args.once && !std::io::stdout().is_terminal() {
+        let text = "standard output is no terminal; in a script, run `wrapyfi top --once`";
+        return Err(Failure::usage(text));
+    }
+    let ros2 = Middlewares::ros2_of_command()?;
+    let node = match &args.node {
+        Some(node) => format!("/{}", node.trim_matches('/')),
+        None => only_bridge(&ros2, shutdown)?,
+    };
+    let mut asker = Asker::<ListRoutes_Response>::open(&ros2, &node, SERVICE)?;
+    let mut routes = Routes::new(args.sort, args.filter.clone());
+    // The first answer before the terminal is taken: a wrong name is told as any other fault.
+    routes.update(asker.ask(Map::new(), LOOK)?.routes, Instant::now());
+    if args.once {
+        shutdown.wait_until(Some(Instant::now() + args.every));
+        routes.update(asker.ask(Map::new(), ANSWER)?.routes, Instant::now());
+        return output::line(&routes.table());
+    }
+    std::thread::scope(|scope| {
+        let (reply_to, replies) = mpsc::channel();
+        // Dropped at the end, which ends the thread.
+        let (_running, goes_on) = mpsc::channel::<()>();
+        scope.spawn(move || ask_again(&mut asker, args.every, &reply_to, &goes_on));
+        let mut terminal = ratatui::try_init().context("cannot draw on this terminal")?;
+        let watched = watch(&mut terminal, Screen::new(node, routes), &replies, shutdown);
+        ratatui::restore();
+        watched
+    })
+}
+
+type Reply = Result<ListRoutes_Response, Failure>;
+
+/// Asks once each `every` until nobody wants to know any more.
+fn ask_again(
+    asker: &mut Asker<ListRoutes_Response>,
+    every: Duration,
+    reply_to: &Sender<Reply>,
+    goes_on: &Receiver<()>,
+) {
+    while goes_on.recv_timeout(every) == Err(RecvTimeoutError::Timeout) {
+        if reply_to.send(asker.ask(Map::new(), ANSWER)).is_err() {
+            return;
+        }
+    }
+}
+
+fn watch(
+    terminal: &mut DefaultTerminal,
+    mut screen: Screen,
+    replies: &Receiver<Reply>,
+    shutdown: &Shutdown,
+) -> Result<(), Failure> {
+    let mut heard = Instant::now();
+    while !shutdown.requested() {
+        while let Ok(reply) = replies.try_recv() {
+            match reply {
+                Ok(reply) => {
+                    heard = Instant::now();
+                    screen.fault = None;
+                    screen.routes.update(reply.routes, heard);
+                }
+                Err(failure) => screen.fault = Some(failure.to_string()),
+            }
+        }
+        terminal
+            .draw(|frame| screen.draw(frame, heard.elapsed()))
+            .context("cannot draw on this terminal")?;
+        if event::poll(WAIT_SLICE).context("cannot read keys")? {
+            let event = event::read().context("cannot read keys")?;
+            match event {
+                Event::Key(key) if key.kind != KeyEventKind::Release && screen.key(key) => break,
+                _ => {}
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Name of the node of the bridge that is on the graph.
+fn only_bridge(ros2: &Ros2, shutdown: &Shutdown) -> Result<String, Failure> {
+    let mut discovery = ros2.discover().context("cannot look for bridges")?;
+    let (wake, begin) = (Wake::new(), Instant::now());
+    let (mut found, mut changed) = (BTreeSet::new(), begin);
+    loop {
+        let endpoints = discovery.endpoints().context("cannot look for bridges")?;
+        let kind = ListRoutes_Response::ROS_TYPE.trim_end_matches("_Response");
+        let nodes: BTreeSet<String> = endpoints
+            .into_iter()
+            .filter(|one| one.role == Role::Server && one.type_name.as_deref() == Some(kind))
+            .filter_map(|one| one.name.strip_suffix(SERVICE)?.strip_suffix('/').map(str::to_owned))
+            .collect();
+        if nodes != found {
+            (found, changed) = (nodes, Instant::now());
+        }
+        let told = has_told_all(discovery.is_complete(), changed.elapsed());
+        let over = begin.elapsed() >= LOOK || shutdown.requested();
+        if over || (told && !found.is_empty()) {
+            break;
+        }
+        wake.wait(WAIT_SLICE);
+    }
+    let mut nodes = found.into_iter();
+    match (nodes.next(), nodes.next()) {
+        (Some(node), None) => Ok(node),
+        (Some(first), Some(second)) => {
+            let all: Vec<_> = [first, second].into_iter().chain(nodes).collect();
+            Err(Failure::Usage(format!(
+                "there are {} bridges: name one, for instance `wrapyfi top {}`; all: {}",
+                all.len(),
+                all.first().map_or("", String::as_str),
+                all.join(", ")
+            )))
+        }
+        (None, _) => Err(Failure::TimedOut(format!(
+            "no bridge is on the graph (domain {}): start one with `wrapyfi bridge --config FILE`, or export the \
+             ROS_DOMAIN_ID of the one that runs",
+            std::env::var("ROS_DOMAIN_ID").unwrap_or_else(|_| "0".to_owned())
+        ))),
+    }
+}

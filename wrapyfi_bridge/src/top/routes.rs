@@ -1,0 +1,342 @@
+//! Routes of a bridge from its replies, with rates, in the order and with the filter that the user chose.
+
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, VecDeque};
+use std::fmt::Write as _;
+use std::time::Instant;
+
+use clap::ValueEnum;
+use wrapyfi_interfaces::wrapyfi_msgs::msg::RouteInfo;
+
+/// Number of rates that are kept of each route: two minutes of a reply a second.
+const HISTORY: usize = 120;
+
+/// Column by which routes are sorted, the largest first but for names.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
+pub enum Sort {
+    /// Name of the route.
+    #[default]
+    Name,
+    /// Messages a second.
+    Rate,
+    /// Bytes a second.
+    Bytes,
+    /// Time from arrival to hand-over of 99 in 100 messages.
+    Latency,
+    /// Messages that wait.
+    Queued,
+    /// Messages that were dropped.
+    Dropped,
+    /// State, those with an error first.
+    State,
+}
+
+impl Sort {
+    /// The column after this one, in the order of the table.
+    #[must_use]
+    pub fn next(self) -> Self {
+        let all = Self::value_variants();
+        let place = all.iter().position(|one| *one == self).unwrap_or(0);
+        all.get(place + 1).copied().unwrap_or_default()
+    }
+
+    /// Name of the column.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Name => "name",
+            Self::Rate => "rate",
+            Self::Bytes => "bytes",
+            Self::Latency => "latency",
+            Self::Queued => "queued",
+            Self::Dropped => "dropped",
+            Self::State => "state",
+        }
+    }
+}
+
+/// Last reply about a route, and its rates since the reply before.
+#[derive(Debug, Default)]
+pub struct Row {
+    /// State and counters; texts without control characters.
+    pub info: RouteInfo,
+    /// Messages handed over a second.
+    pub messages_per_s: f64,
+    /// Bytes handed over a second.
+    pub bytes_per_s: f64,
+    /// Messages a second of each reply so far, the oldest first.
+    pub history: VecDeque<u64>,
+}
+
+impl Row {
+    /// Cells of the table, in the order of [`COLUMNS`].
+    #[must_use]
+    pub fn cells(&self) -> [String; COLUMNS.len()] {
+        let ms = |us: u64| format!("{:.2}", us as f64 / 1e3);
+        [
+            self.info.key.clone(),
+            self.info.state.clone(),
+            format!("{:.1}", self.messages_per_s),
+            format!("{:.2}", self.bytes_per_s / 1e6),
+            ms(self.info.latency_p50_us),
+            ms(self.info.latency_p99_us),
+            self.info.queued.to_string(),
+            self.info.dropped.to_string(),
+        ]
+    }
+
+    /// Reasons for which messages were dropped, with their numbers.
+    #[must_use]
+    pub fn drops(&self) -> String {
+        let pairs = self.info.drop_reasons.iter().zip(&self.info.drop_counts);
+        pairs.map(|(reason, count)| format!("{reason} {count}")).collect::<Vec<_>>().join(", ")
+    }
+
+    fn severity(&self) -> u8 {
+        match self.info.state.as_str() {
+            "error" => 3,
+            "degraded" => 2,
+            "waiting" => 1,
+            _ => 0,
+        }
+    }
+}
+
+/// Headings of the table.
+pub const COLUMNS: [&str; 8] =
+    ["route", "state", "msg/s", "MB/s", "p50 ms", "p99 ms", "queued", "dropped"];
+
+/// Number of columns of text, at the left; the others are numbers.
+pub const TEXTS: usize = 2;
+
+/// Routes of one bridge.
+#[derive(Debug, Default)]
+pub struct Routes {
+    rows: BTreeMap<String, Row>,
+    at: Option<Instant>,
+    /// Column by which they are sorted.
+    pub sort: Sort,
+    /// Text that names, ends or types of the shown routes contain, whatever their case.
+    pub filter: String,
+}
+
+impl Routes {
+    /// No routes yet.
+    #[must_use]
+    pub fn new(sort: Sort, filter: String) -> Self {
+        Self { sort, filter, ..Self::default() }
+    }
+
+    /// Takes a reply that came at `at`. Rates are zero in the first, and after a restart of the bridge, whose
+    /// counters begin again.
+    pub fn update(&mut self, routes: Vec<RouteInfo>, at: Instant) {
+        let seconds = self.at.map(|before| at.saturating_duration_since(before).as_secs_f64());
+        self.at = Some(at);
+        let mut rows = BTreeMap::new();
+        for info in routes {
+            let info = printable(info);
+            let before = self.rows.remove(&info.key);
+            let rate = |now: u64, before: u64| match seconds {
+                Some(seconds) if seconds > 0.0 => now.saturating_sub(before) as f64 / seconds,
+                _ => 0.0,
+            };
+            let (messages_per_s, bytes_per_s, mut history) = match before {
+                Some(before) => (
+                    rate(info.sent, before.info.sent),
+                    rate(info.sent_bytes, before.info.sent_bytes),
+                    before.history,
+                ),
+                None => (0.0, 0.0, VecDeque::new()),
+            };
+            if history.len() == HISTORY {
+                history.pop_front();
+            }
+            history.push_back(messages_per_s.round() as u64);
+            rows.insert(info.key.clone(), Row { info, messages_per_s, bytes_per_s, history });
+        }
+        self.rows = rows;
+    }
+
+    /// Routes that pass the filter, sorted.
+    #[must_use]
+    pub fn shown(&self) -> Vec<&Row> {
+        let wanted = self.filter.to_lowercase();
+        let has = |text: &String| text.to_lowercase().contains(&wanted);
+        let mut rows: Vec<_> = self.rows.values().collect();
+        rows.retain(|Row { info, .. }| {
+            [&info.key, &info.source, &info.destination, &info.type_name].into_iter().any(has)
+        });
+        match self.sort {
+            // As the map has them.
+            Sort::Name => {}
+            Sort::Rate => rows.sort_by(|a, b| b.messages_per_s.total_cmp(&a.messages_per_s)),
+            Sort::Bytes => rows.sort_by(|a, b| b.bytes_per_s.total_cmp(&a.bytes_per_s)),
+            Sort::Latency => rows.sort_by_key(|row| Reverse(row.info.latency_p99_us)),
+            Sort::Queued => rows.sort_by_key(|row| Reverse(row.info.queued)),
+            Sort::Dropped => rows.sort_by_key(|row| Reverse(row.info.dropped)),
+            Sort::State => rows.sort_by_key(|row| Reverse(row.severity())),
+        }
+        rows
+    }
+
+    /// Number of routes in each state, of all whatever the filter.
+    #[must_use]
+    pub fn summary(&self) -> String {
+        let mut states: BTreeMap<&str, usize> = BTreeMap::new();
+        for row in self.rows.values() {
+            *states.entry(&row.info.state).or_default() += 1;
+        }
+        let mut text = format!("{} routes", self.rows.len());
+        for (state, count) in states {
+            // Writing to a String cannot fail.
+            let _infallible = write!(text, ", {count} {state}");
+        }
+        text
+    }
+
+    /// The shown routes as a table of text, reasons and drops below their routes.
+    #[must_use]
+    pub fn table(&self) -> String {
+        let rows: Vec<_> = self.shown().into_iter().map(|row| (row, row.cells())).collect();
+        let mut widths = COLUMNS.map(str::len);
+        for (_, cells) in &rows {
+            for (width, cell) in widths.iter_mut().zip(cells) {
+                *width = (*width).max(cell.chars().count());
+            }
+        }
+        let line = |cells: &[String]| {
+            let pad = |(place, (cell, width)): (usize, (&String, &usize))| match place < TEXTS {
+                true => format!("{cell:<width$}"),
+                false => format!("{cell:>width$}"),
+            };
+            let cells: Vec<_> = cells.iter().zip(&widths).enumerate().map(pad).collect();
+            cells.join("  ").trim_end().to_owned()
+        };
+        let mut text = line(&COLUMNS.map(str::to_owned));
+        for (row, cells) in &rows {
+            let _infallible = write!(text, "\n{}", line(cells));
+            for note in [row.info.reason.clone(), row.drops()] {
+                if !note.is_empty() {
+                    let _infallible = write!(text, "\n    {note}");
+                }
+            }
+        }
+        text
+    }
+}
+
+/// The route with its texts made harmless: names come from the network, and a terminal obeys control characters.
+fn printable(mut info: RouteInfo) -> RouteInfo {
+    let texts = [
+        &mut info.key,
+        &mut info.source,
+        &mut info.destination,
+        &mut info.type_name,
+        &mut info.state,
+        &mut info.reason,
+    ];
+    for text in texts.into_iter().chain(&mut info.drop_reasons) {
+        if text.contains(char::is_control) {
+            *text = text.replace(char::is_control, "\u{fffd}");
+        }
+    }
+    info
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+
+    fn info(key: &str, state: &str, sent: u64) -> RouteInfo {
+        RouteInfo {
+            key: key.to_owned(),
+            source: format!("ros2:/{key}"),
+            destination: format!("zeromq:/{key}"),
+            state: state.to_owned(),
+            sent,
+            sent_bytes: sent * 1000,
+            ..RouteInfo::default()
+        }
+    }
+
+    fn names(routes: &Routes) -> Vec<&str> {
+        routes.shown().into_iter().map(|row| row.info.key.as_str()).collect()
+    }
+
+    #[test]
+    fn a_rate_is_what_came_between_two_replies() {
+        let (mut routes, begin) = (Routes::default(), Instant::now());
+        routes.update(vec![info("a", "active", 100)], begin);
+        assert_eq!(routes.shown()[0].messages_per_s, 0.0, "nobody knows how long these took");
+        routes.update(vec![info("a", "active", 160)], begin + Duration::from_secs(2));
+        let row = routes.shown()[0];
+        assert_eq!((row.messages_per_s, row.bytes_per_s), (30.0, 30_000.0));
+        // The bridge has started again.
+        routes.update(vec![info("a", "active", 5)], begin + Duration::from_secs(3));
+        assert_eq!(routes.shown()[0].messages_per_s, 0.0);
+        assert_eq!(routes.shown()[0].history, [0, 30, 0]);
+        routes.update(Vec::new(), begin + Duration::from_secs(4));
+        assert!(routes.shown().is_empty());
+    }
+
+    #[test]
+    fn no_more_than_the_history_is_kept() {
+        let (mut routes, begin) = (Routes::default(), Instant::now());
+        for second in 0..=HISTORY as u64 + 5 {
+            let at = begin + Duration::from_secs(second);
+            routes.update(vec![info("a", "active", second * second)], at);
+        }
+        assert_eq!(routes.shown()[0].history.len(), HISTORY);
+    }
+
+    #[test]
+    fn the_order_and_the_filter_are_the_users() {
+        let (mut routes, begin) = (Routes::default(), Instant::now());
+        let reply =
+            |a, b, c| vec![info("a", "active", a), info("b", "error", b), info("c", "waiting", c)];
+        routes.update(reply(0, 0, 0), begin);
+        routes.update(reply(10, 5, 20), begin + Duration::from_secs(1));
+        assert_eq!(names(&routes), ["a", "b", "c"]);
+        routes.sort = Sort::Rate;
+        assert_eq!(names(&routes), ["c", "a", "b"]);
+        routes.sort = Sort::State;
+        assert_eq!(names(&routes), ["b", "c", "a"]);
+        routes.filter = "ZEROMQ:/C".to_owned();
+        assert_eq!(names(&routes), ["c"]);
+        assert_eq!(routes.summary(), "3 routes, 1 active, 1 error, 1 waiting");
+        let round = Sort::value_variants().iter().fold(Sort::Name, |sort, _| sort.next());
+        assert_eq!(round, Sort::Name);
+    }
+
+    #[test]
+    fn a_table_says_states_reasons_and_drops() {
+        let mut routes = Routes::default();
+        let waits = RouteInfo { reason: "a publisher".to_owned(), ..info("b", "waiting", 0) };
+        let loses = RouteInfo {
+            dropped: 5,
+            drop_reasons: vec!["queue_full".to_owned(), "stalled".to_owned()],
+            drop_counts: vec![2, 3],
+            latency_p50_us: 120,
+            latency_p99_us: 2500,
+            ..info("left camera", "degraded", 7)
+        };
+        routes.update(vec![waits, loses], Instant::now());
+        let wanted = "\
+route        state     msg/s  MB/s  p50 ms  p99 ms  queued  dropped
+b            waiting     0.0  0.00    0.00    0.00       0        0
+    a publisher
+left camera  degraded    0.0  0.00    0.12    2.50       0        5
+    queue_full 2, stalled 3";
+        assert_eq!(routes.table(), wanted);
+    }
+
+    #[test]
+    fn a_name_cannot_command_the_terminal() {
+        let mut routes = Routes::default();
+        routes.update(vec![info("a\x1b[2J\nb", "active", 0)], Instant::now());
+        assert!(!routes.table().contains('\x1b'), "{:?}", routes.table());
+        assert_eq!(routes.table().lines().count(), 2);
+    }
+}
