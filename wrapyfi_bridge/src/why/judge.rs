@@ -228,7 +228,7 @@ impl Walk<'_> {
         let same = |one: &&Discovered| {
             one.type_name.as_deref().is_none_or(|theirs| is_same_type(theirs, wanted))
         };
-        if told.iter().any(|one| same(one)) {
+        if told.iter().any(same) {
             self.pass(format!("its type is {wanted}"));
             return Ok(());
         }
