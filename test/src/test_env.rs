@@ -419,6 +419,7 @@ impl TestEnv {
     fn cross_ports(&self, command: &mut Command, args: &str) {
         if ["--mode request", "--request"].iter().any(|mode| args.contains(mode))
             || args == "request"
+            || args.starts_with("wrapyfi call")
         {
             command.env("WRAPYFI_ZEROMQ_SOCKET_REP_PORT", self.rep_port().to_string());
         }
@@ -455,6 +456,7 @@ impl TestEnv {
         let path = std::env::join_paths(own.chain(std::env::split_paths(&others)))?;
         command.env("PATH", path).env("PYTHONUTF8", "1").env("PYTHONDONTWRITEBYTECODE", "1");
         command.env("PYTHONUNBUFFERED", "1");
+        self.cross_ports(&mut command, line);
         self.start(line, command)
     }
 

@@ -61,8 +61,8 @@ fn readme() -> Result {
             guide.pass_over(mark.trim_start_matches('\n'), BUILT)?;
         }
         guide.pass_over("impl Mirror", "it is a part of docs/rust.md")?;
-        guide.pass_over("ros1_bridge", "`ros1` runs it")?;
-        guide.pass_over("yarp_bridge", "`yarp` runs it")?;
+        guide.pass_over("ROS_MASTER_URI", "`ros1` runs it")?;
+        guide.pass_over("yarp:/icub/head/rpc:i", "`yarp` runs it")?;
         guide.pass_over("ros2 launch", "`commands_of_ros2` runs it")?;
         env.write("bridge.yaml", guide.block("yaml", "routes:")?)?;
         let [check, bridge] = guide.lines("wrapyfi check bridge.yaml")?;
@@ -140,7 +140,8 @@ fn ros2() -> Result {
             ])?
             .pillar();
         let _lamp = env.shell("wrapyfi serve ros2:/lamp --type std_srvs/srv/SetBool --value '{\"success\": true, \"message\": \"on\"}'")?.pillar();
-        let _camera = env.node(["--ros-args", "-r", "__node:=camera"])?;
+        let _camera =
+            env.node(["--ros-args", "-p", "config_file:=bridge.yaml", "-r", "__node:=camera"])?;
         let heard = env.shell(&echo.command)?;
         says(&heard, &["0.5"])?;
         assert!(done(env, &call)?.contains("on"), "{call:?}");
@@ -165,10 +166,10 @@ fn commands_of_ros2() -> Result {
         let [run_all, launch_all] = guide.lines("ros2 run wrapyfi_bridge ros1_bridge")?;
         let [of_readme, ..] = Guide::read("README.md")?.lines::<3>("ros2 launch")?;
         for line in [run, launch, of_readme] {
-            says(&ros.shell(&line.command)?, &["zeromq:/camera"])?;
+            says(&ros.shell(&line.command)?, &["routes", "from"])?;
         }
         for line in [run_all, launch_all] {
-            says(&ros.shell(&line.command)?, &["waiting for master"])?;
+            says(&ros.shell(&line.command)?, &["ROS 1: node started"])?;
         }
         Ok(())
     })
@@ -187,13 +188,13 @@ fn ros1() -> Result {
         let mut guide = Guide::read("docs/ros1.md")?;
         let port = env.ros_port().to_string();
         guide.replace("11311", &port)?;
-        let [master, list, echo, bridge, echo_in_ros2] = guide.lines("wrapyfi list ros   ")?;
+        let [master, list, echo, bridge, echo_in_ros2] = guide.lines("wrapyfi echo ros:/scan")?;
         export(env, &master);
         until(env, &list, &["/scan", "sensor_msgs/LaserScan"])?;
         assert!(done(env, &echo)?.contains("2.5"), "{echo:?}");
         let mut readme = Guide::read("README.md")?;
         readme.replace("11311", &port)?;
-        let [same_bridge] = readme.lines("ros1_bridge")?;
+        let [same_bridge] = readme.lines("ROS_MASTER_URI")?;
         for bridge in [bridge, same_bridge] {
             let _bridge = starts(env, &bridge)?;
             assert!(done(env, &echo_in_ros2)?.contains("2.5"), "{echo_in_ros2:?}");
@@ -201,8 +202,9 @@ fn ros1() -> Result {
         env.write("bridge.yaml", guide.block("yaml", "ros:/arm/(.*)")?)?;
         let [check, bridge] = guide.lines("wrapyfi check bridge.yaml")?;
         done(env, &check)?;
-        says(&starts(env, &bridge)?, &["ros:/camera/image_raw"])?;
+        says(&starts(env, &bridge)?, &["a ROS 1 node that publishes /camera/image_raw"])?;
         guide.pass_over("ros2 launch", "`commands_of_ros2` starts this launch file")?;
+        guide.pass_over("ROS_DOMAIN_ID", "`ros1_base_and_ros2_navigation` runs it")?;
         guide.is_done()
     })
 }
@@ -262,7 +264,7 @@ fn yarp() -> Result {
         let _head = starts(env, &head)?;
         until(env, &list, &["/icub/cam/left", "publisher", "Image"])?;
         let readme = Guide::read("README.md")?;
-        let [same_bridge, same_call] = readme.lines("yarp_bridge")?;
+        let [same_bridge, same_call] = readme.lines("yarp:/icub/head/rpc:i")?;
         for (bridge, call) in [(bridge, call), (same_bridge, same_call)] {
             let _bridge = starts(env, &bridge)?;
             let printed = done(env, &echo)?;

@@ -17,6 +17,7 @@ struct Mirror;
 impl Mirror {
     #[register(NativeObject, "$mware", "/example/read_msg", should_wait = true)]
     fn read(&self, mware: &str) -> Message {
+        _ = mware; // for #[register]
         println!("Type a message:");
         let text = std::io::stdin().lines().next().and_then(Result::ok);
         Message { text: text.unwrap_or_else(|| "exit".to_owned()) }
