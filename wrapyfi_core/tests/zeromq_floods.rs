@@ -209,13 +209,13 @@ fn an_instance_that_ends_sends_what_its_broker_takes() {
 fn a_broker_that_stands_still_costs_a_publisher_a_quarter_of_what_may_wait() {
     // Each test is a process of its own.
     WAITING.set_limit(32 * Limits::MIB);
-    let Stuck { broker, publisher, context, .. } = Stuck::new(1000, DropReason::OverBudget);
+    let Stuck { broker, zeromq, publisher, context } = Stuck::new(1000, DropReason::OverBudget);
     assert!(WAITING.used() <= 8 * Limits::MIB, "{} bytes wait", WAITING.used());
     drop(broker);
     let counted = Stuck::lost(&context, DropReason::ConnectionLost, 1);
     assert_eq!(counted.dropped_for(DropReason::SendQueueFull), 0, "{counted:?}");
     assert_eq!(WAITING.used(), 0);
-    drop(publisher);
+    drop((publisher, zeromq));
 }
 
 /// A proxy of libzmq as Python Wrapyfi runs one, for a test that starts it in a process of its own.
