@@ -250,7 +250,8 @@ mod tests {
         terminal.draw(|frame| screen.draw(frame, silence)).unwrap();
         let buffer = terminal.backend().buffer();
         let lines = buffer.content().chunks(80);
-        let lines = lines.map(|line| line.iter().map(|cell| cell.symbol()).collect::<String>());
+        let lines =
+            lines.map(|line| line.iter().map(ratatui::buffer::Cell::symbol).collect::<String>());
         lines.map(|line| line.trim_end().to_owned()).collect::<Vec<_>>().join("\n")
     }
 

@@ -290,7 +290,8 @@ fn mapping(end: &mut End, graph: &dyn ros2::graph::Graph) {
     let ours = graph.service_mapping();
     let requests = format!("rq{}Request", end.address.name);
     let servers = all.iter().filter(|one| !one.is_publisher && one.dds_topic == requests);
-    let theirs: Vec<_> = servers.filter_map(ros2::graph::DiscoveredEndpoint::service_mapping).collect();
+    let theirs: Vec<_> =
+        servers.filter_map(ros2::graph::DiscoveredEndpoint::service_mapping).collect();
     if let Some(first) = theirs.first()
         && theirs.iter().all(|mapping| *mapping != ours)
     {
