@@ -3,47 +3,53 @@
 use std::time::{Duration, Instant};
 
 use tracing_subscriber::util::SubscriberInitExt as _;
-use wrapyfi_core::endpoint::{Discovered, Middleware as _, Role, Wake};
+use wrapyfi_core::endpoint::{Discovered, Middleware as _, Wake};
 use wrapyfi_core::middleware::ros2::environment::MAX_DOMAIN_ID;
 
 use super::look::Wanted;
-use super::{Elsewhere, End};
+use super::{Elsewhere, Graph};
 use crate::middlewares::{Ros2Section, ros2_elsewhere};
 
-/// Time for which each domain is looked at: nodes answer a new one at once.
-const LOOK: Duration = Duration::from_millis(500);
+/// Time for which each domain is looked at: some nodes answer a new one late.
+const LOOK: Duration = Duration::from_millis(750);
+/// Time for which the own domain is looked at again, as far as multicast reaches.
+pub(super) const WIDE: Duration = Duration::from_millis(450);
 /// Time between two looks.
 const AGAIN: Duration = Duration::from_millis(20);
 /// Domains below and above the own that are looked at.
 const NEAR: u32 = 2;
 
-/// Looks into a handful of domains, and past a limited range, side by side.
-pub(super) fn look(section: &Ros2Section, end: &End, wanted: &Wanted) -> Vec<Elsewhere> {
-    let Some(graph) = &end.graph else { return Vec::new() };
+/// Looks into a handful of domains, side by side; if `wide`, into the same one as far as multicast reaches.
+pub(super) fn look(
+    section: &Ros2Section,
+    graph: &Graph,
+    wanted: &Wanted,
+    wide: bool,
+) -> Vec<Elsewhere> {
     let own = graph.domain_id;
     let near = own.saturating_sub(NEAR)..=own.saturating_add(NEAR).min(MAX_DOMAIN_ID);
-    let mut domains: Vec<u32> = near.chain([0]).filter(|domain| *domain != own).collect();
+    let mut domains: Vec<u32> = match wide {
+        true => vec![own],
+        false => near.chain([0]).filter(|domain| *domain != own).collect(),
+    };
     domains.sort_by_key(|domain| (domain.abs_diff(own), *domain));
     domains.dedup();
-    let is_narrow = graph.range != "SUBNET";
-    let places = domains.into_iter().map(|domain| (domain, false));
-    let places = places.chain(is_narrow.then_some((own, true)));
-    let mut found: Vec<(bool, u32, Discovered)> = std::thread::scope(|scope| {
-        let looks: Vec<_> = places
-            .map(|(domain, wide)| {
+    let mut found: Vec<(u32, Discovered)> = std::thread::scope(|scope| {
+        let looks: Vec<_> = domains
+            .into_iter()
+            .map(|domain| {
                 scope.spawn(move || {
-                    let name = &wanted.address.name;
                     // Where a bridge looks, its log is no place for nodes that live for a moment.
                     let _silent = tracing_subscriber::registry().set_default();
-                    let found = one(section, domain, wide, name, wanted.role);
-                    found.map(|one| (wide, domain, one))
+                    let found = one(section, domain, wide, wanted);
+                    found.map(|one| (domain, one))
                 })
             })
             .collect();
         looks.into_iter().filter_map(|look| look.join().ok().flatten()).collect()
     });
-    found.sort_by_key(|(wide, domain, _)| (!*wide, domain.abs_diff(own)));
-    let told = |(wide, domain, endpoint): (bool, u32, Discovered)| {
+    found.sort_by_key(|(domain, _)| domain.abs_diff(own));
+    let told = |(domain, endpoint): (u32, Discovered)| {
         let (place, remedy) = match wide {
             true => (
                 "the same domain on another machine".to_owned(),
@@ -66,20 +72,13 @@ pub(super) fn look(section: &Ros2Section, end: &End, wanted: &Wanted) -> Vec<Els
 }
 
 /// Endpoint of the name in a domain.
-fn one(
-    section: &Ros2Section,
-    domain: u32,
-    wide: bool,
-    name: &str,
-    role: Role,
-) -> Option<Discovered> {
+fn one(section: &Ros2Section, domain: u32, wide: bool, wanted: &Wanted) -> Option<Discovered> {
     let ros2 = ros2_elsewhere(section, domain, wide).ok()?;
     let mut discovery = ros2.discover().ok()?;
-    let (wake, end) = (Wake::new(), Instant::now() + LOOK);
+    let (wake, end) = (Wake::new(), Instant::now() + if wide { WIDE } else { LOOK });
     loop {
         let found = discovery.endpoints().ok()?;
-        let mut named = found.into_iter().filter(|one| one.name == name && one.role == role);
-        let first = named.next();
+        let first = found.into_iter().find(|one| wanted.is_met(one));
         if Instant::now() >= end || first.as_ref().is_some_and(|one| one.node.is_some()) {
             return first;
         }

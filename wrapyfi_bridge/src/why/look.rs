@@ -11,8 +11,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use wrapyfi_core::endpoint::{
-    AnnouncedDurability, Context, Discovered, EndpointAddress, LearnError, Learned, Middleware,
-    QosPreset, Registry, Role, TopicSpec, Wake,
+    AnnouncedDurability, Context, Discovered, Discovery, EndpointAddress, LearnError, Learned,
+    Middleware, QosPreset, Registry, Role, TopicSpec, Wake,
 };
 use wrapyfi_core::middleware::ros1::Ros1;
 use wrapyfi_core::middleware::ros2;
@@ -54,6 +54,17 @@ impl Wanted {
     pub(super) fn new(address: EndpointAddress, is_service: bool) -> Self {
         let role = if is_service { Role::Server } else { Role::Publisher };
         Self { address, role, is_service, is_learned: false, listens: false, is_open: false }
+    }
+
+    /// True where somebody has the name in the role.
+    fn is_there(&self, end: &End) -> bool {
+        end.found.iter().any(|one| self.is_met(one))
+    }
+
+    /// True for an endpoint that has the name in the role.
+    pub(super) fn is_met(&self, one: &Discovered) -> bool {
+        let is_role = one.role == self.role || (self.is_open && one.role == Role::Server);
+        one.name == self.address.name && is_role
     }
 }
 
@@ -107,8 +118,45 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
     if middleware == "ros2" {
         end.graph = Some(graph(endpoints));
     }
+    let mut discovery = match observer.middleware.discover() {
+        Ok(discovery) => discovery,
+        Err(fault) => {
+            end.away = Some(fault.to_string());
+            return end;
+        }
+    };
+    if let (Some(graph), Some(carrier)) = (&mut end.graph, discovery.carried_by()) {
+        carrier.clone_into(&mut graph.carried_by);
+    }
+    let meant = wanted.address.name.clone();
+    discovery.only(Box::new(move |other| other == meant || kinship(&meant, other).is_some()));
     let deadline = begin + PATIENCE;
-    if let Err(fault) = discover(&mut end, observer.middleware.as_ref(), wanted, deadline) {
+    // Until all is told: who is missing is as telling as who is there.
+    let mut seen =
+        watch(&mut end, discovery.as_mut(), |_, told| told || Instant::now() >= deadline);
+    if let (Some(graph), Ok(())) = (end.graph.clone(), &seen)
+        && wanted.role != Role::Client
+        && !wanted.is_there(&end)
+    {
+        // Some nodes answer after a second; meanwhile it is looked for elsewhere.
+        let is_narrow = graph.range != "SUBNET";
+        let deadline = if is_narrow { deadline - elsewhere::WIDE } else { deadline };
+        end.elsewhere = std::thread::scope(|scope| {
+            let far = scope.spawn(|| elsewhere::look(&endpoints.ros2, &graph, wanted, false));
+            seen = watch(&mut end, discovery.as_mut(), |end, _| {
+                Instant::now() >= deadline || wanted.is_there(end)
+            });
+            far.join().unwrap_or_default()
+        });
+        if is_narrow && sight.bridge.is_none() && !wanted.is_there(&end) {
+            // Another configuration of the same domain needs an end of this one.
+            drop((discovery, observer));
+            end.elsewhere.extend(elsewhere::look(&endpoints.ros2, &graph, wanted, true));
+            return end;
+        }
+    }
+    drop(discovery);
+    if let Err(fault) = seen {
         end.away = Some(fault);
         return end;
     }
@@ -128,11 +176,8 @@ pub(super) fn look(sight: Sight<'_>, wanted: &Wanted, types: &mut TypeStore) -> 
     if wanted.listens && end.of(Role::Publisher).next().is_some() {
         listen(&mut end, observer.middleware.as_ref(), types);
     }
-    let is_there = end.of(wanted.role).next().is_some();
-    if middleware == "ros2" && !is_there && wanted.role != Role::Client {
-        // Another configuration of the same domain needs an end of this one.
-        drop(observer);
-        end.elsewhere = elsewhere::look(&endpoints.ros2, &end, wanted);
+    if wanted.is_there(&end) {
+        end.elsewhere.clear();
     }
     end
 }
@@ -163,39 +208,31 @@ fn graph(endpoints: &Endpoints) -> Graph {
     }
 }
 
-/// Looks until the side has told all, or the time is over.
-fn discover(
+/// Looks until `is_over`, which is told whether the side has told all.
+fn watch(
     end: &mut End,
-    middleware: &dyn Middleware,
-    wanted: &Wanted,
-    deadline: Instant,
+    discovery: &mut dyn Discovery,
+    mut is_over: impl FnMut(&End, bool) -> bool,
 ) -> Result<(), String> {
-    // Not closely: a subscription of ours would be taken for somebody who listens.
-    let mut discovery = middleware.discover().map_err(|error| error.to_string())?;
-    let name = &wanted.address.name;
-    if let (Some(graph), Some(carrier)) = (&mut end.graph, discovery.carried_by()) {
-        carrier.clone_into(&mut graph.carried_by);
-    }
-    let meant = name.clone();
-    discovery.only(Box::new(move |other| other == meant || kinship(&meant, other).is_some()));
     let wake = Wake::new();
     let mut since = Instant::now();
+    let begin = since;
     loop {
         let found = discovery.endpoints().map_err(|error| error.to_string())?;
         if found != end.found {
             since = Instant::now();
             end.found = found;
         }
-        let now = Instant::now();
-        let told = has_told_all(discovery.is_complete(), since.elapsed());
-        if now >= deadline || (told && discovery.waiting_for().is_none()) {
-            break;
+        let waits = discovery.waiting_for();
+        // A server that accepts connections may need a moment to answer.
+        let told = has_told_all(discovery.is_complete(), since.elapsed()) && waits.is_none();
+        if is_over(end, told) || begin.elapsed() >= PATIENCE {
+            return match waits {
+                Some(what) => Err(format!("no answer from {what}")),
+                None => Ok(()),
+            };
         }
         wake.wait(LOOK);
-    }
-    match discovery.waiting_for() {
-        Some(what) => Err(format!("no answer from {what}")),
-        None => Ok(()),
     }
 }
 

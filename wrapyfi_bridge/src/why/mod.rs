@@ -37,7 +37,7 @@ use wrapyfi_core::middleware::ros2::graph::ServiceMapping;
 use self::door::Knock;
 
 /// Longest time that looking at a side may take until it is judged by what is known.
-const PATIENCE: Duration = Duration::from_millis(1300);
+const PATIENCE: Duration = Duration::from_millis(1400);
 
 /// Way of messages or calls, and what is known about it.
 #[derive(Debug, Clone, Default)]
