@@ -76,7 +76,7 @@ impl Reload {
         if !meta.is_file() {
             return Err(Failure::Usage(format!("{name} is no file: only a file is read again")));
         }
-        let Loaded { mut plan, mut endpoints, mut types, waiting_bytes, text, .. } =
+        let Loaded { mut plan, mut endpoints, mut types, waiting_bytes, text, lines, .. } =
             middlewares::load_and_learn(&self.file)?;
         let mut take = |store: &mut ParameterStore| {
             middlewares::take_parameters(&mut endpoints, store)?;
@@ -108,7 +108,7 @@ impl Reload {
                 }
             });
         }
-        warn_of_unheard(&plan, &self.node);
+        warn_of_unheard(&plan, &lines, &self.node);
         let mut registry = self.middlewares.registry().clone();
         if let Some(handle) = &self.handle {
             registry.set_clock(handle.clock());

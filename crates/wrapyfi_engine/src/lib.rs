@@ -38,6 +38,7 @@
 
 mod admission;
 mod candidate;
+mod circle;
 mod config;
 mod config_devices;
 mod config_error;
@@ -69,6 +70,7 @@ mod stamping;
 mod unheard;
 mod work;
 
+pub use circle::Circle;
 pub use config::{
     Config, Defaults, MAX_CONFIG_BYTES, MAX_ROUTES, OverflowConfig, ProcessLimits, RouteConfig,
     Spanned,
