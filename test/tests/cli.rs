@@ -512,11 +512,33 @@ fn check_warns_of_routes_that_do_not_hear_each_other() -> Result {
         let file = env.write("chain.yaml", config.yaml())?.display().to_string();
         let words = "does not hear what route \"zeromq:/a -> ros2:middle\" publishes on ros2:/middle: \
                      a bridge ignores its own publications; write a route from zeromq:/a to zeromq:/b";
-        complains(&mut env.wrapyfi(["check", &file])?, &[0], &[words])?;
+        let text = config.yaml();
+        let first = text.lines().position(|line| line.contains("zeromq:/a")).unwrap() + 1;
+        let second = text.lines().position(|line| line.contains("ros2:/middle")).unwrap() + 1;
+        let lines = format!("lines {first} and {second}: route ");
+        complains(&mut env.wrapyfi(["check", &file])?, &[0], &[words, &lines])?;
         let bridge = env.bridge(&config)?;
         bridge.wait_until("the warning", |output| {
             output.err.iter().any(|line| line.contains(words)).then_some(())
         })
+    })
+}
+
+#[test]
+fn check_warns_of_routes_in_a_circle() -> Result {
+    run("check_warns_of_routes_in_a_circle", PROGRAM, |env| {
+        let text = "routes:\n  - { from: 'zeromq:/x', to: 'ros2:x', type: Text }\n\
+                    \x20 - { from: 'zeromq:/y', to: 'ros2:y', type: Text }\n\
+                    \x20 - { from: 'ros2:/x', to: 'zeromq:/x', type: Text }\n";
+        let file = env.write("circle.yaml", text)?.display().to_string();
+        let words =
+            "lines 2 and 4: the routes lead in a circle, zeromq:/x -> ros2:/x -> zeromq:/x: ";
+        complains(&mut env.wrapyfi(["check", &file])?, &[0], &[words])?;
+        let file = env.write("chain.yaml", text.replace("to: 'zeromq:/x'", "to: 'zeromq:/z'"))?;
+        let mut check = env.wrapyfi(["check", &file.display().to_string()])?;
+        check.exits_with(0)?;
+        assert!(!check.stderr().contains("circle"), "{}", check.stderr());
+        Ok(())
     })
 }
 

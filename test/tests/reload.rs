@@ -168,3 +168,76 @@ fn a_reload_by_the_service_tells_the_difference() -> Result {
         there(&bridge, "comes")
     })
 }
+
+/// Settings that a middleware cannot start with leave its own routes waiting, with the reason; the rest of the plan
+/// holds, and so do the others' routes. It starts once it can.
+#[test]
+fn a_middleware_that_cannot_start_anew_has_its_own_routes_wait() -> Result {
+    run("reload_port_taken", &[Need::Program], |env| {
+        let ends = [yarp(&env.topic("robot")), ros2(&env.topic("robot"))];
+        let robot = Route::new(&ends[0], &ends[1], "NativeObject").with("name", "robot");
+        let before = env.embedded().route(named(env, "stays")).yarp(env).route(robot);
+        let bridge = env.bridge_named(FILE, &before)?;
+        there(&bridge, "stays")?;
+        there(&bridge, "robot")?;
+        let held = std::net::TcpListener::bind(("127.0.0.1", env.rep_port()))?;
+        let comes = "  - from: \"zeromq:/comes\"\n    to: \"ros2:/comes\"\n    type: Text\n    name: comes\n";
+        let after = before
+            .yaml()
+            .replace(
+                &format!("pub_port: {}", env.pub_port()),
+                &format!("pub_port: {}", env.rep_port()),
+            )
+            .replace(
+                &format!("sub_port: {}", env.sub_port()),
+                &format!("sub_port: {}", env.req_port()),
+            );
+        env.write(FILE, after + comes)?;
+        let words = format!("port {} on 127.0.0.1 is taken", env.rep_port());
+        for name in ["stays", "comes"] {
+            until_route(&bridge, name, |route| {
+                route.is_some_and(|it| {
+                    it["state"] == "waiting" && it["reason"].to_string().contains(&words)
+                })
+            })?;
+        }
+        drop(held);
+        for name in ["stays", "comes"] {
+            until_route(&bridge, name, |route| {
+                route.is_some_and(|it| !it["reason"].to_string().contains("to start"))
+            })?;
+        }
+        let ended = |name: &str| {
+            let of_route = |line: &str| line.contains(name) && line.contains("route ended");
+            bridge.stderr().lines().any(of_route)
+        };
+        anyhow::ensure!(ended("stays") && !ended("robot"), "{}", bridge.stderr());
+        Ok(())
+    })
+}
+
+/// A file that is another a thousand times a second is read once it stays the same: the last one holds, and what all
+/// of them have goes on.
+#[test]
+fn a_file_that_never_rests_is_read_once_it_does() -> Result {
+    run("reload_storm", &[Need::Program], |env| {
+        let config = env.embedded().route(named(env, "stays"));
+        let bridge = env.bridge_named(FILE, &config)?;
+        there(&bridge, "stays")?;
+        for n in 0..1000 {
+            // Whole, half, none, and nothing in it.
+            match n % 4 {
+                0 => drop(env.write(FILE, text(env, &["stays", &format!("x{n}")]))?),
+                1 => drop(env.write(FILE, "routes:\n  - { from: 'zeromq:/hal")?),
+                2 => std::fs::remove_file(env.path(FILE))?,
+                _ => drop(env.write(FILE, "")?),
+            }
+        }
+        env.write(FILE, text(env, &["stays", "last"]))?;
+        there(&bridge, "last")?;
+        until_route(&bridge, "x996", |route| route.is_none())?;
+        let ended = |line: &str| line.contains("stays") && line.contains("route ended");
+        anyhow::ensure!(!bridge.stderr().lines().any(ended), "{}", bridge.stderr());
+        Ok(())
+    })
+}

@@ -24,6 +24,8 @@ use wrapyfi_core::middleware::ros2::NodeHandle;
 use wrapyfi_core::node::parameters::ParameterStore;
 use wrapyfi_core::types::{Map, Payload, ServiceKind, Value};
 use wrapyfi_interfaces::store::TypeStore;
+use wrapyfi_retry::contained;
+use wrapyfi_retry::thread::restarted;
 
 use crate::command::bridge::{ros2_types, warn_of_unheard};
 use crate::exit::Failure;
@@ -68,7 +70,8 @@ pub struct Reload {
 }
 
 impl Reload {
-    /// Reads the file and applies it; text and difference.
+    /// Reads the file and applies it; text and difference. Everything that may be refused is tried
+    /// before anything changes.
     fn apply(&mut self) -> Result<(String, PlanDiff), Failure> {
         let name = self.file.display().to_string();
         let meta = std::fs::metadata(&self.file);
@@ -76,16 +79,12 @@ impl Reload {
         if !meta.is_file() {
             return Err(Failure::Usage(format!("{name} is no file: only a file is read again")));
         }
-        let Loaded { mut plan, mut endpoints, mut types, waiting_bytes, text, .. } =
+        let Loaded { mut plan, mut endpoints, mut types, waiting_bytes, text, lines, .. } =
             middlewares::load_and_learn(&self.file)?;
-        let mut take = |store: &mut ParameterStore| {
-            middlewares::take_parameters(&mut endpoints, store)?;
-            overrides::apply(&mut plan, &self.node, store).map_err(Failure::usage)
-        };
-        match &self.handle {
-            Some(handle) => handle.parameters(take)?,
-            None => take(&mut self.node.parameters().map_err(Failure::usage)?)?,
-        }
+        // The node has its parameters once nothing can be refused any more.
+        let mut parameters = self.node.parameters().map_err(Failure::usage)?;
+        middlewares::take_parameters(&mut endpoints, &mut parameters)?;
+        overrides::apply(&mut plan, &self.node, &mut parameters).map_err(Failure::usage)?;
         self.own.enter(&mut endpoints);
         let before = self.middlewares.settings();
         let settings = Settings::of(&endpoints, &plan, before)?;
@@ -95,10 +94,12 @@ impl Reload {
             return Err(Failure::Usage(format!("{name}: {text}: start the program anew for that")));
         }
         let changes = before.changes(&settings);
-        self.middlewares.turn_to(settings)?;
-        for change in changes {
-            tracing::info!("{change}");
+        let next = self.middlewares.turned_to(settings)?;
+        let mut registry = next.registry().clone();
+        if let Some(handle) = &self.handle {
+            registry.set_clock(handle.clock());
         }
+        warn_of_unheard(&plan, &lines, &self.node);
         if let Some(handle) = &self.handle {
             handle.types(|described| {
                 for name in ros2_types(&plan) {
@@ -108,39 +109,65 @@ impl Reload {
                 }
             });
         }
-        warn_of_unheard(&plan, &self.node);
-        let mut registry = self.middlewares.registry().clone();
-        if let Some(handle) = &self.handle {
-            registry.set_clock(handle.clock());
-        }
         let diff = self.routes.apply(plan, types, registry).map_err(Failure::usage)?;
+        for change in changes {
+            tracing::info!("{change}");
+        }
+        self.middlewares.replace_by(next);
         WAITING.set_limit(waiting_bytes);
+        if let Some(handle) = &self.handle {
+            handle.parameters(|store| declare_new(&parameters, store));
+        }
         Ok((text, diff))
     }
 
     /// As [`Reload::apply`], and logs what came of it.
     fn apply_and_tell(&mut self, known: &mut String) -> Result<PlanDiff, String> {
-        let begin = Instant::now();
-        match self.apply() {
-            Ok((text, diff)) => {
-                *known = text;
-                let all = diff.to_string();
-                let lines = all.lines().take(all.lines().count().saturating_sub(1));
-                let is_few = all.lines().count() <= FEW;
-                for line in lines {
-                    match is_few {
-                        true => tracing::info!("{line}"),
-                        false => tracing::debug!("{line}"),
-                    }
+        let file = self.file.display().to_string();
+        told(&file, known, || self.apply())
+    }
+}
+
+/// Declares the parameters of `from` that `store` has not.
+fn declare_new(from: &ParameterStore, store: &mut ParameterStore) {
+    let new: Vec<&str> = from.names().filter(|name| store.describe(name).is_none()).collect();
+    for name in new {
+        let (Some(descriptor), Ok(value)) = (from.describe(name), from.get(name)) else { continue };
+        if let Err(error) = store.declare(descriptor.clone(), value.clone()) {
+            tracing::warn!("parameter {name} is not declared: {error}");
+        }
+    }
+}
+
+/// Applies the configuration of `file`, and logs what came of it. A panic is an error like others.
+fn told(
+    file: &str,
+    known: &mut String,
+    apply: impl FnOnce() -> Result<(String, PlanDiff), Failure>,
+) -> Result<PlanDiff, String> {
+    let begin = Instant::now();
+    let applied = contained(apply).unwrap_or_else(|panic| {
+        Err(Failure::Usage(format!("{file}: what reads it panicked: {panic}")))
+    });
+    match applied {
+        Ok((text, diff)) => {
+            *known = text;
+            let all = diff.to_string();
+            let lines = all.lines().take(all.lines().count().saturating_sub(1));
+            let is_few = all.lines().count() <= FEW;
+            for line in lines {
+                match is_few {
+                    true => tracing::info!("{line}"),
+                    false => tracing::debug!("{line}"),
                 }
-                let (file, ms) = (self.file.display(), begin.elapsed().as_millis());
-                tracing::info!("{file} was read again: {}, in {ms} ms", diff.summary());
-                Ok(diff)
             }
-            Err(failure) => {
-                tracing::error!("the routes stay as they are: {failure}");
-                Err(failure.to_string())
-            }
+            let ms = begin.elapsed().as_millis();
+            tracing::info!("{file} was read again: {}, in {ms} ms", diff.summary());
+            Ok(diff)
+        }
+        Err(failure) => {
+            tracing::error!("the routes stay as they are: {failure}");
+            Err(failure.to_string())
         }
     }
 }
@@ -202,16 +229,22 @@ impl Watch {
         let started = thread.spawn(move || {
             let _alive = alive;
             let mut looked = Looked::new(&reload.file, known);
-            while !told.load(Relaxed) {
-                if hung_up.swap(false, Relaxed) || looked.is_other(&reload.file) {
-                    // It is told in the log.
-                    _ = reload.apply_and_tell(&mut looked.text);
+            let pause = |time: Duration| {
+                std::thread::sleep(time.min(STOP_WITHIN / 2));
+                !told.load(Relaxed)
+            };
+            restarted("thread reload", pause, || {
+                while !told.load(Relaxed) {
+                    if hung_up.swap(false, Relaxed) || looked.is_other(&reload.file) {
+                        // It is told in the log.
+                        _ = reload.apply_and_tell(&mut looked.text);
+                    }
+                    if let Some(server) = &mut service {
+                        answer(server.as_mut(), &mut reload, &mut looked.text);
+                    }
+                    wake.wait(LOOK_EVERY);
                 }
-                if let Some(server) = &mut service {
-                    answer(server.as_mut(), &mut reload, &mut looked.text);
-                }
-                wake.wait(LOOK_EVERY);
-            }
+            });
         });
         started.context("cannot watch the configuration")?;
         Ok(Self { stop, context, ended, hang_up })
@@ -302,6 +335,31 @@ fn answer(server: &mut dyn Server, reload: &mut Reload, known: &mut String) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use wrapyfi_core::node::NodeName;
+    use wrapyfi_core::node::parameters::ParameterDescriptor;
+
+    #[test]
+    fn a_node_gets_the_parameters_that_it_has_not() {
+        let name = NodeName::new("bridge", "/").unwrap();
+        let store = || ParameterStore::new(&name, [("given".to_owned(), 7.into())].into()).unwrap();
+        let (mut of_file, mut of_node) = (store(), store());
+        let own = of_node.names().count();
+        of_file.declare(ParameterDescriptor::new("given").read_only(), 1).unwrap();
+        declare_new(&of_file, &mut of_node);
+        declare_new(&of_file, &mut of_node);
+        assert_eq!(of_node.names().count(), own + 1);
+        assert_eq!(of_node.get("given").unwrap().to_string(), "7");
+        assert!(of_node.set("given", 8).is_err(), "it is fixed there, too");
+    }
+
+    #[test]
+    fn a_panic_while_the_file_is_read_leaves_everything_as_it_is_and_says_so() {
+        let mut known = "before".to_owned();
+        let told = |known: &mut String| told("bridge.yaml", known, || panic!("on purpose"));
+        let error = told(&mut known).unwrap_err();
+        assert_eq!(error, "bridge.yaml: what reads it panicked: on purpose");
+        assert_eq!(known, "before", "it is read again where it changes");
+    }
 
     /// A file that is written anew, one put in its place, one that is gone, and one that was only touched.
     #[test]

@@ -1,13 +1,12 @@
 //! Route status for people and for programs.
 
 use std::fmt::Write as _;
-use std::time::Duration;
 
 use serde::Serialize;
 use wrapyfi_core::endpoint::QosEvent;
-use wrapyfi_core::engine::RouteStatus;
+use wrapyfi_core::engine::{Rate, RouteStatus};
 
-/// Routes as a table, with rates over the time since `before` was taken.
+/// Routes as a table, with rates over the last second.
 ///
 /// ```text
 /// route        state        in    out     Hz   MB/s p50 ms p99 ms  dropped
@@ -15,7 +14,7 @@ use wrapyfi_core::engine::RouteStatus;
 ///                quality of service: deadline_missed 3
 /// ```
 #[must_use]
-pub fn table(before: &[RouteStatus], now: &[RouteStatus], elapsed: Duration) -> String {
+pub fn table(now: &[RouteStatus]) -> String {
     let width = now.iter().map(|route| route.name.chars().count()).max().unwrap_or(0).max(5);
     let mut out = format!(
         "{:width$}  {:<8} {:>6} {:>6} {:>6} {:>6} {:>6} {:>6}  dropped\n",
@@ -23,13 +22,8 @@ pub fn table(before: &[RouteStatus], now: &[RouteStatus], elapsed: Duration) -> 
     );
     for route in now {
         let counters = &route.counters;
-        let (sent, bytes) = before
-            .iter()
-            .find(|then| then.name == route.name)
-            .map_or((0, 0), |then| (then.counters.sent, then.counters.sent_bytes));
-        let seconds = elapsed.as_secs_f64().max(1e-9);
-        let rate = counters.sent.saturating_sub(sent) as f64 / seconds;
-        let megabytes = counters.sent_bytes.saturating_sub(bytes) as f64 / seconds / 1e6;
+        let Rate { messages_per_s, bytes_per_s } = route.rate;
+        let megabytes = bytes_per_s as f64 / 1e6;
         let drops = counters
             .drops
             .iter()
@@ -40,7 +34,7 @@ pub fn table(before: &[RouteStatus], now: &[RouteStatus], elapsed: Duration) -> 
         // Writing to a String cannot fail.
         let _infallible = writeln!(
             out,
-            "{:width$}  {:<8} {:>6} {:>6} {rate:>6.1} {megabytes:>6.2} {:>6.2} {:>6.2}  {drops}",
+            "{:width$}  {:<8} {:>6} {:>6} {messages_per_s:>6.1} {megabytes:>6.2} {:>6.2} {:>6.2}  {drops}",
             route.name,
             route.state.word(),
             counters.received,
@@ -94,16 +88,8 @@ mod tests {
 
     use super::*;
 
-    #[test]
-    fn panics_are_told_where_there_were_some() {
-        let text = |panics| String::from_utf8(json_line(&[], panics)).unwrap();
-        assert_eq!(text(0), "{\"routes\":[]}\n");
-        assert_eq!(text(2), "{\"routes\":[],\"panics\":2}\n");
-    }
-
-    #[test]
-    fn quality_of_service_is_told_where_something_happened_to_it() {
-        let mut route = RouteStatus {
+    fn route() -> RouteStatus {
+        RouteStatus {
             name: "chatter".to_owned(),
             from: "ros2:/chatter".to_owned(),
             to: "zeromq:/chatter".to_owned(),
@@ -112,10 +98,34 @@ mod tests {
             from_qos: Some(Qos::from(QosPreset::SensorData)),
             to_qos: None,
             counters: Default::default(),
+            rate: Rate { messages_per_s: 30.0, bytes_per_s: 27_648_000 },
             panics: 0,
             pattern: None,
-        };
-        let print = |route: &RouteStatus| table(&[], std::slice::from_ref(route), Duration::ZERO);
+        }
+    }
+
+    #[test]
+    fn panics_are_told_where_there_were_some() {
+        let text = |panics| String::from_utf8(json_line(&[], panics)).unwrap();
+        assert_eq!(text(0), "{\"routes\":[]}\n");
+        assert_eq!(text(2), "{\"routes\":[],\"panics\":2}\n");
+    }
+
+    #[test]
+    fn a_row_and_an_object_have_the_rates() {
+        let route = route();
+        let text = table(std::slice::from_ref(&route));
+        assert!(text.contains("   30.0  27.65 "), "{text}");
+        let line: serde_json::Value = serde_json::from_slice(&json_line(&[route], 0)).unwrap();
+        let row = &line["routes"][0];
+        let rates = (row["messages_per_s"].as_f64(), row["bytes_per_s"].as_u64());
+        assert_eq!(rates, (Some(30.0), Some(27_648_000)));
+    }
+
+    #[test]
+    fn quality_of_service_is_told_where_something_happened_to_it() {
+        let mut route = route();
+        let print = |route: &RouteStatus| table(std::slice::from_ref(route));
         assert!(!print(&route).contains("quality of service"), "{}", print(&route));
         route.counters.qos_events = vec![(QosEvent::DeadlineMissed, 3), (QosEvent::Changed, 1)];
         let words = "quality of service: deadline_missed 3, qos_changed 1, from: best_effort \

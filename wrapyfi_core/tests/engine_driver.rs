@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use crate::engine_common::{Faulty, drain, listener, number, plan, publisher, registry, until};
 use wrapyfi_core::endpoint::DropReason;
-use wrapyfi_core::engine::{ApplyError, Engine, RouteState, RouteStatus, Running};
+use wrapyfi_core::engine::{ApplyError, Engine, Rate, RouteState, RouteStatus, Running};
 use wrapyfi_interfaces::store::TypeStore;
 
 const MS: Duration = Duration::from_millis(1);
@@ -77,6 +77,34 @@ fn a_hundred_routes_that_carry_messages_share_a_few_threads() {
     }
     // As many workers as cores, at most eight, whatever a busy machine made it start meanwhile.
     until("few threads", || threads().len() <= 10);
+}
+
+/// The rate rises with the messages and ends with them, stepped and on threads.
+#[test]
+fn a_route_shows_the_rate_of_its_last_second() {
+    let bench = Bench::new();
+    let mut engine = bench.engine(&[route("x")]);
+    let mut sink = listener(&bench.b.bus, "/x", 1000);
+    let mut source = publisher(&bench.a.bus, "/x");
+    let mut now = Instant::now();
+    let mut rate = |messages: i64, engine: &mut Engine| {
+        for _ in 0..20 {
+            (0..messages).for_each(|n| _ = source.publish(&number(n)).unwrap());
+            now += 100 * MS;
+            engine.step(now);
+        }
+        drain(sink.as_mut());
+        of(&engine.status(), "x").unwrap().rate
+    };
+    assert_eq!(rate(0, &mut engine), Rate::default());
+    assert_eq!(rate(5, &mut engine).messages_per_s, 50.0);
+    assert_eq!(rate(0, &mut engine), Rate::default());
+    let running = engine.start().unwrap();
+    until("a rate", || {
+        source.publish(&number(1)).unwrap();
+        of(&running.status(), "x").unwrap().rate.messages_per_s > 0.0
+    });
+    until("none", || of(&running.status(), "x").unwrap().rate == Rate::default());
 }
 
 /// More destinations block than there are threads at the start, and one route goes on.

@@ -21,6 +21,8 @@ mod communicator_zeromq;
 mod engine_common;
 #[cfg(feature = "engine")]
 mod engine_driver;
+#[cfg(feature = "engine")]
+mod engine_threads;
 #[cfg(feature = "fastdds-services")]
 mod fast_common;
 #[cfg(feature = "ros2")]
@@ -51,7 +53,9 @@ mod ros2_rmw;
 mod ros2_services;
 #[cfg(feature = "ros2")]
 mod ros2_topics;
+#[cfg(any(feature = "ros1", feature = "ros2"))]
 mod ros_args;
+#[cfg(any(feature = "ros1", feature = "ros2"))]
 mod ros_args_hostile;
 #[cfg(feature = "engine")]
 mod simulation;

@@ -196,6 +196,14 @@ impl Counters {
         self.undelivered.load(Relaxed)
     }
 
+    /// Number of messages handed to the destination, and of their bytes.
+    #[must_use]
+    pub fn sent_so_far(&self) -> (u64, u64) {
+        let [sent, bytes] =
+            [&self.sent, &self.sent_bytes].map(|it| at_least_none(it.load(Relaxed)));
+        (sent, bytes)
+    }
+
     /// Counts one object that was passed on unread, because its plug-in refused it.
     pub fn unread(&self) {
         self.unread.fetch_add(1, Relaxed);

@@ -10,12 +10,12 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::route::Route;
-use super::work::contained;
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::pattern::Inverse;
 use wrapyfi_endpoint::{
     DiscoverError, Discovered, Discovery, Middleware, NameFilter, Registry, Role, Traits,
 };
+use wrapyfi_retry::contained;
 
 /// Time for which a middleware must have been seen before routes are made of it, so that endpoints
 /// that exist already have shown by then.
@@ -26,8 +26,8 @@ const SILENT: Duration = Duration::from_secs(60);
 /// One middleware, with its discovery and the endpoints that it has found.
 pub(super) struct DiscoveredMiddleware {
     pub(super) middleware: Option<Arc<dyn Middleware>>,
-    /// Names that discovery has to look at; `None` once discovery has been told.
-    meant: Option<NameFilter>,
+    /// Filter for the names that discovery has to look at, also where it is opened again.
+    meant: Meant,
     discovery: Option<Box<dyn Discovery>>,
     /// Endpoints that discovery listed last.
     listed: Vec<Discovered>,
@@ -43,6 +43,9 @@ pub(super) struct DiscoveredMiddleware {
     /// change.
     traffic: BTreeMap<String, (u64, Option<Instant>)>,
 }
+
+/// Filter for names, which each discovery that is opened gets anew.
+type Meant = Arc<dyn Fn(&str) -> bool + Send + Sync>;
 
 /// Reason that a middleware's endpoints cannot be seen.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -85,10 +88,7 @@ impl DiscoveredGraph {
                     ..DiscoveredMiddleware::empty(None)
                 },
             });
-            match &mut side.discovery {
-                Some(discovery) => discovery.only(meant(name, patterns)),
-                None => side.meant = Some(meant(name, patterns)),
-            }
+            side.mean(meant(name, patterns));
             self.0.insert(name.to_owned(), side);
         }
         if let Err(panic) = contained(|| drop(known)) {
@@ -108,13 +108,13 @@ impl DiscoveredGraph {
 }
 
 /// Filter for the names of a middleware that patterns mean, as sources or as destinations.
-fn meant(middleware: &str, patterns: &[Arc<Route>]) -> NameFilter {
+fn meant(middleware: &str, patterns: &[Arc<Route>]) -> Meant {
     let of = |spec: &&Arc<Route>| spec.from.middleware == middleware;
     let sources: Vec<_> = patterns.iter().filter(of).cloned().collect();
     let to = |spec: &&Arc<Route>| spec.to.middleware == middleware;
     let targets = patterns.iter().filter(to);
     let targets: Vec<_> = targets.map(|spec| (Arc::clone(spec), spec.inverse())).collect();
-    Box::new(move |name| {
+    Arc::new(move |name| {
         let is_target = |(spec, inverse): &(Arc<Route>, Option<Inverse>)| match inverse {
             Some(inverse) => inverse.source(name).is_some_and(|it| spec.target(&it).is_some()),
             // The names that the pattern makes cannot be told, so all are looked at.
@@ -124,11 +124,16 @@ fn meant(middleware: &str, patterns: &[Arc<Route>]) -> NameFilter {
     })
 }
 
+fn filter(meant: &Meant) -> NameFilter {
+    let meant = Arc::clone(meant);
+    Box::new(move |name| meant(name))
+}
+
 impl DiscoveredMiddleware {
     fn empty(middleware: Option<Arc<dyn Middleware>>) -> Self {
         Self {
             middleware,
-            meant: None,
+            meant: Arc::new(|_| true),
             discovery: None,
             listed: Vec::new(),
             found: BTreeMap::new(),
@@ -138,6 +143,17 @@ impl DiscoveredMiddleware {
             panics: 0,
             seen_since: None,
             traffic: BTreeMap::new(),
+        }
+    }
+
+    /// Has discovery look at other names from now on. A panic is caught here, and discovery is opened
+    /// again.
+    fn mean(&mut self, meant: Meant) {
+        self.meant = meant;
+        if let Some(discovery) = &mut self.discovery
+            && let Err(panic) = contained(|| discovery.only(filter(&self.meant)))
+        {
+            self.failed(&panic);
         }
     }
 
@@ -187,16 +203,21 @@ impl DiscoveredMiddleware {
             Ok(Some(Err(away))) => self.lost(away),
             Ok(None) => false,
             Err(panic) => {
-                let name = self.middleware.as_ref().map_or("", |it| it.name()).to_owned();
-                tracing::error!("the discovery of {name} panicked, it is opened again: {panic}");
-                let discovery = self.discovery.take();
-                // The destructor may panic again.
-                _ = contained(|| drop(discovery));
-                self.panics += 1;
                 self.retry_at = Some(now + self.backoff.wait());
-                self.lost(Away::Failed(format!("the discovery of {name} panicked: {panic}")))
+                self.failed(&panic)
             }
         }
+    }
+
+    /// Closes a discovery that panicked; true when the panic is new.
+    fn failed(&mut self, panic: &str) -> bool {
+        let name = self.middleware.as_ref().map_or("", |it| it.name()).to_owned();
+        tracing::error!("the discovery of {name} panicked, it is opened again: {panic}");
+        let discovery = self.discovery.take();
+        // The destructor may panic again.
+        _ = contained(|| drop(discovery));
+        self.panics += 1;
+        self.lost(Away::Failed(format!("the discovery of {name} panicked: {panic}")))
     }
 
     /// Endpoints that exist, or the reason that they cannot be seen; `None` where there is no
@@ -207,9 +228,7 @@ impl DiscoveredMiddleware {
             Some(discovery) => discovery,
             none => match middleware.discover_closely(None) {
                 Ok(mut opened) => {
-                    if let Some(meant) = self.meant.take() {
-                        opened.only(meant);
-                    }
+                    opened.only(filter(&self.meant));
                     none.insert(opened)
                 }
                 Err(

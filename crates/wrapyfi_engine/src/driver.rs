@@ -18,8 +18,8 @@ use super::plan_diff::{ApplyError, PlanDiff};
 use super::pool::Pool;
 use super::reconciler::{Change, Reconciler};
 use super::route_status::RouteStatus;
-use super::work::contained;
 use wrapyfi_endpoint::{Registry, Wake};
+use wrapyfi_retry::contained;
 
 /// The routes that run, with the reconciler and the pool.
 pub(super) struct Driver {
@@ -175,8 +175,8 @@ impl Driver {
         lock(&self.latest).registry.clone()
     }
 
-    /// Logs of routes whose step takes too long.
-    pub(super) fn tell_blocked(&self) {
-        self.members().iter().for_each(|member| member.tell_blocked());
+    /// Looks at the rates of the routes, and logs of those whose step takes too long.
+    pub(super) fn look_at_members(&self, now: Instant) {
+        self.members().iter().for_each(|member| member.look(now));
     }
 }

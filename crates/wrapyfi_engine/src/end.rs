@@ -5,9 +5,9 @@ use std::time::Instant;
 
 use super::route::Route;
 use super::route_status::RouteState;
-use super::work::contained;
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::{Middleware, OpenError, Qos, QosChange, Registry, Review, Traits};
+use wrapyfi_retry::contained;
 
 /// One end of a route: its middleware and the open endpoint.
 pub(super) struct End<T: ?Sized> {
@@ -28,7 +28,14 @@ impl<T: ?Sized> End<T> {
             Ok(middleware) => (Some(Arc::clone(middleware)), None),
             Err(unknown) => (None, Some(RouteState::Error(unknown.to_string()))),
         };
-        let traits = middleware.as_ref().map(|it| it.traits()).unwrap_or_default();
+        let asked = contained(|| middleware.as_ref().map(|it| it.traits()));
+        let (traits, trouble) = match asked {
+            Ok(traits) => (traits.unwrap_or_default(), trouble),
+            Err(panic) => {
+                let text = format!("{name} panicked when it was asked for its traits: {panic}");
+                (Traits::default(), Some(RouteState::Error(text)))
+            }
+        };
         Self { middleware, traits, open: None, retry_at: None, trouble, qos: None }
     }
 

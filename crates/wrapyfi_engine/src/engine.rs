@@ -8,6 +8,7 @@ use wrapyfi_interfaces::store::TypeStore;
 use super::driver::Driver;
 use super::plan::Plan;
 use super::plan_diff::{ApplyError, PlanDiff};
+use super::rate;
 use super::route_status::RouteStatus;
 use super::running::Running;
 use wrapyfi_endpoint::Registry;
@@ -16,13 +17,14 @@ use wrapyfi_endpoint::Registry;
 pub struct Engine {
     driver: Arc<Driver>,
     look_at: Option<Instant>,
+    rates_at: Option<Instant>,
 }
 
 impl Engine {
     /// Prepares the routes; nothing is opened before the first step.
     #[must_use]
     pub fn new(plan: Plan, registry: &Registry) -> Self {
-        Self { driver: Arc::new(Driver::new(plan, registry)), look_at: None }
+        Self { driver: Arc::new(Driver::new(plan, registry)), look_at: None, rates_at: None }
     }
 
     /// Looks up the types that patterns learn in `types`; without this call below
@@ -54,8 +56,12 @@ impl Engine {
             let next = self.driver.look(now);
             self.look_at = Some(next.unwrap_or(now + super::reconciler::LOOK_EVERY));
         }
-        let steps = self.driver.members().into_iter().filter_map(|member| member.step(now));
-        steps.map(|step| step.moved).sum()
+        let members = self.driver.members();
+        if self.rates_at.is_none_or(|at| now.saturating_duration_since(at) >= rate::LOOK_EVERY) {
+            self.rates_at = Some(now);
+            members.iter().for_each(|member| member.look(now));
+        }
+        members.iter().filter_map(|member| member.step(now)).map(|step| step.moved).sum()
     }
 
     /// Statuses of the routes, then of the patterns and of the names they match that have no route

@@ -38,6 +38,7 @@
 
 mod admission;
 mod candidate;
+mod circle;
 mod config;
 mod config_devices;
 mod config_error;
@@ -57,6 +58,7 @@ mod plan_diff;
 mod plan_entry;
 mod plan_options;
 mod pool;
+mod rate;
 mod reconciler;
 mod reconciler_status;
 mod relay;
@@ -69,6 +71,7 @@ mod stamping;
 mod unheard;
 mod work;
 
+pub use circle::Circle;
 pub use config::{
     Config, Defaults, MAX_CONFIG_BYTES, MAX_ROUTES, OverflowConfig, ProcessLimits, RouteConfig,
     Spanned,
@@ -85,7 +88,7 @@ pub use plan_options::known_option;
 pub use reconciler::{GONE_AFTER, LOOK_EVERY};
 pub use relay::{Relay, Step};
 pub use route::{Kind, Names, Policy, Route, RouteKey, Types, Typing};
-pub use route_status::{PatternCounts, RouteState, RouteStatus};
+pub use route_status::{PatternCounts, Rate, RouteState, RouteStatus};
 pub use running::{Applier, Running};
 pub use service_relay::ServiceRelay;
 pub use stamping::StampSource;

@@ -12,14 +12,16 @@ use std::task::Waker;
 use std::time::{Duration, Instant};
 
 use super::pool::{Place, Pool};
+use super::rate::RateMeter;
 use super::relay::{Relay, Step};
 use super::route::{Kind, Route, RouteKey};
 use super::route_status::{RouteState, RouteStatus};
 use super::service_relay::ServiceRelay;
-use super::work::{Work, contained};
+use super::work::Work;
 use wrapyfi_endpoint::Throttle;
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::{Clock, Counters, CountersSnapshot, Qos, Registry, Wake};
+use wrapyfi_retry::contained;
 
 /// Length of a step from which on it shows as blocked.
 const BLOCKED_AFTER: Duration = Duration::from_secs(1);
@@ -58,6 +60,8 @@ pub(super) struct Member {
     /// Place of the member in the pool, and the earliest timer that it has there.
     pub(super) place: AtomicU8,
     pub(super) timer: Mutex<Option<Instant>>,
+    /// Rate of the messages, which no step waits for.
+    rate: Mutex<RateMeter>,
     pool: Weak<Pool>,
 }
 
@@ -158,6 +162,7 @@ impl Member {
             is_told_blocked: AtomicBool::new(false),
             place: AtomicU8::new(Place::IDLE),
             timer: Mutex::default(),
+            rate: Mutex::default(),
             pool,
         })
     }
@@ -254,6 +259,12 @@ impl Member {
         Some(step)
     }
 
+    /// Closes the ends of a route whose turn panicked outside of the route's own step.
+    pub(super) fn turn_panicked(&self, panic: &str, now: Instant) -> Step {
+        self.step_began_ms.store(0, Ordering::Relaxed);
+        self.contain(&mut lock(&self.slot), panic, now)
+    }
+
     /// Closes the ends of a route that panicked; they are opened again after a while.
     fn contain(&self, slot: &mut Slot, panic: &str, now: Instant) -> Step {
         self.panics.fetch_add(1, Ordering::Relaxed);
@@ -330,8 +341,15 @@ impl Member {
         (time >= BLOCKED_AFTER).then_some(time)
     }
 
+    /// Looks once a second how many messages went through, and logs once that the step in progress takes
+    /// too long.
+    pub(super) fn look(&self, now: Instant) {
+        lock(&self.rate).look(&self.counters, now);
+        self.tell_blocked();
+    }
+
     /// Logs once that the step in progress takes too long.
-    pub(super) fn tell_blocked(&self) {
+    fn tell_blocked(&self) {
         if let Some(time) = self.blocked_for()
             && !self.is_told_blocked.swap(true, Ordering::Relaxed)
         {
@@ -359,6 +377,7 @@ impl Member {
             from_qos,
             to_qos,
             counters: self.counters.snapshot(),
+            rate: lock(&self.rate).rate(),
             panics: self.panics.load(Ordering::Relaxed),
             ..self.identity.clone()
         }

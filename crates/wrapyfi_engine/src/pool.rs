@@ -16,8 +16,9 @@ use std::time::{Duration, Instant};
 
 use super::member::{Member, lock};
 use super::relay::Step;
-use super::work::contained;
 use wrapyfi_endpoint::Clock;
+use wrapyfi_retry::contained;
+use wrapyfi_retry::thread::restarted;
 
 /// Largest number of workers while none is stuck, however many cores there are.
 const MOST_WORKERS: usize = 8;
@@ -25,7 +26,7 @@ const MOST_WORKERS: usize = 8;
 const MOST_STUCK: usize = 256;
 /// Time without a taken step after which all workers count as stuck.
 const STUCK_AFTER: Duration = Duration::from_millis(5);
-/// Time between two looks for blocked steps, and idle time after which a surplus worker ends.
+/// Time between two looks at all members, and idle time after which a surplus worker ends.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 /// Distance of a step in time from which on it may be late by up to [`TOGETHER`]: what many routes look at once in a while
 /// wakes few threads few times.
@@ -54,7 +55,7 @@ pub(super) struct Pool {
     work: Condvar,
     /// Signal to the timekeeper that a step is due earlier, or that no worker is free.
     tick: Condvar,
-    /// Signal that a thread has ended.
+    /// Signal that a thread has ended, or that all threads are to end.
     ended: Condvar,
     /// Number of workers while none is stuck.
     base: usize,
@@ -131,38 +132,47 @@ impl Pool {
         })
     }
 
-    /// Starts the timekeeper, which starts workers; `look` is called once in a while.
+    /// Starts the timekeeper, which starts workers; `look` is called once a second.
     ///
     /// # Errors
     /// When the system refuses a thread.
-    pub(super) fn start(self: &Arc<Self>, look: impl Fn() + Send + 'static) -> std::io::Result<()> {
+    pub(super) fn start(
+        self: &Arc<Self>,
+        look: impl Fn(Instant) + Send + 'static,
+    ) -> std::io::Result<()> {
         self.grow(&mut lock(&self.state))?;
         let pool = Arc::clone(self);
-        self.spawn("route-timer", move || pool.keep_time(look))
+        self.spawn("route-timer", move || pool.keep_time(&look))
     }
 
-    /// Starts a thread that ends once the pool is stopped.
+    /// Starts a thread that ends once the pool is stopped. Where `act` panics, it begins again after a
+    /// pause.
     ///
     /// # Errors
     /// When the system refuses a thread; the pool stops then.
     pub(super) fn spawn(
         self: &Arc<Self>,
-        name: &str,
-        act: impl FnOnce() + Send + 'static,
+        name: &'static str,
+        act: impl FnMut() + Send + 'static,
     ) -> std::io::Result<()> {
         let pool = Arc::clone(self);
         lock(&self.state).threads += 1;
         let thread = std::thread::Builder::new().name(name.to_owned());
         let started = thread.spawn(move || {
-            if let Err(panic) = contained(act) {
-                tracing::error!("a thread of the routes panicked: {panic}");
-            }
+            restarted(&format!("thread {name}"), |time| pool.goes_on_after(time), act);
             pool.has_ended(&mut lock(&pool.state));
         });
         started.map(drop).inspect_err(|_| {
             lock(&self.state).threads -= 1;
             self.stop();
         })
+    }
+
+    /// Waits before a thread that panicked begins again; false once the pool is stopped.
+    fn goes_on_after(&self, pause: Duration) -> bool {
+        let goes_on = |state: &mut State| !state.stop;
+        let waited = self.ended.wait_timeout_while(lock(&self.state), pause, goes_on);
+        !waited.unwrap_or_else(PoisonError::into_inner).0.stop
     }
 
     fn has_ended(&self, state: &mut State) {
@@ -207,7 +217,14 @@ impl Pool {
     fn grow(self: &Arc<Self>, state: &mut State) -> std::io::Result<()> {
         let pool = Arc::clone(self);
         let thread = std::thread::Builder::new().name("route-worker".to_owned());
-        thread.spawn(move || pool.work())?;
+        thread.spawn(move || {
+            let pause = |time| {
+                pool.goes_on_after(time);
+                // A worker that is to end does so in `work`, which counts it off.
+                true
+            };
+            restarted("thread route-worker", pause, || pool.work());
+        })?;
         state.workers += 1;
         state.threads += 1;
         if state.workers > self.base {
@@ -232,7 +249,12 @@ impl Pool {
             };
             drop(state);
             member.place.store(Place::RUNNING, Ordering::Release);
-            let step = member.turn();
+            let turn = contained(|| (member.turn(), self.clock.now()));
+            let (step, now) = turn.unwrap_or_else(|panic| {
+                // The clock may be what panicked, so the system's time is taken.
+                let now = Instant::now();
+                (Some(member.turn_panicked(&panic, now)), now)
+            });
             state = lock(&self.state);
             if is_behind {
                 state.at_behind -= 1;
@@ -247,20 +269,19 @@ impl Pool {
                 state = lock(&self.state);
                 break;
             }
-            self.put_back(&mut state, member, step);
+            self.put_back(&mut state, member, step, now);
         }
         state.workers -= 1;
         self.has_ended(&mut state);
     }
 
     /// Lets a member wait for the time of its next step, or for its turn where that has come.
-    fn put_back(&self, state: &mut State, member: Arc<Member>, step: Option<Step>) {
+    fn put_back(&self, state: &mut State, member: Arc<Member>, step: Option<Step>, now: Instant) {
         let Some(Step { next, .. }) = step else {
             member.place.store(Place::CLOSED, Ordering::Release);
             return;
         };
         let (ordering, place) = (Ordering::AcqRel, &member.place);
-        let now = self.clock.now();
         let is_due = next <= now;
         let at_rest =
             place.compare_exchange(Place::RUNNING, Place::IDLE, ordering, Ordering::Acquire);
@@ -304,7 +325,7 @@ impl Pool {
     }
 
     /// Queues members that are due, and adds and removes workers, until the pool is stopped.
-    fn keep_time(self: &Arc<Self>, look: impl Fn()) {
+    fn keep_time(self: &Arc<Self>, look: &impl Fn(Instant)) {
         let mut looked_at = self.clock.now();
         // Numbers of turns taken at the moment when members were seen waiting without a worker.
         let mut seen: Option<(Instant, (u64, u64))> = None;
@@ -324,7 +345,7 @@ impl Pool {
                     self.work.notify_all();
                 }
                 drop(state);
-                look();
+                look(now);
                 state = lock(&self.state);
             }
             let mut pause = LOOK_EVERY;
@@ -378,6 +399,7 @@ impl Pool {
         drop(held);
         self.work.notify_all();
         self.tick.notify_all();
+        self.ended.notify_all();
     }
 
     /// Waits until every thread has ended, at most `limit`.

@@ -25,11 +25,11 @@ use super::member::Ending;
 use super::news::{self, News};
 use super::route::{Kind, Route, RouteKey};
 use super::route_status::RouteState;
-use super::work::contained;
 use wrapyfi_endpoint::Throttle;
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::pattern::Inverse;
 use wrapyfi_endpoint::{BridgeMark, Counters, EndpointAddress, Registry, Role};
+use wrapyfi_retry::contained;
 
 /// Time between two looks.
 pub const LOOK_EVERY: Duration = Duration::from_millis(500);

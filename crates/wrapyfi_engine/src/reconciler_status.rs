@@ -3,7 +3,7 @@
 use super::candidate::State;
 use super::reconciler::{Pattern, Reconciler};
 use super::route::{Kind, Route};
-use super::route_status::{PatternCounts, RouteState, RouteStatus};
+use super::route_status::{PatternCounts, Rate, RouteState, RouteStatus};
 use wrapyfi_endpoint::{CountersSnapshot, EndpointAddress};
 
 impl Reconciler {
@@ -87,6 +87,7 @@ fn idle(
         from_qos: None,
         to_qos: None,
         counters: CountersSnapshot::default(),
+        rate: Rate::default(),
         panics: 0,
         pattern: None,
     }

@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 
 use super::end::End;
 use super::route::Route;
-use super::route_status::{RouteState, RouteStatus};
+use super::route_status::{Rate, RouteState, RouteStatus};
 use super::stamping;
 use super::work::Work;
 use wrapyfi_data::codec::convert_payload;
@@ -142,6 +142,7 @@ impl Relay {
             from_qos: self.source.qos,
             to_qos: self.sink.qos,
             counters: self.context.counters.snapshot(),
+            rate: Rate::default(),
             panics: 0,
             pattern: None,
         }

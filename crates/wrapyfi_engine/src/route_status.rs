@@ -87,6 +87,9 @@ pub struct RouteStatus {
     pub to_qos: Option<Qos>,
     /// Numbers of messages that went through and that were dropped.
     pub counters: CountersSnapshot,
+    /// Rate at which messages were handed to the destination in the last second.
+    #[serde(flatten)]
+    pub rate: Rate,
     /// Number of panics of the route, each of which closed both its ends for a while.
     #[serde(skip_serializing_if = "is_zero")]
     pub panics: u64,
@@ -97,6 +100,15 @@ pub struct RouteStatus {
 
 fn is_zero(number: &u64) -> bool {
     *number == 0
+}
+
+/// Rate of a route over the last second, or up to two.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct Rate {
+    /// Number of messages a second, to a tenth.
+    pub messages_per_s: f64,
+    /// Number of bytes a second, as the destination's wire counts them.
+    pub bytes_per_s: u64,
 }
 
 /// Numbers of a pattern's routes, and of names that have none.

@@ -67,7 +67,7 @@ impl Running {
     pub(super) fn start(driver: Arc<Driver>) -> std::io::Result<Self> {
         let running = Self { driver, stop: Arc::default() };
         let driver = Arc::clone(&running.driver);
-        running.driver.pool.start(move || driver.tell_blocked())?;
+        running.driver.pool.start(move |now| driver.look_at_members(now))?;
         let (driver, stop) = (Arc::clone(&running.driver), Arc::clone(&running.stop));
         running.driver.pool.spawn("reconciler", move || {
             while !stop.load(Ordering::Relaxed) {

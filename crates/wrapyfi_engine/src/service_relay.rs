@@ -18,7 +18,7 @@ use std::time::Instant;
 use super::end::End;
 use super::relay::{DEGRADED_FOR, REST_REVIEW_EVERY, REVIEW_EVERY, Step, UNWANTED_FOR};
 use super::route::Route;
-use super::route_status::{RouteState, RouteStatus};
+use super::route_status::{Rate, RouteState, RouteStatus};
 use super::work::Work;
 use wrapyfi_data::types::Payload;
 use wrapyfi_endpoint::Throttle;
@@ -102,6 +102,7 @@ impl ServiceRelay {
             from_qos: None,
             to_qos: None,
             counters: self.front.counters.snapshot(),
+            rate: Rate::default(),
             panics: 0,
             pattern: None,
         }

@@ -14,6 +14,9 @@ use wrapyfi_data::types::MessageType;
 use wrapyfi_endpoint::EndpointAddress;
 use wrapyfi_endpoint::pattern::{filled_template, fits_template};
 
+/// A route, and its place in the plan.
+type Placed<'p> = (usize, &'p Route);
+
 /// Two routes of one bridge, of which the second does not hear what the first publishes.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Unheard {
@@ -27,11 +30,13 @@ pub struct Unheard {
     pub from: String,
     /// Destination of the second.
     pub to: EndpointAddress,
+    /// Places of the two in the plan.
+    pub places: [usize; 2],
 }
 
 impl fmt::Display for Unheard {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { publishing, listening, at, from, to } = self;
+        let Self { publishing, listening, at, from, to, .. } = self;
         write!(
             f,
             "route {listening:?} does not hear what route {publishing:?} publishes on {at}: a bridge \
@@ -54,24 +59,28 @@ impl Plan {
             }
             (kind, _) => matches!(kind, Kind::Topic(_)),
         };
-        let routes: Vec<&Route> = self.routes.iter().filter(has_messages).collect();
-        let (many, single): (Vec<&Route>, Vec<&Route>) =
-            routes.iter().copied().partition(|route| route.is_many());
-        let mut listening: BTreeMap<EndpointAddress, Vec<&Route>> = BTreeMap::new();
-        for route in single {
-            listening.entry(resolve(&route.from)).or_default().push(route);
+        let routes: Vec<Placed<'_>> =
+            self.routes.iter().enumerate().filter(|(_, route)| has_messages(route)).collect();
+        let (many, single): (Vec<Placed<'_>>, Vec<Placed<'_>>) =
+            routes.iter().copied().partition(|(_, route)| route.is_many());
+        let mut listening: BTreeMap<EndpointAddress, Vec<Placed<'_>>> = BTreeMap::new();
+        for (place, route) in single {
+            listening.entry(resolve(&route.from)).or_default().push((place, route));
         }
         let mut found = Vec::new();
-        let mut note = |publishing: &Route, listener: &Route, at: &EndpointAddress| {
+        let mut note = |publishing: Placed<'_>, listener: Placed<'_>, at: &EndpointAddress| {
+            let places = [publishing.0, listener.0];
+            let (publishing, listener) = (publishing.1, listener.1);
             found.push(Unheard {
                 publishing: publishing.name.clone(),
                 listening: listener.name.clone(),
                 at: at.clone(),
                 from: publishing.from.to_string(),
                 to: listener.to.clone(),
+                places,
             });
         };
-        for publishing in routes {
+        for placed @ (_, publishing) in routes {
             let to = resolve(&publishing.to);
             let source = &publishing.from.middleware;
             if publishing.is_many() {
@@ -79,20 +88,20 @@ impl Plan {
                     address.middleware == to.middleware && fits_template(&to.name, &address.name)
                 });
                 for (address, others) in others {
-                    let others = others.iter().filter(|other| other.to.middleware != *source);
-                    others.for_each(|other| note(publishing, other, address));
+                    let others = others.iter().filter(|(_, it)| it.to.middleware != *source);
+                    others.for_each(|other| note(placed, *other, address));
                 }
             } else {
                 let back = resolve(&publishing.from);
                 let others = listening.get(&to).into_iter().flatten();
-                let others = others.filter(|other| resolve(&other.to) != back);
-                others.for_each(|other| note(publishing, other, &to));
+                let others = others.filter(|(_, other)| resolve(&other.to) != back);
+                others.for_each(|other| note(placed, *other, &to));
             }
             // What a pattern publishes has many names: one stands for all.
             let name = filled_template(&to.name);
-            for other in many.iter().filter(|other| other.from.middleware == to.middleware) {
-                if other.target(&name).is_some_and(|target| target.middleware != *source) {
-                    note(publishing, other, &to);
+            for other in many.iter().filter(|(_, it)| it.from.middleware == to.middleware) {
+                if other.1.target(&name).is_some_and(|target| target.middleware != *source) {
+                    note(placed, *other, &to);
                 }
             }
         }
@@ -166,6 +175,7 @@ mod tests {
             at: address("ros2:/x"),
             from: "ros:/x".into(),
             to: address("zeromq:/x"),
+            places: [0, 1],
         };
         let text = unheard.to_string();
         assert!(text.contains("route \"on\" does not hear what route \"in\" publishes on ros2:/x"));

@@ -1,7 +1,5 @@
-//! The trait by which the driver steps a route, and the place where its panics end.
+//! The trait by which the driver steps a route.
 
-use std::any::Any;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::Instant;
 
 use super::relay::Step;
@@ -29,16 +27,4 @@ pub(super) trait Work: Send {
 
     /// Closes both ends and counts the messages on their way; the next step opens the ends again.
     fn close(&mut self);
-}
-
-/// Runs `act`, and returns the message of its panic as an error. The caller closes or replaces the
-/// values that `act` changed.
-pub(super) fn contained<T>(act: impl FnOnce() -> T) -> Result<T, String> {
-    catch_unwind(AssertUnwindSafe(act)).map_err(|panic| words(panic.as_ref()))
-}
-
-fn words(panic: &(dyn Any + Send)) -> String {
-    let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
-    text.or_else(|| panic.downcast_ref::<String>().cloned())
-        .unwrap_or_else(|| "a panic without words".to_owned())
 }

@@ -31,7 +31,6 @@ impl Backoff {
     }
 
     /// As [`Backoff::of_process`], with waits that differ from those for other names.
-    #[cfg(feature = "tokio")]
     pub fn of_name(name: &str) -> Self {
         use std::hash::{DefaultHasher, Hash as _, Hasher as _};
         let mut seed = DefaultHasher::new();

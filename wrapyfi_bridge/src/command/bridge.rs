@@ -57,7 +57,8 @@ pub fn run(
     options: Options,
     shutdown: &Shutdown,
 ) -> Result<(), Failure> {
-    let Loaded { mut endpoints, mut plan, types: mut store, waiting_bytes, file, text } = loaded;
+    let Loaded { mut endpoints, mut plan, types: mut store, waiting_bytes, file, lines, text } =
+        loaded;
     let config = match &file {
         Some(file) => Configuration::File(file.clone()),
         None => Configuration::Text(text, name.to_owned()),
@@ -67,7 +68,7 @@ pub fn run(
     options.own.enter(&mut endpoints);
     overrides::apply(&mut plan, node, &mut parameters).map_err(Failure::usage)?;
     warn_of_unused(&parameters);
-    warn_of_unheard(&plan, node);
+    warn_of_unheard(&plan, &lines, node);
     let middlewares = Middlewares::for_plan(&endpoints, &plan, node)?;
     let types = ros2_types(&plan);
     // Dropped last: what the routes say at their end is logged too.
@@ -160,10 +161,23 @@ pub fn run(
     failure.map_or(Ok(()), |why| Err(Failure::Failed(anyhow::Error::msg(why))))
 }
 
-/// Warns of routes that do not hear what others of the plan publish.
-pub(crate) fn warn_of_unheard(plan: &Plan, node: &Node) {
+/// Warns of routes that do not hear what others of the plan publish; `lines` are those of the routes in
+/// their file.
+pub(crate) fn warn_of_unheard(plan: &Plan, lines: &[u64], node: &Node) {
     for unheard in plan.unheard(|address| node.resolve(address)) {
-        tracing::warn!("{unheard}");
+        tracing::warn!("{}: {unheard}", in_lines(&unheard.places, lines));
+    }
+}
+
+/// Lines of routes by their places in the plan, as `lines 3, 4 and 7`.
+pub(crate) fn in_lines(places: &[usize], lines: &[u64]) -> String {
+    let mut each: Vec<_> =
+        places.iter().filter_map(|place| lines.get(*place)).map(u64::to_string).collect();
+    let last = each.pop().unwrap_or_default();
+    if each.is_empty() {
+        format!("line {last}")
+    } else {
+        format!("lines {} and {last}", each.join(", "))
     }
 }
 

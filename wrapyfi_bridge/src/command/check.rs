@@ -1,9 +1,9 @@
 //! `wrapyfi check`: validates a configuration, prints what it would run or what it changes of another, and
-//! warns of routes that do not hear each other.
+//! warns of routes that do not hear each other, and of those that lead in a circle.
 
 use std::path::Path;
 
-use super::bridge::warn_of_unheard;
+use super::bridge::{in_lines, warn_of_unheard};
 use crate::exit::Failure;
 use crate::middlewares::{self, Settings};
 use crate::node::Node;
@@ -32,6 +32,10 @@ pub fn run(file: &Path, against: Option<&Path>) -> Result<(), Failure> {
     for route in &plan.routes {
         output::line(&route.to_string())?;
     }
-    warn_of_unheard(&plan, &Node::bridge().map_err(Failure::usage)?);
+    let node = Node::bridge().map_err(Failure::usage)?;
+    warn_of_unheard(&plan, &loaded.lines, &node);
+    for circle in plan.circles(|address| node.resolve(address)) {
+        tracing::warn!("{}: {circle}", in_lines(&circle.places, &loaded.lines));
+    }
     Ok(())
 }

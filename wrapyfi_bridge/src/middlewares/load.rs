@@ -71,6 +71,8 @@ pub struct Loaded {
     pub types: TypeStore,
     /// Bytes that may wait in the queues of the process.
     pub waiting_bytes: usize,
+    /// Line of each route in the file.
+    pub lines: Vec<u64>,
     /// The text that was read.
     pub text: String,
     /// The file that it was read from, if it was.
@@ -201,7 +203,10 @@ fn read(
     learn(&config, &mut types)?;
     let plan = Plan::new(&config, &super::available(), &mut types, name).map_err(Failure::usage)?;
     check_services(&plan).map_err(|fault| Failure::Usage(format!("{name}: {fault}")))?;
-    Ok(Loaded { endpoints: config.endpoints, plan, types, waiting_bytes, text, file: None })
+    // A plan that is valid has a route for each entry.
+    let lines = config.routes.iter().map(|entry| entry.referenced.line()).collect();
+    let endpoints = config.endpoints;
+    Ok(Loaded { endpoints, plan, types, waiting_bytes, lines, text, file: None })
 }
 
 /// Bytes that may wait in the queues of this process.

@@ -99,8 +99,8 @@ impl Middlewares {
     /// Exit code 2 for settings that cannot work, 1 when the ROS 2 node does not start. Another
     /// middleware that does not start is no error: its routes wait, and it is tried again.
     pub fn for_plan(endpoints: &Endpoints, plan: &Plan, node: &Node) -> Result<Self, Failure> {
-        let mut middlewares = Self::default();
-        middlewares.turn_to(Settings::of(endpoints, plan, &Settings::default())?)?;
+        let settings = Settings::of(endpoints, plan, &Settings::default())?;
+        let mut middlewares = Self::default().turned_to(settings)?;
         if plan.uses("ros2") {
             let ros2 = endpoints.ros2.start(node, plan.largest_message_on("ros2"))?;
             middlewares.graph = Some(Arc::clone(ros2.graph()));
@@ -115,34 +115,38 @@ impl Middlewares {
         &self.settings
     }
 
-    /// Starts what `settings` have and is not there, and ends what they have not. A middleware with other
-    /// settings than before starts anew once routes have let go of the one before.
+    /// The middlewares that `settings` have. Those with the settings of now are the same ones; others
+    /// start, where there is one of that name once routes have let go of it. These middlewares stay as
+    /// they are, and end with the last who holds them.
     ///
     /// # Errors
-    /// Exit code 2 for settings that cannot work; everything is as before then.
-    pub fn turn_to(&mut self, settings: Settings) -> Result<(), Failure> {
-        let mut started = Vec::new();
+    /// Exit code 2 for settings that cannot work.
+    pub fn turned_to(&self, settings: Settings) -> Result<Self, Failure> {
+        let (mut registry, graph) = (self.registry.clone(), self.graph.clone());
         for (&name, one) in &settings.each {
             let before = self.settings.each.get(name);
             if before != Some(one) {
                 let before = before.and_then(|_| self.registry.get(name).ok());
-                started.push(start_or_wait(name, one.clone(), before.map(Arc::downgrade))?);
+                registry.register(start_or_wait(name, one.clone(), before.map(Arc::downgrade))?);
             }
         }
         for name in self.settings.each.keys() {
             if !settings.each.contains_key(name) {
-                self.registry.remove(name);
+                registry.remove(name);
             }
         }
-        if self.settings.each.get(yarp::NAME) != settings.each.get(yarp::NAME)
+        Ok(Self { registry, graph, settings })
+    }
+
+    /// Puts `next` in place of these middlewares.
+    pub fn replace_by(&mut self, next: Self) {
+        if self.settings.each.get(yarp::NAME) != next.settings.each.get(yarp::NAME)
             && self.settings.each.contains_key(yarp::NAME)
         {
             // Its port is the one before's.
             logging::write_to(None);
         }
-        started.into_iter().for_each(|middleware| self.add(middleware));
-        self.settings = settings;
-        Ok(())
+        *self = next;
     }
 
     /// Offers the node's services and topics beside those of the routes: parameters, descriptions

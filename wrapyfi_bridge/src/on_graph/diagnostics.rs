@@ -132,6 +132,7 @@ mod tests {
             from_qos: None,
             to_qos: None,
             counters: CountersSnapshot { received, drops, ..CountersSnapshot::default() },
+            rate: Default::default(),
             panics: 0,
             pattern: None,
         }

@@ -79,6 +79,7 @@ mod tests {
                 drops: vec![(DropReason::QueueFull, 3), (DropReason::LostUpstream, 7)],
                 ..CountersSnapshot::default()
             },
+            rate: Default::default(),
             panics: 0,
             pattern: None,
         }

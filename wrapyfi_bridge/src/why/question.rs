@@ -227,31 +227,14 @@ fn unheard(plan: &Plan, node: &Node, route: &Route) -> Option<Unheard> {
 /// Addresses from the source of a route along the routes of the file, where they lead back to it; else
 /// none.
 fn circle(plan: &Plan, node: &Node, route: &Route) -> Vec<String> {
-    let begin = node.resolve(&route.from);
-    let single: Vec<&Route> = plan.routes.iter().filter(|one| !one.is_many()).collect();
-    let mut trails = vec![vec![begin.clone(), node.resolve(&route.to)]];
-    for _ in 0..single.len() {
-        let mut longer = Vec::new();
-        for trail in trails {
-            let Some(last) = trail.last() else { continue };
-            if *last == begin {
-                // Only there and back is the usual pair of routes.
-                return match trail.len() {
-                    0..=3 => Vec::new(),
-                    _ => trail.iter().map(ToString::to_string).collect(),
-                };
-            }
-            for next in single.iter().filter(|one| node.resolve(&one.from) == *last) {
-                let to = node.resolve(&next.to);
-                if to == begin || !trail.contains(&to) {
-                    longer.push(trail.iter().cloned().chain([to]).collect());
-                }
-            }
-        }
-        trails = longer;
-        trails.truncate(single.len());
-    }
-    Vec::new()
+    let begins = |place: &usize| plan.routes.get(*place).is_some_and(|one| one.name == route.name);
+    let circles = plan.circles(|address| node.resolve(address));
+    // Only there and back is the usual pair of routes.
+    let mut longer = circles.iter().filter(|circle| circle.places.len() > 2);
+    let found = longer.find_map(|circle| Some((circle, circle.places.iter().position(begins)?)));
+    let Some((circle, begin)) = found else { return Vec::new() };
+    let ends = circle.ends.iter().cycle().skip(begin).take(circle.ends.len() + 1);
+    ends.map(ToString::to_string).collect()
 }
 
 /// Facts about a route: both ends, side by side.

@@ -3,22 +3,25 @@
 pub mod bridges;
 pub mod seeds;
 mod services;
+mod transport;
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use wrapyfi_core::endpoint::{
-    Client, Clock, Context, Counters, DiscoverError, Discovered, Discovery, DropReason, LearnError,
-    Learned, Link, Listener, Middleware, OpenError, PublishError, Publisher, Registry, Sample,
-    Server, ServiceSpec, TakeError, TopicSpec,
+    Client, Clock, Context, DiscoverError, Discovered, Discovery, LearnError, Learned, Link,
+    Listener, Middleware, NameFilter, OpenError, PublishError, Publisher, Registry, Review, Sample,
+    Server, ServiceSpec, TakeError, TopicSpec, Traits,
 };
 use wrapyfi_core::engine::{Available, Config, Plan};
 use wrapyfi_core::middleware::memory::Memory;
 use wrapyfi_core::types::{MessageType, Payload, ServiceKind, Value};
 use wrapyfi_interfaces::parser::Dialect;
 use wrapyfi_interfaces::store::TypeStore;
+
+use transport::{Paced, Unsteady};
 
 /// The hand of a clock that stands until it is moved.
 #[derive(Clone)]
@@ -51,17 +54,37 @@ impl Hand {
 #[derive(Debug, Default, Clone)]
 pub struct Faults {
     pub refuses_to_open: bool,
+    /// Prefix of topics that it refuses to open.
+    pub refused: Option<String>,
     pub sends_fail: bool,
     /// Every third message comes after one that was sent later.
     pub messages_are_late: bool,
     /// Every fourth message comes twice.
     pub messages_come_twice: bool,
-    /// Function that panics: `take`, `publish`, `send`, `reply`, `open`, `look`, `learn`, `drop`.
+    /// Every fifth message is lost on its way, on topics whose quality of service allows that.
+    pub messages_are_lost: bool,
+    /// Way in which the peers of publishers read.
+    pub readers: Readers,
+    /// True while there is no connection: what is under way is lost.
+    pub is_cut: bool,
+    /// Function that panics: `take`, `publish`, `send`, `reply`, `open`, `look`, `only`, `learn`, `traits`,
+    /// `drop`.
     pub panics_in: Option<&'static str>,
     /// Reason that its discovery sees nothing; `None` while it works.
     pub away: Option<String>,
     /// Prefix of topics to which sends block until the prefix is changed.
     pub blocked: Option<String>,
+}
+
+/// Way in which the peers of a publisher read what its transport holds for them.
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
+pub enum Readers {
+    #[default]
+    Read,
+    /// One message at each look of the publisher at its links.
+    Slow,
+    /// None.
+    Stopped,
 }
 
 /// Messages that the ends of a bridge took and published on a topic.
@@ -131,7 +154,12 @@ impl Faulty {
 
     fn may_open(&self, topic: &str) -> Result<(), OpenError> {
         self.shared.panic_in("open");
-        if lock(&self.shared.faults).refuses_to_open {
+        let is_refused = {
+            let faults = lock(&self.shared.faults);
+            let one = faults.refused.as_ref().is_some_and(|begin| topic.starts_with(begin));
+            faults.refuses_to_open || one
+        };
+        if is_refused {
             let reason = "injected: it refuses".to_owned();
             let topic = topic.to_owned();
             return Err(OpenError::Transport { middleware: "memory", topic, reason });
@@ -154,13 +182,7 @@ impl Middleware for Faulty {
         self.may_open(&spec.topic)?;
         let inner = self.bus.open_listener(spec, context)?;
         let (shared, topic) = (Arc::clone(&self.shared), spec.topic.clone());
-        let inner: Box<dyn Listener> = Box::new(Unsteady {
-            inner,
-            shared: Arc::clone(&shared),
-            counters: Arc::clone(&context.counters),
-            came: 0,
-            held: VecDeque::new(),
-        });
+        let inner: Box<dyn Listener> = Box::new(Unsteady::new(inner, &shared, spec, context));
         Ok(Box::new(FaultyEnd { inner, shared, topic }))
     }
 
@@ -172,6 +194,7 @@ impl Middleware for Faulty {
         self.may_open(&spec.topic)?;
         let inner = self.bus.open_publisher(spec, context)?;
         let (shared, topic) = (Arc::clone(&self.shared), spec.topic.clone());
+        let inner: Box<dyn Publisher> = Box::new(Paced::new(inner, &shared, spec, context));
         Ok(Box::new(FaultyEnd { inner, shared, topic }))
     }
 
@@ -199,6 +222,11 @@ impl Middleware for Faulty {
         Ok(Box::new(FaultyEnd { inner, shared, topic }))
     }
 
+    fn traits(&self) -> Traits {
+        self.shared.panic_in("traits");
+        self.bus.traits()
+    }
+
     fn discover(&self) -> Result<Box<dyn Discovery>, DiscoverError> {
         let (inner, shared) = (self.bus.discover()?, Arc::clone(&self.shared));
         Ok(Box::new(FaultyEnd { inner, shared, topic: String::new() }))
@@ -220,49 +248,6 @@ impl Middleware for Faulty {
     ) -> Result<ServiceKind, LearnError> {
         self.shared.panic_in("learn");
         self.bus.learn_service(found, types)
-    }
-}
-
-/// A listener whose transport delays and repeats messages as told.
-struct Unsteady {
-    inner: Box<dyn Listener>,
-    shared: Arc<Shared>,
-    counters: Arc<Counters>,
-    came: usize,
-    /// Messages that have come, and are delivered after others.
-    held: VecDeque<Sample>,
-}
-
-impl Listener for Unsteady {
-    fn take(&mut self) -> Result<Option<Sample>, TakeError> {
-        let Faults { messages_are_late, messages_come_twice, .. } = *lock(&self.shared.faults);
-        let Some(sample) = self.inner.take()? else {
-            return Ok(if messages_are_late { None } else { self.held.pop_front() });
-        };
-        self.came += 1;
-        if messages_come_twice && self.came.is_multiple_of(4) {
-            self.counters.received(0);
-            self.held.push_back(sample.clone());
-        }
-        if messages_are_late && self.came.is_multiple_of(3) {
-            self.held.push_back(sample);
-            return self.take();
-        }
-        Ok(Some(sample))
-    }
-
-    fn discard(&mut self) -> bool {
-        self.held.pop_front().is_some() || self.inner.discard()
-    }
-
-    fn link(&self) -> Link {
-        self.inner.link()
-    }
-}
-
-impl Drop for Unsteady {
-    fn drop(&mut self) {
-        self.held.iter().for_each(|_| self.counters.dropped(DropReason::Closed));
     }
 }
 
@@ -323,9 +308,18 @@ impl Publisher for FaultyEnd<dyn Publisher> {
     fn link(&self) -> Link {
         self.inner.link()
     }
+
+    fn review(&mut self, now: Instant) -> Review {
+        self.inner.review(now)
+    }
 }
 
 impl Discovery for FaultyEnd<dyn Discovery> {
+    fn only(&mut self, wanted: NameFilter) {
+        self.shared.panic_in("only");
+        self.inner.only(wanted);
+    }
+
     fn endpoints(&mut self) -> Result<Vec<Discovered>, DiscoverError> {
         self.shared.panic_in("look");
         self.inner.endpoints()

@@ -24,16 +24,22 @@ impl Dice {
     }
 }
 
-/// Runs `run` with every seed, on every core; the first that fails is named with what runs it again.
-pub fn every_seed(test: &str, run: fn(u64)) {
-    // Injected panics are many, and meant.
+/// Keeps injected panics from the output, because they are many, and meant.
+pub fn quiet_about_injected() {
     let usual = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {
-        let text = panic.payload().downcast_ref::<String>();
+        let payload = panic.payload();
+        let text = payload.downcast_ref::<String>().map(String::as_str);
+        let text = text.or_else(|| payload.downcast_ref::<&str>().copied());
         if !text.is_some_and(|text| text.starts_with("injected: ")) {
             usual(panic);
         }
     }));
+}
+
+/// Runs `run` with every seed, on every core; the first that fails is named with what runs it again.
+pub fn every_seed(test: &str, run: fn(u64)) {
+    quiet_about_injected();
     let number_in = |name| std::env::var(name).ok().map(|text| text.parse::<u64>().unwrap());
     let one = number_in("WRAPYFI_SEED");
     let first = one.unwrap_or(0);
@@ -53,7 +59,7 @@ pub fn every_seed(test: &str, run: fn(u64)) {
     });
     if let Some(seed) = failed {
         panic!(
-            "seed {seed} failed, again with: WRAPYFI_SEED={seed} cargo nextest run -p wrapyfi_core {test}"
+            "seed {seed} failed, again with: WRAPYFI_SEED={seed} cargo nextest run -p wrapyfi_core --features engine {test}"
         );
     }
 }

@@ -48,14 +48,12 @@ pub fn run(args: &DemoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let start = Instant::now();
     let end = args.seconds.map(|seconds| start + seconds);
     let mut screen = Screen::new();
-    let mut before = running.status();
     let mut tick = start;
     loop {
         let next = tick + Duration::from_secs(1);
         // Not a moment of its own for what is left: rates over it would be noise.
         let until = end.filter(|end| *end < next + Duration::from_millis(500)).unwrap_or(next);
         let ended = viewer.watch(until, shutdown);
-        let now = running.status();
         let elapsed = tick.elapsed();
         tick = Instant::now();
         screen.show(&format!(
@@ -64,10 +62,9 @@ pub fn run(args: &DemoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
             middlewares.broker(),
             middlewares.name_server(),
             middlewares.graph(),
-            table::table(&before, &now, elapsed),
+            table::table(&running.status()),
             viewer.table(elapsed),
         ))?;
-        before = now;
         if ended || end.is_some_and(|end| tick >= end) {
             break;
         }
