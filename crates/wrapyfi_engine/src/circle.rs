@@ -5,6 +5,7 @@
 //!                                         in two bridges every message goes round for ever
 //! ```
 
+use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::fmt;
 
@@ -67,7 +68,7 @@ impl Plan {
         };
         let single = self.routes.iter().enumerate().filter(|(_, route)| may_go_round(route));
         let mut seen = BTreeSet::new();
-        let ways = single.filter_map(|(first, _)| way_back(first, |place| next(place)));
+        let ways = single.filter_map(|(first, _)| way_back(first, next));
         let new = ways.filter(|way| seen.insert(way.iter().copied().collect::<BTreeSet<_>>()));
         let circle = |places: Vec<usize>| {
             let routes: Vec<&Route> = places.iter().filter_map(|it| self.routes.get(*it)).collect();
@@ -106,8 +107,8 @@ fn way_back<'n>(
                 way.reverse();
                 return Some(way);
             }
-            if !before.contains_key(&then) {
-                before.insert(then, place);
+            if let Entry::Vacant(unseen) = before.entry(then) {
+                unseen.insert(place);
                 queue.push_back(then);
             }
         }
