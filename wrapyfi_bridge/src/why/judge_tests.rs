@@ -1,6 +1,6 @@
 use std::time::Duration;
 
-use wrapyfi_core::endpoint::{EndpointAddress, QosPreset, Reliability};
+use wrapyfi_core::endpoint::{EndpointAddress, Qos, QosPreset, Reliability};
 use wrapyfi_core::middleware::ros2::graph::ServiceMapping;
 
 use super::super::Unheard;
@@ -142,7 +142,7 @@ fn the_first_thing_that_is_missing_is_named_with_its_remedy() {
         (of_route(|it| it.limit = Some((2, 9))), Cause::Limit, "9 names match", "max_routes: 9"),
         (
             of_source(|it| {
-                it.doors = vec![knock(Server::Broker, "robot", unresolved(), false, false)]
+                it.doors = vec![knock(Server::Broker, "robot", unresolved(), false, false)];
             }),
             Cause::UnresolvedHost,
             "does not resolve",
