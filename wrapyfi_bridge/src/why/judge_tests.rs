@@ -1,6 +1,6 @@
 use std::time::Duration;
 
-use wrapyfi_core::endpoint::{EndpointAddress, QosPreset, Reliability};
+use wrapyfi_core::endpoint::{EndpointAddress, Qos, QosPreset, Reliability};
 use wrapyfi_core::middleware::ros2::graph::ServiceMapping;
 
 use super::super::Unheard;

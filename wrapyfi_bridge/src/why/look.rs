@@ -15,8 +15,8 @@ use wrapyfi_core::endpoint::{
     Middleware, QosPreset, Registry, Role, TopicSpec, Wake,
 };
 use wrapyfi_core::middleware::ros1::Ros1;
-use wrapyfi_core::middleware::ros2;
 use wrapyfi_core::middleware::ros2::environment::{self, DiscoveryRange};
+use wrapyfi_core::middleware::ros2::graph::{self, DiscoveredEndpoint};
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
 
@@ -322,13 +322,12 @@ fn ports(end: &End, endpoints: &Endpoints) -> Vec<(String, u16)> {
 }
 
 /// Mapping of the servers, where all of them have another than this node.
-fn mapping(end: &mut End, graph: &dyn ros2::graph::Graph) {
-    let Ok(all) = graph.endpoints() else { return };
-    let ours = graph.service_mapping();
+fn mapping(end: &mut End, ros2: &dyn graph::Graph) {
+    let Ok(all) = ros2.endpoints() else { return };
+    let ours = ros2.service_mapping();
     let requests = format!("rq{}Request", end.address.name);
     let servers = all.iter().filter(|one| !one.is_publisher && one.dds_topic == requests);
-    let theirs: Vec<_> =
-        servers.filter_map(ros2::graph::DiscoveredEndpoint::service_mapping).collect();
+    let theirs: Vec<_> = servers.filter_map(DiscoveredEndpoint::service_mapping).collect();
     if let Some(first) = theirs.first()
         && theirs.iter().all(|mapping| *mapping != ours)
     {

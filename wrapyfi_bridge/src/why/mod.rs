@@ -8,7 +8,7 @@
 //!
 //!   drops    what the reasons of drops mean
 //!   names    names that are nearly the same
-//!   judge    facts -> verdict
+//!   judge    facts -> verdict; words: ends and remedies
 //!   door     a server that has to answer first
 //!   look     facts about one end
 //!   elsewhere  the same name on ROS 2 in other domains
@@ -25,6 +25,7 @@ pub mod judge;
 mod look;
 pub mod names;
 pub mod question;
+mod words;
 
 use std::fmt;
 use std::time::Duration;
@@ -73,8 +74,6 @@ pub struct RouteFacts {
     pub limit: Option<(usize, usize)>,
     /// Route of the same bridge that publishes where this one listens, and does not hear.
     pub unheard: Option<Unheard>,
-    /// True where the source is open only while somebody listens.
-    pub is_lazy: bool,
 }
 
 /// A route of the same bridge that this one does not hear.

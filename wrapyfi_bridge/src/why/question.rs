@@ -113,7 +113,6 @@ impl Question {
                     name: route.name.clone(),
                     file,
                     left_out,
-                    is_lazy: route.policy.lazy,
                     ..RouteFacts::default()
                 };
                 facts.unheard = unheard(&plan, &node, &route);
