@@ -115,3 +115,26 @@ pub fn yarp() -> Builder<crate::middleware::yarp::YarpConfig, crate::middleware:
         start: |settings| Yarp::start(&settings).map_err(StartError::refused),
     }
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "in a test a panic is the right answer")]
+mod tests {
+    #[test]
+    #[cfg(feature = "zeromq")]
+    fn settings_are_changed_before_the_start() {
+        let started = super::zeromq().with(|settings| {
+            settings.ip = "127.0.0.1".to_owned();
+            (settings.pub_port, settings.sub_port) = (0, 0);
+            settings.broker = crate::middleware::zeromq::BrokerMode::Embedded;
+        });
+        assert_ne!(started.start().unwrap().pub_port(), 0);
+    }
+
+    #[test]
+    #[cfg(feature = "ros2")]
+    fn a_name_that_no_node_can_have_is_refused_at_the_start() {
+        let refused =
+            super::ros2("1camera").with(|settings| settings.cyclone.domain_id = 7).start();
+        assert!(refused.is_err_and(|error| error.to_string().contains("1camera")));
+    }
+}
