@@ -89,8 +89,8 @@ pub fn ros2(node: &str) -> Builder<Ros2Settings, crate::middleware::ros2::Ros2> 
     use crate::node::NodeName;
     let settings = || {
         let (namespace, name) = node.rsplit_once('/').unwrap_or(("/", node));
-        let namespace = if namespace.is_empty() { "/" } else { namespace };
-        let name = NodeName::new(name, namespace).map_err(StartError::refused)?;
+        let name = NodeName::new(name, namespace)
+            .map_err(|error| StartError::refused(format_args!("node {node:?}: {error}")))?;
         let environment =
             environment::read(|name| std::env::var(name).ok()).map_err(StartError::refused)?;
         let cyclone = CycloneConfig::from_environment(name, &environment);
