@@ -14,7 +14,7 @@ use std::io::{BufRead as _, Read as _};
 use std::path::Path;
 
 use anyhow::{Context as _, Result, bail, ensure};
-use wrapyfi_core::communicator::{CallError, Mode, communicator};
+use wrapyfi_core::communicator::{MethodError, Mode, communicator};
 use wrapyfi_core::types::{Image, Payload, Pixels};
 
 use crate::child::Child;
@@ -192,7 +192,7 @@ fn calls(camera: &CameraCommunicator, place: Place, count: u32) -> Result<Report
 }
 
 fn call(camera: &CameraCommunicator, place: Place) -> Result<()> {
-    let answer: Result<Option<Image>, CallError> =
+    let answer: Result<Option<Image>, MethodError> =
         camera.picture(Some(place.rep_port), Some(place.req_port));
     match answer?.map(|image| image.pixels) {
         Some(Pixels::Raw(raw)) if raw.data.len() == PIXELS => Ok(()),

@@ -89,8 +89,8 @@ pub fn ros2(node: &str) -> Builder<Ros2Settings, crate::middleware::ros2::Ros2> 
     use crate::node::NodeName;
     let settings = || {
         let (namespace, name) = node.rsplit_once('/').unwrap_or(("/", node));
-        let namespace = if namespace.is_empty() { "/" } else { namespace };
-        let name = NodeName::new(name, namespace).map_err(StartError::refused)?;
+        let name = NodeName::new(name, namespace)
+            .map_err(|error| StartError::refused(format_args!("node {node:?}: {error}")))?;
         let environment =
             environment::read(|name| std::env::var(name).ok()).map_err(StartError::refused)?;
         let cyclone = CycloneConfig::from_environment(name, &environment);
@@ -113,5 +113,28 @@ pub fn yarp() -> Builder<crate::middleware::yarp::YarpConfig, crate::middleware:
     Builder {
         settings: YarpConfig::from_env().map_err(StartError::refused),
         start: |settings| Yarp::start(&settings).map_err(StartError::refused),
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "in a test a panic is the right answer")]
+mod tests {
+    #[test]
+    #[cfg(feature = "zeromq")]
+    fn settings_are_changed_before_the_start() {
+        let started = super::zeromq().with(|settings| {
+            settings.ip = "127.0.0.1".to_owned();
+            (settings.pub_port, settings.sub_port) = (0, 0);
+            settings.broker = crate::middleware::zeromq::BrokerMode::Embedded;
+        });
+        assert_ne!(started.start().unwrap().pub_port(), 0);
+    }
+
+    #[test]
+    #[cfg(feature = "ros2")]
+    fn a_name_that_no_node_can_have_is_refused_at_the_start() {
+        let refused =
+            super::ros2("1camera").with(|settings| settings.cyclone.domain_id = 7).start();
+        assert!(refused.is_err_and(|error| error.to_string().contains("1camera")));
     }
 }

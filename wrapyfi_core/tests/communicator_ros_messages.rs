@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use wrapyfi_core::communicator::{CallError, Context, Mode, communicator};
+use wrapyfi_core::communicator::{Context, MethodError, Mode, communicator};
 use wrapyfi_core::middleware::memory::Memory;
 use wrapyfi_core::types::{RosMessage, RosType, Value};
 use wrapyfi_interfaces::geometry_msgs::msg::{Twist, Vector3};
@@ -89,7 +89,7 @@ fn a_generated_message_needs_no_other_name() {
     assert_eq!(there.misread().unwrap(), None);
     here.drive().unwrap();
     let error = there.misread().unwrap_err();
-    assert!(matches!(error, CallError::WrongType { .. }), "{error:?}");
+    assert!(matches!(error, MethodError::WrongType { .. }), "{error:?}");
     let text = error.to_string();
     assert!(text.contains("Robot::misread") && text.contains("memory:/cmd_vel"), "{text}");
     assert!(text.contains("geometry_msgs/msg/Twist (RIHS01_"), "{text}");
@@ -108,8 +108,8 @@ fn a_message_by_name_has_the_fields_of_its_definition() {
 #[test]
 fn a_type_that_is_not_said_not_found_or_another_one_is_told() {
     let [mut here, _there] = pair_of_robots();
-    let option = |error: CallError| match error {
-        CallError::Option { method, fault } => format!("{method}: {fault}"),
+    let option = |error: MethodError| match error {
+        MethodError::Option { method, fault } => format!("{method}: {fault}"),
         other => format!("another error: {other}"),
     };
     here.activate(RobotMethod::Untyped, Mode::Publish).unwrap();

@@ -6,7 +6,7 @@ use crate::zeromq_common;
 use std::sync::Arc;
 
 use crate::communicator_common as common;
-use wrapyfi_core::communicator::{CallError, Context, Mode, communicator};
+use wrapyfi_core::communicator::{Context, MethodError, Mode, communicator};
 use wrapyfi_core::middleware::zeromq::{BrokerMode, ServiceBroker, ServiceBrokerConfig, ZeroMq};
 
 const MWARE: &str = "zeromq";
@@ -134,7 +134,7 @@ fn a_port_that_is_no_brokers_is_named() {
     let mut speaker = Speaker.communicator_in(&Context::builder().build());
     speaker.activate(SpeakerMethod::Say, Mode::Publish).unwrap();
     let error = speaker.say(port, free_ports().0).unwrap_err();
-    assert!(matches!(error, CallError::Start { .. }), "{error:?}");
+    assert!(matches!(error, MethodError::Start { .. }), "{error:?}");
     let text = error.to_string();
     assert!(
         text.starts_with("Speaker::say: zeromq did not start: ")

@@ -52,7 +52,7 @@ pub mod kind {
             `types::Image`, AudioChunk carries `types::AudioChunk`, Properties carries `types::Properties`, RosMessage carries \
             generated messages of `wrapyfi_interfaces` and `types::RosMessage`"
 )]
-pub trait Payload<K>: Sized {
+pub trait Returned<K>: Sized {
     /// Name of the ROS type that the Rust type is, where it is one.
     const ROS_TYPE: Option<&'static str> = None;
 
@@ -120,7 +120,7 @@ pub enum PayloadError {
     Encode(#[from] EncodeError),
 }
 
-impl<T: Serialize + DeserializeOwned> Payload<kind::NativeObject> for T {
+impl<T: Serialize + DeserializeOwned> Returned<kind::NativeObject> for T {
     fn to_payload(&self) -> Result<Option<types::Payload>, PayloadError> {
         Ok(Some(to_value(self)?.into()))
     }
@@ -139,7 +139,7 @@ fn other_kind(expected: DataType, found: &types::Payload) -> PayloadError {
 
 macro_rules! media {
     ($($kind:ident => $content:ty,)*) => {$(
-        impl Payload<kind::$kind> for $content {
+        impl Returned<kind::$kind> for $content {
             fn to_payload(&self) -> Result<Option<types::Payload>, PayloadError> {
                 // Pixels and samples are shared.
                 Ok(Some(self.clone().into()))
@@ -153,13 +153,13 @@ macro_rules! media {
             }
         }
 
-        impl Payload<kind::$kind> for Option<$content> {
+        impl Returned<kind::$kind> for Option<$content> {
             fn to_payload(&self) -> Result<Option<types::Payload>, PayloadError> {
                 Ok(self.clone().map(Into::into))
             }
 
             fn from_payload(payload: types::Payload) -> Result<Self, PayloadError> {
-                <$content as Payload<kind::$kind>>::from_payload(payload).map(Some)
+                <$content as Returned<kind::$kind>>::from_payload(payload).map(Some)
             }
         }
     )*};
@@ -171,7 +171,7 @@ media! {
     Properties => types::Properties,
 }
 
-impl Payload<kind::RosMessage> for types::RosMessage {
+impl Returned<kind::RosMessage> for types::RosMessage {
     fn to_payload(&self) -> Result<Option<types::Payload>, PayloadError> {
         Ok(Some(self.clone().into()))
     }
@@ -184,7 +184,7 @@ impl Payload<kind::RosMessage> for types::RosMessage {
     }
 }
 
-impl<M: Message> Payload<kind::RosMessage> for M {
+impl<M: Message> Returned<kind::RosMessage> for M {
     const ROS_TYPE: Option<&'static str> = Some(<M as Message>::ROS_TYPE);
 
     fn to_payload(&self) -> Result<Option<types::Payload>, PayloadError> {
@@ -193,7 +193,7 @@ impl<M: Message> Payload<kind::RosMessage> for M {
     }
 
     fn from_payload(payload: types::Payload) -> Result<Self, PayloadError> {
-        let message = <types::RosMessage as Payload<kind::RosMessage>>::from_payload(payload)?;
+        let message = <types::RosMessage as Returned<kind::RosMessage>>::from_payload(payload)?;
         if message.ros_type.type_hash() != M::TYPE_HASH {
             let (name, hash) = (message.ros_type.name(), message.ros_type.type_hash());
             return Err(PayloadError::RosType {
@@ -231,12 +231,12 @@ mod tests {
 
     #[test]
     fn a_native_object_is_any_type_of_serde() {
-        let payload = Payload::<kind::NativeObject>::to_payload(&(1_u8, "a".to_owned())).unwrap();
+        let payload = Returned::<kind::NativeObject>::to_payload(&(1_u8, "a".to_owned())).unwrap();
         let back: (u8, String) =
-            Payload::<kind::NativeObject>::from_payload(payload.unwrap()).unwrap();
+            Returned::<kind::NativeObject>::from_payload(payload.unwrap()).unwrap();
         assert_eq!(back, (1, "a".to_owned()));
         let wrong: Result<(u8, u8), _> =
-            Payload::<kind::NativeObject>::from_payload(Value::Str("no".into()).into());
+            Returned::<kind::NativeObject>::from_payload(Value::Str("no".into()).into());
         assert!(wrong.is_err());
     }
 
@@ -245,30 +245,33 @@ mod tests {
         use wrapyfi_interfaces::geometry_msgs::msg::{Twist, Vector3};
         type Text = wrapyfi_interfaces::std_msgs::msg::String;
         let twist = Twist { linear: Vector3 { x: 1.5, ..Vector3::default() }, ..Twist::default() };
-        assert_eq!(<Twist as Payload<kind::RosMessage>>::ROS_TYPE, Some("geometry_msgs/msg/Twist"));
-        assert_eq!(<types::RosMessage as Payload<kind::RosMessage>>::ROS_TYPE, None);
-        let payload = Payload::<kind::RosMessage>::to_payload(&twist).unwrap().unwrap();
+        assert_eq!(
+            <Twist as Returned<kind::RosMessage>>::ROS_TYPE,
+            Some("geometry_msgs/msg/Twist")
+        );
+        assert_eq!(<types::RosMessage as Returned<kind::RosMessage>>::ROS_TYPE, None);
+        let payload = Returned::<kind::RosMessage>::to_payload(&twist).unwrap().unwrap();
         let by_name: types::RosMessage =
-            Payload::<kind::RosMessage>::from_payload(payload.clone()).unwrap();
+            Returned::<kind::RosMessage>::from_payload(payload.clone()).unwrap();
         assert_eq!(by_name.ros_type.name(), "geometry_msgs/msg/Twist");
-        let back: Twist = Payload::<kind::RosMessage>::from_payload(payload.clone()).unwrap();
+        let back: Twist = Returned::<kind::RosMessage>::from_payload(payload.clone()).unwrap();
         assert_eq!(back, twist);
-        let other: Result<Text, _> = Payload::<kind::RosMessage>::from_payload(payload);
+        let other: Result<Text, _> = Returned::<kind::RosMessage>::from_payload(payload);
         let error = other.unwrap_err().to_string();
         assert!(error.starts_with("a message of geometry_msgs/msg/Twist (RIHS01_"), "{error}");
         assert!(error.contains("where one of std_msgs/msg/String (RIHS01_"), "{error}");
         let cut = types::RosMessage::new(by_name.ros_type, by_name.cdr.slice(..12));
-        let cut: Result<Twist, _> = Payload::<kind::RosMessage>::from_payload(cut.into());
+        let cut: Result<Twist, _> = Returned::<kind::RosMessage>::from_payload(cut.into());
         assert!(matches!(cut, Err(PayloadError::Cdr(_))), "{cut:?}");
     }
 
     #[test]
     fn nothing_is_not_sent_and_another_kind_is_named() {
         let none: Option<types::Image> = None;
-        assert_eq!(Payload::<kind::Image>::to_payload(&none), Ok(None));
+        assert_eq!(Returned::<kind::Image>::to_payload(&none), Ok(None));
         let sound =
             AudioChunk::new(Stamp::default(), 0, 1, 8000, types::SampleFormat::F32Le, vec![]);
-        let error = <types::Image as Payload<kind::Image>>::from_payload(sound.unwrap().into());
+        let error = <types::Image as Returned<kind::Image>>::from_payload(sound.unwrap().into());
         assert_eq!(error.unwrap_err().to_string(), "AudioChunk where Image should be");
     }
 }

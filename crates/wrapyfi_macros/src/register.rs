@@ -212,7 +212,7 @@ impl Register {
         };
         let options = settings(options, communicator);
         let ros_type = if data_type == "RosMessage" {
-            quote!(<#returned as #communicator::Payload<#communicator::kind::RosMessage>>::ROS_TYPE)
+            quote!(<#returned as #communicator::Returned<#communicator::kind::RosMessage>>::ROS_TYPE)
         } else {
             quote!(::core::option::Option::None)
         };

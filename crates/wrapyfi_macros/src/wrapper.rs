@@ -101,7 +101,7 @@ impl Wrapper<'_> {
             #[doc = "# Errors"]
             #[doc = "When an endpoint cannot be opened, a value has no form on its wire, a wait is ended or nobody replies."]
             #visibility #asyncness fn #name(#receiver, #(#inputs),*)
-                -> ::core::result::Result<#output, #api::CallError>
+                -> ::core::result::Result<#output, #api::MethodError>
             {
                 let #call = self.instance.call(#index)?;
                 let #mode = #call.mode();

@@ -9,7 +9,7 @@
 //! read and write the parts behind the key. [`Plugins::with`](wrapyfi_core::plugin::Plugins::with)
 //! adds it where topics are opened or routes are made.
 
-use wrapyfi_core::plugin::{Body, Context, Part, Plugin, PluginError};
+use wrapyfi_core::plugin::{Body, Part, Plugin, PluginError, Unpacking};
 use wrapyfi_core::types::{ForeignObject, PluginObject, Value};
 
 /// Name of the plug-in's class in Python, and so its key on the wire.
@@ -49,7 +49,7 @@ impl Plugin for PosePlugin {
         KEY
     }
 
-    fn decode(&self, body: &Body<'_>, _context: &Context<'_>) -> Result<Value, PluginError> {
+    fn decode(&self, body: &Body<'_>, _context: &Unpacking<'_>) -> Result<Value, PluginError> {
         // The arriving parts are a stranger's: each is checked, and a wrong one is named.
         let number = |part| {
             let value = body.value(part)?.as_f64();

@@ -130,7 +130,7 @@ pub(crate) fn joints(number: i64, prev: Option<JointState>) -> JointState {
 
 /// A generated message as the library sends it.
 pub(crate) fn payload<M: Message>(message: &M) -> Option<Payload> {
-    communicator::Payload::<kind::RosMessage>::to_payload(message).ok().flatten()
+    communicator::Returned::<kind::RosMessage>::to_payload(message).ok().flatten()
 }
 
 /// Parameters of the node that the test starts.

@@ -18,7 +18,7 @@ use std::time::Duration;
 
 use clap::Parser;
 use serde_json::{Value as Json, json};
-use wrapyfi_core::communicator::{CallError, Context, Mode, communicator};
+use wrapyfi_core::communicator::{Context, MethodError, Mode, communicator};
 use wrapyfi_core::node::{args::RosArgs, read_params_file};
 use wrapyfi_core::types::{AudioChunk, Image, Properties, RosMessage, Value};
 use wrapyfi_interfaces::sensor_msgs::msg::JointState;
@@ -334,7 +334,7 @@ fn call(
     kind: Kind,
     options: &Options,
     given: &Value,
-) -> Result<Json, CallError> {
+) -> Result<Json, MethodError> {
     let Options { mware, way_in, way_out, .. } = options;
     let behind = |way: &str| format!("{way}/{}", format!("{kind:?}").to_lowercase());
     let (there, back) = (behind(way_in), behind(way_out));

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
 use std::task::{Poll, Waker};
 use std::time::{Duration, Instant};
 
-use super::error::CallError;
+use super::error::MethodError;
 use super::runtime::Runtime;
 use super::wait::Wait;
 use crate::endpoint::Wake;
@@ -64,7 +64,7 @@ impl Bell {
         wait: &mut Wait<'_>,
         waited_for: impl Fn() -> String,
         mut look: impl FnMut() -> Look<T>,
-    ) -> Result<T, CallError> {
+    ) -> Result<T, MethodError> {
         let _waiting = Waiting::new(self);
         loop {
             let again = match look() {
@@ -83,7 +83,7 @@ impl Bell {
         runtime: &Runtime,
         waited_for: impl Fn() -> String,
         mut look: impl FnMut() -> Look<T>,
-    ) -> Result<T, CallError> {
+    ) -> Result<T, MethodError> {
         let _waiting = Waiting::new(self);
         let mut timer = None::<(Instant, Waker)>;
         poll_fn(|task| {

@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use super::bell::{Bell, Look};
-use super::error::CallError;
+use super::error::MethodError;
 use super::listener::EndOptions;
 use super::rules::Rules;
 use super::session::{Gathered, Session};
@@ -100,7 +100,7 @@ impl Session {
     ///
     /// # Errors
     /// When an argument has no form, or a reply does not come.
-    pub fn ask(&self, arguments: Vec<NamedArgument>) -> Result<Gathered, CallError> {
+    pub fn ask(&self, arguments: Vec<NamedArgument>) -> Result<Gathered, MethodError> {
         let request = self.request(arguments)?;
         let mut gathered = self.nothing();
         for (index, client) in self.clients() {
@@ -116,7 +116,7 @@ impl Session {
     ///
     /// # Errors
     /// As [`Session::ask`].
-    pub async fn ask_async(&self, arguments: Vec<NamedArgument>) -> Result<Gathered, CallError> {
+    pub async fn ask_async(&self, arguments: Vec<NamedArgument>) -> Result<Gathered, MethodError> {
         let request = self.request(arguments)?;
         let mut gathered = self.nothing();
         for (index, client) in self.clients() {
@@ -135,7 +135,7 @@ impl Session {
         Ok(gathered)
     }
 
-    fn begin<'a>(&self, end: &'a ClientEnd, request: &Request) -> Result<Call<'a>, CallError> {
+    fn begin<'a>(&self, end: &'a ClientEnd, request: &Request) -> Result<Call<'a>, MethodError> {
         let ticket = lock(&end.client).send(request, end.timeout);
         let ticket = ticket.map_err(|source| self.unanswered(source))?;
         Ok(Call { end, ticket, has_ended: false })
@@ -144,17 +144,17 @@ impl Session {
     fn replied(
         &self,
         result: Result<endpoint::Reply, endpoint::CallError>,
-    ) -> Result<types::Payload, CallError> {
+    ) -> Result<types::Payload, MethodError> {
         result.map(|reply| reply.payload).map_err(|source| self.unanswered(source))
     }
 
-    fn unanswered(&self, source: endpoint::CallError) -> CallError {
-        CallError::Unanswered { method: self.method.clone(), source: Box::new(source) }
+    fn unanswered(&self, source: endpoint::CallError) -> MethodError {
+        MethodError::Unanswered { method: self.method.clone(), source: Box::new(source) }
     }
 
-    fn request(&self, arguments: Vec<NamedArgument>) -> Result<Request, CallError> {
+    fn request(&self, arguments: Vec<NamedArgument>) -> Result<Request, MethodError> {
         let args = arguments.into_iter().map(|(name, value)| {
-            value.map_err(|error| CallError::Argument {
+            value.map_err(|error| MethodError::Argument {
                 method: self.method.clone(),
                 argument: name.to_owned(),
                 reason: error.to_string(),

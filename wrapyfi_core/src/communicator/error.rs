@@ -63,7 +63,7 @@ pub enum ActivateError {
 /// Error of a call of a registered method.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum CallError {
+pub enum MethodError {
     /// The mode in the configuration cannot be chosen: see [`ActivateError`].
     #[error(transparent)]
     Activate(#[from] ActivateError),

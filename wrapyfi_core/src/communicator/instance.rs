@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::context::{Context, Live};
 use super::describe::{Class, Method, NamesMethod};
-use super::error::{ActivateError, CallError};
+use super::error::{ActivateError, MethodError};
 use super::mode::{Mode, Modes, NamesMode};
 use super::oneshot::{self, Receiver};
 use super::opening::Opening;
@@ -104,7 +104,7 @@ impl<M: Method> Instance<M> {
     ///
     /// # Errors
     /// When the configuration gives it a mode that it cannot have.
-    pub fn call(&self, index: usize) -> Result<Call, CallError> {
+    pub fn call(&self, index: usize) -> Result<Call, MethodError> {
         let Some(slot) = self.shared.slot(index) else {
             return Ok(Call {
                 shared: Arc::clone(&self.shared),
@@ -158,7 +158,7 @@ impl<M> fmt::Debug for Control<M> {
 
 impl<M: Method> Control<M> {
     /// Chooses the mode of a method; calls that wait in the old one end with
-    /// [`CallError::Ended`].
+    /// [`MethodError::Ended`].
     ///
     /// # Errors
     /// As [`Instance::activate`].
@@ -170,7 +170,7 @@ impl<M: Method> Control<M> {
         self.shared.activate(method.find()?, &mode.modes()?)
     }
 
-    /// Ends the waits of a method with [`CallError::Cancelled`]; its endpoints stay open.
+    /// Ends the waits of a method with [`MethodError::Cancelled`]; its endpoints stay open.
     pub fn cancel(&self, method: M) {
         let session = self.shared.slot(method.index()).and_then(|slot| slot.session.clone());
         if let Some(session) = session {
@@ -178,7 +178,7 @@ impl<M: Method> Control<M> {
         }
     }
 
-    /// Closes a method's endpoints; calls that wait end with [`CallError::Ended`].
+    /// Closes a method's endpoints; calls that wait end with [`MethodError::Ended`].
     pub fn close_method(&self, method: M) {
         self.shared.close(method.index());
     }
@@ -273,8 +273,8 @@ impl Shared {
     }
 
     /// Opens the endpoints of a method for `mode`; on the library's thread.
-    fn open(&self, index: usize, mode: Mode, given: &[Given]) -> Result<Arc<Session>, CallError> {
-        let ended = || CallError::Ended {
+    fn open(&self, index: usize, mode: Mode, given: &[Given]) -> Result<Arc<Session>, MethodError> {
+        let ended = || MethodError::Ended {
             method: self.class.label(index),
             waited_for: "its endpoints to open".to_owned(),
         };
@@ -352,7 +352,7 @@ impl Call {
     ///
     /// # Errors
     /// When an argument or an option cannot be used, or an endpoint cannot be opened.
-    pub fn open(&self, given: impl FnOnce() -> Vec<Given>) -> Result<Arc<Session>, CallError> {
+    pub fn open(&self, given: impl FnOnce() -> Vec<Given>) -> Result<Arc<Session>, MethodError> {
         match &self.session {
             Some(session) => Ok(Arc::clone(session)),
             None => self.submit(given()).recv().unwrap_or_else(|| Err(self.gone())),
@@ -366,7 +366,7 @@ impl Call {
     pub async fn open_async(
         &self,
         given: impl FnOnce() -> Vec<Given>,
-    ) -> Result<Arc<Session>, CallError> {
+    ) -> Result<Arc<Session>, MethodError> {
         if let Some(session) = &self.session {
             return Ok(Arc::clone(session));
         }
@@ -374,15 +374,15 @@ impl Call {
         opened.await.unwrap_or_else(|| Err(self.gone()))
     }
 
-    fn submit(&self, given: Vec<Given>) -> Receiver<Result<Arc<Session>, CallError>> {
+    fn submit(&self, given: Vec<Given>) -> Receiver<Result<Arc<Session>, MethodError>> {
         let (sender, opened) = oneshot::channel();
         let (shared, index, mode) = (Arc::clone(&self.shared), self.index, self.mode);
         self.shared.live.runtime().submit(move || sender.send(shared.open(index, mode, &given)));
         opened
     }
 
-    fn gone(&self) -> CallError {
-        CallError::Ended {
+    fn gone(&self) -> MethodError {
+        MethodError::Ended {
             method: self.shared.class.label(self.index),
             waited_for: "its endpoints to open".to_owned(),
         }

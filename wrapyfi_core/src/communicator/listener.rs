@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::bell::{Bell, Look};
-use super::error::CallError;
+use super::error::MethodError;
 use super::rules::Rules;
 use super::runtime::Runtime;
 use super::wait::Wait;
@@ -72,7 +72,7 @@ impl ListenerEnd {
     }
 
     /// Takes the next message; waits for one if the option `should_wait` is set.
-    pub(super) fn take(&self, wait: &mut Wait<'_>) -> Result<Option<Payload>, CallError> {
+    pub(super) fn take(&self, wait: &mut Wait<'_>) -> Result<Option<Payload>, MethodError> {
         let first = self.take_now();
         if first.is_some() || !self.should_wait {
             return Ok(first);
@@ -85,7 +85,7 @@ impl ListenerEnd {
         &self,
         wait: &mut Wait<'_>,
         runtime: &Runtime,
-    ) -> Result<Option<Payload>, CallError> {
+    ) -> Result<Option<Payload>, MethodError> {
         let first = self.take_now();
         if first.is_some() || !self.should_wait {
             return Ok(first);

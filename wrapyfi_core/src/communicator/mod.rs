@@ -94,7 +94,7 @@ pub use client::NamedArgument;
 pub use config::Configuration;
 pub use context::{Context, ContextBuilder};
 pub use describe::{Class, Literal, Method, MethodSpec, NamesMethod, Register};
-pub use error::{ActivateError, CallError};
+pub use error::{ActivateError, MethodError};
 pub use instance::{Call, Control, Instance};
 pub use mode::{Mode, Modes, NamesMode, NamesOneMode, ParseModeError};
 pub use option::{OptionError, OptionValue, Options};
@@ -102,7 +102,7 @@ pub use resolve::{Given, Side, argument};
 pub use server::Heard;
 pub use session::{EndStatus, Gathered, Session, ValueStatus};
 pub use source::{Planned, Source, StartError, Wanted};
-pub use wrapyfi_data::returned::{Payload, PayloadError, kind};
+pub use wrapyfi_data::returned::{PayloadError, Returned, kind};
 pub use wrapyfi_macros::{communicator, register};
 
 pub use crate::types::DataType;

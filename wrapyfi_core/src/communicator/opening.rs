@@ -11,7 +11,7 @@ use std::time::Duration;
 use super::builtin::missing_feature;
 use super::client::ClientEnd;
 use super::context::{Context, Found, Live};
-use super::error::CallError;
+use super::error::MethodError;
 use super::listener::{EndOptions, ListenerEnd};
 use super::mode::Mode;
 use super::option::{OptionError, Options};
@@ -56,7 +56,7 @@ struct End {
 }
 
 impl Opening<'_> {
-    pub(super) fn open(&self, values: &[Resolved]) -> Result<Session, CallError> {
+    pub(super) fn open(&self, values: &[Resolved]) -> Result<Session, MethodError> {
         let channels = values.iter().map(|value| self.channel(value));
         Ok(Session {
             channels: channels.collect::<Result<_, _>>()?,
@@ -66,7 +66,7 @@ impl Opening<'_> {
         })
     }
 
-    fn channel(&self, value: &Resolved) -> Result<Channel, CallError> {
+    fn channel(&self, value: &Resolved) -> Result<Channel, MethodError> {
         let Some(name) = &value.middleware else {
             tracing::debug!("{}: no middleware is selected for {}", self.method, value.topic);
             return Ok(Channel::default());
@@ -93,7 +93,7 @@ impl Opening<'_> {
             }
             Found::Unknown => {
                 let available = self.context.middlewares();
-                return Err(CallError::UnknownMiddleware {
+                return Err(MethodError::UnknownMiddleware {
                     method: self.method.clone(),
                     name: name.clone(),
                     hint: did_you_mean(name, &available),
@@ -108,13 +108,13 @@ impl Opening<'_> {
         }
     }
 
-    fn open_ends(&self, value: &Resolved, source: &dyn Source) -> Result<Channel, CallError> {
+    fn open_ends(&self, value: &Resolved, source: &dyn Source) -> Result<Channel, MethodError> {
         let (mode, mut channel) = (self.mode, Channel::default());
         if mode.has_two_ways() {
             let (there, _) = value.side(Side::Publisher).map_err(|fault| self.option(fault))?;
             let (here, _) = value.side(Side::Listener).map_err(|fault| self.option(fault))?;
             if there == here {
-                return Err(CallError::SameTopic {
+                return Err(MethodError::SameTopic {
                     method: self.method.clone(),
                     mode,
                     middleware: source.name().to_owned(),
@@ -147,14 +147,14 @@ impl Opening<'_> {
         source: &dyn Source,
         side: Side,
         is_service: bool,
-    ) -> Result<End, CallError> {
+    ) -> Result<End, MethodError> {
         let (topic, options) = value.side(side).map_err(|fault| self.option(fault))?;
         let limits = self.read(|| limits(&options))?;
         let wanted =
             Wanted { side, is_service, options: &options, max_message_bytes: limits.message_bytes };
         let middleware = self.live.middleware(source, &wanted).map_err(|error| match error {
             StartError::Option(fault) => self.option(fault),
-            StartError::Refused(reason) => CallError::Start {
+            StartError::Refused(reason) => MethodError::Start {
                 method: self.method.clone(),
                 middleware: source.name().to_owned(),
                 reason,
@@ -175,7 +175,7 @@ impl Opening<'_> {
         }
     }
 
-    fn listener(&self, value: &Resolved, end: &End) -> Result<ListenerEnd, CallError> {
+    fn listener(&self, value: &Resolved, end: &End) -> Result<ListenerEnd, MethodError> {
         let (spec, options) = (self.topic_spec(value, end)?, self.end_options(&end.options)?);
         let context = endpoint::Context::default();
         let listener = end.middleware.open_listener(&spec, &context);
@@ -183,7 +183,7 @@ impl Opening<'_> {
         Ok(ListenerEnd::new(end.endpoint.clone(), listener, &context, options))
     }
 
-    fn publisher(&self, value: &Resolved, end: &End) -> Result<Arc<PublisherEnd>, CallError> {
+    fn publisher(&self, value: &Resolved, end: &End) -> Result<Arc<PublisherEnd>, MethodError> {
         let (spec, options) = (self.topic_spec(value, end)?, self.end_options(&end.options)?);
         let wake = self.live.runtime().bell();
         let context = endpoint::Context { wake, ..endpoint::Context::default() };
@@ -196,7 +196,7 @@ impl Opening<'_> {
         Ok(publisher)
     }
 
-    fn client(&self, data_type: DataType, end: &End) -> Result<ClientEnd, CallError> {
+    fn client(&self, data_type: DataType, end: &End) -> Result<ClientEnd, MethodError> {
         let (spec, options) = (self.service_spec(data_type, end)?, self.end_options(&end.options)?);
         let context = endpoint::Context::default();
         let client = end.middleware.open_client(&spec, &context);
@@ -204,7 +204,7 @@ impl Opening<'_> {
         Ok(ClientEnd::new(end.endpoint.clone(), client, context.counters, options))
     }
 
-    fn server(&self, data_type: DataType, end: &End) -> Result<ServerEnd, CallError> {
+    fn server(&self, data_type: DataType, end: &End) -> Result<ServerEnd, MethodError> {
         let (spec, options) = (self.service_spec(data_type, end)?, self.end_options(&end.options)?);
         let context = endpoint::Context::default();
         let server = end.middleware.open_server(&spec, &context);
@@ -212,7 +212,7 @@ impl Opening<'_> {
         Ok(ServerEnd::new(end.endpoint.clone(), server, &context, options))
     }
 
-    fn end_options(&self, options: &Options) -> Result<EndOptions, CallError> {
+    fn end_options(&self, options: &Options) -> Result<EndOptions, MethodError> {
         self.read(|| {
             Ok(EndOptions {
                 should_wait: options.switch("should_wait")?.unwrap_or(true),
@@ -222,7 +222,7 @@ impl Opening<'_> {
         })
     }
 
-    fn topic_spec(&self, value: &Resolved, end: &End) -> Result<TopicSpec, CallError> {
+    fn topic_spec(&self, value: &Resolved, end: &End) -> Result<TopicSpec, MethodError> {
         let data_type = value.data_type;
         self.read(|| {
             let options = &end.options;
@@ -303,7 +303,7 @@ impl Opening<'_> {
         })
     }
 
-    fn service_spec(&self, data_type: DataType, end: &End) -> Result<ServiceSpec, CallError> {
+    fn service_spec(&self, data_type: DataType, end: &End) -> Result<ServiceSpec, MethodError> {
         self.read(|| {
             let options = &end.options;
             let kind = match options.word::<ServiceKind>("message_type")? {
@@ -337,15 +337,15 @@ impl Opening<'_> {
         })
     }
 
-    fn read<T>(&self, read: impl FnOnce() -> Result<T, OptionError>) -> Result<T, CallError> {
+    fn read<T>(&self, read: impl FnOnce() -> Result<T, OptionError>) -> Result<T, MethodError> {
         read().map_err(|fault| self.option(fault))
     }
 
-    fn option(&self, fault: OptionError) -> CallError {
-        CallError::Option { method: self.method.clone(), fault }
+    fn option(&self, fault: OptionError) -> MethodError {
+        MethodError::Option { method: self.method.clone(), fault }
     }
 
-    fn refused(&self, source: OpenError) -> CallError {
-        CallError::Open { method: self.method.clone(), source: Box::new(source) }
+    fn refused(&self, source: OpenError) -> MethodError {
+        MethodError::Open { method: self.method.clone(), source: Box::new(source) }
     }
 }

@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::bell::{Bell, Look};
-use super::error::CallError;
+use super::error::MethodError;
 use super::listener::EndOptions;
 use super::rules::Rules;
 use super::runtime::Runtime;
@@ -130,7 +130,7 @@ impl PublisherEnd {
     }
 
     /// Waits for the first listener, if the option `should_wait` is set.
-    pub(super) fn await_listener(&self, wait: &mut Wait<'_>) -> Result<(), CallError> {
+    pub(super) fn await_listener(&self, wait: &mut Wait<'_>) -> Result<(), MethodError> {
         self.changed.wait(wait, || self.waited_for(), || self.established())
     }
 
@@ -139,7 +139,7 @@ impl PublisherEnd {
         &self,
         wait: &mut Wait<'_>,
         runtime: &Runtime,
-    ) -> Result<(), CallError> {
+    ) -> Result<(), MethodError> {
         let waited_for = || self.waited_for();
         self.changed.wait_async(wait, runtime, waited_for, || self.established()).await
     }

@@ -6,7 +6,7 @@
 //! ```
 
 use super::describe::{Class, MethodSpec, Register};
-use super::error::CallError;
+use super::error::MethodError;
 use super::option::{OptionValue, Options};
 use crate::types::{DataType, TypedError, Value, to_value};
 
@@ -63,7 +63,7 @@ pub(super) fn resolve(
     index: usize,
     default_middleware: &str,
     given: &[Given],
-) -> Result<Vec<Resolved>, CallError> {
+) -> Result<Vec<Resolved>, MethodError> {
     let Some(spec) = class.methods.get(index) else { return Ok(Vec::new()) };
     let call = FirstCall { method: class.label(index), spec, given };
     spec.registers.iter().map(|register| call.resolve(register, default_middleware)).collect()
@@ -76,7 +76,7 @@ struct FirstCall<'a> {
 }
 
 impl FirstCall<'_> {
-    fn resolve(&self, register: &Register, default: &str) -> Result<Resolved, CallError> {
+    fn resolve(&self, register: &Register, default: &str) -> Result<Resolved, MethodError> {
         let middleware = match register.middleware {
             None => Some(default.to_owned()),
             Some(written) => match self.replace(written)? {
@@ -96,15 +96,15 @@ impl FirstCall<'_> {
         Ok(Resolved { data_type, middleware, topic, ros_type, options })
     }
 
-    fn fault(&self, name: &str, found: &OptionValue) -> CallError {
-        CallError::Option {
+    fn fault(&self, name: &str, found: &OptionValue) -> MethodError {
+        MethodError::Option {
             method: self.method.clone(),
             fault: Options::fault(name, found, "a text"),
         }
     }
 
     /// Value of the argument that a text names with `$`, or the text itself.
-    fn replace(&self, written: &'static str) -> Result<OptionValue, CallError> {
+    fn replace(&self, written: &'static str) -> Result<OptionValue, MethodError> {
         let Some(name) = written.strip_prefix('$') else {
             return Ok(OptionValue::Text(written.to_owned()));
         };
@@ -115,13 +115,13 @@ impl FirstCall<'_> {
             .or_else(|| name.parse().ok().filter(|&place: &usize| place < arguments.len()));
         let found = place.and_then(|place| self.given.iter().find(|(given, _)| *given == place));
         let Some((place, value)) = found else {
-            return Err(CallError::MissingArgument {
+            return Err(MethodError::MissingArgument {
                 method: self.method.clone(),
                 written: written.to_owned(),
                 known: arguments.join(", "),
             });
         };
-        let unusable = |reason: String| CallError::Argument {
+        let unusable = |reason: String| MethodError::Argument {
             method: self.method.clone(),
             argument: arguments.get(*place).copied().unwrap_or_default().to_owned(),
             reason,

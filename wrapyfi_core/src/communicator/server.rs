@@ -13,7 +13,7 @@ use serde::de::DeserializeOwned;
 
 use super::bell::{Bell, Look};
 use super::client::lock;
-use super::error::CallError;
+use super::error::MethodError;
 use super::listener::EndOptions;
 use super::rules::Rules;
 use super::runtime::Runtime;
@@ -23,7 +23,7 @@ use crate::endpoint::{
     self, Call, Counters, CountersSnapshot, EndpointAddress, Link, RequestId, Server,
 };
 use crate::types::{self, from_value};
-use wrapyfi_data::returned::Payload;
+use wrapyfi_data::returned::Returned;
 
 /// Shortest time between two lines about requests that could not be served.
 const SAY_EVERY: Duration = Duration::from_secs(5);
@@ -230,7 +230,7 @@ impl Session {
     ///
     /// # Errors
     /// When the wait is ended.
-    pub fn hear(&self) -> Result<Option<Heard<'_>>, CallError> {
+    pub fn hear(&self) -> Result<Option<Heard<'_>>, MethodError> {
         let Some((index, server)) = self.servers().next() else { return Ok(None) };
         let request = self.next_request(server)?;
         Ok(self.heard(index, request))
@@ -240,7 +240,7 @@ impl Session {
     ///
     /// # Errors
     /// As [`Session::hear`].
-    pub async fn hear_async(&self) -> Result<Option<Heard<'_>>, CallError> {
+    pub async fn hear_async(&self) -> Result<Option<Heard<'_>>, MethodError> {
         let Some((index, server)) = self.servers().next() else { return Ok(None) };
         let request = self.next_request_async(server).await?;
         Ok(self.heard(index, request))
@@ -251,12 +251,12 @@ impl Session {
     ///
     /// # Errors
     /// When the value has no form as a reply, or the wait is ended.
-    pub fn answer<K, R: Payload<K>>(
+    pub fn answer<K, R: Returned<K>>(
         &self,
         heard: &mut Heard<'_>,
         index: usize,
         value: &R,
-    ) -> Result<(), CallError> {
+    ) -> Result<(), MethodError> {
         let Some(server) = self.server(index) else { return Ok(()) };
         if index != heard.first {
             heard.asked = self.next_request(server)?.map(|request| (index, request.id));
@@ -268,12 +268,12 @@ impl Session {
     ///
     /// # Errors
     /// As [`Session::answer`].
-    pub async fn answer_async<K, R: Payload<K>>(
+    pub async fn answer_async<K, R: Returned<K>>(
         &self,
         heard: &mut Heard<'_>,
         index: usize,
         value: &R,
-    ) -> Result<(), CallError> {
+    ) -> Result<(), MethodError> {
         let Some(server) = self.server(index) else { return Ok(()) };
         if index != heard.first {
             let request = self.next_request_async(server).await?;
@@ -282,13 +282,13 @@ impl Session {
         self.answered(server, heard, value)
     }
 
-    fn answered<K, R: Payload<K>>(
+    fn answered<K, R: Returned<K>>(
         &self,
         server: &Arc<ServerEnd>,
         heard: &mut Heard<'_>,
         value: &R,
-    ) -> Result<(), CallError> {
-        let unfit = |source| CallError::Send {
+    ) -> Result<(), MethodError> {
+        let unfit = |source| MethodError::Send {
             method: self.method.clone(),
             endpoint: server.endpoint.to_string(),
             source: Box::new(source),
@@ -308,7 +308,7 @@ impl Session {
             }
         };
         let Some((_, id)) = heard.asked.take() else { return Ok(()) };
-        let replied = server.reply(id, Ok(payload)).map_err(|source| CallError::Reply {
+        let replied = server.reply(id, Ok(payload)).map_err(|source| MethodError::Reply {
             method: self.method.clone(),
             endpoint: server.endpoint.to_string(),
             source: Box::new(source),
@@ -333,14 +333,14 @@ impl Session {
     fn next_request(
         &self,
         server: &ServerEnd,
-    ) -> Result<Option<endpoint::IncomingRequest>, CallError> {
+    ) -> Result<Option<endpoint::IncomingRequest>, MethodError> {
         server.bell.wait(&mut self.begin_wait(None), || server.waited_for(), || server.look())
     }
 
     async fn next_request_async(
         &self,
         server: &ServerEnd,
-    ) -> Result<Option<endpoint::IncomingRequest>, CallError> {
+    ) -> Result<Option<endpoint::IncomingRequest>, MethodError> {
         let Some(live) = self.live.upgrade() else { return self.next_request(server) };
         let mut wait = self.begin_wait(None);
         let waited_for = || server.waited_for();

@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use super::client::ClientEnd;
 use super::context::Live;
-use super::error::CallError;
+use super::error::MethodError;
 use super::listener::ListenerEnd;
 use super::oneshot;
 use super::publisher::PublisherEnd;
@@ -20,7 +20,7 @@ use super::server::ServerEnd;
 use super::wait::{Stop, Wait};
 use crate::endpoint::{CountersSnapshot, EndpointAddress, Link};
 use crate::types;
-use wrapyfi_data::returned::{Payload, PayloadError};
+use wrapyfi_data::returned::{PayloadError, Returned};
 
 /// The endpoints of one method; made by the library, used by the code that `#[communicator]`
 /// writes.
@@ -99,7 +99,7 @@ impl Session {
     ///
     /// # Errors
     /// When a wait ends without a message. Messages of other values are kept for the next call.
-    pub fn gather(&self) -> Result<Gathered, CallError> {
+    pub fn gather(&self) -> Result<Gathered, MethodError> {
         let mut guard = GatherGuard { session: self, gathered: self.nothing() };
         // Values that are waited for come first, so that the others are taken when they are newest.
         for waits in [true, false] {
@@ -115,7 +115,7 @@ impl Session {
     ///
     /// # Errors
     /// As [`Session::gather`].
-    pub async fn gather_async(&self) -> Result<Gathered, CallError> {
+    pub async fn gather_async(&self) -> Result<Gathered, MethodError> {
         let Some(live) = self.live.upgrade() else { return self.gather() };
         // The guard also works where the task is dropped while it waits.
         let mut guard = GatherGuard { session: self, gathered: self.nothing() };
@@ -133,16 +133,16 @@ impl Session {
     ///
     /// # Errors
     /// When the message is not of this type, or not as an option says.
-    pub fn taken<K, R: Payload<K>>(
+    pub fn taken<K, R: Returned<K>>(
         &self,
         gathered: &mut Gathered,
         index: usize,
-    ) -> Result<Option<R>, CallError> {
+    ) -> Result<Option<R>, MethodError> {
         let Some(payload) = gathered.0.get_mut(index).and_then(Option::take) else {
             return Ok(None);
         };
         let Some(channel) = self.channels.get(index) else { return Ok(None) };
-        let wrong = |source: PayloadError| CallError::WrongType {
+        let wrong = |source: PayloadError| MethodError::WrongType {
             method: self.method.clone(),
             endpoint: channel.ends().next().map(|(end, ..)| end.to_string()).unwrap_or_default(),
             source: Box::new(source),
@@ -159,7 +159,7 @@ impl Session {
     ///
     /// # Errors
     /// When a wait ends without a listener.
-    pub fn await_listeners(&self) -> Result<(), CallError> {
+    pub fn await_listeners(&self) -> Result<(), MethodError> {
         for publisher in self.publishers().filter(|publisher| !publisher.is_established()) {
             publisher.await_listener(&mut self.begin_wait(publisher.timeout))?;
         }
@@ -170,7 +170,7 @@ impl Session {
     ///
     /// # Errors
     /// As [`Session::await_listeners`].
-    pub async fn await_listeners_async(&self) -> Result<(), CallError> {
+    pub async fn await_listeners_async(&self) -> Result<(), MethodError> {
         for publisher in self.publishers().filter(|publisher| !publisher.is_established()) {
             let Some(live) = self.live.upgrade() else { return self.await_listeners() };
             let mut wait = self.begin_wait(publisher.timeout);
@@ -183,7 +183,7 @@ impl Session {
     ///
     /// # Errors
     /// When the value cannot be encoded, or an option forbids it.
-    pub fn send<K, R: Payload<K>>(&self, index: usize, value: &R) -> Result<(), CallError> {
+    pub fn send<K, R: Returned<K>>(&self, index: usize, value: &R) -> Result<(), MethodError> {
         let Some((publisher, payload)) = self.outgoing(index, value)? else { return Ok(()) };
         self.published(publisher, publisher.send(&payload))
     }
@@ -193,11 +193,11 @@ impl Session {
     ///
     /// # Errors
     /// As [`Session::send`].
-    pub async fn send_async<K, R: Payload<K>>(
+    pub async fn send_async<K, R: Returned<K>>(
         &self,
         index: usize,
         value: &R,
-    ) -> Result<(), CallError> {
+    ) -> Result<(), MethodError> {
         let Some((publisher, payload)) = self.outgoing(index, value)? else { return Ok(()) };
         let Some(live) = self.live.upgrade() else {
             return self.published(publisher, publisher.send(&payload));
@@ -212,18 +212,18 @@ impl Session {
         }
     }
 
-    fn outgoing<K, R: Payload<K>>(
+    fn outgoing<K, R: Returned<K>>(
         &self,
         index: usize,
         value: &R,
-    ) -> Result<Option<(&Arc<PublisherEnd>, types::Payload)>, CallError> {
+    ) -> Result<Option<(&Arc<PublisherEnd>, types::Payload)>, MethodError> {
         let publisher = self.channels.get(index).and_then(|channel| channel.publisher.as_ref());
         let Some(publisher) = publisher else { return Ok(None) };
         if publisher.is_idle() {
             publisher.skip();
             return Ok(None);
         }
-        let unfit = |source| CallError::Send {
+        let unfit = |source| MethodError::Send {
             method: self.method.clone(),
             endpoint: publisher.endpoint.to_string(),
             source: Box::new(source),
@@ -242,8 +242,8 @@ impl Session {
         &self,
         publisher: &PublisherEnd,
         result: Result<(), crate::endpoint::PublishError>,
-    ) -> Result<(), CallError> {
-        result.map_err(|source| CallError::Publish {
+    ) -> Result<(), MethodError> {
+        result.map_err(|source| MethodError::Publish {
             method: self.method.clone(),
             endpoint: publisher.endpoint.to_string(),
             source: Box::new(source),

@@ -4,7 +4,7 @@ use std::io::Write as _;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::SeqCst};
 use std::time::{Duration, Instant};
 
-use super::error::CallError;
+use super::error::MethodError;
 
 /// Time after which a wait logs the thing that it waits for, the first time.
 const SAY_AFTER: Duration = Duration::from_secs(1);
@@ -68,18 +68,25 @@ impl<'a> Wait<'a> {
     ///
     /// # Errors
     /// When the wait is over: by its deadline, a cancel or the end of the method.
-    pub(super) fn check(&mut self, waited_for: impl Fn() -> String) -> Result<Duration, CallError> {
+    pub(super) fn check(
+        &mut self,
+        waited_for: impl Fn() -> String,
+    ) -> Result<Duration, MethodError> {
         let method = || self.method.to_owned();
         if self.stop.ended.load(SeqCst) {
-            return Err(CallError::Ended { method: method(), waited_for: waited_for() });
+            return Err(MethodError::Ended { method: method(), waited_for: waited_for() });
         }
         if self.stop.cancels.load(SeqCst) != self.cancels {
-            return Err(CallError::Cancelled { method: method(), waited_for: waited_for() });
+            return Err(MethodError::Cancelled { method: method(), waited_for: waited_for() });
         }
         let now = Instant::now();
         if self.deadline.is_some_and(|deadline| now >= deadline) {
             let waited = now - self.started;
-            return Err(CallError::TimedOut { method: method(), waited, waited_for: waited_for() });
+            return Err(MethodError::TimedOut {
+                method: method(),
+                waited,
+                waited_for: waited_for(),
+            });
         }
         if now >= self.say_at {
             let (method, waited_for) = (self.method, waited_for());
@@ -107,10 +114,10 @@ mod tests {
         let error = none.check(what).unwrap_err().to_string();
         assert!(error.starts_with("A::b: waited 0 ms for godot: start the other side"), "{error}");
         stop.cancel();
-        assert!(matches!(wait.check(what), Err(CallError::Cancelled { .. })));
+        assert!(matches!(wait.check(what), Err(MethodError::Cancelled { .. })));
         let mut later = Wait::new("A::b", &stop, None);
         assert!(later.check(what).is_ok());
         stop.end();
-        assert!(matches!(later.check(what), Err(CallError::Ended { .. })));
+        assert!(matches!(later.check(what), Err(MethodError::Ended { .. })));
     }
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use wrapyfi_core::communicator::{ActivateError, CallError, Context, Method, Mode, communicator};
+use wrapyfi_core::communicator::{ActivateError, Context, Method, MethodError, Mode, communicator};
 use wrapyfi_core::middleware::memory::Memory;
 use wrapyfi_core::types::{Properties, Value};
 
@@ -13,7 +13,7 @@ fn one_topic_for_both_ways_is_refused() {
     let mut robot = robot(&context());
     robot.activate(RobotMethod::Chat, Mode::Transceive).unwrap();
     let error = robot.chat("/a", "/a", None, b"").unwrap_err();
-    assert!(matches!(error, CallError::SameTopic { .. }));
+    assert!(matches!(error, MethodError::SameTopic { .. }));
     assert!(error.to_string().contains("listener_kwargs(in_topic = \"…\")"), "{error}");
     // A first call that failed leaves nothing behind.
     assert!(robot.chat("/a", "/b", None, b"").is_ok());
@@ -41,7 +41,7 @@ fn a_middleware_without_services_says_so() {
     let mut nobody = Nobody.communicator_in(&context);
     nobody.activate(NobodyMethod::Ask, Mode::Request).unwrap();
     let error = nobody.ask().unwrap_err();
-    assert!(matches!(error, CallError::Open { .. }), "{error:?}");
+    assert!(matches!(error, MethodError::Open { .. }), "{error:?}");
     assert!(error.to_string().contains("closed today"), "{error}");
 }
 
@@ -72,7 +72,7 @@ fn a_listener_with_another_type_says_what_came() {
     assert_eq!(other.say().unwrap(), None);
     here.say("memory", "x", true).unwrap();
     let error = other.say().unwrap_err();
-    assert!(matches!(error, CallError::WrongType { .. }), "{error:?}");
+    assert!(matches!(error, MethodError::WrongType { .. }), "{error:?}");
     assert!(error.to_string().contains("memory:/say"), "{error}");
     assert_eq!(other.say().unwrap(), None, "it is gone");
 }
@@ -124,7 +124,7 @@ fn a_type_or_a_number_that_is_none_is_named_with_what_may_be_written() {
             let error = choosy
                 .pick(message_type.map(str::to_owned), queue_size.map(str::to_owned))
                 .unwrap_err();
-            assert!(matches!(error, CallError::Option { .. }), "{error:?}");
+            assert!(matches!(error, MethodError::Option { .. }), "{error:?}");
             let text = error.to_string();
             assert!(text.starts_with("Choosy::pick: ") && text.contains(words), "{text}");
         }
@@ -135,7 +135,7 @@ fn a_type_or_a_number_that_is_none_is_named_with_what_may_be_written() {
     for mode in [Mode::Request, Mode::Reply] {
         choosy.activate(ChoosyMethod::Settings, mode).unwrap();
         let error = choosy.settings().unwrap_err();
-        assert!(matches!(error, CallError::Option { .. }), "{error:?}");
+        assert!(matches!(error, MethodError::Option { .. }), "{error:?}");
         assert!(error.to_string().contains("data type is Properties, and should be"), "{error}");
     }
 }

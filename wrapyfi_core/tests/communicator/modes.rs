@@ -1,6 +1,6 @@
 //! Every mode without requests, and what changes it.
 
-use wrapyfi_core::communicator::{CallError, Configuration, Mode};
+use wrapyfi_core::communicator::{Configuration, MethodError, Mode};
 use wrapyfi_core::endpoint::DropReason;
 
 use super::robot::{Nobody, RobotCommunicator, RobotMethod, context, image, robot};
@@ -78,13 +78,13 @@ fn what_is_not_as_the_option_says_is_refused_on_both_sides() {
     assert_eq!(there.sense(3).unwrap().0, None);
     here.sense(2).unwrap();
     let error = there.sense(3).unwrap_err();
-    assert!(matches!(error, CallError::WrongType { .. }), "{error}");
+    assert!(matches!(error, MethodError::WrongType { .. }), "{error}");
     let text = error.to_string();
     assert!(text.contains("Robot::sense") && text.contains("memory:/image"), "{text}");
     assert!(text.contains("the image's width is 2, and the option says width = 3"), "{text}");
     // The option was fixed by the first call.
     let error = here.sense(3).unwrap_err();
-    assert!(matches!(error, CallError::Send { .. }), "{error}");
+    assert!(matches!(error, MethodError::Send { .. }), "{error}");
 }
 
 #[test]
@@ -151,7 +151,7 @@ fn modes_change_at_run_time_and_end_what_waits() {
             std::thread::yield_now();
         }
         let error = waiting.join().unwrap();
-        assert!(matches!(error, CallError::Cancelled { .. }), "{error:?}");
+        assert!(matches!(error, MethodError::Cancelled { .. }), "{error:?}");
         assert!(error.to_string().contains("a message on memory:/say"), "{error}");
     });
     std::thread::scope(|scope| {
@@ -161,7 +161,10 @@ fn modes_change_at_run_time_and_end_what_waits() {
         });
         control.activate("say", "none").unwrap();
         let errors = waiting.join().unwrap();
-        assert!(errors.iter().all(|error| matches!(error, CallError::Ended { .. })), "{errors:?}");
+        assert!(
+            errors.iter().all(|error| matches!(error, MethodError::Ended { .. })),
+            "{errors:?}"
+        );
     });
     assert_eq!(robot.say("memory", "x", true).unwrap().as_deref(), Some("x 2"));
 }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use wrapyfi_core::communicator::{CallError, Mode, communicator};
+use wrapyfi_core::communicator::{MethodError, Mode, communicator};
 
 use super::robot::{Nobody, NobodyMethod, RobotMethod, context, robot};
 
@@ -98,7 +98,7 @@ impl Silent {
 fn a_program_that_waits() {
     let mut silent = Silent.communicator_in(&context());
     silent.activate(SilentMethod::Hear, Mode::Listen).unwrap();
-    assert!(matches!(silent.hear(), Err(CallError::TimedOut { .. })));
+    assert!(matches!(silent.hear(), Err(MethodError::TimedOut { .. })));
 }
 
 #[test]
@@ -137,7 +137,7 @@ fn a_request_with_wrong_arguments_is_told_so_and_the_server_lives() {
     std::thread::scope(|scope| {
         let served = scope.spawn(|| server.add(0, &None, "", &[]).unwrap());
         let error = wrong.add("one").unwrap_err();
-        assert!(matches!(error, CallError::Unanswered { .. }), "{error:?}");
+        assert!(matches!(error, MethodError::Unanswered { .. }), "{error:?}");
         assert!(error.to_string().contains("argument a cannot be used"), "{error}");
         assert_eq!(right.add(1, &None, "n", &[]).unwrap(), Some((101, "n".to_owned())));
         served.join().unwrap();
@@ -146,7 +146,7 @@ fn a_request_with_wrong_arguments_is_told_so_and_the_server_lives() {
         let mut other = Other.communicator_in(&context);
         other.activate(OtherMethod::Add, Mode::Request).unwrap();
         let error = other.add(1, 2, "x", vec![]).unwrap_err();
-        assert!(matches!(error, CallError::WrongType { .. }), "{error:?}");
+        assert!(matches!(error, MethodError::WrongType { .. }), "{error:?}");
         served.join().unwrap().unwrap();
     });
 }
@@ -168,12 +168,12 @@ fn nobody_who_serves_is_an_error_within_the_time() {
     let mut nobody = Nobody.communicator_in(&context);
     nobody.activate(NobodyMethod::Ask, Mode::Request).unwrap();
     let error = nobody.ask().unwrap_err();
-    assert!(matches!(error, CallError::Unanswered { .. }), "{error:?}");
+    assert!(matches!(error, MethodError::Unanswered { .. }), "{error:?}");
     let text = error.to_string();
     assert!(text.starts_with("Nobody::ask: \"/nobody\" was not answered within 20 ms"), "{text}");
     nobody.activate(NobodyMethod::Ask, Mode::Listen).unwrap();
     let error = nobody.ask().unwrap_err();
-    assert!(matches!(error, CallError::TimedOut { .. }), "{error:?}");
+    assert!(matches!(error, MethodError::TimedOut { .. }), "{error:?}");
     assert!(error.to_string().contains("for a message on memory:/nobody"), "{error}");
     nobody.activate(NobodyMethod::Ask, Mode::Publish).unwrap();
     let error = nobody.ask().unwrap_err();

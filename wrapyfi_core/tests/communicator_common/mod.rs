@@ -3,7 +3,7 @@
 use std::sync::mpsc::RecvTimeoutError;
 use std::time::Duration;
 
-use wrapyfi_core::communicator::{CallError, Context, Mode, communicator};
+use wrapyfi_core::communicator::{Context, MethodError, Mode, communicator};
 use wrapyfi_core::types::{AudioChunk, Encoding, Image, RawPixels, SampleFormat, Stamp, Tensor};
 
 /// Long enough for the slowest machine; reached only by failures.
@@ -169,7 +169,7 @@ pub fn a_wait_ends_in_time(mware: &str, here: &Context) {
     assert!(error.contains(&format!("a message on {mware}:/robot/state")), "{error}");
     ours.activate(RobotMethod::State, Mode::Request).unwrap();
     let error = ours.state(mware, 20).unwrap_err();
-    assert!(matches!(error, CallError::Unanswered { .. }), "{error:?}");
+    assert!(matches!(error, MethodError::Unanswered { .. }), "{error:?}");
     let text = error.to_string();
     assert!(text.starts_with("Robot::state: ") && text.contains("within 20 ms"), "{text}");
 }

@@ -7,7 +7,7 @@
 
 #[cfg(feature = "tables")]
 use super::dask_frame;
-use super::{Body, Context, Part, Plugin, PluginError, dask_array};
+use super::{Body, Part, Plugin, PluginError, Unpacking, dask_array};
 use crate::types::Value;
 
 /// dask's `Array`, `DataFrame` and `Series`.
@@ -22,7 +22,7 @@ impl Plugin for Dask {
     }
 
     #[cfg_attr(not(feature = "tables"), allow(unused_variables, reason = "frames alone have it"))]
-    fn decode(&self, body: &Body<'_>, context: &Context<'_>) -> Result<Value, PluginError> {
+    fn decode(&self, body: &Body<'_>, context: &Unpacking<'_>) -> Result<Value, PluginError> {
         match &*body.text(1)? {
             dask_array::KIND => dask_array::decode(body),
             #[cfg(feature = "tables")]

@@ -8,7 +8,7 @@
 
 use super::dask::KEY;
 use super::pandas::{read_records, write_records};
-use super::{Body, Context, Part, PluginError};
+use super::{Body, Part, PluginError, Unpacking};
 use crate::types::{Table, Value};
 
 /// Words for frames and series in the second part.
@@ -20,7 +20,7 @@ const PARTITIONS: &str = "partitions";
 pub(super) fn decode(
     body: &Body<'_>,
     kind: &str,
-    context: &Context<'_>,
+    context: &Unpacking<'_>,
 ) -> Result<Value, PluginError> {
     let mut table = read_records(&body.base64(0)?, kind == "Series", context)?;
     let partitions = body.value(2)?.as_i64().filter(|&partitions| partitions > 0);

@@ -12,7 +12,7 @@
 //! the user adds one by implementing [`Plugin`]:
 //!
 //! ```
-//! use wrapyfi_data::plugin::{Body, Context, Part, Plugin, PluginError, Plugins};
+//! use wrapyfi_data::plugin::{Body, Unpacking, Part, Plugin, PluginError, Plugins};
 //! use wrapyfi_data::types::{ForeignObject, PluginObject, Value};
 //! use wrapyfi_data::{Limits, codec::json};
 //!
@@ -25,7 +25,7 @@
 //! struct Pose2D;
 //! impl Plugin for Pose2D {
 //!     fn key(&self) -> &str { "Pose2D" }
-//!     fn decode(&self, body: &Body<'_>, _: &Context<'_>) -> Result<Value, PluginError> {
+//!     fn decode(&self, body: &Body<'_>, _: &Unpacking<'_>) -> Result<Value, PluginError> {
 //!         let number = |part| body.value(part)?.as_f64().ok_or_else(|| body.expected(part, "a number"));
 //!         Ok(ForeignObject::new(Pose { x: number(0)?, y: number(1)? }).into())
 //!     }
@@ -102,7 +102,7 @@ pub trait Plugin: Send + Sync {
     /// # Errors
     /// When they are malformed, or hold things that this plug-in does not read. The object then
     /// stays a [`crate::types::Tagged`] that carries the reason and travels on as it came.
-    fn decode(&self, body: &Body<'_>, context: &Context<'_>) -> Result<Value, PluginError>;
+    fn decode(&self, body: &Body<'_>, context: &Unpacking<'_>) -> Result<Value, PluginError>;
 
     /// Encodes a value whose [`Value::plugin_key`] is this key into the parts behind the key.
     ///
@@ -113,7 +113,7 @@ pub trait Plugin: Send + Sync {
 
 /// Limits and plug-ins for a plug-in that decodes.
 #[derive(Debug, Clone, Copy)]
-pub struct Context<'a> {
+pub struct Unpacking<'a> {
     /// Limits: an unpacked object may not exceed `message_bytes`, nor nest deeper than `depth`.
     pub limits: &'a Limits,
     /// Plug-ins in use, for parts that are native objects themselves.
@@ -122,7 +122,7 @@ pub struct Context<'a> {
     unpacked: &'a Cell<u64>,
 }
 
-impl<'a> Context<'a> {
+impl<'a> Unpacking<'a> {
     /// The context of all objects of one message. `unpacked` begins at 0.
     #[must_use]
     pub fn new(limits: &'a Limits, plugins: &'a Plugins, unpacked: &'a Cell<u64>) -> Self {

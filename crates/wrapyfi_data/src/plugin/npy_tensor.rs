@@ -9,7 +9,7 @@
 //!   ["MXNetTensor", "k05VTVBZ…", "cpu:0"]  ◀─▶  Tensor { device: "cpu:0", origin: MXNetTensor, … }
 //! ```
 
-use super::{Body, Context, Framework, Part, Plugin, PluginError};
+use super::{Body, Framework, Part, Plugin, PluginError, Unpacking};
 use crate::codec::npy::{self, NpyArray};
 use crate::types::{Dtype, Origin, Tensor, Value};
 
@@ -36,7 +36,7 @@ impl Plugin for NpyTensor {
         self.key
     }
 
-    fn decode(&self, body: &Body<'_>, _context: &Context<'_>) -> Result<Value, PluginError> {
+    fn decode(&self, body: &Body<'_>, _context: &Unpacking<'_>) -> Result<Value, PluginError> {
         let array = npy::read(&body.base64(0)?)
             .map_err(|error| PluginError::Malformed { part: 0, reason: error.to_string() })?;
         let tensor = match array {

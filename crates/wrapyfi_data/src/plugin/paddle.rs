@@ -14,7 +14,7 @@
 
 use super::numpy_pickle::{in_pickle, numbers};
 use super::pickle_text::PickleText;
-use super::{Body, Context, Framework, Part, Plugin, PluginError};
+use super::{Body, Framework, Part, Plugin, PluginError, Unpacking};
 use crate::codec::pickle::{self, Allowed};
 use crate::types::{Dtype, Origin, Tensor, Value};
 
@@ -29,7 +29,7 @@ impl Plugin for Paddle {
         Framework::Paddle.key()
     }
 
-    fn decode(&self, body: &Body<'_>, context: &Context<'_>) -> Result<Value, PluginError> {
+    fn decode(&self, body: &Body<'_>, context: &Unpacking<'_>) -> Result<Value, PluginError> {
         let file = body.base64(0)?;
         let pickle =
             pickle::read(&file, &[], &Allowed::PADDLE, context.limits).map_err(in_pickle)?;

@@ -10,7 +10,7 @@
 
 use bytes::Bytes;
 
-use super::{Body, Context, Part, Plugin, PluginError};
+use super::{Body, Part, Plugin, PluginError, Unpacking};
 use crate::codec::image_file::{self, unpack_bits};
 use crate::codec::picture::INKS;
 use crate::codec::{DecodeError, EncodeError};
@@ -46,7 +46,7 @@ impl Plugin for Pillow {
         "PILImage"
     }
 
-    fn decode(&self, body: &Body<'_>, context: &Context<'_>) -> Result<Value, PluginError> {
+    fn decode(&self, body: &Body<'_>, context: &Unpacking<'_>) -> Result<Value, PluginError> {
         // Wrapyfi decides by the number of parts, too.
         let (pixels, mode) =
             if body.len() == 3 { from_pixels(body, context)? } else { from_file(body, context)? };
@@ -97,7 +97,7 @@ fn unwritable(error: EncodeError) -> PluginError {
 /// Reads the pixels of an image made in memory, and its mode where the encoding does not tell it.
 fn from_pixels(
     body: &Body<'_>,
-    context: &Context<'_>,
+    context: &Unpacking<'_>,
 ) -> Result<(Pixels, Option<String>), PluginError> {
     let mode = body.text(2)?;
     let Some((_, encoding)) = MODES.iter().find(|(known, _)| *known == mode) else {
@@ -138,7 +138,7 @@ fn from_pixels(
 
 fn from_file(
     body: &Body<'_>,
-    context: &Context<'_>,
+    context: &Unpacking<'_>,
 ) -> Result<(Pixels, Option<String>), PluginError> {
     let file: Bytes = body.latin1(0)?;
     if let Some(format) = CompressedFormat::sniff(&file) {

@@ -4,7 +4,7 @@
 //!   ["PintData", base64 of {"magnitude": 1.5, "units": "meter"}, "Quantity"]  ◀─▶  Quantity
 //! ```
 
-use super::{Body, Context, Part, Plugin, PluginError, Plugins};
+use super::{Body, Part, Plugin, PluginError, Plugins, Unpacking};
 use crate::codec::json;
 use crate::types::{Map, Quantity, Value};
 
@@ -16,7 +16,7 @@ impl Plugin for Pint {
         "PintData"
     }
 
-    fn decode(&self, body: &Body<'_>, context: &Context<'_>) -> Result<Value, PluginError> {
+    fn decode(&self, body: &Body<'_>, context: &Unpacking<'_>) -> Result<Value, PluginError> {
         let kind = body.text(1)?;
         if kind != "Quantity" {
             return Err(PluginError::Unsupported {

@@ -14,7 +14,7 @@
 
 use super::numpy_pickle::{in_pickle, numbers};
 use super::pickle_text::PickleText;
-use super::{Body, Context, Part, Plugin, PluginError};
+use super::{Body, Part, Plugin, PluginError, Unpacking};
 use crate::codec::pickle::{self, Allowed};
 use crate::types::{Origin, Tensor, Value};
 
@@ -30,7 +30,7 @@ impl Plugin for Trax {
         "TraxArray"
     }
 
-    fn decode(&self, body: &Body<'_>, context: &Context<'_>) -> Result<Value, PluginError> {
+    fn decode(&self, body: &Body<'_>, context: &Unpacking<'_>) -> Result<Value, PluginError> {
         let file = body.latin1(0)?;
         let buffers =
             (1..body.len()).map(|part| body.base64(part)).collect::<Result<Vec<_>, _>>()?;

@@ -11,7 +11,7 @@
 //!
 //! A `DataArray` is a data set of one array, whose name stands behind it.
 
-use super::{Body, Context, Part, Plugin, PluginError, Plugins};
+use super::{Body, Part, Plugin, PluginError, Plugins, Unpacking};
 use crate::codec::{DecodeError, json};
 use crate::types::{
     DateTime, Labelled, LabelledContent, Map, Value, Variable, nested_list, rectangular,
@@ -28,7 +28,7 @@ impl Plugin for XArray {
         "XArrayData"
     }
 
-    fn decode(&self, body: &Body<'_>, context: &Context<'_>) -> Result<Value, PluginError> {
+    fn decode(&self, body: &Body<'_>, context: &Unpacking<'_>) -> Result<Value, PluginError> {
         let kind = body.text(1)?;
         let file = body.base64(0)?;
         let text = json::decode_with(&file, &context.limits_within(file.len()), &Plugins::none())

@@ -17,7 +17,7 @@ use super::decode::{Decoder, Result, Tagged};
 use super::text::Text;
 use super::{base64, neutral};
 use crate::codec::npy::{self, NpyArray};
-use crate::plugin::{Body, Context, Element};
+use crate::plugin::{Body, Element, Unpacking};
 use crate::types::{Value, unique_members};
 
 impl Decoder<'_> {
@@ -85,7 +85,7 @@ impl Decoder<'_> {
                 _ => Element::Value(self.value(path, depth)?),
             });
         }
-        let context = Context::new(self.limits, self.plugins, &self.unpacked);
+        let context = Unpacking::new(self.limits, self.plugins, &self.unpacked);
         match plugin.decode(&Body { elements }, &context) {
             Ok(Value::Tensor(tensor)) => Ok(Tagged::Value(self.plugins.place(tensor).into())),
             Ok(value) => Ok(Tagged::Value(value)),

@@ -14,7 +14,7 @@ use std::sync::Arc;
 use arrow_array::builder::{BooleanBuilder, StringBuilder};
 use arrow_array::{ArrayRef, Float64Array, Int64Array};
 
-use super::super::{Body, Context, Part, PluginError};
+use super::super::{Body, Part, PluginError, Unpacking};
 use super::frame::{Column, Frame, Index, Kind};
 use super::labels;
 use crate::codec::json;
@@ -26,12 +26,12 @@ fn malformed(reason: impl Into<String>) -> PluginError {
     PluginError::Malformed { part: 0, reason: reason.into() }
 }
 
-fn text(body: &Body<'_>, context: &Context<'_>) -> Result<Value> {
+fn text(body: &Body<'_>, context: &Unpacking<'_>) -> Result<Value> {
     json::decode(&body.base64(0)?, context.limits).map_err(|error| malformed(error.to_string()))
 }
 
 /// Reads parts `text, "DataFrame" or "Series"`.
-pub(super) fn read_split(body: &Body<'_>, context: &Context<'_>) -> Result<Frame> {
+pub(super) fn read_split(body: &Body<'_>, context: &Unpacking<'_>) -> Result<Frame> {
     let value = text(body, context)?;
     let kind = match body.text(1)?.as_str() {
         "Series" => Kind::Series,
@@ -87,7 +87,7 @@ pub(super) fn write_split(frame: &Frame) -> Result<Vec<Part>> {
 pub(in crate::plugin) fn read_records(
     file: &bytes::Bytes,
     is_series: bool,
-    context: &Context<'_>,
+    context: &Unpacking<'_>,
 ) -> Result<crate::types::Table> {
     let value = json::decode(file, context.limits).map_err(|error| malformed(error.to_string()))?;
     let records = value.as_items().ok_or_else(|| malformed("no list of records"))?;

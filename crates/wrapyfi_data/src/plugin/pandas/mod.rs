@@ -28,7 +28,7 @@ use super::budget::Budget;
 use super::numpy_pickle::in_pickle;
 use super::pyarrow::pickled;
 use super::stack::Stack;
-use super::{Body, Context, Part, Plugin, PluginError};
+use super::{Body, Part, Plugin, PluginError, Unpacking};
 use crate::codec::pickle::Allowed;
 use crate::types::Value;
 use frame::Frame;
@@ -43,7 +43,7 @@ impl Plugin for Pandas {
         "PandasData"
     }
 
-    fn decode(&self, body: &Body<'_>, context: &Context<'_>) -> Result<Value, PluginError> {
+    fn decode(&self, body: &Body<'_>, context: &Unpacking<'_>) -> Result<Value, PluginError> {
         let pickle = pickled(body, &Allowed::PANDAS, context)?;
         let frame = read::frame(&pickle.root(), &Budget::new(context.limits)).map_err(in_pickle)?;
         frame.into_table("PandasData").map(Value::from)
@@ -65,7 +65,7 @@ impl Plugin for PandasLegacy {
         "PandasLegacyData"
     }
 
-    fn decode(&self, body: &Body<'_>, context: &Context<'_>) -> Result<Value, PluginError> {
+    fn decode(&self, body: &Body<'_>, context: &Unpacking<'_>) -> Result<Value, PluginError> {
         json::read_split(body, context)?.into_table("PandasLegacyData").map(Value::from)
     }
 

@@ -30,7 +30,7 @@ use arrow_schema::{ArrowError, Field, Schema};
 use super::budget::Budget;
 use super::numpy_pickle::in_pickle;
 use super::stack::Stack;
-use super::{Body, Context, Part, Plugin, PluginError};
+use super::{Body, Part, Plugin, PluginError, Unpacking};
 use crate::codec::pickle::{self, Allowed};
 use crate::types::{Origin, Table, Value};
 
@@ -49,7 +49,7 @@ impl Plugin for PyArrow {
         KEY
     }
 
-    fn decode(&self, body: &Body<'_>, context: &Context<'_>) -> Result<Value, PluginError> {
+    fn decode(&self, body: &Body<'_>, context: &Unpacking<'_>) -> Result<Value, PluginError> {
         let read = pickled(body, &Allowed::PYARROW, context)?;
         read::table(&read.root(), &Budget::new(context.limits)).map_err(in_pickle).map(Value::from)
     }
@@ -66,7 +66,7 @@ impl Plugin for PyArrow {
 pub(super) fn pickled(
     body: &Body<'_>,
     allowed: &Allowed,
-    context: &Context<'_>,
+    context: &Unpacking<'_>,
 ) -> Result<pickle::Pickle, PluginError> {
     let data = body.latin1(0)?;
     let buffers = (1..body.len()).map(|part| body.base64(part)).collect::<Result<Vec<_>, _>>()?;

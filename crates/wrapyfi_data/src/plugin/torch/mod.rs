@@ -18,7 +18,7 @@
 mod read;
 mod write;
 
-use super::{Body, Context, Framework, Part, Plugin, PluginError};
+use super::{Body, Framework, Part, Plugin, PluginError, Unpacking};
 use crate::types::{Dtype, Value};
 
 /// PyTorch's tensors and parameters.
@@ -52,7 +52,7 @@ impl Plugin for Torch {
         Framework::Torch.key()
     }
 
-    fn decode(&self, body: &Body<'_>, context: &Context<'_>) -> Result<Value, PluginError> {
+    fn decode(&self, body: &Body<'_>, context: &Unpacking<'_>) -> Result<Value, PluginError> {
         let tensor = read::tensor(&body.base64(0)?, context)?;
         Ok(tensor.with_device(body.text(1)?).into())
     }

@@ -2,7 +2,7 @@
 
 use bytes::Bytes;
 
-use super::super::{Context, PluginError};
+use super::super::{PluginError, Unpacking};
 use super::{NAMED, STORAGES};
 use crate::codec::archive::{Archive, Member};
 use crate::codec::npy::gather;
@@ -56,7 +56,7 @@ fn malformed(reason: impl Into<String>) -> PluginError {
 }
 
 /// The tensor in `file`, an archive that `torch.save` wrote.
-pub(super) fn tensor(file: &Bytes, context: &Context<'_>) -> Result<Tensor, PluginError> {
+pub(super) fn tensor(file: &Bytes, context: &Unpacking<'_>) -> Result<Tensor, PluginError> {
     if file.first() == Some(&0x80) {
         return Err(PluginError::Unsupported {
             what: "a torch file of before version 1.6, a row of pickles,".into(),
@@ -93,7 +93,7 @@ struct TorchFile<'a> {
     archive: &'a Archive,
     /// `archive/`, or what the file was called when it was saved to a disk.
     folder: &'a str,
-    context: &'a Context<'a>,
+    context: &'a Unpacking<'a>,
 }
 
 impl TorchFile<'_> {

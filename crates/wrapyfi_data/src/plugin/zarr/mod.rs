@@ -21,7 +21,7 @@ mod group;
 
 pub use group::ZarrGroup;
 
-use super::{Body, Context, Part, Plugin, PluginError, Plugins};
+use super::{Body, Part, Plugin, PluginError, Plugins, Unpacking};
 use crate::codec::archive::{Archive, Writer};
 use crate::codec::json;
 use crate::types::{ForeignObject, Origin, Value};
@@ -38,7 +38,7 @@ impl Plugin for Zarr {
         KEY
     }
 
-    fn decode(&self, body: &Body<'_>, context: &Context<'_>) -> Result<Value, PluginError> {
+    fn decode(&self, body: &Body<'_>, context: &Unpacking<'_>) -> Result<Value, PluginError> {
         let kind = body.text(1)?;
         let name = body.optional_text(2)?;
         let archive = Archive::open(&body.base64(0)?).map_err(malformed)?;
@@ -95,7 +95,7 @@ fn malformed(reason: String) -> PluginError {
 /// The folder that the zip holds.
 struct Store<'a> {
     archive: Archive,
-    context: &'a Context<'a>,
+    context: &'a Unpacking<'a>,
 }
 
 impl Store<'_> {
