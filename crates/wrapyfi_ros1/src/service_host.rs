@@ -220,7 +220,11 @@ async fn wait(stream: &TcpStream, mut answer: oneshot::Receiver<Answer>) -> Opti
     tokio::select! {
         answer = &mut answer => return Some(answer.unwrap_or_else(|_e| Err(ended()))),
         peeked = stream.peek(&mut next) => match peeked {
-            Ok(0) | Err(_) => return None,
+            // A reply that was given at the same time counts as sent, and is lost with the connection.
+            Ok(0) | Err(_) => {
+                answer.close();
+                return answer.try_recv().ok();
+            }
             // It asks already for what comes next.
             Ok(_) => {}
         },

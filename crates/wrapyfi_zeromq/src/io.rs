@@ -252,7 +252,10 @@ impl Worker {
         let mut due = std::mem::take(&mut self.ready);
         due.extend(self.timed.iter().filter(|(_, at)| **at <= now).map(|(id, _)| *id));
         for id in due {
-            let Some(end) = self.ends.get_mut(&id) else { continue };
+            let Some(end) = self.ends.get_mut(&id) else {
+                self.timed.remove(&id);
+                continue;
+            };
             let registry = self.poll.registry();
             let look = match catch_unwind(AssertUnwindSafe(|| end.look(now, registry))) {
                 Ok(Ok(look)) => look,
@@ -264,6 +267,8 @@ impl Worker {
                 && let Some(end) = self.ends.remove(&id)
             {
                 self.watch(&end, false);
+                // A time that has passed would be looked at again and again.
+                self.timed.remove(&id);
                 continue;
             }
             if look.more {

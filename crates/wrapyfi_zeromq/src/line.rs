@@ -53,6 +53,15 @@ pub(super) enum Unusable {
     Frames(usize),
 }
 
+/// A parcel that waits to be sent.
+struct Waiting {
+    parcel: Parcel,
+    /// Instant after which nobody waits for it any more.
+    until: Option<Instant>,
+    /// Bytes that its server counts as sent already.
+    sent_bytes: Option<usize>,
+}
+
 /// State that the owner of a line and the I/O thread share.
 pub(super) struct Post {
     id: u64,
@@ -60,7 +69,7 @@ pub(super) struct Post {
     end: End,
     /// Deliveries that may wait at a client.
     limit: usize,
-    outgoing: Mutex<VecDeque<(Parcel, Option<Instant>)>>,
+    outgoing: Mutex<VecDeque<Waiting>>,
     incoming: Mutex<VecDeque<Delivery>>,
     /// Bytes that wait to be sent, and those that came and were not taken.
     shares: [Share; 2],
@@ -80,17 +89,31 @@ impl Post {
 
     /// Sends as soon as there is a way, not after `until`; the parcel comes back where it finds no room.
     pub(super) fn send(&self, parcel: Parcel, until: Option<Instant>) -> Result<(), Parcel> {
-        self.queue(parcel, until)?;
+        let sent_bytes = matches!(self.end, End::Server(_)).then(|| parcel.size());
+        self.queue(parcel, until, sent_bytes)?;
         self.io.send(super::io::Command::Look(self.id));
         Ok(())
     }
 
-    fn queue(&self, parcel: Parcel, until: Option<Instant>) -> Result<(), Parcel> {
+    /// Tells the other side why it gets no reply, unless there is no room even for that: then it learns by its
+    /// time-out.
+    pub(super) fn refuse(&self, envelope: Vec<Bytes>, why: &str) {
+        if self.queue(Parcel::error(envelope, why), None, None).is_ok() {
+            self.io.send(super::io::Command::Look(self.id));
+        }
+    }
+
+    fn queue(
+        &self,
+        parcel: Parcel,
+        until: Option<Instant>,
+        sent_bytes: Option<usize>,
+    ) -> Result<(), Parcel> {
         let [sending, _] = &self.shares;
         if !sending.take(self.counted(&parcel)) {
             return Err(parcel);
         }
-        lock(&self.outgoing).push_back((parcel, until));
+        lock(&self.outgoing).push_back(Waiting { parcel, until, sent_bytes });
         Ok(())
     }
 
@@ -196,6 +219,14 @@ impl Line {
         if let Err(error) = self.write() {
             tracing::debug!(%error, "the last messages of a service");
         }
+        // What the broker had no room for until now is lost with the socket.
+        for left in lock(&self.post.outgoing).drain(..) {
+            let [sending, _] = &self.post.shares;
+            sending.give(self.post.counted(&left.parcel));
+            if let Some(bytes) = left.sent_bytes {
+                self.post.context.counters.undelivered(DropReason::Closed, bytes);
+            }
+        }
         self.post.link.end();
         drop(self.socket);
         self.watch
@@ -205,7 +236,7 @@ impl Line {
     pub(super) fn write(&self) -> zmq::Result<()> {
         let mut outgoing = lock(&self.post.outgoing);
         let now = self.post.context.clock.now();
-        while let Some((parcel, until)) = outgoing.front() {
+        while let Some(Waiting { parcel, until, .. }) = outgoing.front() {
             let in_time = until.is_none_or(|until| until > now);
             if in_time && !parcel.send(&self.socket)? {
                 break;
@@ -255,8 +286,7 @@ impl Line {
         match &post.end {
             End::Server(requests) => {
                 if let Err((Delivery { envelope, .. }, error)) = requests.put(delivery, size) {
-                    // Without room for it the client learns by its time-out.
-                    _ = post.queue(Parcel::error(envelope, &error.to_string()), None);
+                    post.refuse(envelope, &error.to_string());
                 }
             }
             End::Client if lock(&post.incoming).len() >= post.limit => {

@@ -116,6 +116,10 @@ impl Outlet {
         let message = Arc::new(Message { parts, wire_bytes, of, missed: AtomicBool::new(false) });
         let mut state = self.lock();
         let Way::Up(peer) = &mut state.way else { return Err(DropReason::SendFailed) };
+        // A connection that has just been made anew: a message before its handshake would end it.
+        if !peer.is_open() || peer.topics.is_empty() {
+            return Err(DropReason::SendFailed);
+        }
         peer.queue(&message, self.hwm)?;
         if let Err(error) = peer.write() {
             self.lose(&mut state, Instant::now(), &error);
@@ -168,7 +172,7 @@ impl Outlet {
         let mut heard = Vec::new();
         let read = peer.read(&mut [0; READ_BYTES], &mut heard, true, now);
         peer.news.clear();
-        if peer.is_open() && closes.is_none() {
+        if read.is_ok() && peer.is_open() && closes.is_none() {
             self.link.succeeded();
             state.backoff.reset();
         }

@@ -110,7 +110,7 @@ impl ServerWire for ZeroMqServer {
         if is_reply {
             self.post.context().counters.dropped(DropReason::OverBudget);
             // Short, and so it may find room.
-            _ = self.post.send(Parcel::error(envelope, &error.to_string()), None);
+            self.post.refuse(envelope, &error.to_string());
         }
         Err(error)
     }
