@@ -171,7 +171,7 @@ pub struct TopArgs {
     #[arg(long)]
     pub once: bool,
     /// Time between two questions to the bridge, in seconds.
-    #[arg(long, value_name = "S", value_parser = seconds, default_value = "1")]
+    #[arg(long, value_name = "S", value_parser = at_least_a_tenth, default_value = "1")]
     pub every: Duration,
     /// Column to sort by.
     #[arg(long, value_enum, default_value_t)]
@@ -493,6 +493,13 @@ fn seconds(text: &str) -> Result<Duration, String> {
             Duration::try_from_secs_f64(value).map_err(|error| error.to_string())
         }
         _ => Err("must be seconds between 0 and 31536000".to_owned()),
+    }
+}
+
+fn at_least_a_tenth(text: &str) -> Result<Duration, String> {
+    match seconds(text)? {
+        time if time >= Duration::from_millis(100) => Ok(time),
+        _ => Err("must be at least 0.1 s: each question costs the bridge a reply".to_owned()),
     }
 }
 

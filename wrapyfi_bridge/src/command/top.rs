@@ -61,14 +61,16 @@ pub fn run(args: &TopArgs, shutdown: &Shutdown) -> Result<(), Failure> {
         // Dropped at the end, which ends the thread.
         let (_running, goes_on) = mpsc::channel::<()>();
         scope.spawn(move || ask_again(&mut asker, args.every, &reply_to, &goes_on));
-        let mut terminal = ratatui::try_init().context("cannot draw on this terminal")?;
+        let terminal = ratatui::try_init().inspect_err(|_| ratatui::restore());
+        let mut terminal = terminal.context("cannot draw on this terminal")?;
         let watched = watch(&mut terminal, Screen::new(node, routes), &replies, shutdown);
         ratatui::restore();
         watched
     })
 }
 
-type Reply = Result<ListRoutes_Response, Failure>;
+/// A reply, and the instant at which it came.
+type Reply = (Instant, Result<ListRoutes_Response, Failure>);
 
 /// Asks once each `every` until nobody wants to know any more.
 fn ask_again(
@@ -78,7 +80,8 @@ fn ask_again(
     goes_on: &Receiver<()>,
 ) {
     while goes_on.recv_timeout(every) == Err(RecvTimeoutError::Timeout) {
-        if reply_to.send(asker.ask(Map::new(), ANSWER)).is_err() {
+        let reply = asker.ask(Map::new(), ANSWER);
+        if reply_to.send((Instant::now(), reply)).is_err() {
             return;
         }
     }
@@ -92,10 +95,10 @@ fn watch(
 ) -> Result<(), Failure> {
     let mut heard = Instant::now();
     while !shutdown.requested() {
-        while let Ok(reply) = replies.try_recv() {
+        while let Ok((at, reply)) = replies.try_recv() {
             match reply {
                 Ok(reply) => {
-                    heard = Instant::now();
+                    heard = at;
                     screen.fault = None;
                     screen.routes.update(reply.routes, heard);
                 }

@@ -33,6 +33,8 @@ use wrapyfi_interfaces::Message;
 use wrapyfi_interfaces::diagnostic_msgs::msg::DiagnosticArray;
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_interfaces::wrapyfi_msgs::srv::{Explain_Response, ListRoutes_Response};
+use wrapyfi_retry::contained;
+use wrapyfi_retry::thread::restarted;
 
 use self::diagnostics::Diagnostics;
 use crate::exit::Failure;
@@ -95,22 +97,30 @@ impl OnGraph {
         thread
             .spawn(move || answer_all(&parts, &asked, &tell, &wake))
             .context("cannot answer ~/explain")?;
-        let mut work = Work { routes, handle, diagnostics, list, explain, ask, told };
+        let work = Work { routes, handle, diagnostics, list, explain, ask, told };
         let (leave, wake) = (Arc::clone(&stop), context.wake.clone());
         let (alive, ended) = channel::<()>();
         let thread = std::thread::Builder::new().name("on-graph".to_owned());
         let started = thread.spawn(move || {
+            // Dropped last: the endpoints are closed when its end is seen.
             let _alive = alive;
-            let mut next = Instant::now() + EVERY;
-            while !leave.load(Relaxed) {
-                if Instant::now() >= next {
-                    work.publish();
-                    // A thread that was held up makes up for nothing.
-                    next = (next + EVERY).max(Instant::now());
+            let mut work = work;
+            let pause = |time| {
+                wake.wait(time);
+                !leave.load(Relaxed)
+            };
+            restarted("the thread of /diagnostics", pause, || {
+                let mut next = Instant::now() + EVERY;
+                while !leave.load(Relaxed) {
+                    if Instant::now() >= next {
+                        work.publish();
+                        // A thread that was held up makes up for nothing.
+                        next = (next + EVERY).max(Instant::now());
+                    }
+                    work.answer();
+                    wake.wait(next.saturating_duration_since(Instant::now()));
                 }
-                work.answer();
-                wake.wait(next.saturating_duration_since(Instant::now()));
-            }
+            });
         });
         started.context("cannot publish /diagnostics")?;
         Ok(Self { stop, wake: context.wake, ended })
@@ -201,14 +211,14 @@ fn answer_all(
             definitions: Vec::new(),
             own: parts.own,
         };
-        let asked = question.ask(Some(Bridge { registry: &registry, status: &status }));
-        let reply = match asked {
-            Ok(way) => info::explained(&judge(&way), &meant(&way.title, &name, &status())),
-            Err(failure) => {
-                let what = failure.to_string();
-                Explain_Response { what, ..Explain_Response::default() }
-            }
-        };
+        let bridge = Bridge { registry: &registry, status: &status, node: &parts.node };
+        let answer = contained(|| {
+            let way = question.ask(Some(bridge)).map_err(|failure| failure.to_string())?;
+            Ok(info::explained(&judge(&way), &meant(&way.title, &name, &status())))
+        });
+        let reply = answer
+            .flatten()
+            .unwrap_or_else(|what| Explain_Response { what, ..Explain_Response::default() });
         if tell.send((id, reply)).is_err() {
             return;
         }

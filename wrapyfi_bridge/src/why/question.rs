@@ -38,6 +38,8 @@ pub struct Bridge<'b> {
     pub registry: &'b Registry,
     /// Present statuses of the routes.
     pub status: &'b dyn Fn() -> Vec<RouteStatus>,
+    /// The bridge's node, whose namespace and remappings names go through.
+    pub node: &'b Node,
 }
 
 /// Question by name.
@@ -105,9 +107,16 @@ impl Question {
         };
         let Loaded { mut endpoints, plan, types, .. } = loaded;
         self.own.enter(&mut endpoints);
-        let node = Node::bridge().map_err(Failure::usage)?;
+        let usual;
+        let node = match bridge {
+            Some(bridge) => bridge.node,
+            None => {
+                usual = Node::bridge().map_err(Failure::usage)?;
+                &usual
+            }
+        };
         let sight = Sight { endpoints: &endpoints, bridge: bridge.map(|bridge| bridge.registry) };
-        match route(&plan, &node, name) {
+        match route(&plan, node, name) {
             Some((route, left_out)) => {
                 let mut facts = RouteFacts {
                     name: route.name.clone(),
@@ -115,12 +124,12 @@ impl Question {
                     left_out,
                     ..RouteFacts::default()
                 };
-                facts.unheard = unheard(&plan, &node, &route);
+                facts.unheard = unheard(&plan, node, &route);
                 if facts.left_out.is_some() {
                     let title = format!("{name} in {}", route.name);
                     return Ok(Way { title, route: Some(facts), ..Way::default() });
                 }
-                Ok(of_route(&route, facts, &node, sight, types, bridge))
+                Ok(of_route(&route, facts, node, sight, types, bridge))
             }
             None => match address(name) {
                 Ok(address) => Ok(of_address(&address, sight, types)),
