@@ -157,7 +157,7 @@ pub fn same_but_times(one: &str, other: &str) -> bool {
     let without = |text: &str| {
         let words = text.split_inclusive([' ', ',', '\n', '[', ']']).filter(|word| {
             let number = word.trim_end_matches([' ', ',', '\n', '[', ']']);
-            !(number.len() > 12
+            !(number.len() >= 12
                 && number.starts_with(|c: char| c.is_ascii_digit())
                 && number.parse::<f64>().is_ok())
         });

@@ -65,9 +65,24 @@ fn readme() -> Result {
         guide.pass_over("yarp:/icub/head/rpc:i", "`yarp` runs it")?;
         guide.pass_over("ros2 launch", "`commands_of_ros2` runs it")?;
         env.write("bridge.yaml", guide.block("yaml", "routes:")?)?;
-        let [check, bridge] = guide.lines("wrapyfi check bridge.yaml")?;
+        let [check, bridge, top, why] = guide.lines("wrapyfi check bridge.yaml")?;
         done(env, &check)?;
         let _bridge = starts(env, &bridge)?;
+        // There is no terminal here.
+        let mut once = env.shell(&format!("{} --once", top.command))?;
+        once.exits_with(0)?;
+        assert!(
+            once.stdout().contains("zeromq:/camera -> ros2:/camera/image_raw"),
+            "{}",
+            once.stdout()
+        );
+        let mut missing = env.shell(&why.command)?;
+        missing.exits_with(1)?;
+        assert!(
+            missing.stdout().contains("nobody publishes ros2:/chatter"),
+            "{}",
+            missing.stdout()
+        );
         let [echo, publish, call] = guide.lines("wrapyfi echo zeromq:/camera")?;
         let _scripts = scripts(env)?;
         let echo = env.shell(&echo.command)?;
