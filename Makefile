@@ -110,7 +110,7 @@ test-rust: | target/COLCON_IGNORE
 	@$(CARGO) nextest run --workspace --locked --no-run
 	@WRAPYFI_REQUIRE_PEERS=1 scripts/lo-namespace.sh \
 		cargo nextest run --workspace --locked --status-level fail --final-status-level slow
-	@cargo nextest run --locked --package wrapyfi_communicator_examples $(CAMERAS) --lib \
+	@cargo nextest run --workspace --locked $(CAMERAS) -E 'package(wrapyfi_communicator_examples) and kind(lib)' \
 		--status-level fail
 	@$(CARGO) test --doc --workspace --locked
 

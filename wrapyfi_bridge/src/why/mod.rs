@@ -16,7 +16,7 @@
 //! ```
 //!
 //! Looking opens no port and starts no broker; everything is asked side by side, and nothing for longer than
-//! [`PATIENCE`].
+//! 1.4 s.
 
 pub mod door;
 mod drops;
