@@ -91,8 +91,9 @@ built_before=${CARGO_TARGET_DIR:-$source_folder/target}/debug
 unset CARGO_TARGET_DIR
 if [ "$profile" = dev ] && [ -d "$built_before" ] && [ ! -e build/wrapyfi_cargo/debug ]; then
     mkdir -p build/wrapyfi_cargo
-    # Links cost neither time nor disk; Cargo and rustc replace files and do not write into them.
-    cp -al "$built_before" build/wrapyfi_cargo/debug 2>>"$log" || rm -rf build/wrapyfi_cargo/debug
+    cp -a --reflink=auto "$built_before" build/wrapyfi_cargo/debug
+    # Ours are compiled from the copy: Cargo takes crates at the same place in another workspace for the same.
+    rm -rf build/wrapyfi_cargo/debug/.fingerprint/wrapyfi_*
 fi
 if [ "$profile" = dev ]; then
     export WRAPYFI_TESTS="not package(wrapyfi_e2e) and not test(/^simulation/) or test(/^bridge::/)"
