@@ -1,4 +1,4 @@
-"""Ours on ROS 2 beside rclpy and rclcpp, by turns, on one middleware after the other.
+"""Ours on ROS 2 beside rclpy and rcl, by turns, on one middleware after the other.
 
     . /opt/ros/jazzy/setup.bash
     cargo build --release --locked --package wrapyfi_bridge --package wrapyfi_bench --features wrapyfi_bridge/rmw
@@ -8,8 +8,8 @@
 
     topics    messages that a subscriber of rclpy gets, of a publisher of rclpy and of ours
     freeze    1080p at 30 Hz: how long the subscriber of rclpy stands still, and what it gets
-    services  replies of 1 and 32 MB, the first call after a match, later calls: rclcpp by rclcpp, ours by ours
-    relays    CPU time per message of a relay, on rclcpp with generic publishers and ours
+    services  replies of 1 and 32 MB, the first call after a match, later calls: rcl by rcl, ours by ours
+    relays    CPU time per message of a relay of serialised messages, on rcl and ours
 
 `--rmw` names middlewares (all that are installed are measured), `--graph cyclone` measures CycloneDDS inside. Every
 end is a process of its own in a domain of its own. Tables of medians on stdout, every figure in --out as JSON.
@@ -230,28 +230,28 @@ def services(args, folder, cells):
         reply = serialised(folder, f"reply{size}", Trigger.Response(success=True, message="x" * size))
         count = 100 if size < 1 << 24 else 10
         for _ in range(args.rounds):
-            for who in ("rclcpp", "ours"):
+            for who in ("rcl", "ours"):
                 domain()
                 if who == "ours":
                     server = ours("serve", "--name", "/asked", "--type", TRIGGER, "--file", reply)
                 else:
-                    server = End(args.rclcpp, "serve", "/asked", size)
+                    server = End(args.rcl, "serve", "/asked", size)
                 server.line()
                 if who == "ours":
                     client = ours("call", "--name", "/asked", "--type", TRIGGER, "--file", request, "--count", count)
                 else:
-                    client = End(args.rclcpp, "call", "/asked", count)
+                    client = End(args.rcl, "call", "/asked", count)
                 times = client.line().get("times", [])
                 client.end()
                 server.end()
                 cells.append({"bytes": size, "who": who, "times": times})
         of = {who: [cell["times"] for cell in cells if (cell["bytes"], cell["who"]) == (size, who) and cell["times"]]
-              for who in ("rclcpp", "ours")}
+              for who in ("rcl", "ours")}
         first = {who: max((times[0] for times in of[who]), default=float("nan")) for who in of}
         later = {who: statistics.median([time for times in of[who] for time in times[1:]] or [float("nan")])
                  for who in of}
-        print(f"| reply of {size} bytes | longest first call {first['rclcpp']:.3f} s, {first['ours']:.3f} s | later "
-              f"{later['rclcpp'] * 1e3:.2f} ms, {later['ours'] * 1e3:.2f} ms | {later['ours'] / later['rclcpp']:.2f} | "
+        print(f"| reply of {size} bytes | longest first call {first['rcl']:.3f} s, {first['ours']:.3f} s | later "
+              f"{later['rcl'] * 1e3:.2f} ms, {later['ours'] * 1e3:.2f} ms | {later['ours'] / later['rcl']:.2f} | "
               f"answered {sum(map(bool, of['ours']))} of {args.rounds} |", flush=True)
 
 
@@ -260,12 +260,12 @@ def relays(args, folder, cells):
         make, kind, rate = LOADS[load]
         count = round(rate * args.seconds)
         for _ in range(args.rounds):
-            for who in ("rclcpp", "ours"):
+            for who in ("rcl", "ours"):
                 domain()
                 if who == "ours":
                     relay = ours("relay", "--name", "/measured", "--to", "/relayed", "--type", kind)
                 else:
-                    relay = End(args.rclcpp, "relay", "/measured", "/relayed", kind, 10, 1)
+                    relay = End(args.rcl, "relay", "/measured", "/relayed", kind, 10, 1)
                 relay.line()
                 # Discovery is not counted.
                 time.sleep(1)
@@ -277,23 +277,25 @@ def relays(args, folder, cells):
                 sends.end()
                 relay.end()
         cpu = {who: statistics.median(cell["cpu_us"] for cell in cells
-                                      if (cell["load"], cell["who"]) == (load, who)) for who in ("rclcpp", "ours")}
-        print(f"| relay of {load} | CPU per message {cpu['rclcpp']:.0f} us, {cpu['ours']:.0f} us | "
-              f"{cpu['ours'] / cpu['rclcpp']:.2f} |", flush=True)
+                                      if (cell["load"], cell["who"]) == (load, who)) for who in ("rcl", "ours")}
+        print(f"| relay of {load} | CPU per message {cpu['rcl']:.0f} us, {cpu['ours']:.0f} us | "
+              f"{cpu['ours'] / cpu['rcl']:.2f} |", flush=True)
 
 
 def compiled(folder):
-    """The program on rclcpp."""
+    """The program on rcl."""
     prefixes = os.environ["AMENT_PREFIX_PATH"].split(":")
     includes = [f"-I{path}" for prefix in prefixes for path in glob.glob(f"{prefix}/include/*")
                 if os.path.isdir(os.path.join(path, os.path.basename(path)))]
     libraries = [f"-L{prefix}/lib" for prefix in prefixes]
-    program = os.path.join(folder, "rclcpp_ends")
-    names = ["rclcpp", "rcl", "rmw", "rcutils", "rcpputils", "tracetools", "rosidl_runtime_c", "rosidl_typesupport_cpp",
-             "std_srvs__rosidl_typesupport_cpp", "rcl_interfaces__rosidl_typesupport_cpp"]
-    subprocess.run(["c++", "-std=c++17", "-O2", os.path.join(HERE, "rclcpp_ends.cpp"), *includes, *libraries,
+    program = os.path.join(folder, "rcl_ends")
+    names = ["rcl", "rmw", "rmw_implementation", "rcutils", "rosidl_runtime_c",
+             *(f"{package}__rosidl_{part}" for package in ("std_srvs", "sensor_msgs")
+               for part in ("typesupport_c", "generator_c"))]
+    subprocess.run(["c++", "-std=c++17", "-O2", os.path.join(HERE, "rcl_ends.cpp"), *includes, *libraries,
                     *(f"-l{name}" for name in names if any(glob.glob(f"{prefix}/lib/lib{name}.so") for prefix in prefixes)),
-                    "-o", program], check=True)
+                    # The libraries' own are found when the program starts.
+                    "-Wl,--allow-shlib-undefined", "-o", program], check=True)
     return program
 
 
@@ -320,7 +322,7 @@ def main():
     ours.program = args.ours or ours.program
     figures = []
     with tempfile.TemporaryDirectory() as folder:
-        args.rclcpp = compiled(folder) if {"services", "relays"} & set(args.what) else None
+        args.rcl = compiled(folder) if {"services", "relays"} & set(args.what) else None
         for rmw in args.rmw or [name for name in installed if "dynamic" not in name]:
             os.environ["RMW_IMPLEMENTATION"] = rmw
             for what in args.what:
