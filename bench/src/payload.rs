@@ -162,7 +162,8 @@ impl Maker {
             Kind::VgaRgb => Image::new(stamp, picture(640, 480)?).into(),
             Kind::FullHdRgb => Image::new(stamp, picture(1920, 1080)?).into(),
             Kind::VgaJpeg => file(jpeg::encode(&picture(640, 480)?, jpeg::WRAPYFI_QUALITY)?),
-            Kind::FileMib => file(vec![7; 1 << 20].into()),
+            // The first bytes tell that it is a file.
+            Kind::FileMib => file([&[0xFF, 0xD8, 0xFF][..], &vec![7; 1 << 20]].concat().into()),
         };
         Ok(Self { kind, prototype })
     }
