@@ -1,8 +1,10 @@
-//! A bridge with a thousand routes at rest: what it takes to open them, to have them, and to change one.
+//! Many routes of one bridge: what it takes to open them, to have them, and to change one.
 //!
 //! ```text
-//!   /many/0 … /many/999 ─▶ broker of the bridge ─▶ 1000 routes ─▶ ros2:/many/0 … /many/999
+//!   /many/0 … /many/999 ─▶ broker of the bridge ─▶ 1000 routes ─▶ ros2:/many/r0 … /many/r999
 //!   PUB ─▶ every tenth of them, while the file has another queue for one
+//!
+//!   400 topics of rospy ─▶ one pattern, 400 routes ─▶ ros2:/many/t0 … /many/t399
 //! ```
 //!
 //! When a route is open, and open again, the bridge's log tells to the microsecond. Nobody listens: messages are
@@ -10,6 +12,7 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::process::Command;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context as _, Result, ensure};
@@ -18,6 +21,8 @@ use serde_json::Value;
 
 use crate::child::Child;
 use crate::proc;
+use crate::report::Limit::{AtMost, Shown};
+use crate::report::Target;
 use crate::turn::{Bench, ports};
 use crate::wire::zmq::connect_publisher;
 
@@ -34,25 +39,24 @@ const SETTLE: Duration = Duration::from_secs(3);
 /// Longest time that opening may take.
 const TIMEOUT: Duration = Duration::from_secs(60);
 
-/// Results of one run.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Many {
-    /// Time from the start of the process to the last route that opened, in milliseconds.
-    pub(crate) opening_ms: f64,
-    pub(crate) threads: usize,
-    pub(crate) rss_mib: f64,
-    /// Percent of one core at rest, and for how long it was measured.
-    pub(crate) share: f64,
-    pub(crate) seconds: u32,
-    /// Time from the signal to the changed route that is open again, in milliseconds.
-    pub(crate) reload_ms: f64,
-    /// Messages on the other routes around the change, and those of them that were not taken.
-    pub(crate) sent: u64,
-    pub(crate) lost: u64,
+/// Resident memory of the bridge, and its number of threads.
+#[allow(clippy::cast_precision_loss)]
+fn size(bridge: &Child) -> Result<(f64, f64)> {
+    let tasks = std::fs::read_dir(format!("/proc/{}/task", bridge.id()))?;
+    Ok((tasks.count() as f64, proc::rss_mib(bridge.id())))
 }
 
-/// Measures it; the share over so many seconds.
-pub(crate) fn run(bench: &Bench, seconds: u32) -> Result<Many> {
+/// Percent of a core that the bridge takes over so many seconds.
+fn share(bridge: &Child, seconds: u32) -> f64 {
+    let before = (proc::cpu_of(bridge.id()), Instant::now());
+    std::thread::sleep(Duration::from_secs(u64::from(seconds)));
+    #[allow(clippy::cast_precision_loss)]
+    let used = proc::cpu_of(bridge.id()).saturating_sub(before.0) as f64;
+    used / 1e7 / before.1.elapsed().as_secs_f64()
+}
+
+/// Routes from ZeroMQ that the file names one by one; the share over so many seconds.
+pub(crate) fn zeromq(bench: &Bench, seconds: u32) -> Result<Vec<Target>> {
     let (pub_port, sub_port) = ports()?;
     let domain = bench.domain();
     let file = bench.folder.join("many.yaml");
@@ -84,13 +88,8 @@ pub(crate) fn run(bench: &Bench, seconds: u32) -> Result<Many> {
     });
     let opening_ms = (last.context("routes that do not open")? - start) * 1e3;
     std::thread::sleep(SETTLE);
-    let before = (proc::cpu_of(bridge.id()), Instant::now());
-    std::thread::sleep(Duration::from_secs(u64::from(seconds)));
-    #[allow(clippy::cast_precision_loss)]
-    let used = proc::cpu_of(bridge.id()).saturating_sub(before.0) as f64;
-    let share = used / 1e9 / before.1.elapsed().as_secs_f64() * 100.0;
-    let tasks = std::fs::read_dir(format!("/proc/{}/task", bridge.id()))?;
-    let (threads, rss_mib) = (tasks.count(), proc::rss_mib(bridge.id()));
+    let share = share(&bridge, seconds);
+    let (threads, rss_mib) = size(&bridge)?;
 
     let publisher = connect_publisher(sub_port)?;
     std::thread::sleep(SETTLE);
@@ -121,8 +120,99 @@ pub(crate) fn run(bench: &Bench, seconds: u32) -> Result<Many> {
     });
     let taken = taken.map_or_else(|| received(&mut bridge), Ok)?;
     ensure!(bridge.runs(), "the bridge ended");
-    let lost = sent.saturating_sub(taken);
-    Ok(Many { opening_ms, threads, rss_mib, share, seconds, reload_ms, sent, lost })
+    #[allow(clippy::cast_precision_loss)]
+    let lost = sent.saturating_sub(taken) as f64;
+    let once = |what: &str, limit, found, parts: String| {
+        Target::once(
+            format!("1000 routes, ZeroMQ to ROS 2, at rest: {what}"),
+            AtMost(limit),
+            found,
+            parts,
+        )
+    };
+    Ok(vec![
+        once("ms from the program's start until all are open", 3000.0, opening_ms, String::new()),
+        once("percent of a core", 3.0, share, format!("over {seconds} s")),
+        once("threads", 64.0, threads, String::new()),
+        once("resident memory, MiB", 200.0, rss_mib, String::new()),
+        once("ms from SIGHUP until a changed one is open again", 100.0, reload_ms, String::new()),
+        once("messages lost on others meanwhile", 0.0, lost, format!("of {sent}")),
+    ])
+}
+
+/// Topics of ROS 1 that one pattern means.
+const TOPICS: usize = 400;
+
+/// Routes that a pattern makes of topics of rospy, on Debian's master.
+pub(crate) fn ros1(bench: &Bench, repository: &Path, seconds: u32) -> Result<Vec<Target>> {
+    let python = |args: &[&str], master: &str| {
+        let mut command = bench.command(Path::new("/usr/bin/python3"));
+        command.arg(repository.join("bench/peers/ros1_topics.py")).args(args);
+        command.env("ROS_MASTER_URI", master).env("ROS_IP", "127.0.0.1");
+        command.env("ROS_LOG_DIR", &bench.folder).env("ROS_HOME", &bench.folder);
+        command
+    };
+    let found = Command::new("/usr/bin/python3").args(["-c", "import rospy, rosmaster"]).output();
+    ensure!(
+        found.is_ok_and(|found| found.status.success()),
+        "no ROS 1 (Debian 12: apt-get install python3-rosmaster python3-rospy)"
+    );
+    let port = ports()?.0.to_string();
+    let master = format!("http://127.0.0.1:{port}");
+    let start = |name: &str, args: &[&str]| -> Result<Child> {
+        let mut child = Child::start(name, python(args, &master), &bench.folder)?;
+        child.answer::<Value>().map(|_ready| child)
+    };
+    let _rosmaster = start("rosmaster", &["master", "--port", &port])?;
+    let _topics = start("topics", &["topics", "--count", &TOPICS.to_string()])?;
+    let (file, log) = (bench.folder.join("ros1.yaml"), bench.folder.join("ros1.log"));
+    let domain = bench.domain();
+    let mut targets = Vec::new();
+    for (is_lazy, title) in [(false, "all open at once"), (true, "lazy, nobody listens")] {
+        std::fs::write(
+            &file,
+            format!(
+                "endpoints:\n  ros: {{ master_uri: \"{master}\" }}\n  ros2: {{ domain_id: {domain}, interface: lo }}\n\
+                 routes:\n  - {{ from: \"ros:/many/(.*)\", to: \"ros2:/many/$1\", lazy: {is_lazy} }}\n"
+            ),
+        )?;
+        let mut command = bench.command(&bench.wrapyfi);
+        // Routes of a pattern tell their state at level debug.
+        command
+            .args(["--log-level", "debug", "bridge", "--config"])
+            .arg(&file)
+            .env("ROS_IP", "127.0.0.1");
+        let begin = now();
+        let bridge = Child::start("ros1", command, &bench.folder)?;
+        let last = until(|| {
+            let open = opened(&log, begin);
+            (open.len() >= TOPICS).then(|| open.into_values().fold(0.0, f64::max))
+        });
+        let open = opened(&log, begin).len();
+        let last = last.with_context(|| format!("{open} of {TOPICS} routes open, {title}"))?;
+        std::thread::sleep(SETTLE);
+        let share = share(&bridge, seconds);
+        let (threads, rss_mib) = size(&bridge)?;
+        let once = |what: &str, limit, found| {
+            Target::once(
+                format!("400 routes of ROS 1 by a pattern, {title}: {what}"),
+                limit,
+                found,
+                "",
+            )
+        };
+        targets.extend([
+            once(
+                "seconds from the bridge's start until the last is open",
+                AtMost(3.0),
+                last - begin,
+            ),
+            once("threads", AtMost(64.0), threads),
+            once("percent of a core at rest", Shown, share),
+            once("resident memory, MiB", Shown, rss_mib),
+        ]);
+    }
+    Ok(targets)
 }
 
 /// Seconds since 1970, as the log has them.
