@@ -167,7 +167,7 @@ pub struct WhyArgs {
 pub struct TopArgs {
     /// Node of the bridge, for instance /wrapyfi_bridge; without it the only bridge on the graph.
     pub node: Option<String>,
-    /// Print one table, with rates over `--every` seconds, and end.
+    /// Print one table and end.
     #[arg(long)]
     pub once: bool,
     /// Time between two questions to the bridge, in seconds.

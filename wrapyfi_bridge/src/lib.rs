@@ -30,6 +30,7 @@ pub mod canonical;
 pub mod cli;
 pub mod command;
 pub mod describe;
+pub mod discovery_watch;
 pub mod exit;
 pub mod files;
 pub mod input;

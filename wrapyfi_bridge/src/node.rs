@@ -223,17 +223,12 @@ pub fn run(
     let parameters = Parameters::declare(&mut store, bridge)?;
     let Parameters { configuration, mut options } = parameters;
     options.own = args.own;
-    let (mut loaded, name) = match configuration {
+    let (loaded, name) = match configuration {
         Configuration::File(file) => {
             (middlewares::load_and_learn(&file)?, file.display().to_string())
         }
         Configuration::BuiltIn(text, name) => (middlewares::load_text(&text, name)?, name.into()),
     };
-    if bridge == Some(MiddlewareBridge::Ros1) {
-        // One name on both sides, unless the file says another.
-        let own = || node.name.fqn();
-        loaded.endpoints.ros.node.get_or_insert_with(own);
-    }
     shutdown.outcome(bridge::run(loaded, &name, &node, store, options, &shutdown))
 }
 

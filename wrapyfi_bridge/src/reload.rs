@@ -10,9 +10,9 @@ use std::fs::File;
 use std::io::{IsTerminal as _, Read as _};
 use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, channel};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
@@ -27,12 +27,10 @@ use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_retry::contained;
 use wrapyfi_retry::thread::restarted;
 
-use crate::command::bridge::{ros2_types, warn_of_unheard};
+use crate::command::bridge::{Options, ros2_types, warn_of_unheard};
 use crate::exit::Failure;
-use crate::middlewares::{self, Loaded, Middlewares, Settings};
+use crate::middlewares::{self, InForce, Loaded, Middlewares, Settings};
 use crate::node::Node;
-use crate::overrides;
-use crate::own_address::OwnAddress;
 
 /// Time between two looks at the file. It is read once it has been the same for so long.
 const LOOK_EVERY: Duration = Duration::from_millis(250);
@@ -59,8 +57,10 @@ pub struct Reload {
     pub file: PathBuf,
     /// Middlewares that the routes run on.
     pub middlewares: Middlewares,
-    /// Address at which others reach the endpoints of the routes.
-    pub own: OwnAddress,
+    /// Arguments of the bridge.
+    pub options: Options,
+    /// Settings of now.
+    pub in_force: Arc<Mutex<InForce>>,
     /// The bridge's node.
     pub node: Node,
     /// Handle of the node on the graph; `None` where it is on none.
@@ -79,13 +79,11 @@ impl Reload {
         if !meta.is_file() {
             return Err(Failure::Usage(format!("{name} is no file: only a file is read again")));
         }
-        let Loaded { mut plan, mut endpoints, mut types, waiting_bytes, text, lines, .. } =
-            middlewares::load_and_learn(&self.file)?;
+        let mut loaded = middlewares::load_and_learn(&self.file)?;
         // The node has its parameters once nothing can be refused any more.
         let mut parameters = self.node.parameters().map_err(Failure::usage)?;
-        middlewares::take_parameters(&mut endpoints, &mut parameters)?;
-        overrides::apply(&mut plan, &self.node, &mut parameters).map_err(Failure::usage)?;
-        self.own.enter(&mut endpoints);
+        loaded.change_by(&self.node, &mut parameters, &self.options)?;
+        let Loaded { plan, endpoints, mut types, definitions, lines, text, .. } = loaded;
         let before = self.middlewares.settings();
         let settings = Settings::of(&endpoints, &plan, before)?;
         let refusals = before.refusals(&settings);
@@ -99,7 +97,7 @@ impl Reload {
         if let Some(handle) = &self.handle {
             registry.set_clock(handle.clock());
         }
-        warn_of_unheard(&plan, &lines, &self.node);
+        warn_of_unheard(&plan.index(|address| self.node.resolve(address)), &lines);
         if let Some(handle) = &self.handle {
             handle.types(|described| {
                 for name in ros2_types(&plan) {
@@ -114,7 +112,9 @@ impl Reload {
             tracing::info!("{change}");
         }
         self.middlewares.replace_by(next);
-        WAITING.set_limit(waiting_bytes);
+        WAITING.set_limit(loaded.waiting_bytes);
+        *self.in_force.lock().unwrap_or_else(PoisonError::into_inner) =
+            InForce { file: name, endpoints, definitions };
         if let Some(handle) = &self.handle {
             handle.parameters(|store| declare_new(&parameters, store));
         }

@@ -56,6 +56,12 @@ impl Applier {
         self.0.status()
     }
 
+    /// The latest plan.
+    #[must_use]
+    pub fn plan(&self) -> Plan {
+        self.0.plan()
+    }
+
     /// As [`Running::registry`].
     #[must_use]
     pub fn registry(&self) -> Registry {

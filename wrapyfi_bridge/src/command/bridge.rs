@@ -1,26 +1,25 @@
 //! Command `wrapyfi bridge` and the node executables: run the routes of a configuration.
 
 use std::collections::BTreeSet;
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use wrapyfi_core::endpoint::{CountersSnapshot, WAITING};
-use wrapyfi_core::engine::{Engine, Kind, Plan, Route};
+use wrapyfi_core::engine::{Engine, Kind, Plan, Route, RouteIndex};
 use wrapyfi_core::node::parameters::ParameterStore;
 use wrapyfi_core::types::MessageType;
 
 use crate::exit::Failure;
 use crate::lines::Lines;
 use crate::logging;
-use crate::middlewares::{self, Loaded, Middlewares};
+use crate::middlewares::{InForce, Loaded, Middlewares};
 use crate::node::Node;
 use crate::on_graph::{OnGraph, Parts};
-use crate::overrides;
 use crate::own_address::OwnAddress;
 use crate::reload::{Reload, Watch};
 use crate::shutdown::Shutdown;
 use crate::table;
-use crate::why::question::Configuration;
 
 /// Most routes without a message that get a line of their own at the end.
 const FEW_IDLE: usize = 10;
@@ -50,26 +49,21 @@ pub struct Options {
 /// # Errors
 /// Exit code 2 when the configuration is refused, 1 when a middleware cannot start.
 pub fn run(
-    loaded: Loaded,
+    mut loaded: Loaded,
     name: &str,
     node: &Node,
     mut parameters: ParameterStore,
     options: Options,
     shutdown: &Shutdown,
 ) -> Result<(), Failure> {
-    let Loaded { mut endpoints, mut plan, types: mut store, waiting_bytes, file, lines, text } =
-        loaded;
-    let config = match &file {
-        Some(file) => Configuration::File(file.clone()),
-        None => Configuration::Text(text, name.to_owned()),
-    };
-    WAITING.set_limit(waiting_bytes);
-    middlewares::take_parameters(&mut endpoints, &mut parameters)?;
-    options.own.enter(&mut endpoints);
-    overrides::apply(&mut plan, node, &mut parameters).map_err(Failure::usage)?;
+    loaded.change_by(node, &mut parameters, &options)?;
+    let Loaded { endpoints, plan, types: mut store, definitions, lines, file, .. } = loaded;
+    WAITING.set_limit(loaded.waiting_bytes);
     warn_of_unused(&parameters);
-    warn_of_unheard(&plan, &lines, node);
+    warn_of_unheard(&plan.index(|address| node.resolve(address)), &lines);
     let middlewares = Middlewares::for_plan(&endpoints, &plan, node)?;
+    let in_force = InForce { file: name.to_owned(), endpoints, definitions };
+    let in_force = Arc::new(Mutex::new(in_force));
     let types = ros2_types(&plan);
     // Dropped last: what the routes say at their end is logged too.
     let bridge_node = node;
@@ -92,7 +86,8 @@ pub fn run(
     let reload = file.map(|file| Reload {
         file,
         middlewares,
-        own: options.own,
+        options,
+        in_force: Arc::clone(&in_force),
         node: bridge_node.clone(),
         handle: node.as_ref().map(|node| node.handle().clone()),
         routes: running.applier(),
@@ -102,8 +97,7 @@ pub fn run(
         node: bridge_node.clone(),
         handle: node.handle().clone(),
         routes: running.applier(),
-        config,
-        own: options.own,
+        in_force,
     });
     let on_graph = on_graph.map(OnGraph::start).transpose()?;
     // A reader that stands still, or went, is no concern of the routes.
@@ -163,8 +157,8 @@ pub fn run(
 
 /// Warns of routes that do not hear what others of the plan publish; `lines` are those of the routes in
 /// their file.
-pub(crate) fn warn_of_unheard(plan: &Plan, lines: &[u64], node: &Node) {
-    for unheard in plan.unheard(|address| node.resolve(address)) {
+pub(crate) fn warn_of_unheard(routes: &RouteIndex<'_>, lines: &[u64]) {
+    for unheard in routes.unheard() {
         tracing::warn!("{}: {unheard}", in_lines(&unheard.places, lines));
     }
 }

@@ -33,8 +33,9 @@ pub fn run(file: &Path, against: Option<&Path>) -> Result<(), Failure> {
         output::line(&route.to_string())?;
     }
     let node = Node::bridge().map_err(Failure::usage)?;
-    warn_of_unheard(&plan, &loaded.lines, &node);
-    for circle in plan.circles(|address| node.resolve(address)) {
+    let index = plan.index(|address| node.resolve(address));
+    warn_of_unheard(&index, &loaded.lines);
+    for circle in index.circles() {
         tracing::warn!("{}: {circle}", in_lines(&circle.places, &loaded.lines));
     }
     Ok(())

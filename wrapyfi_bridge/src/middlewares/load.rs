@@ -7,16 +7,21 @@ use serde::Deserialize;
 use wrapyfi_core::Limits;
 use wrapyfi_core::engine::{Config, ConfigError, Kind, Plan, Problem, Spanned};
 use wrapyfi_core::network::{Hosts, Insecure, Place};
+use wrapyfi_core::node::parameters::ParameterStore;
 use wrapyfi_core::types::{MessageType, ServiceKind};
 use wrapyfi_interfaces::store::TypeStore;
 
 use super::learn;
-use super::ros1::Ros1Section;
+use super::parameters::take_parameters;
+use super::ros1::{self, Ros1Section};
 use super::ros2::Ros2Section;
 use super::yarp::YarpSection;
 use super::zeromq::ZeroMqSection;
 use crate::command::any;
+use crate::command::bridge::Options;
 use crate::exit::Failure;
+use crate::node::Node;
+use crate::overrides;
 use crate::reload::read_file;
 
 /// The `endpoints` section of a configuration: how each middleware is reached.
@@ -71,12 +76,46 @@ pub struct Loaded {
     pub types: TypeStore,
     /// Bytes that may wait in the queues of the process.
     pub waiting_bytes: usize,
+    /// Folders of definitions.
+    pub definitions: Vec<PathBuf>,
     /// Line of each route in the file.
     pub lines: Vec<u64>,
     /// The text that was read.
     pub text: String,
     /// The file that it was read from, if it was.
     pub file: Option<PathBuf>,
+}
+
+/// Settings that a running bridge has, beside its routes.
+#[derive(Debug, Clone)]
+pub struct InForce {
+    /// Name of the configuration.
+    pub file: String,
+    /// Settings of the middlewares, with what parameters and arguments changed.
+    pub endpoints: Endpoints,
+    /// Folders of definitions.
+    pub definitions: Vec<PathBuf>,
+}
+
+impl Loaded {
+    /// Changes the configuration by what the parameters and arguments of the bridge's `node` say.
+    ///
+    /// # Errors
+    /// Exit code 2 for a name that there is not, or a value that it cannot have.
+    pub fn change_by(
+        &mut self,
+        node: &Node,
+        parameters: &mut ParameterStore,
+        options: &Options,
+    ) -> Result<(), Failure> {
+        if options.lives_with == Some(ros1::NAME) {
+            // One name on both sides, unless the file says another.
+            self.endpoints.ros.node.get_or_insert_with(|| node.name().fqn());
+        }
+        take_parameters(&mut self.endpoints, parameters)?;
+        options.own.enter(&mut self.endpoints);
+        overrides::apply(&mut self.plan, node, parameters).map_err(Failure::usage)
+    }
 }
 
 /// Reads and checks a configuration file.
@@ -206,7 +245,8 @@ fn read(
     // A plan that is valid has a route for each entry.
     let lines = config.routes.iter().map(|entry| entry.referenced.line()).collect();
     let endpoints = config.endpoints;
-    Ok(Loaded { endpoints, plan, types, waiting_bytes, lines, text, file: None })
+    let definitions = folders;
+    Ok(Loaded { endpoints, plan, types, waiting_bytes, definitions, lines, text, file: None })
 }
 
 /// Bytes that may wait in the queues of this process.

@@ -41,9 +41,10 @@ use wrapyfi_interfaces::store::TypeStore;
 
 pub use self::demo::DemoMiddlewares;
 pub(crate) use self::learn::{LearnTopicError, of_topic};
-pub use self::load::{Endpoints, Loaded, Undefined, load, load_and_learn, load_noting, load_text};
+pub use self::load::{
+    Endpoints, InForce, Loaded, Undefined, load, load_and_learn, load_noting, load_text,
+};
 pub use self::observe::{Door, Observer, Server, doors, observer, ros2_elsewhere};
-pub use self::parameters::take_parameters;
 pub use self::ros1::Ros1Section;
 pub use self::ros2::Ros2Section;
 use self::settings::One;
