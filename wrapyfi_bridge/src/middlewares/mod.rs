@@ -37,6 +37,7 @@ use wrapyfi_core::middleware::ros2::graph::Graph;
 use wrapyfi_core::middleware::ros2::{NodeEndpoints, NodeHandle, Ros2};
 use wrapyfi_core::network::Hosts;
 use wrapyfi_core::node::parameters::ParameterStore;
+use wrapyfi_core::start::{MiddlewareSettings, StartError};
 use wrapyfi_interfaces::store::TypeStore;
 
 pub use self::demo::DemoMiddlewares;
@@ -193,7 +194,9 @@ impl Middlewares {
         own.enter(&mut endpoints);
         match address.middleware.as_str() {
             "zeromq" => {
-                middlewares.add(Arc::new(endpoints.zeromq.start(role, &endpoints.hosts)?));
+                let largest = Limits::default().message_bytes;
+                let config = endpoints.zeromq.config(Some(role), largest, &endpoints.hosts)?;
+                middlewares.add(Arc::new(start("zeromq", &config)?));
             }
             "ros2" => {
                 middlewares.add(Arc::new(Self::ros2_of_command()?));
@@ -204,7 +207,10 @@ impl Middlewares {
                 let config = endpoints.yarp.config(largest, &endpoints.hosts)?;
                 middlewares.add(Arc::new(YarpSection::start_with(&config, listens)?));
             }
-            ros1::NAME => middlewares.add(Arc::new(endpoints.ros.start(&endpoints.hosts)?)),
+            ros1::NAME => {
+                let config = endpoints.ros.config(&endpoints.hosts)?;
+                middlewares.add(Arc::new(start(ros1::NAME, &config)?));
+            }
             other => {
                 let text = format!(
                     "middleware {other:?} is not available; available: {}",
@@ -236,7 +242,9 @@ impl Middlewares {
         let ServicePorts { rep_port, req_port } = *ports;
         let section = ZeroMqSection { rep_port, req_port, ..ZeroMqSection::default() };
         let mut middlewares = Self::default();
-        middlewares.add(Arc::new(section.start(role, &Hosts::default())?));
+        let largest = Limits::default().message_bytes;
+        let config = section.config(Some(role), largest, &Hosts::default())?;
+        middlewares.add(Arc::new(start("zeromq", &config)?));
         Ok(middlewares)
     }
 
@@ -272,6 +280,20 @@ impl Middlewares {
     fn add(&mut self, middleware: Arc<dyn Middleware>) {
         self.registry.register(middleware);
     }
+}
+
+/// Starts a middleware that is called `name`.
+///
+/// # Errors
+/// Exit code 2 for settings that cannot work, 1 when it does not start.
+fn start<S: MiddlewareSettings>(name: &str, settings: &S) -> Result<S::Middleware, Failure> {
+    settings.start().map_err(|error| match error {
+        StartError::Absent(what) => Failure::Absent(what),
+        StartError::Failed(why) => {
+            Failure::Failed(anyhow::Error::msg(why).context(name.to_owned()))
+        }
+        refused => Failure::Usage(format!("{name}: {refused}")),
+    })
 }
 
 /// Starts a middleware; where something that it needs is not there, or the one `before` is still in use, it is

@@ -12,6 +12,7 @@ use wrapyfi_core::Limits;
 use wrapyfi_core::endpoint::Middleware;
 use wrapyfi_core::middleware::ros1::{self, Ros1};
 use wrapyfi_core::middleware::ros2::Ros2;
+use wrapyfi_core::middleware::ros2::environment::DiscoveryRange;
 use wrapyfi_core::middleware::ros2::graph::Graph;
 use wrapyfi_core::middleware::yarp;
 use wrapyfi_core::middleware::zeromq::BrokerMode;
@@ -19,10 +20,8 @@ use wrapyfi_yarp::name::conf::locate;
 use wrapyfi_yarp::name::{Environment, NameServerConf};
 
 use super::load::Endpoints;
-use super::ros1::Ros1Section;
 use super::yarp::YarpSection;
-use super::zeromq::ZeroMqSection;
-use super::{Role, Ros2Section};
+use super::{Role, Ros2Section, start};
 use crate::exit::Failure;
 use crate::node::Node;
 
@@ -123,7 +122,7 @@ pub fn observer(endpoints: &Endpoints, middleware: &str) -> Result<Observer, Fai
             let observer = Some(Role::Observer);
             let mut config = endpoints.zeromq.config(observer, largest, &endpoints.hosts)?;
             (config.broker, config.service_broker) = (BrokerMode::Foreign, BrokerMode::Foreign);
-            Ok(of(Arc::new(ZeroMqSection::start_with(&config)?)))
+            Ok(of(Arc::new(start("zeromq", &config)?)))
         }
         yarp::NAME => {
             let mut config = endpoints.yarp.config(largest, &endpoints.hosts)?;
@@ -134,7 +133,7 @@ pub fn observer(endpoints: &Endpoints, middleware: &str) -> Result<Observer, Fai
             let mut config = endpoints.ros.config(&endpoints.hosts)?;
             // The name of the bridge's node would end that node.
             config.node = None;
-            let ros1 = Arc::new(Ros1Section::start_with(&config)?);
+            let ros1 = Arc::new(start(ros1::NAME, &config)?);
             let middleware = Arc::clone(&ros1) as Arc<dyn Middleware>;
             Ok(Observer { ros1: Some(ros1), ..of(middleware) })
         }
@@ -158,5 +157,9 @@ pub fn observer(endpoints: &Endpoints, middleware: &str) -> Result<Observer, Fai
 pub fn ros2_elsewhere(section: &Ros2Section, domain_id: u32, wide: bool) -> Result<Ros2, Failure> {
     let node = Node::hidden().map_err(Failure::usage)?;
     let section = Ros2Section { domain_id: Some(domain_id), ..section.clone() };
-    section.start_looking(&node, wide)
+    let mut settings = section.settings(&node, Limits::default().message_bytes)?;
+    if wide {
+        settings.cyclone.discovery.range = DiscoveryRange::Subnet;
+    }
+    start("ros2", &settings)
 }

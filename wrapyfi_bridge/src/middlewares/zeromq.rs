@@ -1,9 +1,8 @@
 //! `endpoints.zeromq` of a configuration, and the middleware that it makes.
 
 use serde::Deserialize;
-use wrapyfi_core::Limits;
 use wrapyfi_core::engine::{Available, Problem, Spanned};
-use wrapyfi_core::middleware::zeromq::{self, BrokerMode, ZeroMq, ZeroMqConfig};
+use wrapyfi_core::middleware::zeromq::{self, BrokerMode, ZeroMqConfig};
 use wrapyfi_core::network::Hosts;
 
 use super::Role;
@@ -63,14 +62,6 @@ impl ZeroMqSection {
         config.service_broker = config.broker;
     }
 
-    /// Starts the middleware for a command in this role.
-    ///
-    /// # Errors
-    /// Exit code 2 for settings that cannot work, 1 when it does not start.
-    pub fn start(&self, role: Role, hosts: &Hosts) -> Result<ZeroMq, Failure> {
-        Self::start_with(&self.config(Some(role), Limits::default().message_bytes, hosts)?)
-    }
-
     /// All settings, for a command in the `role` that is given, else for routes.
     ///
     /// # Errors
@@ -107,13 +98,5 @@ impl ZeroMqSection {
             config.broker = BrokerMode::Foreign;
         }
         Ok(config)
-    }
-
-    /// As [`ZeroMqSection::start`], with all settings.
-    pub(super) fn start_with(config: &ZeroMqConfig) -> Result<ZeroMq, Failure> {
-        ZeroMq::start(config).map_err(|error| match error {
-            hopeless if hopeless.is_hopeless() => Failure::usage(format!("zeromq: {hopeless}")),
-            absent => anyhow::Error::new(absent).context("zeromq").into(),
-        })
     }
 }

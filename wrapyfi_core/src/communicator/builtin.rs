@@ -59,11 +59,9 @@ fn queue_size(variable: &str) -> usize {
 mod zeromq {
     //! ZeroMQ: publishers run the broker where there is none, listeners never do.
 
-    use std::sync::Arc;
-
     use crate::communicator::resolve::Side;
     use crate::communicator::source::{Planned, Source, StartError, Wanted};
-    use crate::middleware::zeromq::{BrokerMode, NAME, ZeroMq, ZeroMqConfig};
+    use crate::middleware::zeromq::{BrokerMode, NAME, ZeroMqConfig};
     use crate::network::Place;
 
     pub(super) struct ZeroMqSource;
@@ -106,12 +104,7 @@ mod zeromq {
             config.broker = mode(brings_broker && !wanted.is_service);
             config.service_broker = mode(brings_broker && wanted.is_service);
             // Two sides, two instances: one instance does not hear itself.
-            let key = format!("{:?} {config:?}", wanted.side);
-            let start = move || {
-                let started = ZeroMq::start(&config).map_err(StartError::refused)?;
-                Ok(Arc::new(started) as _)
-            };
-            Ok(Planned { key, start: Box::new(start) })
+            Ok(Planned::new(format!("{:?} {config:?}", wanted.side), config))
         }
     }
 }
@@ -121,13 +114,12 @@ mod ros1 {
     //! ROS 1: one node for all publishers and servers of a context, one for its listeners and
     //! clients.
 
-    use std::sync::Arc;
     use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
     use super::queue_size;
     use crate::communicator::resolve::Side;
     use crate::communicator::source::{Planned, Source, StartError, Wanted};
-    use crate::middleware::ros1::{NAME, Ros1, Ros1Config};
+    use crate::middleware::ros1::{NAME, Ros1Config};
     use crate::network::Place;
 
     /// Name of a node without one, as in Wrapyfi.
@@ -169,11 +161,7 @@ mod ros1 {
             config.node = Some(node.clone());
             let is_insecure = switch("insecure")?.flatten().unwrap_or(false);
             config.insecure.said(Place::Keyword, false, is_insecure);
-            let start = move || {
-                let started = Ros1::start(&config).map_err(StartError::refused)?;
-                Ok(Arc::new(started) as _)
-            };
-            Ok(Planned { key: node, start: Box::new(start) })
+            Ok(Planned::new(node, config))
         }
 
         fn queue_depth(&self) -> Option<usize> {
@@ -193,9 +181,9 @@ mod ros2 {
     use super::queue_size;
     use crate::communicator::resolve::Side;
     use crate::communicator::source::{Planned, Source, StartError, Wanted};
-    use crate::middleware::ros2::{CycloneConfig, Ros2, environment, join};
     use crate::node::args::RosArgs;
     use crate::node::{NodeName, NodeOptions};
+    use crate::start::Ros2Settings;
 
     /// Number of nodes without a name made in the process.
     static NAMELESS: AtomicU32 = AtomicU32::new(0);
@@ -240,22 +228,15 @@ mod ros2 {
                     .map_err(StartError::refused)?,
             };
             let (name, args) = (node.fqn(), Arc::clone(&self.args));
-            let max_message_bytes = wanted.max_message_bytes;
-            let start = move || {
-                let environment = environment::read(|name| std::env::var(name).ok())
-                    .map_err(StartError::refused)?;
-                environment.log();
-                let mut config = CycloneConfig::from_environment(node, &environment);
-                config.max_message_bytes = config.max_message_bytes.max(max_message_bytes);
-                let joined = join(&config, &environment, None, &args.enclave);
-                let joined = joined.map_err(StartError::refused)?;
-                // Both sides use the rules for the node's own name.
-                let remap = move |topic: &str| {
-                    args.resolve_topic(&own, topic).map_err(|error| error.to_string())
-                };
-                Ok(Arc::new(Ros2::joined(joined, remap)) as _)
+            let mut settings = Ros2Settings::of_node(node, |name| std::env::var(name).ok())?;
+            let most = &mut settings.cyclone.max_message_bytes;
+            *most = wanted.max_message_bytes.max(*most);
+            settings.enclave.clone_from(&args.enclave);
+            // Both sides use the rules for the node's own name.
+            let remap = move |topic: &str| {
+                args.resolve_topic(&own, topic).map_err(|error| error.to_string())
             };
-            Ok(Planned { key: name, start: Box::new(start) })
+            Ok(Planned::new(name, settings.remapped(remap)))
         }
 
         fn queue_depth(&self) -> Option<usize> {
@@ -301,11 +282,9 @@ mod ros2 {
 mod yarp {
     //! YARP: the name server that YARP's own configuration names, as Wrapyfi's programs find it.
 
-    use std::sync::Arc;
-
     use crate::communicator::option::{OptionError, Options};
     use crate::communicator::source::{Planned, Source, StartError, Wanted};
-    use crate::middleware::yarp::{Dialect, NAME, Yarp, YarpConfig};
+    use crate::middleware::yarp::{Dialect, NAME, YarpConfig};
     use crate::network::Place;
 
     pub(super) struct YarpSource;
@@ -358,10 +337,7 @@ mod yarp {
             }
             config.max_message_bytes = config.max_message_bytes.max(wanted.max_message_bytes);
             // Two sides, two instances: one instance does not hear itself.
-            let key = format!("{:?} {config:?}", wanted.side);
-            let start =
-                move || Ok(Arc::new(Yarp::start(&config).map_err(StartError::refused)?) as _);
-            Ok(Planned { key, start: Box::new(start) })
+            Ok(Planned::new(format!("{:?} {config:?}", wanted.side), config))
         }
     }
 }

@@ -154,10 +154,10 @@ impl Opening<'_> {
             Wanted { side, is_service, options: &options, max_message_bytes: limits.message_bytes };
         let middleware = self.live.middleware(source, &wanted).map_err(|error| match error {
             StartError::Option(fault) => self.option(fault),
-            StartError::Refused(reason) => MethodError::Start {
+            other => MethodError::Start {
                 method: self.method.clone(),
                 middleware: source.name().to_owned(),
-                reason,
+                reason: other.to_string(),
             },
         })?;
         self.mention(&options, source.name());
