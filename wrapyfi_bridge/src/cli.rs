@@ -292,27 +292,6 @@ pub struct CallArgs {
     pub ports: ServicePorts,
 }
 
-/// Ports of the ZeroMQ broker of requests and replies.
-#[derive(Debug, Clone, Copy, Default, Args)]
-pub struct ServicePorts {
-    /// On ZeroMQ, port that clients connect to; default from WRAPYFI_ZEROMQ_SOCKET_REP_PORT for call,
-    /// …_REQ_PORT for serve and broker, else 5558.
-    #[arg(long, value_name = "PORT")]
-    pub rep_port: Option<u16>,
-    /// On ZeroMQ, port that servers connect to; default from WRAPYFI_ZEROMQ_SOCKET_REP_PORT for serve
-    /// and broker, else 5559.
-    #[arg(long, value_name = "PORT")]
-    pub req_port: Option<u16>,
-}
-
-impl ServicePorts {
-    /// True where one was given.
-    #[must_use]
-    pub fn any(&self) -> bool {
-        self.rep_port.is_some() || self.req_port.is_some()
-    }
-}
-
 /// Arguments of `wrapyfi serve`.
 #[derive(Debug, Args)]
 #[command(group(clap::ArgGroup::new("reply").args(["value", "file", "echo"]).required(true)))]

@@ -6,8 +6,7 @@
 //!   ~/reload ────────────┘     └ anything wrong: the routes stay as they are, and the reason is told
 //! ```
 
-use std::fs::File;
-use std::io::{IsTerminal as _, Read as _};
+use std::io::IsTerminal as _;
 use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -19,7 +18,7 @@ use anyhow::Context as _;
 use signal_hook::consts::SIGHUP;
 use signal_hook::iterator::{Handle, Signals};
 use wrapyfi_core::endpoint::{BridgeMark, Context, Registry, Server, ServiceSpec, WAITING};
-use wrapyfi_core::engine::{Applier, MAX_CONFIG_BYTES, PlanDiff};
+use wrapyfi_core::engine::{Applier, PlanDiff};
 use wrapyfi_core::middleware::ros2::NodeHandle;
 use wrapyfi_core::node::parameters::ParameterStore;
 use wrapyfi_core::types::{Map, Payload, ServiceKind, Value};
@@ -27,9 +26,10 @@ use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_retry::contained;
 use wrapyfi_retry::thread::restarted;
 
-use crate::command::bridge::{Options, ros2_types, warn_of_unheard};
 use crate::exit::Failure;
-use crate::middlewares::{self, InForce, Loaded, Middlewares, Settings};
+use crate::files::read_file;
+use crate::in_force::{InForce, Options, change_by, ros2_types, warn_of_unheard};
+use crate::middlewares::{self, Loaded, Middlewares, Settings};
 use crate::node::Node;
 
 /// Time between two looks at the file. It is read once it has been the same for so long.
@@ -40,16 +40,6 @@ const GONE_AFTER: Duration = Duration::from_secs(2);
 const STOP_WITHIN: Duration = Duration::from_millis(500);
 /// Most changes that get a line each in the log.
 const FEW: usize = 10;
-
-/// Reads a configuration file of at most [`MAX_CONFIG_BYTES`].
-///
-/// # Errors
-/// When it cannot be read, is longer, or is no UTF-8 text.
-pub fn read_file(file: &Path) -> std::io::Result<String> {
-    let mut text = String::new();
-    File::open(file)?.take(MAX_CONFIG_BYTES as u64 + 1).read_to_string(&mut text)?;
-    Ok(text)
-}
 
 /// Turns a bridge to the configuration that its file has now.
 pub struct Reload {
@@ -82,7 +72,7 @@ impl Reload {
         let mut loaded = middlewares::load_and_learn(&self.file)?;
         // The node has its parameters once nothing can be refused any more.
         let mut parameters = self.node.parameters().map_err(Failure::usage)?;
-        loaded.change_by(&self.node, &mut parameters, &self.options)?;
+        change_by(&mut loaded, &self.node, &mut parameters, &self.options)?;
         let Loaded { plan, endpoints, mut types, definitions, lines, text, .. } = loaded;
         let before = self.middlewares.settings();
         let settings = Settings::of(&endpoints, &plan, before)?;
@@ -311,7 +301,7 @@ fn offer(node: &Node, registry: &Registry, context: &Context) -> Option<Box<dyn 
             let ros2 = registry.get("ros2").map_err(|error| error.to_string())?;
             let name = node.resolve_service("~/reload").map_err(|error| error.to_string())?;
             // No bridge by pattern carries it anywhere: what it calls has been everywhere.
-            let path = Middlewares::names().into_iter().map(str::to_owned).collect();
+            let path = middlewares::names().into_iter().map(str::to_owned).collect();
             let mark = Some(BridgeMark { bridge: BridgeMark::number(), path });
             ros2.open_server(&ServiceSpec { mark, ..ServiceSpec::new(name, kind) }, context)
                 .map_err(|error| error.to_string())
@@ -335,6 +325,7 @@ fn answer(server: &mut dyn Server, reload: &mut Reload, known: &mut String) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use wrapyfi_core::engine::MAX_CONFIG_BYTES;
     use wrapyfi_core::node::NodeName;
     use wrapyfi_core::node::parameters::ParameterDescriptor;
 

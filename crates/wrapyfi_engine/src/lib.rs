@@ -7,7 +7,7 @@
 //! ```
 //!
 //! One driver steps all routes: in turn where a test gives the time, on a pool of threads in
-//! production. A plan may be replaced while they run ([`Running::apply`]).
+//! production. A plan may be replaced while they run ([`Applier::apply`]).
 //!
 //! A route is data: [`Route`] is the one that is wanted, [`RouteStatus`] its state. A pattern
 //! matches many topics or services: its routes are made as these come, with the types that they
@@ -43,7 +43,7 @@ mod config;
 mod config_devices;
 mod config_error;
 mod config_qos;
-mod conventions;
+mod config_words;
 mod denied;
 mod discovered_graph;
 mod driver;
@@ -82,7 +82,8 @@ pub use config_error::{ConfigError, Problem};
 pub use config_qos::{QosConfig, QosOverride};
 pub use engine::Engine;
 pub use left_out::LeftOut;
-pub use plan::{Available, Plan};
+pub use plan::Plan;
+pub use plan_address::Available;
 pub use plan_diff::{ApplyError, PlanDiff};
 pub use plan_entry::MAX_PATTERN_ROUTES;
 pub use plan_options::known_option;

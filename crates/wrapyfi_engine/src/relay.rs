@@ -184,7 +184,8 @@ impl Relay {
     fn reconcile(&mut self, now: Instant) {
         let Self { spec, context, source, sink, backoff, .. } = self;
         sink.open_with(now, backoff, |middleware| {
-            middleware.open_publisher(&spec.topic_spec(&spec.to), context)
+            let conventions = |to: &mut _, at| middleware.follow_conventions(to, at);
+            middleware.open_publisher(&spec.topic_spec_by(&spec.to, conventions), context)
         });
         if let Some(publisher) = &sink.open
             && spec.policy.lazy
@@ -210,7 +211,8 @@ impl Relay {
         }
         if sink.open.is_some() {
             source.open_with(now, backoff, |middleware| {
-                middleware.open_listener(&spec.topic_spec(&spec.from), context)
+                let conventions = |from: &mut _, at| middleware.follow_conventions(from, at);
+                middleware.open_listener(&spec.topic_spec_by(&spec.from, conventions), context)
             });
         }
         if sink.open.is_some() && source.open.is_some() {

@@ -82,7 +82,8 @@ pub(super) mod testing {
     use wrapyfi_interfaces::store::TypeStore;
 
     use super::super::config::Config;
-    use super::super::plan::{Available, Plan};
+    use super::super::plan::Plan;
+    use super::super::plan_address::Available;
     use super::RouteIndex;
     use wrapyfi_endpoint::EndpointAddress;
 

@@ -1,22 +1,20 @@
 //! Command `wrapyfi bridge` and the node executables: run the routes of a configuration.
 
-use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use wrapyfi_core::endpoint::{CountersSnapshot, WAITING};
-use wrapyfi_core::engine::{Engine, Kind, Plan, Route, RouteIndex};
+use wrapyfi_core::engine::Engine;
 use wrapyfi_core::node::parameters::ParameterStore;
-use wrapyfi_core::types::MessageType;
 
 use crate::exit::Failure;
+use crate::in_force::{InForce, Options, change_by, ros2_types, warn_of_unheard};
 use crate::lines::Lines;
 use crate::logging;
-use crate::middlewares::{InForce, Loaded, Middlewares};
+use crate::middlewares::{Loaded, Middlewares};
 use crate::node::Node;
 use crate::on_graph::{OnGraph, Parts};
-use crate::own_address::OwnAddress;
 use crate::reload::{Reload, Watch};
 use crate::shutdown::Shutdown;
 use crate::table;
@@ -28,20 +26,6 @@ const FEW_IDLE: usize = 10;
 const MAX_LINES: usize = 8;
 /// Longest time that writing the last of them may take.
 const LAST_LINE: Duration = Duration::from_millis(500);
-
-/// Duration and output of a bridge's run.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Options {
-    /// Time to run; without end where `None`.
-    pub seconds: Option<Duration>,
-    /// One JSON object a second on stdout.
-    pub json: bool,
-    /// Address at which others reach the endpoints of the routes.
-    pub own: OwnAddress,
-    /// The middleware without which the node has nothing to do: when somebody ends it, the node ends
-    /// with an error, so that it is started again where that is wished.
-    pub lives_with: Option<&'static str>,
-}
 
 /// Runs the routes of a configuration that is called `name`, as the ROS 2 node `node`, until the time is
 /// over or the process is asked to end.
@@ -56,7 +40,7 @@ pub fn run(
     options: Options,
     shutdown: &Shutdown,
 ) -> Result<(), Failure> {
-    loaded.change_by(node, &mut parameters, &options)?;
+    change_by(&mut loaded, node, &mut parameters, &options)?;
     let Loaded { endpoints, plan, types: mut store, definitions, lines, file, .. } = loaded;
     WAITING.set_limit(loaded.waiting_bytes);
     warn_of_unused(&parameters);
@@ -155,26 +139,6 @@ pub fn run(
     failure.map_or(Ok(()), |why| Err(Failure::Failed(anyhow::Error::msg(why))))
 }
 
-/// Warns of routes that do not hear what others of the plan publish; `lines` are those of the routes in
-/// their file.
-pub(crate) fn warn_of_unheard(routes: &RouteIndex<'_>, lines: &[u64]) {
-    for unheard in routes.unheard() {
-        tracing::warn!("{}: {unheard}", in_lines(&unheard.places, lines));
-    }
-}
-
-/// Lines of routes by their places in the plan, as `lines 3, 4 and 7`.
-pub(crate) fn in_lines(places: &[usize], lines: &[u64]) -> String {
-    let mut each: Vec<_> =
-        places.iter().filter_map(|place| lines.get(*place)).map(u64::to_string).collect();
-    let last = each.pop().unwrap_or_default();
-    if each.is_empty() {
-        format!("line {last}")
-    } else {
-        format!("lines {} and {last}", each.join(", "))
-    }
-}
-
 /// Warns of parameters on the command line that nothing declares: perhaps misspelt.
 fn warn_of_unused(store: &ParameterStore) {
     let known = || {
@@ -189,21 +153,4 @@ fn warn_of_unused(store: &ParameterStore) {
             tracing::warn!("parameter {name} is not one of this node's: {}", known());
         }
     }
-}
-
-/// ROS types of the endpoints that routes have on ROS 2.
-pub(crate) fn ros2_types(plan: &Plan) -> BTreeSet<&'static str> {
-    let ends = |route: &Route| {
-        let types = match route.kind {
-            Kind::Service(kind) => [Some(kind.ros_type()); 2],
-            // Properties are on no topic of ours.
-            Kind::Topic(types) => [types.from, types.to]
-                .map(|it| (it != MessageType::Properties).then(|| it.ros_type())),
-        };
-        let named = [&route.from, &route.to].into_iter().zip(types);
-        named
-            .filter_map(|(end, name)| name.filter(|_| end.middleware == "ros2"))
-            .collect::<Vec<_>>()
-    };
-    plan.routes.iter().filter(|route| route.is_whole()).flat_map(ends).collect()
 }

@@ -3,8 +3,8 @@
 
 use std::path::Path;
 
-use super::bridge::{in_lines, warn_of_unheard};
 use crate::exit::Failure;
+use crate::in_force::{in_lines, warn_of_unheard};
 use crate::middlewares::{self, Settings};
 use crate::node::Node;
 use crate::output;

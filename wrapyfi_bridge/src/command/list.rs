@@ -16,7 +16,7 @@ use super::WAIT_SLICE;
 use crate::cli::ListArgs;
 use crate::discovery_watch::DiscoveryWatch;
 use crate::exit::Failure;
-use crate::middlewares::{Middlewares, Role};
+use crate::middlewares::{self, Middlewares, Role};
 use crate::output;
 use crate::own_address::OwnAddress;
 use crate::shutdown::Shutdown;
@@ -41,7 +41,7 @@ pub fn run(args: &ListArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     if let Some(middleware) = &args.middleware {
         args.own.check(middleware)?;
     }
-    let all = Middlewares::names();
+    let all = middlewares::names();
     let wanted: Vec<_> = match &args.middleware {
         // Nobody has said that there is a ROS 1 without this variable, or a YARP without this file.
         None => all
@@ -51,11 +51,7 @@ pub fn run(args: &ListArgs, shutdown: &Shutdown) -> Result<(), Failure> {
             .collect(),
         Some(name) => match all.iter().find(|known| *known == name) {
             Some(known) => vec![*known],
-            None => {
-                let text =
-                    format!("middleware {name:?} is not available; available: {}", all.join(", "));
-                return Err(Failure::Usage(text));
-            }
+            None => return Err(middlewares::unknown(name)),
         },
     };
     let (mut sides, mut failures) = (Vec::new(), Vec::new());

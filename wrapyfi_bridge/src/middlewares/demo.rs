@@ -9,7 +9,7 @@ use wrapyfi_core::middleware::yarp::YarpConfig;
 use wrapyfi_core::middleware::zeromq::{BrokerMode, ZeroMqConfig};
 use wrapyfi_core::start::Ros2Settings;
 
-use super::start;
+use super::start::start;
 use crate::exit::Failure;
 use crate::node::Node;
 

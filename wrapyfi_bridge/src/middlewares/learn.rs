@@ -15,7 +15,7 @@ use wrapyfi_interfaces::parser::{Dialect, TypeName};
 use wrapyfi_interfaces::store::TypeStore;
 
 use super::load::Endpoints;
-use super::start;
+use super::start::start;
 use crate::exit::Failure;
 
 /// Pause between two looks.

@@ -19,9 +19,11 @@ use wrapyfi_core::middleware::zeromq::BrokerMode;
 use wrapyfi_yarp::name::conf::locate;
 use wrapyfi_yarp::name::{Environment, NameServerConf};
 
+use super::available::unknown;
 use super::load::Endpoints;
+use super::ros2::Ros2Section;
+use super::start::{Role, start};
 use super::yarp::YarpSection;
-use super::{Role, Ros2Section, start};
 use crate::exit::Failure;
 use crate::node::Node;
 
@@ -143,10 +145,7 @@ pub fn observer(endpoints: &Endpoints, middleware: &str) -> Result<Observer, Fai
             let graph = Some(Arc::clone(ros2.graph()));
             Ok(Observer { graph, ..of(Arc::new(ros2)) })
         }
-        other => Err(Failure::Usage(format!(
-            "middleware {other:?} is not available; available: {}",
-            super::Middlewares::names().join(", ")
-        ))),
+        other => Err(unknown(other)),
     }
 }
 

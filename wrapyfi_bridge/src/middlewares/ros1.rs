@@ -10,7 +10,7 @@ use wrapyfi_core::middleware::ros1::{self, Ros1Config};
 use wrapyfi_core::network::Hosts;
 use wrapyfi_interfaces::ros1::Rules;
 
-use super::load::Word;
+use super::word::Word;
 use crate::exit::Failure;
 
 /// The middleware as routes and commands address it, with its rules for topics.

@@ -5,7 +5,7 @@ use wrapyfi_core::engine::Available;
 use wrapyfi_core::middleware::ros2::{Adapter, Ros2};
 use wrapyfi_core::start::Ros2Settings;
 
-use super::start;
+use super::start::start;
 use crate::exit::Failure;
 use crate::node::Node;
 

@@ -17,7 +17,7 @@ use wrapyfi_core::middleware::yarp::{self, YarpConfig};
 use wrapyfi_core::middleware::zeromq::ZeroMqConfig;
 
 use super::load::Endpoints;
-use super::start;
+use super::start::start;
 use super::yarp::YarpSection;
 use crate::exit::Failure;
 

@@ -10,8 +10,8 @@ use wrapyfi_core::middleware::yarp::{self, Convention, Dialect, NameServerConf, 
 use wrapyfi_core::network::Hosts;
 use wrapyfi_core::types::MessageType;
 
-use super::load::Word;
-use super::start;
+use super::start::start;
+use super::word::Word;
 use crate::exit::Failure;
 use crate::logging;
 

@@ -1,12 +1,13 @@
 //! `endpoints.zeromq` of a configuration, and the middleware that it makes.
 
+use clap::Args;
 use serde::Deserialize;
 use wrapyfi_core::engine::{Available, Problem, Spanned};
 use wrapyfi_core::middleware::zeromq::{self, BrokerMode, ZeroMqConfig};
 use wrapyfi_core::network::Hosts;
 
-use super::Role;
-use super::load::Word;
+use super::start::Role;
+use super::word::Word;
 use crate::exit::Failure;
 
 /// The middleware as routes and commands address it, with its rules for topics.
@@ -28,6 +29,27 @@ pub struct ZeroMqSection {
     pub monitor_topic: Option<String>,
     pub send_hwm: Option<u16>,
     pub insecure: Word,
+}
+
+/// Ports of the ZeroMQ broker of requests and replies.
+#[derive(Debug, Clone, Copy, Default, Args)]
+pub struct ServicePorts {
+    /// On ZeroMQ, port that clients connect to; default from WRAPYFI_ZEROMQ_SOCKET_REP_PORT for call,
+    /// …_REQ_PORT for serve and broker, else 5558.
+    #[arg(long, value_name = "PORT")]
+    pub rep_port: Option<u16>,
+    /// On ZeroMQ, port that servers connect to; default from WRAPYFI_ZEROMQ_SOCKET_REP_PORT for serve
+    /// and broker, else 5559.
+    #[arg(long, value_name = "PORT")]
+    pub req_port: Option<u16>,
+}
+
+impl ServicePorts {
+    /// True where one was given.
+    #[must_use]
+    pub fn any(&self) -> bool {
+        self.rep_port.is_some() || self.req_port.is_some()
+    }
 }
 
 /// Process that runs the broker.

@@ -39,7 +39,8 @@ use wrapyfi_retry::thread::restarted;
 use self::diagnostics::Diagnostics;
 use crate::command::any;
 use crate::exit::Failure;
-use crate::middlewares::{InForce, Middlewares};
+use crate::in_force::InForce;
+use crate::middlewares;
 use crate::node::Node;
 use crate::why::Way;
 use crate::why::judge::judge;
@@ -158,7 +159,7 @@ impl Work {
     fn publish(&mut self) {
         let Some((publisher, ros_type, diagnostics)) = &mut self.diagnostics else { return };
         let registry = self.routes.registry();
-        let away = Middlewares::names().into_iter().filter_map(|name| {
+        let away = middlewares::names().into_iter().filter_map(|name| {
             let middleware = registry.get(name).ok()?;
             Some((name, middleware.ended().or_else(|| middleware.waiting_for())))
         });
@@ -269,7 +270,7 @@ fn message(ros_type: RosType, message: &impl Message) -> Payload {
 
 /// Mark of what no bridge by pattern carries anywhere: it has been everywhere.
 fn mark() -> Option<BridgeMark> {
-    let path = Middlewares::names().into_iter().map(str::to_owned).collect();
+    let path = middlewares::names().into_iter().map(str::to_owned).collect();
     Some(BridgeMark { bridge: BridgeMark::number(), path })
 }
 

@@ -50,7 +50,7 @@ impl Question {
             _ => {
                 let address = address(name).map_err(Failure::Usage)?;
                 let mut endpoints = Endpoints::default();
-                self.own.enter(&mut endpoints);
+                endpoints.reached_at(self.own);
                 let sight = Sight { endpoints: &endpoints, bridge: None };
                 Ok(of_address(&address, sight, any::definitions(&self.definitions)?))
             }
@@ -62,7 +62,7 @@ impl Question {
         let mut undefined = Vec::new();
         match middlewares::load_noting(path, &mut undefined) {
             Ok(Loaded { mut endpoints, plan, types, .. }) => {
-                self.own.enter(&mut endpoints);
+                endpoints.reached_at(self.own);
                 let node = Node::bridge().map_err(Failure::usage)?;
                 let sight = Sight { endpoints: &endpoints, bridge: None };
                 let none = &|| Vec::new();
@@ -229,13 +229,9 @@ fn address(text: &str) -> Result<EndpointAddress, String> {
     if address.middleware == "ros1" {
         address.middleware = "ros".to_owned();
     }
-    let known = middlewares::Middlewares::names();
+    let known = middlewares::names();
     if !known.contains(&address.middleware.as_str()) {
-        return Err(format!(
-            "middleware {:?} is not available; available: {}",
-            address.middleware,
-            known.join(", ")
-        ));
+        return Err(middlewares::unknown(&address.middleware).to_string());
     }
     // Elsewhere a name is what is written.
     if address.middleware.starts_with("ros") && !address.name.starts_with('/') {
@@ -325,7 +321,7 @@ fn qos_at(route: &Route, end: &EndpointAddress) -> Option<wrapyfi_core::endpoint
     if end.middleware != "ros2" || !matches!(route.kind, Kind::Topic(_)) {
         return None;
     }
-    let spec = route.topic_spec(end);
+    let spec = route.topic_spec_by(end, wrapyfi_core::middleware::ros2::follow_conventions);
     (!spec.match_peers).then(|| spec.pinned.apply(spec.qos))
 }
 

@@ -7,12 +7,13 @@
 //! ```
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError, Weak};
+use std::sync::{Arc, Mutex, OnceLock, Weak};
 
 use super::builtin;
 use super::config::Configuration;
 use super::runtime::Runtime;
 use super::source::{Running, Source, StartError, Wanted};
+use super::wait::lock;
 use crate::endpoint::Middleware;
 #[cfg(feature = "engine")]
 use crate::engine::ConfigError;
@@ -74,10 +75,6 @@ pub(super) enum Found {
     Absent,
     /// No middleware has this name.
     Unknown,
-}
-
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Context {

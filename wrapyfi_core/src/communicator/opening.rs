@@ -192,7 +192,7 @@ impl Opening<'_> {
         let in_ros = end.middleware.traits().ros_time;
         let (endpoint, counters) = (end.endpoint.clone(), context.counters);
         let publisher = Arc::new(PublisherEnd::new(endpoint, publisher, counters, options, in_ros));
-        self.live.runtime().watch(&publisher);
+        self.live.runtime().watch(Arc::downgrade(&publisher) as _);
         Ok(publisher)
     }
 
