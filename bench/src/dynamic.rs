@@ -4,7 +4,7 @@ use std::hint::black_box;
 
 use anyhow::Result;
 use bytes::Bytes;
-use wrapyfi_interfaces::dynamic::Plan;
+use wrapyfi_interfaces::dynamic::TypePlan;
 use wrapyfi_interfaces::parser::{Dialect, TypeName};
 use wrapyfi_interfaces::store::ResolvedType;
 
@@ -34,7 +34,7 @@ string frame_id
 
 /// The message, and how it is read.
 pub(crate) struct JointState {
-    plan: Plan,
+    plan: TypePlan,
     cdr: Bytes,
 }
 

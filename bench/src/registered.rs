@@ -13,7 +13,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, anyhow};
-use wrapyfi_core::communicator::{Context, Mode, communicator};
+use wrapyfi_core::communicator::{CommunicatorContext, Mode, communicator};
 use wrapyfi_core::endpoint::{self, Listener, Middleware as _, Publisher, TopicSpec};
 use wrapyfi_core::middleware::memory::Memory;
 use wrapyfi_core::middleware::zeromq::{BrokerMode, ZeroMq, ZeroMqConfig};
@@ -104,7 +104,7 @@ pub(crate) fn round() -> Result<Vec<Figure>> {
 
 fn in_memory() -> Result<Vec<Figure>> {
     let bus = Arc::new(Memory::new("memory"));
-    let context = Context::builder().only(bus.clone()).build();
+    let context = CommunicatorContext::builder().only(bus.clone()).build();
     let data = vec![7_u8; 640 * 480 * 3];
     let frame = Image::new(Stamp::now(), RawPixels::dense(640, 480, Encoding::Bgr8, data)?);
     let robot = || Robot { calls: 0, frame: frame.clone() };
@@ -190,7 +190,8 @@ fn over_zeromq() -> Result<Vec<Figure>> {
     let foreign =
         ZeroMqConfig { pub_port, sub_port, broker: BrokerMode::Foreign, ..embedded.clone() };
     let other = Arc::new(ZeroMq::start(&foreign)?);
-    let context = |middleware: &Arc<ZeroMq>| Context::builder().only(middleware.clone()).build();
+    let context =
+        |middleware: &Arc<ZeroMq>| CommunicatorContext::builder().only(middleware.clone()).build();
     let mut here = Speaker.communicator_in(&context(&one));
     let mut there = Speaker.communicator_in(&context(&other));
     here.activate(SpeakerMethod::Said, Mode::Publish)?;

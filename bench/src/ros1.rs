@@ -9,7 +9,7 @@ use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, ensure};
-use wrapyfi_interfaces::ros1::{Options, Plan, Rules, Types};
+use wrapyfi_interfaces::ros1::{Options, PairPlan, Rules, Types};
 use wrapyfi_interfaces::store::TypeStore;
 
 use crate::micro::Figure;
@@ -41,7 +41,7 @@ const BATCH_BYTES: usize = 1 << 16;
 /// A message in both forms, with buffers that are reused as a route does.
 struct Case {
     name: &'static str,
-    plan: Plan,
+    plan: PairPlan,
     ros1: Vec<u8>,
     cdr: Vec<u8>,
 }

@@ -126,7 +126,7 @@ mod ros1 {
         fn start(&self) -> Result<Ros1, StartError> {
             Ros1::start(self).map_err(|error| match error {
                 hopeless if hopeless.is_hopeless() => StartError::refused(hopeless),
-                ros1::StartError::Config(error) => StartError::Absent(error.to_string()),
+                ros1::Ros1Error::Config(error) => StartError::Absent(error.to_string()),
                 other => StartError::Failed(other.to_string()),
             })
         }
@@ -238,7 +238,7 @@ mod yarp {
         fn start(&self) -> Result<Yarp, StartError> {
             Yarp::start(self).map_err(|error| match error {
                 hopeless if hopeless.is_hopeless() => StartError::refused(hopeless),
-                absent @ (yarp::StartError::NameServer(_) | yarp::StartError::Host { .. }) => {
+                absent @ (yarp::YarpError::NameServer(_) | yarp::YarpError::Host { .. }) => {
                     StartError::Absent(absent.to_string())
                 }
                 other => StartError::Failed(other.to_string()),

@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use super::builtin::missing_feature;
 use super::client::ClientEnd;
-use super::context::{Context, Found, Live};
+use super::context::{CommunicatorContext, Found, Live};
 use super::error::MethodError;
 use super::listener::{EndOptions, ListenerEnd};
 use super::mode::Mode;
@@ -42,7 +42,7 @@ const MEDIA: usize = 10;
 pub(super) struct Opening<'a> {
     pub(super) method: String,
     pub(super) mode: Mode,
-    pub(super) context: &'a Context,
+    pub(super) context: &'a CommunicatorContext,
     pub(super) live: &'a Arc<Live>,
 }
 
