@@ -7,6 +7,7 @@ use clap::{Args, Parser, Subcommand};
 use wrapyfi_core::endpoint::EndpointAddress;
 use wrapyfi_core::types::MessageType;
 
+use crate::middlewares::ServicePorts;
 use crate::options::EndpointOptions;
 use crate::own_address::OwnAddress;
 use crate::top::routes::Sort;

@@ -11,7 +11,7 @@ use tokio::runtime::Runtime;
 use tokio::time::timeout;
 use wrapyfi_yarp::Bottle;
 use wrapyfi_yarp::port::{
-    InputPort, Message, OutputOptions, OutputPort, Payload, PortOptions, RpcClient,
+    InputPort, Message, OutputOptions, OutputPort, PortOptions, PortPayload, RpcClient,
 };
 
 use super::{
@@ -70,7 +70,7 @@ impl End {
                 let told = connect().await?;
                 let out = network.open_output("/near/out", &OutputOptions::default()).await?;
                 out.connect(&format!("{carrier}://far/in")).await?;
-                let image = Message::new(Payload::object(image_bytes()?));
+                let image = Message::new(PortPayload::object(image_bytes()?));
                 Self::Images { out, told, image }
             }
         })

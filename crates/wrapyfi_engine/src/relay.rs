@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 
 use super::end::End;
 use super::route::Route;
-use super::route_status::{Rate, RouteState, RouteStatus};
+use super::route_status::{RouteState, RouteStatus};
 use super::stamping;
 use super::work::Work;
 use wrapyfi_data::codec::convert_payload;
@@ -133,18 +133,12 @@ impl Relay {
     /// Status of the route.
     #[must_use]
     pub fn status(&self) -> RouteStatus {
+        let (spec, state) = (&self.spec, self.state.clone());
         RouteStatus {
-            name: self.spec.name.clone(),
-            from: self.spec.from.to_string(),
-            to: self.spec.to.to_string(),
-            message_type: self.spec.label(),
-            state: self.state.clone(),
             from_qos: self.source.qos,
             to_qos: self.sink.qos,
             counters: self.context.counters.snapshot(),
-            rate: Rate::default(),
-            panics: 0,
-            pattern: None,
+            ..RouteStatus::idle(&spec.name, [&spec.from, &spec.to], spec.label(), state)
         }
     }
 

@@ -145,11 +145,9 @@ mod ros1 {
         }
 
         fn plan(&self, wanted: &Wanted<'_>) -> Result<Planned, StartError> {
-            let ros_kwargs = wanted.options.map("ros_kwargs")?;
-            let text = |name| ros_kwargs.map(|kwargs| kwargs.text(name)).transpose();
-            let switch = |name| ros_kwargs.map(|kwargs| kwargs.switch(name)).transpose();
-            let named = text("node_name")?.flatten().unwrap_or(NODE);
-            let anonymous = switch("anonymous")?.flatten().unwrap_or(true);
+            let kwargs = wanted.options.part("ros_kwargs")?;
+            let named = kwargs.text("node_name")?.unwrap_or(NODE);
+            let anonymous = kwargs.switch("anonymous")?.unwrap_or(true);
             // Two sides, two nodes: a node does not hear itself.
             let side = if wanted.side == Side::Publisher { "" } else { "_in" };
             let node = if anonymous {
@@ -159,7 +157,7 @@ mod ros1 {
             };
             let mut config = Ros1Config::from_env().map_err(StartError::refused)?;
             config.node = Some(node.clone());
-            let is_insecure = switch("insecure")?.flatten().unwrap_or(false);
+            let is_insecure = kwargs.switch("insecure")?.unwrap_or(false);
             config.insecure.said(Place::Keyword, false, is_insecure);
             Ok(Planned::new(node, config))
         }
@@ -212,9 +210,8 @@ mod ros2 {
         }
 
         fn plan(&self, wanted: &Wanted<'_>) -> Result<Planned, StartError> {
-            let ros2_kwargs = wanted.options.map("ros2_kwargs")?;
-            let named = ros2_kwargs.map(|kwargs| kwargs.text("node_name")).transpose()?.flatten();
-            let base = match named {
+            let kwargs = wanted.options.part("ros2_kwargs")?;
+            let base = match kwargs.text("node_name")? {
                 Some(name) => name.to_owned(),
                 None => format!("wrapyfi_{:x}_{}", std::process::id(), self.number),
             };
@@ -282,9 +279,9 @@ mod ros2 {
 mod yarp {
     //! YARP: the name server that YARP's own configuration names, as Wrapyfi's programs find it.
 
-    use crate::communicator::option::{OptionError, Options};
+    use crate::communicator::option::Options;
     use crate::communicator::source::{Planned, Source, StartError, Wanted};
-    use crate::middleware::yarp::{Dialect, NAME, YarpConfig};
+    use crate::middleware::yarp::{NAME, YarpConfig};
     use crate::network::Place;
 
     pub(super) struct YarpSource;
@@ -309,32 +306,14 @@ mod yarp {
         }
 
         fn plan(&self, wanted: &Wanted<'_>) -> Result<Planned, StartError> {
-            let kwargs = wanted.options.map("yarp_kwargs")?;
-            let text = |name: &str| kwargs.map(|kwargs| kwargs.text(name)).transpose();
-            let fault = |name: &str, found: &str, wanted: &str| OptionError {
-                name: name.to_owned(),
-                found: format!("{found:?}"),
-                wanted: wanted.to_owned(),
-            };
+            let kwargs = wanted.options.part("yarp_kwargs")?;
             let mut config = YarpConfig::from_env().map_err(StartError::refused)?;
-            if let Some(server) = text("name_server")?.flatten() {
-                let wanted = "a host and a port, such as 127.0.0.1:10000";
-                let parsed = server.parse();
-                let parsed = parsed.map_err(|_text| fault("name_server", server, wanted))?;
-                config.name_server = Some(parsed);
-            }
-            let ip = text("ip")?.flatten();
-            if let Some(ip) = ip {
-                let parsed = ip.parse();
-                let parsed =
-                    parsed.map_err(|_text| fault("ip", ip, "an address, such as 127.0.0.1"))?;
-                config.ip = Some(parsed);
-            }
-            let switch = kwargs.map(|kwargs| kwargs.switch("insecure")).transpose()?.flatten();
-            config.insecure.said(Place::Keyword, ip.is_some(), switch.unwrap_or(false));
-            if let Some(dialect) = text("dialect")?.flatten() {
-                config.dialect = dialect.parse::<Dialect>().map_err(StartError::refused)?;
-            }
+            config.name_server = kwargs.word("name_server")?.or(config.name_server);
+            let ip = kwargs.word("ip")?;
+            let is_insecure = kwargs.switch("insecure")?.unwrap_or(false);
+            config.insecure.said(Place::Keyword, ip.is_some(), is_insecure);
+            config.ip = ip.or(config.ip);
+            config.dialect = kwargs.word("dialect")?.unwrap_or(config.dialect);
             config.max_message_bytes = config.max_message_bytes.max(wanted.max_message_bytes);
             // Two sides, two instances: one instance does not hear itself.
             Ok(Planned::new(format!("{:?} {config:?}", wanted.side), config))
