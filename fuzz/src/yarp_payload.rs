@@ -10,7 +10,7 @@ use wrapyfi_core::middleware::yarp::payload;
 use wrapyfi_core::types::{MessageType, RosType, ServiceKind, Stamp};
 use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_yarp::Dialect;
-use wrapyfi_yarp::port::Payload;
+use wrapyfi_yarp::port::PortPayload;
 
 use crate::{LIMITS, bounded};
 
@@ -66,10 +66,12 @@ fn topic(bytes: &Bytes, choice: usize, raw: bool, options: &YarpOptions, dialect
     let types = ROS.iter().filter_map(ros).map(MessageType::Ros);
     let types: Vec<_> = MessageType::ALL.into_iter().chain(types).collect();
     let spec = TopicSpec { limits: LIMITS, ..TopicSpec::new("/t", types[choice % types.len()]) };
-    let sent = if raw { Payload::raw(bytes.clone()) } else { Payload::object(bytes.clone()) };
+    let sent =
+        if raw { PortPayload::raw(bytes.clone()) } else { PortPayload::object(bytes.clone()) };
     let size = bytes.len() + UNPACKED / ELEMENT;
-    let read =
-        |sent: &Payload, spec: &TopicSpec| payload::decode(sent, None, spec, options, dialect, NOW);
+    let read = |sent: &PortPayload, spec: &TopicSpec| {
+        payload::decode(sent, None, spec, options, dialect, NOW)
+    };
     let Ok(first) = bounded(size, ELEMENT, || read(&sent, &spec)) else { return };
     // A message that was read may be longer when written.
     let mut wide = spec.clone();

@@ -6,20 +6,19 @@
 //!   ~/reload ────────────┘     └ anything wrong: the routes stay as they are, and the reason is told
 //! ```
 
-use std::fs::File;
-use std::io::{IsTerminal as _, Read as _};
+use std::io::IsTerminal as _;
 use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, channel};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
 use signal_hook::consts::SIGHUP;
 use signal_hook::iterator::{Handle, Signals};
 use wrapyfi_core::endpoint::{BridgeMark, Context, Registry, Server, ServiceSpec, WAITING};
-use wrapyfi_core::engine::{Applier, MAX_CONFIG_BYTES, PlanDiff};
+use wrapyfi_core::engine::{Applier, PlanDiff};
 use wrapyfi_core::middleware::ros2::NodeHandle;
 use wrapyfi_core::node::parameters::ParameterStore;
 use wrapyfi_core::types::{Map, Payload, ServiceKind, Value};
@@ -27,12 +26,11 @@ use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_retry::contained;
 use wrapyfi_retry::thread::restarted;
 
-use crate::command::bridge::{ros2_types, warn_of_unheard};
 use crate::exit::Failure;
+use crate::files::read_file;
+use crate::in_force::{InForce, Options, change_by, ros2_types, warn_of_unheard};
 use crate::middlewares::{self, Loaded, Middlewares, Settings};
 use crate::node::Node;
-use crate::overrides;
-use crate::own_address::OwnAddress;
 
 /// Time between two looks at the file. It is read once it has been the same for so long.
 const LOOK_EVERY: Duration = Duration::from_millis(250);
@@ -43,24 +41,16 @@ const STOP_WITHIN: Duration = Duration::from_millis(500);
 /// Most changes that get a line each in the log.
 const FEW: usize = 10;
 
-/// Reads a configuration file of at most [`MAX_CONFIG_BYTES`].
-///
-/// # Errors
-/// When it cannot be read, is longer, or is no UTF-8 text.
-pub fn read_file(file: &Path) -> std::io::Result<String> {
-    let mut text = String::new();
-    File::open(file)?.take(MAX_CONFIG_BYTES as u64 + 1).read_to_string(&mut text)?;
-    Ok(text)
-}
-
 /// Turns a bridge to the configuration that its file has now.
 pub struct Reload {
     /// File of the configuration.
     pub file: PathBuf,
     /// Middlewares that the routes run on.
     pub middlewares: Middlewares,
-    /// Address at which others reach the endpoints of the routes.
-    pub own: OwnAddress,
+    /// Arguments of the bridge.
+    pub options: Options,
+    /// Settings of now.
+    pub in_force: Arc<Mutex<InForce>>,
     /// The bridge's node.
     pub node: Node,
     /// Handle of the node on the graph; `None` where it is on none.
@@ -79,13 +69,11 @@ impl Reload {
         if !meta.is_file() {
             return Err(Failure::Usage(format!("{name} is no file: only a file is read again")));
         }
-        let Loaded { mut plan, mut endpoints, mut types, waiting_bytes, text, lines, .. } =
-            middlewares::load_and_learn(&self.file)?;
+        let mut loaded = middlewares::load_and_learn(&self.file)?;
         // The node has its parameters once nothing can be refused any more.
         let mut parameters = self.node.parameters().map_err(Failure::usage)?;
-        middlewares::take_parameters(&mut endpoints, &mut parameters)?;
-        overrides::apply(&mut plan, &self.node, &mut parameters).map_err(Failure::usage)?;
-        self.own.enter(&mut endpoints);
+        change_by(&mut loaded, &self.node, &mut parameters, &self.options)?;
+        let Loaded { plan, endpoints, mut types, definitions, lines, text, .. } = loaded;
         let before = self.middlewares.settings();
         let settings = Settings::of(&endpoints, &plan, before)?;
         let refusals = before.refusals(&settings);
@@ -99,7 +87,7 @@ impl Reload {
         if let Some(handle) = &self.handle {
             registry.set_clock(handle.clock());
         }
-        warn_of_unheard(&plan, &lines, &self.node);
+        warn_of_unheard(&plan.index(|address| self.node.resolve(address)), &lines);
         if let Some(handle) = &self.handle {
             handle.types(|described| {
                 for name in ros2_types(&plan) {
@@ -114,7 +102,9 @@ impl Reload {
             tracing::info!("{change}");
         }
         self.middlewares.replace_by(next);
-        WAITING.set_limit(waiting_bytes);
+        WAITING.set_limit(loaded.waiting_bytes);
+        *self.in_force.lock().unwrap_or_else(PoisonError::into_inner) =
+            InForce { file: name, endpoints, definitions };
         if let Some(handle) = &self.handle {
             handle.parameters(|store| declare_new(&parameters, store));
         }
@@ -311,7 +301,7 @@ fn offer(node: &Node, registry: &Registry, context: &Context) -> Option<Box<dyn 
             let ros2 = registry.get("ros2").map_err(|error| error.to_string())?;
             let name = node.resolve_service("~/reload").map_err(|error| error.to_string())?;
             // No bridge by pattern carries it anywhere: what it calls has been everywhere.
-            let path = Middlewares::names().into_iter().map(str::to_owned).collect();
+            let path = middlewares::names().into_iter().map(str::to_owned).collect();
             let mark = Some(BridgeMark { bridge: BridgeMark::number(), path });
             ros2.open_server(&ServiceSpec { mark, ..ServiceSpec::new(name, kind) }, context)
                 .map_err(|error| error.to_string())
@@ -335,6 +325,7 @@ fn answer(server: &mut dyn Server, reload: &mut Reload, known: &mut String) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use wrapyfi_core::engine::MAX_CONFIG_BYTES;
     use wrapyfi_core::node::NodeName;
     use wrapyfi_core::node::parameters::ParameterDescriptor;
 

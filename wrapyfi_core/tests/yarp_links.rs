@@ -17,8 +17,8 @@ use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_yarp::bottle::Vocab;
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
 use wrapyfi_yarp::port::{
-    Acknowledge, Answer, InputOptions, Message, Network, OutputOptions, Payload as PortPayload,
-    PortOptions, Reading, Received,
+    Acknowledge, Answer, InputOptions, Message, Network, OutputOptions, PortOptions, PortPayload,
+    Reading, Received,
 };
 use wrapyfi_yarp::server::{NameServer, NameServerOptions};
 use wrapyfi_yarp::sig::{Image, PixelCode, Stamp};

@@ -11,7 +11,7 @@ use wrapyfi_core::endpoint::{
     Context, DropReason, Link, Listener, Middleware, OpenError, Overflow, PublishError, Publisher,
     QueueSpec, Sample, TopicSpec,
 };
-use wrapyfi_core::middleware::zeromq::{Broker, BrokerConfig, StartError, ZeroMq, ZeroMqConfig};
+use wrapyfi_core::middleware::zeromq::{Broker, BrokerConfig, ZeroMq, ZeroMqConfig, ZeroMqError};
 use wrapyfi_core::types::{MessageType, Payload, Value};
 
 fn spec(topic: &str) -> TopicSpec {
@@ -314,7 +314,7 @@ fn names_that_cannot_work_are_refused() {
         }
     }
     let empty = ZeroMqConfig { monitor_topic: String::new(), ..embedded() };
-    assert!(matches!(ZeroMq::start(&empty), Err(StartError::MonitorTopic { .. })));
+    assert!(matches!(ZeroMq::start(&empty), Err(ZeroMqError::MonitorTopic { .. })));
 }
 
 #[test]

@@ -10,7 +10,7 @@ use wrapyfi_core::endpoint::{Middleware, ServiceSpec, TopicSpec};
 use wrapyfi_core::middleware::yarp::{Yarp, YarpConfig};
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
 use wrapyfi_yarp::port::{
-    Message, Network, OutputOptions, OutputPort, Payload, PortOptions, RpcClient,
+    Message, Network, OutputOptions, OutputPort, PortOptions, PortPayload, RpcClient,
 };
 
 struct Named {
@@ -94,7 +94,7 @@ impl Testbed for Named {
                 port
             })
         });
-        port.write(Message::new(Payload::object(body.to_vec())));
+        port.write(Message::new(PortPayload::object(body.to_vec())));
         runtime.block_on(port.flush());
     }
 

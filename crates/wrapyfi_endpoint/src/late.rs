@@ -133,6 +133,12 @@ impl Middleware for Late {
         self.name
     }
 
+    fn follow_conventions(&self, spec: &mut TopicSpec, at_source: bool) {
+        if let Ok(started) = self.started() {
+            started.follow_conventions(spec, at_source);
+        }
+    }
+
     fn open_listener(
         &self,
         spec: &TopicSpec,

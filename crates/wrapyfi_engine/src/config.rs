@@ -10,15 +10,18 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
+use std::time::Duration;
 
-use serde::de::{self, DeserializeOwned, IntoDeserializer, MapAccess, SeqAccess, Visitor};
+use serde::de::{self, DeserializeOwned, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 pub use serde_saphyr::Spanned;
 
 use super::config_devices::DevicesConfig;
 use super::config_error::ConfigError;
 use super::config_qos::QosConfig;
+use super::config_words::word_or_map;
 use super::stamping::StampSource;
+use wrapyfi_endpoint::Overflow;
 
 /// Largest configuration file, in bytes.
 pub const MAX_CONFIG_BYTES: usize = 1 << 20;
@@ -77,7 +80,7 @@ impl Default for Defaults {
     fn default() -> Self {
         Self {
             queue_depth: 10,
-            overflow: OverflowConfig::DropOldest,
+            overflow: OverflowConfig(Overflow::DropOldest),
             max_message_mib: 64,
             devices: None,
         }
@@ -172,12 +175,7 @@ pub struct RouteConfig {
 
 /// Policy of a full queue: `drop_oldest`, `drop_newest` or `{ block_ms: N }`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[allow(missing_docs)]
-pub enum OverflowConfig {
-    DropOldest,
-    DropNewest,
-    Block { block_ms: u64 },
-}
+pub struct OverflowConfig(pub Overflow);
 
 impl<E: DeserializeOwned + Default> Config<E> {
     /// Reads a configuration; `file` is its name in errors.
@@ -240,55 +238,14 @@ impl<'de> Deserialize<'de> for OverflowConfig {
             deserializer,
             "drop_oldest, drop_newest or { block_ms: N }",
             |word: Word| {
-                Ok(match word {
-                    Word::DropOldest => Self::DropOldest,
-                    Word::DropNewest => Self::DropNewest,
-                })
+                Ok(Self(match word {
+                    Word::DropOldest => Overflow::DropOldest,
+                    Word::DropNewest => Overflow::DropNewest,
+                }))
             },
-            |Block { block_ms }| Ok(Self::Block { block_ms }),
+            |Block { block_ms }| Ok(Self(Overflow::Block(Duration::from_millis(block_ms)))),
         )
     }
-}
-
-/// Reads a value that is either a word of enum `W` or a mapping `M`, with errors that point into
-/// the one that was written (an untagged enum would only say that nothing matched).
-pub(super) fn word_or_map<'de, D, W, M, T>(
-    deserializer: D,
-    expected: &'static str,
-    from_word: impl FnOnce(W) -> Result<T, String>,
-    from_map: impl FnOnce(M) -> Result<T, String>,
-) -> Result<T, D::Error>
-where
-    D: Deserializer<'de>,
-    W: Deserialize<'de>,
-    M: Deserialize<'de>,
-{
-    struct Either<W, M, F, G>(&'static str, F, G, std::marker::PhantomData<(W, M)>);
-
-    impl<'de, W, M, T, F, G> Visitor<'de> for Either<W, M, F, G>
-    where
-        W: Deserialize<'de>,
-        M: Deserialize<'de>,
-        F: FnOnce(W) -> Result<T, String>,
-        G: FnOnce(M) -> Result<T, String>,
-    {
-        type Value = T;
-
-        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-            f.write_str(self.0)
-        }
-
-        fn visit_str<Er: de::Error>(self, word: &str) -> Result<T, Er> {
-            (self.1)(W::deserialize(word.into_deserializer())?).map_err(de::Error::custom)
-        }
-
-        fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<T, A::Error> {
-            let read = M::deserialize(de::value::MapAccessDeserializer::new(map))?;
-            (self.2)(read).map_err(de::Error::custom)
-        }
-    }
-
-    deserializer.deserialize_any(Either(expected, from_word, from_map, std::marker::PhantomData))
 }
 
 #[cfg(test)]
@@ -324,7 +281,10 @@ mod tests {
         let text = "routes:\n  - from: 'a:/x'\n    to: 'b:/y'\n    type: Image\n    overflow: { block_ms: 50 }\n    qos: { durability: transient_local, depth: 3 }\n";
         let config = parse(text).unwrap();
         let route = &config.routes[0].value;
-        assert_eq!(route.overflow, Some(OverflowConfig::Block { block_ms: 50 }));
+        assert_eq!(
+            route.overflow,
+            Some(OverflowConfig(Overflow::Block(Duration::from_millis(50))))
+        );
         let qos = route.qos.unwrap().qos();
         assert_eq!(qos.durability, Durability::TransientLocal);
         assert_eq!(qos.history, History::KeepLast(3));

@@ -170,6 +170,11 @@ impl Driver {
         running.iter().map(|member| member.status()).chain(found).collect()
     }
 
+    /// The latest plan.
+    pub(super) fn plan(&self) -> Plan {
+        lock(&self.latest).plan.clone()
+    }
+
     /// The middlewares of the latest plan.
     pub(super) fn registry(&self) -> Registry {
         lock(&self.latest).registry.clone()

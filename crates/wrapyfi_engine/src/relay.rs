@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 
 use super::end::End;
 use super::route::Route;
-use super::route_status::{Rate, RouteState, RouteStatus};
+use super::route_status::{RouteState, RouteStatus};
 use super::stamping;
 use super::work::Work;
 use wrapyfi_data::codec::convert_payload;
@@ -133,18 +133,12 @@ impl Relay {
     /// Status of the route.
     #[must_use]
     pub fn status(&self) -> RouteStatus {
+        let (spec, state) = (&self.spec, self.state.clone());
         RouteStatus {
-            name: self.spec.name.clone(),
-            from: self.spec.from.to_string(),
-            to: self.spec.to.to_string(),
-            message_type: self.spec.label(),
-            state: self.state.clone(),
             from_qos: self.source.qos,
             to_qos: self.sink.qos,
             counters: self.context.counters.snapshot(),
-            rate: Rate::default(),
-            panics: 0,
-            pattern: None,
+            ..RouteStatus::idle(&spec.name, [&spec.from, &spec.to], spec.label(), state)
         }
     }
 
@@ -184,7 +178,8 @@ impl Relay {
     fn reconcile(&mut self, now: Instant) {
         let Self { spec, context, source, sink, backoff, .. } = self;
         sink.open_with(now, backoff, |middleware| {
-            middleware.open_publisher(&spec.topic_spec(&spec.to), context)
+            let conventions = |to: &mut _, at| middleware.follow_conventions(to, at);
+            middleware.open_publisher(&spec.topic_spec_by(&spec.to, conventions), context)
         });
         if let Some(publisher) = &sink.open
             && spec.policy.lazy
@@ -210,7 +205,8 @@ impl Relay {
         }
         if sink.open.is_some() {
             source.open_with(now, backoff, |middleware| {
-                middleware.open_listener(&spec.topic_spec(&spec.from), context)
+                let conventions = |from: &mut _, at| middleware.follow_conventions(from, at);
+                middleware.open_listener(&spec.topic_spec_by(&spec.from, conventions), context)
             });
         }
         if sink.open.is_some() && source.open.is_some() {

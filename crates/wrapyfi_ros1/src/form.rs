@@ -7,7 +7,7 @@
 //! ```
 
 use bytes::Bytes;
-use wrapyfi_interfaces::ros1::{Options, Plan, TranscodeError, Types};
+use wrapyfi_interfaces::ros1::{Options, PairPlan, TranscodeError, Types};
 
 use super::NAME;
 use super::core::Core;
@@ -40,7 +40,7 @@ pub(super) fn wanted(core: &Core, message_type: MessageType) -> Option<Ros1Type>
 pub(super) fn offered(
     core: &Core,
     spec: &TopicSpec,
-) -> Result<Option<(Ros1Type, Option<Plan>)>, OpenError> {
+) -> Result<Option<(Ros1Type, Option<PairPlan>)>, OpenError> {
     let message_type = spec.message_type;
     let MessageType::Ros(ros_type) = message_type else {
         return Ok(Ros1Type::of(message_type).map(|known| (known, None)));
@@ -50,7 +50,7 @@ pub(super) fn offered(
     types.add_ros2(ros_type.resolved());
     let towards = types.towards_ros1(ros_type.resolved().name(), None);
     let pair = towards.and_then(|(definition, _)| {
-        let plan = Plan::compile(definition.resolved(), ros_type.resolved(), types.rules())?;
+        let plan = PairPlan::compile(definition.resolved(), ros_type.resolved(), types.rules())?;
         Ok((definition, plan))
     });
     match pair {
@@ -72,7 +72,7 @@ pub(super) fn shown(
     core: &Core,
     header: &Header,
     message_type: MessageType,
-) -> Result<Option<Plan>, String> {
+) -> Result<Option<PairPlan>, String> {
     let MessageType::Ros(ros_type) = message_type else { return Ok(None) };
     let name = header.get("type").unwrap_or(ANY);
     let told = header.get("md5sum").zip(header.get("message_definition"));
@@ -86,7 +86,7 @@ fn plan(
     name: &str,
     told: Option<(&str, &str)>,
     ros_type: RosType,
-) -> Result<Plan, String> {
+) -> Result<PairPlan, String> {
     let definition = match told {
         // Some nodes show nothing.
         None | Some(("*", "")) => types.definition(name),
@@ -99,7 +99,7 @@ fn plan(
     if !belong {
         return Err("it is the counterpart of another type; name that as the type".to_owned());
     }
-    Plan::compile(definition.resolved(), ros_type.resolved(), rules).map_err(|e| e.to_string())
+    PairPlan::compile(definition.resolved(), ros_type.resolved(), rules).map_err(|e| e.to_string())
 }
 
 fn options(limits: &Limits) -> Options {
@@ -109,7 +109,7 @@ fn options(limits: &Limits) -> Options {
 /// Reads a message.
 pub(super) fn decode(
     message: &Bytes,
-    plan: Option<&Plan>,
+    plan: Option<&PairPlan>,
     spec: &TopicSpec,
 ) -> Result<Payload, DecodeError> {
     let TopicSpec { message_type, limits, plugins, .. } = spec;
@@ -154,7 +154,7 @@ pub(super) fn fault(error: &TranscodeError) -> DecodeError {
 /// Writes a message, in pieces.
 pub(super) fn encode(
     payload: &Payload,
-    plan: Option<&Plan>,
+    plan: Option<&PairPlan>,
     sequence: u32,
     spec: &TopicSpec,
 ) -> Result<Vec<Bytes>, EncodeError> {

@@ -19,7 +19,7 @@ use tokio::net::TcpStream;
 use tokio::sync::Notify;
 use tokio::task::AbortHandle;
 use tokio::time::timeout;
-use wrapyfi_interfaces::ros1::Plan;
+use wrapyfi_interfaces::ros1::PairPlan;
 
 use super::config::NodeUri;
 use super::core::Core;
@@ -56,7 +56,7 @@ pub(super) struct Arrival {
     /// True when the publisher sends its last message to new subscribers.
     pub(super) latched: bool,
     /// Plan that converts the message, where its type has no codec of its own.
-    pub(super) plan: Option<Plan>,
+    pub(super) plan: Option<PairPlan>,
 }
 
 impl Waits for Arrival {
@@ -348,7 +348,7 @@ struct Connection {
     again: Arc<Notify>,
     count: Arc<Count>,
     latched: bool,
-    plan: Option<Plan>,
+    plan: Option<PairPlan>,
 }
 
 impl Connection {

@@ -118,7 +118,7 @@ pub struct Registered {
 /// Error of starting ROS 1.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum StartError {
+pub enum Ros1Error {
     /// The settings cannot work.
     #[error(transparent)]
     Config(#[from] ConfigError),
@@ -127,7 +127,7 @@ pub enum StartError {
     System(#[from] std::io::Error),
 }
 
-impl StartError {
+impl Ros1Error {
     /// True when no later try can succeed, because the settings are wrong.
     #[must_use]
     pub fn is_hopeless(&self) -> bool {
@@ -140,7 +140,7 @@ impl Ros1 {
     ///
     /// # Errors
     /// When the settings cannot work, or the system gives no sockets.
-    pub fn start(config: &Ros1Config) -> Result<Self, StartError> {
+    pub fn start(config: &Ros1Config) -> Result<Self, Ros1Error> {
         let Resolved { master, node, advertised, bind, afar } = config.resolve()?;
         let whereabouts = whereabouts::Whereabouts::new(config.hosts.clone(), afar);
         let runtime = Builder::new_multi_thread()

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use tokio::io::AsyncWriteExt as _;
-use wrapyfi_interfaces::ros1::Plan;
+use wrapyfi_interfaces::ros1::PairPlan;
 
 use super::core::Core;
 use super::form;
@@ -203,7 +203,7 @@ pub(super) struct Ros1Publisher {
     core: Arc<Core>,
     publication: Arc<Publication>,
     spec: TopicSpec,
-    plan: Option<Plan>,
+    plan: Option<PairPlan>,
     sequence: u32,
     /// True when the publisher was opened as one that latches, whatever it publishes.
     latches: bool,
@@ -216,7 +216,7 @@ impl Ros1Publisher {
     pub(super) fn open(
         core: &Arc<Core>,
         topic: &str,
-        (wire_type, plan): (Ros1Type, Option<Plan>),
+        (wire_type, plan): (Ros1Type, Option<PairPlan>),
         spec: &TopicSpec,
         context: &Context,
     ) -> Self {

@@ -11,7 +11,7 @@
 //! by a plan compiled from both definitions.
 
 use bytes::{BufMut as _, Bytes};
-use wrapyfi_interfaces::ros1::{Options, Plan};
+use wrapyfi_interfaces::ros1::{Options, PairPlan};
 
 use super::NAME;
 use super::core::Core;
@@ -50,8 +50,8 @@ pub(super) struct ServiceForm {
 /// A service whose definition is known while running.
 struct AnyService {
     service: RosService,
-    request: Plan,
-    response: Plan,
+    request: PairPlan,
+    response: PairPlan,
 }
 
 impl ServiceForm {
@@ -66,8 +66,8 @@ impl ServiceForm {
         let found = types.service_towards_ros1(service.resolved().name()).and_then(|found| {
             let (definition, rules) = (found.definition, types.rules());
             let (asked, answered) = (service.request(), service.response());
-            let request = Plan::compile(definition.request(), asked.resolved(), rules)?;
-            let response = Plan::compile(definition.response(), answered.resolved(), rules)?;
+            let request = PairPlan::compile(definition.request(), asked.resolved(), rules)?;
+            let response = PairPlan::compile(definition.response(), answered.resolved(), rules)?;
             Ok((definition, AnyService { service, request, response }))
         });
         let (definition, any) = found.map_err(|error| OpenError::Transport {
@@ -162,7 +162,7 @@ impl ServiceForm {
         requests::received(payload, spec, Stamp::default())
     }
 
-    fn write(&self, message: &RosMessage, plan: &Plan) -> Result<Vec<u8>, EncodeError> {
+    fn write(&self, message: &RosMessage, plan: &PairPlan) -> Result<Vec<u8>, EncodeError> {
         let mut bytes = Vec::new();
         let done = plan.to_ros1(&message.cdr, 0, &self.options(), &mut bytes);
         done.map_err(|error| super::form::unwritable(message.ros_type, error))?;
@@ -174,7 +174,7 @@ impl ServiceForm {
     fn read(
         &self,
         ros_type: RosType,
-        plan: &Plan,
+        plan: &PairPlan,
         body: &Bytes,
     ) -> Result<RosMessage, DecodeError> {
         let mut cdr = Vec::new();
@@ -246,7 +246,7 @@ mod tests {
         let plan = |name: &str, text: &str, ros2: RosType| {
             let name = TypeName::parse(Dialect::Ros1, name).unwrap();
             let ros1 = ResolvedType::from_text(Dialect::Ros1, &name, text).unwrap();
-            Plan::compile(&ros1, ros2.resolved(), &Rules::built_in()).unwrap()
+            PairPlan::compile(&ros1, ros2.resolved(), &Rules::built_in()).unwrap()
         };
         let request = plan("std_srvs/SetBoolRequest", "bool data\n", service.request());
         let text = "bool success\nstring message\n";

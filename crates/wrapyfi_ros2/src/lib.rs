@@ -43,6 +43,7 @@ mod adapter;
 mod announcement;
 mod any;
 mod config;
+mod conventions;
 mod cyclone;
 mod cyclone_endpoints;
 mod cyclone_graph;
@@ -89,6 +90,7 @@ use std::sync::Arc;
 pub use adapter::{Adapter, JoinError, Joined, join};
 pub use any::{AnyError, AnyListener, AnyMessage, AnyPublisher};
 pub use config::CycloneConfig;
+pub use conventions::follow_conventions;
 pub use cyclone_graph::{CycloneError, CycloneGraph};
 pub use diagnosis::remedy;
 pub use domain::DomainError;
@@ -192,6 +194,10 @@ impl Ros2 {
 impl Middleware for Ros2 {
     fn name(&self) -> &str {
         NAME
+    }
+
+    fn follow_conventions(&self, spec: &mut TopicSpec, at_source: bool) {
+        follow_conventions(spec, at_source);
     }
 
     fn open_listener(

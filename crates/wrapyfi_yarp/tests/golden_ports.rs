@@ -11,8 +11,8 @@ use bytes::Bytes;
 use tokio::net::{TcpListener, TcpStream};
 use wrapyfi_yarp::port::names::NameTable;
 use wrapyfi_yarp::port::{
-    Acknowledge, Answer, InputOptions, InputPort, Message, Network, OutputOptions, Payload,
-    PortOptions, Reading, Received,
+    Acknowledge, Answer, InputOptions, InputPort, Message, Network, OutputOptions, PortOptions,
+    PortPayload, Reading, Received,
 };
 use wrapyfi_yarp::wire::number;
 use wrapyfi_yarp::{Bottle, Dialect, Limits, Value};
@@ -264,7 +264,7 @@ async fn written_by_us(name: &str, dialect: Dialect) {
     within(port.connect(&format!("{carrier}://golden/dst"))).await.unwrap();
     for Sent { envelope, payload, .. } in sent {
         let written = port.write(Message {
-            payload: Payload::object(payload),
+            payload: PortPayload::object(payload),
             envelope,
             ..Message::default()
         });
@@ -309,7 +309,7 @@ async fn our_writer_outlives_its_reader() {
     });
     within(port.connect("/golden/dst")).await.unwrap();
     for Sent { payload, .. } in &sent[..2] {
-        port.write(Message::new(Payload::object(payload.clone())));
+        port.write(Message::new(PortPayload::object(payload.clone())));
     }
     within(reader).await.unwrap();
     let mut connected = port.connected();
@@ -522,7 +522,8 @@ async fn play_text_reader(
                 let text = std::str::from_utf8(bytes).unwrap();
                 let (envelope, payload) = text.split_once("\r\n").unwrap();
                 let envelope = envelope.strip_prefix("D ").unwrap().to_owned();
-                let payload = Payload::bottle(&bottle(payload.trim_end()), Dialect::V3).unwrap();
+                let payload =
+                    PortPayload::bottle(&bottle(payload.trim_end()), Dialect::V3).unwrap();
                 let envelope = Some(envelope.into());
                 assert_eq!(
                     port.write(Message { payload, envelope, ..Message::default() }).targets,
@@ -549,7 +550,7 @@ async fn pictures_as_yarp_pulls_them() {
     let Part::Client(request) = &steps[0] else { panic!() };
     tokio::io::AsyncWriteExt::write_all(&mut stream, request).await.unwrap();
     within(port.wait_for_outputs(1)).await;
-    port.write(Message::new(Payload::raw(jpeg.clone())));
+    port.write(Message::new(PortPayload::raw(jpeg.clone())));
     expect(&mut stream, &server, false, "mjpeg_basic").await;
     within(port.close()).await;
     expect_end(&mut stream, "mjpeg_basic").await;
@@ -570,7 +571,7 @@ async fn pictures_as_yarp_pulls_them() {
     let (added, stream) = tokio::join!(added, camera);
     assert_eq!(added.unwrap().get(0).and_then(Value::as_i64), Some(0));
     let picture = within(port.recv()).await.unwrap();
-    assert_eq!(picture.payload, Payload::raw(jpeg));
+    assert_eq!(picture.payload, PortPayload::raw(jpeg));
     drop(stream);
     let mut connected = port.connected();
     within(connected.wait_for(|now| now.inputs == 0)).await.unwrap();

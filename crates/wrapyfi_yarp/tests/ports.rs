@@ -6,8 +6,8 @@ use bytes::Bytes;
 use wrapyfi_yarp::name::Environment;
 use wrapyfi_yarp::port::names::NameTable;
 use wrapyfi_yarp::port::{
-    Acknowledge, Answer, CallError, InputOptions, InputPort, Message, Network, OutputOptions,
-    Overflow, Payload, PayloadKind, PortOptions, Reading,
+    Acknowledge, Answer, InputOptions, InputPort, Message, Network, OutputOptions, Overflow,
+    PayloadKind, PortOptions, PortPayload, Reading, RpcError,
 };
 use wrapyfi_yarp::{Bottle, Limits, Value};
 
@@ -49,7 +49,7 @@ async fn messages_arrive_over_every_push_carrier() {
         within(reader.wait_for_inputs(1)).await;
         let text = "1 (a 2 (0.5)) \"end of it\"";
         writer.write_bottle(&bottle("42")).unwrap();
-        let payload = Payload::bottle(&bottle(text), network.dialect()).unwrap();
+        let payload = PortPayload::bottle(&bottle(text), network.dialect()).unwrap();
         let envelope = Some(Bytes::from_static(b"42 1700000000.5"));
         let written =
             writer.write(Message { payload, envelope: envelope.clone(), ..Message::default() });
@@ -142,11 +142,11 @@ async fn pictures_are_pulled() {
     writer.write_bottle(&bottle("no picture")).unwrap();
     let envelope = Some(Bytes::from_static(b"1 2.5"));
     writer.write(Message {
-        payload: Payload::raw(jpeg),
+        payload: PortPayload::raw(jpeg),
         envelope: envelope.clone(),
         ..Message::default()
     });
-    writer.write(Message::new(Payload::raw(jpeg)));
+    writer.write(Message::new(PortPayload::raw(jpeg)));
     let first = next(&reader).await;
     assert_eq!((first.payload.kind, first.envelope), (PayloadKind::Raw, envelope));
     assert_eq!(&*first.from, "/cam");
@@ -156,7 +156,7 @@ async fn pictures_are_pulled() {
     // Whoever is connected otherwise gets the objects, and no files.
     let other = network.open_input("/other", &strict(4)).await.unwrap();
     writer.connect("tcp://other").await.unwrap();
-    writer.write(Message::new(Payload::raw(jpeg)));
+    writer.write(Message::new(PortPayload::raw(jpeg)));
     writer.write_bottle(&bottle("an object")).unwrap();
     assert_eq!(next(&other).await.bottle().unwrap().to_text(), "an object");
     within(other.close()).await;
@@ -190,8 +190,8 @@ async fn mjpeg_is_refused_where_no_pictures_are() {
     cam.connect("tcp://ears").await.unwrap();
     assert_eq!((cam.picture_readers(), cam.connected().borrow().outputs), (1, 2));
     let jpeg: &[u8] = &[0xff, 0xd8, 0xff, 0xe0, 0, 2, 0xff, 0xda, 0, 2, 1, 2, 3, 0xff, 0xd9];
-    assert_eq!(cam.write_picture(Message::new(Payload::raw(jpeg))).targets, 1);
-    let object = Payload::bottle(&bottle("pixels"), network.dialect()).unwrap();
+    assert_eq!(cam.write_picture(Message::new(PortPayload::raw(jpeg))).targets, 1);
+    let object = PortPayload::bottle(&bottle("pixels"), network.dialect()).unwrap();
     assert_eq!(cam.write_object(Message::new(object)).targets, 1);
     assert_eq!(next(&view).await.payload.bytes, jpeg);
     assert_eq!(next(&ears).await.bottle().unwrap(), bottle("pixels"));
@@ -238,10 +238,10 @@ async fn a_late_reply_is_not_taken_for_the_next_one() {
     let server = network.open_rpc_server("/server", &options).await.unwrap();
     let client = network.open_rpc_client("/client", &options).await.unwrap();
     let none = client.call(&bottle("1"), TIMEOUT).await;
-    assert!(matches!(none, Err(CallError::NotConnected(_))), "{none:?}");
+    assert!(matches!(none, Err(RpcError::NotConnected(_))), "{none:?}");
     client.connect("tcp://server").await.unwrap();
     let late = client.call(&bottle("1"), Duration::from_millis(20)).await;
-    assert!(matches!(late, Err(CallError::Timeout { .. })), "{late:?}");
+    assert!(matches!(late, Err(RpcError::Timeout { .. })), "{late:?}");
     let first = within(server.recv()).await.unwrap();
     let answering = tokio::spawn(async move {
         let second = server.recv().await.unwrap();
@@ -328,7 +328,7 @@ async fn the_newest_message_takes_the_place_of_older_ones() {
     for count in 0..10 {
         writer
             .send(Message::new(
-                Payload::bottle(&Bottle::from(vec![count.into()]), network.dialect()).unwrap(),
+                PortPayload::bottle(&Bottle::from(vec![count.into()]), network.dialect()).unwrap(),
             ))
             .await;
     }

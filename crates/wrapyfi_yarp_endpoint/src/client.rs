@@ -20,7 +20,7 @@ use std::time::{Duration, Instant};
 use bytes::Bytes;
 use tokio::sync::{Notify, watch};
 use wrapyfi_yarp::Dialect;
-use wrapyfi_yarp::port::{CallError as PortCallError, LinkError, PortOptions, RpcClient};
+use wrapyfi_yarp::port::{LinkError, PortOptions, RpcClient, RpcError};
 
 use super::Shared;
 use super::directory::unless_slow;
@@ -227,11 +227,10 @@ impl Desk {
 }
 
 /// True when the error shows that the server cannot have seen the request.
-fn was_not_sent(error: &PortCallError) -> bool {
+fn was_not_sent(error: &RpcError) -> bool {
     matches!(
         error,
-        PortCallError::Link { error: LinkError::Connect { .. }, .. }
-            | PortCallError::NotConnected(_)
+        RpcError::Link { error: LinkError::Connect { .. }, .. } | RpcError::NotConnected(_)
     )
 }
 

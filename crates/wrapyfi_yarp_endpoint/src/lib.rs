@@ -200,7 +200,7 @@ impl Shared {
 /// Error of starting YARP.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum StartError {
+pub enum YarpError {
     /// No setting says where the name server is.
     #[error("no name server is known: {0}")]
     NameServer(#[from] ConfError),
@@ -224,7 +224,7 @@ pub enum StartError {
     },
 }
 
-impl StartError {
+impl YarpError {
     /// True when no later try can succeed, because the settings are wrong.
     #[must_use]
     pub fn is_hopeless(&self) -> bool {
@@ -247,10 +247,10 @@ impl Yarp {
     /// When nobody says where the name server is, or ours cannot run. A name server elsewhere that
     /// does not answer yet is no error: it is waited for. Nor are ports that other machines would reach:
     /// those are refused where they are opened.
-    pub fn start(config: &YarpConfig) -> Result<Self, StartError> {
+    pub fn start(config: &YarpConfig) -> Result<Self, YarpError> {
         let found = config.find()?;
         let server = config.hosts.resolve(&found.server.host);
-        let server = server.map_err(|reason| StartError::Host { reason })?;
+        let server = server.map_err(|reason| YarpError::Host { reason })?;
         let environment = Environment::from_process();
         let server = SocketAddr::new(server, found.server.port);
         let Listening { on, told, is_afar, refused } = config.listening(server, &environment)?;
@@ -259,7 +259,7 @@ impl Yarp {
             .thread_name("wrapyfi-yarp")
             .enable_all()
             .build()
-            .map_err(|error| StartError::Transport { reason: error.to_string() })?;
+            .map_err(|error| YarpError::Transport { reason: error.to_string() })?;
         let client = NameClient::new(found.server)
             .with_hosts(config.hosts.iter().map(|(host, ip)| (host.to_owned(), ip)))
             .with_namespace(found.namespace)
@@ -355,7 +355,7 @@ async fn embed(
     client: NameClient,
     ip: IpAddr,
     config: &YarpConfig,
-) -> Result<(NameClient, Option<NameServer>), StartError> {
+) -> Result<(NameClient, Option<NameServer>), YarpError> {
     let conf = client.server().clone();
     if conf.port != 0 && client.query(client.namespace()).await.is_ok_and(|found| found.is_some()) {
         tracing::info!("a name server runs at {}:{} already", conf.host, conf.port);

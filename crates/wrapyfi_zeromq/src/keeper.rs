@@ -3,7 +3,7 @@
 //! ```text
 //!   start: bind ──ok──▶ our own
 //!           └─ taken ──▶ probe ── both its sides ──▶ somebody else's ── it dies ──▶ bind again …
-//!                          └─ anything else ──▶ StartError: what has the port
+//!                          └─ anything else ──▶ ZeroMqError: what has the port
 //! ```
 
 use std::net::{IpAddr, SocketAddr};
@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use super::StartError;
+use super::ZeroMqError;
 use super::broker::BrokerError;
 use super::config::{BrokerMode, reachable};
 use super::link::{self, BrokerLink, Watch};
@@ -71,7 +71,7 @@ impl<B: Stand> Keeper<B> {
         config: &B::Config,
         mode: BrokerMode,
         ip: IpAddr,
-    ) -> Result<Self, StartError> {
+    ) -> Result<Self, ZeroMqError> {
         let found = match mode {
             BrokerMode::Embedded => settle(config, ip)?,
             BrokerMode::Foreign => Found::Foreign { may_take_over: false },
@@ -94,7 +94,7 @@ impl<B: Stand> Keeper<B> {
         self.broker.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn guard(&mut self, config: B::Config, ip: IpAddr) -> Result<(), StartError> {
+    fn guard(&mut self, config: B::Config, ip: IpAddr) -> Result<(), ZeroMqError> {
         let context = zmq::Context::new();
         let (bell, ears) = Bell::new(&context)?;
         let guard = Guard::<B>::new(&context, config, ip, ears, Arc::clone(&self.broker))?;
@@ -103,7 +103,7 @@ impl<B: Stand> Keeper<B> {
             std::thread::Builder::new()
                 .name("zeromq-guard".to_owned())
                 .spawn(move || guard.run())
-                .map_err(|error| StartError::Transport { reason: error.to_string() })?,
+                .map_err(|error| ZeroMqError::Transport { reason: error.to_string() })?,
         );
         Ok(())
     }
@@ -123,7 +123,7 @@ impl<B: Stand> Drop for Keeper<B> {
 }
 
 /// Binds, or finds out who has the ports.
-fn settle<B: Stand>(config: &B::Config, ip: IpAddr) -> Result<Found<B>, StartError> {
+fn settle<B: Stand>(config: &B::Config, ip: IpAddr) -> Result<Found<B>, ZeroMqError> {
     let (give_up_at, mut backoff) = (Instant::now() + SETTLING, Backoff::of_process(3));
     loop {
         let refusal = match B::start(config) {
@@ -184,9 +184,9 @@ impl Asked {
         matches!(self.answer, Answer::Nobody(_))
     }
 
-    fn into_error(self, ip: IpAddr, settings: &'static str) -> StartError {
+    fn into_error(self, ip: IpAddr, settings: &'static str) -> ZeroMqError {
         let Self { port, expected, answer } = self;
-        StartError::PortTaken { ip, port, expected, answer, settings }
+        ZeroMqError::PortTaken { ip, port, expected, answer, settings }
     }
 }
 

@@ -109,7 +109,7 @@ struct Shared {
 /// Error of starting ZeroMQ.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
-pub enum StartError {
+pub enum ZeroMqError {
     /// A port belongs to something that is no broker.
     #[error(
         "port {port} on {ip} is taken by {answer}; a broker would be {expected}: stop that \
@@ -152,7 +152,7 @@ pub enum StartError {
     },
 }
 
-impl StartError {
+impl ZeroMqError {
     /// True when no later try can succeed, because the settings are wrong.
     #[must_use]
     pub fn is_hopeless(&self) -> bool {
@@ -165,7 +165,7 @@ impl StartError {
     }
 }
 
-impl From<zmq::Error> for StartError {
+impl From<zmq::Error> for ZeroMqError {
     fn from(error: zmq::Error) -> Self {
         Self::Transport { reason: error.to_string() }
     }
@@ -177,10 +177,10 @@ impl ZeroMq {
     /// # Errors
     /// When the ports belong to something else, or the settings contradict themselves. A foreign
     /// broker that is not there yet is no error: it is waited for.
-    pub fn start(config: &ZeroMqConfig) -> Result<Self, StartError> {
+    pub fn start(config: &ZeroMqConfig) -> Result<Self, ZeroMqError> {
         if let Some(reason) = name_fault(&config.monitor_topic) {
             let topic = config.monitor_topic.clone();
-            return Err(StartError::MonitorTopic { topic, reason });
+            return Err(ZeroMqError::MonitorTopic { topic, reason });
         }
         let ip = config::resolve(&config.hosts.or_same(&config.ip))
             .map_err(|reason| BrokerError::Host { reason })?;
@@ -195,11 +195,11 @@ impl ZeroMq {
             .unwrap_or((config.pub_port, config.sub_port));
         for (field, port) in [("pub_port", pub_port), ("sub_port", sub_port)] {
             if port == 0 {
-                return Err(StartError::NoPort { field });
+                return Err(ZeroMqError::NoPort { field });
             }
         }
-        let io =
-            io::Io::start().map_err(|error| StartError::Transport { reason: error.to_string() })?;
+        let io = io::Io::start()
+            .map_err(|error| ZeroMqError::Transport { reason: error.to_string() })?;
         let ip = config::reachable(ip);
         let shared = Shared {
             ip,
@@ -247,7 +247,7 @@ impl ZeroMq {
     ///
     /// # Errors
     /// As [`ZeroMq::start`].
-    pub fn start_services(&self) -> Result<(u16, u16), StartError> {
+    pub fn start_services(&self) -> Result<(u16, u16), ZeroMqError> {
         let mut services = self.services.lock().unwrap_or_else(PoisonError::into_inner);
         let keeper = match &mut *services {
             Some(keeper) => keeper,
@@ -262,7 +262,7 @@ impl ZeroMq {
         let (rep_port, req_port) = own.unwrap_or((self.config.rep_port, self.config.req_port));
         for (field, port) in [("rep_port", rep_port), ("req_port", req_port)] {
             if port == 0 {
-                return Err(StartError::NoPort { field });
+                return Err(ZeroMqError::NoPort { field });
             }
         }
         Ok((rep_port, req_port))

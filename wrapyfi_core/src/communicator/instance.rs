@@ -9,7 +9,7 @@ use std::fmt;
 use std::marker::PhantomData;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use super::context::{Context, Live};
+use super::context::{CommunicatorContext, Live};
 use super::describe::{Class, Method, NamesMethod};
 use super::error::{ActivateError, MethodError};
 use super::mode::{Mode, Modes, NamesMode};
@@ -30,7 +30,7 @@ struct Shared {
     slots: Vec<Mutex<Slot>>,
     /// Number of the instance among those of its class, from 0.
     number: usize,
-    context: Context,
+    context: CommunicatorContext,
     live: Arc<Live>,
 }
 
@@ -47,7 +47,7 @@ struct Slot {
 impl<M: Method> Instance<M> {
     /// A new instance of the class, with the modes that the configuration gives it.
     #[must_use]
-    pub fn new(context: &Context) -> Self {
+    pub fn new(context: &CommunicatorContext) -> Self {
         let class = M::CLASS;
         let shared = Arc::new(Shared {
             class,

@@ -1,12 +1,12 @@
 //! Services of any type whose definition is known, with requests and replies as named fields.
 //!
 //! ```text
-//!   DynamicMessage ─ Plan ─ CDR ─▶ Ros2Client ═══ DDS ═══▶ Ros2Server ─ CDR ─ Plan ─▶ DynamicMessage
+//!   DynamicMessage ─ TypePlan ─ CDR ─▶ Ros2Client ═══ DDS ═══▶ Ros2Server ─ CDR ─ TypePlan ─▶ DynamicMessage
 //! ```
 
 use std::time::Instant;
 
-use wrapyfi_interfaces::dynamic::{DynamicMessage, Plan};
+use wrapyfi_interfaces::dynamic::{DynamicMessage, TypePlan};
 
 use super::client::Ros2Client;
 use super::server::Ros2Server;
@@ -83,7 +83,7 @@ impl AnyClient {
 
     /// Plan by which requests are read and written, for instance from JSON.
     #[must_use]
-    pub fn request_plan(&self) -> &'static Plan {
+    pub fn request_plan(&self) -> &'static TypePlan {
         self.service.request().plan()
     }
 
@@ -233,7 +233,7 @@ impl AnyServer {
 
     /// Plan by which replies are read and written, for instance from JSON.
     #[must_use]
-    pub fn response_plan(&self) -> &'static Plan {
+    pub fn response_plan(&self) -> &'static TypePlan {
         self.service.response().plan()
     }
 

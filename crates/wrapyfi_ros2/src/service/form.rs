@@ -12,7 +12,7 @@
 
 use bytes::Bytes;
 use wrapyfi_interfaces::description::HIDDEN_FIELD;
-use wrapyfi_interfaces::dynamic::{DynamicMessage, DynamicValue, Plan, ValueError};
+use wrapyfi_interfaces::dynamic::{DynamicMessage, DynamicValue, TypePlan, ValueError};
 use wrapyfi_interfaces::store::TypeStore;
 
 use crate::graph::ServiceDescription;
@@ -37,8 +37,8 @@ pub(super) struct Form {
 
 /// The plans of a request's arguments, and of what is returned.
 struct Wrapped {
-    arguments: Plan,
-    returned: Plan,
+    arguments: TypePlan,
+    returned: TypePlan,
 }
 
 /// Payload or error that a function of Wrapyfi returned, read from the reply of a service of this
@@ -188,7 +188,7 @@ impl Form {
         &self,
         payload: &Payload,
         message_type: MessageType,
-        plan: &Plan,
+        plan: &TypePlan,
     ) -> Result<DynamicMessage, EncodeError> {
         let ServiceSpec { color_order, limits, plugins, .. } = &self.spec;
         let cdr = payload::encode(payload, message_type, *color_order, limits, plugins)?.to_bytes();
@@ -205,7 +205,7 @@ impl Form {
         &self,
         of: &DynamicMessage,
         field: &str,
-        plan: &Plan,
+        plan: &TypePlan,
         message_type: MessageType,
     ) -> Result<Payload, DecodeError> {
         let nested = of.get(field).and_then(|value| value.as_message());

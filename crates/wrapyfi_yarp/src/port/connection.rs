@@ -9,7 +9,7 @@ use tokio::sync::{Notify, oneshot};
 use super::core::{Core, Input, Sink};
 use super::datagrams;
 use super::inbox::Delivery;
-use super::message::{Payload, Received};
+use super::message::{PortPayload, Received};
 use super::session::{Answer, Data, Event, Session, SessionError};
 use super::target::Way;
 use crate::Bottle;
@@ -65,18 +65,19 @@ impl Entered {
         let core = &self.core;
         let Data { body, envelope, reply } = data;
         let is_text = matches!(body, Body::Text(_));
-        let payload = match Payload::received(body, core.network.dialect(), core.network.limits()) {
-            Ok(payload) => payload,
-            Err(fault) => {
-                core.counters.count(&fault);
-                return Answer::Nothing;
-            }
-        };
+        let payload =
+            match PortPayload::received(body, core.network.dialect(), core.network.limits()) {
+                Ok(payload) => payload,
+                Err(fault) => {
+                    core.counters.count(&fault);
+                    return Answer::Nothing;
+                }
+            };
         self.hand(self.received(payload, envelope, is_text), reply).await
     }
 
     /// Hands over what came without a session, and waits for room.
-    pub(super) async fn put(&self, payload: Payload, envelope: Option<bytes::Bytes>) {
+    pub(super) async fn put(&self, payload: PortPayload, envelope: Option<bytes::Bytes>) {
         self.messages.fetch_add(1, Ordering::Relaxed);
         self.hand(self.received(payload, envelope, false), false).await;
     }
@@ -121,7 +122,7 @@ impl Entered {
     }
 
     /// Hands data over when there is room now; datagrams cannot be held back.
-    pub(super) async fn offer(&self, payload: Payload, envelope: Option<bytes::Bytes>) {
+    pub(super) async fn offer(&self, payload: PortPayload, envelope: Option<bytes::Bytes>) {
         self.messages.fetch_add(1, Ordering::Relaxed);
         let received = self.received(payload, envelope, false);
         match &self.core.sink {
@@ -137,7 +138,7 @@ impl Entered {
 
     fn received(
         &self,
-        payload: Payload,
+        payload: PortPayload,
         envelope: Option<bytes::Bytes>,
         is_text: bool,
     ) -> Received {

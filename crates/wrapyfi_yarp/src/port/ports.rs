@@ -13,7 +13,7 @@ use tokio::sync::watch;
 use super::Counters;
 use super::core::{Connected, Core, Owner, Role, Sink};
 use super::inbox::{Acknowledge, Inbox, Reading};
-use super::message::{Message, Payload, Received};
+use super::message::{Message, PortPayload, Received};
 use super::network::Network;
 use super::open::{OpenError, PortOptions};
 use super::outbox::Overflow;
@@ -207,7 +207,7 @@ macro_rules! writers {
             /// # Errors
             /// When the network's dialect lacks a type in it.
             pub fn write_bottle(&self, bottle: &Bottle) -> Result<Written, EncodeError> {
-                let payload = Payload::bottle(bottle, self.owner.core.network.dialect())?;
+                let payload = PortPayload::bottle(bottle, self.owner.core.network.dialect())?;
                 Ok(self.write(Message::new(payload)))
             }
 

@@ -45,7 +45,7 @@ enum State {
         left: usize,
         scanned: usize,
     },
-    Payload {
+    PortPayload {
         command: Command,
         left: usize,
     },
@@ -144,7 +144,7 @@ impl MessageReader {
                         return Ok(Step::Need(1));
                     }
                 }
-                State::Payload { command, left } => {
+                State::PortPayload { command, left } => {
                     let Some(bytes) = take(buffer, *left) else {
                         return Ok(Step::Need(*left - buffer.len()));
                     };
@@ -167,7 +167,7 @@ impl MessageReader {
     }
 
     fn follow(&mut self, command: Command, left: usize) {
-        self.state = State::Payload { command, left };
+        self.state = State::PortPayload { command, left };
     }
 
     /// Fault of a stream that ends here with `rest` bytes unread; `None` where it may end.
@@ -178,7 +178,7 @@ impl MessageReader {
             State::Index => Some(Fault::NoIndex(self.stray + rest)),
             State::Command { left }
             | State::Text { left, .. }
-            | State::Payload { left, .. }
+            | State::PortPayload { left, .. }
             | State::Skip { left } => Some(Fault::Truncated(left.saturating_sub(rest))),
         }
     }

@@ -33,7 +33,7 @@ mod tests;
 mod word;
 
 use bytes::Bytes;
-use wrapyfi_yarp::port::{Payload as Bytewise, PayloadKind};
+use wrapyfi_yarp::port::{PayloadKind, PortPayload as Bytewise};
 use wrapyfi_yarp::{Dialect, sig};
 
 use super::intrinsics::CAMERA_INFO;

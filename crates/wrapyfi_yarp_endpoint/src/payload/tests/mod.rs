@@ -11,7 +11,7 @@ mod services;
 
 use bytes::Bytes;
 use wrapyfi_interfaces::store::TypeStore;
-use wrapyfi_yarp::port::Payload as Bytewise;
+use wrapyfi_yarp::port::PortPayload as Bytewise;
 use wrapyfi_yarp::{Bottle, Dialect, sig};
 
 use super::*;
