@@ -344,6 +344,25 @@ fn there_is_room_for_more_endpoints_than_a_context_has_sockets() {
 }
 
 #[test]
+fn a_publisher_without_files_says_so_and_connects_when_there_are_some() {
+    use rustix::process::{Resource, getrlimit, setrlimit};
+    let limit = getrlimit(Resource::Nofile);
+    setrlimit(Resource::Nofile, rustix::process::Rlimit { current: Some(256), ..limit }).unwrap();
+    let broker = Broker::start(&any_ports()).unwrap();
+    let zeromq = ZeroMq::start(&foreign(broker.pub_port(), broker.sub_port())).unwrap();
+    let files: Vec<_> =
+        std::iter::from_fn(|| std::fs::File::open("/dev/null").ok()).take(256).collect();
+    assert!(files.len() < 256);
+    let publisher = zeromq.open_publisher(&spec("/a"), &Context::default()).unwrap();
+    let said = || publisher.link().waiting_for.unwrap_or_default();
+    wait_until("the reason", || {
+        said().contains("no more than 256 files") && said().contains("ulimit -n")
+    });
+    drop(files);
+    wait_until("the connection", || publisher.link().waiting_for.is_none());
+}
+
+#[test]
 fn a_panic_at_one_endpoint_ends_neither_the_others_nor_itself() {
     struct Panics;
     impl std::task::Wake for Panics {

@@ -7,7 +7,7 @@ use bytes::Bytes;
 use super::NAME;
 use super::core::Core;
 use super::marks::Marked;
-use super::service_host::{Ask, HEAD, ServiceHost};
+use super::service_host::{Ask, HEAD, Reply, ServiceHost};
 use super::services::ServiceForm;
 use wrapyfi_data::DecodeError;
 use wrapyfi_data::EncodeError;
@@ -78,12 +78,17 @@ impl ServerWire for Ros1Server {
         ask: Ask,
         answer: Result<Vec<Bytes>, &str>,
     ) -> Result<Option<usize>, ServeError> {
-        let bytes = HEAD
-            + match &answer {
-                Ok(pieces) => pieces.iter().map(Bytes::len).sum(),
-                Err(why) => why.len(),
-            };
-        Ok(ask.answer.send(answer.map_err(str::to_owned)).is_ok().then_some(bytes))
+        let answer = answer.map_err(str::to_owned);
+        let answer = answer.map(|pieces| Reply::new(pieces, self.host.context()));
+        let bytes = answer.as_ref().map_or_else(|why| why.len() + HEAD, Reply::size);
+        Ok(match ask.answer.send(answer) {
+            Ok(()) => Some(bytes),
+            Err(answer) => {
+                // It does not count as sent.
+                answer.into_iter().for_each(|reply| reply.end(None));
+                None
+            }
+        })
     }
 
     fn link(&self) -> Link {

@@ -6,6 +6,8 @@
 use std::fs::File;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
+use rustix::process::{Resource, getrlimit};
+
 /// Descriptors that must be free before a context is made: libzmq ends the process where its threads find none.
 const SPARE_FILES: usize = 16;
 
@@ -46,8 +48,10 @@ impl Contexts {
 pub(super) fn reason(error: zmq::Error) -> String {
     match error {
         zmq::Error::EMFILE => {
-            "the process may open no more files: raise its limit (ulimit -n, LimitNOFILE)"
-                .to_owned()
+            let limit = getrlimit(Resource::Nofile).current.unwrap_or(u64::MAX);
+            format!(
+                "the process may open no more than {limit} files: raise that (ulimit -n, LimitNOFILE)"
+            )
         }
         other => other.to_string(),
     }

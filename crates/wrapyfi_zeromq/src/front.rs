@@ -15,7 +15,6 @@ use std::io::ErrorKind;
 use std::net::{IpAddr, TcpListener};
 use std::os::fd::{AsRawFd as _, RawFd};
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
@@ -23,8 +22,8 @@ use mio::unix::SourceFd;
 use mio::{Events, Interest, Poll, Token};
 
 use super::options;
-use super::peer::{Heard, Loss, Message, Peer, Pulse, control};
-use super::zmtp::{self, Owned};
+use super::peer::{Heard, Loss, Message, Peer};
+use super::zmtp::Owned;
 use wrapyfi_endpoint::DropReason;
 
 /// The token of the port; listeners are counted from 0.
@@ -146,13 +145,10 @@ impl Front {
         let ids: Vec<usize> = self.peers.keys().copied().collect();
         for id in ids {
             let Some(peer) = self.peers.get_mut(&id) else { continue };
-            match peer.pulse(now) {
-                Pulse::Fine => {}
-                Pulse::Ask => {
-                    peer.outbox.push_back(control(zmtp::command(b"\x04PING\0\0")));
-                    self.dirty.insert(id);
-                }
-                Pulse::Dead => self.leave(id, &"it does not answer"),
+            if peer.is_alive(now) {
+                self.dirty.insert(id);
+            } else {
+                self.leave(id, &"it does not answer");
             }
         }
         // The process may have files again after it had run out of them.
@@ -169,9 +165,7 @@ impl Front {
             return;
         }
         let of = of.map(|size| (Bytes::copy_from_slice(topic), size));
-        let parts = zmtp::encode(frames.into_iter().map(Owned).collect());
-        let wire_bytes = parts.iter().map(Bytes::len).sum();
-        let message = Arc::new(Message { parts, wire_bytes, of, missed: AtomicBool::new(false) });
+        let message = Message::new(frames.into_iter().map(Owned).collect(), of, None);
         for id in to {
             let Some(peer) = self.peers.get_mut(&id) else { continue };
             match peer.queue(&message, self.hwm) {

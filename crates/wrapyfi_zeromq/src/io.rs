@@ -26,7 +26,7 @@ use mio::unix::SourceFd;
 use mio::{Events, Interest, Poll, Registry, Token, Waker};
 
 use super::line::Line;
-use super::link::Watch;
+use super::link::{FAREWELL, Watch};
 use super::options;
 use super::outlet::Outlet;
 use super::reception::Reception;
@@ -161,32 +161,41 @@ struct Worker {
 impl Worker {
     /// Runs until it is told to stop.
     fn run(mut self) {
-        let mut backoff = Backoff::of_process(0);
-        while !self.handle.stop.load(Relaxed) {
-            if catch_unwind(AssertUnwindSafe(|| self.turns(&mut backoff))).is_err() {
-                tracing::error!("the ZeroMQ I/O thread panicked: it goes on after a pause");
-                std::thread::sleep(backoff.wait());
-                self.ready.extend(self.ends.keys());
+        let (mut backoff, mut until) = (Backoff::of_process(0), None);
+        loop {
+            match catch_unwind(AssertUnwindSafe(|| self.turns(&mut backoff, until))) {
+                Err(_) => {
+                    tracing::error!("the ZeroMQ I/O thread panicked: it goes on after a pause");
+                    std::thread::sleep(backoff.wait());
+                    self.ready.extend(self.ends.keys());
+                }
+                Ok(()) if until.is_some() => break,
+                Ok(()) => {
+                    // Endpoints may live on; their sockets must not, or the context never ends.
+                    self.obey();
+                    let ids: Vec<u64> = self.ends.keys().copied().collect();
+                    ids.into_iter().for_each(|id| self.close(id));
+                    until = Some(Instant::now() + options::LINGER + FAREWELL);
+                }
             }
         }
-        self.obey();
-        // Endpoints may live on; their sockets must not, or the context never ends.
-        let now = Instant::now();
-        let mut watches = Vec::new();
-        for end in std::mem::take(&mut self.ends).into_values() {
-            match end.close(now) {
-                End::Closing(_, watch) => watches.push(watch),
-                End::Outlet(outlet) => outlet.finish(now + options::LINGER),
-                End::Reception(_) | End::Line(_) => {}
-            }
+        if !self.ends.is_empty() {
+            tracing::warn!(sockets = self.ends.len(), "ZeroMQ sockets did not close in time");
         }
-        Watch::see_out(watches);
     }
 
-    fn turns(&mut self, backoff: &mut Backoff) {
+    /// Handles what happens until the thread is told to stop; with `until`, until all is closed or that time has come.
+    fn turns(&mut self, backoff: &mut Backoff, until: Option<Instant>) {
         let mut events = Events::with_capacity(EVENTS);
-        while !self.handle.stop.load(Relaxed) {
-            let next = self.timed.values().min();
+        loop {
+            let is_over = match until {
+                None => self.handle.stop.load(Relaxed),
+                Some(until) => self.ends.is_empty() || until <= Instant::now(),
+            };
+            if is_over {
+                return;
+            }
+            let next = self.timed.values().copied().chain(until).min();
             let left = next.map(|at| at.saturating_duration_since(Instant::now()));
             let wait = if self.ready.is_empty() { left } else { Some(Duration::ZERO) };
             if let Err(error) = self.poll.poll(&mut events, wait)
@@ -212,13 +221,15 @@ impl Worker {
                 Command::Publish(outlet) => self.add(outlet.id(), End::Outlet(outlet)),
                 Command::Line(line) => self.add(line.id(), End::Line(line)),
                 Command::Look(id) => _ = self.ready.insert(id),
-                Command::Close(id) => {
-                    if let Some(end) = self.ends.remove(&id) {
-                        self.watch(&end, false);
-                        self.add(id, end.close(Instant::now()));
-                    }
-                }
+                Command::Close(id) => self.close(id),
             }
+        }
+    }
+
+    fn close(&mut self, id: u64) {
+        if let Some(end) = self.ends.remove(&id) {
+            self.watch(&end, false);
+            self.add(id, end.close(Instant::now()));
         }
     }
 
@@ -256,8 +267,8 @@ impl Worker {
                 self.timed.remove(&id);
                 continue;
             };
-            let registry = self.poll.registry();
-            let look = match catch_unwind(AssertUnwindSafe(|| end.look(now, registry))) {
+            let (registry, faults) = (self.poll.registry(), &mut self.faults);
+            let look = match catch_unwind(AssertUnwindSafe(|| end.look(now, registry, faults))) {
                 Ok(Ok(look)) => look,
                 Ok(Err(zmq::Error::EINTR | zmq::Error::EAGAIN)) => Look::again(),
                 Ok(Err(error)) => self.fault(now, &error),
@@ -269,6 +280,9 @@ impl Worker {
                 self.watch(&end, false);
                 // A time that has passed would be looked at again and again.
                 self.timed.remove(&id);
+                if let End::Line(line) = end {
+                    self.add(id, End::Closing(id, line.end()));
+                }
                 continue;
             }
             if look.more {
@@ -322,7 +336,12 @@ impl End {
         (Token(index(id)), descriptors)
     }
 
-    fn look(&mut self, now: Instant, registry: &Registry) -> zmq::Result<Look> {
+    fn look(
+        &mut self,
+        now: Instant,
+        registry: &Registry,
+        faults: &mut Throttle,
+    ) -> zmq::Result<Look> {
         // Connecting again may take the signal of what waits to be read.
         let mut look = Look { more: self.is_lost(now), ..Look::default() };
         look.patience = match self {
@@ -340,7 +359,7 @@ impl End {
                 }
                 held.into_iter().chain(reception.revive(now)).min()
             }
-            Self::Outlet(outlet) => return Ok(outlet.look(now, registry)),
+            Self::Outlet(outlet) => return Ok(outlet.look(now, registry, faults)),
             Self::Line(line) => {
                 if line.watch.take() {
                     line.ring();
@@ -349,7 +368,9 @@ impl End {
                 line.read()?;
                 // Last: reading or writing may have taken the signal of what the other could not do before.
                 look.more |= line.has_more()?;
-                line.revive(now)
+                let lingers = line.lingers(now);
+                look.over = lingers == Some(Duration::ZERO);
+                line.revive(now).into_iter().chain(lingers).min()
             }
             Self::Closing(_, watch) => {
                 watch.take();
@@ -370,11 +391,14 @@ impl End {
         }
     }
 
-    /// Closes the socket; what is left of it must be kept until it is over.
+    /// Closes the endpoint; what is left of it must be kept until it is over.
     fn close(self, now: Instant) -> Self {
         match self {
             Self::Reception(reception) => Self::Closing(reception.id, reception.close()),
-            Self::Line(line) => Self::Closing(line.id(), line.close()),
+            Self::Line(mut line) => {
+                line.close(now);
+                Self::Line(line)
+            }
             Self::Outlet(outlet) => {
                 outlet.close(now);
                 Self::Outlet(outlet)

@@ -145,6 +145,8 @@ pub(super) struct Line {
     pub(super) socket: zmq::Socket,
     pub(super) watch: Watch,
     message_bytes: usize,
+    /// Instant until which replies are still sent, because the server is closed.
+    closes: Option<Instant>,
 }
 
 impl Line {
@@ -186,7 +188,7 @@ impl Line {
             io: Arc::clone(&io),
         });
         let message_bytes = spec.limits.message_bytes;
-        let line = Self { post: Arc::clone(&post), socket, watch, message_bytes };
+        let line = Self { post: Arc::clone(&post), socket, watch, message_bytes, closes: None };
         io.send(super::io::Command::Line(line));
         Ok(post)
     }
@@ -213,12 +215,22 @@ impl Line {
         self.watch.patience(now)
     }
 
+    /// Has the socket closed once what waits is sent, or some time has passed.
+    pub(super) fn close(&mut self, now: Instant) {
+        self.closes = Some(now + options::LINGER);
+    }
+
+    /// Time for which replies are still waited for to be sent; `None` while the line is in use.
+    pub(super) fn lingers(&self, now: Instant) -> Option<Duration> {
+        let left = self.closes?.saturating_duration_since(now);
+        let sends = matches!(self.post.end, End::Server(_)) && self.post.link.is_up();
+        let waits = sends && !lock(&self.post.outgoing).is_empty();
+        Some(if waits { left } else { Duration::ZERO })
+    }
+
     /// Closes the socket, which still sends what was given to it; the watch must be kept until it
     /// is over.
-    pub(super) fn close(self) -> Watch {
-        if let Err(error) = self.write() {
-            tracing::debug!(%error, "the last messages of a service");
-        }
+    pub(super) fn end(self) -> Watch {
         // What the broker had no room for until now is lost with the socket.
         for left in lock(&self.post.outgoing).drain(..) {
             let [sending, _] = &self.post.shares;

@@ -20,6 +20,7 @@ use std::time::{Duration, Instant};
 
 use zmq::SocketEvent;
 
+use super::contexts;
 use super::options::inproc_name;
 use wrapyfi_endpoint::Wake;
 
@@ -29,12 +30,14 @@ const REFUSED: u8 = 2;
 const ENDED: u8 = 3;
 /// State of a socket whose connection nobody took, or not yet again.
 const UNANSWERED: u8 = 4;
+/// State of a socket for which the process may open no file.
+const STARVED: u8 = 5;
 
 /// Time after a disconnection in which libzmq announces its next try, which it does at once unless
 /// it has given up. Also the pause before we try instead.
 const GIVEN_UP: Duration = Duration::from_secs(1);
 /// Longest time that sockets which are being closed may take to fall silent.
-const FAREWELL: Duration = Duration::from_secs(1);
+pub(super) const FAREWELL: Duration = Duration::from_secs(1);
 
 /// State of one socket's connection to the broker.
 #[derive(Debug)]
@@ -54,7 +57,7 @@ impl BrokerLink {
 
     /// The last try to reach the broker failed.
     pub(super) fn has_failed(&self) -> bool {
-        matches!(self.state.load(Relaxed), REFUSED | ENDED | UNANSWERED)
+        matches!(self.state.load(Relaxed), REFUSED | ENDED | UNANSWERED | STARVED)
     }
 
     /// Description of the event that is waited for; `None` when the broker is reached.
@@ -65,6 +68,11 @@ impl BrokerLink {
             REFUSED => Some(format!(
                 "a ZeroMQ broker at {} (what answers there is not the matching side of one)",
                 self.broker
+            )),
+            STARVED => Some(format!(
+                "a connection to the broker at {}: {}",
+                self.broker,
+                contexts::reason(zmq::Error::EMFILE)
             )),
             _ if self.is_foreign() => Some(format!(
                 "the broker at {}, where nothing answers: it has to run there, and Wrapyfi's own listens \
@@ -91,7 +99,7 @@ impl BrokerLink {
         self.state.load(Relaxed)
     }
 
-    /// Takes note that the handshake is over; true when the state changed, here and in the next two.
+    /// Takes note that the handshake is over; true when the state changed, here and in the next three.
     pub(super) fn succeeded(&self) -> bool {
         self.note(UP)
     }
@@ -99,6 +107,11 @@ impl BrokerLink {
     /// Takes note that nobody took the connection.
     pub(super) fn unanswered(&self) -> bool {
         self.note(UNANSWERED)
+    }
+
+    /// Takes note that there is no file for the connection.
+    pub(super) fn starved(&self) -> bool {
+        self.note(STARVED)
     }
 
     /// Takes note that the connection ended.

@@ -11,7 +11,6 @@
 
 use std::net::{SocketAddr, TcpStream};
 use std::os::fd::AsRawFd as _;
-use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -19,13 +18,14 @@ use bytes::Bytes;
 use mio::unix::SourceFd;
 use mio::{Interest, Registry, Token};
 
+use super::contexts;
+use super::echo::Echo;
 use super::io::{Command, Handle, Look, index};
 use super::link::BrokerLink;
 use super::options;
-use super::peer::{Message, Peer, Pulse, control};
-use super::zmtp;
+use super::peer::{Message, Peer};
 use wrapyfi_endpoint::backoff::Backoff;
-use wrapyfi_endpoint::{Clock, Context, DropReason, PROGRESS};
+use wrapyfi_endpoint::{Context, DropReason, PROGRESS, Throttle};
 
 /// Bytes read at once.
 const READ_BYTES: usize = 4096;
@@ -40,6 +40,7 @@ pub(super) struct Outlet {
     /// Number of messages that may wait; none: any number.
     hwm: Option<usize>,
     link: Arc<BrokerLink>,
+    echo: Arc<Echo>,
     context: Context,
     io: Arc<Handle>,
     state: Mutex<State>,
@@ -70,6 +71,7 @@ impl Outlet {
         broker: SocketAddr,
         topic: &str,
         hwm: u16,
+        echo: Arc<Echo>,
         context: &Context,
         io: &Arc<Handle>,
     ) -> Arc<Self> {
@@ -82,6 +84,7 @@ impl Outlet {
             topic: Bytes::copy_from_slice(topic.as_bytes()),
             hwm: Some(usize::from(hwm)).filter(|hwm| *hwm > 0),
             link: BrokerLink::new(&options::endpoint(broker.ip(), broker.port())),
+            echo,
             context: context.clone(),
             io: Arc::clone(io),
             state: Mutex::new(state),
@@ -96,10 +99,6 @@ impl Outlet {
         &self.link
     }
 
-    pub(super) fn clock(&self) -> &Clock {
-        &self.context.clock
-    }
-
     /// Distinct subscriptions that match the topic, as far as the broker told.
     pub(super) fn subscriptions(&self) -> usize {
         self.lock().subscriptions()
@@ -110,17 +109,24 @@ impl Outlet {
     /// # Errors
     /// Why there is no room for it.
     pub(super) fn send(&self, frames: Vec<Vec<u8>>, bytes: usize) -> Result<(), DropReason> {
-        let parts = zmtp::encode(frames);
-        let wire_bytes = parts.iter().map(Bytes::len).sum();
-        let of = Some((self.topic.clone(), bytes));
-        let message = Arc::new(Message { parts, wire_bytes, of, missed: AtomicBool::new(false) });
+        // Before it is sent: it may be back before we are.
+        let print = self.echo.remember(&frames, &self.context.clock);
+        let message = Message::new(frames, Some((self.topic.clone(), bytes)), print);
+        let queued = self.queue(&message);
+        if queued.is_err() {
+            self.forget(&message);
+        }
+        queued
+    }
+
+    fn queue(&self, message: &Arc<Message>) -> Result<(), DropReason> {
         let mut state = self.lock();
         let Way::Up(peer) = &mut state.way else { return Err(DropReason::SendFailed) };
         // A connection that has just been made anew: a message before its handshake would end it.
         if !peer.is_open() || peer.topics.is_empty() {
             return Err(DropReason::SendFailed);
         }
-        peer.queue(&message, self.hwm)?;
+        peer.queue(message, self.hwm)?;
         if let Err(error) = peer.write() {
             self.lose(&mut state, Instant::now(), &error);
             drop(state);
@@ -131,10 +137,10 @@ impl Outlet {
     }
 
     /// Connects, hears, and writes what waits, on the I/O thread.
-    pub(super) fn look(&self, now: Instant, registry: &Registry) -> Look {
+    pub(super) fn look(&self, now: Instant, registry: &Registry, faults: &mut Throttle) -> Look {
         let mut state = self.lock();
         let before = (state.subscriptions(), self.link.state());
-        let look = self.step(&mut state, now, registry);
+        let look = self.step(&mut state, now, registry, faults);
         let after = (state.subscriptions(), self.link.state());
         drop(state);
         if before != after {
@@ -143,14 +149,31 @@ impl Outlet {
         look
     }
 
-    fn step(&self, state: &mut State, now: Instant, registry: &Registry) -> Look {
+    fn step(
+        &self,
+        state: &mut State,
+        now: Instant,
+        registry: &Registry,
+        faults: &mut Throttle,
+    ) -> Look {
         let closes = state.closes;
         match &state.way {
             Way::Down(_) | Way::Begun(..) if closes.is_some() => state.way = Way::Ended,
             Way::Down(at) if *at > now => return Look::after(*at - now),
             Way::Down(_) => match connect(self.broker, self.id, registry) {
                 Ok(stream) => state.way = Way::Begun(stream, now),
-                Err(error) => return self.lose(state, now, &error),
+                Err(error) => {
+                    let look = self.lose(state, now, &error);
+                    if error.raw_os_error() == Some(zmq::Error::EMFILE.to_raw()) {
+                        self.link.starved();
+                        if let Some(unlogged_before) = faults.pass(now) {
+                            let topic = String::from_utf8_lossy(&self.topic);
+                            let why = contexts::reason(zmq::Error::EMFILE);
+                            tracing::warn!(%topic, unlogged_before, "a ZeroMQ publisher cannot connect: {why}");
+                        }
+                    }
+                    return look;
+                }
             },
             _ => {}
         }
@@ -170,6 +193,7 @@ impl Outlet {
         }
         let Way::Up(peer) = &mut state.way else { return Look::over() };
         let mut heard = Vec::new();
+        // At the end too: what is left unread would make the system throw away what it has not sent.
         let read = peer.read(&mut [0; READ_BYTES], &mut heard, true, now);
         peer.news.clear();
         if read.is_ok() && peer.is_open() && closes.is_none() {
@@ -177,10 +201,8 @@ impl Outlet {
             state.backoff.reset();
         }
         peer.is_blocked = false;
-        match peer.pulse(now) {
-            Pulse::Fine => {}
-            Pulse::Ask => peer.outbox.push_back(control(zmtp::command(b"\x04PING\0\0"))),
-            Pulse::Dead => return self.lose(state, now, &"it does not answer"),
+        if !peer.is_alive(now) {
+            return self.lose(state, now, &"it does not answer");
         }
         let written = peer.write();
         if peer.outbox.is_empty() || peer.written_bytes != state.moved.0 {
@@ -227,8 +249,18 @@ impl Outlet {
     }
 
     fn count_lost(&self, peer: &Peer, reason: DropReason) {
-        for (_, bytes) in peer.outbox.iter().filter_map(|message| message.of.as_ref()) {
-            self.context.counters.undelivered(reason, *bytes);
+        for message in &peer.outbox {
+            if let Some((_, bytes)) = message.of {
+                self.context.counters.undelivered(reason, bytes);
+            }
+            self.forget(message);
+        }
+    }
+
+    /// An equal message that comes after one that was not sent is somebody else's.
+    fn forget(&self, message: &Message) {
+        if let Some(print) = message.print {
+            self.echo.forget(print);
         }
     }
 
@@ -236,27 +268,6 @@ impl Outlet {
     pub(super) fn close(&self, now: Instant) {
         self.link.end();
         self.lock().closes = Some(now + options::LINGER);
-    }
-
-    /// Sends what waits until `deadline`, and closes the connection.
-    pub(super) fn finish(&self, deadline: Instant) {
-        let mut state = self.lock();
-        while let Way::Up(peer) = &mut state.way {
-            peer.is_blocked = false;
-            let left = deadline.saturating_duration_since(Instant::now());
-            let goes_on = peer.is_open() && peer.write().is_ok() && !peer.outbox.is_empty();
-            // What is left unread would make the system throw away what it has not sent.
-            let read = peer.read(&mut [0; READ_BYTES], &mut Vec::new(), true, deadline);
-            if !goes_on || read.is_err() || left.is_zero() {
-                break;
-            }
-            let mut items = [zmq::PollItem::from_fd(peer.stream.as_raw_fd(), zmq::POLLOUT)];
-            let wait = i64::try_from(left.as_millis()).unwrap_or(0) + 1;
-            if let Err(error) = zmq::poll(&mut items, wait) {
-                tracing::debug!(%error, "the last messages of a publisher");
-            }
-        }
-        self.end(&mut state);
     }
 
     fn lock(&self) -> MutexGuard<'_, State> {

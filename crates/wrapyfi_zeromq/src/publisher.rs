@@ -7,7 +7,6 @@
 use std::sync::Arc;
 
 use super::Shared;
-use super::echo::Echo;
 use super::io::{Command, Handle};
 use super::outlet::Outlet;
 use wrapyfi_data::types::{Image, Payload, Pixels};
@@ -19,7 +18,6 @@ pub(super) struct ZeroMqPublisher {
     outlet: Arc<Outlet>,
     spec: TopicSpec,
     depth: usize,
-    echo: Arc<Echo>,
     io: Arc<Handle>,
     /// True once the log says that colours are sent in another order than they come in.
     told_order: bool,
@@ -31,12 +29,11 @@ impl ZeroMqPublisher {
         // Beyond this the broker would cut the connection.
         spec.limits.message_bytes = spec.limits.message_bytes.min(shared.max_frame_bytes);
         let io = Arc::clone(shared.io.handle());
-        let outlet = Outlet::new(shared.sub_address, &spec.topic, shared.send_hwm, context, &io);
+        let (hwm, echo) = (shared.send_hwm, shared.echoes.of(&spec.topic));
+        let outlet = Outlet::new(shared.sub_address, &spec.topic, hwm, echo, context, &io);
         io.send(Command::Publish(Arc::clone(&outlet)));
         shared.ledger.enter(spec.topic.as_bytes(), &context.counters);
-        let echo = shared.echoes.of(&spec.topic);
-        let depth = usize::from(shared.send_hwm);
-        Self { outlet, spec, depth, echo, io, told_order: false }
+        Self { outlet, spec, depth: usize::from(hwm), io, told_order: false }
     }
 
     /// Says where the colours of an image change their order; whether it was said.
@@ -72,12 +69,7 @@ impl Publisher for ZeroMqPublisher {
         }
         let frames = frames::encode(payload, &self.spec)?;
         let bytes = frames.iter().map(Vec::len).sum();
-        // Before it is sent: it may be back before we are.
-        let print = self.echo.remember(&frames, self.outlet.clock());
         self.outlet.send(frames, bytes).map_err(|reason| {
-            if let Some(print) = print {
-                self.echo.forget(print);
-            }
             let topic = self.spec.topic.clone();
             match reason {
                 DropReason::Stalled => PublishError::QueueFull { topic, depth: self.depth },

@@ -43,13 +43,15 @@ pub(super) fn greeting() -> Vec<u8> {
     greeting
 }
 
-/// Checks that a greeting is of ZMTP 3 with mechanism NULL.
-pub(super) fn check_greeting(greeting: &[u8; GREETING]) -> Result<(), Breach> {
-    let [0xff, _, _, _, _, _, _, _, _, 0x7f, 3..=255, _, mechanism @ ..] = greeting else {
+/// Checks that a greeting is of ZMTP 3 with mechanism NULL; true where it is of version 3.1, which has heartbeats.
+/// libzmq answers them from 4.2 on, and says 3.1 from 4.3.3 on.
+pub(super) fn check_greeting(greeting: &[u8; GREETING]) -> Result<bool, Breach> {
+    let [0xff, _, _, _, _, _, _, _, _, 0x7f, major @ 3..=255, minor, mechanism @ ..] = greeting
+    else {
         return Err(Breach);
     };
     match mechanism.strip_prefix(b"NULL") {
-        Some([0, ..]) => Ok(()),
+        Some([0, ..]) => Ok((*major, *minor) >= (3, 1)),
         _ => Err(Breach),
     }
 }
@@ -208,7 +210,10 @@ mod tests {
     #[test]
     fn other_greetings_are_refused() {
         let ours: [u8; GREETING] = greeting().try_into().unwrap();
-        assert_eq!(check_greeting(&ours), Ok(()));
+        assert_eq!(check_greeting(&ours), Ok(false));
+        let mut newer = ours;
+        newer[11] = 1;
+        assert_eq!(check_greeting(&newer), Ok(true));
         for (at, byte) in [(0, 0), (9, 0), (10, 2), (12, b'C'), (16, b'X')] {
             let mut other = ours;
             other[at] = byte;
