@@ -85,7 +85,7 @@ impl Testbed for Named {
                 let name = format!("/raw{}", spec.topic);
                 let port = network.open_output(&name, &OutputOptions::default()).await.unwrap();
                 let (reader, mut readers) = (format!("{}:in", spec.topic), 0);
-                let all = network.list("").await.unwrap();
+                let all = network.names().list("").await.unwrap();
                 for found in all.iter().filter(|found| found.name.starts_with(&reader)) {
                     port.connect(&found.name).await.unwrap();
                     readers += 1;

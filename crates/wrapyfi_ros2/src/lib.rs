@@ -109,6 +109,7 @@ use listener::Ros2Listener;
 use parameters::{PropertiesListener, PropertiesPublisher};
 use publisher::Ros2Publisher;
 use wrapyfi_data::types::MessageType;
+use wrapyfi_endpoint::codec::ros;
 use wrapyfi_endpoint::{
     Client, Context, DiscoverError, Discovery, Listener, Middleware, OpenError, Publisher, Server,
     ServiceSpec, TopicSpec, Traits,
@@ -184,7 +185,7 @@ impl Ros2 {
         Ok(TopicDescription {
             name: self.resolve(&spec.topic)?,
             type_name: spec.message_type.ros_type().to_owned(),
-            type_hash: Some(payload::type_hash(spec.message_type)),
+            type_hash: Some(ros::type_hash(spec.message_type).to_owned()),
             qos: spec.pinned.apply(spec.qos),
             max_bytes: spec.limits.message_bytes,
         })

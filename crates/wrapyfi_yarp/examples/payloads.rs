@@ -31,7 +31,6 @@ fn main() -> Result<(), Box<dyn Error>> {
             println!("    as {}: {error}", dialect.other());
         }
     }
-    println!("as JSON: {}", serde_json::to_string(&command)?);
 
     // Two rows of three pixels, without padding between them.
     let pixels: Vec<u8> = (0..18).collect();

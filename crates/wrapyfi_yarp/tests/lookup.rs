@@ -22,8 +22,6 @@ fn values_are_found_by_their_key() {
     assert_eq!(found("a k", "k"), None);
     assert_eq!(found("(k) (k 1)", "k"), None, "the first match decides, as in YARP");
     assert_eq!(found("a 1", "b"), None);
-    assert_eq!(bottle("(limits 0 10) 7").find_group("limits").unwrap().to_text(), "limits 0 10");
-    assert_eq!(bottle("limits 0").find_group("limits"), None);
 }
 
 #[test]

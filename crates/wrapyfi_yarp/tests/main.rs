@@ -24,5 +24,4 @@ mod name_properties;
 mod name_tools;
 mod ports;
 mod properties;
-mod serde;
 mod unix_stream;

@@ -112,7 +112,7 @@ async fn one_multicast_datagram_reaches_all_targets() {
     assert_eq!(next(&second).await.bottle().unwrap(), bottle("8"));
     assert_eq!(first.received(), 1);
     within(writer.close()).await;
-    let left = network.list("/tmp").await.unwrap();
+    let left = network.names().list("/tmp").await.unwrap();
     assert!(left.is_empty(), "the group is free again: {left:?}");
 }
 

@@ -9,7 +9,6 @@
 use std::time::Duration;
 
 use tokio::sync::watch;
-use wrapyfi_yarp::name::client::Persistence;
 use wrapyfi_yarp::port::Connected;
 
 use super::Shared;
@@ -98,8 +97,7 @@ impl Tie {
             let wish = reached.map(|reached| (reached, carrier));
             if persistent && subscribed != wish {
                 let to = format!("{carrier}:/{}", self.destination);
-                let (names, open) = (shared.registrar.client(), Persistence::Open);
-                let asked = names.subscribe(&self.source, &to, open);
+                let asked = shared.registrar.client().subscribe(&self.source, &to);
                 let what = format!("to connect port {}", self.other());
                 if let Err(error) = shared.directory.answers(&what, asked, &say).await {
                     say(format!("the name server to connect it: {error}"));

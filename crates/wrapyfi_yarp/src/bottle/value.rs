@@ -108,15 +108,6 @@ impl Value {
         }
     }
 
-    /// The bytes, where this is a blob.
-    #[must_use]
-    pub fn as_blob(&self) -> Option<&Bytes> {
-        match self {
-            Self::Blob(bytes) => Some(bytes),
-            _ => None,
-        }
-    }
-
     /// True when the value is `word`, as a vocab or as a string: YARP's commands come as either. Of
     /// a vocab, only as many letters count as it can hold.
     #[must_use]

@@ -13,10 +13,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use tokio::sync::Semaphore;
 use tokio::task::JoinSet;
 
-use super::names::ServerNames;
+use super::connect::Pair;
 use super::shared::Shared;
 use super::subscriptions::Link;
-use crate::name::connect::{ConnectOptions, connect, disconnect, is_connected};
 
 /// Pairs that are seen to at a time: each may wait for a port that does not answer.
 const AT_A_TIME: usize = 32;
@@ -90,21 +89,13 @@ async fn see_to(pair: (String, String), shared: Weak<Shared>, turns: Arc<Semapho
 }
 
 async fn enact(src: &str, dest: &str, wish: bool, shared: &Arc<Shared>) {
-    let names = ServerNames(Arc::clone(shared));
-    let options = ConnectOptions {
-        timeout: shared.options.link_timeout,
-        limits: shared.options.wire.clone(),
-    };
     let done = async {
+        let pair = Pair::find(shared, src, dest)?;
         // As YARP: look first, and let the connecting look again.
-        if is_connected(&names, src, dest, &options).await? == wish {
+        if pair.is_connected().await? == wish {
             return Ok(());
         }
-        if wish {
-            connect(&names, src, dest, &options).await
-        } else {
-            disconnect(&names, src, dest, &options).await
-        }
+        if wish { pair.connect().await } else { pair.disconnect().await }
     };
     match done.await {
         Ok(()) => {

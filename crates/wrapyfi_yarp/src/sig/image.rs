@@ -165,14 +165,6 @@ impl Image {
         (0..rows).filter_map(|y| self.row(y))
     }
 
-    /// The pixel at column `x` of row `y`.
-    #[must_use]
-    pub fn pixel_at(&self, x: usize, y: usize) -> Option<&[u8]> {
-        let size = self.header.pixel_bytes;
-        let start = x.checked_mul(size)?;
-        self.row(y)?.get(start..start.checked_add(size)?)
-    }
-
     /// The pixels without padding: shared where rows have none, copied otherwise.
     #[must_use]
     pub fn packed(&self) -> Bytes {

@@ -70,12 +70,6 @@ impl MessageReader {
         Self { state: State::Index, max_message_bytes: limits.max_message_bytes, stray: 0 }
     }
 
-    /// True between two messages, where a connection may end.
-    #[must_use]
-    pub fn is_between(&self) -> bool {
-        matches!(self.state, State::Index)
-    }
-
     /// Reads on.
     ///
     /// # Errors
