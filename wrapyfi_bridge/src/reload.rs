@@ -67,6 +67,8 @@ pub struct Reload {
     pub handle: Option<NodeHandle>,
     /// The routes.
     pub routes: Applier,
+    /// Port of the live page since the start.
+    pub page_port: Option<u16>,
 }
 
 impl Reload {
@@ -79,8 +81,8 @@ impl Reload {
         if !meta.is_file() {
             return Err(Failure::Usage(format!("{name} is no file: only a file is read again")));
         }
-        let Loaded { mut plan, mut endpoints, mut types, waiting_bytes, text, lines, .. } =
-            middlewares::load_and_learn(&self.file)?;
+        let loaded = middlewares::load_and_learn(&self.file)?;
+        let Loaded { mut plan, mut endpoints, mut types, waiting_bytes, text, lines, .. } = loaded;
         // The node has its parameters once nothing can be refused any more.
         let mut parameters = self.node.parameters().map_err(Failure::usage)?;
         middlewares::take_parameters(&mut endpoints, &mut parameters)?;
@@ -115,6 +117,9 @@ impl Reload {
         }
         self.middlewares.replace_by(next);
         WAITING.set_limit(waiting_bytes);
+        if loaded.page_port.is_some() && loaded.page_port != self.page_port {
+            tracing::warn!("{name}: page.port is another: start the program anew for that");
+        }
         if let Some(handle) = &self.handle {
             handle.parameters(|store| declare_new(&parameters, store));
         }

@@ -17,6 +17,7 @@ use crate::node::Node;
 use crate::on_graph::{OnGraph, Parts};
 use crate::overrides;
 use crate::own_address::OwnAddress;
+use crate::page::{self, Page};
 use crate::reload::{Reload, Watch};
 use crate::shutdown::Shutdown;
 use crate::table;
@@ -37,6 +38,8 @@ pub struct Options {
     pub seconds: Option<Duration>,
     /// One JSON object a second on stdout.
     pub json: bool,
+    /// Port of the live page; as the configuration says where `None`.
+    pub page_port: Option<u16>,
     /// Address at which others reach the endpoints of the routes.
     pub own: OwnAddress,
     /// The middleware without which the node has nothing to do: when somebody ends it, the node ends
@@ -57,8 +60,10 @@ pub fn run(
     options: Options,
     shutdown: &Shutdown,
 ) -> Result<(), Failure> {
-    let Loaded { mut endpoints, mut plan, types: mut store, waiting_bytes, file, lines, text } =
-        loaded;
+    let page_port = options.page_port.or(loaded.page_port);
+    let Loaded {
+        mut endpoints, mut plan, types: mut store, waiting_bytes, file, lines, text, ..
+    } = loaded;
     let config = match &file {
         Some(file) => Configuration::File(file.clone()),
         None => Configuration::Text(text, name.to_owned()),
@@ -96,8 +101,13 @@ pub fn run(
         node: bridge_node.clone(),
         handle: node.as_ref().map(|node| node.handle().clone()),
         routes: running.applier(),
+        page_port,
     });
     let watch = reload.map(Watch::start).transpose()?;
+    let page = page_port.and_then(|port| {
+        let (node, config, own) = (bridge_node.clone(), config.clone(), options.own);
+        Page::start(port, page::Parts { node, routes: running.applier(), config, own })
+    });
     let on_graph = node.as_ref().map(|node| Parts {
         node: bridge_node.clone(),
         handle: node.handle().clone(),
@@ -126,7 +136,7 @@ pub fn run(
             json.write(table::json_line(&running.status(), logging::panics()));
         }
     }
-    drop((watch, on_graph));
+    drop((watch, on_graph, page));
     let last = running.stop();
     if let Some(json) = &json {
         json.write(table::json_line(&last, logging::panics()));

@@ -71,6 +71,8 @@ pub struct Loaded {
     pub types: TypeStore,
     /// Bytes that may wait in the queues of the process.
     pub waiting_bytes: usize,
+    /// Port of the live page, where there is one.
+    pub page_port: Option<u16>,
     /// Line of each route in the file.
     pub lines: Vec<u64>,
     /// The text that was read.
@@ -205,8 +207,8 @@ fn read(
     check_services(&plan).map_err(|fault| Failure::Usage(format!("{name}: {fault}")))?;
     // A plan that is valid has a route for each entry.
     let lines = config.routes.iter().map(|entry| entry.referenced.line()).collect();
-    let endpoints = config.endpoints;
-    Ok(Loaded { endpoints, plan, types, waiting_bytes, lines, text, file: None })
+    let (endpoints, page_port) = (config.endpoints, config.page.port);
+    Ok(Loaded { endpoints, plan, types, waiting_bytes, page_port, lines, text, file: None })
 }
 
 /// Bytes that may wait in the queues of this process.
