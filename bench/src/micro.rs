@@ -21,7 +21,7 @@ use criterion::Criterion;
 use memchr::{memmem, memrchr};
 use wrapyfi_core::Limits;
 use wrapyfi_core::codec::{frames, json, ros};
-use wrapyfi_core::communicator::{Context, Mode, communicator};
+use wrapyfi_core::communicator::{CommunicatorContext, Mode, communicator};
 use wrapyfi_core::endpoint::{self, Middleware as _, TopicSpec};
 use wrapyfi_core::middleware::memory::Memory;
 use wrapyfi_core::types::{MessageType, Payload, Value};
@@ -395,7 +395,7 @@ impl Robot {
 
 fn registered(criterion: &mut Criterion) -> Result<()> {
     let bus = Arc::new(Memory::new("memory"));
-    let context = Context::builder().only(bus.clone()).build();
+    let context = CommunicatorContext::builder().only(bus.clone()).build();
     let robot = |mode| {
         let mut robot = Robot { calls: 0 }.communicator_in(&context);
         robot.activate(RobotMethod::Object, mode).map(|()| robot)
@@ -416,10 +416,12 @@ fn registered(criterion: &mut Criterion) -> Result<()> {
             there.object(0)
         });
     });
-    let (spec, ends) =
-        (TopicSpec::new("/raw", MessageType::NativeObject), endpoint::Context::default());
+    let (spec, ends) = (
+        TopicSpec::new("/raw", MessageType::NativeObject),
+        endpoint::CommunicatorContext::default(),
+    );
     let mut listener = bus.open_listener(&spec, &ends)?;
-    let mut publisher = bus.open_publisher(&spec, &endpoint::Context::default())?;
+    let mut publisher = bus.open_publisher(&spec, &endpoint::CommunicatorContext::default())?;
     group.bench_function("raw", |it| {
         it.iter(|| {
             _ = black_box(publisher.publish(&Payload::from(bare.object(1))));

@@ -91,6 +91,10 @@ pub struct BridgeArgs {
     /// Print the routes' status as one JSON object a second on stdout; the parameter status_json.
     #[arg(long)]
     pub json: bool,
+    /// Port of 127.0.0.1 at which the live page is served, in place of the file's page.port; the parameter
+    /// page_port.
+    #[arg(long, value_name = "PORT", value_parser = clap::value_parser!(u16).range(1..))]
+    pub page: Option<u16>,
     /// Address at which others reach the endpoints of the routes.
     #[command(flatten)]
     pub own: OwnAddress,

@@ -22,6 +22,8 @@ pub struct Options {
     pub seconds: Option<Duration>,
     /// One JSON object a second on stdout.
     pub json: bool,
+    /// Port of the live page; as the configuration says where `None`.
+    pub page_port: Option<u16>,
     /// Address at which others reach the endpoints of the routes.
     pub own: OwnAddress,
     /// The middleware without which the node has nothing to do: when somebody ends it, the node ends

@@ -16,6 +16,7 @@
 //!   why       the first thing that is missing on a way, from facts
 //!   top       the routes of a bridge on a terminal
 //!   on_graph  diagnostics and services of a bridge that runs
+//!   page      the live page of a bridge that runs
 //!   reload    a configuration that changes while its bridge runs
 //!   files     how many may be open
 //!   lines     lines that a thread of their own writes
@@ -46,6 +47,7 @@ pub mod options;
 pub mod output;
 pub mod overrides;
 pub mod own_address;
+pub mod page;
 pub mod reload;
 pub mod shutdown;
 pub mod table;

@@ -86,10 +86,12 @@ fn enter(args: &BridgeArgs, given: &mut BTreeMap<String, ParameterValue>) -> Res
     });
     let seconds = args.seconds.map(|time| ParameterValue::from(time.as_secs_f64()));
     let json = args.json.then(|| ParameterValue::from(true));
+    let page = args.page.map(|port| ParameterValue::from(i64::from(port)));
     for (option, name, value) in [
         ("--config", "config_file", config.transpose()?),
         ("--seconds", "seconds", seconds),
         ("--json", "status_json", json),
+        ("--page", "page_port", page),
     ] {
         let Some(value) = value else { continue };
         if let Some(other) = given.insert(name.to_owned(), value.clone())
@@ -214,6 +216,8 @@ impl Parameters {
         let seconds = store.declare(seconds, 0.0).map_err(Failure::usage)?;
         let json = fixed("status_json", "Print the routes' status as JSON once a second.");
         let json = store.declare(json, false).map_err(Failure::usage)?;
+        let page = fixed("page_port", "Port of the live page; 0: as the configuration says.");
+        let page = store.declare(page, 0).map_err(Failure::usage)?;
         let configuration = match (config_file, built_in) {
             (ParameterValue::String(file), None) => Configuration::File(file.into()),
             (ParameterValue::String(file), Some((bridge, selection))) if !file.is_empty() => {
@@ -253,7 +257,17 @@ impl Parameters {
         };
         let lives_with = bridge.map(MiddlewareBridge::middleware);
         let json = json == ParameterValue::Bool(true);
-        let options = Options { seconds, json, lives_with, ..Options::default() };
+        let page_port = match page {
+            ParameterValue::Integer(port) => u16::try_from(port).ok(),
+            _ => None,
+        };
+        let page_port = page_port.ok_or_else(|| {
+            Failure::Usage(format!(
+                "parameter page_port is {page}, it must be a port from 0 to 65535"
+            ))
+        })?;
+        let page_port = Some(page_port).filter(|port| *port > 0);
+        let options = Options { seconds, json, page_port, lives_with, ..Options::default() };
         Ok(Self { configuration, options })
     }
 }
@@ -305,14 +319,16 @@ mod tests {
             config: Some("a.yaml".into()),
             seconds: Some(Duration::from_millis(500)),
             json: true,
+            page: Some(8642),
             ..BridgeArgs::default()
         };
         let mut given = BTreeMap::new();
         enter(&args, &mut given).unwrap();
-        let expected: [(&str, ParameterValue); 3] = [
+        let expected: [(&str, ParameterValue); 4] = [
             ("config_file", "a.yaml".into()),
             ("seconds", 0.5.into()),
             ("status_json", true.into()),
+            ("page_port", 8642.into()),
         ];
         assert_eq!(given, expected.map(|(name, value)| (name.to_owned(), value)).into());
         enter(&args, &mut given).unwrap();

@@ -57,6 +57,8 @@ pub struct Reload {
     pub handle: Option<NodeHandle>,
     /// The routes.
     pub routes: Applier,
+    /// Port of the live page since the start.
+    pub page_port: Option<u16>,
 }
 
 impl Reload {
@@ -103,6 +105,9 @@ impl Reload {
         }
         self.middlewares.replace_by(next);
         WAITING.set_limit(loaded.waiting_bytes);
+        if loaded.page_port.is_some() && loaded.page_port != self.page_port {
+            tracing::warn!("{name}: page.port is another: start the program anew for that");
+        }
         *self.in_force.lock().unwrap_or_else(PoisonError::into_inner) =
             InForce { file: name, endpoints, definitions };
         if let Some(handle) = &self.handle {

@@ -46,6 +46,9 @@ pub struct Config<E> {
     /// Limits on the whole process.
     #[serde(default)]
     pub limits: ProcessLimits,
+    /// The live page of the bridge.
+    #[serde(default)]
+    pub page: PageConfig,
     /// Folders with definitions of ROS types that are installed nowhere: `package/msg/Type.msg` below.
     #[serde(default)]
     pub definitions: Vec<Spanned<String>>,
@@ -60,6 +63,14 @@ pub struct Config<E> {
 pub struct ProcessLimits {
     /// MiB that may wait in all queues together (default 1024).
     pub waiting_mib: Option<Spanned<usize>>,
+}
+
+/// The live page of a bridge.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PageConfig {
+    /// Port of 127.0.0.1 at which it is served; 0 for any that is free (default: no page).
+    pub port: Option<u16>,
 }
 
 /// Values for routes that do not set their own.

@@ -69,13 +69,14 @@ mod route_status;
 mod running;
 mod service_relay;
 mod stamping;
+mod tap;
 mod unheard;
 mod work;
 
 pub use circle::Circle;
 pub use config::{
-    Config, Defaults, MAX_CONFIG_BYTES, MAX_ROUTES, OverflowConfig, ProcessLimits, RouteConfig,
-    Spanned,
+    Config, Defaults, MAX_CONFIG_BYTES, MAX_ROUTES, OverflowConfig, PageConfig, ProcessLimits,
+    RouteConfig, Spanned,
 };
 pub use config_devices::{DeviceWord, DevicesConfig};
 pub use config_error::{ConfigError, Problem};
@@ -95,5 +96,6 @@ pub use route_status::{PatternCounts, Rate, RouteState, RouteStatus};
 pub use running::{Applier, Running};
 pub use service_relay::ServiceRelay;
 pub use stamping::StampSource;
+pub use tap::Tap;
 pub use unheard::Unheard;
 pub use wrapyfi_endpoint::pattern::NamePattern;

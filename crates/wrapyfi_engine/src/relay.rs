@@ -17,6 +17,7 @@ use super::end::End;
 use super::route::Route;
 use super::route_status::{RouteState, RouteStatus};
 use super::stamping;
+use super::tap::Tap;
 use super::work::Work;
 use wrapyfi_data::codec::convert_payload;
 use wrapyfi_data::types::Payload;
@@ -66,6 +67,7 @@ pub struct Relay {
     /// Throttle for losses and for objects passed on as they came: all are counted, few are logged.
     losses: Throttle,
     unread: Throttle,
+    tap: Arc<Tap>,
 }
 
 /// Messages that a step moved, and the time of the next one.
@@ -97,6 +99,7 @@ impl Relay {
             undelivered: 0,
             losses: Throttle::default(),
             unread: Throttle::default(),
+            tap: Arc::default(),
             source,
             sink,
             spec,
@@ -108,6 +111,11 @@ impl Relay {
     pub(super) fn counting(mut self, counters: Arc<Counters>) -> Self {
         self.context.counters = counters;
         self
+    }
+
+    /// Window on the messages that come.
+    pub(super) fn tap(&self) -> &Arc<Tap> {
+        &self.tap
     }
 
     /// True while its source is closed because nobody listens at the destination.
@@ -272,6 +280,7 @@ impl Relay {
                             }
                         }
                     }
+                    self.tap.show(&sample.payload);
                     forward(&self.spec, sample, publisher.as_mut(), ends, &self.context.clock)
                 }
                 Err(error) => Err((error.drop_reason(), error.to_string())),

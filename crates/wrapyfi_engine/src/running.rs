@@ -17,6 +17,7 @@ use super::member::Member;
 use super::plan::Plan;
 use super::plan_diff::{ApplyError, PlanDiff};
 use super::route_status::RouteStatus;
+use super::tap::Tap;
 use wrapyfi_endpoint::Registry;
 
 /// Longest time that a stop waits for steps that block, and for a look at discovery.
@@ -79,6 +80,13 @@ impl Applier {
     #[must_use]
     pub fn status(&self) -> Vec<RouteStatus> {
         self.0.status()
+    }
+
+    /// Window on the messages of a route that carries a topic, by its name and its ends as its status has
+    /// them.
+    #[must_use]
+    pub fn tap(&self, name: &str, from: &str, to: &str) -> Option<Arc<Tap>> {
+        self.0.tap([name, from, to])
     }
 }
 

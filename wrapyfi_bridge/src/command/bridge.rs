@@ -15,6 +15,7 @@ use crate::logging;
 use crate::middlewares::{Loaded, Middlewares};
 use crate::node::Node;
 use crate::on_graph::{OnGraph, Parts};
+use crate::page::{self, Page};
 use crate::reload::{Reload, Watch};
 use crate::shutdown::Shutdown;
 use crate::table;
@@ -40,6 +41,7 @@ pub fn run(
     options: Options,
     shutdown: &Shutdown,
 ) -> Result<(), Failure> {
+    let page_port = options.page_port.or(loaded.page_port);
     change_by(&mut loaded, node, &mut parameters, &options)?;
     let Loaded { endpoints, plan, types: mut store, definitions, lines, file, .. } = loaded;
     WAITING.set_limit(loaded.waiting_bytes);
@@ -75,8 +77,13 @@ pub fn run(
         node: bridge_node.clone(),
         handle: node.as_ref().map(|node| node.handle().clone()),
         routes: running.applier(),
+        page_port,
     });
     let watch = reload.map(Watch::start).transpose()?;
+    let page = page_port.and_then(|port| {
+        let (node, in_force) = (bridge_node.clone(), Arc::clone(&in_force));
+        Page::start(port, page::Parts { node, routes: running.applier(), in_force })
+    });
     let on_graph = node.as_ref().map(|node| Parts {
         node: bridge_node.clone(),
         handle: node.handle().clone(),
@@ -104,7 +111,7 @@ pub fn run(
             json.write(table::json_line(&running.status(), logging::panics()));
         }
     }
-    drop((watch, on_graph));
+    drop((watch, on_graph, page));
     let last = running.stop();
     if let Some(json) = &json {
         json.write(table::json_line(&last, logging::panics()));

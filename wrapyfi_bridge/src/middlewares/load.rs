@@ -63,6 +63,8 @@ pub struct Loaded {
     pub waiting_bytes: usize,
     /// Folders of definitions.
     pub definitions: Vec<PathBuf>,
+    /// Port of the live page, where there is one.
+    pub page_port: Option<u16>,
     /// Line of each route in the file.
     pub lines: Vec<u64>,
     /// The text that was read.
@@ -198,9 +200,10 @@ fn read(
     check_services(&plan).map_err(|fault| Failure::Usage(format!("{name}: {fault}")))?;
     // A plan that is valid has a route for each entry.
     let lines = config.routes.iter().map(|entry| entry.referenced.line()).collect();
-    let endpoints = config.endpoints;
+    let (endpoints, page_port) = (config.endpoints, config.page.port);
     let definitions = folders;
-    Ok(Loaded { endpoints, plan, types, waiting_bytes, definitions, lines, text, file: None })
+    let file = None;
+    Ok(Loaded { endpoints, plan, types, waiting_bytes, definitions, page_port, lines, text, file })
 }
 
 /// Bytes that may wait in the queues of this process.

@@ -18,7 +18,7 @@ pub mod info;
 
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, Sender, SyncSender, TrySendError, channel, sync_channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
@@ -37,15 +37,12 @@ use wrapyfi_retry::contained;
 use wrapyfi_retry::thread::restarted;
 
 use self::diagnostics::Diagnostics;
-use crate::command::any;
 use crate::exit::Failure;
 use crate::in_force::InForce;
 use crate::middlewares;
 use crate::node::Node;
-use crate::why::Way;
 use crate::why::judge::judge;
-use crate::why::look::Sight;
-use crate::why::question::Configured;
+use crate::why::question::explain;
 
 /// Time between two diagnostics.
 const EVERY: Duration = Duration::from_secs(1);
@@ -208,7 +205,9 @@ fn answer_all(
 ) {
     while let Ok((id, name)) = asked.recv() {
         let answer = contained(|| {
-            let way = explain(parts, &name).map_err(|failure| failure.to_string())?;
+            let Parts { node, routes, in_force, .. } = parts;
+            let way =
+                explain(node, routes, in_force, &name).map_err(|failure| failure.to_string())?;
             Ok(info::explained(&judge(&way), &meant(&way.title, &name, &parts.routes.status())))
         });
         let reply = answer
@@ -219,21 +218,6 @@ fn answer_all(
         }
         wake.ring();
     }
-}
-
-/// Finds out about a name, from where the bridge runs and with what it runs.
-fn explain(parts: &Parts, name: &str) -> Result<Way, Failure> {
-    let (registry, plan) = (parts.routes.registry(), parts.routes.plan());
-    let in_force = parts.in_force.lock().unwrap_or_else(PoisonError::into_inner).clone();
-    let InForce { file, endpoints, definitions } = &in_force;
-    let configured = Configured {
-        file,
-        plan: &plan,
-        node: &parts.node,
-        sight: Sight { endpoints, bridge: Some(&registry) },
-        status: &|| parts.routes.status(),
-    };
-    configured.way(name, any::definitions(definitions)?)
 }
 
 /// Routes that a name means, for their counters.

@@ -7,10 +7,11 @@
 //! ```
 
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use wrapyfi_core::endpoint::{EndpointAddress, Role};
-use wrapyfi_core::engine::{Kind, Plan, Route, RouteIndex, RouteStatus, Typing};
+use wrapyfi_core::engine::{Applier, Kind, Plan, Route, RouteIndex, RouteStatus, Typing};
 use wrapyfi_core::types::MessageType;
 use wrapyfi_interfaces::store::TypeStore;
 
@@ -18,6 +19,7 @@ use super::look::{Sight, Wanted, look};
 use super::{End, RouteFacts, Unheard, Way};
 use crate::command::any;
 use crate::exit::Failure;
+use crate::in_force::InForce;
 use crate::middlewares::{self, Endpoints, Loaded, Undefined};
 use crate::node::Node;
 use crate::own_address::OwnAddress;
@@ -337,6 +339,29 @@ fn of_address(address: &EndpointAddress, sight: Sight<'_>, mut types: TypeStore)
     let end = look(sight, &wanted, &mut types);
     let is_service = end.is_service;
     Way { title: address.to_string(), is_service, source: Some(end), ..Way::default() }
+}
+
+/// Finds out about a name, from where the bridge runs and with what it runs.
+///
+/// # Errors
+/// As [`Question::ask`].
+pub(crate) fn explain(
+    node: &Node,
+    routes: &Applier,
+    in_force: &Mutex<InForce>,
+    name: &str,
+) -> Result<Way, Failure> {
+    let (registry, plan) = (routes.registry(), routes.plan());
+    let in_force = in_force.lock().unwrap_or_else(PoisonError::into_inner).clone();
+    let InForce { file, endpoints, definitions } = &in_force;
+    let configured = Configured {
+        file,
+        plan: &plan,
+        node,
+        sight: Sight { endpoints, bridge: Some(&registry) },
+        status: &|| routes.status(),
+    };
+    configured.way(name, any::definitions(definitions)?)
 }
 
 #[cfg(test)]
