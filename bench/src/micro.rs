@@ -416,12 +416,10 @@ fn registered(criterion: &mut Criterion) -> Result<()> {
             there.object(0)
         });
     });
-    let (spec, ends) = (
-        TopicSpec::new("/raw", MessageType::NativeObject),
-        endpoint::CommunicatorContext::default(),
-    );
+    let (spec, ends) =
+        (TopicSpec::new("/raw", MessageType::NativeObject), endpoint::Context::default());
     let mut listener = bus.open_listener(&spec, &ends)?;
-    let mut publisher = bus.open_publisher(&spec, &endpoint::CommunicatorContext::default())?;
+    let mut publisher = bus.open_publisher(&spec, &endpoint::Context::default())?;
     group.bench_function("raw", |it| {
         it.iter(|| {
             _ = black_box(publisher.publish(&Payload::from(bare.object(1))));
