@@ -32,6 +32,7 @@ pub mod cli;
 pub mod command;
 pub mod describe;
 pub mod discovery_watch;
+pub mod edits;
 pub mod exit;
 pub mod files;
 pub mod in_force;

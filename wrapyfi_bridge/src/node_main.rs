@@ -133,7 +133,7 @@ pub fn run(
     options.own = args.own;
     let (loaded, name) = match configuration {
         Configuration::File(file) => {
-            (middlewares::load_and_learn(&file)?, file.display().to_string())
+            (middlewares::load_and_learn(&file, &[])?, file.display().to_string())
         }
         Configuration::BuiltIn(text, name) => (middlewares::load_text(&text, name)?, name.into()),
     };

@@ -8,6 +8,7 @@ use wrapyfi_core::endpoint::{CountersSnapshot, WAITING};
 use wrapyfi_core::engine::Engine;
 use wrapyfi_core::node::parameters::ParameterStore;
 
+use crate::edits::Edits;
 use crate::exit::Failure;
 use crate::in_force::{InForce, Options, change_by, ros2_types, warn_of_unheard};
 use crate::lines::Lines;
@@ -77,6 +78,7 @@ pub fn run(
         node: bridge_node.clone(),
         handle: node.as_ref().map(|node| node.handle().clone()),
         routes: running.applier(),
+        edits: Edits::default(),
         page_port,
     });
     let watch = reload.map(Watch::start).transpose()?;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 use wrapyfi_core::Limits;
-use wrapyfi_core::engine::{Config, ConfigError, Kind, Plan, Problem, Spanned};
+use wrapyfi_core::engine::{Config, ConfigError, Kind, Plan, Problem, RouteConfig, Spanned};
 use wrapyfi_core::network::{Hosts, Place};
 use wrapyfi_core::types::{MessageType, ServiceKind};
 use wrapyfi_interfaces::store::TypeStore;
@@ -78,15 +78,16 @@ pub struct Loaded {
 /// # Errors
 /// Exit code 2 with every fault, each with its line.
 pub fn load(file: &Path) -> Result<Loaded, Failure> {
-    load_with(file, |_, _| Ok(()))
+    load_with(file, &[], |_, _| Ok(()))
 }
 
-/// As [`load`]; types of routes from ROS 1 that nobody here has are asked from their publishers.
+/// As [`load`]; types of routes from ROS 1 that nobody here has are asked from their publishers. Entries that were
+/// `added` stand after those of the file.
 ///
 /// # Errors
 /// As [`load`], and exit code 1 when ROS 1 does not start.
-pub fn load_and_learn(file: &Path) -> Result<Loaded, Failure> {
-    load_with(file, learn::from_publishers)
+pub fn load_and_learn(file: &Path, added: &[Spanned<RouteConfig>]) -> Result<Loaded, Failure> {
+    load_with(file, added, learn::from_publishers)
 }
 
 /// A type that a route names and nobody here has a definition of.
@@ -118,7 +119,7 @@ impl Undefined {
 /// # Errors
 /// As [`load`].
 pub fn load_noting(file: &Path, undefined: &mut Vec<Undefined>) -> Result<Loaded, Failure> {
-    load_with(file, |config, types| {
+    load_with(file, &[], |config, types| {
         for entry in &config.routes {
             let route = &entry.value;
             let is_service = route.service.is_some();
@@ -150,6 +151,7 @@ pub fn load_noting(file: &Path, undefined: &mut Vec<Undefined>) -> Result<Loaded
 
 fn load_with(
     file: &Path,
+    added: &[Spanned<RouteConfig>],
     learn: impl FnOnce(&Config<Endpoints>, &mut TypeStore) -> Result<(), Failure>,
 ) -> Result<Loaded, Failure> {
     let name = file.display().to_string();
@@ -157,7 +159,7 @@ fn load_with(
     let text = read_file(file).map_err(|error| Failure::usage(format!("{name}: {error}")))?;
     // As seen from the file, wherever the program was started.
     let beside = file.parent().unwrap_or(Path::new(""));
-    let loaded = read(text, &name, beside, learn)?;
+    let loaded = read(text, &name, beside, added, learn)?;
     Ok(Loaded { file: Some(file.to_owned()), ..loaded })
 }
 
@@ -166,16 +168,18 @@ fn load_with(
 /// # Errors
 /// As [`load`].
 pub fn load_text(text: &str, name: &str) -> Result<Loaded, Failure> {
-    read(text.to_owned(), name, Path::new(""), |_, _| Ok(()))
+    read(text.to_owned(), name, Path::new(""), &[], |_, _| Ok(()))
 }
 
 fn read(
     text: String,
     name: &str,
     beside: &Path,
+    added: &[Spanned<RouteConfig>],
     learn: impl FnOnce(&Config<Endpoints>, &mut TypeStore) -> Result<(), Failure>,
 ) -> Result<Loaded, Failure> {
     let mut config: Config<Endpoints> = Config::from_yaml(&text, name).map_err(Failure::usage)?;
+    config.routes.extend_from_slice(added);
     let waiting_bytes = hosts(&config)
         .and_then(|hosts| {
             config.endpoints.hosts = hosts;
