@@ -9,6 +9,12 @@
 
 use crate::communicator::OptionError;
 use crate::endpoint::Middleware;
+#[cfg(feature = "ros1")]
+use crate::middleware::ros1::{Ros1, Ros1Config, Ros1Error};
+#[cfg(feature = "yarp")]
+use crate::middleware::yarp::{Yarp, YarpConfig, YarpError};
+#[cfg(feature = "zeromq")]
+use crate::middleware::zeromq::{ZeroMq, ZeroMqConfig};
 
 /// Settings of a middleware that is not started yet.
 pub trait MiddlewareSettings {
@@ -83,53 +89,62 @@ impl<S: MiddlewareSettings> Builder<S> {
     }
 }
 
-#[cfg(feature = "zeromq")]
-pub use zeromq::zeromq;
-#[cfg(feature = "zeromq")]
-mod zeromq {
-    use super::{Builder, MiddlewareSettings, StartError};
-    use crate::middleware::zeromq::{ZeroMq, ZeroMqConfig};
-
-    /// ZeroMQ, as the variables `WRAPYFI_ZEROMQ_*` say; it runs the broker where there is none.
-    pub fn zeromq() -> Builder<ZeroMqConfig> {
-        Builder(ZeroMqConfig::from_env().map_err(StartError::refused))
-    }
-
-    impl MiddlewareSettings for ZeroMqConfig {
-        type Middleware = ZeroMq;
-
-        fn start(&self) -> Result<ZeroMq, StartError> {
-            ZeroMq::start(self).map_err(|error| match error {
-                hopeless if hopeless.is_hopeless() => StartError::refused(hopeless),
-                other => StartError::Failed(other.to_string()),
-            })
-        }
+/// Error of a middleware as one of three kinds.
+#[cfg(any(feature = "zeromq", feature = "ros1", feature = "ros2", feature = "yarp"))]
+fn failed(error: &dyn std::fmt::Display, is_hopeless: bool, is_absent: bool) -> StartError {
+    match (is_hopeless, is_absent) {
+        (true, _) => StartError::refused(error),
+        (false, true) => StartError::Absent(error.to_string()),
+        (false, false) => StartError::Failed(error.to_string()),
     }
 }
 
-#[cfg(feature = "ros1")]
-pub use ros1::ros1;
-#[cfg(feature = "ros1")]
-mod ros1 {
-    use super::{Builder, MiddlewareSettings, StartError};
-    use crate::middleware::ros1::{self, Ros1, Ros1Config};
+/// ZeroMQ, as the variables `WRAPYFI_ZEROMQ_*` say; it runs the broker where there is none.
+#[cfg(feature = "zeromq")]
+pub fn zeromq() -> Builder<ZeroMqConfig> {
+    Builder(ZeroMqConfig::from_env().map_err(StartError::refused))
+}
 
-    /// ROS 1 as the node `node`, at the master that `ROS_MASTER_URI` names.
-    pub fn ros1(node: &str) -> Builder<Ros1Config> {
-        let settings = Ros1Config::from_env().map_err(StartError::refused);
-        Builder(settings).with(|settings| settings.node = Some(node.to_owned()))
+#[cfg(feature = "zeromq")]
+impl MiddlewareSettings for ZeroMqConfig {
+    type Middleware = ZeroMq;
+
+    fn start(&self) -> Result<ZeroMq, StartError> {
+        ZeroMq::start(self).map_err(|error| failed(&error, error.is_hopeless(), false))
     }
+}
 
-    impl MiddlewareSettings for Ros1Config {
-        type Middleware = Ros1;
+/// ROS 1 as the node `node`, at the master that `ROS_MASTER_URI` names.
+#[cfg(feature = "ros1")]
+pub fn ros1(node: &str) -> Builder<Ros1Config> {
+    let settings = Ros1Config::from_env().map_err(StartError::refused);
+    Builder(settings).with(|settings| settings.node = Some(node.to_owned()))
+}
 
-        fn start(&self) -> Result<Ros1, StartError> {
-            Ros1::start(self).map_err(|error| match error {
-                hopeless if hopeless.is_hopeless() => StartError::refused(hopeless),
-                ros1::Ros1Error::Config(error) => StartError::Absent(error.to_string()),
-                other => StartError::Failed(other.to_string()),
-            })
-        }
+#[cfg(feature = "ros1")]
+impl MiddlewareSettings for Ros1Config {
+    type Middleware = Ros1;
+
+    fn start(&self) -> Result<Ros1, StartError> {
+        let is_absent = |error: &Ros1Error| matches!(error, Ros1Error::Config(_));
+        Ros1::start(self).map_err(|error| failed(&error, error.is_hopeless(), is_absent(&error)))
+    }
+}
+
+/// YARP, at the name server that `yarp.conf` names.
+#[cfg(feature = "yarp")]
+pub fn yarp() -> Builder<YarpConfig> {
+    Builder(YarpConfig::from_env().map_err(StartError::refused))
+}
+
+#[cfg(feature = "yarp")]
+impl MiddlewareSettings for YarpConfig {
+    type Middleware = Yarp;
+
+    fn start(&self) -> Result<Yarp, StartError> {
+        let is_absent =
+            |error: &YarpError| matches!(error, YarpError::NameServer(_) | YarpError::Host { .. });
+        Yarp::start(self).map_err(|error| failed(&error, error.is_hopeless(), is_absent(&error)))
     }
 }
 
@@ -139,7 +154,7 @@ pub use ros2::{Ros2Settings, ros2};
 mod ros2 {
     use std::sync::Arc;
 
-    use super::{Builder, MiddlewareSettings, StartError};
+    use super::{Builder, MiddlewareSettings, StartError, failed};
     use crate::middleware::ros2::environment::{self, Environment};
     use crate::middleware::ros2::{Adapter, CycloneConfig, JoinError, Ros2, join};
     use crate::node::NodeName;
@@ -211,38 +226,10 @@ mod ros2 {
             let Self { cyclone, adapter, enclave, environment, remap } = self.clone();
             environment.log();
             let joined = join(&cyclone, &environment, adapter, &enclave);
-            let joined = joined.map_err(|error| match error {
-                JoinError::NotBuilt(_) | JoinError::Rmw(_) => StartError::refused(error),
-                other => StartError::Failed(other.to_string()),
-            })?;
+            let is_refused =
+                |error: &JoinError| matches!(error, JoinError::NotBuilt(_) | JoinError::Rmw(_));
+            let joined = joined.map_err(|error| failed(&error, is_refused(&error), false))?;
             Ok(Ros2::joined(joined, move |topic| remap(topic)))
-        }
-    }
-}
-
-#[cfg(feature = "yarp")]
-pub use yarp::yarp;
-#[cfg(feature = "yarp")]
-mod yarp {
-    use super::{Builder, MiddlewareSettings, StartError};
-    use crate::middleware::yarp::{self, Yarp, YarpConfig};
-
-    /// YARP, at the name server that `yarp.conf` names.
-    pub fn yarp() -> Builder<YarpConfig> {
-        Builder(YarpConfig::from_env().map_err(StartError::refused))
-    }
-
-    impl MiddlewareSettings for YarpConfig {
-        type Middleware = Yarp;
-
-        fn start(&self) -> Result<Yarp, StartError> {
-            Yarp::start(self).map_err(|error| match error {
-                hopeless if hopeless.is_hopeless() => StartError::refused(hopeless),
-                absent @ (yarp::YarpError::NameServer(_) | yarp::YarpError::Host { .. }) => {
-                    StartError::Absent(absent.to_string())
-                }
-                other => StartError::Failed(other.to_string()),
-            })
         }
     }
 }

@@ -99,88 +99,65 @@ impl Default for Defaults {
 }
 
 /// One entry of `routes`.
-#[derive(Debug, Clone, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub struct RouteConfig {
     /// Source, as `middleware:/name`.
-    #[serde(default)]
     pub from: Option<Spanned<String>>,
     /// Destination, as `middleware:/name`.
-    #[serde(default)]
     pub to: Option<Spanned<String>>,
     /// Address at which a service has its server, in place of `from` and `to`.
-    #[serde(default)]
     pub service: Option<Spanned<String>>,
     /// Address at which the bridge offers that service.
-    #[serde(default, rename = "as")]
+    #[serde(rename = "as")]
     pub offered: Option<Spanned<String>>,
     /// Time that a call of the service has, in milliseconds.
-    #[serde(default)]
     pub timeout_ms: Option<Spanned<u64>>,
     /// Message type: see [`wrapyfi_data::types::MessageType`]; of a service [`wrapyfi_data::types::ServiceKind`].
     /// If left out, it is learned from the endpoints that exist.
-    #[serde(default, rename = "type")]
+    #[serde(rename = "type")]
     pub message_type: Option<Spanned<String>>,
     /// Type where none is given and no endpoint announces one.
-    #[serde(default)]
     pub type_if_unknown: Option<Spanned<String>>,
     /// Names that a pattern takes, as regular expressions (default: all).
-    #[serde(default)]
     pub allow: Option<Spanned<Vec<Spanned<String>>>>,
     /// Names that a pattern leaves out, also where they are allowed.
-    #[serde(default)]
     pub deny: Option<Spanned<Vec<Spanned<String>>>>,
     /// True where a pattern leaves out hidden names and those that every node has (default: true).
-    #[serde(default)]
     pub default_deny: Option<Spanned<bool>>,
     /// Largest number of routes that a pattern makes (default: 1000).
-    #[serde(default)]
     pub max_routes: Option<Spanned<usize>>,
     /// True where the source is open only while somebody listens (default: true for patterns, else
     /// false).
-    #[serde(default)]
     pub lazy: Option<Spanned<bool>>,
     /// Message type at the source, where it is another than at the destination (default: `type`).
-    #[serde(default)]
     pub from_type: Option<Spanned<String>>,
     /// Name in tables and logs (default `from -> to`).
-    #[serde(default)]
     pub name: Option<String>,
     /// Quality of service where a middleware has one (default: fitted to the peers, and ROS 2's
     /// default profile while there are none).
-    #[serde(default)]
     pub qos: Option<QosConfig>,
     /// Channel order of three-channel frames on Wrapyfi's side: `bgr8` (default) or `rgb8`.
-    #[serde(default)]
     pub encoding: Option<Spanned<String>>,
     /// Coordinate frame in the header of every message (default: the source's).
-    #[serde(default)]
     pub frame_id: Option<Spanned<String>>,
     /// Source of the time in the header (default: [`StampSource::Source`], with `use_sim_time`
     /// [`StampSource::RosTime`] for sources outside ROS).
-    #[serde(default)]
     pub stamp: Option<Spanned<StampSource>>,
     /// Number of messages that the route's queue holds.
-    #[serde(default)]
     pub queue_depth: Option<Spanned<usize>>,
     /// Policy of a full queue.
-    #[serde(default)]
     pub overflow: Option<OverflowConfig>,
     /// Highest rate passed on, in messages per second; others are dropped and counted.
-    #[serde(default)]
     pub max_rate_hz: Option<Spanned<f64>>,
     /// Largest message in MiB.
-    #[serde(default)]
     pub max_message_mib: Option<Spanned<usize>>,
     /// Devices that received tensors are labelled with; a library that stands here is not looked up
     /// in the defaults.
-    #[serde(default)]
     pub devices: Option<Spanned<DevicesConfig>>,
     /// Settings that only some middlewares have, by name: `carrier`, `joints`, …
-    #[serde(default)]
     pub options: BTreeMap<String, Spanned<serde_json::Value>>,
     /// True where another route may have the same destination.
-    #[serde(default)]
     pub merge: bool,
 }
 

@@ -2,10 +2,12 @@
 
 use serde::Deserialize;
 
+use super::super::config_qos::QosConfig;
 use super::super::route::Types;
 use super::*;
 use wrapyfi_data::Limits;
 use wrapyfi_data::types::{Encoding, MessageType};
+use wrapyfi_endpoint::{QosPreset, TopicSpec};
 
 #[derive(Debug, Default, Deserialize)]
 struct NoEndpoints {}

@@ -295,3 +295,43 @@ fn offer<R: Message>(
     };
     opened().inspect_err(|why| tracing::warn!("~/{service} is not offered: {why}")).ok()
 }
+
+#[cfg(test)]
+mod tests {
+    use wrapyfi_core::endpoint::{Link, Refusal, ServeError};
+
+    use super::*;
+
+    /// A server that takes no request any more, and the number of tries.
+    struct Failing(usize);
+
+    impl Server for Failing {
+        fn take(&mut self) -> Result<Option<IncomingRequest>, ServeError> {
+            self.0 += 1;
+            Err(ServeError::Overloaded { service: "/explain".to_owned(), limit: 1 })
+        }
+
+        fn reply(
+            &mut self,
+            _: RequestId,
+            _: Result<Payload, Refusal>,
+        ) -> Result<usize, ServeError> {
+            Ok(0)
+        }
+
+        fn deadline(&self) -> Option<Instant> {
+            None
+        }
+
+        fn link(&self) -> Link {
+            Link::default()
+        }
+    }
+
+    #[test]
+    fn a_server_that_fails_each_time_does_not_keep_the_thread() {
+        let mut server = Failing(0);
+        assert!(next(&mut server).is_none());
+        assert_eq!(server.0, MAX_WAITING);
+    }
+}
