@@ -9,7 +9,7 @@
 //! once take several. A connection that has answered is kept for the next call.
 
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Weak};
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
@@ -23,18 +23,18 @@ use super::body::{Bodies, Body};
 use super::config::NodeUri;
 use super::core::Core;
 use super::header::Header;
+use super::probe::{greeted, probe_of};
 use super::services::{self, MAX_ERROR_BYTES, ServiceForm, ServiceType};
 use super::splitter;
 use super::tcpros;
-use wrapyfi_data::DecodeError;
-use wrapyfi_data::EncodeError;
 use wrapyfi_data::types::Payload;
+use wrapyfi_data::{DecodeError, EncodeError};
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::calls::{Calls, Stage};
 use wrapyfi_endpoint::restart::restarted;
 use wrapyfi_endpoint::wire_client::{ClientWire, WireClient};
 use wrapyfi_endpoint::{
-    CallError, Context, Link, OpenError, PROGRESS, Request, ServiceSpec, Share,
+    CallError, Context, Link, Mutex, OpenError, PROGRESS, Request, ServiceSpec, Share,
 };
 
 /// Longest time between two looks for a server that is not there.
@@ -82,10 +82,6 @@ struct Line {
     why: Mutex<Option<String>>,
     /// Signal that the server should be looked for.
     seek: Notify,
-}
-
-fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Calls one service.
@@ -153,7 +149,7 @@ fn read(outcome: Outcome, form: &ServiceForm) -> Result<Payload, CallError> {
 impl Line {
     fn end(&self, sequence: i64, outcome: Outcome, bytes: usize) {
         let at = self.context.clock.now();
-        locked(&self.ended).push_back(Ended { sequence, outcome, bytes, at });
+        self.ended.lock().push_back(Ended { sequence, outcome, bytes, at });
         self.context.wake.ring();
     }
 
@@ -161,20 +157,20 @@ impl Line {
     fn missing(&self) -> String {
         let fault = self.core.upgrade().and_then(|core| core.fault());
         fault
-            .or_else(|| locked(&self.why).clone())
+            .or_else(|| self.why.lock().clone())
             .unwrap_or_else(|| format!("a ROS 1 node that offers {}", self.service))
     }
 
     /// Notes where the server is, or why nowhere.
     fn found(&self, place: Option<NodeUri>, why: Option<String>) {
-        *locked(&self.why) = why;
+        *self.why.lock() = why;
         let changed = self.place.send_if_modified(|now| {
             let changes = *now != place;
             *now = place;
             changes
         });
         if changed {
-            locked(&self.idle).clear();
+            self.idle.lock().clear();
             self.context.wake.ring();
         }
     }
@@ -187,17 +183,10 @@ impl Line {
         }
     }
 
-    fn header(&self, caller: &str) -> Header {
-        Header::new()
-            .with("callerid", caller)
-            .with("service", &self.service)
-            .with("tcp_nodelay", "1")
-    }
-
     /// A kept connection that still stands.
     fn kept(&self) -> Option<TcpStream> {
         loop {
-            let stream = locked(&self.idle).pop()?;
+            let stream = self.idle.lock().pop()?;
             // One that has something to say was closed, or is out of step.
             if matches!(stream.try_read(&mut [0]), Err(e) if e.kind() == std::io::ErrorKind::WouldBlock)
             {
@@ -207,7 +196,7 @@ impl Line {
     }
 
     fn keep(&self, stream: TcpStream) {
-        let mut idle = locked(&self.idle);
+        let mut idle = self.idle.lock();
         if idle.len() < IDLE {
             idle.push(stream);
         }
@@ -228,8 +217,10 @@ impl Line {
             let Some(core) = self.core.upgrade() else {
                 return Err("the node has ended".to_owned());
             };
-            let own = self
-                .header(core.name.full())
+            let own = Header::new()
+                .with("callerid", core.name.full())
+                .with("service", &self.service)
+                .with("tcp_nodelay", "1")
                 .with("type", &self.wire_type.name)
                 .with("md5sum", &self.wire_type.md5)
                 .with("persistent", "1");
@@ -342,15 +333,9 @@ async fn look(line: &Line, known: Option<&NodeUri>) -> Option<Result<NodeUri, Op
         return Some(Ok(place));
     }
     // The master also names servers that were killed.
-    let probe = line.header(core.name.full()).with("md5sum", "*").with("probe", "1");
+    let probe = probe_of(&core, &line.service);
     drop(core);
-    let answer = match tcpros::connect(&place.host, place.port).await {
-        Ok(mut stream) => {
-            tcpros::greet(&mut stream, &probe).await.map_err(|error| error.to_string())
-        }
-        Err(why) => Err(why),
-    };
-    Some(match answer {
+    Some(match greeted(&place, &probe).await {
         Ok(header) => match header.get("error") {
             Some(_) if !is_listed => Err(None),
             Some(error) => {
@@ -392,7 +377,7 @@ impl ClientWire for Ros1Client {
                 oldest.abort();
             }
         }
-        let ended = std::mem::take(&mut *locked(&self.line.ended));
+        let ended = std::mem::take(&mut *self.line.ended.lock());
         for Ended { sequence, outcome, bytes, at } in ended {
             let form = &self.form;
             calls.answered(sequence, bytes, at, || read(outcome, form));

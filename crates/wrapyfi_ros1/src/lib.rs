@@ -68,7 +68,7 @@ use std::time::Duration;
 use tokio::runtime::{Builder, Runtime};
 use tokio::time::timeout;
 use wrapyfi_interfaces::parser::TypeName;
-use wrapyfi_interfaces::ros1::{PairError, Rules};
+use wrapyfi_interfaces::ros1::PairError;
 use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
 
 pub use config::{ConfigError, Ros1Config};
@@ -153,15 +153,17 @@ impl Ros1 {
         let api = NodeUri { host: advertised.clone(), port: api_port };
         let data = NodeUri { host: advertised, port: data_port };
         let master = master::Master::new(master, node.full(), &api.to_string(), whereabouts);
-        let core = Core::new(node, master, api, data, runtime.handle().clone());
-        if config.mapping_rules != Rules::built_in() {
-            core.use_rules(config.mapping_rules.clone());
-        }
+        let (handle, rules) = (runtime.handle().clone(), config.mapping_rules.clone());
+        let core = Core::new(node, master, api, data, handle, rules);
         let (answers, accepting) = (Arc::downgrade(&core), Arc::downgrade(&core));
         runtime.spawn(restarted(
             "the XML-RPC port of this ROS 1 node".to_owned(),
             |_| {},
-            move || http::serve(Arc::clone(&api_socket), Arc::new(slave::Slave(answers.clone()))),
+            move || {
+                let core = answers.clone();
+                let answer = move |call| slave::answer(&core, call);
+                http::serve(Arc::clone(&api_socket), Arc::new(answer))
+            },
         ));
         runtime.spawn(restarted(
             "the TCPROS port of this ROS 1 node".to_owned(),
@@ -174,7 +176,7 @@ impl Ros1 {
             move |what| told.set_fault(Some(what)),
             move || registrar::keep(Arc::clone(&registering)),
         ));
-        tracing::info!(node = core.name.full(), master = %core.master.uri(), "ROS 1: node started");
+        tracing::info!(node = core.name.full(), master = %core.master.uri, "ROS 1: node started");
         Ok(Self { core, runtime: Some(runtime) })
     }
 
@@ -352,7 +354,7 @@ impl Drop for Ros1 {
             std::thread::Builder::new().name("wrapyfi-ros1-end".to_owned()).spawn(move || {
                 runtime.block_on(async {
                     let goodbye = async {
-                        core.lingering.over().await;
+                        core.lingering.closed().await;
                         registrar::leave(&core).await;
                     };
                     if timeout(GOODBYE, goodbye).await.is_err() {
@@ -371,7 +373,7 @@ impl std::fmt::Debug for Ros1 {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Ros1")
             .field("node", &self.core.name.full())
-            .field("master", &self.core.master.uri().to_string())
+            .field("master", &self.core.master.uri.to_string())
             .finish_non_exhaustive()
     }
 }

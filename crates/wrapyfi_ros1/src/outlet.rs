@@ -10,8 +10,8 @@
 
 use std::collections::VecDeque;
 use std::io::{self, IoSlice};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use bytes::Bytes;
@@ -21,7 +21,7 @@ use tokio::sync::Notify;
 use tokio::time::timeout;
 
 use super::slave_info::BusLink;
-use wrapyfi_endpoint::{Counters, DropReason, Share, Waits};
+use wrapyfi_endpoint::{Counters, DropReason, Mutex, Share, Waits};
 
 /// Longest time that the last messages have after their publisher went.
 const LINGER: Duration = Duration::from_secs(1);
@@ -104,13 +104,9 @@ impl Outlet {
         }
     }
 
-    fn queue(&self) -> MutexGuard<'_, Queue> {
-        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Sends a message, now or when the subscriber has read; of more than `depth` the oldest goes.
     pub(super) fn push(&self, frame: &Frame, depth: usize, counters: &Arc<Counters>) {
-        let mut queue = self.queue();
+        let mut queue = self.queue.lock();
         if queue.broken || queue.finishing {
             return frame.missed(queue.end(), counters);
         }
@@ -137,12 +133,12 @@ impl Outlet {
 
     /// Has the connection end when what is queued is sent.
     pub(super) fn finish(&self) {
-        self.queue().finishing = true;
+        self.queue.lock().finishing = true;
         self.work.notify_one();
     }
 
     pub(super) fn link(&self) -> BusLink {
-        let queue = self.queue();
+        let queue = self.queue.lock();
         BusLink {
             id: self.id,
             peer: self.peer.clone(),
@@ -156,7 +152,7 @@ impl Outlet {
     /// Writes what the publisher's thread could not, until either end closes. What waits then is lost.
     pub(super) async fn run(&self) {
         self.write().await;
-        let mut queue = self.queue();
+        let mut queue = self.queue.lock();
         queue.broken = true;
         let reason = queue.end();
         for (frame, counters) in std::mem::take(&mut queue.frames) {
@@ -169,7 +165,7 @@ impl Outlet {
         let mut heard = 0_usize;
         loop {
             let (pending, finishing) = {
-                let queue = self.queue();
+                let queue = self.queue.lock();
                 if queue.broken {
                     return;
                 }
@@ -188,7 +184,7 @@ impl Outlet {
                 ready = self.stream.ready(interest) => {
                     let Ok(ready) = ready else { break };
                     if ready.is_writable() {
-                        self.queue().flush(&self.stream);
+                        self.queue.lock().flush(&self.stream);
                     }
                     if ready.is_readable() && !self.listen(&mut heard) {
                         break;
@@ -200,7 +196,7 @@ impl Outlet {
 
     async fn drain(&self) {
         while self.stream.writable().await.is_ok() {
-            let mut queue = self.queue();
+            let mut queue = self.queue.lock();
             queue.flush(&self.stream);
             if queue.frames.is_empty() || queue.broken {
                 return;

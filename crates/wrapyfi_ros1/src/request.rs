@@ -3,7 +3,7 @@
 use super::config::NodeUri;
 use super::core::Core;
 use super::http;
-use super::xmlrpc::{Reply, SUCCESS, Value, text};
+use super::xmlrpc::{Reply, SUCCESS, Value, shortened, text};
 
 /// Asks the node at `uri` for the host and port at which it sends `topic` by TCPROS.
 pub(super) async fn request_topic(
@@ -15,7 +15,7 @@ pub(super) async fn request_topic(
     let params = vec![text(core.name.full()), text(topic), protocols];
     let reply = http::call(uri, "requestTopic", params).await;
     let Reply { status, text: words, value } =
-        reply.map_err(|error| format!("it {}", error.parts().1))?;
+        reply.map_err(|error| format!("it {}", error.what))?;
     if status != SUCCESS {
         return Err(format!("it does not send the topic: {}", shortened(&words)));
     }
@@ -29,14 +29,5 @@ pub(super) async fn request_topic(
             _ => Err("it names no way to the topic".to_owned()),
         },
         _ => Err("it names no way to the topic".to_owned()),
-    }
-}
-
-/// Foreign words for a log line.
-pub(super) fn shortened(text: &str) -> String {
-    const SHOWN: usize = 400;
-    match text.char_indices().nth(SHOWN) {
-        None => text.to_owned(),
-        Some((end, _)) => format!("{}…", text.get(..end).unwrap_or_default()),
     }
 }

@@ -145,7 +145,7 @@ impl ServiceHost {
         if stream.write_all(&own).await.is_err() || header.is_set("probe") {
             return;
         }
-        let lingers = core.lingering.begin();
+        let lingers = core.lingering.subscribe();
         if self.requests.is_closed() {
             return;
         }

@@ -11,15 +11,13 @@
 //! by a plan compiled from both definitions.
 
 use bytes::{BufMut as _, Bytes};
-use wrapyfi_interfaces::ros1::{Options, Plan};
+use wrapyfi_interfaces::ros1::Plan;
 
 use super::NAME;
 use super::core::Core;
-use wrapyfi_data::DecodeError;
-use wrapyfi_data::EncodeError;
-use wrapyfi_data::types::{
-    DataType, MessageType, Payload, RosMessage, RosService, RosType, ServiceKind, Stamp,
-};
+use super::form::{from_ros1, to_ros1};
+use wrapyfi_data::types::{DataType, MessageType, Payload, RosService, ServiceKind, Stamp};
+use wrapyfi_data::{DecodeError, EncodeError};
 use wrapyfi_endpoint::codec::requests;
 use wrapyfi_endpoint::codec::ros1;
 use wrapyfi_endpoint::{OpenError, Request, ServiceSpec};
@@ -84,14 +82,6 @@ impl ServiceForm {
         Ok(Self { spec: spec.clone(), wire_type, any: Some(any) })
     }
 
-    fn limit(&self) -> usize {
-        self.spec.limits.message_bytes
-    }
-
-    fn options(&self) -> Options {
-        Options { message_bytes: self.limit(), ..Options::default() }
-    }
-
     /// Writes a request with its size.
     pub(super) fn encode_request(&self, request: &Request) -> Result<Bytes, EncodeError> {
         let body = match &self.any {
@@ -103,8 +93,9 @@ impl ServiceForm {
                 body
             }
             Some(AnyService { service, request: plan, .. }) => {
-                let message = requests::asked_message(request, *service, self.limit())?;
-                self.write(&message, plan)?
+                let limits = &self.spec.limits;
+                let message = requests::asked_message(request, *service, limits.message_bytes)?;
+                to_ros1(&message, plan, 0, limits)?
             }
         };
         let mut bytes = Vec::with_capacity(body.len() + 4);
@@ -116,7 +107,8 @@ impl ServiceForm {
     /// Reads a request without its size.
     pub(super) fn decode_request(&self, body: &Bytes) -> Result<Request, DecodeError> {
         if let Some(AnyService { service, request: plan, .. }) = &self.any {
-            return self.read(service.request(), plan, body).map(Request::Message);
+            let read = from_ros1(body, plan, service.request(), &self.spec.limits);
+            return read.map(Request::Message);
         }
         let malformed = |reason: String| DecodeError::Malformed {
             format: FORMAT,
@@ -137,8 +129,9 @@ impl ServiceForm {
     pub(super) fn encode_reply(&self, payload: &Payload) -> Result<Vec<Bytes>, EncodeError> {
         let spec = &self.spec;
         if let Some(AnyService { service, response: plan, .. }) = &self.any {
-            let message = requests::returned_message(payload, *service, self.limit())?;
-            return Ok(vec![self.write(&message, plan)?.into()]);
+            let limit = spec.limits.message_bytes;
+            let message = requests::returned_message(payload, *service, limit)?;
+            return Ok(vec![to_ros1(&message, plan, 0, &spec.limits)?.into()]);
         }
         let payload = &*requests::without_messages(payload)?;
         if payload.data_type() != spec.kind.data_type() {
@@ -156,31 +149,10 @@ impl ServiceForm {
     pub(super) fn decode_reply(&self, body: &Bytes) -> Result<Payload, DecodeError> {
         let spec = &self.spec;
         if let Some(AnyService { service, response: plan, .. }) = &self.any {
-            return self.read(service.response(), plan, body).map(Payload::from);
+            return from_ros1(body, plan, service.response(), &spec.limits).map(Payload::from);
         }
         let payload = ros1::decode(body, message_type(spec.kind), &spec.limits, &spec.plugins)?;
         requests::received(payload, spec, Stamp::default())
-    }
-
-    fn write(&self, message: &RosMessage, plan: &Plan) -> Result<Vec<u8>, EncodeError> {
-        let mut bytes = Vec::new();
-        let done = plan.to_ros1(&message.cdr, 0, &self.options(), &mut bytes);
-        done.map_err(|error| super::form::unwritable(message.ros_type, error))?;
-        Ok(bytes)
-    }
-
-    /// Converts a body by `plan` into a message of `ros_type`, whose size may differ from that of
-    /// ROS 1.
-    fn read(
-        &self,
-        ros_type: RosType,
-        plan: &Plan,
-        body: &Bytes,
-    ) -> Result<RosMessage, DecodeError> {
-        let mut cdr = Vec::new();
-        let done = plan.to_cdr(body, &self.options(), &mut cdr);
-        done.map_err(|error| super::form::fault(&error))?;
-        Ok(RosMessage::new(ros_type, cdr))
     }
 }
 
@@ -237,6 +209,7 @@ mod tests {
     use wrapyfi_interfaces::store::{ResolvedType, TypeStore};
 
     use super::*;
+    use wrapyfi_data::types::{RosMessage, RosType};
 
     /// Bytes of ROS 1 become those of ROS 2, and back, without a look at the values.
     #[test]

@@ -14,7 +14,6 @@ use super::deadline;
 use super::envelope::{self, Parcel};
 use super::line::{Delivery, End, Line, Post, Unusable};
 use super::{Shared, transport};
-use wrapyfi_data::DecodeError;
 use wrapyfi_data::EncodeError;
 use wrapyfi_data::types::{Payload, Stamp};
 use wrapyfi_endpoint::calls::{Calls, Stage};
@@ -57,8 +56,8 @@ impl ZeroMqClient {
         let call = mark.and_then(|mark| Some((mark, i64::try_from(mark.number).ok()?)));
         let Some((mark, number)) = call else {
             // Nobody hands back another envelope than ours.
-            self.post.context().counters.received(delivery.wire_bytes);
-            self.post.context().counters.dropped(DropReason::Malformed);
+            self.post.context.counters.received(delivery.wire_bytes);
+            self.post.context.counters.dropped(DropReason::Malformed);
             return;
         };
         let (spec, body) = (&self.spec, &delivery.body);
@@ -75,20 +74,7 @@ fn read(
 ) -> Result<Payload, CallError> {
     let unusable = |fault| CallError::Reply { service: spec.service.clone(), fault };
     let refused = |reason| CallError::Refused { service: spec.service.clone(), reason };
-    let body = body.map_err(|why| {
-        unusable(match *why {
-            Unusable::TooLarge(size) => DecodeError::TooLarge {
-                what: "message",
-                path: "$".into(),
-                actual: size as u64,
-                limit: spec.limits.message_bytes as u64,
-            },
-            Unusable::Frames(frames) => DecodeError::Mismatch {
-                expected: "a reply of one frame".into(),
-                actual: format!("{frames} frames"),
-            },
-        })
-    })?;
+    let body = body.map_err(|why| unusable(why.fault("reply", spec.limits.message_bytes)))?;
     match mark.kind {
         Kind::Request => {
             requests::decode_reply(body, spec, Stamp::now()).map_err(unusable)?.map_err(refused)
@@ -112,7 +98,7 @@ impl ClientWire for ZeroMqClient {
     }
 
     fn turn(&mut self, calls: &mut Calls<Outgoing>) {
-        while self.post.link().is_up() && calls.next_to_send().is_some() {
+        while self.post.link.is_up() && calls.next_to_send().is_some() {
             self.number += 1;
             let Some(Outgoing { body, deadline }) = calls.send(self.number) else { break };
             let content = Content::of(self.spec.kind.message_type());
@@ -128,7 +114,7 @@ impl ClientWire for ZeroMqClient {
     }
 
     fn missing(&self, stage: Stage) -> String {
-        match (stage, self.post.link().waiting_for()) {
+        match (stage, self.post.link.waiting_for()) {
             (Stage::Waiting, Some(what)) => format!("still waiting for {what}"),
             (Stage::Waiting, None) => "the broker was reached too late".to_owned(),
             (Stage::Sent, Some(what)) => {
@@ -144,7 +130,7 @@ impl ClientWire for ZeroMqClient {
 
     fn link(&self) -> Link {
         // A broker does not tell clients who serves.
-        Link { peers: None, waiting_for: self.post.link().waiting_for(), keeps_last: false }
+        Link { peers: None, waiting_for: self.post.link.waiting_for(), keeps_last: false }
     }
 }
 

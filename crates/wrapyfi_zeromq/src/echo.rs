@@ -10,11 +10,11 @@
 
 use std::collections::{HashMap, VecDeque};
 use std::hash::{BuildHasher, RandomState};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use wrapyfi_endpoint::Clock;
+use wrapyfi_endpoint::{Clock, Mutex};
 
 /// Longest time that a message may be under way to the broker and back.
 const LIFETIME: Duration = Duration::from_secs(10);
@@ -28,7 +28,7 @@ pub(super) struct Echoes(Mutex<HashMap<String, Arc<Echo>>>);
 impl Echoes {
     /// The tokens of `topic`, shared by its publishers and listeners here.
     pub(super) fn of(&self, topic: &str) -> Arc<Echo> {
-        let mut topics = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut topics = self.0.lock();
         topics.retain(|_, echo| Arc::strong_count(echo) > 1);
         Arc::clone(topics.entry(topic.to_owned()).or_default())
     }
@@ -68,7 +68,21 @@ impl Listening {
 
     /// True when these frames were published here; its token is spent then.
     pub(super) fn is_own<B: AsRef<[u8]>>(&self, frames: &[B], clock: &Clock) -> bool {
-        self.0.is_own(frames, clock)
+        if self.0.tokens.lock().is_empty() {
+            return false;
+        }
+        let (print, now) = (self.0.fingerprint(frames), clock.now());
+        let mut tokens = self.0.tokens.lock();
+        // Usually the first: a broker keeps the order.
+        let found = tokens.iter().position(|token| token.print == print && !token.expired(now));
+        let Some(at) = found else { return false };
+        if let Some(token) = tokens.get_mut(at) {
+            token.left = token.left.saturating_sub(1);
+            if token.left == 0 {
+                tokens.remove(at);
+            }
+        }
+        true
     }
 }
 
@@ -91,7 +105,7 @@ impl Echo {
             return None;
         }
         let (print, now) = (self.fingerprint(frames), clock.now());
-        let mut tokens = self.lock();
+        let mut tokens = self.tokens.lock();
         while tokens.len() >= MAX_TOKENS || tokens.front().is_some_and(|token| token.expired(now)) {
             tokens.pop_front();
         }
@@ -101,28 +115,10 @@ impl Echo {
 
     /// Takes back the token of a message that was not sent after all.
     pub(super) fn forget(&self, print: Fingerprint) {
-        let mut tokens = self.lock();
+        let mut tokens = self.tokens.lock();
         if let Some(at) = tokens.iter().rposition(|token| token.print == print) {
             tokens.remove(at);
         }
-    }
-
-    fn is_own<B: AsRef<[u8]>>(&self, frames: &[B], clock: &Clock) -> bool {
-        if self.lock().is_empty() {
-            return false;
-        }
-        let (print, now) = (self.fingerprint(frames), clock.now());
-        let mut tokens = self.lock();
-        // Usually the first: a broker keeps the order.
-        let found = tokens.iter().position(|token| token.print == print && !token.expired(now));
-        let Some(at) = found else { return false };
-        if let Some(token) = tokens.get_mut(at) {
-            token.left = token.left.saturating_sub(1);
-            if token.left == 0 {
-                tokens.remove(at);
-            }
-        }
-        true
     }
 
     fn fingerprint<B: AsRef<[u8]>>(&self, frames: &[B]) -> Fingerprint {
@@ -131,10 +127,6 @@ impl Echo {
             let frame = frame.as_ref();
             Fingerprint { length: print.length + frame.len(), hash: mix(print.hash, frame) }
         })
-    }
-
-    fn lock(&self) -> MutexGuard<'_, VecDeque<Token>> {
-        self.tokens.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -206,11 +198,11 @@ mod tests {
         let now = Instant::now();
         let (then, later) = (Clock::new(move || now), Clock::new(move || now + 2 * LIFETIME));
         echo.remember(&[b"old"], &then);
-        assert!(!echo.is_own(&[b"old"], &later));
+        assert!(!listening.is_own(&[b"old"], &later));
         for n in 0..2 * MAX_TOKENS {
             echo.remember(&[n.to_le_bytes()], &then);
         }
-        assert_eq!(echo.lock().len(), MAX_TOKENS);
+        assert_eq!(echo.tokens.lock().len(), MAX_TOKENS);
         drop(listening);
         assert!(Arc::strong_count(&echo) == 2, "the map and this test");
     }

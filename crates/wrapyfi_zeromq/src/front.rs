@@ -312,9 +312,3 @@ fn unlist(
         }
     }
 }
-
-impl std::fmt::Debug for Front {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Front").field("peers", &self.peers.len()).finish_non_exhaustive()
-    }
-}

@@ -77,7 +77,7 @@ impl Handle {
 
 /// The thread. Dropping this ends it and closes all its sockets.
 pub(super) struct Io {
-    handle: Arc<Handle>,
+    pub(super) handle: Arc<Handle>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -104,10 +104,6 @@ impl Io {
         let thread =
             std::thread::Builder::new().name("zeromq-io".to_owned()).spawn(|| worker.run())?;
         Ok(Self { handle, thread: Some(thread) })
-    }
-
-    pub(super) fn handle(&self) -> &Arc<Handle> {
-        &self.handle
     }
 }
 
@@ -218,8 +214,8 @@ impl Worker {
         while let Ok(command) = self.commands.try_recv() {
             match command {
                 Command::Listen(reception) => self.add(reception.id, End::Reception(reception)),
-                Command::Publish(outlet) => self.add(outlet.id(), End::Outlet(outlet)),
-                Command::Line(line) => self.add(line.id(), End::Line(line)),
+                Command::Publish(outlet) => self.add(outlet.id, End::Outlet(outlet)),
+                Command::Line(line) => self.add(line.post.id, End::Line(line)),
                 Command::Look(id) => _ = self.ready.insert(id),
                 Command::Close(id) => self.close(id),
             }
@@ -325,11 +321,11 @@ impl End {
     /// The endpoint's descriptors, and what they say when something happened.
     fn descriptors(&self) -> (Token, Vec<RawFd>) {
         let (id, socket, watch) = match self {
-            Self::Outlet(outlet) => return (Token(index(outlet.id())), Vec::new()),
+            Self::Outlet(outlet) => return (Token(index(outlet.id)), Vec::new()),
             Self::Reception(reception) => {
                 (reception.id, reception.socket.get_fd().ok(), &reception.watch)
             }
-            Self::Line(line) => (line.id(), line.socket.get_fd().ok(), &line.watch),
+            Self::Line(line) => (line.post.id, line.socket.get_fd().ok(), &line.watch),
             Self::Closing(id, watch) => (*id, None, watch),
         };
         let descriptors = socket.into_iter().chain(watch.fd()).collect();
@@ -347,7 +343,7 @@ impl End {
         look.patience = match self {
             Self::Reception(reception) => {
                 if reception.watch.take() {
-                    reception.wake.ring();
+                    reception.inbox.context().wake.ring();
                 }
                 let mut held = reception.retry(now);
                 if held.is_none() {
@@ -362,7 +358,7 @@ impl End {
             Self::Outlet(outlet) => return Ok(outlet.look(now, registry, faults)),
             Self::Line(line) => {
                 if line.watch.take() {
-                    line.ring();
+                    line.post.context.wake.ring();
                 }
                 line.write()?;
                 line.read()?;
@@ -374,7 +370,7 @@ impl End {
             }
             Self::Closing(_, watch) => {
                 watch.take();
-                look.over = watch.is_over();
+                look.over = watch.over;
                 None
             }
         };

@@ -7,8 +7,7 @@
 //! ```
 
 use std::net::{IpAddr, SocketAddr};
-use std::sync::{Arc, Mutex, PoisonError};
-use std::thread::JoinHandle;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::StartError;
@@ -17,7 +16,8 @@ use super::config::{BrokerMode, reachable};
 use super::link::{self, BrokerLink, Watch};
 use super::options::{self, Bell};
 use super::probe::{Answer, probe};
-use super::turns::{self, Turns};
+use super::turns::{Runs, Turns};
+use wrapyfi_endpoint::Mutex;
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::network::is_of_this_machine;
 
@@ -55,9 +55,9 @@ pub(super) struct Side {
 
 /// Our broker, if we run one, and the thread that takes over from a foreign one.
 pub(super) struct Keeper<B: Stand> {
+    // Before the broker, so that it is not made once more.
+    guard: Option<Runs>,
     broker: Arc<Mutex<Option<B>>>,
-    bell: Option<Bell>,
-    thread: Option<JoinHandle<()>>,
 }
 
 enum Found<B> {
@@ -76,9 +76,9 @@ impl<B: Stand> Keeper<B> {
             BrokerMode::Embedded => settle(config, ip)?,
             BrokerMode::Foreign => Found::Foreign { may_take_over: false },
         };
-        let mut keeper = Self { broker: Arc::new(Mutex::new(None)), bell: None, thread: None };
+        let mut keeper = Self { broker: Arc::new(Mutex::new(None)), guard: None };
         match found {
-            Found::Own(broker) => *keeper.lock() = Some(broker),
+            Found::Own(broker) => *keeper.broker.lock() = Some(broker),
             Found::Foreign { may_take_over: false } => {}
             Found::Foreign { may_take_over: true } => keeper.guard(config.clone(), ip)?,
         }
@@ -87,38 +87,17 @@ impl<B: Stand> Keeper<B> {
 
     /// Looks at our own broker, if we run one.
     pub(super) fn own<T>(&self, look: impl FnOnce(&B) -> T) -> Option<T> {
-        self.lock().as_ref().map(look)
-    }
-
-    fn lock(&self) -> std::sync::MutexGuard<'_, Option<B>> {
-        self.broker.lock().unwrap_or_else(PoisonError::into_inner)
+        self.broker.lock().as_ref().map(look)
     }
 
     fn guard(&mut self, config: B::Config, ip: IpAddr) -> Result<(), StartError> {
         let context = zmq::Context::new();
         let (bell, ears) = Bell::new(&context)?;
         let guard = Guard::<B>::new(&context, config, ip, ears, Arc::clone(&self.broker))?;
-        self.bell = Some(bell);
-        self.thread = Some(
-            std::thread::Builder::new()
-                .name("zeromq-guard".to_owned())
-                .spawn(move || guard.run())
-                .map_err(|error| StartError::Transport { reason: error.to_string() })?,
-        );
+        let runs = Runs::start("zeromq-guard", bell, guard);
+        self.guard =
+            Some(runs.map_err(|error| StartError::Transport { reason: error.to_string() })?);
         Ok(())
-    }
-}
-
-impl<B: Stand> Drop for Keeper<B> {
-    fn drop(&mut self) {
-        if let Some(bell) = &self.bell {
-            bell.ring();
-        }
-        if let Some(thread) = self.thread.take()
-            && thread.join().is_err()
-        {
-            tracing::error!("the thread that watches the ZeroMQ broker panicked");
-        }
     }
 }
 
@@ -219,13 +198,6 @@ impl<B: Stand> Guard<B> {
         let try_at = Instant::now() + backoff.wait();
         Ok(Self { config, ears, watch, socket, slot, backoff, try_at })
     }
-
-    fn run(mut self) {
-        turns::run(&mut self);
-        let Self { socket, watch, .. } = self;
-        drop(socket);
-        Watch::see_out(vec![watch]);
-    }
 }
 
 impl<B: Stand> Turns for Guard<B> {
@@ -233,7 +205,7 @@ impl<B: Stand> Turns for Guard<B> {
 
     /// Stops when told to, and when we are the broker.
     fn turn(&mut self) -> zmq::Result<bool> {
-        let wait = match self.watch.link().is_up() {
+        let wait = match self.watch.link.is_up() {
             true => -1,
             false => {
                 let left = self.try_at.saturating_duration_since(Instant::now());
@@ -250,7 +222,7 @@ impl<B: Stand> Turns for Guard<B> {
             self.backoff.reset();
             self.try_at = Instant::now() + self.backoff.wait();
         }
-        if self.watch.link().is_up() || Instant::now() < self.try_at {
+        if self.watch.link.is_up() || Instant::now() < self.try_at {
             return Ok(true);
         }
         match B::start(&self.config) {
@@ -261,7 +233,7 @@ impl<B: Stand> Turns for Guard<B> {
                     back_port,
                     "the foreign ZeroMQ broker is gone: this process is the broker now"
                 );
-                *self.slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(broker);
+                *self.slot.lock() = Some(broker);
                 return Ok(false);
             }
             Err(error) => tracing::debug!(%error, "no broker yet"),
@@ -274,5 +246,11 @@ impl<B: Stand> Turns for Guard<B> {
         &self.ears
     }
 
-    fn failed(&self, _why: Option<String>) {}
+    fn failed(&mut self, _why: Option<String>) {}
+
+    fn end(self) {
+        let Self { socket, watch, .. } = self;
+        drop(socket);
+        Watch::see_out(vec![watch]);
+    }
 }

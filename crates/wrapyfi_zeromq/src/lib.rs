@@ -23,7 +23,7 @@
 //! | `listener`, `publisher`, `client`, `server` | the endpoints |
 //! | `outlet` | a publisher's connection to the broker |
 //! | `peer`, `zmtp` | one connection of ours as XPUB, the protocol there |
-//! | `envelope` | what is around a request and a reply |
+//! | `frames`, `envelope` | messages of several frames, what is around a request and a reply |
 //! | `echo` | our own messages are not received |
 //! | `options`, `contexts` | what all sockets share; room for sockets |
 
@@ -35,6 +35,7 @@ mod deadline;
 mod discovery;
 mod echo;
 mod envelope;
+mod frames;
 mod front;
 mod io;
 mod keeper;
@@ -58,17 +59,17 @@ mod turns;
 mod zmtp;
 
 use std::net::{IpAddr, SocketAddr};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 pub use broker::{Broker, BrokerConfig, BrokerError, BrokerStatus};
-pub use config::{BrokerMode, ConfigError, ZeroMqConfig};
+pub use config::{BrokerMode, ZeroMqConfig};
 pub use probe::Answer;
 pub use service_broker::{ServiceBroker, ServiceBrokerConfig, ServiceBrokerStatus};
 pub use traffic::TopicTraffic;
 
 use wrapyfi_endpoint::{
-    Client, Context, DiscoverError, Discovery, Listener, Middleware, OpenError, Publisher, Role,
-    Server, ServiceSpec, TopicSpec,
+    Client, Context, DiscoverError, Discovery, Listener, Middleware, Mutex, OpenError, Publisher,
+    Role, Server, ServiceSpec, TopicSpec,
 };
 
 /// Name of this middleware in addresses.
@@ -178,12 +179,11 @@ impl ZeroMq {
     /// When the ports belong to something else, or the settings contradict themselves. A foreign
     /// broker that is not there yet is no error: it is waited for.
     pub fn start(config: &ZeroMqConfig) -> Result<Self, StartError> {
-        if let Some(reason) = name_fault(&config.monitor_topic) {
-            let topic = config.monitor_topic.clone();
-            return Err(StartError::MonitorTopic { topic, reason });
-        }
-        let ip = config::resolve(&config.hosts.or_same(&config.ip))
-            .map_err(|reason| BrokerError::Host { reason })?;
+        check_topic(&config.monitor_topic).map_err(|reason| StartError::MonitorTopic {
+            topic: config.monitor_topic.clone(),
+            reason,
+        })?;
+        let ip = config::resolve(&config.hosts.or_same(&config.ip))?;
         let ledger = Arc::<ledger::Ledger>::default();
         let keeper = keeper::Keeper::<Broker>::start(
             &(config.broker_config(), Arc::clone(&ledger)),
@@ -193,11 +193,7 @@ impl ZeroMq {
         let (pub_port, sub_port) = keeper
             .own(|broker| (broker.pub_port(), broker.sub_port()))
             .unwrap_or((config.pub_port, config.sub_port));
-        for (field, port) in [("pub_port", pub_port), ("sub_port", sub_port)] {
-            if port == 0 {
-                return Err(StartError::NoPort { field });
-            }
-        }
+        check_ports([("pub_port", pub_port), ("sub_port", sub_port)])?;
         let io =
             io::Io::start().map_err(|error| StartError::Transport { reason: error.to_string() })?;
         let ip = config::reachable(ip);
@@ -248,40 +244,31 @@ impl ZeroMq {
     /// # Errors
     /// As [`ZeroMq::start`].
     pub fn start_services(&self) -> Result<(u16, u16), StartError> {
-        let mut services = self.services.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut services = self.services.lock();
         let keeper = match &mut *services {
             Some(keeper) => keeper,
             none => {
-                let ip = config::resolve(&self.config.hosts.or_same(&self.config.ip))
-                    .map_err(|reason| BrokerError::Host { reason })?;
+                let ip = config::resolve(&self.config.hosts.or_same(&self.config.ip))?;
                 let config = self.config.service_broker_config();
                 none.insert(keeper::Keeper::start(&config, self.config.service_broker, ip)?)
             }
         };
         let own = keeper.own(|broker| (broker.rep_port(), broker.req_port()));
         let (rep_port, req_port) = own.unwrap_or((self.config.rep_port, self.config.req_port));
-        for (field, port) in [("rep_port", rep_port), ("req_port", req_port)] {
-            if port == 0 {
-                return Err(StartError::NoPort { field });
-            }
-        }
+        check_ports([("rep_port", rep_port), ("req_port", req_port)])?;
         Ok((rep_port, req_port))
     }
 
     /// State of the broker of requests and replies, where it is this process that runs it now.
     #[must_use]
     pub fn service_broker_status(&self) -> Option<ServiceBrokerStatus> {
-        let services = self.services.lock().unwrap_or_else(PoisonError::into_inner);
+        let services = self.services.lock();
         services.as_ref().and_then(|keeper| keeper.own(ServiceBroker::status))
     }
 
     /// Address that a client or a server connects to. A server brings the broker along.
     fn service_endpoint(&self, role: Role, spec: &ServiceSpec) -> Result<String, OpenError> {
-        check_topic(&spec.service).map_err(|reason| OpenError::InvalidName {
-            middleware: NAME,
-            topic: spec.service.clone(),
-            reason,
-        })?;
+        check_topic(&spec.service).map_err(|reason| invalid(&spec.service, reason))?;
         let rep_port = self.config.rep_port;
         let port = match role {
             Role::Client if rep_port != 0 => rep_port,
@@ -300,15 +287,13 @@ impl ZeroMq {
     fn check(&self, topic: &str) -> Result<(), OpenError> {
         let own = [self.monitor_topic.as_str(), traffic::TRAFFIC_TOPIC];
         let own = own.into_iter().find(|own| topic.starts_with(own));
-        let reason = match own {
+        let checked = match own {
             Some(own) => {
-                Some(format!("names that start with {own} are the broker's own; use another name"))
+                Err(format!("names that start with {own} are the broker's own; use another name"))
             }
-            None => name_fault(topic),
+            None => check_topic(topic),
         };
-        reason.map_or(Ok(()), |reason| {
-            Err(OpenError::InvalidName { middleware: NAME, topic: topic.to_owned(), reason })
-        })
+        checked.map_err(|reason| invalid(topic, reason))
     }
 }
 
@@ -380,19 +365,24 @@ impl std::fmt::Debug for ZeroMq {
 /// # Errors
 /// The rule that the name breaks.
 pub fn check_topic(topic: &str) -> Result<(), String> {
-    name_fault(topic).map_or(Ok(()), Err)
+    if topic.is_empty() {
+        Err("it is empty, which would match every topic; give it a name".to_owned())
+    } else if topic.len() > MAX_TOPIC_BYTES {
+        Err(format!("it is {} bytes long, the limit is {MAX_TOPIC_BYTES}", topic.len()))
+    } else if topic.contains(char::is_control) {
+        Err("it contains a control character; remove it".to_owned())
+    } else {
+        Ok(())
+    }
 }
 
-fn name_fault(topic: &str) -> Option<String> {
-    if topic.is_empty() {
-        Some("it is empty, which would match every topic; give it a name".to_owned())
-    } else if topic.len() > MAX_TOPIC_BYTES {
-        Some(format!("it is {} bytes long, the limit is {MAX_TOPIC_BYTES}", topic.len()))
-    } else if topic.contains(char::is_control) {
-        Some("it contains a control character; remove it".to_owned())
-    } else {
-        None
-    }
+fn invalid(topic: &str, reason: String) -> OpenError {
+    OpenError::InvalidName { middleware: NAME, topic: topic.to_owned(), reason }
+}
+
+fn check_ports(ports: [(&'static str, u16); 2]) -> Result<(), StartError> {
+    let unknown = ports.into_iter().find(|(_, port)| *port == 0);
+    unknown.map_or(Ok(()), |(field, _)| Err(StartError::NoPort { field }))
 }
 
 fn transport(topic: &str, error: zmq::Error) -> OpenError {

@@ -10,18 +10,19 @@
 //! that never comes blocks them for ever. On the wire it is the same, envelope for envelope.
 
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 
+use super::Shared;
 use super::envelope::{self, Misfit, Parcel};
 use super::io::Handle;
 use super::link::{self, BrokerLink, Watch};
 use super::options;
-use super::{Shared, config::FRAME_SLACK};
+use wrapyfi_data::DecodeError;
 use wrapyfi_endpoint::requests::Requests;
-use wrapyfi_endpoint::{Context, DropReason, ServiceSpec, Share};
+use wrapyfi_endpoint::{Context, DropReason, Mutex, ServiceSpec, Share};
 
 /// Messages that libzmq holds for the broker.
 pub(super) const SEND_HWM: i32 = 2;
@@ -53,6 +54,24 @@ pub(super) enum Unusable {
     Frames(usize),
 }
 
+impl Unusable {
+    /// The fault, where one frame of at most `limit` bytes was wanted.
+    pub(super) fn fault(self, wanted: &str, limit: usize) -> DecodeError {
+        match self {
+            Self::TooLarge(size) => DecodeError::TooLarge {
+                what: "message",
+                path: "$".into(),
+                actual: size as u64,
+                limit: limit as u64,
+            },
+            Self::Frames(frames) => DecodeError::Mismatch {
+                expected: format!("a {wanted} of one frame"),
+                actual: format!("{frames} frames"),
+            },
+        }
+    }
+}
+
 /// A parcel that waits to be sent.
 struct Waiting {
     parcel: Parcel,
@@ -64,7 +83,7 @@ struct Waiting {
 
 /// State that the owner of a line and the I/O thread share.
 pub(super) struct Post {
-    id: u64,
+    pub(super) id: u64,
     service: String,
     end: End,
     /// Deliveries that may wait at a client.
@@ -73,34 +92,22 @@ pub(super) struct Post {
     incoming: Mutex<VecDeque<Delivery>>,
     /// Bytes that wait to be sent, and those that came and were not taken.
     shares: [Share; 2],
-    link: Arc<BrokerLink>,
-    context: Context,
+    pub(super) link: Arc<BrokerLink>,
+    pub(super) context: Context,
     io: Arc<Handle>,
 }
 
 impl Post {
-    pub(super) fn link(&self) -> &BrokerLink {
-        &self.link
-    }
-
-    pub(super) fn context(&self) -> &Context {
-        &self.context
-    }
-
     /// Sends as soon as there is a way, not after `until`; the parcel comes back where it finds no room.
     pub(super) fn send(&self, parcel: Parcel, until: Option<Instant>) -> Result<(), Parcel> {
         let sent_bytes = matches!(self.end, End::Server(_)).then(|| parcel.size());
-        self.queue(parcel, until, sent_bytes)?;
-        self.io.send(super::io::Command::Look(self.id));
-        Ok(())
+        self.queue(parcel, until, sent_bytes)
     }
 
     /// Tells the other side why it gets no reply, unless there is no room even for that: then it learns by its
     /// time-out.
     pub(super) fn refuse(&self, envelope: Vec<Bytes>, why: &str) {
-        if self.queue(Parcel::error(envelope, why), None, None).is_ok() {
-            self.io.send(super::io::Command::Look(self.id));
-        }
+        _ = self.queue(Parcel::error(envelope, why), None, None);
     }
 
     fn queue(
@@ -113,7 +120,8 @@ impl Post {
         if !sending.take(self.counted(&parcel)) {
             return Err(parcel);
         }
-        lock(&self.outgoing).push_back(Waiting { parcel, until, sent_bytes });
+        self.outgoing.lock().push_back(Waiting { parcel, until, sent_bytes });
+        self.io.send(super::io::Command::Look(self.id));
         Ok(())
     }
 
@@ -123,7 +131,7 @@ impl Post {
     }
 
     pub(super) fn take(&self) -> Option<Delivery> {
-        let next = lock(&self.incoming).pop_front()?;
+        let next = self.incoming.lock().pop_front()?;
         let [_, received] = &self.shares;
         received.give(next.wire_bytes);
         Some(next)
@@ -135,13 +143,9 @@ impl Post {
     }
 }
 
-fn lock<T>(queue: &Mutex<T>) -> MutexGuard<'_, T> {
-    queue.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 /// The socket and what it feeds.
 pub(super) struct Line {
-    post: Arc<Post>,
+    pub(super) post: Arc<Post>,
     pub(super) socket: zmq::Socket,
     pub(super) watch: Watch,
     message_bytes: usize,
@@ -169,12 +173,10 @@ impl Line {
             // Requests that a lost broker had been given are lost with it; the others go to the
             // next one.
             socket.set_immediate(true)?;
-            // Beyond this libzmq cuts the connection: as for listeners.
-            let guard = spec.limits.message_bytes.saturating_mul(2).saturating_add(FRAME_SLACK);
-            socket.set_maxmsgsize(options::frame_limit(guard))?;
+            options::set_message_limit(&socket, spec.limits.message_bytes)?;
             link::connect(context, socket, &link)
         })?;
-        let io = Arc::clone(shared.io.handle());
+        let io = Arc::clone(&shared.io.handle);
         let post = Arc::new(Post {
             id: io.next_id(),
             service: spec.service.clone(),
@@ -193,26 +195,10 @@ impl Line {
         Ok(post)
     }
 
-    pub(super) fn id(&self) -> u64 {
-        self.post.id
-    }
-
-    pub(super) fn ring(&self) {
-        self.post.context.wake.ring();
-    }
-
     /// Connects again if libzmq has given up on the broker. The time until it may have is returned.
     pub(super) fn revive(&mut self, now: Instant) -> Option<Duration> {
-        let post = &self.post;
-        if self.watch.revive(&self.socket, &post.context.wake, now) {
-            post.context.counters.dropped(DropReason::Oversize);
-            tracing::warn!(
-                service = post.service,
-                limit_mib = self.message_bytes / wrapyfi_data::Limits::MIB,
-                "a message far above the limit cut the connection to the broker, which is opened again"
-            );
-        }
-        self.watch.patience(now)
+        let (post, limit) = (&self.post, self.message_bytes);
+        self.watch.revive(&self.socket, &post.service, limit, &post.context, now)
     }
 
     /// Has the socket closed once what waits is sent, or some time has passed.
@@ -224,7 +210,7 @@ impl Line {
     pub(super) fn lingers(&self, now: Instant) -> Option<Duration> {
         let left = self.closes?.saturating_duration_since(now);
         let sends = matches!(self.post.end, End::Server(_)) && self.post.link.is_up();
-        let waits = sends && !lock(&self.post.outgoing).is_empty();
+        let waits = sends && !self.post.outgoing.lock().is_empty();
         Some(if waits { left } else { Duration::ZERO })
     }
 
@@ -232,21 +218,21 @@ impl Line {
     /// is over.
     pub(super) fn end(self) -> Watch {
         // What the broker had no room for until now is lost with the socket.
-        for left in lock(&self.post.outgoing).drain(..) {
+        for left in self.post.outgoing.lock().drain(..) {
             let [sending, _] = &self.post.shares;
             sending.give(self.post.counted(&left.parcel));
             if let Some(bytes) = left.sent_bytes {
                 self.post.context.counters.undelivered(DropReason::Closed, bytes);
             }
         }
-        self.post.link.end();
+        self.post.link.note(link::ENDED);
         drop(self.socket);
         self.watch
     }
 
     /// Sends what waits and has room.
     pub(super) fn write(&self) -> zmq::Result<()> {
-        let mut outgoing = lock(&self.post.outgoing);
+        let mut outgoing = self.post.outgoing.lock();
         let now = self.post.context.clock.now();
         while let Some(Waiting { parcel, until, .. }) = outgoing.front() {
             let in_time = until.is_none_or(|until| until > now);
@@ -263,7 +249,7 @@ impl Line {
     /// True when there is something to read, or room for what waits to be sent.
     pub(super) fn has_more(&self) -> zmq::Result<bool> {
         let events = self.socket.get_events()?;
-        let waits = || !lock(&self.post.outgoing).is_empty();
+        let waits = || !self.post.outgoing.lock().is_empty();
         Ok(events.contains(zmq::POLLIN) || (events.contains(zmq::POLLOUT) && waits()))
     }
 
@@ -301,7 +287,7 @@ impl Line {
                     post.refuse(envelope, &error.to_string());
                 }
             }
-            End::Client if lock(&post.incoming).len() >= post.limit => {
+            End::Client if post.incoming.lock().len() >= post.limit => {
                 // Nobody asked for so many.
                 post.context.counters.received(size);
                 post.context.counters.dropped(DropReason::QueueFull);
@@ -311,8 +297,8 @@ impl Line {
                 post.context.counters.dropped(DropReason::OverBudget);
             }
             End::Client => {
-                lock(&post.incoming).push_back(delivery);
-                self.ring();
+                post.incoming.lock().push_back(delivery);
+                post.context.wake.ring();
             }
         }
     }

@@ -286,7 +286,7 @@ impl Peer {
                     self.inside = frame.more;
                 }
                 (_, true) => {
-                    let (name, properties) = zmtp::split_command(frame.body).ok_or(Breach)?;
+                    let (name, properties) = zmtp::short_text(frame.body).ok_or(Breach)?;
                     if name != b"READY"
                         || !matches!(zmtp::socket_type(properties), Some(b"SUB" | b"XSUB"))
                     {
@@ -303,7 +303,7 @@ impl Peer {
     }
 
     fn obey(&mut self, body: &[u8], heard: &mut Vec<Heard>) {
-        match zmtp::split_command(body) {
+        match zmtp::short_text(body) {
             Some((b"PONG", _)) => self.has_heartbeats = true,
             Some((b"PING", rest)) => {
                 self.has_heartbeats = true;

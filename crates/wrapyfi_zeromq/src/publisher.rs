@@ -28,7 +28,7 @@ impl ZeroMqPublisher {
         let mut spec = spec.clone();
         // Beyond this the broker would cut the connection.
         spec.limits.message_bytes = spec.limits.message_bytes.min(shared.max_frame_bytes);
-        let io = Arc::clone(shared.io.handle());
+        let io = Arc::clone(&shared.io.handle);
         let (hwm, echo) = (shared.send_hwm, shared.echoes.of(&spec.topic));
         let outlet = Outlet::new(shared.sub_address, &spec.topic, hwm, echo, context, &io);
         io.send(Command::Publish(Arc::clone(&outlet)));
@@ -58,7 +58,7 @@ impl ZeroMqPublisher {
 impl Publisher for ZeroMqPublisher {
     /// While nobody is subscribed nothing is encoded: [`PublishError::NoConsumer`].
     fn publish(&mut self, payload: &Payload) -> Result<usize, PublishError> {
-        if let Some(what) = self.outlet.link().waiting_for() {
+        if let Some(what) = self.outlet.link.waiting_for() {
             return Err(self.failed(&format_args!("waiting for {what}")));
         }
         if self.outlet.subscriptions() == 0 {
@@ -83,7 +83,7 @@ impl Publisher for ZeroMqPublisher {
     fn link(&self) -> Link {
         Link {
             peers: Some(self.outlet.subscriptions()),
-            waiting_for: self.outlet.link().waiting_for(),
+            waiting_for: self.outlet.link.waiting_for(),
             keeps_last: false,
         }
     }
@@ -91,6 +91,6 @@ impl Publisher for ZeroMqPublisher {
 
 impl Drop for ZeroMqPublisher {
     fn drop(&mut self) {
-        self.io.send(Command::Close(self.outlet.id()));
+        self.io.send(Command::Close(self.outlet.id));
     }
 }

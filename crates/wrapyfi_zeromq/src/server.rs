@@ -10,11 +10,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use super::envelope::{self, Parcel};
-use super::line::{Delivery, End, Line, Post, Unusable};
+use super::line::{Delivery, End, Line, Post};
 use super::{Shared, transport};
-use wrapyfi_data::DecodeError;
-use wrapyfi_data::EncodeError;
 use wrapyfi_data::types::Payload;
+use wrapyfi_data::{DecodeError, EncodeError};
 use wrapyfi_endpoint::calls::ends;
 use wrapyfi_endpoint::codec::requests;
 use wrapyfi_endpoint::codec::requests::mark::{Kind, Mark};
@@ -52,7 +51,10 @@ impl ServerWire for ZeroMqServer {
 
     fn is_given_up(&self, asked: &Asked<Delivery>) -> bool {
         let mark = envelope::mark(&asked.ask.envelope);
-        ends(asked.received_at, patience(mark)) <= self.post.context().clock.now()
+        // Without a mark nobody says how long it waits.
+        let timeout =
+            mark.map_or(Duration::MAX, |mark| Duration::from_millis(mark.timeout_ms.into()));
+        ends(asked.received_at, timeout) <= self.post.context.clock.now()
     }
 
     fn read(&self, delivery: &Delivery) -> Result<Request, DecodeError> {
@@ -70,16 +72,7 @@ impl ServerWire for ZeroMqServer {
         }
         match &delivery.body {
             Ok(body) => requests::decode_request(body, &self.spec),
-            Err(Unusable::TooLarge(size)) => Err(DecodeError::TooLarge {
-                what: "message",
-                path: "$".into(),
-                actual: *size as u64,
-                limit: self.spec.limits.message_bytes as u64,
-            }),
-            Err(Unusable::Frames(frames)) => Err(DecodeError::Mismatch {
-                expected: "a request of one frame".into(),
-                actual: format!("{frames} frames"),
-            }),
+            Err(why) => Err(why.fault("request", self.spec.limits.message_bytes)),
         }
     }
 
@@ -108,7 +101,7 @@ impl ServerWire for ZeroMqServer {
         };
         let error = ServeError::NoRoom { service: self.spec.service.clone(), bytes };
         if is_reply {
-            self.post.context().counters.dropped(DropReason::OverBudget);
+            self.post.context.counters.dropped(DropReason::OverBudget);
             // Short, and so it may find room.
             self.post.refuse(envelope, &error.to_string());
         }
@@ -117,13 +110,8 @@ impl ServerWire for ZeroMqServer {
 
     fn link(&self) -> Link {
         // A broker does not tell servers who calls.
-        Link { peers: None, waiting_for: self.post.link().waiting_for(), keeps_last: false }
+        Link { peers: None, waiting_for: self.post.link.waiting_for(), keeps_last: false }
     }
-}
-
-/// Time after `received_at` for which the caller of a request waits, where it says so.
-fn patience(mark: Option<Mark>) -> Duration {
-    mark.map_or(Duration::MAX, |mark| Duration::from_millis(mark.timeout_ms.into()))
 }
 
 impl Drop for ZeroMqServer {

@@ -43,55 +43,36 @@ pub(super) struct Told {
 /// Counts of one broker.
 #[derive(Debug, Default)]
 pub(super) struct Traffic {
-    topics: BTreeMap<Vec<u8>, (u64, u64, Option<Look>)>,
+    topics: BTreeMap<Vec<u8>, (u64, u64, Option<&'static str>)>,
     unlisted: u64,
-    watchers: u64,
+    /// Number of those who are subscribed to the table.
+    pub(super) watchers: u64,
 }
 
-/// Kind of a message, told by its frames.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Look {
-    NativeObject,
-    Image,
-    CompressedImage,
-    AudioChunk,
-}
-
-impl Look {
-    /// The type that has `frames` frames, the last of which begins with `body`.
-    pub(super) fn guess(frames: usize, body: &[u8]) -> Option<Self> {
-        const ARRAY: &[u8] = b"{\"__wrapyfi__\": [\"numpy.ndarray\"";
-        const TUPLE: &[u8] = b"{\"__wrapyfi__\": [\"tuple\"";
-        match frames {
-            2 if matches!(
-                body.first(),
-                Some(b'{' | b'[' | b'"' | b'-' | b'0'..=b'9' | b'n' | b't' | b'f' | b'N' | b'I')
-            ) =>
-            {
-                Some(Self::NativeObject)
-            }
-            3 if body.starts_with(&[0xFF, 0xD8, 0xFF]) => Some(Self::CompressedImage),
-            3 if body.starts_with(ARRAY) => Some(Self::Image),
-            3 if body.starts_with(TUPLE) => Some(Self::AudioChunk),
-            // The header behind an object.
-            3 if body.starts_with(b"{timestamp:") => Some(Self::NativeObject),
-            _ => None,
+/// The type that has `frames` frames, the last of which begins with `body`.
+pub(super) fn guess(frames: usize, body: &[u8]) -> Option<&'static str> {
+    const ARRAY: &[u8] = b"{\"__wrapyfi__\": [\"numpy.ndarray\"";
+    const TUPLE: &[u8] = b"{\"__wrapyfi__\": [\"tuple\"";
+    match frames {
+        2 if matches!(
+            body.first(),
+            Some(b'{' | b'[' | b'"' | b'-' | b'0'..=b'9' | b'n' | b't' | b'f' | b'N' | b'I')
+        ) =>
+        {
+            Some("NativeObject")
         }
-    }
-
-    pub(super) fn name(self) -> &'static str {
-        match self {
-            Self::NativeObject => "NativeObject",
-            Self::Image => "Image",
-            Self::CompressedImage => "CompressedImage",
-            Self::AudioChunk => "AudioChunk",
-        }
+        3 if body.starts_with(&[0xFF, 0xD8, 0xFF]) => Some("CompressedImage"),
+        3 if body.starts_with(ARRAY) => Some("Image"),
+        3 if body.starts_with(TUPLE) => Some("AudioChunk"),
+        // The header behind an object.
+        3 if body.starts_with(b"{timestamp:") => Some("NativeObject"),
+        _ => None,
     }
 }
 
 impl Traffic {
     /// Takes note of a message.
-    pub(super) fn count(&mut self, topic: &[u8], bytes: usize, look: Option<Look>) {
+    pub(super) fn count(&mut self, topic: &[u8], bytes: usize, look: Option<&'static str>) {
         let bytes = bytes as u64;
         if let Some(known) = self.topics.get_mut(topic) {
             *known = (known.0 + 1, known.1.saturating_add(bytes), look);
@@ -100,16 +81,6 @@ impl Traffic {
         } else {
             self.unlisted += 1;
         }
-    }
-
-    /// Somebody subscribed to the table.
-    pub(super) fn watched(&mut self) {
-        self.watchers += 1;
-    }
-
-    /// Somebody left.
-    pub(super) fn unwatched(&mut self) {
-        self.watchers = self.watchers.saturating_sub(1);
     }
 
     /// The second frame of the table; `None` while nobody is subscribed to it.
@@ -126,7 +97,7 @@ impl Traffic {
         for (topic, &(messages, bytes, look)) in &self.topics {
             match std::str::from_utf8(topic) {
                 Ok(name) if !name.is_empty() => {
-                    let type_name = look.map(|look| look.name().to_owned());
+                    let type_name = look.map(str::to_owned);
                     let topic = TopicTraffic { messages, bytes, type_name };
                     told.topics.insert(name.to_owned(), topic);
                 }
@@ -144,17 +115,17 @@ mod tests {
     #[test]
     fn topics_are_counted_and_told_to_those_who_ask() {
         let mut traffic = Traffic::default();
-        traffic.count(b"/a", 10, Look::guess(2, b"{\"x\": 1}"));
-        traffic.count(b"/a", 5, Look::guess(2, b"[1]"));
+        traffic.count(b"/a", 10, guess(2, b"{\"x\": 1}"));
+        traffic.count(b"/a", 5, guess(2, b"[1]"));
         traffic.count(&[0xff], 5, None);
         assert_eq!(traffic.message(), None, "nobody asks");
-        traffic.watched();
+        traffic.watchers = 1;
         let text = traffic.message().unwrap();
         let told: Told = serde_json::from_slice(&text).unwrap();
         let type_name = Some("NativeObject".to_owned());
         assert_eq!(told.topics["/a"], TopicTraffic { messages: 2, bytes: 15, type_name });
         assert_eq!((told.topics.len(), told.unlisted), (1, 1));
-        traffic.unwatched();
+        traffic.watchers = 0;
         assert_eq!(traffic.message(), None);
     }
 
@@ -171,12 +142,12 @@ mod tests {
 
     #[test]
     fn types_by_their_frames() {
-        assert_eq!(Look::guess(3, &[0xFF, 0xD8, 0xFF, 0xE0]), Some(Look::CompressedImage));
+        assert_eq!(guess(3, &[0xFF, 0xD8, 0xFF, 0xE0]), Some("CompressedImage"));
         let image = b"{\"__wrapyfi__\": [\"numpy.ndarray\", \"k05V";
-        assert_eq!(Look::guess(3, image), Some(Look::Image));
-        assert_eq!(Look::guess(3, b"{\"__wrapyfi__\": [\"tuple\", [1"), Some(Look::AudioChunk));
-        assert_eq!(Look::guess(3, b"{timestamp:1.5, frame_id"), Some(Look::NativeObject));
-        assert_eq!(Look::guess(2, b"\x00\x01"), None);
-        assert_eq!(Look::guess(5, b"{"), None);
+        assert_eq!(guess(3, image), Some("Image"));
+        assert_eq!(guess(3, b"{\"__wrapyfi__\": [\"tuple\", [1"), Some("AudioChunk"));
+        assert_eq!(guess(3, b"{timestamp:1.5, frame_id"), Some("NativeObject"));
+        assert_eq!(guess(2, b"\x00\x01"), None);
+        assert_eq!(guess(5, b"{"), None);
     }
 }

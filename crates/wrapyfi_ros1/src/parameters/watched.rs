@@ -6,7 +6,7 @@
 //! ```
 
 use std::collections::{BTreeMap, VecDeque};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::values::{Flat, flatten, size, to_value, within};
@@ -14,7 +14,7 @@ use crate::core::Core;
 use crate::xmlrpc;
 use wrapyfi_data::DecodeError;
 use wrapyfi_data::types::{Map, ParameterValue, Properties, Value};
-use wrapyfi_endpoint::{Context, Link, Listener, Sample, TakeError, TopicSpec, Wake};
+use wrapyfi_endpoint::{Context, Link, Listener, Mutex, Sample, TakeError, TopicSpec, Wake};
 
 /// Answers of the master are younger than this.
 const LONGEST_ASKED: Duration = Duration::from_secs(60);
@@ -107,12 +107,8 @@ impl Watched {
         &self.context.wake
     }
 
-    fn state(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     pub(super) fn give(&self, value: &xmlrpc::Value, asked: Instant) {
-        let mut state = self.state();
+        let mut state = self.state.lock();
         let flat = flatten(value.clone());
         state.book.heard(flat, asked);
         let news = !state.book.untold.is_empty() || !state.book.faults.is_empty();
@@ -138,7 +134,7 @@ pub(super) fn setting(core: &Core, path: &str, value: Option<&xmlrpc::Value>) ->
     let mut needed = None;
     for_each(core, path, |watched, name| {
         let Some(value) = one(name) else { return };
-        let differs = watched.state().book.setting(name, &value);
+        let differs = watched.state.lock().book.setting(name, &value);
         needed = Some(needed.unwrap_or(false) | differs);
     });
     // A parameter without a listener has no known value.
@@ -147,7 +143,7 @@ pub(super) fn setting(core: &Core, path: &str, value: Option<&xmlrpc::Value>) ->
 
 /// The master has what this node has set, unless it refused.
 pub(super) fn was_set(core: &Core, path: &str, done: bool) {
-    for_each(core, path, |watched, name| watched.state().book.was_set(name, done));
+    for_each(core, path, |watched, name| watched.state.lock().book.was_set(name, done));
 }
 
 /// Every listener here to whose namespace a parameter belongs, and its name there.
@@ -184,7 +180,7 @@ impl ParameterListener {
 
 impl Listener for ParameterListener {
     fn take(&mut self) -> Result<Option<Sample>, TakeError> {
-        let mut state = self.watched.state();
+        let mut state = self.watched.state.lock();
         if let Some(why) = state.book.faults.pop_front() {
             let expected = "a parameter that ROS 2 has a type for".to_owned();
             return Err(DecodeError::Mismatch { expected, actual: why }.into());
@@ -203,7 +199,7 @@ impl Listener for ParameterListener {
     }
 
     fn discard(&mut self) -> bool {
-        let mut state = self.watched.state();
+        let mut state = self.watched.state.lock();
         if state.book.faults.pop_front().is_some() {
             return true;
         }
