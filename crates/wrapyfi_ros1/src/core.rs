@@ -15,7 +15,7 @@ use tokio::sync::{Notify, watch};
 use wrapyfi_interfaces::ros1::{Rules, Types};
 
 use super::config::NodeUri;
-use super::intake::Intake;
+use super::listener_connections::ListenerConnections;
 use super::marks::Marked;
 use super::master::Master;
 use super::names::NodeName;
@@ -70,7 +70,7 @@ pub(super) struct Subscription {
     publishers: Vec<NodeUri>,
     /// Number of lists of publishers that the master sent without being asked.
     updates: u64,
-    pub(super) listeners: Vec<Arc<Intake>>,
+    pub(super) listeners: Vec<Arc<ListenerConnections>>,
 }
 
 impl Core {
@@ -142,20 +142,20 @@ impl Core {
 
     /// Ends the node's part in the graph for good.
     pub(super) fn end(&self, reason: String) {
-        let (wakes, intakes, publications, hosts) = {
+        let (wakes, listeners, publications, hosts) = {
             let mut state = self.state();
             if state.ended.is_some() {
                 return;
             }
             state.ended = Some(reason);
             state.registrations.unwant_all();
-            let intakes: Vec<_> =
+            let listeners: Vec<_> =
                 state.subscriptions.values().flat_map(|one| one.listeners.clone()).collect();
             let publications: Vec<_> = state.topics.values().flatten().cloned().collect();
             let hosts: Vec<_> = state.services.values().cloned().collect();
-            (state.bells(), intakes, publications, hosts)
+            (state.bells(), listeners, publications, hosts)
         };
-        intakes.iter().for_each(|intake| intake.close());
+        listeners.iter().for_each(|connections| connections.close());
         publications.iter().for_each(|publication| publication.close());
         hosts.iter().for_each(|host| host.close());
         self.work.notify_one();
@@ -176,22 +176,27 @@ impl Core {
     }
 
     /// Enters a listener.
-    pub(super) fn listen(&self, topic: &str, type_name: &str, intake: &Arc<Intake>) {
+    pub(super) fn listen(
+        &self,
+        topic: &str,
+        type_name: &str,
+        connections: &Arc<ListenerConnections>,
+    ) {
         let mut state = self.state();
         let State { subscriptions, orphans, .. } = &mut *state;
         let subscription = subscriptions.entry(topic.to_owned()).or_default();
-        subscription.listeners.push(Arc::clone(intake));
+        subscription.listeners.push(Arc::clone(connections));
         // Under the lock, so that nothing older comes after what the master says next.
-        intake.update(&with_orphans(&subscription.publishers, orphans.get(topic)));
+        connections.update(&with_orphans(&subscription.publishers, orphans.get(topic)));
         self.want(&mut state, Kind::Subscriber, topic, type_name);
     }
 
     /// Takes a listener out; the registration goes with the last one.
-    pub(super) fn unlisten(&self, topic: &str, intake: &Arc<Intake>) {
-        intake.close();
+    pub(super) fn unlisten(&self, topic: &str, connections: &Arc<ListenerConnections>) {
+        connections.close();
         let mut state = self.state();
         let Some(subscription) = state.subscriptions.get_mut(topic) else { return };
-        subscription.listeners.retain(|listener| !Arc::ptr_eq(listener, intake));
+        subscription.listeners.retain(|listener| !Arc::ptr_eq(listener, connections));
         if subscription.listeners.is_empty() {
             state.subscriptions.remove(topic);
             self.unwant(&mut state, Kind::Subscriber, topic);
@@ -352,7 +357,7 @@ impl State {
         let publications = self.topics.values().flatten();
         let watched = self.parameters.values().flatten();
         listeners
-            .map(|intake| intake.wake().clone())
+            .map(|connections| connections.wake().clone())
             .chain(publications.flat_map(|publication| publication.wakes()))
             .chain(self.services.values().map(|host| host.wake().clone()))
             .chain(watched.map(|watched| watched.wake().clone()))
@@ -379,6 +384,6 @@ impl Subscription {
     /// Tells the listeners who publishes.
     fn tell(&self, orphans: Option<&BTreeSet<NodeUri>>) {
         let publishers = with_orphans(&self.publishers, orphans);
-        self.listeners.iter().for_each(|intake| intake.update(&publishers));
+        self.listeners.iter().for_each(|connections| connections.update(&publishers));
     }
 }

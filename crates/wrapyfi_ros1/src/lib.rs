@@ -18,46 +18,44 @@
 //! | --- | --- |
 //! | `config`, `names` | environment and settings; what names mean |
 //! | `header`, `xmlrpc`, `splitter` | bytes of connections, without sockets |
-//! | `http`, `master`, `slave`, `slave_info` | XML-RPC: calls, the master's API, ours |
+//! | `http`, `master`, `slave` | XML-RPC: calls, the master's API, ours |
 //! | `core`, `registrations`, `registrar` | the node; what the master should know, and that it does |
 //! | `tcpros` | connections: opened, accepted, refused |
 //! | `whereabouts` | which machines the addresses of other nodes mean |
-//! | `request`, `intake`, `listener` | a topic received |
-//! | `publication`, `kept`, `outlet` | a topic sent, what is kept of it, one subscriber |
+//! | `listener_connections`, `listener` | a topic received |
+//! | `publication`, `kept`, `subscriber` | a topic sent, what is kept of it, one subscriber |
 //! | `services`, `service_host`, `server`, `client` | services |
 //! | `parameters` | properties |
-//! | `form` | messages of any type as payloads |
+//! | `conversion` | messages of any type as payloads |
 //! | `discovery`, `presence`, `marks` | what other nodes have, whether they live, what bridges made |
 //! | `learn`, `probe` | the types of it; nodes asked for what the master does not tell |
 
 mod body;
 mod client;
 mod config;
+mod conversion;
 mod core;
 mod discovery;
-mod form;
 pub mod header;
 mod http;
-mod intake;
 mod learn;
 mod listener;
+mod listener_connections;
 mod marks;
 mod master;
 mod names;
-mod outlet;
 mod parameters;
 mod presence;
 mod probe;
 mod publication;
 mod registrar;
 mod registrations;
-mod request;
 mod server;
 mod service_host;
 mod services;
 mod slave;
-mod slave_info;
 mod splitter;
+mod subscriber;
 mod tcpros;
 mod whereabouts;
 pub mod xmlrpc;
@@ -254,7 +252,7 @@ impl Middleware for Ros1 {
         context: &Context,
     ) -> Result<Box<dyn Listener>, OpenError> {
         let topic = self.resolve(&spec.topic)?;
-        Ok(match form::wanted(&self.core, spec.message_type) {
+        Ok(match conversion::wanted(&self.core, spec.message_type) {
             Some(wire_type) => {
                 let core = &self.core;
                 Box::new(listener::Ros1Listener::open(core, &topic, wire_type, spec, context))
@@ -271,7 +269,7 @@ impl Middleware for Ros1 {
         context: &Context,
     ) -> Result<Box<dyn Publisher>, OpenError> {
         let topic = self.resolve(&spec.topic)?;
-        Ok(match form::offered(&self.core, spec)? {
+        Ok(match conversion::offered(&self.core, spec)? {
             Some(offer) => {
                 let core = &self.core;
                 Box::new(publication::Ros1Publisher::open(core, &topic, offer, spec, context))

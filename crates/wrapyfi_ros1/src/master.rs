@@ -99,18 +99,6 @@ impl Master {
         http::call(&self.uri, method, params).await
     }
 
-    /// Enters a subscription; the addresses of the nodes that publish.
-    pub(super) async fn register_subscriber(
-        &self,
-        topic: &str,
-        type_name: &str,
-    ) -> Result<Vec<String>, MasterError> {
-        let method = "registerSubscriber";
-        let params = [text(topic), text(type_name), text(&self.api)];
-        let value = self.ask(method, params).await?;
-        string_list(&value).ok_or_else(|| odd(method, &value))
-    }
-
     /// Address of the node that offers a service; `None` where nobody does.
     pub(super) async fn lookup_service(
         &self,
@@ -180,14 +168,6 @@ impl Master {
         let Reply { status, value, .. } = self.raw("getParam", [text(key)]).await?;
         Ok((status == SUCCESS).then_some(value))
     }
-
-    pub(super) async fn set_param(&self, key: &str, value: Value) -> Result<(), MasterError> {
-        self.ask("setParam", [text(key), value]).await.map(drop)
-    }
-
-    pub(super) async fn delete_param(&self, key: &str) -> Result<(), MasterError> {
-        self.ask("deleteParam", [text(key)]).await.map(drop)
-    }
 }
 
 fn array(value: &Value) -> Option<&[Value]> {
@@ -214,7 +194,7 @@ fn owners(value: &Value) -> Option<Owners> {
     array(value)?.iter().map(pair).collect()
 }
 
-fn odd(method: &'static str, value: &Value) -> MasterError {
+pub(super) fn odd(method: &'static str, value: &Value) -> MasterError {
     MasterError::Odd { method, actual: shortened(&format!("{value:?}")) }
 }
 

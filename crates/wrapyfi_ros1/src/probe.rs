@@ -17,9 +17,9 @@ use tokio::time::timeout;
 use super::config::NodeUri;
 use super::core::Core;
 use super::header::Header;
-use super::request::request_topic;
+use super::http;
 use super::tcpros;
-use super::xmlrpc::shortened;
+use super::xmlrpc::{Reply, SUCCESS, Value, shortened, text};
 use wrapyfi_endpoint::{Mutex, Role};
 
 /// Longest time that one of them has to answer.
@@ -42,14 +42,14 @@ pub(super) type Probes = Mutex<BTreeMap<Whom, Answer>>;
 pub(super) enum Answer {
     /// Question that was asked and has no answer yet.
     Asked,
-    Told(Told),
+    Told(TypeInfo),
     /// Failed question: the reason and the time.
     Failed(String, Instant),
 }
 
 /// Type that a publisher or a server has told of its topic or service.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Told {
+pub(super) struct TypeInfo {
     /// ROS 1 name of the type.
     pub(super) type_name: String,
     /// A publisher sends its last message to whoever comes.
@@ -105,7 +105,7 @@ pub(super) fn keep_only(core: &Core, there: impl Fn(Role, &str, &str) -> bool) {
         .retain(|(role, name, node), answer| *answer == Answer::Asked || there(*role, name, node));
 }
 
-async fn topic(core: &Core, name: &str, node: &str) -> Result<Told, String> {
+async fn topic(core: &Core, name: &str, node: &str) -> Result<TypeInfo, String> {
     let uri = core.master.lookup_node(node).await.map_err(|error| error.to_string())?;
     let uri = uri.ok_or_else(|| format!("the master knows no node {node}"))?;
     let (host, port) = request_topic(core, &uri, name).await?;
@@ -124,14 +124,41 @@ async fn topic(core: &Core, name: &str, node: &str) -> Result<Told, String> {
         let shown = core.types().show(&type_name, md5sum, text);
         shown.map_err(|error| error.to_string())?;
     }
-    Ok(Told { type_name, latches: header.is_set("latching"), place })
+    Ok(TypeInfo { type_name, latches: header.is_set("latching"), place })
 }
 
-async fn service(core: &Core, name: &str) -> Result<Told, String> {
+/// Asks the node at `uri` for the host and port at which it sends `topic` by TCPROS.
+pub(super) async fn request_topic(
+    core: &Core,
+    uri: &NodeUri,
+    topic: &str,
+) -> Result<(String, u16), String> {
+    let protocols = Value::Array(vec![Value::Array(vec![text("TCPROS")])]);
+    let params = vec![text(core.name.full()), text(topic), protocols];
+    let reply = http::call(uri, "requestTopic", params).await;
+    let Reply { status, text: words, value } =
+        reply.map_err(|error| format!("it {}", error.what))?;
+    if status != SUCCESS {
+        return Err(format!("it does not send the topic: {}", shortened(&words)));
+    }
+    match &value {
+        Value::Array(parts) => match parts.as_slice() {
+            [Value::String(_), Value::String(host), Value::Integer(port), ..] => {
+                let port = u16::try_from(*port).map_err(|_e| format!("port {port} is none"))?;
+                Ok((core.master.whereabouts.of_host(host), port))
+            }
+            [] => Err("it does not speak TCPROS".to_owned()),
+            _ => Err("it names no way to the topic".to_owned()),
+        },
+        _ => Err("it names no way to the topic".to_owned()),
+    }
+}
+
+async fn service(core: &Core, name: &str) -> Result<TypeInfo, String> {
     let place = core.master.lookup_service(name).await.map_err(|error| error.to_string())?;
     let place = place.ok_or("the master knows it no more")?;
     let header = greeted(&place, &probe_of(core, name)).await?;
-    Ok(Told { type_name: type_in(&header)?, latches: false, place })
+    Ok(TypeInfo { type_name: type_in(&header)?, latches: false, place })
 }
 
 /// True when a server that has told its type still answers for the service at the same address.

@@ -1,8 +1,8 @@
 //! A topic that this node publishes, of one type: its publishers here, its subscribers elsewhere.
 //!
 //! ```text
-//!   Ros1Publisher ┐                        ┌▶ Outlet ─▶ subscriber
-//!   Ros1Publisher ┴─▶ Publication ─────────┴▶ Outlet ─▶ subscriber
+//!   Ros1Publisher ┐                        ┌▶ Subscriber ─▶ subscriber
+//!   Ros1Publisher ┴─▶ Publication ─────────┴▶ Subscriber ─▶ subscriber
 //!                       └ Latched: for who comes later
 //! ```
 
@@ -13,12 +13,11 @@ use std::sync::Arc;
 use tokio::io::AsyncWriteExt as _;
 use wrapyfi_interfaces::ros1::Plan;
 
+use super::conversion;
 use super::core::{Core, Mark};
-use super::form;
 use super::header::Header;
-use super::intake::MARK;
-use super::outlet::{Frame, Outlet};
-use super::slave_info::BusLink;
+use super::listener_connections::MARK;
+use super::subscriber::{BusLink, Frame, Subscriber};
 use super::tcpros::Accepted;
 use wrapyfi_data::types::{Encoding, Image, MessageType, Payload, Pixels};
 use wrapyfi_data::{EncodeError, Limits};
@@ -43,7 +42,7 @@ pub(super) struct Publication {
 #[derive(Default)]
 struct State {
     publishers: BTreeMap<u64, Entry>,
-    outlets: Vec<Arc<Outlet>>,
+    subscribers: Vec<Arc<Subscriber>>,
     closed: bool,
 }
 
@@ -81,24 +80,24 @@ impl Publication {
 
     /// Connections of the publication, for the slave API.
     pub(super) fn links(&self) -> Vec<BusLink> {
-        self.state.lock().outlets.iter().map(|outlet| outlet.link()).collect()
+        self.state.lock().subscribers.iter().map(|subscriber| subscriber.link()).collect()
     }
 
     /// Ends its connections when what is queued is sent.
     pub(super) fn close(&self) {
         let mut state = self.state.lock();
         state.closed = true;
-        state.outlets.iter().for_each(|outlet| outlet.finish());
+        state.subscribers.iter().for_each(|subscriber| subscriber.finish());
     }
 
     fn subscribers(&self) -> usize {
-        self.state.lock().outlets.len()
+        self.state.lock().subscribers.len()
     }
 
     /// Sends to all subscribers; how many there are.
     fn send(&self, publisher: u64, frame: &Frame, keep: Keep) -> usize {
         let mut state = self.state.lock();
-        let State { publishers, outlets, .. } = &mut *state;
+        let State { publishers, subscribers, .. } = &mut *state;
         let Some(entry) = publishers.get_mut(&publisher) else { return 0 };
         if let Keep::LastOf(origin) = keep {
             entry.kept.forget(&origin);
@@ -111,10 +110,10 @@ impl Publication {
                 );
             }
         }
-        for outlet in outlets.iter() {
-            outlet.push(frame, entry.depth, &entry.counters);
+        for subscriber in subscribers.iter() {
+            subscriber.push(frame, entry.depth, &entry.counters);
         }
-        outlets.len()
+        subscribers.len()
     }
 
     /// Serves a subscriber until either end closes.
@@ -147,30 +146,31 @@ impl Publication {
             return;
         }
         let lingers = core.lingering.subscribe();
-        let outlet = Arc::new(Outlet::new(core.next_id(), &caller, peer.to_string(), stream));
-        if !self.enter(&outlet) {
+        let subscriber =
+            Arc::new(Subscriber::new(core.next_id(), &caller, peer.to_string(), stream));
+        if !self.enter(&subscriber) {
             return;
         }
         tracing::debug!(topic = self.topic, "ROS 1: {caller} subscribes");
         self.ring();
-        outlet.run().await;
-        self.state.lock().outlets.retain(|one| !Arc::ptr_eq(one, &outlet));
+        subscriber.run().await;
+        self.state.lock().subscribers.retain(|one| !Arc::ptr_eq(one, &subscriber));
         self.ring();
         drop((place, lingers));
     }
 
     /// Lets a subscriber in: it gets what is kept first, and then every message.
-    fn enter(&self, outlet: &Arc<Outlet>) -> bool {
+    fn enter(&self, subscriber: &Arc<Subscriber>) -> bool {
         let mut state = self.state.lock();
         if state.closed {
             return false;
         }
         for entry in state.publishers.values() {
             for kept in entry.kept.messages() {
-                outlet.push(kept, KEEP_ALL, &entry.counters);
+                subscriber.push(kept, KEEP_ALL, &entry.counters);
             }
         }
-        state.outlets.push(Arc::clone(outlet));
+        state.subscribers.push(Arc::clone(subscriber));
         true
     }
 }
@@ -253,7 +253,7 @@ impl Ros1Publisher {
     }
 
     fn encode(&mut self, payload: &Payload) -> Result<Frame, EncodeError> {
-        let pieces = form::encode(payload, self.plan.as_ref(), self.sequence, &self.spec)?;
+        let pieces = conversion::encode(payload, self.plan.as_ref(), self.sequence, &self.spec)?;
         self.sequence = self.sequence.wrapping_add(1);
         let size: usize = pieces.iter().map(bytes::Bytes::len).sum();
         let (actual, limit) = (size as u64, u64::from(u32::MAX));
@@ -276,7 +276,7 @@ impl Ros1Publisher {
 
 /// The payload in the form that the type carries: pixels, or a file. Wrapyfi's listeners take colour
 /// as `bgr8` only, so pixels in the other order are turned, unless `color_order` asks for that order.
-pub(super) fn formed<'p>(
+pub(super) fn fitted<'p>(
     payload: &'p Payload,
     message_type: MessageType,
     color_order: Encoding,
@@ -366,8 +366,9 @@ mod tests {
 
     fn encoding_of(pixels: RawPixels, color_order: Encoding) -> (Encoding, Vec<u8>) {
         let payload = Payload::Image(Image::new(wrapyfi_data::types::Stamp::default(), pixels));
-        let formed = formed(&payload, MessageType::Image, color_order, &Limits::default()).unwrap();
-        let Payload::Image(Image { pixels: Pixels::Raw(raw), .. }) = formed.into_owned() else {
+        let payload =
+            fitted(&payload, MessageType::Image, color_order, &Limits::default()).unwrap();
+        let Payload::Image(Image { pixels: Pixels::Raw(raw), .. }) = payload.into_owned() else {
             panic!("pixels stay pixels");
         };
         (raw.encoding, raw.data.to_vec())

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use tokio::time::timeout;
 
 use super::core::Core;
-use super::master::MasterError;
+use super::master::{MasterError, odd, string_list};
 use super::registrations::{Key, Kind, Step};
 use super::whereabouts::meet_master;
 use super::xmlrpc::text;
@@ -91,7 +91,9 @@ async fn take(core: &Arc<Core>, step: &Step) -> Result<(), MasterError> {
             Kind::Publisher => ("registerPublisher", vec![text(name), text(type_name), own]),
             Kind::Subscriber => {
                 let since = core.updates(name);
-                let publishers = master.register_subscriber(name, type_name).await?;
+                let method = "registerSubscriber";
+                let value = master.ask(method, [text(name), text(type_name), own]).await?;
+                let publishers = string_list(&value).ok_or_else(|| odd(method, &value))?;
                 core.set_publishers(name, &publishers, Some(since));
                 return Ok(());
             }

@@ -7,7 +7,7 @@ use bytes::Bytes;
 use super::NAME;
 use super::core::{Core, Mark};
 use super::service_host::{Ask, HEAD, Reply, ServiceHost};
-use super::services::ServiceForm;
+use super::services::ServiceCodec;
 use wrapyfi_data::types::Payload;
 use wrapyfi_data::{DecodeError, EncodeError};
 use wrapyfi_endpoint::requests::{Asked, Requests};
@@ -20,7 +20,7 @@ pub(super) struct Ros1Server {
     service: String,
     /// Told to other bridges while the server lives.
     _mark: Option<Mark>,
-    form: ServiceForm,
+    codec: ServiceCodec,
     host: Arc<ServiceHost>,
 }
 
@@ -31,9 +31,9 @@ impl Ros1Server {
         spec: &ServiceSpec,
         context: &Context,
     ) -> Result<WireServer<Self>, OpenError> {
-        let form = ServiceForm::new(core, spec)?;
+        let codec = ServiceCodec::new(core, spec)?;
         let requests = Arc::new(Requests::new(spec, context));
-        let host = Arc::new(ServiceHost::new(service, &form, Arc::clone(&requests)));
+        let host = Arc::new(ServiceHost::new(service, &codec, Arc::clone(&requests)));
         if !core.offer(service, &host) {
             return Err(OpenError::Transport {
                 middleware: NAME,
@@ -43,7 +43,7 @@ impl Ros1Server {
         }
         let mark = core.mark(Role::Server, service, &spec.mark);
         let (core, service) = (Arc::clone(core), service.to_owned());
-        Ok(WireServer::new(Self { core, service, _mark: mark, form, host }, requests, spec))
+        Ok(WireServer::new(Self { core, service, _mark: mark, codec, host }, requests, spec))
     }
 }
 
@@ -57,11 +57,11 @@ impl ServerWire for Ros1Server {
     }
 
     fn read(&self, ask: &Ask) -> Result<Request, DecodeError> {
-        self.form.decode_request(&ask.body)
+        self.codec.decode_request(&ask.body)
     }
 
     fn write(&self, _ask: &Ask, payload: &Payload) -> Result<Vec<Bytes>, EncodeError> {
-        self.form.encode_reply(payload)
+        self.codec.encode_reply(payload)
     }
 
     fn send(

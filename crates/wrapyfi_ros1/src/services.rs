@@ -14,8 +14,8 @@ use bytes::{BufMut as _, Bytes};
 use wrapyfi_interfaces::ros1::Plan;
 
 use super::NAME;
+use super::conversion::{from_ros1, to_ros1};
 use super::core::Core;
-use super::form::{from_ros1, to_ros1};
 use wrapyfi_data::types::{DataType, MessageType, Payload, RosService, ServiceKind, Stamp};
 use wrapyfi_data::{DecodeError, EncodeError};
 use wrapyfi_endpoint::codec::requests;
@@ -38,7 +38,7 @@ pub(super) struct ServiceType {
 }
 
 /// A service, and how its messages are read and written.
-pub(super) struct ServiceForm {
+pub(super) struct ServiceCodec {
     pub(super) spec: ServiceSpec,
     pub(super) wire_type: ServiceType,
     /// Definition and plans of a service that is no function of Wrapyfi's.
@@ -52,8 +52,8 @@ struct AnyService {
     response: Plan,
 }
 
-impl ServiceForm {
-    /// The form of a function, or of any service whose ROS 1 definition can be had.
+impl ServiceCodec {
+    /// The codec of a function, or of any service whose ROS 1 definition can be had.
     pub(super) fn new(core: &Core, spec: &ServiceSpec) -> Result<Self, OpenError> {
         let ServiceKind::Ros(service) = spec.kind else {
             return Ok(Self { spec: spec.clone(), wire_type: known(spec.kind), any: None });
@@ -141,7 +141,7 @@ impl ServiceForm {
             });
         }
         let kind = message_type(spec.kind);
-        let payload = super::publication::formed(payload, kind, spec.color_order, &spec.limits)?;
+        let payload = super::publication::fitted(payload, kind, spec.color_order, &spec.limits)?;
         ros1::encode(&payload, kind, 0, &spec.limits, &spec.plugins)
     }
 
@@ -224,28 +224,31 @@ mod tests {
         let request = plan("std_srvs/SetBoolRequest", "bool data\n", service.request());
         let text = "bool success\nstring message\n";
         let response = plan("std_srvs/SetBoolResponse", text, service.response());
-        let form = ServiceForm {
+        let codec = ServiceCodec {
             spec: ServiceSpec::new("/light", ServiceKind::Ros(service)),
             wire_type: known(ServiceKind::NativeObject),
             any: Some(AnyService { service, request, response }),
         };
 
-        let asked = form.decode_request(&Bytes::from_static(&[1])).unwrap();
+        let asked = codec.decode_request(&Bytes::from_static(&[1])).unwrap();
         let cdr: &[u8] = &[0, 1, 0, 0, 1];
         let Request::Message(message) = &asked else { panic!("{asked:?}") };
         assert_eq!(message.cdr[..cdr.len()], *cdr);
-        assert_eq!(form.encode_request(&asked).unwrap(), [1, 0, 0, 0, 1][..]);
-        assert_eq!(form.encode_request(&Request::new([true.into()])).unwrap(), [1, 0, 0, 0, 1][..]);
+        assert_eq!(codec.encode_request(&asked).unwrap(), [1, 0, 0, 0, 1][..]);
+        assert_eq!(
+            codec.encode_request(&Request::new([true.into()])).unwrap(),
+            [1, 0, 0, 0, 1][..]
+        );
 
         let ros1 = Bytes::from_static(&[1, 2, 0, 0, 0, b'o', b'k']);
-        let returned = form.decode_reply(&ros1).unwrap();
+        let returned = codec.decode_reply(&ros1).unwrap();
         let cdr: &[u8] = &[0, 1, 0, 0, 1, 0, 0, 0, 3, 0, 0, 0, b'o', b'k', 0];
         let Payload::RosMessage(message) = &returned else { panic!("{returned:?}") };
         assert_eq!(message.cdr[..cdr.len()], *cdr);
-        assert_eq!(form.encode_reply(&returned).unwrap(), [ros1]);
+        assert_eq!(codec.encode_reply(&returned).unwrap(), [ros1]);
 
         let broken = RosMessage::new(service.request(), &[0, 1, 0, 0][..]);
-        let error = form.encode_request(&Request::Message(broken)).unwrap_err().to_string();
+        let error = codec.encode_request(&Request::Message(broken)).unwrap_err().to_string();
         assert!(error.contains("std_srvs/srv/SetBool_Request"), "{error}");
     }
 }

@@ -7,7 +7,7 @@ use std::sync::{Arc, Weak};
 
 use super::core::Core;
 use super::master::string_list;
-use super::slave_info::BusLink;
+use super::subscriber::BusLink;
 use super::xmlrpc::{Call, Reply, Value, text, texts};
 
 /// Answer of the node `core` to a call; `None` where there is no such method.
@@ -107,7 +107,9 @@ fn publications(core: &Arc<Core>) -> Value {
 fn subscriptions(core: &Arc<Core>) -> Value {
     let state = core.state();
     let of = |(topic, one): (&String, &super::core::Subscription)| {
-        one.listeners.first().map(|intake| texts([topic.clone(), intake.type_name().to_owned()]))
+        one.listeners
+            .first()
+            .map(|connections| texts([topic.clone(), connections.type_name().to_owned()]))
     };
     Value::Array(state.subscriptions.iter().filter_map(of).collect())
 }
@@ -135,7 +137,7 @@ fn bus_info(core: &Arc<Core>) -> Value {
         all.extend(links.map(|link| entry(link, "o", &publication.topic)));
     }
     for (topic, subscription) in &state.subscriptions {
-        let links = subscription.listeners.iter().flat_map(|intake| intake.links());
+        let links = subscription.listeners.iter().flat_map(|connections| connections.links());
         all.extend(links.map(|link| entry(link, "i", topic)));
     }
     Value::Array(all)
@@ -154,7 +156,7 @@ fn bus_stats(core: &Arc<Core>) -> Value {
         Value::Array(vec![text(&publication.topic), int(bytes), Value::Array(links.collect())])
     });
     let subscribers = state.subscriptions.iter().map(|(topic, subscription)| {
-        let links = subscription.listeners.iter().flat_map(|intake| intake.links());
+        let links = subscription.listeners.iter().flat_map(|connections| connections.links());
         let links = links.map(|BusLink { id, messages, bytes, connected, .. }| {
             // Nobody knows what was dropped before it came here.
             let (dropped, connected) = (Value::Integer(-1), Value::Boolean(connected));

@@ -19,11 +19,11 @@ use serde::Serialize;
 
 use super::config::{ZeroMqConfig, resolve};
 use super::front::Front;
-use super::keeper::{Side, Stand};
 use super::ledger::Ledger;
 use super::monitor::Monitor;
-use super::options::{self, Bell};
+use super::options::{self, StopSignal};
 use super::proxy::Proxy;
+use super::supervisor::{Side, Supervised};
 use super::traffic::{TopicTraffic, Traffic};
 use super::turns::Runs;
 use wrapyfi_endpoint::Mutex;
@@ -151,7 +151,8 @@ impl Broker {
         let pub_port = front.port().map_err(failed_to("learn its port"))?;
         let back = socket(&context, ip, config).map_err(failed_to("open its sockets"))?;
         let sub_port = bind(&back, ip, config.sub_port)?;
-        let (bell, stop) = Bell::new(&context).map_err(failed_to("open its control socket"))?;
+        let (stop_signal, stop) =
+            StopSignal::new(&context).map_err(failed_to("open its control socket"))?;
         let status = Arc::<Mutex<BrokerStatus>>::default();
         let proxy = Proxy {
             front,
@@ -165,8 +166,8 @@ impl Broker {
             slow: Throttle::default(),
             repeat_at: Instant::now(),
         };
-        let runs =
-            Runs::start("zeromq-broker", bell, proxy).map_err(failed_to("start its thread"))?;
+        let runs = Runs::start("zeromq-broker", stop_signal, proxy)
+            .map_err(failed_to("start its thread"))?;
         tracing::info!(%ip, pub_port, sub_port, "ZeroMQ broker runs");
         Ok(Self { ip, pub_port, sub_port, status, _runs: runs })
     }
@@ -196,7 +197,7 @@ impl Broker {
     }
 }
 
-impl Stand for Broker {
+impl Supervised for Broker {
     type Config = (BrokerConfig, Arc<Ledger>);
 
     const FRONT: Side = Side { ours: "SUB", expected: "XPUB" };

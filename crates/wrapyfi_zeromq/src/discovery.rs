@@ -20,12 +20,12 @@ use std::time::{Duration, Instant};
 use super::frames::{Received, receive};
 use super::link::{self, BrokerLink, Watch};
 use super::options;
-use super::traffic::{TRAFFIC_TOPIC, Told, TopicTraffic, guess};
+use super::traffic::{TRAFFIC_TOPIC, TopicTraffic, TrafficTable, guess};
 use super::{NAME, Shared};
 use wrapyfi_endpoint::{DiscoverError, Discovered, Discovery, Role, Traffic, Wake};
 
 /// Prefix of the subscription that makes Wrapyfi's broker tell its counts. Not listed.
-const PROBE: &str = "WRAPYFI/LOOK/";
+const ASKS_FOR_COUNTS: &str = "WRAPYFI/LOOK/";
 /// Longest time that our broker may take to send its table, once it is reached.
 const OURS_ANSWERS_WITHIN: Duration = Duration::from_secs(1);
 /// Largest count or table that is read.
@@ -44,7 +44,7 @@ pub(super) struct ZeroMqDiscovery {
     reached_at: Option<Instant>,
     /// True while everything is subscribed to.
     sees_all: bool,
-    told: bool,
+    has_table: bool,
     /// The broker told its counts of listeners.
     counted: bool,
     listeners: BTreeMap<String, u64>,
@@ -64,7 +64,7 @@ impl ZeroMqDiscovery {
             link,
             reached_at: None,
             sees_all: false,
-            told: false,
+            has_table: false,
             counted: false,
             listeners: BTreeMap::new(),
             topics: BTreeMap::new(),
@@ -113,16 +113,16 @@ impl ZeroMqDiscovery {
         {
             self.counted = true;
             self.listeners = counts;
-            let own = |topic: &str| topic == TRAFFIC_TOPIC || topic.starts_with(PROBE);
+            let own = |topic: &str| topic == TRAFFIC_TOPIC || topic.starts_with(ASKS_FOR_COUNTS);
             self.listeners.retain(|topic, count| *count > 0 && !own(topic));
         }
     }
 
     fn table(&mut self, body: &[u8]) {
         if body.len() <= MAX_TOLD_BYTES
-            && let Ok(told) = serde_json::from_slice::<Told>(body)
+            && let Ok(told) = serde_json::from_slice::<TrafficTable>(body)
         {
-            self.told = true;
+            self.has_table = true;
             self.topics = told.topics;
         }
     }
@@ -134,7 +134,7 @@ impl ZeroMqDiscovery {
             return Ok(());
         }
         let since = *self.reached_at.get_or_insert(now);
-        if self.told || self.sees_all || now < since + OURS_ANSWERS_WITHIN {
+        if self.has_table || self.sees_all || now < since + OURS_ANSWERS_WITHIN {
             return Ok(());
         }
         let Some((socket, _)) = &self.connection else { return Ok(()) };
@@ -157,8 +157,8 @@ fn open(
     let socket = context.socket(zmq::SUB)?;
     options::set_common(&socket, shared.ip)?;
     socket.set_maxmsgsize(options::frame_limit(shared.max_frame_bytes))?;
-    let probe = format!("{PROBE}{}", std::process::id());
-    for topic in [monitor_topic, TRAFFIC_TOPIC, &probe] {
+    let name = format!("{ASKS_FOR_COUNTS}{}", std::process::id());
+    for topic in [monitor_topic, TRAFFIC_TOPIC, &name] {
         socket.set_subscribe(topic.as_bytes())?;
     }
     link::connect(context, socket, link)
@@ -192,7 +192,11 @@ impl Discovery for ZeroMqDiscovery {
 
     fn is_complete(&self) -> Option<bool> {
         // Of another's broker whatever passes is new, for as long as we look.
-        Some(if self.link.is_up() { self.told && self.counted } else { self.link.has_failed() })
+        Some(if self.link.is_up() {
+            self.has_table && self.counted
+        } else {
+            self.link.has_failed()
+        })
     }
 }
 

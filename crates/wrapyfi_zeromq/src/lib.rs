@@ -13,18 +13,18 @@
 //! | module | one idea |
 //! | --- | --- |
 //! | `config` | settings and environment |
-//! | `keeper` | there is a broker: ours, or a foreign one until it dies |
+//! | `supervisor` | there is a broker: ours, or a foreign one until it dies |
 //! | `broker`, `proxy`, `turns`, `monitor`, `traffic` | the broker, its thread, its counts |
 //! | `front`, `ledger` | its side for listeners, whose messages it lost |
 //! | `discovery` | which topics a broker has |
-//! | `probe` | what has a port |
+//! | `port_check` | what has a port |
 //! | `service_broker`, `service_proxy` | the broker of requests and replies, its thread |
-//! | `io`, `reception`, `line`, `link` | the thread that receives, the parts of one listener and of one service in it, connection state |
+//! | `io`, `reception`, `service_connection`, `link` | the thread that receives, the parts of one listener and of one service in it, connection state |
 //! | `listener`, `publisher`, `client`, `server` | the endpoints |
-//! | `outlet` | a publisher's connection to the broker |
+//! | `publisher_connection` | a publisher's connection to the broker |
 //! | `peer`, `zmtp` | one connection of ours as XPUB, the protocol there |
 //! | `frames`, `envelope` | messages of several frames, what is around a request and a reply |
-//! | `echo` | our own messages are not received |
+//! | `own_messages` | our own messages are not received |
 //! | `options`, `contexts` | what all sockets share; room for sockets |
 
 mod broker;
@@ -33,27 +33,27 @@ mod config;
 mod contexts;
 mod deadline;
 mod discovery;
-mod echo;
 mod envelope;
 mod frames;
 mod front;
 mod io;
-mod keeper;
 mod ledger;
-mod line;
 mod link;
 mod listener;
 mod monitor;
 mod options;
-mod outlet;
+mod own_messages;
 mod peer;
-mod probe;
+mod port_check;
 mod proxy;
 mod publisher;
+mod publisher_connection;
 mod reception;
 mod server;
 mod service_broker;
+mod service_connection;
 mod service_proxy;
+mod supervisor;
 mod traffic;
 mod turns;
 mod zmtp;
@@ -63,7 +63,7 @@ use std::sync::Arc;
 
 pub use broker::{Broker, BrokerConfig, BrokerError, BrokerStatus};
 pub use config::{BrokerMode, ZeroMqConfig};
-pub use probe::Answer;
+pub use port_check::Answer;
 pub use service_broker::{ServiceBroker, ServiceBrokerConfig, ServiceBrokerStatus};
 pub use traffic::TopicTraffic;
 
@@ -87,10 +87,10 @@ pub struct ZeroMq {
     sub_port: u16,
     // Dropped in this order: sockets may still send while the broker runs.
     shared: Shared,
-    keeper: keeper::Keeper<Broker>,
+    supervisor: supervisor::Supervisor<Broker>,
     config: ZeroMqConfig,
     /// Broker of requests and replies, from the first server on.
-    services: Mutex<Option<keeper::Keeper<ServiceBroker>>>,
+    services: Mutex<Option<supervisor::Supervisor<ServiceBroker>>>,
 }
 
 /// State that endpoints need while they are opened.
@@ -101,7 +101,7 @@ struct Shared {
     sub_address: SocketAddr,
     send_hwm: u16,
     max_frame_bytes: usize,
-    echoes: echo::Echoes,
+    own_messages: own_messages::OwnMessages,
     ledger: Arc<ledger::Ledger>,
     io: io::Io,
     contexts: contexts::Contexts,
@@ -185,12 +185,12 @@ impl ZeroMq {
         })?;
         let ip = config::resolve(&config.hosts.or_same(&config.ip))?;
         let ledger = Arc::<ledger::Ledger>::default();
-        let keeper = keeper::Keeper::<Broker>::start(
+        let supervisor = supervisor::Supervisor::<Broker>::start(
             &(config.broker_config(), Arc::clone(&ledger)),
             config.broker,
             ip,
         )?;
-        let (pub_port, sub_port) = keeper
+        let (pub_port, sub_port) = supervisor
             .own(|broker| (broker.pub_port(), broker.sub_port()))
             .unwrap_or((config.pub_port, config.sub_port));
         check_ports([("pub_port", pub_port), ("sub_port", sub_port)])?;
@@ -203,7 +203,7 @@ impl ZeroMq {
             sub_address: SocketAddr::new(ip, sub_port),
             send_hwm: config.send_hwm,
             max_frame_bytes: config.max_frame_bytes,
-            echoes: echo::Echoes::default(),
+            own_messages: own_messages::OwnMessages::default(),
             ledger,
             io,
             contexts: contexts::Contexts::default(),
@@ -213,7 +213,7 @@ impl ZeroMq {
             pub_port,
             sub_port,
             shared,
-            keeper,
+            supervisor,
             config: config.clone(),
             services: Mutex::default(),
         })
@@ -234,7 +234,7 @@ impl ZeroMq {
     /// State of the broker, where it is this process that runs it now.
     #[must_use]
     pub fn broker_status(&self) -> Option<BrokerStatus> {
-        self.keeper.own(Broker::status)
+        self.supervisor.own(Broker::status)
     }
 
     /// Sees to it that there is a broker of requests and replies, as the first server does by
@@ -245,15 +245,15 @@ impl ZeroMq {
     /// As [`ZeroMq::start`].
     pub fn start_services(&self) -> Result<(u16, u16), StartError> {
         let mut services = self.services.lock();
-        let keeper = match &mut *services {
-            Some(keeper) => keeper,
+        let supervisor = match &mut *services {
+            Some(supervisor) => supervisor,
             none => {
                 let ip = config::resolve(&self.config.hosts.or_same(&self.config.ip))?;
                 let config = self.config.service_broker_config();
-                none.insert(keeper::Keeper::start(&config, self.config.service_broker, ip)?)
+                none.insert(supervisor::Supervisor::start(&config, self.config.service_broker, ip)?)
             }
         };
-        let own = keeper.own(|broker| (broker.rep_port(), broker.req_port()));
+        let own = supervisor.own(|broker| (broker.rep_port(), broker.req_port()));
         let (rep_port, req_port) = own.unwrap_or((self.config.rep_port, self.config.req_port));
         check_ports([("rep_port", rep_port), ("req_port", req_port)])?;
         Ok((rep_port, req_port))
@@ -263,7 +263,7 @@ impl ZeroMq {
     #[must_use]
     pub fn service_broker_status(&self) -> Option<ServiceBrokerStatus> {
         let services = self.services.lock();
-        services.as_ref().and_then(|keeper| keeper.own(ServiceBroker::status))
+        services.as_ref().and_then(|supervisor| supervisor.own(ServiceBroker::status))
     }
 
     /// Address that a client or a server connects to. A server brings the broker along.

@@ -198,7 +198,7 @@ impl Watch {
     }
 
     /// Time until [`Self::connect_again`] may have something to do.
-    pub(super) fn patience(&self, now: Instant) -> Option<Duration> {
+    pub(super) fn time_left(&self, now: Instant) -> Option<Duration> {
         self.lost
             .as_ref()
             .map(|lost| GIVEN_UP.saturating_sub(now.saturating_duration_since(lost.at)))
@@ -223,7 +223,7 @@ impl Watch {
                  again: raise max_message_mib, or send less"
             );
         }
-        self.patience(now)
+        self.time_left(now)
     }
 
     /// Connects `socket` again if libzmq has given up on the broker. True when that happened to a
@@ -234,14 +234,14 @@ impl Watch {
         wake: &Wake,
         now: Instant,
     ) -> bool {
-        if self.patience(now) != Some(Duration::ZERO) {
+        if self.time_left(now) != Some(Duration::ZERO) {
             return false;
         }
         // On a busy machine the announcement may be waiting here.
         if self.take() {
             wake.ring();
         }
-        if self.patience(now) != Some(Duration::ZERO) {
+        if self.time_left(now) != Some(Duration::ZERO) {
             return false;
         }
         let Some(lost) = self.lost.take() else { return false };

@@ -3,10 +3,10 @@
 use std::sync::Arc;
 use std::task::{Wake, Waker};
 
-use super::echo::Listening;
 use super::io::{Command, Handle};
 use super::link::{self, BrokerLink, Watch};
 use super::options;
+use super::own_messages::Listening;
 use super::reception::{Arrival, Reception};
 use super::{Shared, transport};
 use wrapyfi_endpoint::codec::frames;
@@ -58,7 +58,7 @@ impl ZeroMqListener {
             topic: spec.topic.as_bytes().to_vec(),
             limit: spec.limits.message_bytes,
             inbox: sender,
-            listening: Listening::new(shared.echoes.of(&spec.topic)),
+            listening: Listening::new(shared.own_messages.of(&spec.topic)),
             room: Waker::from(Arc::new(Look(id, Arc::clone(&io)))),
             held: None,
         };

@@ -79,31 +79,31 @@ pub(super) fn inproc_name(what: &str) -> String {
 }
 
 /// Wakes a thread that polls sockets.
-pub(super) struct Bell(Mutex<zmq::Socket>);
+pub(super) struct StopSignal(Mutex<zmq::Socket>);
 
-impl std::fmt::Debug for Bell {
+impl std::fmt::Debug for StopSignal {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("Bell")
+        f.write_str("StopSignal")
     }
 }
 
-impl Bell {
-    /// A bell, and the socket that becomes readable when it rings.
+impl StopSignal {
+    /// A signal, and the socket that becomes readable when it rings.
     pub(super) fn new(context: &zmq::Context) -> zmq::Result<(Self, zmq::Socket)> {
-        let name = inproc_name("bell");
-        let ears = context.socket(zmq::PAIR)?;
-        ears.set_linger(0)?;
-        ears.bind(&name)?;
-        let button = context.socket(zmq::PAIR)?;
-        button.set_linger(0)?;
-        button.connect(&name)?;
-        Ok((Self(Mutex::new(button)), ears))
+        let name = inproc_name("stop");
+        let stop = context.socket(zmq::PAIR)?;
+        stop.set_linger(0)?;
+        stop.bind(&name)?;
+        let sender = context.socket(zmq::PAIR)?;
+        sender.set_linger(0)?;
+        sender.connect(&name)?;
+        Ok((Self(Mutex::new(sender)), stop))
     }
 
-    /// Never blocks: a bell with a thousand unanswered rings needs no more.
+    /// Never blocks: a signal with a thousand unanswered rings needs no more.
     pub(super) fn ring(&self) {
-        let button = self.0.lock();
-        if let Err(error) = button.send("", zmq::DONTWAIT)
+        let sender = self.0.lock();
+        if let Err(error) = sender.send("", zmq::DONTWAIT)
             && error != zmq::Error::EAGAIN
         {
             tracing::debug!(%error, "the thread to wake is gone");

@@ -23,7 +23,7 @@ use super::ledger::Ledger;
 use super::monitor::Monitor;
 use super::options;
 use super::peer::{Heard, Loss};
-use super::traffic::{TRAFFIC_TOPIC, Told, Traffic, guess};
+use super::traffic::{TRAFFIC_TOPIC, Traffic, TrafficTable, guess};
 use super::turns::Turns;
 use wrapyfi_endpoint::{Mutex, Throttle};
 
@@ -142,7 +142,8 @@ impl Proxy {
     fn tell(&mut self, now: Instant) {
         let message = self.monitor.message(now);
         let counts = self.monitor.listed().map(|(topic, count)| (topic.to_owned(), count));
-        let (subscriptions, Told { topics, unlisted }) = (counts.collect(), self.traffic.told());
+        let (subscriptions, TrafficTable { topics, unlisted }) =
+            (counts.collect(), self.traffic.table());
         let mut shown = self.shown.lock();
         (shown.subscriptions, shown.topics, shown.unlisted) = (subscriptions, topics, unlisted);
         drop(shown);

@@ -19,9 +19,9 @@ use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 
-use super::echo::Listening;
 use super::frames::{Received, receive};
 use super::link::{self, Watch};
+use super::own_messages::Listening;
 use super::zmtp::Owned;
 use wrapyfi_data::types::Stamp;
 use wrapyfi_endpoint::{DropReason, Sender, Waits};

@@ -14,10 +14,10 @@ use serde::Serialize;
 
 use super::broker::{BrokerError, bind, failed_to, loopback};
 use super::config::ZeroMqConfig;
-use super::keeper::{Side, Stand};
-use super::line::SEND_HWM;
-use super::options::{self, Bell};
+use super::options::{self, StopSignal};
+use super::service_connection::SEND_HWM;
 use super::service_proxy::ServiceProxy;
+use super::supervisor::{Side, Supervised};
 use super::turns::Runs;
 use wrapyfi_endpoint::Mutex;
 use wrapyfi_endpoint::ServiceSpec;
@@ -97,11 +97,12 @@ impl ServiceBroker {
         let (front, back) = sockets(&context, ip, config).map_err(failed_to("open its sockets"))?;
         let rep_port = bind(&front, ip, rep_port)?;
         let req_port = bind(&back, ip, req_port)?;
-        let (bell, stop) = Bell::new(&context).map_err(failed_to("open its control socket"))?;
+        let (stop_signal, stop) =
+            StopSignal::new(&context).map_err(failed_to("open its control socket"))?;
         let status = Arc::<Mutex<ServiceBrokerStatus>>::default();
         let proxy = ServiceProxy::new(front, back, stop, config.pending, Arc::clone(&status));
-        let runs =
-            Runs::start("zeromq-services", bell, proxy).map_err(failed_to("start its thread"))?;
+        let runs = Runs::start("zeromq-services", stop_signal, proxy)
+            .map_err(failed_to("start its thread"))?;
         tracing::info!(%ip, rep_port, req_port, "ZeroMQ broker of requests and replies runs");
         Ok(Self { ip, rep_port, req_port, status, _runs: runs })
     }
@@ -131,7 +132,7 @@ impl ServiceBroker {
     }
 }
 
-impl Stand for ServiceBroker {
+impl Supervised for ServiceBroker {
     type Config = ServiceBrokerConfig;
 
     // Asked as a socket that neither side takes: one that the DEALER took would be given a request.

@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 use bytes::Bytes;
 
 use super::deadline;
-use super::envelope::{self, Misfit, Parcel};
+use super::envelope::{self, Misfit, ServiceMessage};
 use super::service_broker::ServiceBrokerStatus;
 use super::turns::Turns;
 use wrapyfi_endpoint::{Mutex, PROGRESS, Share};
@@ -50,7 +50,7 @@ pub(super) struct ServiceProxy {
 /// Replies that wait until their client reads.
 struct Unread {
     /// Replies, each with the number that it counts for: an error of the broker itself is none.
-    replies: VecDeque<(Parcel, u64)>,
+    replies: VecDeque<(ServiceMessage, u64)>,
     share: Share,
     /// Instant at which the client last read one, or should have read the first.
     moved_at: Instant,
@@ -65,7 +65,7 @@ enum Sent {
 }
 
 struct Held {
-    parcel: Parcel,
+    message: ServiceMessage,
     /// Time at which the caller gives up, where that is known.
     until: Option<Instant>,
 }
@@ -113,7 +113,7 @@ impl ServiceProxy {
     }
 
     /// Milliseconds until the next request is too old or a reply is tried again; for ever where there is none.
-    fn patience(&self) -> i64 {
+    fn wait_ms(&self) -> i64 {
         let next = self.held.iter().filter_map(|held| held.until).min();
         let left = next.map(|until| {
             let left = until.saturating_duration_since(Instant::now());
@@ -125,28 +125,28 @@ impl ServiceProxy {
 
     fn take_requests(&mut self) -> zmq::Result<()> {
         for _ in 0..BATCH {
-            let Some((parcel, _)) = envelope::receive(&self.front, usize::MAX)? else { break };
-            let parcel = match parcel {
-                Ok(parcel) => parcel,
+            let Some((message, _)) = envelope::receive(&self.front, usize::MAX)? else { break };
+            let message = match message {
+                Ok(message) => message,
                 Err(misfit) => {
                     self.tally.malformed += 1;
                     if let Misfit::Frames(envelope, frames) = misfit {
                         let text = format!("a request is one frame, not {frames}");
-                        self.answer(Parcel::error(envelope, &text), 0);
+                        self.answer(ServiceMessage::error(envelope, &text), 0);
                     }
                     continue;
                 }
             };
-            let until = parcel.mark().and_then(|mark| deadline::of(&mark));
+            let until = message.mark().and_then(|mark| deadline::of(&mark));
             if until.is_some_and(|until| until <= Instant::now()) {
                 self.tally.expired += 1;
                 continue;
             }
             // Straight through where nobody waits in front of it.
-            if self.held.is_empty() && forward(&parcel, &self.back, &mut self.tally)? {
+            if self.held.is_empty() && forward(&message, &self.back, &mut self.tally)? {
                 continue;
             }
-            let bytes = parcel.size();
+            let bytes = message.size();
             let refusal = if self.held.len() >= self.pending {
                 let limit = self.pending;
                 Some(format!(
@@ -162,10 +162,10 @@ impl ServiceProxy {
             if let Some(why) = refusal {
                 self.tally.overloaded += 1;
                 let text = format!("{why}: start a server, or ask again later");
-                self.answer(Parcel::error(parcel.envelope, &text), 0);
+                self.answer(ServiceMessage::error(message.envelope, &text), 0);
                 continue;
             }
-            self.held.push_back(Held { parcel, until });
+            self.held.push_back(Held { message, until });
         }
         Ok(())
     }
@@ -176,15 +176,15 @@ impl ServiceProxy {
         let share = &self.share;
         self.held.retain(|held| {
             let stays = held.until.is_none_or(|until| until > now);
-            share.give(if stays { 0 } else { held.parcel.size() });
+            share.give(if stays { 0 } else { held.message.size() });
             stays
         });
         self.tally.expired += (before - self.held.len()) as u64;
         while let Some(held) = self.held.front() {
-            if !forward(&held.parcel, &self.back, &mut self.tally)? {
+            if !forward(&held.message, &self.back, &mut self.tally)? {
                 break;
             }
-            self.share.give(held.parcel.size());
+            self.share.give(held.message.size());
             self.held.pop_front();
         }
         self.tally.waiting = self.held.len() as u64;
@@ -204,7 +204,7 @@ impl ServiceProxy {
 
     /// Sends a reply to its client, or has it wait there until the client reads. One that is gone, or has no room
     /// left, does not hear it.
-    fn answer(&mut self, reply: Parcel, replies: u64) {
+    fn answer(&mut self, reply: ServiceMessage, replies: u64) {
         let Some(client) = reply.envelope.first().cloned() else { return };
         let sent = match self.unread.contains_key(&client) {
             true => Sent::NoRoom,
@@ -250,7 +250,7 @@ impl ServiceProxy {
         }
     }
 
-    fn send(&mut self, reply: &Parcel, replies: u64) -> Sent {
+    fn send(&mut self, reply: &ServiceMessage, replies: u64) -> Sent {
         match reply.send(&self.front) {
             Ok(true) => {
                 self.tally.replies += replies;
@@ -276,7 +276,7 @@ impl Turns for ServiceProxy {
             self.back.as_poll_item(back),
             self.stop.as_poll_item(zmq::POLLIN),
         ];
-        zmq::poll(&mut items, self.patience())?;
+        zmq::poll(&mut items, self.wait_ms())?;
         let [front, back, stop] = items.map(|item| item.is_readable());
         if stop {
             self.last_replies()?;
@@ -307,14 +307,14 @@ impl Turns for ServiceProxy {
 
 /// Gives a request to the server whose turn it is; false when none has room.
 fn forward(
-    parcel: &Parcel,
+    message: &ServiceMessage,
     back: &zmq::Socket,
     tally: &mut ServiceBrokerStatus,
 ) -> zmq::Result<bool> {
-    let sent = parcel.send(back)?;
+    let sent = message.send(back)?;
     if sent {
         tally.requests += 1;
-        tally.bytes += parcel.size() as u64;
+        tally.bytes += message.size() as u64;
     }
     Ok(sent)
 }

@@ -5,14 +5,14 @@
 //! ```
 //!
 //! Publishers say nothing to a broker but their messages: this table is all there is to know of
-//! them. It is told on a topic of its own, so that whoever asks need not subscribe to everything,
+//! them. It is table on a topic of its own, so that whoever asks need not subscribe to everything,
 //! which would make every publisher believe it has a listener.
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-/// Topic on which the table is told. Nobody can publish to it through the broker.
+/// Topic on which the table is table. Nobody can publish to it through the broker.
 pub(super) const TRAFFIC_TOPIC: &str = "WRAPYFI/TRAFFIC";
 
 /// Topics kept. What comes on others is counted together.
@@ -32,9 +32,9 @@ pub struct TopicTraffic {
     pub type_name: Option<String>,
 }
 
-/// The table as it is told.
+/// The table as it is table.
 #[derive(Debug, Default, Serialize, Deserialize)]
-pub(super) struct Told {
+pub(super) struct TrafficTable {
     pub(super) topics: BTreeMap<String, TopicTraffic>,
     /// Messages of topics that found no room, or whose name is no text.
     pub(super) unlisted: u64,
@@ -88,23 +88,23 @@ impl Traffic {
         if self.watchers == 0 {
             return None;
         }
-        serde_json::to_vec(&self.told()).ok()
+        serde_json::to_vec(&self.table()).ok()
     }
 
     /// The table.
-    pub(super) fn told(&self) -> Told {
-        let mut told = Told { unlisted: self.unlisted, ..Told::default() };
+    pub(super) fn table(&self) -> TrafficTable {
+        let mut table = TrafficTable { unlisted: self.unlisted, ..TrafficTable::default() };
         for (topic, &(messages, bytes, look)) in &self.topics {
             match std::str::from_utf8(topic) {
                 Ok(name) if !name.is_empty() => {
                     let type_name = look.map(str::to_owned);
                     let topic = TopicTraffic { messages, bytes, type_name };
-                    told.topics.insert(name.to_owned(), topic);
+                    table.topics.insert(name.to_owned(), topic);
                 }
-                _ => told.unlisted += messages,
+                _ => table.unlisted += messages,
             }
         }
-        told
+        table
     }
 }
 
@@ -121,10 +121,10 @@ mod tests {
         assert_eq!(traffic.message(), None, "nobody asks");
         traffic.watchers = 1;
         let text = traffic.message().unwrap();
-        let told: Told = serde_json::from_slice(&text).unwrap();
+        let table: TrafficTable = serde_json::from_slice(&text).unwrap();
         let type_name = Some("NativeObject".to_owned());
-        assert_eq!(told.topics["/a"], TopicTraffic { messages: 2, bytes: 15, type_name });
-        assert_eq!((told.topics.len(), told.unlisted), (1, 1));
+        assert_eq!(table.topics["/a"], TopicTraffic { messages: 2, bytes: 15, type_name });
+        assert_eq!((table.topics.len(), table.unlisted), (1, 1));
         traffic.watchers = 0;
         assert_eq!(traffic.message(), None);
     }
@@ -136,8 +136,8 @@ mod tests {
             traffic.count(format!("/{number}").as_bytes(), 1, None);
         }
         traffic.count(&[b'x'; MAX_TOPIC_BYTES + 1], 1, None);
-        let told = traffic.told();
-        assert_eq!((told.topics.len(), told.unlisted), (MAX_TOPICS, 4));
+        let table = traffic.table();
+        assert_eq!((table.topics.len(), table.unlisted), (MAX_TOPICS, 4));
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::thread::JoinHandle;
 use std::time::Instant;
 
-use super::options::Bell;
+use super::options::StopSignal;
 use wrapyfi_endpoint::Throttle;
 use wrapyfi_endpoint::backoff::Backoff;
 
@@ -29,25 +29,29 @@ pub(super) trait Turns: Sized + Send + 'static {
 /// The thread of a broker, which is told to stop when this is dropped.
 #[derive(Debug)]
 pub(super) struct Runs {
-    bell: Bell,
+    stop_signal: StopSignal,
     broker: &'static str,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Runs {
-    /// Starts the thread `name` of a broker, whose stop socket `bell` rings.
-    pub(super) fn start<T: Turns>(name: &str, bell: Bell, mut broker: T) -> std::io::Result<Self> {
+    /// Starts the thread `name` of a broker, whose stop socket `stop_signal` rings.
+    pub(super) fn start<T: Turns>(
+        name: &str,
+        stop_signal: StopSignal,
+        mut broker: T,
+    ) -> std::io::Result<Self> {
         let thread = std::thread::Builder::new().name(name.to_owned()).spawn(move || {
             run(&mut broker);
             broker.end();
         })?;
-        Ok(Self { bell, broker: T::NAME, thread: Some(thread) })
+        Ok(Self { stop_signal, broker: T::NAME, thread: Some(thread) })
     }
 }
 
 impl Drop for Runs {
     fn drop(&mut self) {
-        self.bell.ring();
+        self.stop_signal.ring();
         match self.thread.take().map(JoinHandle::join) {
             Some(Err(_)) => tracing::error!("{} panicked at its end", self.broker),
             _ => tracing::debug!("{} ended", self.broker),

@@ -1,4 +1,4 @@
-//! ZMTP 3, the protocol between ZeroMQ sockets, as far as the broker's side for listeners, publishers and the probe
+//! ZMTP 3, the protocol between ZeroMQ sockets, as far as the broker's side for listeners, publishers and the check of ports
 //! need it.
 //!
 //! ```text

@@ -13,7 +13,7 @@ use tokio::sync::{Notify, watch};
 use super::values::{to_xml, under};
 use super::watched;
 use crate::core::Core;
-use crate::xmlrpc;
+use crate::xmlrpc::{self, text};
 use wrapyfi_data::EncodeError;
 use wrapyfi_data::types::{DataType, Payload};
 use wrapyfi_endpoint::{
@@ -84,10 +84,11 @@ async fn send(core: Weak<Core>, outbox: Arc<Outbox>, counters: Arc<Counters>) {
         if !watched::setting(&core, &key, value.as_ref()) {
             continue;
         }
-        let done = match value {
-            Some(value) => core.master.set_param(&key, value).await,
-            None => core.master.delete_param(&key).await,
+        let (method, params) = match value {
+            Some(value) => ("setParam", vec![text(&key), value]),
+            None => ("deleteParam", vec![text(&key)]),
         };
+        let done = core.master.ask(method, params).await;
         watched::was_set(&core, &key, done.is_ok());
         if let Err(error) = done {
             counters.dropped(DropReason::SendFailed);

@@ -22,12 +22,12 @@ use tokio::time::timeout;
 use wrapyfi_interfaces::ros1::Plan;
 
 use super::config::NodeUri;
+use super::conversion;
 use super::core::Core;
-use super::form;
 use super::header::Header;
-use super::request::request_topic;
-use super::slave_info::BusLink;
+use super::probe::request_topic;
 use super::splitter::{self, Piece, Splitter};
+use super::subscriber::BusLink;
 use super::tcpros;
 use super::xmlrpc::shortened;
 use wrapyfi_data::types::MessageType;
@@ -76,7 +76,7 @@ pub(super) struct Wanted {
     pub(super) shun: Option<String>,
 }
 
-pub(super) struct Intake {
+pub(super) struct ListenerConnections {
     core: Weak<Core>,
     topic: String,
     wanted: Wanted,
@@ -120,7 +120,7 @@ struct Shared {
     bytes: AtomicU64,
 }
 
-impl Intake {
+impl ListenerConnections {
     pub(super) fn new(
         core: &Arc<Core>,
         topic: &str,
@@ -234,7 +234,7 @@ impl Intake {
             }
             let shared = Arc::new(Shared { id: core.next_id(), ..Shared::default() });
             let connection = Connection {
-                intake: Arc::clone(self),
+                connections: Arc::clone(self),
                 uri: uri.clone(),
                 shared: Arc::clone(&shared),
                 latched: false,
@@ -242,10 +242,10 @@ impl Intake {
             };
             let peer = Peer { shared, listed: true, ..Peer::default() };
             peers.by_uri.insert(uri.clone(), peer);
-            let (intake, at) = (Arc::clone(self), uri.clone());
+            let (connections, at) = (Arc::clone(self), uri.clone());
             let task = restarted(
                 format!("the connection to publisher {uri} of {}", self.topic),
-                move |what| _ = intake.note(&at, Err(what)),
+                move |what| _ = connections.note(&at, Err(what)),
                 move || connection.clone().keep(),
             );
             let task = core.handle.spawn(task).abort_handle();
@@ -327,7 +327,7 @@ impl Peer {
 /// The task of one publisher.
 #[derive(Clone)]
 struct Connection {
-    intake: Arc<Intake>,
+    connections: Arc<ListenerConnections>,
     uri: NodeUri,
     shared: Arc<Shared>,
     latched: bool,
@@ -342,7 +342,7 @@ impl Connection {
             let reason = match self.open().await {
                 Ok(stream) => {
                     let address = stream.peer_addr().map(|a| a.to_string()).unwrap_or_default();
-                    if !self.intake.note(&self.uri, Ok((address, self.latched))) {
+                    if !self.connections.note(&self.uri, Ok((address, self.latched))) {
                         return;
                     }
                     backoff.reset();
@@ -355,7 +355,7 @@ impl Connection {
                 }
                 Err(Closed::Fault(reason)) => reason,
             };
-            if !self.intake.note(&self.uri, Err(reason)) {
+            if !self.connections.note(&self.uri, Err(reason)) {
                 return;
             }
             // Sooner where the master says that the publisher has something new.
@@ -365,12 +365,13 @@ impl Connection {
 
     /// A connection on which messages follow, or why there is none.
     async fn open(&mut self) -> Result<TcpStream, Closed> {
-        let core = self.intake.core.upgrade().ok_or_else(|| "the node has ended".to_owned())?;
-        let (host, port) = request_topic(&core, &self.uri, &self.intake.topic).await?;
-        let wire_type = &self.intake.wanted.wire_type;
+        let core =
+            self.connections.core.upgrade().ok_or_else(|| "the node has ended".to_owned())?;
+        let (host, port) = request_topic(&core, &self.uri, &self.connections.topic).await?;
+        let wire_type = &self.connections.wanted.wire_type;
         let own = Header::new()
             .with("callerid", core.name.full())
-            .with("topic", &self.intake.topic)
+            .with("topic", &self.connections.topic)
             .with("type", &wire_type.name)
             .with("md5sum", &wire_type.md5)
             .with("message_definition", &wire_type.definition)
@@ -389,8 +390,8 @@ impl Connection {
             let mark = header.get(MARK).and_then(|mark| mark.parse::<BridgeMark>().ok());
             mark.is_some_and(|mark| mark.came_through(shunned))
         };
-        if self.intake.wanted.shun.as_ref().is_some_and(came_through) {
-            tracing::debug!(topic = self.intake.topic, uri = %self.uri, "ROS 1: a bridge's, passed over");
+        if self.connections.wanted.shun.as_ref().is_some_and(came_through) {
+            tracing::debug!(topic = self.connections.topic, uri = %self.uri, "ROS 1: a bridge's, passed over");
             return Err(Closed::Shunned);
         }
         let (name, md5) = (header.get("type").unwrap_or("*"), header.get("md5sum").unwrap_or("*"));
@@ -403,16 +404,18 @@ impl Connection {
                 wire_type.md5
             )));
         }
-        self.plan = form::shown(&core, &header, self.intake.wanted.message_type)
-            .map_err(|error| shortened(&error))?;
+        self.plan =
+            conversion::publisher_plan(&core, &header, self.connections.wanted.message_type)
+                .map_err(|error| shortened(&error))?;
         self.latched = header.is_set("latching");
         Ok(stream)
     }
 
     /// Receives until the connection ends; why it did.
     async fn receive(&self, mut stream: TcpStream) -> String {
-        let (mut splitter, share) = (Splitter::new(self.intake.wanted.limit), Share::default());
-        let counters = self.intake.inbox.counters();
+        let (mut splitter, share) =
+            (Splitter::new(self.connections.wanted.limit), Share::default());
+        let counters = self.connections.inbox.counters();
         let mut first = true;
         loop {
             loop {
@@ -432,7 +435,7 @@ impl Connection {
                 self.shared.messages.fetch_add(1, Relaxed);
                 self.shared.bytes.fetch_add(size as u64, Relaxed);
                 let is_first = std::mem::take(&mut first);
-                if self.latched && self.intake.came_before(&self.uri, &message, is_first) {
+                if self.latched && self.connections.came_before(&self.uri, &message, is_first) {
                     counters.dropped(DropReason::Duplicate);
                     continue;
                 }
@@ -451,7 +454,7 @@ impl Connection {
     /// Puts a message into the inbox, under policy `block` when there is room; so too the one that a
     /// publisher kept for us.
     async fn deliver(&self, message: Bytes, is_first: bool) {
-        let inbox = &self.intake.inbox;
+        let inbox = &self.connections.inbox;
         let (source, latched, plan) = (self.shared.id, self.latched, self.plan.clone());
         let kept_waits = if latched && is_first { KEPT_WAITS } else { Duration::ZERO };
         let received_at = inbox.context().clock.now();

@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 use bytes::Bytes;
 
 use super::Shared;
-use super::envelope::{self, Misfit, Parcel};
+use super::envelope::{self, Misfit, ServiceMessage};
 use super::io::Handle;
 use super::link::{self, BrokerLink, Watch};
 use super::options;
@@ -29,7 +29,7 @@ pub(super) const SEND_HWM: i32 = 2;
 /// Messages read from one socket before the others have their turn.
 const BATCH: usize = 64;
 
-/// End of a service that a line is.
+/// End of a service that a connection is.
 #[derive(Debug)]
 pub(super) enum End {
     Client,
@@ -72,17 +72,17 @@ impl Unusable {
     }
 }
 
-/// A parcel that waits to be sent.
+/// A message that waits to be sent.
 struct Waiting {
-    parcel: Parcel,
+    message: ServiceMessage,
     /// Instant after which nobody waits for it any more.
     until: Option<Instant>,
     /// Bytes that its server counts as sent already.
     sent_bytes: Option<usize>,
 }
 
-/// State that the owner of a line and the I/O thread share.
-pub(super) struct Post {
+/// State that the owner of a connection and the I/O thread share.
+pub(super) struct ServiceHandle {
     pub(super) id: u64,
     service: String,
     end: End,
@@ -97,37 +97,41 @@ pub(super) struct Post {
     io: Arc<Handle>,
 }
 
-impl Post {
-    /// Sends as soon as there is a way, not after `until`; the parcel comes back where it finds no room.
-    pub(super) fn send(&self, parcel: Parcel, until: Option<Instant>) -> Result<(), Parcel> {
-        let sent_bytes = matches!(self.end, End::Server(_)).then(|| parcel.size());
-        self.queue(parcel, until, sent_bytes)
+impl ServiceHandle {
+    /// Sends as soon as there is a way, not after `until`; the message comes back where it finds no room.
+    pub(super) fn send(
+        &self,
+        message: ServiceMessage,
+        until: Option<Instant>,
+    ) -> Result<(), ServiceMessage> {
+        let sent_bytes = matches!(self.end, End::Server(_)).then(|| message.size());
+        self.queue(message, until, sent_bytes)
     }
 
     /// Tells the other side why it gets no reply, unless there is no room even for that: then it learns by its
     /// time-out.
     pub(super) fn refuse(&self, envelope: Vec<Bytes>, why: &str) {
-        _ = self.queue(Parcel::error(envelope, why), None, None);
+        _ = self.queue(ServiceMessage::error(envelope, why), None, None);
     }
 
     fn queue(
         &self,
-        parcel: Parcel,
+        message: ServiceMessage,
         until: Option<Instant>,
         sent_bytes: Option<usize>,
-    ) -> Result<(), Parcel> {
+    ) -> Result<(), ServiceMessage> {
         let [sending, _] = &self.shares;
-        if !sending.take(self.counted(&parcel)) {
-            return Err(parcel);
+        if !sending.take(self.counted(&message)) {
+            return Err(message);
         }
-        self.outgoing.lock().push_back(Waiting { parcel, until, sent_bytes });
+        self.outgoing.lock().push_back(Waiting { message, until, sent_bytes });
         self.io.send(super::io::Command::Look(self.id));
         Ok(())
     }
 
-    /// Bytes that count while a parcel waits to be sent: those of a request count until its call has ended.
-    fn counted(&self, parcel: &Parcel) -> usize {
-        if matches!(self.end, End::Server(_)) { parcel.size() } else { 0 }
+    /// Bytes that count while a message waits to be sent: those of a request count until its call has ended.
+    fn counted(&self, message: &ServiceMessage) -> usize {
+        if matches!(self.end, End::Server(_)) { message.size() } else { 0 }
     }
 
     pub(super) fn take(&self) -> Option<Delivery> {
@@ -137,15 +141,15 @@ impl Post {
         Some(next)
     }
 
-    /// Ends the line.
+    /// Ends the connection.
     pub(super) fn close(&self) {
         self.io.send(super::io::Command::Close(self.id));
     }
 }
 
 /// The socket and what it feeds.
-pub(super) struct Line {
-    pub(super) post: Arc<Post>,
+pub(super) struct ServiceConnection {
+    pub(super) handle: Arc<ServiceHandle>,
     pub(super) socket: zmq::Socket,
     pub(super) watch: Watch,
     message_bytes: usize,
@@ -153,7 +157,7 @@ pub(super) struct Line {
     closes: Option<Instant>,
 }
 
-impl Line {
+impl ServiceConnection {
     /// Connects to `endpoint` of the broker and hands the socket to the I/O thread.
     pub(super) fn open(
         shared: &Shared,
@@ -161,7 +165,7 @@ impl Line {
         end: End,
         spec: &ServiceSpec,
         context: &Context,
-    ) -> zmq::Result<Arc<Post>> {
+    ) -> zmq::Result<Arc<ServiceHandle>> {
         let link = BrokerLink::new(endpoint);
         let (socket, watch) = shared.contexts.open(|context| {
             let socket = context.socket(zmq::DEALER)?;
@@ -177,7 +181,7 @@ impl Line {
             link::connect(context, socket, &link)
         })?;
         let io = Arc::clone(&shared.io.handle);
-        let post = Arc::new(Post {
+        let handle = Arc::new(ServiceHandle {
             id: io.next_id(),
             service: spec.service.clone(),
             end,
@@ -190,15 +194,16 @@ impl Line {
             io: Arc::clone(&io),
         });
         let message_bytes = spec.limits.message_bytes;
-        let line = Self { post: Arc::clone(&post), socket, watch, message_bytes, closes: None };
-        io.send(super::io::Command::Line(line));
-        Ok(post)
+        let connection =
+            Self { handle: Arc::clone(&handle), socket, watch, message_bytes, closes: None };
+        io.send(super::io::Command::ServiceConnection(connection));
+        Ok(handle)
     }
 
     /// Connects again if libzmq has given up on the broker. The time until it may have is returned.
     pub(super) fn revive(&mut self, now: Instant) -> Option<Duration> {
-        let (post, limit) = (&self.post, self.message_bytes);
-        self.watch.revive(&self.socket, &post.service, limit, &post.context, now)
+        let (handle, limit) = (&self.handle, self.message_bytes);
+        self.watch.revive(&self.socket, &handle.service, limit, &handle.context, now)
     }
 
     /// Has the socket closed once what waits is sent, or some time has passed.
@@ -206,11 +211,11 @@ impl Line {
         self.closes = Some(now + options::LINGER);
     }
 
-    /// Time for which replies are still waited for to be sent; `None` while the line is in use.
+    /// Time for which replies are still waited for to be sent; `None` while the connection is in use.
     pub(super) fn lingers(&self, now: Instant) -> Option<Duration> {
         let left = self.closes?.saturating_duration_since(now);
-        let sends = matches!(self.post.end, End::Server(_)) && self.post.link.is_up();
-        let waits = sends && !self.post.outgoing.lock().is_empty();
+        let sends = matches!(self.handle.end, End::Server(_)) && self.handle.link.is_up();
+        let waits = sends && !self.handle.outgoing.lock().is_empty();
         Some(if waits { left } else { Duration::ZERO })
     }
 
@@ -218,29 +223,29 @@ impl Line {
     /// is over.
     pub(super) fn end(self) -> Watch {
         // What the broker had no room for until now is lost with the socket.
-        for left in self.post.outgoing.lock().drain(..) {
-            let [sending, _] = &self.post.shares;
-            sending.give(self.post.counted(&left.parcel));
+        for left in self.handle.outgoing.lock().drain(..) {
+            let [sending, _] = &self.handle.shares;
+            sending.give(self.handle.counted(&left.message));
             if let Some(bytes) = left.sent_bytes {
-                self.post.context.counters.undelivered(DropReason::Closed, bytes);
+                self.handle.context.counters.undelivered(DropReason::Closed, bytes);
             }
         }
-        self.post.link.note(link::ENDED);
+        self.handle.link.note(link::ENDED);
         drop(self.socket);
         self.watch
     }
 
     /// Sends what waits and has room.
     pub(super) fn write(&self) -> zmq::Result<()> {
-        let mut outgoing = self.post.outgoing.lock();
-        let now = self.post.context.clock.now();
-        while let Some(Waiting { parcel, until, .. }) = outgoing.front() {
+        let mut outgoing = self.handle.outgoing.lock();
+        let now = self.handle.context.clock.now();
+        while let Some(Waiting { message, until, .. }) = outgoing.front() {
             let in_time = until.is_none_or(|until| until > now);
-            if in_time && !parcel.send(&self.socket)? {
+            if in_time && !message.send(&self.socket)? {
                 break;
             }
-            let [sending, _] = &self.post.shares;
-            sending.give(self.post.counted(parcel));
+            let [sending, _] = &self.handle.shares;
+            sending.give(self.handle.counted(message));
             outgoing.pop_front();
         }
         Ok(())
@@ -249,19 +254,19 @@ impl Line {
     /// True when there is something to read, or room for what waits to be sent.
     pub(super) fn has_more(&self) -> zmq::Result<bool> {
         let events = self.socket.get_events()?;
-        let waits = || !self.post.outgoing.lock().is_empty();
+        let waits = || !self.handle.outgoing.lock().is_empty();
         Ok(events.contains(zmq::POLLIN) || (events.contains(zmq::POLLOUT) && waits()))
     }
 
     /// Reads what the socket has, one batch at most.
     pub(super) fn read(&self) -> zmq::Result<()> {
         for _ in 0..BATCH {
-            let Some((parcel, size)) = envelope::receive(&self.socket, self.message_bytes)? else {
+            let Some((message, size)) = envelope::receive(&self.socket, self.message_bytes)? else {
                 break;
             };
-            let counters = &self.post.context.counters;
-            let (envelope, body) = match parcel {
-                Ok(Parcel { envelope, body }) => (envelope, Ok(body)),
+            let counters = &self.handle.context.counters;
+            let (envelope, body) = match message {
+                Ok(ServiceMessage { envelope, body }) => (envelope, Ok(body)),
                 Err(Misfit::TooLarge(envelope, size)) => (envelope, Err(Unusable::TooLarge(size))),
                 Err(Misfit::Frames(envelope, frames)) => (envelope, Err(Unusable::Frames(frames))),
                 Err(Misfit::NoEnvelope) => {
@@ -270,7 +275,7 @@ impl Line {
                     continue;
                 }
             };
-            let received_at = self.post.context.clock.now();
+            let received_at = self.handle.context.clock.now();
             let delivery = Delivery { envelope, body, wire_bytes: size, received_at };
             self.deliver(delivery);
         }
@@ -279,26 +284,26 @@ impl Line {
 
     /// Hands a message on; where there is no room for a request, its client is told.
     fn deliver(&self, delivery: Delivery) {
-        let (post, size) = (&self.post, delivery.wire_bytes);
-        let [_, received] = &post.shares;
-        match &post.end {
+        let (handle, size) = (&self.handle, delivery.wire_bytes);
+        let [_, received] = &handle.shares;
+        match &handle.end {
             End::Server(requests) => {
                 if let Err((Delivery { envelope, .. }, error)) = requests.put(delivery, size) {
-                    post.refuse(envelope, &error.to_string());
+                    handle.refuse(envelope, &error.to_string());
                 }
             }
-            End::Client if post.incoming.lock().len() >= post.limit => {
+            End::Client if handle.incoming.lock().len() >= handle.limit => {
                 // Nobody asked for so many.
-                post.context.counters.received(size);
-                post.context.counters.dropped(DropReason::QueueFull);
+                handle.context.counters.received(size);
+                handle.context.counters.dropped(DropReason::QueueFull);
             }
             End::Client if !received.take(size) => {
-                post.context.counters.received(size);
-                post.context.counters.dropped(DropReason::OverBudget);
+                handle.context.counters.received(size);
+                handle.context.counters.dropped(DropReason::OverBudget);
             }
             End::Client => {
-                post.incoming.lock().push_back(delivery);
-                post.context.wake.ring();
+                handle.incoming.lock().push_back(delivery);
+                handle.context.wake.ring();
             }
         }
     }

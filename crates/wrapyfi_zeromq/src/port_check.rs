@@ -54,7 +54,7 @@ impl fmt::Display for Answer {
 }
 
 /// Asks `address`, in the role of a socket of type `ours`.
-pub(super) fn probe(address: SocketAddr, ours: &str) -> Answer {
+pub(super) fn ask_port(address: SocketAddr, ours: &str) -> Answer {
     let deadline = Instant::now() + TIMEOUT;
     let mut stream = match TcpStream::connect_timeout(&address, TIMEOUT) {
         Ok(stream) => Limited { stream, deadline },
@@ -167,7 +167,7 @@ mod tests {
         let socket = context.socket(socket_type).unwrap();
         socket.bind("tcp://127.0.0.1:*").unwrap();
         let endpoint = socket.get_last_endpoint().unwrap().unwrap();
-        probe(endpoint.trim_start_matches("tcp://").parse().unwrap(), ours)
+        ask_port(endpoint.trim_start_matches("tcp://").parse().unwrap(), ours)
     }
 
     #[test]
@@ -181,16 +181,16 @@ mod tests {
     fn other_programs_are_told_apart() {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap();
-        assert_eq!(probe(address, "SUB"), Answer::Silent);
+        assert_eq!(ask_port(address, "SUB"), Answer::Silent);
 
         let server = std::thread::spawn(move || {
             let (_first, _) = listener.accept().unwrap();
             let (mut second, _) = listener.accept().unwrap();
             second.write_all(b"SSH-2.0-OpenSSH_9.6\r\n").unwrap();
         });
-        assert_eq!(probe(address, "SUB"), Answer::NotZeroMq);
+        assert_eq!(ask_port(address, "SUB"), Answer::NotZeroMq);
         server.join().unwrap();
-        assert!(matches!(probe(address, "SUB"), Answer::Nobody(_)));
+        assert!(matches!(ask_port(address, "SUB"), Answer::Nobody(_)));
     }
 
     #[test]

@@ -19,10 +19,10 @@ use mio::unix::SourceFd;
 use mio::{Interest, Registry, Token};
 
 use super::contexts;
-use super::echo::Echo;
 use super::io::{Command, Handle, Look, index};
 use super::link::{self, BrokerLink};
 use super::options;
+use super::own_messages::OwnTopic;
 use super::peer::{Message, Peer};
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::{Context, DropReason, Mutex, PROGRESS, Throttle};
@@ -33,14 +33,14 @@ const READ_BYTES: usize = 4096;
 const LOOK_EVERY: Duration = Duration::from_millis(500);
 
 /// The connection of one publisher, used by its owner and by the I/O thread in turn.
-pub(super) struct Outlet {
+pub(super) struct PublisherConnection {
     pub(super) id: u64,
     broker: SocketAddr,
     topic: Bytes,
     /// Number of messages that may wait; none: any number.
     hwm: Option<usize>,
     pub(super) link: Arc<BrokerLink>,
-    echo: Arc<Echo>,
+    own: Arc<OwnTopic>,
     context: Context,
     io: Arc<Handle>,
     state: Mutex<State>,
@@ -65,13 +65,13 @@ enum Way {
     Ended,
 }
 
-impl Outlet {
+impl PublisherConnection {
     /// A connection to `broker` that the I/O thread makes.
     pub(super) fn new(
         broker: SocketAddr,
         topic: &str,
         hwm: u16,
-        echo: Arc<Echo>,
+        own: Arc<OwnTopic>,
         context: &Context,
         io: &Arc<Handle>,
     ) -> Arc<Self> {
@@ -84,7 +84,7 @@ impl Outlet {
             topic: Bytes::copy_from_slice(topic.as_bytes()),
             hwm: Some(usize::from(hwm)).filter(|hwm| *hwm > 0),
             link: BrokerLink::new(&options::endpoint(broker.ip(), broker.port())),
-            echo,
+            own,
             context: context.clone(),
             io: Arc::clone(io),
             state: Mutex::new(state),
@@ -102,7 +102,7 @@ impl Outlet {
     /// Why there is no room for it.
     pub(super) fn send(&self, frames: Vec<Vec<u8>>, bytes: usize) -> Result<(), DropReason> {
         // Before it is sent: it may be back before we are.
-        let print = self.echo.remember(&frames, &self.context.clock);
+        let print = self.own.remember(&frames, &self.context.clock);
         let message = Message::new(frames, Some((self.topic.clone(), bytes)), print);
         let queued = self.queue(&message);
         if queued.is_err() {
@@ -187,7 +187,6 @@ impl Outlet {
         let mut heard = Vec::new();
         // At the end too: what is left unread would make the system throw away what it has not sent.
         let read = peer.read(&mut [0; READ_BYTES], &mut heard, true, now);
-        peer.news.clear();
         if read.is_ok() && peer.is_open() && closes.is_none() {
             _ = self.link.note(link::UP);
             state.backoff.reset();
@@ -215,7 +214,7 @@ impl Outlet {
             return self.end(state);
         }
         let quiet = options::SILENCE.saturating_sub(now.saturating_duration_since(peer.heard_at));
-        Look { more, patience: Some(quiet.max(LOOK_EVERY)), over: false }
+        Look { more, timeout: Some(quiet.max(LOOK_EVERY)), over: false }
     }
 
     /// Ends the connection; another try follows after a pause. What waited is lost.
@@ -252,7 +251,7 @@ impl Outlet {
     /// An equal message that comes after one that was not sent is somebody else's.
     fn forget(&self, message: &Message) {
         if let Some(print) = message.print {
-            self.echo.forget(print);
+            self.own.forget(print);
         }
     }
 

@@ -12,7 +12,7 @@ use wrapyfi_interfaces::ros1::{Options, Plan, TranscodeError, Types};
 use super::NAME;
 use super::core::Core;
 use super::header::Header;
-use super::publication::formed;
+use super::publication::fitted;
 use wrapyfi_data::types::{MessageType, Payload, RosMessage, RosType};
 use wrapyfi_data::{DecodeError, EncodeError, Limits};
 use wrapyfi_endpoint::codec::ros1::{self, Ros1Type};
@@ -66,7 +66,7 @@ pub(super) fn offered(
 }
 
 /// The plan for what a publisher shows in its header, where the type has no codec of its own.
-pub(super) fn shown(
+pub(super) fn publisher_plan(
     core: &Core,
     header: &Header,
     message_type: MessageType,
@@ -185,7 +185,7 @@ pub(super) fn encode(
             Ok(vec![to_ros1(message, plan, sequence, limits)?.into()])
         }
         _ => {
-            let payload = formed(payload, *message_type, *color_order, limits)?;
+            let payload = fitted(payload, *message_type, *color_order, limits)?;
             ros1::encode(&payload, *message_type, sequence, limits, plugins)
         }
     }

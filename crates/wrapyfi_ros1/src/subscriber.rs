@@ -20,7 +20,6 @@ use tokio::net::TcpStream;
 use tokio::sync::Notify;
 use tokio::time::timeout;
 
-use super::slave_info::BusLink;
 use wrapyfi_endpoint::{Counters, DropReason, Mutex, Share, Waits};
 
 /// Longest time that the last messages have after their publisher went.
@@ -68,7 +67,24 @@ impl Waits for Frame {
     }
 }
 
-pub(super) struct Outlet {
+/// One connection of a topic, as the slave API tells it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct BusLink {
+    /// Number of the connection in this node.
+    pub(super) id: u64,
+    /// The other end: a node's name, or the address of its XML-RPC server.
+    pub(super) peer: String,
+    /// The socket at the other end.
+    pub(super) address: String,
+    /// Messages flow.
+    pub(super) connected: bool,
+    /// Messages so far.
+    pub(super) messages: u64,
+    /// Bytes so far.
+    pub(super) bytes: u64,
+}
+
+pub(super) struct Subscriber {
     id: u64,
     peer: String,
     address: String,
@@ -92,7 +108,7 @@ struct Queue {
     broken: bool,
 }
 
-impl Outlet {
+impl Subscriber {
     pub(super) fn new(id: u64, peer: &str, address: String, stream: TcpStream) -> Self {
         Self {
             id,
