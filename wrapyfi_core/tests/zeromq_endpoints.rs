@@ -356,7 +356,7 @@ fn a_publisher_without_files_says_so_and_connects_when_there_are_some() {
     let publisher = zeromq.open_publisher(&spec("/a"), &Context::default()).unwrap();
     let said = || publisher.link().waiting_for.unwrap_or_default();
     wait_until("the reason", || {
-        said().contains("no more than 256 files") && said().contains("ulimit -n")
+        said().contains("limit of open files") && said().contains("ulimit -n")
     });
     drop(files);
     wait_until("the connection", || publisher.link().waiting_for.is_none());

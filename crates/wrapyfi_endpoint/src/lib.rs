@@ -50,6 +50,7 @@ pub mod wire_server;
 use std::sync::Arc;
 use std::time::Instant;
 
+pub use wrapyfi_retry::Mutex;
 pub use wrapyfi_retry::backoff;
 #[cfg(feature = "tokio")]
 pub use wrapyfi_retry::restart;

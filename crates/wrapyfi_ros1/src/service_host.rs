@@ -20,7 +20,7 @@ use tokio::time::timeout;
 use super::body::{Bodies, Body};
 use super::core::Core;
 use super::header::Header;
-use super::services::{ServiceForm, ServiceType, shortened};
+use super::services::{ServiceCodec, ServiceType, shortened};
 use super::tcpros::{self, Accepted};
 use wrapyfi_endpoint::requests::Requests;
 use wrapyfi_endpoint::{Context, Counters, DropReason, PROGRESS, Share, Wake};
@@ -83,11 +83,11 @@ pub(super) struct ServiceHost {
 }
 
 impl ServiceHost {
-    pub(super) fn new(service: &str, form: &ServiceForm, requests: Arc<Requests<Ask>>) -> Self {
+    pub(super) fn new(service: &str, codec: &ServiceCodec, requests: Arc<Requests<Ask>>) -> Self {
         Self {
             service: service.to_owned(),
-            wire_type: form.wire_type.clone(),
-            limit_bytes: form.spec.limits.message_bytes,
+            wire_type: codec.wire_type.clone(),
+            limit_bytes: codec.spec.limits.message_bytes,
             requests,
             replies: Share::default(),
             clients: AtomicUsize::new(0),
@@ -145,7 +145,7 @@ impl ServiceHost {
         if stream.write_all(&own).await.is_err() || header.is_set("probe") {
             return;
         }
-        let lingers = core.lingering.begin();
+        let lingers = core.lingering.subscribe();
         if self.requests.is_closed() {
             return;
         }

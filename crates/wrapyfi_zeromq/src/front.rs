@@ -248,19 +248,24 @@ impl Front {
     /// Reads what a listener has said; without `to_the_end` as far as one look shows that nothing is left.
     fn read(&mut self, id: usize, to_the_end: bool, now: Instant) {
         let Some(peer) = self.peers.get_mut(&id) else { return };
-        let read = peer.read(&mut self.scratch, &mut self.heard, to_the_end, now);
+        let mut heard = Vec::new();
+        let read = peer.read(&mut self.scratch, &mut heard, to_the_end, now);
         self.dirty.insert(id);
-        for (topic, on) in std::mem::take(&mut peer.news) {
-            if !on {
-                unlist(&mut self.index, &mut self.lengths, &topic, id);
-                continue;
-            }
-            let length = topic.len();
-            let ids = self.index.entry(topic).or_default();
-            if ids.insert(id) && ids.len() == 1 {
-                *self.lengths.entry(length).or_default() += 1;
+        for one in &heard {
+            match one {
+                Heard::Subscribed(topic) => {
+                    let ids = self.index.entry(topic.clone()).or_default();
+                    if ids.insert(id) && ids.len() == 1 {
+                        *self.lengths.entry(topic.len()).or_default() += 1;
+                    }
+                }
+                Heard::Unsubscribed(topic) => {
+                    unlist(&mut self.index, &mut self.lengths, topic, id);
+                }
+                Heard::Ignored => {}
             }
         }
+        self.heard.append(&mut heard);
         match read {
             Ok(true) => _ = self.unread.insert(id),
             Ok(false) => {}
@@ -310,11 +315,5 @@ fn unlist(
         if *count == 0 {
             lengths.remove(&topic.len());
         }
-    }
-}
-
-impl std::fmt::Debug for Front {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Front").field("peers", &self.peers.len()).finish_non_exhaustive()
     }
 }

@@ -3,12 +3,12 @@
 //! ```text
 //!   open, close ── commands ──┐
 //!   listeners' SUB ───────────┤          ┌─▶ Reception: inbox
-//!   publishers' connections ──┼─▶ epoll ─┼─▶ Outlet: who listens, what waits
-//!   clients', servers' DEALER ┤          ├─▶ Line: requests, replies
+//!   publishers' connections ──┼─▶ epoll ─┼─▶ PublisherConnection: who listens, what waits
+//!   clients', servers' DEALER ┤          ├─▶ ServiceConnection: requests, replies
 //!   connection events ────────┘          └─▶ BrokerLink, wake
 //! ```
 //!
-//! Publishing itself happens on the caller's thread, as far as the connection takes it: see `Outlet`.
+//! Publishing itself happens on the caller's thread, as far as the connection takes it: see `PublisherConnection`.
 //!
 //! A socket's descriptor says once that something happened. So an endpoint that is looked at is read until it has
 //! no more, or stays among those to be looked at without waiting. Only what moved is looked at: a thousand endpoints
@@ -25,19 +25,19 @@ use std::time::{Duration, Instant};
 use mio::unix::SourceFd;
 use mio::{Events, Interest, Poll, Registry, Token, Waker};
 
-use super::line::Line;
 use super::link::{FAREWELL, Watch};
 use super::options;
-use super::outlet::Outlet;
+use super::publisher_connection::PublisherConnection;
 use super::reception::Reception;
+use super::service_connection::ServiceConnection;
 use wrapyfi_endpoint::Throttle;
 use wrapyfi_endpoint::backoff::{self, Backoff};
 
 /// Demand of an endpoint on the I/O thread.
 pub(super) enum Command {
     Listen(Reception),
-    Publish(Arc<Outlet>),
-    Line(Line),
+    Publish(Arc<PublisherConnection>),
+    ServiceConnection(ServiceConnection),
     /// There is room in an inbox again, or something to send.
     Look(u64),
     Close(u64),
@@ -77,7 +77,7 @@ impl Handle {
 
 /// The thread. Dropping this ends it and closes all its sockets.
 pub(super) struct Io {
-    handle: Arc<Handle>,
+    pub(super) handle: Arc<Handle>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -105,10 +105,6 @@ impl Io {
             std::thread::Builder::new().name("zeromq-io".to_owned()).spawn(|| worker.run())?;
         Ok(Self { handle, thread: Some(thread) })
     }
-
-    pub(super) fn handle(&self) -> &Arc<Handle> {
-        &self.handle
-    }
 }
 
 impl Drop for Io {
@@ -127,8 +123,8 @@ impl Drop for Io {
 enum End {
     Reception(Reception),
     /// Connection of a publisher, which asks the system for its events by itself.
-    Outlet(Arc<Outlet>),
-    Line(Line),
+    PublisherConnection(Arc<PublisherConnection>),
+    ServiceConnection(ServiceConnection),
     /// Socket that is being closed.
     Closing(u64, Watch),
 }
@@ -139,7 +135,7 @@ pub(super) struct Look {
     /// There is more to read.
     pub(super) more: bool,
     /// Time until it must be looked at although nothing happens.
-    pub(super) patience: Option<Duration>,
+    pub(super) timeout: Option<Duration>,
     /// True when the endpoint is gone.
     pub(super) over: bool,
 }
@@ -218,8 +214,12 @@ impl Worker {
         while let Ok(command) = self.commands.try_recv() {
             match command {
                 Command::Listen(reception) => self.add(reception.id, End::Reception(reception)),
-                Command::Publish(outlet) => self.add(outlet.id(), End::Outlet(outlet)),
-                Command::Line(line) => self.add(line.id(), End::Line(line)),
+                Command::Publish(connection) => {
+                    self.add(connection.id, End::PublisherConnection(connection))
+                }
+                Command::ServiceConnection(connection) => {
+                    self.add(connection.handle.id, End::ServiceConnection(connection))
+                }
                 Command::Look(id) => _ = self.ready.insert(id),
                 Command::Close(id) => self.close(id),
             }
@@ -280,15 +280,15 @@ impl Worker {
                 self.watch(&end, false);
                 // A time that has passed would be looked at again and again.
                 self.timed.remove(&id);
-                if let End::Line(line) = end {
-                    self.add(id, End::Closing(id, line.end()));
+                if let End::ServiceConnection(connection) = end {
+                    self.add(id, End::Closing(id, connection.end()));
                 }
                 continue;
             }
             if look.more {
                 self.ready.insert(id);
             }
-            match look.patience {
+            match look.timeout {
                 Some(time) => _ = self.timed.insert(id, now + time),
                 None => _ = self.timed.remove(&id),
             }
@@ -313,7 +313,7 @@ impl Look {
     }
 
     pub(super) fn after(time: Duration) -> Self {
-        Self { patience: Some(time), ..Self::default() }
+        Self { timeout: Some(time), ..Self::default() }
     }
 
     pub(super) fn over() -> Self {
@@ -325,11 +325,15 @@ impl End {
     /// The endpoint's descriptors, and what they say when something happened.
     fn descriptors(&self) -> (Token, Vec<RawFd>) {
         let (id, socket, watch) = match self {
-            Self::Outlet(outlet) => return (Token(index(outlet.id())), Vec::new()),
+            Self::PublisherConnection(connection) => {
+                return (Token(index(connection.id)), Vec::new());
+            }
             Self::Reception(reception) => {
                 (reception.id, reception.socket.get_fd().ok(), &reception.watch)
             }
-            Self::Line(line) => (line.id(), line.socket.get_fd().ok(), &line.watch),
+            Self::ServiceConnection(connection) => {
+                (connection.handle.id, connection.socket.get_fd().ok(), &connection.watch)
+            }
             Self::Closing(id, watch) => (*id, None, watch),
         };
         let descriptors = socket.into_iter().chain(watch.fd()).collect();
@@ -344,10 +348,10 @@ impl End {
     ) -> zmq::Result<Look> {
         // Connecting again may take the signal of what waits to be read.
         let mut look = Look { more: self.is_lost(now), ..Look::default() };
-        look.patience = match self {
+        look.timeout = match self {
             Self::Reception(reception) => {
                 if reception.watch.take() {
-                    reception.wake.ring();
+                    reception.inbox.context().wake.ring();
                 }
                 let mut held = reception.retry(now);
                 if held.is_none() {
@@ -359,22 +363,24 @@ impl End {
                 }
                 held.into_iter().chain(reception.revive(now)).min()
             }
-            Self::Outlet(outlet) => return Ok(outlet.look(now, registry, faults)),
-            Self::Line(line) => {
-                if line.watch.take() {
-                    line.ring();
+            Self::PublisherConnection(connection) => {
+                return Ok(connection.look(now, registry, faults));
+            }
+            Self::ServiceConnection(connection) => {
+                if connection.watch.take() {
+                    connection.handle.context.wake.ring();
                 }
-                line.write()?;
-                line.read()?;
+                connection.write()?;
+                connection.read()?;
                 // Last: reading or writing may have taken the signal of what the other could not do before.
-                look.more |= line.has_more()?;
-                let lingers = line.lingers(now);
+                look.more |= connection.has_more()?;
+                let lingers = connection.lingers(now);
                 look.over = lingers == Some(Duration::ZERO);
-                line.revive(now).into_iter().chain(lingers).min()
+                connection.revive(now).into_iter().chain(lingers).min()
             }
             Self::Closing(_, watch) => {
                 watch.take();
-                look.over = watch.is_over();
+                look.over = watch.over;
                 None
             }
         };
@@ -384,10 +390,10 @@ impl End {
     /// True when this look will connect the endpoint's socket again.
     fn is_lost(&self, now: Instant) -> bool {
         match self {
-            Self::Outlet(_) => false,
+            Self::PublisherConnection(_) => false,
             Self::Reception(Reception { watch, .. })
-            | Self::Line(Line { watch, .. })
-            | Self::Closing(_, watch) => watch.patience(now) == Some(Duration::ZERO),
+            | Self::ServiceConnection(ServiceConnection { watch, .. })
+            | Self::Closing(_, watch) => watch.time_left(now) == Some(Duration::ZERO),
         }
     }
 
@@ -395,13 +401,13 @@ impl End {
     fn close(self, now: Instant) -> Self {
         match self {
             Self::Reception(reception) => Self::Closing(reception.id, reception.close()),
-            Self::Line(mut line) => {
-                line.close(now);
-                Self::Line(line)
+            Self::ServiceConnection(mut connection) => {
+                connection.close(now);
+                Self::ServiceConnection(connection)
             }
-            Self::Outlet(outlet) => {
-                outlet.close(now);
-                Self::Outlet(outlet)
+            Self::PublisherConnection(connection) => {
+                connection.close(now);
+                Self::PublisherConnection(connection)
             }
             closing @ Self::Closing(..) => closing,
         }

@@ -2,7 +2,7 @@
 //! subscriptions, and what waits for it.
 //!
 //! ```text
-//!   bytes ─▶ inbox ── understand ──▶ Heard, news: subscriptions
+//!   bytes ─▶ inbox ── understand ──▶ Heard: subscriptions
 //!   queue ─▶ outbox ── write ──▶ TCP                 silent: asked whether it lives
 //! ```
 
@@ -15,8 +15,8 @@ use std::time::Instant;
 
 use bytes::Bytes;
 
-use super::echo::Fingerprint;
 use super::options;
+use super::own_messages::Fingerprint;
 use super::zmtp::{self, Breach};
 use wrapyfi_endpoint::{DropReason, PROGRESS, Share};
 
@@ -102,8 +102,6 @@ pub(super) struct Peer {
     pub(super) topics: BTreeSet<Vec<u8>>,
     /// Topic that is published; other subscriptions are ignored. None where all topics are.
     only: Option<Bytes>,
-    /// Subscriptions that came and went, not yet in the index.
-    pub(super) news: Vec<(Vec<u8>, bool)>,
     pub(super) outbox: VecDeque<Arc<Message>>,
     /// Messages in it that are counted against the high-water mark.
     waiting: usize,
@@ -133,7 +131,6 @@ impl Peer {
             inside: false,
             topics: BTreeSet::new(),
             only: None,
-            news: Vec::new(),
             outbox: VecDeque::from([control(zmtp::greeting())]),
             waiting: 0,
             written: 0,
@@ -286,7 +283,7 @@ impl Peer {
                     self.inside = frame.more;
                 }
                 (_, true) => {
-                    let (name, properties) = zmtp::split_command(frame.body).ok_or(Breach)?;
+                    let (name, properties) = zmtp::short_text(frame.body).ok_or(Breach)?;
                     if name != b"READY"
                         || !matches!(zmtp::socket_type(properties), Some(b"SUB" | b"XSUB"))
                     {
@@ -303,7 +300,7 @@ impl Peer {
     }
 
     fn obey(&mut self, body: &[u8], heard: &mut Vec<Heard>) {
-        match zmtp::split_command(body) {
+        match zmtp::short_text(body) {
             Some((b"PONG", _)) => self.has_heartbeats = true,
             Some((b"PING", rest)) => {
                 self.has_heartbeats = true;
@@ -333,7 +330,6 @@ impl Peer {
         let changed =
             if on { self.topics.insert(topic.clone()) } else { self.topics.remove(&topic) };
         if changed {
-            self.news.push((topic.clone(), on));
             heard.push(if on { Heard::Subscribed(topic) } else { Heard::Unsubscribed(topic) });
         }
     }

@@ -1,4 +1,4 @@
-//! ZMTP 3, the protocol between ZeroMQ sockets, as far as the broker's side for listeners, publishers and the probe
+//! ZMTP 3, the protocol between ZeroMQ sockets, as far as the broker's side for listeners, publishers and the check of ports
 //! need it.
 //!
 //! ```text
@@ -72,11 +72,6 @@ pub(super) fn command(body: &[u8]) -> Vec<u8> {
     frame
 }
 
-/// Name and rest of a command.
-pub(super) fn split_command(body: &[u8]) -> Option<(&[u8], &[u8])> {
-    short_text(body)
-}
-
 /// Socket type in the properties of a command READY.
 pub(super) fn socket_type(mut properties: &[u8]) -> Option<&[u8]> {
     while !properties.is_empty() {
@@ -92,7 +87,7 @@ pub(super) fn socket_type(mut properties: &[u8]) -> Option<&[u8]> {
     None
 }
 
-/// Splits off a text with its length in the first byte.
+/// Splits off a text with its length in the first byte, such as the name of a command.
 pub(super) fn short_text(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
     let (&length, rest) = bytes.split_first()?;
     rest.split_at_checked(usize::from(length))
@@ -183,7 +178,7 @@ mod tests {
             assert!(rest.len() <= end);
         }
         let (first, size) = split_frame(&bytes, 100).unwrap().unwrap();
-        let (name, properties) = split_command(first.body).unwrap();
+        let (name, properties) = short_text(first.body).unwrap();
         assert_eq!((name, socket_type(properties)), (&b"READY"[..], Some(&b"XPUB"[..])));
         let rest = &bytes[size..];
         assert_eq!(split_frame(rest, 100), Ok(Some((frame(false, true, b"ab"), 4))));

@@ -11,7 +11,7 @@
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::sync::{Arc, Weak};
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
@@ -22,19 +22,20 @@ use tokio::time::timeout;
 use wrapyfi_interfaces::ros1::PairPlan;
 
 use super::config::NodeUri;
+use super::conversion;
 use super::core::Core;
-use super::form;
 use super::header::Header;
-use super::request::{request_topic, shortened};
-use super::slave_info::BusLink;
+use super::probe::request_topic;
 use super::splitter::{self, Piece, Splitter};
+use super::subscriber::BusLink;
 use super::tcpros;
+use super::xmlrpc::shortened;
 use wrapyfi_data::types::MessageType;
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::codec::ros1::Ros1Type;
 use wrapyfi_endpoint::restart::restarted;
 use wrapyfi_endpoint::{
-    BridgeMark, Counters, DropReason, Keeping, PROGRESS, Sender, Share, Waits, Wake,
+    BridgeMark, Counters, DropReason, Keeping, Mutex, PROGRESS, Sender, Share, Waits, Wake,
 };
 
 /// Field of a connection header: the mark of a bridge that publishes a topic by pattern.
@@ -75,7 +76,7 @@ pub(super) struct Wanted {
     pub(super) shun: Option<String>,
 }
 
-pub(super) struct Intake {
+pub(super) struct ListenerConnections {
     core: Weak<Core>,
     topic: String,
     wanted: Wanted,
@@ -92,8 +93,9 @@ struct Peers {
 }
 
 /// One publisher.
+#[derive(Default)]
 struct Peer {
-    id: u64,
+    shared: Arc<Shared>,
     /// The master names it.
     listed: bool,
     /// The socket at its end, while messages flow.
@@ -103,21 +105,22 @@ struct Peer {
     /// Reason why the last try to connect failed.
     fault: Option<String>,
     task: Option<AbortHandle>,
-    /// Signal that the master named the publisher again: it may have something new.
-    again: Arc<Notify>,
-    count: Arc<Count>,
     /// Last message of a publisher that latches: one that comes again with a new connection is no
     /// news.
     last: Option<(usize, u64)>,
 }
 
+/// State that the connection to a publisher shares with its task.
 #[derive(Default)]
-struct Count {
+struct Shared {
+    id: u64,
+    /// Signal that the master named the publisher again: it may have something new.
+    again: Notify,
     messages: AtomicU64,
     bytes: AtomicU64,
 }
 
-impl Intake {
+impl ListenerConnections {
     pub(super) fn new(
         core: &Arc<Core>,
         topic: &str,
@@ -131,10 +134,6 @@ impl Intake {
             inbox,
             peers: Mutex::default(),
         })
-    }
-
-    fn peers(&self) -> MutexGuard<'_, Peers> {
-        self.peers.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     pub(super) fn wake(&self) -> &Wake {
@@ -151,7 +150,7 @@ impl Intake {
 
     /// Publishers that are connected, and why those are not that are not.
     pub(super) fn connected(&self) -> (usize, Option<String>) {
-        let peers = self.peers();
+        let peers = self.peers.lock();
         let up = peers.by_uri.values().filter(|peer| peer.address.is_some());
         let core = self.core.upgrade();
         let hint = |uri: &NodeUri| {
@@ -166,28 +165,28 @@ impl Intake {
 
     /// Number of the connected publishers that latch: all, some or none.
     pub(super) fn keeping(&self) -> Keeping {
-        let peers = self.peers();
+        let peers = self.peers.lock();
         let up = peers.by_uri.values().filter(|peer| peer.address.is_some());
         Keeping::of(up.map(|peer| peer.latches))
     }
 
     /// A publisher that latched and has gone.
     pub(super) fn departed(&self) -> Option<u64> {
-        self.peers().departed.pop()
+        self.peers.lock().departed.pop()
     }
 
     /// Connections of the subscription, for the slave API.
     pub(super) fn links(&self) -> Vec<BusLink> {
-        let peers = self.peers();
+        let peers = self.peers.lock();
         let link = |(uri, peer): (&NodeUri, &Peer)| {
             let address = peer.address.as_ref()?;
             Some(BusLink {
-                id: peer.id,
+                id: peer.shared.id,
                 peer: uri.to_string(),
                 address: address.clone(),
                 connected: true,
-                messages: peer.count.messages.load(Relaxed),
-                bytes: peer.count.bytes.load(Relaxed),
+                messages: peer.shared.messages.load(Relaxed),
+                bytes: peer.shared.bytes.load(Relaxed),
             })
         };
         peers.by_uri.iter().filter_map(link).collect()
@@ -195,7 +194,7 @@ impl Intake {
 
     /// Ends all connections for good.
     pub(super) fn close(&self) {
-        let mut peers = self.peers();
+        let mut peers = self.peers.lock();
         peers.closed = true;
         for peer in std::mem::take(&mut peers.by_uri).into_values() {
             peer.task.iter().for_each(AbortHandle::abort);
@@ -205,7 +204,7 @@ impl Intake {
     /// Takes what the master says about who publishes.
     pub(super) fn update(self: &Arc<Self>, publishers: &[NodeUri]) {
         let Some(core) = self.core.upgrade() else { return };
-        let mut peers = self.peers();
+        let mut peers = self.peers.lock();
         if peers.closed {
             return;
         }
@@ -223,7 +222,7 @@ impl Intake {
         });
         for uri in publishers {
             if let Some(peer) = peers.by_uri.get(uri) {
-                peer.again.notify_one();
+                peer.shared.again.notify_one();
                 continue;
             }
             if peers.by_uri.len() >= MAX_PUBLISHERS {
@@ -233,33 +232,20 @@ impl Intake {
                 );
                 break;
             }
-            let (id, again) = (core.next_id(), Arc::new(Notify::new()));
+            let shared = Arc::new(Shared { id: core.next_id(), ..Shared::default() });
             let connection = Connection {
-                intake: Arc::clone(self),
-                core: Arc::downgrade(&core),
+                connections: Arc::clone(self),
                 uri: uri.clone(),
-                id,
-                again: Arc::clone(&again),
-                count: Arc::default(),
+                shared: Arc::clone(&shared),
                 latched: false,
                 plan: None,
             };
-            let peer = Peer {
-                id,
-                listed: true,
-                address: None,
-                latches: false,
-                fault: None,
-                task: None,
-                again,
-                count: Arc::clone(&connection.count),
-                last: None,
-            };
+            let peer = Peer { shared, listed: true, ..Peer::default() };
             peers.by_uri.insert(uri.clone(), peer);
-            let (intake, at) = (Arc::clone(self), uri.clone());
+            let (connections, at) = (Arc::clone(self), uri.clone());
             let task = restarted(
                 format!("the connection to publisher {uri} of {}", self.topic),
-                move |what| _ = intake.note(&at, Err(what)),
+                move |what| _ = connections.note(&at, Err(what)),
                 move || connection.clone().keep(),
             );
             let task = core.handle.spawn(task).abort_handle();
@@ -274,7 +260,7 @@ impl Intake {
     /// Notes how a connection is: where it leads, or why there is none. False where nobody wants it
     /// any more.
     fn note(&self, uri: &NodeUri, state: Result<(String, bool), String>) -> bool {
-        let mut peers = self.peers();
+        let mut peers = self.peers.lock();
         let Peers { by_uri, departed, .. } = &mut *peers;
         let Some(peer) = by_uri.get_mut(uri) else { return false };
         let stays = peer.listed || state.is_ok() || peer.address.is_some();
@@ -283,7 +269,7 @@ impl Intake {
                 peer.fault = None;
                 peer.latches = latches;
                 // A departure that was not reported yet is over.
-                departed.retain(|id| *id != peer.id);
+                departed.retain(|id| *id != peer.shared.id);
                 peer.address.replace(address).is_none()
             }
             Err(reason) => {
@@ -320,7 +306,7 @@ impl Intake {
         let mut hasher = DefaultHasher::new();
         hasher.write(message);
         let print = Some((message.len(), hasher.finish()));
-        let mut peers = self.peers();
+        let mut peers = self.peers.lock();
         let Some(peer) = peers.by_uri.get_mut(uri) else { return false };
         let again = first && peer.last == print;
         peer.last = print;
@@ -333,7 +319,7 @@ impl Peer {
     /// news.
     fn depart(&mut self, departed: &mut Vec<u64>) {
         if self.last.take().is_some() {
-            departed.push(self.id);
+            departed.push(self.shared.id);
         }
     }
 }
@@ -341,12 +327,9 @@ impl Peer {
 /// The task of one publisher.
 #[derive(Clone)]
 struct Connection {
-    intake: Arc<Intake>,
-    core: Weak<Core>,
+    connections: Arc<ListenerConnections>,
     uri: NodeUri,
-    id: u64,
-    again: Arc<Notify>,
-    count: Arc<Count>,
+    shared: Arc<Shared>,
     latched: bool,
     plan: Option<PairPlan>,
 }
@@ -354,12 +337,12 @@ struct Connection {
 impl Connection {
     /// Connects, receives, and connects again while the master names the publisher.
     async fn keep(mut self) {
-        let mut backoff = Backoff::of_process(self.id);
+        let mut backoff = Backoff::of_process(self.shared.id);
         loop {
             let reason = match self.open().await {
                 Ok(stream) => {
                     let address = stream.peer_addr().map(|a| a.to_string()).unwrap_or_default();
-                    if !self.intake.note(&self.uri, Ok((address, self.latched))) {
+                    if !self.connections.note(&self.uri, Ok((address, self.latched))) {
                         return;
                     }
                     backoff.reset();
@@ -367,27 +350,28 @@ impl Connection {
                 }
                 Err(Closed::Shunned) => {
                     // It may be another publication when the master names it again.
-                    self.again.notified().await;
+                    self.shared.again.notified().await;
                     continue;
                 }
                 Err(Closed::Fault(reason)) => reason,
             };
-            if !self.intake.note(&self.uri, Err(reason)) {
+            if !self.connections.note(&self.uri, Err(reason)) {
                 return;
             }
             // Sooner where the master says that the publisher has something new.
-            _ = timeout(backoff.wait(), self.again.notified()).await;
+            _ = timeout(backoff.wait(), self.shared.again.notified()).await;
         }
     }
 
     /// A connection on which messages follow, or why there is none.
     async fn open(&mut self) -> Result<TcpStream, Closed> {
-        let core = self.core.upgrade().ok_or_else(|| "the node has ended".to_owned())?;
-        let (host, port) = request_topic(&core, &self.uri, &self.intake.topic).await?;
-        let wire_type = &self.intake.wanted.wire_type;
+        let core =
+            self.connections.core.upgrade().ok_or_else(|| "the node has ended".to_owned())?;
+        let (host, port) = request_topic(&core, &self.uri, &self.connections.topic).await?;
+        let wire_type = &self.connections.wanted.wire_type;
         let own = Header::new()
             .with("callerid", core.name.full())
-            .with("topic", &self.intake.topic)
+            .with("topic", &self.connections.topic)
             .with("type", &wire_type.name)
             .with("md5sum", &wire_type.md5)
             .with("message_definition", &wire_type.definition)
@@ -406,8 +390,8 @@ impl Connection {
             let mark = header.get(MARK).and_then(|mark| mark.parse::<BridgeMark>().ok());
             mark.is_some_and(|mark| mark.came_through(shunned))
         };
-        if self.intake.wanted.shun.as_ref().is_some_and(came_through) {
-            tracing::debug!(topic = self.intake.topic, uri = %self.uri, "ROS 1: a bridge's, passed over");
+        if self.connections.wanted.shun.as_ref().is_some_and(came_through) {
+            tracing::debug!(topic = self.connections.topic, uri = %self.uri, "ROS 1: a bridge's, passed over");
             return Err(Closed::Shunned);
         }
         let (name, md5) = (header.get("type").unwrap_or("*"), header.get("md5sum").unwrap_or("*"));
@@ -420,16 +404,18 @@ impl Connection {
                 wire_type.md5
             )));
         }
-        self.plan = form::shown(&core, &header, self.intake.wanted.message_type)
-            .map_err(|error| shortened(&error))?;
+        self.plan =
+            conversion::publisher_plan(&core, &header, self.connections.wanted.message_type)
+                .map_err(|error| shortened(&error))?;
         self.latched = header.is_set("latching");
         Ok(stream)
     }
 
     /// Receives until the connection ends; why it did.
     async fn receive(&self, mut stream: TcpStream) -> String {
-        let (mut splitter, share) = (Splitter::new(self.intake.wanted.limit), Share::default());
-        let counters = self.intake.inbox.counters();
+        let (mut splitter, share) =
+            (Splitter::new(self.connections.wanted.limit), Share::default());
+        let counters = self.connections.inbox.counters();
         let mut first = true;
         loop {
             loop {
@@ -446,10 +432,10 @@ impl Connection {
                 };
                 let size = message.len() + 4;
                 counters.received(size);
-                self.count.messages.fetch_add(1, Relaxed);
-                self.count.bytes.fetch_add(size as u64, Relaxed);
+                self.shared.messages.fetch_add(1, Relaxed);
+                self.shared.bytes.fetch_add(size as u64, Relaxed);
                 let is_first = std::mem::take(&mut first);
-                if self.latched && self.intake.came_before(&self.uri, &message, is_first) {
+                if self.latched && self.connections.came_before(&self.uri, &message, is_first) {
                     counters.dropped(DropReason::Duplicate);
                     continue;
                 }
@@ -468,8 +454,8 @@ impl Connection {
     /// Puts a message into the inbox, under policy `block` when there is room; so too the one that a
     /// publisher kept for us.
     async fn deliver(&self, message: Bytes, is_first: bool) {
-        let inbox = &self.intake.inbox;
-        let (source, latched, plan) = (self.id, self.latched, self.plan.clone());
+        let inbox = &self.connections.inbox;
+        let (source, latched, plan) = (self.shared.id, self.latched, self.plan.clone());
         let kept_waits = if latched && is_first { KEPT_WAITS } else { Duration::ZERO };
         let received_at = inbox.context().clock.now();
         let arrival = Arrival { message, received_at, source, latched, plan };

@@ -2,22 +2,22 @@
 //!
 //! ```text
 //!   start: bind ──ok──▶ our own
-//!           └─ taken ──▶ probe ── both its sides ──▶ somebody else's ── it dies ──▶ bind again …
+//!           └─ taken ──▶ asked ── both its sides ──▶ somebody else's ── it dies ──▶ bind again …
 //!                          └─ anything else ──▶ ZeroMqError: what has the port
 //! ```
 
 use std::net::{IpAddr, SocketAddr};
-use std::sync::{Arc, Mutex, PoisonError};
-use std::thread::JoinHandle;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::ZeroMqError;
 use super::broker::BrokerError;
 use super::config::{BrokerMode, reachable};
 use super::link::{self, BrokerLink, Watch};
-use super::options::{self, Bell};
-use super::probe::{Answer, probe};
-use super::turns::{self, Turns};
+use super::options::{self, StopSignal};
+use super::port_check::{Answer, ask_port};
+use super::turns::{Runs, Turns};
+use wrapyfi_endpoint::Mutex;
 use wrapyfi_endpoint::backoff::Backoff;
 use wrapyfi_endpoint::network::is_of_this_machine;
 
@@ -25,8 +25,8 @@ use wrapyfi_endpoint::network::is_of_this_machine;
 /// once, or one that is just ending.
 const SETTLING: Duration = Duration::from_secs(2);
 
-/// A broker as its keeper knows it.
-pub(super) trait Stand: Sized + Send + 'static {
+/// A broker as its supervisor knows it.
+pub(super) trait Supervised: Sized + Send + 'static {
     /// Settings of the broker.
     type Config: Clone + Send + 'static;
     /// Socket type of a broker at the first port.
@@ -54,10 +54,10 @@ pub(super) struct Side {
 }
 
 /// Our broker, if we run one, and the thread that takes over from a foreign one.
-pub(super) struct Keeper<B: Stand> {
+pub(super) struct Supervisor<B: Supervised> {
+    // Before the broker, so that it is not made once more.
+    guard: Option<Runs>,
     broker: Arc<Mutex<Option<B>>>,
-    bell: Option<Bell>,
-    thread: Option<JoinHandle<()>>,
 }
 
 enum Found<B> {
@@ -65,7 +65,7 @@ enum Found<B> {
     Foreign { may_take_over: bool },
 }
 
-impl<B: Stand> Keeper<B> {
+impl<B: Supervised> Supervisor<B> {
     /// Runs the broker, or finds the one that is there.
     pub(super) fn start(
         config: &B::Config,
@@ -76,54 +76,33 @@ impl<B: Stand> Keeper<B> {
             BrokerMode::Embedded => settle(config, ip)?,
             BrokerMode::Foreign => Found::Foreign { may_take_over: false },
         };
-        let mut keeper = Self { broker: Arc::new(Mutex::new(None)), bell: None, thread: None };
+        let mut supervisor = Self { broker: Arc::new(Mutex::new(None)), guard: None };
         match found {
-            Found::Own(broker) => *keeper.lock() = Some(broker),
+            Found::Own(broker) => *supervisor.broker.lock() = Some(broker),
             Found::Foreign { may_take_over: false } => {}
-            Found::Foreign { may_take_over: true } => keeper.guard(config.clone(), ip)?,
+            Found::Foreign { may_take_over: true } => supervisor.guard(config.clone(), ip)?,
         }
-        Ok(keeper)
+        Ok(supervisor)
     }
 
     /// Looks at our own broker, if we run one.
     pub(super) fn own<T>(&self, look: impl FnOnce(&B) -> T) -> Option<T> {
-        self.lock().as_ref().map(look)
-    }
-
-    fn lock(&self) -> std::sync::MutexGuard<'_, Option<B>> {
-        self.broker.lock().unwrap_or_else(PoisonError::into_inner)
+        self.broker.lock().as_ref().map(look)
     }
 
     fn guard(&mut self, config: B::Config, ip: IpAddr) -> Result<(), ZeroMqError> {
         let context = zmq::Context::new();
-        let (bell, ears) = Bell::new(&context)?;
-        let guard = Guard::<B>::new(&context, config, ip, ears, Arc::clone(&self.broker))?;
-        self.bell = Some(bell);
-        self.thread = Some(
-            std::thread::Builder::new()
-                .name("zeromq-guard".to_owned())
-                .spawn(move || guard.run())
-                .map_err(|error| ZeroMqError::Transport { reason: error.to_string() })?,
-        );
+        let (stop_signal, stop) = StopSignal::new(&context)?;
+        let guard = Guard::<B>::new(&context, config, ip, stop, Arc::clone(&self.broker))?;
+        let runs = Runs::start("zeromq-guard", stop_signal, guard);
+        self.guard =
+            Some(runs.map_err(|error| ZeroMqError::Transport { reason: error.to_string() })?);
         Ok(())
     }
 }
 
-impl<B: Stand> Drop for Keeper<B> {
-    fn drop(&mut self) {
-        if let Some(bell) = &self.bell {
-            bell.ring();
-        }
-        if let Some(thread) = self.thread.take()
-            && thread.join().is_err()
-        {
-            tracing::error!("the thread that watches the ZeroMQ broker panicked");
-        }
-    }
-}
-
 /// Binds, or finds out who has the ports.
-fn settle<B: Stand>(config: &B::Config, ip: IpAddr) -> Result<Found<B>, ZeroMqError> {
+fn settle<B: Supervised>(config: &B::Config, ip: IpAddr) -> Result<Found<B>, ZeroMqError> {
     let (give_up_at, mut backoff) = (Instant::now() + SETTLING, Backoff::of_process(3));
     loop {
         let refusal = match B::start(config) {
@@ -173,7 +152,7 @@ struct Asked {
 impl Asked {
     fn ask(ip: IpAddr, port: u16, side: &Side) -> Self {
         let Side { ours, expected } = *side;
-        Self { port, expected, answer: probe(SocketAddr::new(reachable(ip), port), ours) }
+        Self { port, expected, answer: ask_port(SocketAddr::new(reachable(ip), port), ours) }
     }
 
     fn is_broker(&self) -> bool {
@@ -191,9 +170,9 @@ impl Asked {
 }
 
 /// Watches a foreign broker, and becomes the broker when it dies.
-struct Guard<B: Stand> {
+struct Guard<B: Supervised> {
     config: B::Config,
-    ears: zmq::Socket,
+    stop: zmq::Socket,
     watch: Watch,
     /// Connected for its connection events only.
     socket: zmq::Socket,
@@ -202,12 +181,12 @@ struct Guard<B: Stand> {
     try_at: Instant,
 }
 
-impl<B: Stand> Guard<B> {
+impl<B: Supervised> Guard<B> {
     fn new(
         context: &zmq::Context,
         config: B::Config,
         ip: IpAddr,
-        ears: zmq::Socket,
+        stop: zmq::Socket,
         slot: Arc<Mutex<Option<B>>>,
     ) -> zmq::Result<Self> {
         let endpoint = options::endpoint(reachable(ip), B::ports(&config).0);
@@ -217,30 +196,23 @@ impl<B: Stand> Guard<B> {
         let (socket, watch) = link::connect(context, socket, &BrokerLink::new(&endpoint))?;
         let mut backoff = Backoff::of_process(2);
         let try_at = Instant::now() + backoff.wait();
-        Ok(Self { config, ears, watch, socket, slot, backoff, try_at })
-    }
-
-    fn run(mut self) {
-        turns::run(&mut self);
-        let Self { socket, watch, .. } = self;
-        drop(socket);
-        Watch::see_out(vec![watch]);
+        Ok(Self { config, stop, watch, socket, slot, backoff, try_at })
     }
 }
 
-impl<B: Stand> Turns for Guard<B> {
+impl<B: Supervised> Turns for Guard<B> {
     const NAME: &'static str = "the thread that watches the foreign ZeroMQ broker";
 
     /// Stops when told to, and when we are the broker.
     fn turn(&mut self) -> zmq::Result<bool> {
-        let wait = match self.watch.link().is_up() {
+        let wait = match self.watch.link.is_up() {
             true => -1,
             false => {
                 let left = self.try_at.saturating_duration_since(Instant::now());
                 i64::try_from(left.as_millis()).unwrap_or(i64::MAX).saturating_add(1)
             }
         };
-        let mut items = [self.ears.as_poll_item(zmq::POLLIN), self.watch.poll_item()];
+        let mut items = [self.stop.as_poll_item(zmq::POLLIN), self.watch.poll_item()];
         zmq::poll(&mut items, wait)?;
         let [rang, _] = items;
         if rang.is_readable() {
@@ -250,7 +222,7 @@ impl<B: Stand> Turns for Guard<B> {
             self.backoff.reset();
             self.try_at = Instant::now() + self.backoff.wait();
         }
-        if self.watch.link().is_up() || Instant::now() < self.try_at {
+        if self.watch.link.is_up() || Instant::now() < self.try_at {
             return Ok(true);
         }
         match B::start(&self.config) {
@@ -261,7 +233,7 @@ impl<B: Stand> Turns for Guard<B> {
                     back_port,
                     "the foreign ZeroMQ broker is gone: this process is the broker now"
                 );
-                *self.slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(broker);
+                *self.slot.lock() = Some(broker);
                 return Ok(false);
             }
             Err(error) => tracing::debug!(%error, "no broker yet"),
@@ -271,8 +243,14 @@ impl<B: Stand> Turns for Guard<B> {
     }
 
     fn stop(&self) -> &zmq::Socket {
-        &self.ears
+        &self.stop
     }
 
-    fn failed(&self, _why: Option<String>) {}
+    fn failed(&mut self, _why: Option<String>) {}
+
+    fn end(self) {
+        let Self { socket, watch, .. } = self;
+        drop(socket);
+        Watch::see_out(vec![watch]);
+    }
 }

@@ -10,25 +10,26 @@
 //! that never comes blocks them for ever. On the wire it is the same, envelope for envelope.
 
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 
-use super::envelope::{self, Misfit, Parcel};
+use super::Shared;
+use super::envelope::{self, Misfit, ServiceMessage};
 use super::io::Handle;
 use super::link::{self, BrokerLink, Watch};
 use super::options;
-use super::{Shared, config::FRAME_SLACK};
+use wrapyfi_data::DecodeError;
 use wrapyfi_endpoint::requests::Requests;
-use wrapyfi_endpoint::{Context, DropReason, ServiceSpec, Share};
+use wrapyfi_endpoint::{Context, DropReason, Mutex, ServiceSpec, Share};
 
 /// Messages that libzmq holds for the broker.
 pub(super) const SEND_HWM: i32 = 2;
 /// Messages read from one socket before the others have their turn.
 const BATCH: usize = 64;
 
-/// End of a service that a line is.
+/// End of a service that a connection is.
 #[derive(Debug)]
 pub(super) enum End {
     Client,
@@ -53,18 +54,36 @@ pub(super) enum Unusable {
     Frames(usize),
 }
 
-/// A parcel that waits to be sent.
+impl Unusable {
+    /// The fault, where one frame of at most `limit` bytes was wanted.
+    pub(super) fn fault(self, wanted: &str, limit: usize) -> DecodeError {
+        match self {
+            Self::TooLarge(size) => DecodeError::TooLarge {
+                what: "message",
+                path: "$".into(),
+                actual: size as u64,
+                limit: limit as u64,
+            },
+            Self::Frames(frames) => DecodeError::Mismatch {
+                expected: format!("a {wanted} of one frame"),
+                actual: format!("{frames} frames"),
+            },
+        }
+    }
+}
+
+/// A message that waits to be sent.
 struct Waiting {
-    parcel: Parcel,
+    message: ServiceMessage,
     /// Instant after which nobody waits for it any more.
     until: Option<Instant>,
     /// Bytes that its server counts as sent already.
     sent_bytes: Option<usize>,
 }
 
-/// State that the owner of a line and the I/O thread share.
-pub(super) struct Post {
-    id: u64,
+/// State that the owner of a connection and the I/O thread share.
+pub(super) struct ServiceHandle {
+    pub(super) id: u64,
     service: String,
     end: End,
     /// Deliveries that may wait at a client.
@@ -73,75 +92,64 @@ pub(super) struct Post {
     incoming: Mutex<VecDeque<Delivery>>,
     /// Bytes that wait to be sent, and those that came and were not taken.
     shares: [Share; 2],
-    link: Arc<BrokerLink>,
-    context: Context,
+    pub(super) link: Arc<BrokerLink>,
+    pub(super) context: Context,
     io: Arc<Handle>,
 }
 
-impl Post {
-    pub(super) fn link(&self) -> &BrokerLink {
-        &self.link
-    }
-
-    pub(super) fn context(&self) -> &Context {
-        &self.context
-    }
-
-    /// Sends as soon as there is a way, not after `until`; the parcel comes back where it finds no room.
-    pub(super) fn send(&self, parcel: Parcel, until: Option<Instant>) -> Result<(), Parcel> {
-        let sent_bytes = matches!(self.end, End::Server(_)).then(|| parcel.size());
-        self.queue(parcel, until, sent_bytes)?;
-        self.io.send(super::io::Command::Look(self.id));
-        Ok(())
+impl ServiceHandle {
+    /// Sends as soon as there is a way, not after `until`; the message comes back where it finds no room.
+    pub(super) fn send(
+        &self,
+        message: ServiceMessage,
+        until: Option<Instant>,
+    ) -> Result<(), ServiceMessage> {
+        let sent_bytes = matches!(self.end, End::Server(_)).then(|| message.size());
+        self.queue(message, until, sent_bytes)
     }
 
     /// Tells the other side why it gets no reply, unless there is no room even for that: then it learns by its
     /// time-out.
     pub(super) fn refuse(&self, envelope: Vec<Bytes>, why: &str) {
-        if self.queue(Parcel::error(envelope, why), None, None).is_ok() {
-            self.io.send(super::io::Command::Look(self.id));
-        }
+        _ = self.queue(ServiceMessage::error(envelope, why), None, None);
     }
 
     fn queue(
         &self,
-        parcel: Parcel,
+        message: ServiceMessage,
         until: Option<Instant>,
         sent_bytes: Option<usize>,
-    ) -> Result<(), Parcel> {
+    ) -> Result<(), ServiceMessage> {
         let [sending, _] = &self.shares;
-        if !sending.take(self.counted(&parcel)) {
-            return Err(parcel);
+        if !sending.take(self.counted(&message)) {
+            return Err(message);
         }
-        lock(&self.outgoing).push_back(Waiting { parcel, until, sent_bytes });
+        self.outgoing.lock().push_back(Waiting { message, until, sent_bytes });
+        self.io.send(super::io::Command::Look(self.id));
         Ok(())
     }
 
-    /// Bytes that count while a parcel waits to be sent: those of a request count until its call has ended.
-    fn counted(&self, parcel: &Parcel) -> usize {
-        if matches!(self.end, End::Server(_)) { parcel.size() } else { 0 }
+    /// Bytes that count while a message waits to be sent: those of a request count until its call has ended.
+    fn counted(&self, message: &ServiceMessage) -> usize {
+        if matches!(self.end, End::Server(_)) { message.size() } else { 0 }
     }
 
     pub(super) fn take(&self) -> Option<Delivery> {
-        let next = lock(&self.incoming).pop_front()?;
+        let next = self.incoming.lock().pop_front()?;
         let [_, received] = &self.shares;
         received.give(next.wire_bytes);
         Some(next)
     }
 
-    /// Ends the line.
+    /// Ends the connection.
     pub(super) fn close(&self) {
         self.io.send(super::io::Command::Close(self.id));
     }
 }
 
-fn lock<T>(queue: &Mutex<T>) -> MutexGuard<'_, T> {
-    queue.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 /// The socket and what it feeds.
-pub(super) struct Line {
-    post: Arc<Post>,
+pub(super) struct ServiceConnection {
+    pub(super) handle: Arc<ServiceHandle>,
     pub(super) socket: zmq::Socket,
     pub(super) watch: Watch,
     message_bytes: usize,
@@ -149,7 +157,7 @@ pub(super) struct Line {
     closes: Option<Instant>,
 }
 
-impl Line {
+impl ServiceConnection {
     /// Connects to `endpoint` of the broker and hands the socket to the I/O thread.
     pub(super) fn open(
         shared: &Shared,
@@ -157,7 +165,7 @@ impl Line {
         end: End,
         spec: &ServiceSpec,
         context: &Context,
-    ) -> zmq::Result<Arc<Post>> {
+    ) -> zmq::Result<Arc<ServiceHandle>> {
         let link = BrokerLink::new(endpoint);
         let (socket, watch) = shared.contexts.open(|context| {
             let socket = context.socket(zmq::DEALER)?;
@@ -169,13 +177,11 @@ impl Line {
             // Requests that a lost broker had been given are lost with it; the others go to the
             // next one.
             socket.set_immediate(true)?;
-            // Beyond this libzmq cuts the connection: as for listeners.
-            let guard = spec.limits.message_bytes.saturating_mul(2).saturating_add(FRAME_SLACK);
-            socket.set_maxmsgsize(options::frame_limit(guard))?;
+            options::set_message_limit(&socket, spec.limits.message_bytes)?;
             link::connect(context, socket, &link)
         })?;
-        let io = Arc::clone(shared.io.handle());
-        let post = Arc::new(Post {
+        let io = Arc::clone(&shared.io.handle);
+        let handle = Arc::new(ServiceHandle {
             id: io.next_id(),
             service: spec.service.clone(),
             end,
@@ -188,31 +194,16 @@ impl Line {
             io: Arc::clone(&io),
         });
         let message_bytes = spec.limits.message_bytes;
-        let line = Self { post: Arc::clone(&post), socket, watch, message_bytes, closes: None };
-        io.send(super::io::Command::Line(line));
-        Ok(post)
-    }
-
-    pub(super) fn id(&self) -> u64 {
-        self.post.id
-    }
-
-    pub(super) fn ring(&self) {
-        self.post.context.wake.ring();
+        let connection =
+            Self { handle: Arc::clone(&handle), socket, watch, message_bytes, closes: None };
+        io.send(super::io::Command::ServiceConnection(connection));
+        Ok(handle)
     }
 
     /// Connects again if libzmq has given up on the broker. The time until it may have is returned.
     pub(super) fn revive(&mut self, now: Instant) -> Option<Duration> {
-        let post = &self.post;
-        if self.watch.revive(&self.socket, &post.context.wake, now) {
-            post.context.counters.dropped(DropReason::Oversize);
-            tracing::warn!(
-                service = post.service,
-                limit_mib = self.message_bytes / wrapyfi_data::Limits::MIB,
-                "a message far above the limit cut the connection to the broker, which is opened again"
-            );
-        }
-        self.watch.patience(now)
+        let (handle, limit) = (&self.handle, self.message_bytes);
+        self.watch.revive(&self.socket, &handle.service, limit, &handle.context, now)
     }
 
     /// Has the socket closed once what waits is sent, or some time has passed.
@@ -220,11 +211,11 @@ impl Line {
         self.closes = Some(now + options::LINGER);
     }
 
-    /// Time for which replies are still waited for to be sent; `None` while the line is in use.
+    /// Time for which replies are still waited for to be sent; `None` while the connection is in use.
     pub(super) fn lingers(&self, now: Instant) -> Option<Duration> {
         let left = self.closes?.saturating_duration_since(now);
-        let sends = matches!(self.post.end, End::Server(_)) && self.post.link.is_up();
-        let waits = sends && !lock(&self.post.outgoing).is_empty();
+        let sends = matches!(self.handle.end, End::Server(_)) && self.handle.link.is_up();
+        let waits = sends && !self.handle.outgoing.lock().is_empty();
         Some(if waits { left } else { Duration::ZERO })
     }
 
@@ -232,29 +223,29 @@ impl Line {
     /// is over.
     pub(super) fn end(self) -> Watch {
         // What the broker had no room for until now is lost with the socket.
-        for left in lock(&self.post.outgoing).drain(..) {
-            let [sending, _] = &self.post.shares;
-            sending.give(self.post.counted(&left.parcel));
+        for left in self.handle.outgoing.lock().drain(..) {
+            let [sending, _] = &self.handle.shares;
+            sending.give(self.handle.counted(&left.message));
             if let Some(bytes) = left.sent_bytes {
-                self.post.context.counters.undelivered(DropReason::Closed, bytes);
+                self.handle.context.counters.undelivered(DropReason::Closed, bytes);
             }
         }
-        self.post.link.end();
+        self.handle.link.note(link::ENDED);
         drop(self.socket);
         self.watch
     }
 
     /// Sends what waits and has room.
     pub(super) fn write(&self) -> zmq::Result<()> {
-        let mut outgoing = lock(&self.post.outgoing);
-        let now = self.post.context.clock.now();
-        while let Some(Waiting { parcel, until, .. }) = outgoing.front() {
+        let mut outgoing = self.handle.outgoing.lock();
+        let now = self.handle.context.clock.now();
+        while let Some(Waiting { message, until, .. }) = outgoing.front() {
             let in_time = until.is_none_or(|until| until > now);
-            if in_time && !parcel.send(&self.socket)? {
+            if in_time && !message.send(&self.socket)? {
                 break;
             }
-            let [sending, _] = &self.post.shares;
-            sending.give(self.post.counted(parcel));
+            let [sending, _] = &self.handle.shares;
+            sending.give(self.handle.counted(message));
             outgoing.pop_front();
         }
         Ok(())
@@ -263,19 +254,19 @@ impl Line {
     /// True when there is something to read, or room for what waits to be sent.
     pub(super) fn has_more(&self) -> zmq::Result<bool> {
         let events = self.socket.get_events()?;
-        let waits = || !lock(&self.post.outgoing).is_empty();
+        let waits = || !self.handle.outgoing.lock().is_empty();
         Ok(events.contains(zmq::POLLIN) || (events.contains(zmq::POLLOUT) && waits()))
     }
 
     /// Reads what the socket has, one batch at most.
     pub(super) fn read(&self) -> zmq::Result<()> {
         for _ in 0..BATCH {
-            let Some((parcel, size)) = envelope::receive(&self.socket, self.message_bytes)? else {
+            let Some((message, size)) = envelope::receive(&self.socket, self.message_bytes)? else {
                 break;
             };
-            let counters = &self.post.context.counters;
-            let (envelope, body) = match parcel {
-                Ok(Parcel { envelope, body }) => (envelope, Ok(body)),
+            let counters = &self.handle.context.counters;
+            let (envelope, body) = match message {
+                Ok(ServiceMessage { envelope, body }) => (envelope, Ok(body)),
                 Err(Misfit::TooLarge(envelope, size)) => (envelope, Err(Unusable::TooLarge(size))),
                 Err(Misfit::Frames(envelope, frames)) => (envelope, Err(Unusable::Frames(frames))),
                 Err(Misfit::NoEnvelope) => {
@@ -284,7 +275,7 @@ impl Line {
                     continue;
                 }
             };
-            let received_at = self.post.context.clock.now();
+            let received_at = self.handle.context.clock.now();
             let delivery = Delivery { envelope, body, wire_bytes: size, received_at };
             self.deliver(delivery);
         }
@@ -293,26 +284,26 @@ impl Line {
 
     /// Hands a message on; where there is no room for a request, its client is told.
     fn deliver(&self, delivery: Delivery) {
-        let (post, size) = (&self.post, delivery.wire_bytes);
-        let [_, received] = &post.shares;
-        match &post.end {
+        let (handle, size) = (&self.handle, delivery.wire_bytes);
+        let [_, received] = &handle.shares;
+        match &handle.end {
             End::Server(requests) => {
                 if let Err((Delivery { envelope, .. }, error)) = requests.put(delivery, size) {
-                    post.refuse(envelope, &error.to_string());
+                    handle.refuse(envelope, &error.to_string());
                 }
             }
-            End::Client if lock(&post.incoming).len() >= post.limit => {
+            End::Client if handle.incoming.lock().len() >= handle.limit => {
                 // Nobody asked for so many.
-                post.context.counters.received(size);
-                post.context.counters.dropped(DropReason::QueueFull);
+                handle.context.counters.received(size);
+                handle.context.counters.dropped(DropReason::QueueFull);
             }
             End::Client if !received.take(size) => {
-                post.context.counters.received(size);
-                post.context.counters.dropped(DropReason::OverBudget);
+                handle.context.counters.received(size);
+                handle.context.counters.dropped(DropReason::OverBudget);
             }
             End::Client => {
-                lock(&post.incoming).push_back(delivery);
-                self.ring();
+                handle.incoming.lock().push_back(delivery);
+                handle.context.wake.ring();
             }
         }
     }

@@ -10,11 +10,11 @@
 
 use std::collections::{HashMap, VecDeque};
 use std::hash::{BuildHasher, RandomState};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use wrapyfi_endpoint::Clock;
+use wrapyfi_endpoint::{Clock, Mutex};
 
 /// Longest time that a message may be under way to the broker and back.
 const LIFETIME: Duration = Duration::from_secs(10);
@@ -23,20 +23,20 @@ const MAX_TOKENS: usize = 16_384;
 
 /// Tokens of all topics of one ZeroMQ instance.
 #[derive(Default)]
-pub(super) struct Echoes(Mutex<HashMap<String, Arc<Echo>>>);
+pub(super) struct OwnMessages(Mutex<HashMap<String, Arc<OwnTopic>>>);
 
-impl Echoes {
+impl OwnMessages {
     /// The tokens of `topic`, shared by its publishers and listeners here.
-    pub(super) fn of(&self, topic: &str) -> Arc<Echo> {
-        let mut topics = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        topics.retain(|_, echo| Arc::strong_count(echo) > 1);
+    pub(super) fn of(&self, topic: &str) -> Arc<OwnTopic> {
+        let mut topics = self.0.lock();
+        topics.retain(|_, own| Arc::strong_count(own) > 1);
         Arc::clone(topics.entry(topic.to_owned()).or_default())
     }
 }
 
 /// Tokens of one topic.
 #[derive(Default)]
-pub(super) struct Echo {
+pub(super) struct OwnTopic {
     listeners: AtomicUsize,
     hasher: RandomState,
     tokens: Mutex<VecDeque<Token>>,
@@ -58,17 +58,31 @@ struct Token {
 }
 
 /// Marks a topic as listened to here, while it lives.
-pub(super) struct Listening(Arc<Echo>);
+pub(super) struct Listening(Arc<OwnTopic>);
 
 impl Listening {
-    pub(super) fn new(echo: Arc<Echo>) -> Self {
-        echo.listeners.fetch_add(1, Relaxed);
-        Self(echo)
+    pub(super) fn new(own: Arc<OwnTopic>) -> Self {
+        own.listeners.fetch_add(1, Relaxed);
+        Self(own)
     }
 
     /// True when these frames were published here; its token is spent then.
     pub(super) fn is_own<B: AsRef<[u8]>>(&self, frames: &[B], clock: &Clock) -> bool {
-        self.0.is_own(frames, clock)
+        if self.0.tokens.lock().is_empty() {
+            return false;
+        }
+        let (print, now) = (self.0.fingerprint(frames), clock.now());
+        let mut tokens = self.0.tokens.lock();
+        // Usually the first: a broker keeps the order.
+        let found = tokens.iter().position(|token| token.print == print && !token.expired(now));
+        let Some(at) = found else { return false };
+        if let Some(token) = tokens.get_mut(at) {
+            token.left = token.left.saturating_sub(1);
+            if token.left == 0 {
+                tokens.remove(at);
+            }
+        }
+        true
     }
 }
 
@@ -78,7 +92,7 @@ impl Drop for Listening {
     }
 }
 
-impl Echo {
+impl OwnTopic {
     /// Remembers a message about to be published. Costs nothing, and gives `None`, where nobody
     /// listens here.
     pub(super) fn remember<B: AsRef<[u8]>>(
@@ -91,7 +105,7 @@ impl Echo {
             return None;
         }
         let (print, now) = (self.fingerprint(frames), clock.now());
-        let mut tokens = self.lock();
+        let mut tokens = self.tokens.lock();
         while tokens.len() >= MAX_TOKENS || tokens.front().is_some_and(|token| token.expired(now)) {
             tokens.pop_front();
         }
@@ -101,28 +115,10 @@ impl Echo {
 
     /// Takes back the token of a message that was not sent after all.
     pub(super) fn forget(&self, print: Fingerprint) {
-        let mut tokens = self.lock();
+        let mut tokens = self.tokens.lock();
         if let Some(at) = tokens.iter().rposition(|token| token.print == print) {
             tokens.remove(at);
         }
-    }
-
-    fn is_own<B: AsRef<[u8]>>(&self, frames: &[B], clock: &Clock) -> bool {
-        if self.lock().is_empty() {
-            return false;
-        }
-        let (print, now) = (self.fingerprint(frames), clock.now());
-        let mut tokens = self.lock();
-        // Usually the first: a broker keeps the order.
-        let found = tokens.iter().position(|token| token.print == print && !token.expired(now));
-        let Some(at) = found else { return false };
-        if let Some(token) = tokens.get_mut(at) {
-            token.left = token.left.saturating_sub(1);
-            if token.left == 0 {
-                tokens.remove(at);
-            }
-        }
-        true
     }
 
     fn fingerprint<B: AsRef<[u8]>>(&self, frames: &[B]) -> Fingerprint {
@@ -131,10 +127,6 @@ impl Echo {
             let frame = frame.as_ref();
             Fingerprint { length: print.length + frame.len(), hash: mix(print.hash, frame) }
         })
-    }
-
-    fn lock(&self) -> MutexGuard<'_, VecDeque<Token>> {
-        self.tokens.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -169,30 +161,31 @@ mod tests {
     #[test]
     fn a_token_is_spent_once() {
         let clock = Clock::default();
-        let echoes = Echoes::default();
-        let echo = echoes.of("/a");
-        echo.remember(&[b"/a", b"1 "], &clock);
-        let listening = Listening::new(echoes.of("/a"));
+        let own_messages = OwnMessages::default();
+        let own = own_messages.of("/a");
+        own.remember(&[b"/a", b"1 "], &clock);
+        let listening = Listening::new(own_messages.of("/a"));
         assert!(!listening.is_own(&[b"/a", b"1 "], &clock), "nobody listened when it was sent");
-        echo.remember(&[b"/a", b"1 "], &clock);
-        echo.remember(&[b"/a", b"1 "], &clock);
-        echo.remember(&[b"/a", b"2 "], &clock);
+        own.remember(&[b"/a", b"1 "], &clock);
+        own.remember(&[b"/a", b"1 "], &clock);
+        own.remember(&[b"/a", b"2 "], &clock);
         assert!(!listening.is_own(&[b"/a", b"3 "], &clock));
         assert!(listening.is_own(&[b"/a", b"2 "], &clock));
         assert!(!listening.is_own(&[b"/a", b"2 "], &clock));
         assert!(listening.is_own(&[b"/a", b"1 "], &clock));
         assert!(listening.is_own(&[b"/a", b"1 "], &clock));
         assert!(!listening.is_own(&[b"/a", b"1 "], &clock));
-        echo.forget(echo.remember(&[b"/a", b"4 "], &clock).unwrap());
+        own.forget(own.remember(&[b"/a", b"4 "], &clock).unwrap());
         assert!(!listening.is_own(&[b"/a", b"4 "], &clock), "it was never sent");
     }
 
     #[test]
     fn each_listener_sees_it_once() {
         let clock = Clock::default();
-        let echoes = Echoes::default();
-        let (one, two) = (Listening::new(echoes.of("/a")), Listening::new(echoes.of("/a")));
-        echoes.of("/a").remember(&[b"x"], &clock);
+        let own_messages = OwnMessages::default();
+        let (one, two) =
+            (Listening::new(own_messages.of("/a")), Listening::new(own_messages.of("/a")));
+        own_messages.of("/a").remember(&[b"x"], &clock);
         assert!(one.is_own(&[b"x"], &clock));
         assert!(two.is_own(&[b"x"], &clock));
         assert!(!one.is_own(&[b"x"], &clock));
@@ -200,29 +193,29 @@ mod tests {
 
     #[test]
     fn tokens_expire_and_are_bounded() {
-        let echoes = Echoes::default();
-        let echo = echoes.of("/a");
-        let listening = Listening::new(Arc::clone(&echo));
+        let own_messages = OwnMessages::default();
+        let own = own_messages.of("/a");
+        let listening = Listening::new(Arc::clone(&own));
         let now = Instant::now();
         let (then, later) = (Clock::new(move || now), Clock::new(move || now + 2 * LIFETIME));
-        echo.remember(&[b"old"], &then);
-        assert!(!echo.is_own(&[b"old"], &later));
+        own.remember(&[b"old"], &then);
+        assert!(!listening.is_own(&[b"old"], &later));
         for n in 0..2 * MAX_TOKENS {
-            echo.remember(&[n.to_le_bytes()], &then);
+            own.remember(&[n.to_le_bytes()], &then);
         }
-        assert_eq!(echo.lock().len(), MAX_TOKENS);
+        assert_eq!(own.tokens.lock().len(), MAX_TOKENS);
         drop(listening);
-        assert!(Arc::strong_count(&echo) == 2, "the map and this test");
+        assert!(Arc::strong_count(&own) == 2, "the map and this test");
     }
 
     #[test]
     fn frame_borders_and_order_matter() {
-        let echo = Echo::default();
-        assert_ne!(echo.fingerprint(&[&b"ab"[..], b"c"]), echo.fingerprint(&[&b"a"[..], b"bc"]));
+        let own = OwnTopic::default();
+        assert_ne!(own.fingerprint(&[&b"ab"[..], b"c"]), own.fingerprint(&[&b"a"[..], b"bc"]));
         assert_ne!(
-            echo.fingerprint(&[b"12345678", b"abcdefgh"]),
-            echo.fingerprint(&[b"abcdefgh", b"12345678"])
+            own.fingerprint(&[b"12345678", b"abcdefgh"]),
+            own.fingerprint(&[b"abcdefgh", b"12345678"])
         );
-        assert_eq!(echo.fingerprint(&[b"12345678"]), echo.fingerprint(&[b"12345678"]));
+        assert_eq!(own.fingerprint(&[b"12345678"]), own.fingerprint(&[b"12345678"]));
     }
 }

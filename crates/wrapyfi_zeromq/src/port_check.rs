@@ -12,15 +12,13 @@ use std::io::{ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::time::{Duration, Instant};
 
-use super::zmtp::{GREETING, greeting, ready, short_text, socket_type, split_command};
+use super::zmtp::{Breach, Frame, GREETING, greeting, ready, short_text, socket_type, split_frame};
 
 /// Time for the whole conversation.
 pub(super) const TIMEOUT: Duration = Duration::from_secs(1);
 
 /// A READY command is a few properties; nobody is believed who announces more.
-const MAX_COMMAND: u64 = 4096;
-const FLAG_LONG: u8 = 0x02;
-const FLAG_COMMAND: u8 = 0x04;
+const MAX_COMMAND: usize = 4096;
 
 /// Kind of program that answers on a port.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -56,7 +54,7 @@ impl fmt::Display for Answer {
 }
 
 /// Asks `address`, in the role of a socket of type `ours`.
-pub(super) fn probe(address: SocketAddr, ours: &str) -> Answer {
+pub(super) fn ask_port(address: SocketAddr, ours: &str) -> Answer {
     let deadline = Instant::now() + TIMEOUT;
     let mut stream = match TcpStream::connect_timeout(&address, TIMEOUT) {
         Ok(stream) => Limited { stream, deadline },
@@ -94,32 +92,23 @@ fn talk(stream: &mut Limited, ours: &str) -> std::io::Result<Answer> {
 }
 
 fn read_ready(stream: &mut impl Read) -> std::io::Result<Answer> {
-    let mut flags = [0; 1];
-    stream.read_exact(&mut flags)?;
-    let [flags] = flags;
-    if flags & FLAG_COMMAND == 0 {
-        return Ok(Answer::NotZeroMq);
+    let (mut bytes, mut next) = (Vec::new(), [0; 1]);
+    loop {
+        stream.read_exact(&mut next)?;
+        bytes.extend(next);
+        match split_frame(&bytes, MAX_COMMAND) {
+            Ok(None) => {}
+            Ok(Some((Frame { is_command: true, body, .. }, _))) => {
+                return Ok(understand(body).unwrap_or(Answer::NotZeroMq));
+            }
+            Ok(Some(_)) | Err(Breach) => return Ok(Answer::NotZeroMq),
+        }
     }
-    let length = if flags & FLAG_LONG == 0 {
-        let mut length = [0; 1];
-        stream.read_exact(&mut length)?;
-        u64::from(u8::from_be_bytes(length))
-    } else {
-        let mut length = [0; 8];
-        stream.read_exact(&mut length)?;
-        u64::from_be_bytes(length)
-    };
-    if length > MAX_COMMAND {
-        return Ok(Answer::NotZeroMq);
-    }
-    let mut body = Vec::new();
-    stream.take(length).read_to_end(&mut body)?;
-    Ok(understand(&body).unwrap_or(Answer::NotZeroMq))
 }
 
 /// Reads the body of a READY or ERROR command.
 fn understand(body: &[u8]) -> Option<Answer> {
-    let (name, properties) = split_command(body)?;
+    let (name, properties) = short_text(body)?;
     if name == b"ERROR" {
         let (reason, _) = short_text(properties)?;
         return Some(Answer::Refused(printable(reason)));
@@ -178,7 +167,7 @@ mod tests {
         let socket = context.socket(socket_type).unwrap();
         socket.bind("tcp://127.0.0.1:*").unwrap();
         let endpoint = socket.get_last_endpoint().unwrap().unwrap();
-        probe(endpoint.trim_start_matches("tcp://").parse().unwrap(), ours)
+        ask_port(endpoint.trim_start_matches("tcp://").parse().unwrap(), ours)
     }
 
     #[test]
@@ -192,16 +181,16 @@ mod tests {
     fn other_programs_are_told_apart() {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap();
-        assert_eq!(probe(address, "SUB"), Answer::Silent);
+        assert_eq!(ask_port(address, "SUB"), Answer::Silent);
 
         let server = std::thread::spawn(move || {
             let (_first, _) = listener.accept().unwrap();
             let (mut second, _) = listener.accept().unwrap();
             second.write_all(b"SSH-2.0-OpenSSH_9.6\r\n").unwrap();
         });
-        assert_eq!(probe(address, "SUB"), Answer::NotZeroMq);
+        assert_eq!(ask_port(address, "SUB"), Answer::NotZeroMq);
         server.join().unwrap();
-        assert!(matches!(probe(address, "SUB"), Answer::Nobody(_)));
+        assert!(matches!(ask_port(address, "SUB"), Answer::Nobody(_)));
     }
 
     #[test]
@@ -216,7 +205,7 @@ mod tests {
             assert_eq!(understand(bytes), None, "{bytes:?}");
         }
         assert_eq!(understand(b"\x05ERROR\x02no"), Some(Answer::Refused("no".into())));
-        let endless = [FLAG_COMMAND | FLAG_LONG, 0xff, 0, 0, 0, 0, 0, 0, 0];
+        let endless = [6, 0xff, 0, 0, 0, 0, 0, 0, 0];
         assert_eq!(read_ready(&mut &endless[..]).unwrap(), Answer::NotZeroMq);
     }
 }

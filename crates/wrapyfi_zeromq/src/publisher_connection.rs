@@ -11,7 +11,7 @@
 
 use std::net::{SocketAddr, TcpStream};
 use std::os::fd::AsRawFd as _;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
@@ -19,13 +19,13 @@ use mio::unix::SourceFd;
 use mio::{Interest, Registry, Token};
 
 use super::contexts;
-use super::echo::Echo;
 use super::io::{Command, Handle, Look, index};
-use super::link::BrokerLink;
+use super::link::{self, BrokerLink};
 use super::options;
+use super::own_messages::OwnTopic;
 use super::peer::{Message, Peer};
 use wrapyfi_endpoint::backoff::Backoff;
-use wrapyfi_endpoint::{Context, DropReason, PROGRESS, Throttle};
+use wrapyfi_endpoint::{Context, DropReason, Mutex, PROGRESS, Throttle};
 
 /// Bytes read at once.
 const READ_BYTES: usize = 4096;
@@ -33,14 +33,14 @@ const READ_BYTES: usize = 4096;
 const LOOK_EVERY: Duration = Duration::from_millis(500);
 
 /// The connection of one publisher, used by its owner and by the I/O thread in turn.
-pub(super) struct Outlet {
-    id: u64,
+pub(super) struct PublisherConnection {
+    pub(super) id: u64,
     broker: SocketAddr,
     topic: Bytes,
     /// Number of messages that may wait; none: any number.
     hwm: Option<usize>,
-    link: Arc<BrokerLink>,
-    echo: Arc<Echo>,
+    pub(super) link: Arc<BrokerLink>,
+    own: Arc<OwnTopic>,
     context: Context,
     io: Arc<Handle>,
     state: Mutex<State>,
@@ -65,13 +65,13 @@ enum Way {
     Ended,
 }
 
-impl Outlet {
+impl PublisherConnection {
     /// A connection to `broker` that the I/O thread makes.
     pub(super) fn new(
         broker: SocketAddr,
         topic: &str,
         hwm: u16,
-        echo: Arc<Echo>,
+        own: Arc<OwnTopic>,
         context: &Context,
         io: &Arc<Handle>,
     ) -> Arc<Self> {
@@ -84,24 +84,16 @@ impl Outlet {
             topic: Bytes::copy_from_slice(topic.as_bytes()),
             hwm: Some(usize::from(hwm)).filter(|hwm| *hwm > 0),
             link: BrokerLink::new(&options::endpoint(broker.ip(), broker.port())),
-            echo,
+            own,
             context: context.clone(),
             io: Arc::clone(io),
             state: Mutex::new(state),
         })
     }
 
-    pub(super) fn id(&self) -> u64 {
-        self.id
-    }
-
-    pub(super) fn link(&self) -> &BrokerLink {
-        &self.link
-    }
-
     /// Distinct subscriptions that match the topic, as far as the broker told.
     pub(super) fn subscriptions(&self) -> usize {
-        self.lock().subscriptions()
+        self.state.lock().subscriptions()
     }
 
     /// Takes a message of `bytes` bytes, and writes as much as there is room for. Never waits.
@@ -110,7 +102,7 @@ impl Outlet {
     /// Why there is no room for it.
     pub(super) fn send(&self, frames: Vec<Vec<u8>>, bytes: usize) -> Result<(), DropReason> {
         // Before it is sent: it may be back before we are.
-        let print = self.echo.remember(&frames, &self.context.clock);
+        let print = self.own.remember(&frames, &self.context.clock);
         let message = Message::new(frames, Some((self.topic.clone(), bytes)), print);
         let queued = self.queue(&message);
         if queued.is_err() {
@@ -120,7 +112,7 @@ impl Outlet {
     }
 
     fn queue(&self, message: &Arc<Message>) -> Result<(), DropReason> {
-        let mut state = self.lock();
+        let mut state = self.state.lock();
         let Way::Up(peer) = &mut state.way else { return Err(DropReason::SendFailed) };
         // A connection that has just been made anew: a message before its handshake would end it.
         if !peer.is_open() || peer.topics.is_empty() {
@@ -138,7 +130,7 @@ impl Outlet {
 
     /// Connects, hears, and writes what waits, on the I/O thread.
     pub(super) fn look(&self, now: Instant, registry: &Registry, faults: &mut Throttle) -> Look {
-        let mut state = self.lock();
+        let mut state = self.state.lock();
         let before = (state.subscriptions(), self.link.state());
         let look = self.step(&mut state, now, registry, faults);
         let after = (state.subscriptions(), self.link.state());
@@ -165,7 +157,7 @@ impl Outlet {
                 Err(error) => {
                     let look = self.lose(state, now, &error);
                     if error.raw_os_error() == Some(zmq::Error::EMFILE.to_raw()) {
-                        self.link.starved();
+                        self.link.note(link::STARVED);
                         if let Some(unlogged_before) = faults.pass(now) {
                             let topic = String::from_utf8_lossy(&self.topic);
                             let why = contexts::reason(zmq::Error::EMFILE);
@@ -195,9 +187,8 @@ impl Outlet {
         let mut heard = Vec::new();
         // At the end too: what is left unread would make the system throw away what it has not sent.
         let read = peer.read(&mut [0; READ_BYTES], &mut heard, true, now);
-        peer.news.clear();
         if read.is_ok() && peer.is_open() && closes.is_none() {
-            self.link.succeeded();
+            _ = self.link.note(link::UP);
             state.backoff.reset();
         }
         peer.is_blocked = false;
@@ -223,7 +214,7 @@ impl Outlet {
             return self.end(state);
         }
         let quiet = options::SILENCE.saturating_sub(now.saturating_duration_since(peer.heard_at));
-        Look { more, patience: Some(quiet.max(LOOK_EVERY)), over: false }
+        Look { more, timeout: Some(quiet.max(LOOK_EVERY)), over: false }
     }
 
     /// Ends the connection; another try follows after a pause. What waited is lost.
@@ -235,7 +226,7 @@ impl Outlet {
                 self.link.disconnected();
                 self.count_lost(&peer, DropReason::ConnectionLost);
             }
-            _ => _ = self.link.unanswered(),
+            _ => _ = self.link.note(link::UNANSWERED),
         }
         Look::after(pause)
     }
@@ -260,18 +251,14 @@ impl Outlet {
     /// An equal message that comes after one that was not sent is somebody else's.
     fn forget(&self, message: &Message) {
         if let Some(print) = message.print {
-            self.echo.forget(print);
+            self.own.forget(print);
         }
     }
 
     /// Has the connection closed once what waits is sent, or some time has passed.
     pub(super) fn close(&self, now: Instant) {
-        self.link.end();
-        self.lock().closes = Some(now + options::LINGER);
-    }
-
-    fn lock(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        self.link.note(link::ENDED);
+        self.state.lock().closes = Some(now + options::LINGER);
     }
 }
 

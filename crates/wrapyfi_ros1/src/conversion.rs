@@ -12,11 +12,9 @@ use wrapyfi_interfaces::ros1::{Options, PairPlan, TranscodeError, Types};
 use super::NAME;
 use super::core::Core;
 use super::header::Header;
-use super::publication::formed;
-use wrapyfi_data::DecodeError;
-use wrapyfi_data::EncodeError;
-use wrapyfi_data::Limits;
+use super::publication::fitted;
 use wrapyfi_data::types::{MessageType, Payload, RosMessage, RosType};
+use wrapyfi_data::{DecodeError, EncodeError, Limits};
 use wrapyfi_endpoint::codec::ros1::{self, Ros1Type};
 use wrapyfi_endpoint::{OpenError, TopicSpec};
 
@@ -68,7 +66,7 @@ pub(super) fn offered(
 }
 
 /// The plan for what a publisher shows in its header, where the type has no codec of its own.
-pub(super) fn shown(
+pub(super) fn publisher_plan(
     core: &Core,
     header: &Header,
     message_type: MessageType,
@@ -102,8 +100,31 @@ fn plan(
     PairPlan::compile(definition.resolved(), ros_type.resolved(), rules).map_err(|e| e.to_string())
 }
 
-fn options(limits: &Limits) -> Options {
-    Options { message_bytes: limits.message_bytes, ..Options::default() }
+/// Converts ROS 1 bytes by `plan` into a message of `ros_type`, whose size may differ from that of ROS 1.
+pub(super) fn from_ros1(
+    bytes: &Bytes,
+    plan: &PairPlan,
+    ros_type: RosType,
+    limits: &Limits,
+) -> Result<RosMessage, DecodeError> {
+    let options = Options { message_bytes: limits.message_bytes, ..Options::default() };
+    let mut cdr = Vec::new();
+    plan.to_cdr(bytes, &options, &mut cdr).map_err(|error| fault(&error))?;
+    Ok(RosMessage::new(ros_type, cdr))
+}
+
+/// Converts a message by `plan` into ROS 1 bytes.
+pub(super) fn to_ros1(
+    message: &RosMessage,
+    plan: &PairPlan,
+    sequence: u32,
+    limits: &Limits,
+) -> Result<Vec<u8>, EncodeError> {
+    let options = Options { message_bytes: limits.message_bytes, ..Options::default() };
+    let mut bytes = Vec::new();
+    let done = plan.to_ros1(&message.cdr, sequence, &options, &mut bytes);
+    done.map_err(|error| unwritable(message.ros_type, error))?;
+    Ok(bytes)
 }
 
 /// Reads a message.
@@ -116,12 +137,10 @@ pub(super) fn decode(
     let (MessageType::Ros(ros_type), Some(plan)) = (message_type, plan) else {
         return ros1::decode(message, *message_type, limits, plugins);
     };
-    let mut cdr = Vec::new();
-    plan.to_cdr(message, &options(limits), &mut cdr).map_err(|error| fault(&error))?;
-    Ok(RosMessage::new(*ros_type, cdr).into())
+    from_ros1(message, plan, *ros_type, limits).map(Payload::from)
 }
 
-pub(super) fn unwritable(ros_type: RosType, error: TranscodeError) -> EncodeError {
+fn unwritable(ros_type: RosType, error: TranscodeError) -> EncodeError {
     match error {
         TranscodeError::TooLarge { actual, limit } => {
             EncodeError::TooLarge { actual: actual as u64, limit: limit as u64 }
@@ -135,7 +154,7 @@ pub(super) fn unwritable(ros_type: RosType, error: TranscodeError) -> EncodeErro
     }
 }
 
-pub(super) fn fault(error: &TranscodeError) -> DecodeError {
+fn fault(error: &TranscodeError) -> DecodeError {
     match error {
         TranscodeError::TooLarge { actual, limit } => DecodeError::TooLarge {
             what: "message",
@@ -163,13 +182,10 @@ pub(super) fn encode(
         (Payload::RosMessage(message), MessageType::Ros(ros_type), Some(plan))
             if message.ros_type == *ros_type =>
         {
-            let mut bytes = Vec::new();
-            let done = plan.to_ros1(&message.cdr, sequence, &options(limits), &mut bytes);
-            done.map_err(|error| unwritable(*ros_type, error))?;
-            Ok(vec![bytes.into()])
+            Ok(vec![to_ros1(message, plan, sequence, limits)?.into()])
         }
         _ => {
-            let payload = formed(payload, *message_type, *color_order, limits)?;
+            let payload = fitted(payload, *message_type, *color_order, limits)?;
             ros1::encode(&payload, *message_type, sequence, limits, plugins)
         }
     }

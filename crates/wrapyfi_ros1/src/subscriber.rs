@@ -10,8 +10,8 @@
 
 use std::collections::VecDeque;
 use std::io::{self, IoSlice};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use bytes::Bytes;
@@ -20,8 +20,7 @@ use tokio::net::TcpStream;
 use tokio::sync::Notify;
 use tokio::time::timeout;
 
-use super::slave_info::BusLink;
-use wrapyfi_endpoint::{Counters, DropReason, Share, Waits};
+use wrapyfi_endpoint::{Counters, DropReason, Mutex, Share, Waits};
 
 /// Longest time that the last messages have after their publisher went.
 const LINGER: Duration = Duration::from_secs(1);
@@ -68,7 +67,24 @@ impl Waits for Frame {
     }
 }
 
-pub(super) struct Outlet {
+/// One connection of a topic, as the slave API tells it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct BusLink {
+    /// Number of the connection in this node.
+    pub(super) id: u64,
+    /// The other end: a node's name, or the address of its XML-RPC server.
+    pub(super) peer: String,
+    /// The socket at the other end.
+    pub(super) address: String,
+    /// Messages flow.
+    pub(super) connected: bool,
+    /// Messages so far.
+    pub(super) messages: u64,
+    /// Bytes so far.
+    pub(super) bytes: u64,
+}
+
+pub(super) struct Subscriber {
     id: u64,
     peer: String,
     address: String,
@@ -92,7 +108,7 @@ struct Queue {
     broken: bool,
 }
 
-impl Outlet {
+impl Subscriber {
     pub(super) fn new(id: u64, peer: &str, address: String, stream: TcpStream) -> Self {
         Self {
             id,
@@ -104,13 +120,9 @@ impl Outlet {
         }
     }
 
-    fn queue(&self) -> MutexGuard<'_, Queue> {
-        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Sends a message, now or when the subscriber has read; of more than `depth` the oldest goes.
     pub(super) fn push(&self, frame: &Frame, depth: usize, counters: &Arc<Counters>) {
-        let mut queue = self.queue();
+        let mut queue = self.queue.lock();
         if queue.broken || queue.finishing {
             return frame.missed(queue.end(), counters);
         }
@@ -137,12 +149,12 @@ impl Outlet {
 
     /// Has the connection end when what is queued is sent.
     pub(super) fn finish(&self) {
-        self.queue().finishing = true;
+        self.queue.lock().finishing = true;
         self.work.notify_one();
     }
 
     pub(super) fn link(&self) -> BusLink {
-        let queue = self.queue();
+        let queue = self.queue.lock();
         BusLink {
             id: self.id,
             peer: self.peer.clone(),
@@ -156,7 +168,7 @@ impl Outlet {
     /// Writes what the publisher's thread could not, until either end closes. What waits then is lost.
     pub(super) async fn run(&self) {
         self.write().await;
-        let mut queue = self.queue();
+        let mut queue = self.queue.lock();
         queue.broken = true;
         let reason = queue.end();
         for (frame, counters) in std::mem::take(&mut queue.frames) {
@@ -169,7 +181,7 @@ impl Outlet {
         let mut heard = 0_usize;
         loop {
             let (pending, finishing) = {
-                let queue = self.queue();
+                let queue = self.queue.lock();
                 if queue.broken {
                     return;
                 }
@@ -188,7 +200,7 @@ impl Outlet {
                 ready = self.stream.ready(interest) => {
                     let Ok(ready) = ready else { break };
                     if ready.is_writable() {
-                        self.queue().flush(&self.stream);
+                        self.queue.lock().flush(&self.stream);
                     }
                     if ready.is_readable() && !self.listen(&mut heard) {
                         break;
@@ -200,7 +212,7 @@ impl Outlet {
 
     async fn drain(&self) {
         while self.stream.writable().await.is_ok() {
-            let mut queue = self.queue();
+            let mut queue = self.queue.lock();
             queue.flush(&self.stream);
             if queue.frames.is_empty() || queue.broken {
                 return;
