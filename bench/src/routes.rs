@@ -233,7 +233,7 @@ fn until<T>(mut look: impl FnMut() -> Option<T>) -> Option<T> {
     None
 }
 
-/// Routes that the log says to be open, and when the last of each was, after `since`.
+/// Routes that the log says to be open, and when each was first, after `since`.
 fn opened(log: &Path, since: f64) -> BTreeMap<String, f64> {
     let text = std::fs::read_to_string(log).unwrap_or_default();
     let open = text.lines().filter_map(|line| {
@@ -252,7 +252,11 @@ fn opened(log: &Path, since: f64) -> BTreeMap<String, f64> {
         .any(|word| state.starts_with(word));
         (is_open && stamp >= since).then(|| (logger.rsplit('.').next().unwrap_or(logger), stamp))
     });
-    open.map(|(route, stamp)| (route.to_owned(), stamp)).collect()
+    let mut first = BTreeMap::new();
+    for (route, stamp) in open {
+        first.entry(route.to_owned()).or_insert(stamp);
+    }
+    first
 }
 
 /// Messages that routes have taken, but for the one that begins anew.
