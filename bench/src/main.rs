@@ -40,7 +40,7 @@ struct Cli {
     /// Streams for 10 seconds instead of 60, rest for 5 instead of 15.
     #[arg(long)]
     quick: bool,
-    /// Only ways whose name (`way/payload`) contains this; `micro`, `micro:NAME`, `engine`, `stream`, `routes`: only that.
+    /// Only ways whose name (`way/payload`) contains one of these, with commas between; `micro`, `micro:NAME`, `engine`, `stream`, `routes`: only that.
     #[arg(long)]
     only: Option<String>,
     /// Another `wrapyfi`, of another version: its broker and bridge have a turn after each of this one's.
@@ -122,7 +122,7 @@ fn run(cli: &Cli) -> Result<()> {
     let wants = |part: &str| only.is_none_or(|only| only == part);
     let cases: Vec<Case> = Case::all(cli.against.is_some())
         .into_iter()
-        .filter(|case| only.is_none_or(|only| case.name().contains(only)))
+        .filter(|case| only.is_none_or(|only| only.split(',').any(|one| case.name().contains(one))))
         .collect();
     let (mut notes, mut targets, mut ways) =
         (Notes::default(), Vec::<Target>::new(), Ways::default());
