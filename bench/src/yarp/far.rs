@@ -6,7 +6,8 @@ use std::net::Ipv4Addr;
 use anyhow::{Context as _, Result, ensure};
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::{TcpListener, TcpStream};
-use wrapyfi_yarp::port::{Answer, Network, OutputOptions, PortOptions};
+use tokio::sync::{mpsc, oneshot};
+use wrapyfi_yarp::port::{Answer, Network, OutputOptions, PortOptions, Received};
 use wrapyfi_yarp::sig::Image;
 
 use super::{
@@ -94,11 +95,19 @@ async fn echo(mut stream: TcpStream) -> Result<()> {
 }
 
 async fn queue(network: &Network, ready: impl FnOnce() -> Result<()>) -> Result<()> {
-    let server = network.open_rpc_server("/far/in", &PortOptions::default()).await?;
+    let (sender, mut requests) = mpsc::channel::<(Received, oneshot::Sender<Answer>)>(64);
+    let handler = move |received, _| {
+        let sender = sender.clone();
+        async move {
+            let (reply, answered) = oneshot::channel();
+            sender.send((received, reply)).await.ok();
+            answered.await.unwrap_or(Answer::Nothing)
+        }
+    };
+    let _server = network.serve("/far/in", &PortOptions::default(), handler).await?;
     ready()?;
-    while let Some(request) = server.recv().await {
-        let bottle = request.received.bottle()?;
-        request.reply(bottle);
+    while let Some((request, reply)) = requests.recv().await {
+        reply.send(Answer::Bottle(request.bottle()?)).ok();
     }
     Ok(())
 }
