@@ -5,7 +5,7 @@
 use bytes::Bytes;
 use wrapyfi_core::codec::EncodeError;
 use wrapyfi_core::endpoint::{ServiceSpec, TopicSpec};
-use wrapyfi_core::middleware::yarp::options::{Form, YarpOptions};
+use wrapyfi_core::middleware::yarp::options::{BottleFormat, YarpOptions};
 use wrapyfi_core::middleware::yarp::payload;
 use wrapyfi_core::types::{MessageType, RosType, ServiceKind, Stamp};
 use wrapyfi_interfaces::store::TypeStore;
@@ -45,7 +45,8 @@ const TURNED: [&str; 4] = [
 pub fn yarp_payload(data: &[u8]) {
     let [choice, form, body @ ..] = data else { return };
     let dialect = if form & 1 == 0 { Dialect::V3 } else { Dialect::V4 };
-    let bottle = [None, Some(Form::Json), Some(Form::Bottle), Some(Form::Property)];
+    let bottle =
+        [None, Some(BottleFormat::Json), Some(BottleFormat::Bottle), Some(BottleFormat::Property)];
     let options = YarpOptions {
         bottle: bottle[usize::from(form >> 1 & 3)],
         packed_rows: form & 8 != 0,

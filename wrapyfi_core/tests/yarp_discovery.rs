@@ -21,8 +21,8 @@ use wrapyfi_interfaces::store::TypeStore;
 use wrapyfi_yarp::name::{NameClient, NameServerConf};
 use wrapyfi_yarp::port::names::NameRequest;
 use wrapyfi_yarp::port::{
-    InputOptions, InputPort, Message, Network, OutputOptions, OutputPort, PortOptions, PortPayload,
-    RpcServer,
+    Answer, InputOptions, InputPort, Message, Network, OutputOptions, OutputPort, PortOptions,
+    PortPayload, RpcServer,
 };
 use wrapyfi_yarp::server::{NameServer, NameServerOptions};
 use wrapyfi_yarp::sig::{Sound, Vector};
@@ -84,7 +84,7 @@ impl YarpNetwork {
             }
             Kind::Rpc => {
                 let options = unregistered();
-                let opened = network.open_rpc_server(name, &options);
+                let opened = network.serve(name, &options, async |_, _| Answer::Nothing);
                 let opened = self.runtime.block_on(opened).unwrap();
                 let address = opened.address();
                 (Port::Rpc { _port: opened }, address)

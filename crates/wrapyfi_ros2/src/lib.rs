@@ -87,13 +87,14 @@ mod wire_tests;
 
 use std::sync::Arc;
 
-pub use adapter::{Adapter, JoinError, Joined, join};
+pub use adapter::{JoinError, Joined, join};
 pub use any::{AnyError, AnyListener, AnyMessage, AnyPublisher};
 pub use config::CycloneConfig;
 pub use conventions::follow_conventions;
 pub use cyclone_graph::{CycloneError, CycloneGraph};
 pub use diagnosis::remedy;
 pub use domain::DomainError;
+pub use environment::Adapter;
 pub use node_endpoints::NodeEndpoints;
 pub use node_handle::NodeHandle;
 pub use parameters::{ParameterClient, ParameterClientError, RefusedParameter, RemoteParameters};

@@ -24,4 +24,5 @@ mod name_properties;
 mod name_tools;
 mod ports;
 mod properties;
+mod queued;
 mod unix_stream;

@@ -3,6 +3,8 @@
 use std::time::Duration;
 
 use bytes::Bytes;
+
+use crate::queued::queued;
 use wrapyfi_yarp::name::Environment;
 use wrapyfi_yarp::port::names::NameTable;
 use wrapyfi_yarp::port::{
@@ -112,8 +114,8 @@ async fn one_multicast_datagram_reaches_all_targets() {
     assert_eq!(next(&second).await.bottle().unwrap(), bottle("8"));
     assert_eq!(first.received(), 1);
     within(writer.close()).await;
-    let left = network.names().list("/tmp").await.unwrap();
-    assert!(left.is_empty(), "the group is free again: {left:?}");
+    let group = network.query("/tmp/port/1").await.unwrap();
+    assert_eq!(group, None, "the group is free again");
 }
 
 #[tokio::test]
@@ -203,20 +205,20 @@ async fn requests_are_answered_over_every_carrier_with_replies() {
     for carrier in ["tcp", "fast_tcp", "text", "text_ack", "unix_stream", "unix_stream+ack"] {
         let network = network();
         let options = PortOptions::default();
-        let server = network.open_rpc_server("/server", &options).await.unwrap();
+        let (server, mut requests) = queued(&network, "/server").await;
         let client = network.open_rpc_client("/client", &options).await.unwrap();
         client.connect(&format!("{carrier}://server")).await.unwrap();
         let second = client.connect("/server").await.unwrap_err();
         assert_eq!(second.to_string(), "RPC output already connected");
         let answering = tokio::spawn(async move {
-            let request = server.recv().await.unwrap();
-            assert!(request.wants_reply());
+            let request = requests.recv().await.unwrap();
+            assert!(request.wants_reply);
             let mut reply = request.received.bottle().unwrap();
             reply.values.insert(0, "echo".into());
-            assert!(request.reply(reply));
-            drop(server.recv().await.unwrap());
-            let last = server.recv().await.unwrap();
-            last.answer(Answer::Last(Box::new(Answer::Bottle(Bottle::new()))));
+            assert!(request.reply.send(Answer::Bottle(reply)).is_ok());
+            drop(requests.recv().await.unwrap());
+            let last = requests.recv().await.unwrap();
+            last.reply.send(Answer::Last(Box::new(Answer::Bottle(Bottle::new())))).unwrap();
             server
         });
         let reply = client.call(&bottle("one \"two words\" 3"), TIMEOUT).await.unwrap().unwrap();
@@ -235,21 +237,21 @@ async fn requests_are_answered_over_every_carrier_with_replies() {
 async fn a_late_reply_is_not_taken_for_the_next_one() {
     let network = network();
     let options = PortOptions::default();
-    let server = network.open_rpc_server("/server", &options).await.unwrap();
+    let (server, mut requests) = queued(&network, "/server").await;
     let client = network.open_rpc_client("/client", &options).await.unwrap();
     let none = client.call(&bottle("1"), TIMEOUT).await;
     assert!(matches!(none, Err(RpcError::NotConnected(_))), "{none:?}");
     client.connect("tcp://server").await.unwrap();
     let late = client.call(&bottle("1"), Duration::from_millis(20)).await;
     assert!(matches!(late, Err(RpcError::Timeout { .. })), "{late:?}");
-    let first = within(server.recv()).await.unwrap();
+    let first = within(requests.recv()).await.unwrap();
     let answering = tokio::spawn(async move {
-        let second = server.recv().await.unwrap();
+        let second = requests.recv().await.unwrap();
         let request = second.received.bottle().unwrap();
-        second.reply(request);
+        second.reply.send(Answer::Bottle(request)).unwrap();
         server
     });
-    first.reply(bottle("late"));
+    first.reply.send(Answer::Bottle(bottle("late"))).ok();
     let reply = client.call(&bottle("2"), TIMEOUT).await.unwrap();
     assert_eq!(reply, Some(bottle("2")));
     within(answering).await.unwrap();

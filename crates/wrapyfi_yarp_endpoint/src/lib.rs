@@ -15,42 +15,43 @@
 //! | `config`, `options` | settings of the middleware; of a topic or service |
 //! | `payload` | bytes of messages ⇄ payloads |
 //! | `directory` | the names there are, and who waits for one |
-//! | `survey`, `discovery` | what ports say of themselves, and what that makes them |
+//! | `survey`, `role`, `discovery` | what ports say of themselves, and what that makes them |
 //! | `types`, `first_message` | what ports send |
 //! | `device` | what devices tell of themselves: `board`, `joint_limits` of joints, `intrinsics` of cameras |
-//! | `opening`, `tie` | ports that open, connections that stay, whatever ends meanwhile |
+//! | `opening`, `port_connection` | ports that open, connections that stay, whatever ends meanwhile |
 //! | `input` | input ports of other programs, and the names that mean them |
-//! | `form` | functions of Wrapyfi, told from the rpc ports of robots |
-//! | `manner` | how a request was written, and so its answer |
+//! | `found_format` | functions of Wrapyfi, told from the rpc ports of robots |
+//! | `client_dialects` | dialect and format of a request, and so of its answer |
 //! | `publisher`, `listener`, `client`, `server` | the endpoints |
 //! | `log_port` | the log, where `yarplogger` reads it |
-//! | `standing`, `losses`, `tasks`, `own` | what an endpoint says of itself; where its task runs |
+//! | `link_state`, `losses`, `tasks`, `own` | what an endpoint says of itself; where its task runs |
 
 mod board;
 mod client;
+mod client_dialects;
 mod config;
 mod device;
 mod directory;
 mod discovery;
 mod first_message;
-mod form;
+mod found_format;
 mod input;
 mod intrinsics;
 mod joint_limits;
+mod link_state;
 mod listener;
 mod log_port;
 mod losses;
-mod manner;
 mod opening;
 pub mod options;
 mod own;
 pub mod payload;
+mod port_connection;
 mod publisher;
+mod role;
 mod server;
-mod standing;
 mod survey;
 mod tasks;
-mod tie;
 mod types;
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};

@@ -20,7 +20,7 @@ use wrapyfi_yarp::port::{AdminError, Inspection, Modes};
 
 use super::Shared;
 use super::directory::Entry;
-use super::discovery::role;
+use super::role::role;
 use super::types::FILES;
 use wrapyfi_endpoint::Role;
 

@@ -10,7 +10,7 @@ use wrapyfi_interfaces::dynamic::{DynamicMessage, TypePlan};
 
 use super::client::Ros2Client;
 use super::server::Ros2Server;
-use super::{ServiceOptions, form};
+use super::{ServiceOptions, codec};
 use crate::Ros2;
 use crate::graph::Peers;
 use wrapyfi_data::DecodeError;
@@ -241,7 +241,7 @@ impl AnyServer {
     /// (or `successful`) that is false, and a text.
     #[must_use]
     pub fn error_reply(&self, text: &str) -> Option<DynamicMessage> {
-        form::error_reply(self.service, text)
+        codec::error_reply(self.service, text)
     }
 
     /// Clients there are now.

@@ -21,7 +21,6 @@ use bytes::Bytes;
 
 pub use error::{BottleError, EncodeError, TextError};
 pub use scan::BottleScan;
-pub use text_read::text_is_complete;
 pub(crate) use text_write::significant;
 pub use value::{Text, Value, Vocab, Vocab64};
 

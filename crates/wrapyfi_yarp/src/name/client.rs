@@ -473,10 +473,6 @@ impl Names for NameClient {
             Ok(values.into_iter().map(text).collect())
         })
     }
-
-    fn list<'a>(&'a self, prefix: &'a str) -> Later<'a, Vec<Registration>> {
-        Box::pin(async { Ok(Self::list(self, prefix).await?) })
-    }
 }
 
 impl From<NameError> for NamesError {

@@ -191,10 +191,6 @@ impl Names for Registrar {
     fn get<'a>(&'a self, name: &'a str, key: &'a str) -> Later<'a, Vec<String>> {
         Names::get(self.client(), name, key)
     }
-
-    fn list<'a>(&'a self, prefix: &'a str) -> Later<'a, Vec<Registration>> {
-        Names::list(self.client(), prefix)
-    }
 }
 
 impl Shared {

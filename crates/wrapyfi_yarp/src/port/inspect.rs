@@ -99,7 +99,7 @@ fn read(itself: &Bottle) -> (Option<Modes>, Option<String>) {
 mod tests {
     use super::*;
     use crate::Limits;
-    use crate::port::{InputOptions, OutputOptions, PortOptions};
+    use crate::port::{Answer, InputOptions, OutputOptions, PortOptions};
 
     #[test]
     fn what_yarps_ports_say_is_read() {
@@ -122,7 +122,7 @@ mod tests {
         writer.connect("tcp://reader").await.unwrap();
         let client = network.open_rpc_client("/ask", &PortOptions::default()).await.unwrap();
         let options = PortOptions { rpc: true, ..PortOptions::default() };
-        let server = network.open_rpc_server("/rpc", &options).await.unwrap();
+        let server = network.serve("/rpc", &options, async |_, _| Answer::Nothing).await.unwrap();
         for (name, modes, type_name, inputs, outputs) in [
             ("/reader", (true, false, false), None, vec!["/writer".to_owned()], vec![]),
             ("/writer", (false, true, false), Some("yarp/image"), vec![], vec!["/reader".into()]),

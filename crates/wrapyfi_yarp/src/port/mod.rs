@@ -102,6 +102,6 @@ pub use outputs::{ConnectError, ConnectionStatus, Written};
 pub use ports::{InputOptions, InputPort, OutputOptions, OutputPort, Port};
 pub use room::{Room, Rooms};
 pub use rpc_client::{RpcClient, RpcError};
-pub use rpc_server::{Request, RpcServer};
+pub use rpc_server::RpcServer;
 pub use session::Answer;
 pub use tools::AdminError;

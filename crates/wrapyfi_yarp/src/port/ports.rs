@@ -6,7 +6,6 @@
 
 use std::net::SocketAddr;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 
 use tokio::sync::watch;
 
@@ -158,12 +157,6 @@ macro_rules! every_port {
             #[must_use]
             pub fn connected(&self) -> watch::Receiver<Connected> {
                 self.owner.core.connected.subscribe()
-            }
-
-            /// Messages that came where nobody reads.
-            #[must_use]
-            pub fn unread(&self) -> u64 {
-                self.owner.core.unread.load(Ordering::Relaxed)
             }
 
             /// Sends what waits, says goodbye and unregisters. Dropping the port does the same

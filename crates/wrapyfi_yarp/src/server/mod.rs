@@ -49,7 +49,6 @@ use shared::Shared;
 
 mod allocator;
 mod commands;
-mod connect;
 mod discovery;
 mod events;
 mod front;

@@ -47,7 +47,7 @@ fn all(bytes: &Bytes, dialect: Dialect) {
         ServiceKind::resolve("std_srvs/srv/SetBool", &mut TypeStore::generated()).unwrap();
     for kind in ServiceKind::ALL.into_iter().chain([trigger]) {
         let spec = ServiceSpec::new("/s", kind);
-        for bottle in [None, Some(Form::Bottle), Some(Form::Property)] {
+        for bottle in [None, Some(BottleFormat::Bottle), Some(BottleFormat::Property)] {
             let options = YarpOptions { bottle, ..YarpOptions::default() };
             _ = decode_request(bytes, &spec, &options, dialect);
             _ = decode_reply(bytes, &spec, &options, dialect, NOW);

@@ -6,12 +6,12 @@ use wrapyfi_endpoint::{Link, Wake};
 
 /// Written by the task of an endpoint, read by its owner, who is rung at changes.
 #[derive(Debug)]
-pub(super) struct Standing {
+pub(super) struct LinkState {
     state: Mutex<Link>,
     wake: Wake,
 }
 
-impl Standing {
+impl LinkState {
     /// State of a new endpoint, without connections.
     pub(super) fn new(wake: Wake, waiting_for: String) -> Self {
         let link = Link { peers: Some(0), waiting_for: Some(waiting_for), keeps_last: false };

@@ -1,4 +1,4 @@
-//! Dialect and form of a request, which its reply takes on.
+//! Dialect and format of a request, which its reply takes on.
 //!
 //! ```text
 //!   a float in the request            ─▶ its size: YARP 3 or YARP 4
@@ -18,7 +18,7 @@ use wrapyfi_yarp::bottle::Frame;
 use wrapyfi_yarp::port::{Network, Received};
 use wrapyfi_yarp::{Bottle, Dialect};
 
-use super::options::{Form, YarpOptions};
+use super::options::{BottleFormat, YarpOptions};
 
 /// Most clients whose dialect is remembered.
 const MOST: usize = 256;
@@ -30,7 +30,7 @@ const ONE_STRING: [u8; 8] = [4, 1, 0, 0, 1, 0, 0, 0];
 const BEFORE_TEXT: usize = 12;
 
 /// The dialects of the clients of one port.
-pub(super) struct Clients {
+pub(super) struct ClientDialects {
     network: Network,
     /// The name server's port, where it may tell how those read that show nothing.
     name_server: Option<String>,
@@ -38,7 +38,7 @@ pub(super) struct Clients {
     known: Mutex<HashMap<Arc<str>, Dialect>>,
 }
 
-impl Clients {
+impl ClientDialects {
     pub(super) fn new(network: Network, name_server: &str, options: &YarpOptions) -> Self {
         let is_set = options.dialect.is_some() || network.dialect() != Dialect::default();
         let name_server = (!is_set).then(|| name_server.to_owned());
@@ -133,12 +133,12 @@ fn shown(bytes: &[u8], limits: &wrapyfi_yarp::Limits) -> Option<Dialect> {
     }
 }
 
-/// Form of a request: JSON from Wrapyfi, else a bottle.
-pub(super) fn form(bytes: &[u8]) -> Form {
+/// BottleFormat of a request: JSON from Wrapyfi, else a bottle.
+pub(super) fn format(bytes: &[u8]) -> BottleFormat {
     let text = bytes.strip_prefix(&ONE_STRING).and_then(|_| bytes.get(BEFORE_TEXT..));
     match text {
-        Some(text) if text.trim_ascii_start().starts_with(b"[") => Form::Json,
-        _ => Form::Bottle,
+        Some(text) if text.trim_ascii_start().starts_with(b"[") => BottleFormat::Json,
+        _ => BottleFormat::Bottle,
     }
 }
 
@@ -167,7 +167,8 @@ mod tests {
     #[test]
     fn tools_of_one_name_are_several_clients() {
         let (tool, port): (Arc<str>, Arc<str>) = ("anon_rpc".into(), "/asker".into());
-        let clients = Clients::new(Network::builder().build(), "/root", &YarpOptions::default());
+        let clients =
+            ClientDialects::new(Network::builder().build(), "/root", &YarpOptions::default());
         assert!(clients.learn(&client(&tool, 1), Dialect::V4));
         assert!(clients.learn(&client(&tool, 2), Dialect::V3), "another one");
         assert!(clients.learn(&client(&port, 3), Dialect::V4));
@@ -176,9 +177,9 @@ mod tests {
 
     #[test]
     fn calls_of_wrapyfi_are_one_string() {
-        assert_eq!(form(&bytes("\"[[1], {}]\"", Dialect::V3)), Form::Json);
+        assert_eq!(format(&bytes("\"[[1], {}]\"", Dialect::V3)), BottleFormat::Json);
         for text in ["get enc 0", "help", "\"[[1], {}]\" 2", "", "[get]"] {
-            assert_eq!(form(&bytes(text, Dialect::V3)), Form::Bottle, "{text}");
+            assert_eq!(format(&bytes(text, Dialect::V3)), BottleFormat::Bottle, "{text}");
         }
     }
 }

@@ -16,7 +16,7 @@ use std::time::Duration;
 use wrapyfi_yarp::wire::admin::split_destination;
 
 use super::Shared;
-use super::options::{Form, YarpOptions};
+use super::options::{BottleFormat, YarpOptions};
 
 /// Property of a port of ours at the name server, where it takes calls as Wrapyfi's.
 const MARK: &str = "wrapyfi";
@@ -25,52 +25,61 @@ const JSON: &str = "json";
 /// Time that Wrapyfi is given between opening its port and asking for that connection.
 const OPENS_WITHIN: Duration = Duration::from_millis(250);
 
-/// Options with the form that was found, for where none is set.
-pub(super) struct FoundForm {
+/// Options with the format that was found, for where none is set.
+pub(super) struct FoundFormat {
     is_json: AtomicBool,
     json: YarpOptions,
     bottle: YarpOptions,
 }
 
-impl FoundForm {
+impl FoundFormat {
     pub(super) fn new(options: &YarpOptions) -> Self {
-        let of = |form| YarpOptions { bottle: Some(form), ..options.clone() };
-        Self { is_json: AtomicBool::new(false), json: of(Form::Json), bottle: of(Form::Bottle) }
+        let of = |format| YarpOptions { bottle: Some(format), ..options.clone() };
+        Self {
+            is_json: AtomicBool::new(false),
+            json: of(BottleFormat::Json),
+            bottle: of(BottleFormat::Bottle),
+        }
     }
 
-    pub(super) fn set(&self, form: Form) {
-        self.is_json.store(form == Form::Json, Relaxed);
+    pub(super) fn set(&self, format: BottleFormat) {
+        self.is_json.store(format == BottleFormat::Json, Relaxed);
     }
 
-    /// `given`, unless it leaves the form to be found.
+    /// `given`, unless it leaves the format to be found.
     pub(super) fn options<'a>(&'a self, given: &'a YarpOptions) -> &'a YarpOptions {
-        let form = if self.is_json.load(Relaxed) { Form::Json } else { Form::Bottle };
-        self.of(given, form)
+        let format =
+            if self.is_json.load(Relaxed) { BottleFormat::Json } else { BottleFormat::Bottle };
+        self.of(given, format)
     }
 
-    /// `given`, unless it leaves the form to be found: that with `form`.
-    pub(super) fn of<'a>(&'a self, given: &'a YarpOptions, form: Form) -> &'a YarpOptions {
-        match (given.finds_form && given.bottle.is_none(), form) {
+    /// `given`, unless it leaves the format to be found: that with `format`.
+    pub(super) fn of<'a>(
+        &'a self,
+        given: &'a YarpOptions,
+        format: BottleFormat,
+    ) -> &'a YarpOptions {
+        match (given.finds_format && given.bottle.is_none(), format) {
             (false, _) => given,
-            (true, Form::Json) => &self.json,
+            (true, BottleFormat::Json) => &self.json,
             (true, _) => &self.bottle,
         }
     }
 }
 
-/// Form in which the server behind the port `name` reads calls: JSON where Wrapyfi opened it, else
+/// BottleFormat in which the server behind the port `name` reads calls: JSON where Wrapyfi opened it, else
 /// bottles.
-pub(super) async fn of_server(shared: &Shared, name: &str, has_just_come: bool) -> Form {
+pub(super) async fn of_server(shared: &Shared, name: &str, has_just_come: bool) -> BottleFormat {
     if is_of_wrapyfi(shared, name).await {
-        return Form::Json;
+        return BottleFormat::Json;
     }
     if has_just_come {
         tokio::time::sleep(OPENS_WITHIN).await;
         if is_of_wrapyfi(shared, name).await {
-            return Form::Json;
+            return BottleFormat::Json;
         }
     }
-    Form::Bottle
+    BottleFormat::Bottle
 }
 
 async fn is_of_wrapyfi(shared: &Shared, name: &str) -> bool {
@@ -109,11 +118,11 @@ mod tests {
 
     #[test]
     fn the_form_is_found_only_where_none_is_set() {
-        let given = YarpOptions { finds_form: true, ..YarpOptions::default() };
-        let found = FoundForm::new(&given);
-        assert_eq!(found.options(&given).bottle, Some(Form::Bottle));
-        found.set(Form::Json);
-        assert_eq!(found.options(&given).bottle, Some(Form::Json));
+        let given = YarpOptions { finds_format: true, ..YarpOptions::default() };
+        let found = FoundFormat::new(&given);
+        assert_eq!(found.options(&given).bottle, Some(BottleFormat::Bottle));
+        found.set(BottleFormat::Json);
+        assert_eq!(found.options(&given).bottle, Some(BottleFormat::Json));
         let fixed = YarpOptions::default();
         assert_eq!(found.options(&fixed), &fixed);
     }

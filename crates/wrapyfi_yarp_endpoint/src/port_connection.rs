@@ -23,7 +23,7 @@ const FAREWELL: Duration = Duration::from_millis(500);
 
 /// A connection that should be.
 #[derive(Debug, Clone)]
-pub(super) struct Tie {
+pub(super) struct PortConnection {
     source: String,
     destination: String,
     /// None where it depends on what the other one is.
@@ -33,7 +33,7 @@ pub(super) struct Tie {
     own: String,
 }
 
-impl Tie {
+impl PortConnection {
     /// Connection from `source` to our port `own`.
     pub(super) fn from(source: &str, own: &str, options: &YarpOptions) -> Self {
         Self::new(source, own, own, options)
@@ -70,13 +70,13 @@ impl Tie {
         is_source && shared.located(self.other()).await.is_some_and(|other| other.has_files)
     }
 
-    /// Sees to it, for as long as it is run. `tied` says whether it is there, `changed` when to look
-    /// again; `say` is told why it is not.
+    /// Sees to it, for as long as it is run. `is_connected` says whether it is there, `changed` when to
+    /// look again; `say` is told why it is not.
     pub(super) async fn keep(
         &self,
         shared: &Shared,
         mut changed: watch::Receiver<Connected>,
-        tied: impl Fn() -> bool,
+        is_connected: impl Fn() -> bool,
         say: impl Fn(String),
     ) {
         let bell = shared.directory.watch(self.other());
@@ -108,7 +108,7 @@ impl Tie {
             }
             // Seen before the look, so that no change is missed.
             changed.mark_unchanged();
-            if tied() {
+            if is_connected() {
                 backoff.reset();
                 tokio::select! {
                     () = bell.notified() => {}
@@ -133,7 +133,7 @@ impl Tie {
             let why = failure.map_or_else(String::new, |error| format!(": {error}"));
             let hint = shared.hint(self.other());
             let hint = unless_slow(hint, || say(self.missing(&why))).await;
-            if tied() {
+            if is_connected() {
                 continue;
             }
             say(self.missing(&format!("{why}{hint}")));
@@ -142,7 +142,7 @@ impl Tie {
                 Ok(()) = changed.changed() => continue,
                 () = backoff.pause() => {}
             }
-            if persistent && !tied() {
+            if persistent && !is_connected() {
                 // An announcement makes the name server look at what should be connected.
                 if let Err(error) = shared.registrar.client().announce(&self.own, true).await {
                     tracing::debug!(own = self.own, %error, "the name server was not reminded");

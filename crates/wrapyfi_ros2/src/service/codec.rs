@@ -4,7 +4,7 @@
 //!              wrapyfi_msgs/srv/…                          wrapyfi_ros2_interfaces/srv/…
 //!   request    NativeObject {"args": […], "kwargs": {…}}   text: [args, kwargs], as Python's clients
 //!   reply      success, message, response                  response
-//!   error      success false, message                      has no form
+//!   error      success false, message                      cannot be told
 //! ```
 //!
 //! Arrays travel beside the JSON in ours, and as base64 in Python's. Requests and replies of any other service are
@@ -26,8 +26,8 @@ use wrapyfi_endpoint::codec::requests;
 use wrapyfi_endpoint::codec::{json, ros};
 use wrapyfi_endpoint::{OpenError, Request, ServiceSpec};
 
-/// A service, and how its requests and replies are written.
-pub(super) struct Form {
+/// Codec of one service: how its requests and replies are written.
+pub(super) struct ServiceCodec {
     /// Service, whose name is absolute.
     pub(super) spec: ServiceSpec,
     pub(super) service: RosService,
@@ -50,11 +50,11 @@ pub fn returned(
     kind: ServiceKind,
     reply: &DynamicMessage,
 ) -> Result<Result<Payload, String>, DecodeError> {
-    let form = Form::new(&ServiceSpec::new("", kind));
-    form.map_err(|error| malformed("response", error.to_string()))?.read_reply(reply)
+    let codec = ServiceCodec::new(&ServiceSpec::new("", kind));
+    codec.map_err(|error| malformed("response", error.to_string()))?.read_reply(reply)
 }
 
-impl Form {
+impl ServiceCodec {
     pub(super) fn new(spec: &ServiceSpec) -> Result<Self, OpenError> {
         let spec = spec.clone();
         if let ServiceKind::Ros(service) = spec.kind {
@@ -280,5 +280,5 @@ fn mismatch(expected: DataType, actual: DataType) -> DecodeError {
 }
 
 #[cfg(test)]
-#[path = "form_tests.rs"]
+#[path = "codec_tests.rs"]
 mod tests;
