@@ -64,6 +64,9 @@ enum Role {
         #[command(flatten)]
         place: Place,
     },
+    /// Measures the engine.
+    #[command(hide = true)]
+    Engine,
     /// Receives.
     #[command(hide = true)]
     Sink {
@@ -85,6 +88,7 @@ fn main() -> Result<()> {
         .with_writer(std::io::stderr)
         .init();
     match role {
+        Role::Engine => engine::tell(),
         Role::Source { wire, place } => worker::source(*wire, place),
         Role::Sink { wire, place, acks } => worker::sink(*wire, place, *acks),
     }
@@ -148,7 +152,7 @@ fn run(cli: &Cli) -> Result<()> {
         targets.extend(micro.targets());
     }
     if wants("engine") {
-        targets.extend(notes.some("engine", engine::run()).unwrap_or_default());
+        targets.extend(notes.some("engine", engine::run(&bench)).unwrap_or_default());
     }
     let begin = std::time::Instant::now();
     for round in 1..=if cases.is_empty() { 0 } else { cli.rounds } {
