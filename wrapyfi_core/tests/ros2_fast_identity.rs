@@ -275,5 +275,5 @@ fn what_rustdds_cannot_do_is_said() {
     assert!(error.to_string().contains("lo"), "{error}");
     wanted.interface = None;
     wanted.discovery.static_peers.push("192.0.2.1".into());
-    assert!(RustServices::new(&wanted).is_ok(), "it has no static peers, and warns");
+    drop(RustServices::new(&wanted).unwrap());
 }
