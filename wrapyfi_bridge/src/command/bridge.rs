@@ -105,7 +105,7 @@ pub fn run(
     });
     let watch = reload.map(Watch::start).transpose()?;
     let page = page_port.and_then(|port| {
-        let (node, config, own) = (bridge_node.clone(), config.clone(), options.own);
+        let (node, config, own) = (bridge_node.clone(), Some(config.clone()), options.own);
         Page::start(port, page::Parts { node, routes: running.applier(), config, own })
     });
     let on_graph = node.as_ref().map(|node| Parts {

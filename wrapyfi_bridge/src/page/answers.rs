@@ -206,14 +206,11 @@ impl Answers {
 
 /// What is missing on the way of the route called `name`.
 fn why(parts: &Parts, name: String) -> Result<Why, String> {
+    let config =
+        parts.config.clone().ok_or("these routes are in no configuration: ask `wrapyfi why`")?;
     let registry = parts.routes.registry();
     let status = || parts.routes.status();
-    let question = Question {
-        name,
-        config: Some(parts.config.clone()),
-        definitions: Vec::new(),
-        own: parts.own,
-    };
+    let question = Question { name, config: Some(config), definitions: Vec::new(), own: parts.own };
     let bridge = Bridge { registry: &registry, status: &status, node: &parts.node };
     let way = question.ask(Some(bridge)).map_err(|failure| failure.to_string())?;
     let verdict = judge(&way);

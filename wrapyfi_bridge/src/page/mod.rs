@@ -41,8 +41,8 @@ pub struct Parts {
     pub node: Node,
     /// The routes.
     pub routes: Applier,
-    /// Configuration of the routes.
-    pub config: Configuration,
+    /// Configuration of the routes; `None` where they are in none.
+    pub config: Option<Configuration>,
     /// Address at which others reach the endpoints of the routes.
     pub own: OwnAddress,
 }
