@@ -113,7 +113,9 @@ fn numbers_and_messages_are_on_the_page_while_they_flow() -> Result {
             publish("sound", "--type AudioChunk --flavour stereo")?,
             publish("object", "--flavour small")?,
         ];
-        let sent = || Ok(route(port, "image")?["counters"]["sent"].as_u64().unwrap_or_default());
+        let sent = || -> Result<u64> {
+            Ok(route(port, "image")?["counters"]["sent"].as_u64().unwrap_or_default())
+        };
         let some = until(&bridge, "images", || Ok(Some(sent()?).filter(|sent| *sent > 5)))?;
         until(&bridge, "more images", || Ok((sent()? > some).then_some(())))?;
         until(&bridge, "a rate", || {
