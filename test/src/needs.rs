@@ -48,6 +48,9 @@ pub enum Need {
     Ros2Package(&'static str),
     /// Python Wrapyfi that runs on its rclpy: the interpreter that has it is the one of that ROS 2.
     WrapyfiOnRos2,
+    /// Chromium, whose pictures need no screen. Where there is none the test is skipped, whatever
+    /// `WRAPYFI_REQUIRE_PEERS` says.
+    Chromium,
     /// YARP's tools.
     Yarp,
     /// This device of that YARP. Those that are not built are skipped, whatever is required.
@@ -73,7 +76,7 @@ pub fn run(test: &str, needs: &[Need], body: impl FnOnce(&TestEnv) -> Result) ->
         if let Err(reason) = check(*need) {
             let is_required = match need {
                 Need::FastDds => !cpp::FAST_DDS.lacks_library(),
-                Need::Hosts => false,
+                Need::Hosts | Need::Chromium => false,
                 Need::Ros1 => has_package("python3-rospy"),
                 Need::Roscpp => !cpp::ROSCPP.lacks_library() || has_package("libroscpp-dev"),
                 Need::Rmw | Need::Ros2Package(_) | Need::WrapyfiOnRos2 | Need::YarpDevice(_) => {
@@ -108,6 +111,7 @@ fn check(need: Need) -> Result {
         Need::Package(name) => package(name),
         Need::Ros1 => ros1(),
         Need::Hosts => hosts::or_why_not(),
+        Need::Chromium => chromium().map(drop),
         Need::FastDds => cpp::FAST_DDS.or_why_not().map(drop),
         Need::Roscpp => cpp::ROSCPP.or_why_not().map(drop),
         Need::Ros2 => Installation::find().map(drop),
@@ -134,6 +138,15 @@ pub(crate) fn node() -> Result<PathBuf> {
 /// A node executable that bridges all of a middleware.
 pub(crate) fn executable(name: &str) -> Result<PathBuf> {
     built(name, &format!("WRAPYFI_{}_BIN", name.to_uppercase()))
+}
+
+/// Chromium by one of its names.
+pub(crate) fn chromium() -> Result<PathBuf> {
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let names = ["chromium", "chromium-browser", "google-chrome"];
+    let all = std::env::split_paths(&path).flat_map(|folder| names.map(|name| folder.join(name)));
+    let mut found = all.filter(|file| file.is_file());
+    found.next().context("there is no Chromium on the PATH: apt-get install chromium")
 }
 
 /// The example of a plug-in.

@@ -445,6 +445,17 @@ impl TestEnv {
         self.start("python", command)
     }
 
+    /// Starts Chromium without a screen and with a profile of its own; it looks for nothing elsewhere.
+    pub fn chromium(&self, args: &[&str]) -> Result<Process> {
+        let profile = format!("--user-data-dir={}", self.path("chromium").display());
+        let own =
+            ["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-sync"];
+        let quiet = ["--disable-background-networking", "--disable-component-update", &profile];
+        let all = own.into_iter().chain(quiet).chain(args.iter().copied());
+        let command = self.command(&needs::chromium()?, all);
+        self.start("chromium", command)
+    }
+
     /// Starts a line of the shell, as somebody types it who has our programs and the Python peers on the `PATH`.
     pub fn shell(&self, line: &str) -> Result<Process> {
         let mut command = self.command(Path::new("bash"), ["-c", line]);

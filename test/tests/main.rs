@@ -19,6 +19,7 @@ mod hosts;
 mod node;
 mod on_graph;
 mod packages;
+mod page;
 mod pairs;
 mod patterns;
 mod peers;

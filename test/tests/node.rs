@@ -128,6 +128,7 @@ fn only_what_a_node_has_is_among_its_parameters() -> Result {
             "config_file",
             "seconds",
             "status_json",
+            "page_port",
         ];
         assert_eq!(own, expected);
         assert_eq!(of_topics.len(), 8, "{of_topics:?}");

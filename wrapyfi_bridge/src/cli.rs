@@ -77,6 +77,9 @@ pub struct DemoArgs {
     /// Time to run, in seconds; without it, until interrupted.
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub seconds: Option<Duration>,
+    /// Port of 127.0.0.1 at which the live page is served.
+    #[arg(long, value_name = "PORT", value_parser = clap::value_parser!(u16).range(1..))]
+    pub page: Option<u16>,
 }
 
 /// Arguments of `wrapyfi bridge` and of the node executables.

@@ -54,7 +54,11 @@ function take(next) {
 }
 const isPattern = (route) => route.pattern !== undefined;
 const side = (route) => sideClass(route.ends.from.side === "ros2" ? route.ends.to.side : route.ends.from.side);
-const title = (route) => route.name;
+// A route without a name of its own is called as its ends are: one of them, on the graph where it is there, is shorter.
+function title(route) {
+  if (route.name !== `${route.from} -> ${route.to}`) return route.name;
+  return route.ends.to.side === "ros2" || route.ends.from.side !== "ros2" ? route.ends.to.name : route.ends.from.name;
+}
 const sentence = (route) => (route.state === "active" ? "active" : route.state === "waiting" ? `waiting for ${route.reason}` : `${route.state}: ${route.reason}`);
 function patternWords({ pattern }) {
   const over = pattern.over_limit ? `, ${number(pattern.over_limit)} over the limit` : "";
@@ -111,7 +115,12 @@ function picture() {
     set(cable.flow, "stroke-width", (wide + (few ? 3 : 1.2)).toFixed(1));
     const seconds = moves ? Math.max(.35, 2.1 - .55 * Math.log10(1 + rate)).toFixed(1) : "1";
     if (cable.seconds !== seconds) { cable.seconds = seconds; cable.flow.style.animationDuration = `${seconds}s`; }
-    if (cable.rate) say(cable.rate, route.state === "active" ? (rate > 0 ? `${hz(rate)} Hz` : "still") : route.state);
+    if (cable.rate) {
+      const text = route.state === "active" ? (rate > 0 ? `${hz(rate)} Hz` : "still") : route.state, wide = text.length * 8.3 + 14;
+      say(cable.rate, text);
+      set(cable.pill, "x", (cable.x - wide / 2).toFixed(1));
+      set(cable.pill, "width", wide.toFixed(1));
+    }
   }
   graph.classList.toggle("chosen", cables.has(chosen));
   for (const [name, note] of notes) {
@@ -152,7 +161,7 @@ function lay(graph, width, real) {
   for (let round = 0; round < 6; round += 1) {
     for (const column of [0, 2]) { let at = 0; const all = lists[column].flat().length; lists[column].flat().forEach((it) => { it.place = at / all; at += 1; }); }
     const mean = (it) => { const peers = [...it.peers].filter((peer) => peer.side !== it.side); return peers.length ? peers.reduce((sum, peer) => sum + peer.place, 0) / peers.length : 1; };
-    lists[1][0].forEach((it) => { it.at = round ? mean(it) : mean(it); });
+    lists[1][0].forEach((it) => { it.at = mean(it); });
     lists[1][0] = order(lists[1][0]);
     lists[1][0].forEach((it, at) => { it.place = at / lists[1][0].length; });
     for (const column of [0, 2]) lists[column] = lists[column].map((list) => { list.forEach((it) => { it.at = mean(it); }); return order(list); });
@@ -162,8 +171,8 @@ function lay(graph, width, real) {
   const tallest = Math.max(...lists.map((column) => column.reduce((sum, list) => sum + list.length, 0)), 1);
   const heads = Math.max(...lists.map((column) => column.length), 1);
   const room = Math.max(300, innerHeight * .64) - heads * (HEAD + FOOT + GAP);
-  const row = Math.max(tallest > 300 ? 2.4 : 5, Math.min(36, room / tallest));
-  const named = row >= 12.5, font = Math.min(16, row * .82);
+  const row = Math.max(tallest > 300 ? 2.4 : 5, Math.min(tallest < 7 ? 50 : 38, room / tallest));
+  const named = row >= 12.5, font = Math.min(tallest < 7 ? 19 : 16.5, row * .82);
   const rows = (list) => Math.max(1, list.length) * row;
   const tall = (column) => column.reduce((sum, list) => sum + rows(list) + HEAD + FOOT, 0) + Math.max(0, column.length - 1) * GAP;
   const height = Math.max(...lists.map(tall)) + 2 * TOP;
@@ -216,19 +225,21 @@ function lay(graph, width, real) {
     const group = draw("g", { tabindex: -1 }, line, flow,
       draw("circle", { class: "port", cx: x1, cy: y1, r: Math.max(1.4, Math.min(4.5, row * .2)) }),
       draw("path", { class: "head", d: `M${x2 + turn * 1} ${y2}l${-turn * big} ${-big * .62}v${big * 1.24}z` }));
-    let rate = null;
+    let rate = null, pill = null, middle = 0;
     if (labels) {
       const spot = again % 2 ? .62 : .5, t = spot, u = 1 - t;
       const cx = u * u * u * x1 + 3 * u * u * t * c1 + 3 * u * t * t * c2 + t * t * t * x2, cy = u * u * u * y1 + 3 * u * u * t * y1 + 3 * u * t * t * y2 + t * t * t * y2;
-      rate = draw("text", { class: "rate", x: cx.toFixed(1), y: (cy + 4.5).toFixed(1) });
-      group.append(rate);
+      middle = cx;
+      pill = draw("rect", { class: "pill", y: (cy - 10).toFixed(1), height: 20, rx: 10 });
+      rate = draw("text", { class: "rate", x: cx.toFixed(1), y: (cy + 4.6).toFixed(1) });
+      group.append(pill, rate);
     }
     group.append(draw("path", { class: "touch", d: way, "stroke-width": Math.max(5, Math.min(18, row * .7)).toFixed(1) }));
     group.addEventListener("click", () => choose(route.id));
     group.addEventListener("pointerenter", () => tip(over, route.id, (x1 + x2) / 2, (y1 + y2) / 2, width, height));
     group.addEventListener("pointerleave", () => over.replaceChildren());
     under.append(group);
-    cables.set(route.id, { group, line, flow, rate, thin, seconds: "" });
+    cables.set(route.id, { group, line, flow, rate, pill, x: middle, thin, seconds: "" });
   }
   graph.append(cards, under, over);
 }
@@ -294,7 +305,7 @@ function show(box, route) {
   if (box.shown === preview && box.firstChild) return;
   box.shown = preview;
   if (!preview) {
-    box.replaceChildren(make("p", { class: "none" }, route.type.includes("/srv/") ? "calls of a service are not shown" : "no message yet"));
+    box.replaceChildren(make("p", { class: "none" }, route.type.includes("/srv/") ? "calls of a service are not shown" : "no message since the page looks"));
   } else if (preview.kind === "image") {
     let image = box.querySelector("img");
     if (!image) { image = make("img", { alt: "" }); box.replaceChildren(image); }
@@ -308,13 +319,33 @@ function show(box, route) {
     box.replaceChildren(svg);
     box.title = preview.what;
   } else {
-    box.replaceChildren(make("div", { class: "value" }, preview.text));
+    box.replaceChildren(make("div", { class: "value" }, ...fields(preview.text)));
   }
+}
+// Fields of an object a line each, what is in its header last; anything else as it is.
+function fields(text) {
+  let value;
+  try { value = JSON.parse(text); } catch { return [text]; }
+  if (value === null || typeof value !== "object" || Array.isArray(value)) return [typeof value === "string" ? value : text];
+  const lines = [], short = (it) => (typeof it === "number" && !Number.isInteger(it) ? String(Number(it.toPrecision(5))) : typeof it === "string" ? it : JSON.stringify(it));
+  const plain = (it) => it === null || typeof it !== "object";
+  const walk = (name, it) => {
+    if (lines.length > 60) return;
+    if (plain(it)) lines.push([name, short(it)]);
+    else if (Array.isArray(it)) {
+      if (it.every(plain)) lines.push([name, `[${it.slice(0, 12).map(short).join(", ")}${it.length > 12 ? `, … ${it.length}` : ""}]`]);
+      else it.slice(0, 6).forEach((inner, at) => walk(`${name}[${at}]`, inner));
+    } else for (const [key, inner] of Object.entries(it)) walk(name ? `${name}.${key}` : key, inner);
+  };
+  const { header, ...rest } = value;
+  walk("", rest);
+  if (header !== undefined) walk("header", header);
+  return lines.flatMap(([name, it]) => [make("span", { class: "key" }, `${name} `), `${it}\n`]);
 }
 
 // ---- table ----
 const COLUMNS = [
-  ["name", "route", (r) => r.name], ["history", "last two minutes"], ["rate", "Hz", (r) => r.messages_per_s], ["bytes", "per s", (r) => r.bytes_per_s],
+  ["name", "route", (r) => title(r).toLowerCase()], ["history", "last two minutes"], ["rate", "Hz", (r) => r.messages_per_s], ["bytes", "per s", (r) => r.bytes_per_s],
   ["p50", "latency p50", (r) => r.counters.latency.p50_us], ["p99", "p99", (r) => r.counters.latency.p99_us], ["queued", "queued", (r) => r.queued], ["dropped", "dropped", (r) => r.dropped],
 ];
 let lines = new Map();
@@ -399,7 +430,7 @@ function detail() {
   set(panel.path, "d", curve);
   set(panel.area, "d", area);
   say(panel.peak, `messages a second, at most ${hz(Math.max(...route.history.map(([rate]) => rate)))} in two minutes`);
-  const { counters } = route, facts = [["type", route.type], ["now", `${hz(route.messages_per_s)} Hz, ${bytes(route.bytes_per_s)}/s`], ["latency p50, p99", counters.sent ? `${time(counters.latency.p50_us)}, ${time(counters.latency.p99_us)}` : "–"],
+  const { counters } = route, facts = [["type", shortType(route.type)], ["now", `${hz(route.messages_per_s)} Hz, ${bytes(route.bytes_per_s)}/s`], ["latency p50, p99", counters.sent ? `${time(counters.latency.p50_us)}, ${time(counters.latency.p99_us)}` : "–"],
     ["received", `${number(counters.received)}, ${bytes(counters.received_bytes)}`], ["sent", `${number(counters.sent)}, ${bytes(counters.sent_bytes)}`], ["queued", number(route.queued)],
     ...Object.entries(counters.drops).map(([reason, count]) => [`dropped: ${reason.replaceAll("_", " ")}`, number(count)]),
     ...Object.entries(counters.qos_events).map(([event, count]) => [event.replaceAll("_", " "), number(count)]),

@@ -4,7 +4,7 @@
 //! | --- | --- |
 //! | image, picture, array of pixels | PNG of at most 240 by 180; of depths, from the nearest to the farthest |
 //! | sound | lowest and highest sample of each of 160 parts |
-//! | anything else | the first 1500 letters of what `wrapyfi echo` prints, or its size where it is large |
+//! | anything else | the first 4000 letters of what `wrapyfi echo` prints, or its size where it is large |
 
 use serde::Serialize;
 use wrapyfi_core::Limits;
@@ -25,7 +25,7 @@ const MAX_FILE: usize = 8 << 20;
 /// Largest message of ROS that is told in words.
 const MAX_WORDS: usize = 16 << 10;
 /// Most letters.
-const MAX_TEXT: usize = 1500;
+const MAX_TEXT: usize = 4000;
 /// Parts of a waveform.
 const PARTS: usize = 160;
 
@@ -239,7 +239,7 @@ mod tests {
                 .unwrap();
         let Preview::Sound { wave, .. } = preview(&chunk.into()) else { panic!("it is sound") };
         assert_eq!((wave.len(), wave[0], wave[PARTS - 1]), (PARTS, [0.0, 0.0], [0.5, 0.5]));
-        let Preview::Value { text } = preview(&Payload::from(Value::from("ä".repeat(5000))))
+        let Preview::Value { text } = preview(&Payload::from(Value::from("ä".repeat(9000))))
         else {
             panic!("text")
         };

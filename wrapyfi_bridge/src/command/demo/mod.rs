@@ -28,7 +28,9 @@ use self::viewer::Viewer;
 use crate::cli::DemoArgs;
 use crate::exit::Failure;
 use crate::middlewares::DemoMiddlewares;
+use crate::node::Node;
 use crate::output;
+use crate::page::{self, Page};
 use crate::shutdown::Shutdown;
 use crate::table;
 
@@ -44,6 +46,11 @@ pub fn run(args: &DemoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
     let running =
         Engine::new(plan, middlewares.bridge()).start().context("cannot start the routes")?;
     let sources = Sources::start(middlewares.sources())?;
+    let node = Node::named("wrapyfi_demo").context("the demo's node")?;
+    let page = args.page.and_then(|port| {
+        let (routes, own) = (running.applier(), Default::default());
+        Page::start(port, page::Parts { node, routes, config: None, own })
+    });
 
     let start = Instant::now();
     let end = args.seconds.map(|seconds| start + seconds);
@@ -69,7 +76,7 @@ pub fn run(args: &DemoArgs, shutdown: &Shutdown) -> Result<(), Failure> {
             break;
         }
     }
-    drop(sources);
+    drop((page, sources));
     let last = running.stop();
     let faults: Vec<String> = viewer
         .faults()
