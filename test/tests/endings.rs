@@ -1,9 +1,10 @@
 //! Ends of programs: signals at any time, and readers of their output that stand still or went.
 
 use std::fmt::Write as _;
-use std::net::TcpListener;
+use std::net::{Ipv4Addr, TcpListener, TcpStream};
+use std::time::Duration;
 
-use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, ros2, run, zeromq};
+use wrapyfi_e2e::{Need, Process, Result, Route, TestEnv, ros2, run, yarp, zeromq};
 
 const NEEDS: &[Need] = &[Need::Program];
 
@@ -103,5 +104,69 @@ fn four_hundred_routes_open_though_a_process_starts_with_a_thousand_files() -> R
         })?;
         bridge.terminate()?;
         bridge.exits_with(0)
+    })
+}
+
+/// Files that a program may open.
+const FILES: usize = 80;
+
+/// Starts a server that may open few files, and waits until its log has `words`.
+fn with_few_files(env: &TestEnv, args: &[&str], words: &str) -> Result<Process> {
+    let script = format!("ulimit -n {FILES}; exec \"$@\"");
+    let server = env.wrapyfi_by(&script, args)?.pillar();
+    server.wait_until(words, |output| {
+        output.err.iter().any(|line| line.contains(words)).then_some(())
+    })?;
+    Ok(server)
+}
+
+/// More connections to a port than its program may have files.
+fn crowd(port: u16) -> Result<Vec<TcpStream>> {
+    let (address, limit) = ((Ipv4Addr::LOCALHOST, port).into(), Duration::from_millis(100));
+    let mut held = Vec::new();
+    // The system takes those that the program cannot, until its queue is full.
+    while held.len() < 2 * FILES
+        && let Ok(stream) = TcpStream::connect_timeout(&address, limit)
+    {
+        held.push(stream);
+    }
+    anyhow::ensure!(held.len() > FILES, "{} connections", held.len());
+    Ok(held)
+}
+
+/// Carries three messages.
+fn flows(env: &TestEnv, endpoint: &str) -> Result {
+    let kind = ["--type", "NativeObject"];
+    let mut echo = env.wrapyfi([&["echo", endpoint, "--count", "3"], &kind[..]].concat())?;
+    let publish = [&["pub", endpoint, "--value", "1", "--rate", "20"], &kind[..]].concat();
+    let publisher = env.wrapyfi(publish)?;
+    echo.exits_with(0).map_err(|error| error.context(publisher.tail()))
+}
+
+#[test]
+fn a_broker_that_had_no_files_left_serves_again() -> Result {
+    run("a_broker_that_had_no_files_left_serves_again", NEEDS, |env| {
+        let (pub_port, sub_port) = (env.pub_port().to_string(), env.sub_port().to_string());
+        let args = ["broker", "--pub-port", &pub_port, "--sub-port", &sub_port];
+        let _broker = with_few_files(env, &args, "listeners connect to port")?;
+        for port in [env.pub_port(), env.sub_port()] {
+            drop(crowd(port)?);
+        }
+        flows(env, &zeromq(&env.topic("x")))
+    })
+}
+
+#[test]
+fn a_name_server_that_had_no_files_left_serves_again() -> Result {
+    run("a_name_server_that_had_no_files_left_serves_again", NEEDS, |env| {
+        env.yarp_conf()?;
+        let args = ["yarpserver", "--read", "--no-discovery"];
+        let server = with_few_files(env, &args, "name server /root on")?;
+        let held = crowd(env.yarp_port())?;
+        server.wait_until("the fault", |output| {
+            output.err.iter().any(|line| line.contains("Too many open files")).then_some(())
+        })?;
+        drop(held);
+        flows(env, &yarp(&env.topic("x")))
     })
 }

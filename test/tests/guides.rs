@@ -2,7 +2,11 @@
 //!
 //! Ports, domains and addresses are those of the test, by the variables that the guides name.
 
-use wrapyfi_e2e::{Guide, Line, Need, Process, RealRos2, Result, TestEnv, run, same_but_times};
+use std::path::{Path, PathBuf};
+
+use wrapyfi_e2e::{
+    Guide, Line, Need, Process, RealRos2, Result, TestEnv, repository, run, same_but_times,
+};
 
 const SCRIPTS: &[Need] = &[Need::Program, Need::Python];
 const BUILT: &str = "it builds what this test runs";
@@ -321,4 +325,41 @@ fn rust() -> Result {
         listen.exits_with(0)?;
         guide.is_done()
     })
+}
+
+/// Files of Rust below a folder.
+fn sources(folder: &Path, found: &mut Vec<PathBuf>) -> Result {
+    for entry in std::fs::read_dir(folder)? {
+        let path = entry?.path();
+        if path.is_dir() {
+            sources(&path, found)?;
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            found.push(path);
+        }
+    }
+    Ok(())
+}
+
+/// Every test that the table of faults names is in a file of the module's name.
+#[test]
+fn reliability() -> Result {
+    let root = repository();
+    let mut files = Vec::new();
+    for folder in ["crates", "test/tests", "wrapyfi_bridge/src", "wrapyfi_core/tests"] {
+        sources(&root.join(folder), &mut files)?;
+    }
+    let page = std::fs::read_to_string(root.join("docs/reliability.md"))?;
+    let quoted = page.split('`').skip(1).step_by(2);
+    let tests: Vec<_> = quoted.filter_map(|words| words.split_once("::")).collect();
+    assert!(tests.len() > 80, "{} tests", tests.len());
+    for (module, test) in tests {
+        // Cases of the suite for middlewares are generic.
+        let begins = [format!("fn {test}("), format!("fn {test}<")];
+        let of_module = |file: &&PathBuf| file.file_stem().is_some_and(|stem| stem == module);
+        let mut texts = files.iter().filter(of_module).map(std::fs::read_to_string);
+        let has = |text: String| begins.iter().any(|begin| text.contains(begin));
+        let is_there = texts.any(|text| text.is_ok_and(has));
+        assert!(is_there, "docs/reliability.md names {module}::{test}, which is nowhere");
+    }
+    Ok(())
 }

@@ -428,6 +428,39 @@ fn nodes_of_ros_1_are_found_by_the_names_of_their_machines() -> Result {
     })
 }
 
+/// A publisher's machine loses its link, and nothing is closed: its silence tells, and it is heard again after.
+#[test]
+fn a_ros_1_publisher_behind_a_dead_link_is_missed_and_heard_again() -> Result {
+    run("a_ros_1_publisher_behind_a_dead_link_is_missed_and_heard_again", WITH_ROS, |env| {
+        let port = env.ros_port();
+        let [robot, laptop] = env.hosts(["robot", "laptop"])?;
+        let uri = format!("http://{}:{port}", robot.ip());
+        let [robot, laptop] = [robot, laptop].map(|host| {
+            let ip = host.ip().to_owned();
+            let host = host.with("ROS_MASTER_URI", &uri).with("ROS_IP", &ip);
+            host.with("WRAPYFI_ROS_INSECURE", "1")
+        });
+        let master = robot.rospy(&format!("master --port {port}"))?;
+        master.event("ready")?;
+        let _publisher = laptop.rospy(&format!("publish --topic /far/x {HELLO}"))?;
+        let yaml =
+            "routes:\n  - { from: \"ros:/far/x\", to: \"ros2:/far/x\", type: Text, lazy: false }\n";
+        let bridge = bridge(env, &robot, yaml)?;
+        let received = |more: u64| {
+            bridge.wait_until("messages", |output| {
+                let last = output.objects().next_back()?;
+                last["routes"][0]["counters"]["received"].as_u64().filter(|count| *count > more)
+            })
+        };
+        let before = received(2)?;
+        laptop.plug(false)?;
+        waits(&bridge, &["the connection broke"])?;
+        let lost = received(before - 1)?;
+        laptop.plug(true)?;
+        received(lost).map(drop)
+    })
+}
+
 #[test]
 fn a_middleware_that_is_not_there_makes_its_own_routes_wait() -> Result {
     let needs = &[Need::Program, Need::Node];

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Instant;
 
 use crate::zeromq_common::{
-    MONITOR, any_ports, bound, is_free, peer, subscriber, wait_for_count, wait_until,
+    Cable, MONITOR, any_ports, bound, is_free, peer, subscriber, wait_for_count, wait_until,
 };
 use wrapyfi_core::Limits;
 use wrapyfi_core::middleware::zeromq::{
@@ -74,6 +74,28 @@ fn the_last_listener_gone_is_told_however_it_went() {
     for heard in [b"\x01/a", b"\x00/a", b"\x01/b"] {
         assert_eq!(publisher.recv_bytes(0).unwrap(), heard);
     }
+}
+
+/// A listener as Python has it, which sends no heartbeats of its own, behind a cable that is cut: nothing closes, and
+/// only its silence tells.
+#[test]
+fn a_listener_behind_a_cut_cable_is_given_up_and_found_again() {
+    let broker = Broker::start(&any_ports()).unwrap();
+    let context = zmq::Context::new();
+    let cable = Cable::to(broker.pub_port());
+    let listener = subscriber(&context, cable.port, "/a");
+    let publisher = peer(&context, zmq::XPUB, broker.sub_port());
+    assert_eq!(publisher.recv_bytes(0).unwrap(), b"\x01/a");
+    cable.cut(true);
+    assert_eq!(publisher.recv_bytes(0).unwrap(), b"\x00/a", "nobody listens any more");
+    cable.cut(false);
+    wait_until("the subscription", || {
+        // libzmq subscribes again once its user looks for messages.
+        assert!(listener.recv_bytes(zmq::DONTWAIT).is_err(), "nothing was sent yet");
+        publisher.recv_bytes(zmq::DONTWAIT).is_ok_and(|heard| heard == b"\x01/a")
+    });
+    publisher.send_multipart(["/a", "1"], 0).unwrap();
+    assert_eq!(listener.recv_multipart(0).unwrap()[1], b"1");
 }
 
 #[test]

@@ -4,7 +4,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use crate::zeromq_common::{
-    MONITOR, any_ports, bound, embedded, foreign, peer, subscriber, wait_for_count, wait_until,
+    Cable, MONITOR, any_ports, bound, embedded, foreign, peer, subscriber, wait_for_count,
+    wait_until,
 };
 use wrapyfi_core::Limits;
 use wrapyfi_core::endpoint::{
@@ -246,6 +247,33 @@ fn routes_live_again_after_the_broker_was_away() {
     ready(&*publisher);
     publisher.publish(&number(2)).unwrap();
     assert_eq!(next(&mut *listener).payload, number(2));
+}
+
+/// Connections to a broker behind a cable that is cut stay open: both ends of a route miss the broker all the same.
+#[test]
+fn a_broker_behind_a_cut_cable_is_missed_and_found_again() {
+    let broker = Broker::start(&any_ports()).unwrap();
+    let cables = [broker.pub_port(), broker.sub_port()].map(Cable::to);
+    let [pub_port, sub_port] = cables.each_ref().map(|cable| cable.port);
+    let zeromq = ZeroMq::start(&foreign(pub_port, sub_port)).unwrap();
+    let other = ZeroMq::start(&foreign(pub_port, sub_port)).unwrap();
+    let mut listener = zeromq.open_listener(&spec("/a"), &Context::default()).unwrap();
+    let mut publisher = other.open_publisher(&spec("/a"), &Context::default()).unwrap();
+    ready(&*publisher);
+    publisher.publish(&number(1)).unwrap();
+    assert_eq!(next(&mut *listener).payload, number(1));
+    cables.iter().for_each(|cable| cable.cut(true));
+    wait_until("the listener's reason", || listener.link().waiting_for.is_some());
+    wait_until("the publisher's reason", || publisher.link().waiting_for.is_some());
+    cables.iter().for_each(|cable| cable.cut(false));
+    let mut sample = None;
+    wait_until("a message", || {
+        // Refused until the broker and the listener are there again.
+        publisher.publish(&number(2)).ok();
+        sample = listener.take().unwrap();
+        sample.is_some()
+    });
+    assert_eq!(sample.unwrap().payload, number(2));
 }
 
 #[test]

@@ -1,5 +1,9 @@
 //! Raw ZeroMQ peers, as Python Wrapyfi uses them, and waiting for conditions.
 
+use std::io::{Read as _, Write as _};
+use std::net::{Shutdown, TcpListener, TcpStream};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
 use wrapyfi_core::middleware::zeromq::{BrokerConfig, BrokerMode, ZeroMqConfig};
@@ -76,4 +80,50 @@ pub fn wait_for_count(monitor: &zmq::Socket, topic: &str, count: u64) {
 /// True when both ports can be bound again.
 pub fn is_free(port: u16) -> bool {
     std::net::TcpListener::bind(("127.0.0.1", port)).is_ok()
+}
+
+/// A cable to a port of this machine. While it is cut, connections through it stay open and carry nothing, and no new
+/// ones stand.
+pub struct Cable {
+    /// The port that leads to the other.
+    pub port: u16,
+    is_cut: Arc<AtomicBool>,
+}
+
+impl Cable {
+    pub fn to(port: u16) -> Self {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let cable = listener.local_addr().unwrap().port();
+        let is_cut = Arc::new(AtomicBool::new(false));
+        let cut = Arc::clone(&is_cut);
+        std::thread::spawn(move || {
+            for near in listener.incoming().map_while(Result::ok) {
+                if cut.load(Relaxed) {
+                    continue;
+                }
+                let Ok(far) = TcpStream::connect(("127.0.0.1", port)) else { continue };
+                for (from, to) in [(&near, &far), (&far, &near)] {
+                    let (from, to) = (from.try_clone().unwrap(), to.try_clone().unwrap());
+                    let cut = Arc::clone(&cut);
+                    std::thread::spawn(move || carry(from, to, &cut));
+                }
+            }
+        });
+        Self { port: cable, is_cut }
+    }
+
+    pub fn cut(&self, is_cut: bool) {
+        self.is_cut.store(is_cut, Relaxed);
+    }
+}
+
+/// Carries bytes until an end gives up; the other end is told, which lets it connect again.
+fn carry(mut from: TcpStream, mut to: TcpStream, is_cut: &AtomicBool) {
+    let mut bytes = [0; 4096];
+    while let Ok(read @ 1..) = from.read(&mut bytes) {
+        if !is_cut.load(Relaxed) && to.write_all(&bytes[..read]).is_err() {
+            break;
+        }
+    }
+    to.shutdown(Shutdown::Both).ok();
 }
